@@ -122,9 +122,20 @@ static struct argp_option *argp_table(const app *self, char *texts) {
     return out;
 }
 
+/* argp_error with words of the command line, which are shown. */
+static void complain(const struct argp_state *state, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+static void complain(const struct argp_state *state, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    APP_FREE char *text = app_shown_list(format, arguments);
+    va_end(arguments);
+    argp_error(state, "%s", text);
+}
+
 static void store(const struct argp_state *state, app_slot *slot, const char *text) {
     lg_error error = {LG_OK, ""};
-    if (app_store(slot, text, &error) != LG_OK) argp_error(state, "--%s: %s", slot->name, error.message);
+    if (app_store(slot, text, &error) != LG_OK) complain(state, "--%s: %s", slot->name, error.message);
 }
 
 static error_t parse_option(int key, char *text, struct argp_state *state, app *self) {
@@ -168,8 +179,8 @@ static error_t parse_command(int key, char *text, struct argp_state *state) {
     switch (key) {
     case ARGP_KEY_ARG:
         if (self->argument_count >= most)
-            argp_error(state, "too many arguments: '%s'; expected: %s", text,
-                       command->arguments != NULL ? command->arguments : "none");
+            complain(state, "too many arguments: '%s'; expected: %s", text,
+                     command->arguments != NULL ? command->arguments : "none");
         self->arguments[self->argument_count++] = text;
         return 0;
     case ARGP_KEY_END:
@@ -230,7 +241,7 @@ static error_t parse_top(int key, char *text, struct argp_state *state) {
         return 0;
     }
     char *names = command_names(d->commands);
-    argp_error(state, "'%s' is not a command; the commands are: %s", text, names);
+    complain(state, "'%s' is not a command; the commands are: %s", text, names);
     free(names);
     return ARGP_ERR_UNKNOWN;
 }
@@ -266,7 +277,7 @@ static void print_version(FILE *stream, struct argp_state *state) {
 
 /* Checks that stdout took everything that was printed. Returns an exit code. */
 static int flush_output(const app *self) {
-    if (fflush(stdout) == 0 && !ferror(stdout)) return APP_EXIT_OK;
+    if (app_screen_flush()) return APP_EXIT_OK;
     return app_fail(self, LG_FILE, "the results could not be written to standard output");
 }
 
@@ -322,7 +333,7 @@ static void on_log(void *user, lg_log_level level, const char *message) {
     if (level == LG_LOG_WARNING)
         app_warn(self, "%s", message);
     else if (level != LG_LOG_DEBUG)
-        (void)fprintf(stderr, "%s: %s%s\n", self->title, level == LG_LOG_ERROR ? "error: " : "", message);
+        app_note(self, "%s%s", level == LG_LOG_ERROR ? "error: " : "", message);
 }
 
 static char *join(int argc, char **argv) {
@@ -429,6 +440,7 @@ static int run_command(app *self) {
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands) {
     keep_standard_places();
     begin_without_threads(argv);
+    app_screen_begin();
     app self = {.program = program, .seed = 1, .threads = app_processors()};
     (void)snprintf(self.title, sizeof self.title, "%s", program);
     running = &self;
@@ -440,6 +452,9 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     self.command_line = join(argc, argv);
     argv[0] = self.title; /* getopt begins its messages with it */
     install_signals();
+    for (int i = 1; i < argc; i++) /* getopt would print the lines of such a word */
+        if (strncmp(argv[i], "--", 2) == 0 && strcspn(argv[i], "\n\t") < strcspn(argv[i], "="))
+            return app_usage(&self, "unrecognized option '%s'", argv[i]);
     parsing = atexit(flush_help) == 0;
     if (commands[0].name == NULL) {
         app_choose_command(&self, &commands[0]);

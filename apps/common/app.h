@@ -131,6 +131,27 @@ void app_reopen_on_hangup(void);
 /* Returns whether SIGHUP has arrived since the last call that returned true. */
 bool app_reopen_asked(void);
 
+/* ---- printing (screen.c) ---- */
+
+/* From now on stdout and stderr show every byte that is not harmless text, but newline and tab, as \x1b: control
+ * characters (also those beyond ASCII), marks of the direction of writing, and bytes that are not UTF-8. */
+void app_screen_begin(void);
+/* Flushes stdout; false if something could not be written. */
+bool app_screen_flush(void);
+/* Writes control sequences of our own to a terminal at standard error. */
+void app_screen_raw(const char *text);
+/* True for the number of a character that does nothing to a terminal. The others are control characters,
+ * marks of direction, ends of lines and paragraphs, and LG_NO_CHARACTER. */
+bool app_is_harmless(uint32_t code);
+/* printf for text that holds names: newlines and tabs of the arguments are shown as \x0a and \x09, so that no
+ * name can forge a line or a cell. Everything that people read is printed by it, app_note, or a table. */
+void app_put(FILE *to, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* Prints "PROGRAM COMMAND: " and a sentence on stderr. */
+void app_note(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* A text without any such characters, and the same for the text that app_put prints. Freed with free. */
+char *app_shown(const char *text);
+char *app_shown_list(const char *format, va_list arguments) __attribute__((format(printf, 1, 0)));
+
 /* ---- ranks (ranks.c) ---- */
 
 /* Called before anything else: takes rank and rank count from the environment. Ranks other than 0 print

@@ -50,13 +50,9 @@ const char *app_last_failure(void) {
 }
 
 static void say_failure(const app *self, const char *format, va_list arguments) {
-    va_list again;
-    va_copy(again, arguments);
-    (void)vsnprintf(last_failure, sizeof last_failure, format, again);
-    va_end(again);
-    (void)fprintf(stderr, "%s: ", self->title);
-    (void)vfprintf(stderr, format, arguments);
-    (void)fputc('\n', stderr);
+    APP_FREE char *sentence = app_shown_list(format, arguments);
+    (void)snprintf(last_failure, sizeof last_failure, "%s", sentence);
+    app_note(self, "%s", sentence);
 }
 
 int app_fail(const app *self, lg_status status, const char *format, ...) {
@@ -203,28 +199,9 @@ char *app_format(const char *format, ...) {
     return text;
 }
 
-/* Accepts decimal notation only; strtod alone would also take leading blanks, hexadecimal numbers, "inf" and
- * "nan". */
-static bool is_number_start(const char *text) {
-    if (text[0] == '+' || text[0] == '-') text++;
-    if (text[0] == '0' && (text[1] == 'x' || text[1] == 'X')) return false;
-    return (text[0] >= '0' && text[0] <= '9') || text[0] == '.';
-}
-
-static bool real_prefix(const char *text, const char **end, double *out) {
-    if (!is_number_start(text)) return false;
-    char *stop = NULL;
-    const double value = strtod(text, &stop);
-    if (stop == text || !isfinite(value)) return false;
-    *end = stop;
-    *out = value;
-    return true;
-}
-
 bool app_parse_real(const char *text, double *out) {
-    const char *end;
     double value;
-    if (!real_prefix(text, &end, &value) || *end != '\0') return false;
+    if (lg_number_parse(text, &value) != LG_OK) return false;
     *out = value;
     return true;
 }

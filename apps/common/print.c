@@ -10,52 +10,25 @@
 
 /* ---- JSON ---- */
 
-/* Length of the valid UTF-8 sequence at `s`; 0 if it is not valid, as overlong forms and surrogates are. */
-static size_t utf8_length(const unsigned char *s) {
-    if (s[0] < 0x80) return 1;
-    const size_t n = s[0] >= 0xc2 && s[0] <= 0xdf   ? 2
-                     : s[0] >= 0xe0 && s[0] <= 0xef ? 3
-                     : s[0] >= 0xf0 && s[0] <= 0xf4 ? 4
-                                                    : 0;
-    for (size_t i = 1; i < n; i++)
-        if ((s[i] & 0xc0) != 0x80) return 0;
-    if ((s[0] == 0xe0 && s[1] < 0xa0) || (s[0] == 0xed && s[1] > 0x9f)) return 0;
-    if ((s[0] == 0xf0 && s[1] < 0x90) || (s[0] == 0xf4 && s[1] > 0x8f)) return 0;
-    return n;
-}
-
 void app_json_quote(FILE *stream, const char *text) {
     (void)fputc('"', stream);
-    for (const unsigned char *s = (const unsigned char *)text; *s != '\0';) {
-        const size_t n = utf8_length(s);
-        if (n == 0)
-            (void)fputs("\\ufffd", stream);
-        else if (*s == '"' || *s == '\\')
-            (void)fprintf(stream, "\\%c", *s);
-        else if (*s < 0x20 || *s == 0x7f)
-            (void)fprintf(stream, "\\u%04x", *s);
+    uint32_t code;
+    for (size_t n; *text != '\0'; text += n) {
+        n = lg_utf8(text, SIZE_MAX, &code);
+        if (*text == '"' || *text == '\\')
+            (void)fprintf(stream, "\\%c", *text);
+        else if (app_is_harmless(code))
+            (void)fwrite(text, 1, n, stream);
         else
-            (void)fwrite(s, 1, n, stream);
-        s += n > 0 ? n : 1;
+            (void)fprintf(stream, "\\u%04x", code == LG_NO_CHARACTER ? 0xfffdu : code);
     }
     (void)fputc('"', stream);
 }
 
-/* Looks for the shortest text that reads back as the same double. 15 digits come first: %g drops zeros at the
- * end, so this is the shortest text of any number that needs at most 15 digits. A subnormal
- * has fewer than 15 correct digits, so there the search starts at 1. At a power of two the next smaller
- * double is nearer than the next larger one. The nearest text with a given number of digits may then lie
- * below the value and read back as the next smaller double, while the next text above the value reads back
- * as the value. So a slightly larger value, (1 + 2^-54) value, is tried too. */
 void app_print_real(FILE *stream, double value) {
-    char text[40] = "null";
-    bool same = !isfinite(value);
-    for (int digits = fabs(value) < DBL_MIN ? 1 : DBL_DIG; !same && digits <= DBL_DECIMAL_DIG; digits++)
-        for (int above = 0; above < 2 && !same; above++) {
-            (void)snprintf(text, sizeof text, "%.*Lg", digits, value * (1 + above * 0x1p-54L));
-            same = strtod(text, NULL) == value;
-        }
-    (void)fputs(text, stream);
+    char text[LG_SHORTEST];
+    lg_format_shortest(text, value, false);
+    (void)fputs(isfinite(value) ? text : "null", stream);
 }
 
 /* Writes the key and returns true if a value is to follow. In text for people no value follows; there
@@ -179,13 +152,13 @@ void app_table_cell(app_table *table, const char *format, ...) {
     va_start(arguments, format);
     (void)vsnprintf(cell, sizeof cell, format, arguments);
     va_end(arguments);
-    table->text[table->cells++] = app_format("%s", cell);
+    table->text[table->cells++] = app_shown(cell);
 }
 
 void app_table_row(app_table *table, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    APP_FREE char *text = app_format_list(format, arguments);
+    APP_FREE char *text = app_shown_list(format, arguments);
     va_end(arguments);
     for (char *cell = text, *next = text; next != NULL; cell = next) {
         next = strchr(cell, '\t');
@@ -231,8 +204,8 @@ void app_result_begin(app_json *json, const app *self) {
 
 static void put_line(app_json *json, const char *key, const char *value, const char *label) {
     if (!json->people || json->rows != NULL) return;
-    (void)fprintf(json->stream, "%-20s  %14s%s%s\n", key, value, label != NULL ? "  " : "",
-                  label != NULL ? label : "");
+    app_put(json->stream, "%-20s  %14s%s%s\n", key, value, label != NULL ? "  " : "",
+            label != NULL ? label : "");
 }
 
 void app_result_real(app_json *json, const char *key, double value, const char *label) {
@@ -258,18 +231,18 @@ void app_result_reals(app_json *json, const char *key, const double *values, siz
                       const char *label) {
     app_json_reals(json, key, values, count);
     if (!json->people || json->rows != NULL) return;
-    (void)fprintf(json->stream, "%-20s  ", key);
+    app_put(json->stream, "%-20s  ", key);
     for (size_t i = 0; i < count; i++) (void)fprintf(json->stream, "%s%.10g", i > 0 ? ", " : "", values[i]);
-    (void)fprintf(json->stream, "%s%s\n", label != NULL ? "  " : "", label != NULL ? label : "");
+    app_put(json->stream, "%s%s\n", label != NULL ? "  " : "", label != NULL ? label : "");
 }
 
 void app_result_line(app_json *json, const char *format, ...) {
     if (!json->people) return;
     va_list arguments;
     va_start(arguments, format);
-    (void)vfprintf(json->stream, format, arguments);
+    APP_FREE char *line = app_shown_list(format, arguments);
     va_end(arguments);
-    (void)fputc('\n', json->stream);
+    (void)fprintf(json->stream, "%s\n", line);
 }
 
 /* A table for people: the keys of the first object are the headings, the members of all objects are the
@@ -343,25 +316,25 @@ void app_progress_show(app_progress *progress, uint64_t done, const char *format
     if (!progress->active || progress->total == 0 || (now - progress->shown < 0.1 && done < progress->total))
         return;
     progress->shown = now;
-    char bar[25], words[96];
+    char bar[25];
     const double share = (double)done / (double)progress->total;
     const int filled = (int)(24.0 * (share < 1 ? share : 1));
     for (int i = 0; i < 24; i++) bar[i] = i < filled ? '#' : '.';
     bar[24] = '\0';
     va_list arguments;
     va_start(arguments, format);
-    (void)vsnprintf(words, sizeof words, format, arguments);
+    APP_FREE char *words = app_shown_list(format, arguments);
     va_end(arguments);
     const double each =
         done > progress->first ? (now - progress->start) / (double)(done - progress->first) : 0;
     const long left =
         (long)(each * (double)(progress->total - (done < progress->total ? done : progress->total)) + 0.5);
-    (void)fprintf(stderr, "\r[%s] %3.0f%%  %s  %ld:%02ld left\033[K", bar, 100 * share, words, left / 60,
-                  left % 60);
-    (void)fflush(stderr);
+    APP_FREE char *line = app_format("\r[%s] %3.0f%%  %.95s  %ld:%02ld left\033[K", bar, 100 * share, words,
+                                     left / 60, left % 60);
+    app_screen_raw(line);
 }
 
 void app_progress_end(app_progress *progress) {
-    if (progress->active) (void)fputs("\r\033[K", stderr);
+    if (progress->active) app_screen_raw("\r\033[K");
     progress->active = false;
 }

@@ -1,5 +1,6 @@
 /* Processes started by mpirun: finds this process's rank, and loads liegrad_mpi only when it is needed. */
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
@@ -44,11 +45,13 @@ void app_find_ranks(app *self) {
     self->rank_count = (uint32_t)count;
     if (rank == 0) return;
     voice = dup(STDERR_FILENO);
-    if (freopen("/dev/null", "w", stdout) == NULL || freopen("/dev/null", "w", stderr) == NULL) return;
+    const int null = open("/dev/null", O_WRONLY | O_CLOEXEC);
+    if (null < 0 || dup2(null, STDOUT_FILENO) < 0 || dup2(null, STDERR_FILENO) < 0) return;
+    (void)close(null);
 }
 
 void app_say_as_rank(const app *self, const char *sentence) {
-    if (self->rank == 0) (void)fprintf(stderr, "%s: %s\n", self->title, sentence);
+    if (self->rank == 0) (void)fprintf(stderr, "%s: %s\n", self->title, sentence); /* needs no memory */
     if (voice >= 0) (void)dprintf(voice, "%s: rank %u: %s\n", self->title, self->rank, sentence);
 }
 

@@ -425,7 +425,7 @@ static void print_given(const app *self) {
         if (!slot->given || !word_like || slot->values == &search_given) continue;
         lg_field_show(slot->row, slot->values, text, sizeof text);
         char *word = app_quote(text);
-        (void)printf(" --%s %s", slot->name, word);
+        app_put(stdout, " --%s %s", slot->name, word);
         free(word);
     }
 }
@@ -434,21 +434,21 @@ static void print_given(const app *self) {
 static void print_best(const searching *search, size_t best) {
     const lg_search_file *file = search->file;
     char text[64];
-    (void)printf("best: trial %llu, objective %.4e; %s train",
-                 (unsigned long long)search->trials[best].number, search->trials[best].objective,
-                 search->app->program);
+    app_put(stdout, "best: trial %llu, objective %.4e; %s train",
+            (unsigned long long)search->trials[best].number, search->trials[best].objective,
+            search->app->program);
     for (int i = 1; i < search->app->argument_count; i++) {
         APP_FREE char *data = app_quote(search->app->arguments[i]);
-        (void)printf(" %s", data);
+        app_put(stdout, " %s", data);
     }
     print_given(search->app);
     for (size_t i = 0; i < file->fixed_count; i++)
-        (void)printf(" --%s %s", file->fixed_name[i], file->fixed_value[i]);
+        app_put(stdout, " --%s %s", file->fixed_name[i], file->fixed_value[i]);
     for (size_t i = 0; i < file->space.count; i++) {
         value_text(&file->space.ranges[i], search->trials[best].value[i], text, sizeof text);
-        (void)printf(" --%s %s", file->space.ranges[i].name, text);
+        app_put(stdout, " --%s %s", file->space.ranges[i].name, text);
     }
-    (void)printf(" --seed %llu --out FILE\n", (unsigned long long)search->app->seed);
+    app_put(stdout, " --seed %llu --out FILE\n", (unsigned long long)search->app->seed);
 }
 
 static size_t count_state(const searching *search, lg_trial_state state) {
@@ -480,9 +480,9 @@ static void report(const searching *search, double seconds) {
     const size_t best = lg_search_best(search->trials, search->count);
     if (!search->app->json) {
         print_trials(search);
-        (void)printf("%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)\n", search->count,
-                     count_state(search, LG_TRIAL_DONE), count_state(search, LG_TRIAL_PRUNED),
-                     count_state(search, LG_TRIAL_FAILED), seconds);
+        app_put(stdout, "%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)\n", search->count,
+                count_state(search, LG_TRIAL_DONE), count_state(search, LG_TRIAL_PRUNED),
+                count_state(search, LG_TRIAL_FAILED), seconds);
         if (best < search->count) print_best(search, best);
         return;
     }
@@ -566,9 +566,8 @@ static int run_search(searching *search, bool together) {
     board_close(search->board);
     if (together && status == LG_NOT_FOUND) return APP_EXIT_OK; /* another process has finished the search */
     if (status == LG_CANCELLED) {
-        (void)fprintf(stderr, "%s: stopped after %zu of %llu trials; continue with %s\n", self->title,
-                      search->count, (unsigned long long)search->values->trials,
-                      together ? "the same command" : "--resume");
+        app_note(self, "stopped after %zu of %llu trials; continue with %s", search->count,
+                 (unsigned long long)search->values->trials, together ? "the same command" : "--resume");
         return APP_EXIT_INTERRUPTED;
     }
     if (together && status == LG_OK) {

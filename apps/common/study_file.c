@@ -193,13 +193,11 @@ lg_status study_file_open(const char *path, const study_plan *plan, study_file *
     return status;
 }
 
-/* Writes 15 digits if they read back as the same number, otherwise 17; nothing if the number is not
- * finite. */
+/* Writes nothing if the number is not finite. */
 static void number_text(double value, char text[STUDY_TEXT]) {
-    text[0] = '\0';
-    if (!isfinite(value)) return;
-    (void)snprintf(text, STUDY_TEXT, "%.15g", value);
-    if (strtod(text, NULL) != value) (void)snprintf(text, STUDY_TEXT, "%.17g", value);
+    char digits[LG_SHORTEST] = "";
+    if (isfinite(value)) lg_format_shortest(digits, value, false);
+    (void)snprintf(text, STUDY_TEXT, "%.31s", digits);
 }
 
 void study_axis_add(study_axis *axis, const char *name, double number) {

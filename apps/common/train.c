@@ -255,9 +255,9 @@ static int stopped(const train_session *self, lg_status status) {
         return app_fail(self->app, LG_FILE, "the state could not be saved: %s",
                         app_sentence(self->checkpoint_status, &self->checkpoint_error));
     char *path = checkpoint_path();
-    (void)fprintf(stderr, "%s: stopped in epoch %llu of %llu; continue with --resume %s\n", self->app->title,
-                  (unsigned long long)lg_fit_epochs_done(fit_of(self)) + 1,
-                  (unsigned long long)train_training(self->task)->epochs, path);
+    app_note(self->app, "stopped in epoch %llu of %llu; continue with --resume %s",
+             (unsigned long long)lg_fit_epochs_done(fit_of(self)) + 1,
+             (unsigned long long)train_training(self->task)->epochs, path);
     free(path);
     return status == LG_CANCELLED ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
 }
@@ -276,9 +276,8 @@ static int conclude(train_session *self, lg_status status, const lg_error *fit_e
     }
     if (status != LG_OK) return broken(self, status, fit_error);
     if (lg_fit_why_finished(fit_of(self)) != LG_FIT_END_EPOCHS)
-        (void)fprintf(stderr, "%s: training ended after %llu epochs: %s\n", self->app->title,
-                      (unsigned long long)lg_fit_epochs_done(fit_of(self)),
-                      lg_fit_end_sentence(fit_of(self)));
+        app_note(self->app, "training ended after %llu epochs: %s",
+                 (unsigned long long)lg_fit_epochs_done(fit_of(self)), lg_fit_end_sentence(fit_of(self)));
     return code;
 }
 
@@ -303,8 +302,7 @@ static int finish(train_session *self) {
     (void)on_checkpoint(self, fit_of(self));
     if (self->checkpoint_status != LG_OK) return code;
     char *path = checkpoint_path();
-    (void)fprintf(stderr, "%s: the training is kept in %s; write the model with --resume %s\n",
-                  self->app->title, path, path);
+    app_note(self->app, "the training is kept in %s; write the model with --resume %s", path, path);
     free(path);
     return code;
 }

@@ -27,12 +27,12 @@ void app_warnings_destroy(app_warnings *self) {
 }
 
 /* Prints the sentence unless it is already kept, and takes ownership of it. */
-static void tell(const char *title, app_warnings *self, char *sentence) {
+static void tell(const app *host, app_warnings *self, char *sentence) {
     (void)pthread_mutex_lock(&self->lock);
     size_t i = 0;
     while (i < self->count && strcmp(self->sentences[i], sentence) != 0) i++;
     const bool fresh = i == self->count, room = i < KEPT;
-    if (fresh) (void)fprintf(stderr, "%s: warning: %s\n", title, sentence);
+    if (fresh) app_note(host, "warning: %s", sentence);
     if (fresh && room) self->sentences[self->count++] = sentence;
     (void)pthread_mutex_unlock(&self->lock);
     if (!fresh || !room) free(sentence);
@@ -43,7 +43,7 @@ void app_warn(const app *self, const char *format, ...) {
     va_start(arguments, format);
     char *sentence = app_format_list(format, arguments);
     va_end(arguments);
-    tell(self->title, self->warnings, sentence);
+    tell(self, self->warnings, sentence);
 }
 
 void app_json_warnings(app_json *json, const app *self) {

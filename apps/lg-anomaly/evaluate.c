@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "files/csv.h"
 #include "lg-anomaly/train.h"
 
 enum { MAX_FILES = 7, MAX_VOTES = 64, SHOWN_GROUPS = 40 };
@@ -287,20 +288,6 @@ static void report(const app *self, const evaluation *list, size_t count) {
     app_json_end(&out);
 }
 
-/* Writes a name as a CSV field, quoted where needed. */
-static void csv_text(FILE *stream, const char *text) {
-    if (strpbrk(text, ",\"\n\r") == NULL) {
-        (void)fputs(text, stream);
-        return;
-    }
-    (void)fputc('"', stream);
-    for (; *text != '\0'; text++) {
-        if (*text == '"') (void)fputc('"', stream);
-        (void)fputc(*text, stream);
-    }
-    (void)fputc('"', stream);
-}
-
 static void write_scores(const evaluation *e) {
     const lg_series *series = &e->from.data.series;
     const lg_judgement *judged = &e->judged;
@@ -308,8 +295,8 @@ static void write_scores(const evaluation *e) {
     app_file_begin(&file, values.scores);
     (void)fputs("window,run,group,truth,class", file.stream);
     for (uint32_t c = 0; c < judged->classes; c++) {
-        (void)fputs(",score ", file.stream);
-        csv_text(file.stream, e->model->class_name[c]);
+        APP_FREE char *name = app_format("score %s", e->model->class_name[c]);
+        lg_csv_put(file.stream, ",", name, true);
     }
     (void)fputc('\n', file.stream);
     for (size_t i = 0; i < judged->count; i++) {
@@ -318,10 +305,8 @@ static void write_scores(const evaluation *e) {
         if (series->run != NULL) (void)fprintf(file.stream, "%u", series->run[first]);
         (void)fputc(',', file.stream);
         if (series->group != NULL) (void)fprintf(file.stream, "%u", series->group[first]);
-        (void)fputc(',', file.stream);
-        csv_text(file.stream, e->model->class_name[judged->truth[i]]);
-        (void)fputc(',', file.stream);
-        csv_text(file.stream, e->model->class_name[judged->given[i]]);
+        lg_csv_put(file.stream, ",", e->model->class_name[judged->truth[i]], false);
+        lg_csv_put(file.stream, ",", e->model->class_name[judged->given[i]], false);
         for (uint32_t c = 0; c < judged->classes; c++)
             (void)fprintf(file.stream, ",%.17g", judged->score[i * judged->classes + c]);
         (void)fputc('\n', file.stream);

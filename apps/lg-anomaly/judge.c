@@ -103,15 +103,15 @@ void print_confusion(FILE *stream, const lg_judgement *judged, const well_model 
 void print_metrics(const lg_judgement *judged, const well_model *model) {
     const lg_metrics *metrics = &judged->metrics;
     if (judged->count == 0) {
-        (void)printf("no windows to test on\n");
+        app_put(stdout, "no windows to test on\n");
         return;
     }
-    (void)printf("accuracy %.4f, precision %.4f, recall %.4f, F1 %.4f", metrics->accuracy, metrics->precision,
-                 metrics->recall, metrics->f1);
-    if (isfinite(judged->auc)) (void)printf(", AUC %.4f", judged->auc);
-    (void)printf(" on %zu windows%s\n", judged->count,
-                 model->classes == 2 ? "" : " (precision, recall and F1: mean over the classes)");
+    app_put(stdout, "accuracy %.4f, precision %.4f, recall %.4f, F1 %.4f", metrics->accuracy,
+            metrics->precision, metrics->recall, metrics->f1);
+    if (isfinite(judged->auc)) app_put(stdout, ", AUC %.4f", judged->auc);
+    app_put(stdout, " on %zu windows%s\n", judged->count,
+            model->classes == 2 ? "" : " (precision, recall and F1: mean over the classes)");
     const double alarms = lg_judgement_alarms(judged, model->cut.hop, model->rate);
-    if (isfinite(alarms)) (void)printf("false alarms per day: %.3g\n", alarms);
+    if (isfinite(alarms)) app_put(stdout, "false alarms per day: %.3g\n", alarms);
     print_confusion(stdout, judged, model);
 }

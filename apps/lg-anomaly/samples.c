@@ -155,12 +155,9 @@ static bool add_field(sample_reader *reader, double value) {
 }
 
 static bool refuse_word(sample_reader *reader, const char *p, const char *end) {
-    char text[24];
-    size_t n = 0;
-    for (; p < end && !ends_field(*p) && n < sizeof text - 1; p++)
-        text[n++] = isprint((unsigned char)*p) ? *p : '?';
-    text[n] = '\0';
-    (void)snprintf(reader->problem, sizeof reader->problem, "'%s' is not a number", text);
+    int n = 0;
+    while (p + n < end && !ends_field(p[n]) && n < 23) n++;
+    (void)snprintf(reader->problem, sizeof reader->problem, "'%.*s' is not a number", n, p);
     reader->words = true;
     return false;
 }

@@ -50,9 +50,9 @@ void json_trained(app_json *json, const well_model *model) {
 
 void print_trained(const well_model *model) {
     const lg_detector_state *state = &train_state;
-    (void)printf("%zu windows for training, accuracy %.4f on them; the test part (%s):\n", state->train.count,
-                 state->train_judged.metrics.accuracy,
-                 state->test != NULL ? state->test : lg_split_name(train_run.split));
+    app_put(stdout, "%zu windows for training, accuracy %.4f on them; the test part (%s):\n",
+            state->train.count, state->train_judged.metrics.accuracy,
+            state->test != NULL ? state->test : lg_split_name(train_run.split));
     print_metrics(&state->judged, model);
 }
 

@@ -389,21 +389,21 @@ static void report(const classical *self) {
         report_json(self);
         return;
     }
-    (void)printf("%s: %s on %u %s features", train_given_files.out, self->model.method, model->features.count,
-                 lg_feature_kind_name(model->features.kind));
-    if (model->pca.components > 0) (void)printf(", %u components", model->pca.components);
+    app_put(stdout, "%s: %s on %u %s features", train_given_files.out, self->model.method,
+            model->features.count, lg_feature_kind_name(model->features.kind));
+    if (model->pca.components > 0) app_put(stdout, ", %u components", model->pca.components);
     if (model->method == LG_METHOD_TREE)
-        (void)printf("; %u nodes, depth %u", model->tree.count, lg_tree_depth(&model->tree));
+        app_put(stdout, "; %u nodes, depth %u", model->tree.count, lg_tree_depth(&model->tree));
     else if (model->method == LG_METHOD_RIDGE)
-        (void)printf("; penalty %g", model->logistic.penalty);
+        app_put(stdout, "; penalty %g", model->logistic.penalty);
     else
-        (void)printf("; C = %g", option->c);
-    if (model->svm.vectors > 0) (void)printf(", %u support vectors", model->svm.vectors);
+        app_put(stdout, "; C = %g", option->c);
+    if (model->svm.vectors > 0) app_put(stdout, ", %u support vectors", model->svm.vectors);
     if (self->chosen.accuracy != NULL)
-        (void)printf(" (best of %zu by cross-validation: %.4f)", self->chosen.count,
-                     self->chosen.accuracy[self->chosen.best]);
-    (void)printf("\nfeatures in %.3f s, fitted in %.4f s\n", self->feature_seconds,
-                 network_recipe.training.seconds);
+        app_put(stdout, " (best of %zu by cross-validation: %.4f)", self->chosen.count,
+                self->chosen.accuracy[self->chosen.best]);
+    app_put(stdout, "\nfeatures in %.3f s, fitted in %.4f s\n", self->feature_seconds,
+            network_recipe.training.seconds);
     print_trained(&self->model);
 }
 

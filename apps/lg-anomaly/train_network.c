@@ -22,19 +22,19 @@ static void print(const lg_training *training) {
     const lg_detector_state *state = &train_state;
     const lg_fit *fit = training->fit;
     const well_model model = model_of(NULL);
-    (void)printf("%s: cnn, %u blocks, %zu parameters", train_given_files.out, train_run.model.net.blocks,
-                 training->problem.parameters);
-    if (state->from != NULL) (void)printf(" (preset %s: %s)", state->from->name, state->from->source);
-    (void)printf("\n%llu epochs (%.4f s each, %.1f s in all)", (unsigned long long)lg_fit_epochs_done(fit),
-                 lg_fit_seconds_per_epoch(fit), training->seconds);
+    app_put(stdout, "%s: cnn, %u blocks, %zu parameters", train_given_files.out, train_run.model.net.blocks,
+            training->problem.parameters);
+    if (state->from != NULL) app_put(stdout, " (preset %s: %s)", state->from->name, state->from->source);
+    app_put(stdout, "\n%llu epochs (%.4f s each, %.1f s in all)", (unsigned long long)lg_fit_epochs_done(fit),
+            lg_fit_seconds_per_epoch(fit), training->seconds);
     if (state->validation.count > 0)
-        (void)printf(", the parameters are those of epoch %llu, the best one on %zu validation windows",
-                     (unsigned long long)lg_fit_best_epoch(fit), state->validation.count);
-    (void)printf("\n");
+        app_put(stdout, ", the parameters are those of epoch %llu, the best one on %zu validation windows",
+                (unsigned long long)lg_fit_best_epoch(fit), state->validation.count);
+    app_put(stdout, "\n");
     print_trained(&model);
     if (isfinite(state->judged.mse))
-        (void)printf("mean squared error %.3e (training part %.3e)\n", state->judged.mse,
-                     state->train_judged.mse);
+        app_put(stdout, "mean squared error %.3e (training part %.3e)\n", state->judged.mse,
+                state->train_judged.mse);
 }
 
 static int draw(const app *self, const lg_training *training) {

@@ -46,8 +46,8 @@ static void judge(const alone *self) {
 static void report(const alone *self) {
     const lg_novelty *novelty = &self->model.novelty;
     if (!self->app->json) {
-        (void)printf("%s: novelty, %u features, windows of '%s' alone (%.3f s)\n", train_given_files.out,
-                     novelty->features, self->names[0], network_recipe.training.seconds);
+        app_put(stdout, "%s: novelty, %u features, windows of '%s' alone (%.3f s)\n", train_given_files.out,
+                novelty->features, self->names[0], network_recipe.training.seconds);
         print_trained(&self->model);
         return;
     }

@@ -231,17 +231,18 @@ static void print_verdict(const watching *self, const lg_verdict *v) {
     FILE *out = self->log.stream;
     char text[REASON];
     const char *reason = reason_of(self, v, text);
+    char time[LG_SHORTEST];
+    lg_format_shortest(time, self->now, false);
     if (wants_names(self)) (void)fputs("# time\tclass\tscore\tvotes\tmissing\talarm\treason\n", out);
     if (v->judged)
-        (void)fprintf(out, "%.15g\t%s\t%.6g", self->now, class_name(self, v), v->score);
+        app_put(out, "%s\t%s\t%.6g", time, class_name(self, v), v->score);
     else
-        (void)fprintf(out, "%.15g\t%s\t-", self->now,
-                      v->answer == LG_ANSWER_NOVEL ? class_name(self, v) : "-");
-    (void)fprintf(out, "\t%u/%u\t%u\t%s\t%s\n", v->positive_votes, v->votes, v->missing,
-                  v->alarm   ? v->novel ? "ALARM,UNLIKE" : "ALARM"
-                  : v->novel ? "UNLIKE"
-                             : "-",
-                  reason[0] != '\0' ? reason : "-");
+        app_put(out, "%s\t%s\t-", time, v->answer == LG_ANSWER_NOVEL ? class_name(self, v) : "-");
+    app_put(out, "\t%u/%u\t%u\t%s\t%s\n", v->positive_votes, v->votes, v->missing,
+            v->alarm   ? v->novel ? "ALARM,UNLIKE" : "ALARM"
+            : v->novel ? "UNLIKE"
+                       : "-",
+            reason[0] != '\0' ? reason : "-");
 }
 
 static void count_verdict(watching *self, const lg_verdict *v) {
@@ -390,29 +391,29 @@ static void print_json_summary(const watching *self, const totals *all, bool int
 
 static void print_summary(const watching *self, const totals *all) {
     const tally *t = &self->tally;
-    (void)printf("# samples %llu (%.6g days): received %llu, absent %llu, not finite %llu, malformed %llu, "
-                 "repeated %llu\n",
-                 (unsigned long long)t->samples, all->days, (unsigned long long)t->received,
-                 (unsigned long long)t->absent, (unsigned long long)t->not_finite,
-                 (unsigned long long)t->malformed, (unsigned long long)t->repeated);
-    (void)printf("# windows %llu: judged %llu, positive %llu; alarms %llu%s\n",
-                 (unsigned long long)t->windows, (unsigned long long)t->judged,
-                 (unsigned long long)t->positive, (unsigned long long)t->alarms,
-                 self->alarm ? ", standing" : "");
+    app_put(stdout,
+            "# samples %llu (%.6g days): received %llu, absent %llu, not finite %llu, malformed %llu, "
+            "repeated %llu\n",
+            (unsigned long long)t->samples, all->days, (unsigned long long)t->received,
+            (unsigned long long)t->absent, (unsigned long long)t->not_finite,
+            (unsigned long long)t->malformed, (unsigned long long)t->repeated);
+    app_put(stdout, "# windows %llu: judged %llu, positive %llu; alarms %llu%s\n",
+            (unsigned long long)t->windows, (unsigned long long)t->judged, (unsigned long long)t->positive,
+            (unsigned long long)t->alarms, self->alarm ? ", standing" : "");
     if (isfinite(self->bench.farthest))
-        (void)printf("# unlike anything seen: %llu windows; alarms of it %llu%s\n",
-                     (unsigned long long)t->unlike, (unsigned long long)t->unlike_alarms,
-                     self->unlike ? ", standing" : "");
+        app_put(stdout, "# unlike anything seen: %llu windows; alarms of it %llu%s\n",
+                (unsigned long long)t->unlike, (unsigned long long)t->unlike_alarms,
+                self->unlike ? ", standing" : "");
     if (app_given(self->app, "crack-at")) {
         if (isnan(all->delay))
-            (void)printf("# crack at %.15g s: not detected\n", values.crack_at);
+            app_put(stdout, "# crack at %.15g s: not detected\n", values.crack_at);
         else
-            (void)printf("# crack at %.15g s: detected after %.6g s\n", values.crack_at, all->delay);
-        (void)printf("# before it: false alarms %llu, per day %.4g; false positive windows per day %.4g\n",
-                     (unsigned long long)t->alarms_before, all->false_alarms, all->false_windows);
+            app_put(stdout, "# crack at %.15g s: detected after %.6g s\n", values.crack_at, all->delay);
+        app_put(stdout, "# before it: false alarms %llu, per day %.4g; false positive windows per day %.4g\n",
+                (unsigned long long)t->alarms_before, all->false_alarms, all->false_windows);
     }
-    (void)printf("# %.3g s, %.3g samples/s, memory %llu KiB, of the watch %zu bytes\n", all->seconds,
-                 (double)t->samples / all->seconds, (unsigned long long)all->max_rss, all->watch_bytes);
+    app_put(stdout, "# %.3g s, %.3g samples/s, memory %llu KiB, of the watch %zu bytes\n", all->seconds,
+            (double)t->samples / all->seconds, (unsigned long long)all->max_rss, all->watch_bytes);
 }
 
 /* ---- the command ---- */

@@ -97,7 +97,7 @@ static void run_command(const app *self, const char *command) {
     pid_t child;
     int status;
     APP_FREE char *line = app_format("%s", command);
-    (void)printf("\n$ %s\n", command);
+    app_put(stdout, "\n$ %s\n", command);
     (void)fflush(stdout);
     for (char *word = strtok_r(line, " ", &save); word != NULL && n + 1 < LG_COUNT(words);
          word = strtok_r(NULL, " ", &save))

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "files/csv.h"
 #include "lg-control/control_app.h"
 
 /* ---- quantities ---- */
@@ -95,11 +96,12 @@ static void put_head(FILE *stream, const lg_policy_task *task) {
     (void)fputs("start,t", stream);
     for (size_t i = 0; i < count; i++) {
         for (uint32_t k = 0; k < quantity[i].count; k++) {
-            (void)fprintf(stream, ",%s", quantity[i].name);
-            if (quantity[i].count > 1) (void)fprintf(stream, ".%u", k + 1);
+            APP_FREE char *name = quantity[i].count > 1 ? app_format("%s.%u", quantity[i].name, k + 1)
+                                                        : app_format("%s", quantity[i].name);
+            lg_csv_put(stream, ",", name, true);
         }
     }
-    for (uint32_t l = 0; l < task->input_count; l++) (void)fprintf(stream, ",%s", task->input[l].name);
+    for (uint32_t l = 0; l < task->input_count; l++) lg_csv_put(stream, ",", task->input[l].name, true);
     (void)fputs(",cost\n", stream);
 }
 

@@ -66,8 +66,7 @@ static void save_state(const app *self, const lg_policy_trainer *trainer) {
     if (status == LG_OK) status = lg_file_writer_commit(writer, &error);
     lg_file_writer_destroy(writer);
     app_must_file(self, status, &error, path);
-    (void)fprintf(stderr, "%s: stopped; the best policy so far is in %s; continue with --resume %s\n",
-                  self->title, values.out, path);
+    app_note(self, "stopped; the best policy so far is in %s; continue with --resume %s", values.out, path);
 }
 
 static void load_state(const app *self, lg_policy_trainer *trainer) {

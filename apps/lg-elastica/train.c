@@ -19,19 +19,20 @@ static uint64_t whole(const lg_training *training, const char *name) {
 static void print(const lg_training *training) {
     const lg_surrogate_options *options = &run.model.options;
     const char *preset = lg_result_find(training, "preset")->text;
-    (void)printf("%s: %s network, %s %u x %u, %zu parameters", train_given_files.out,
-                 lg_surrogate_kind_name(options->kind), lg_net_kind_name(options->architecture),
-                 options->hidden, options->layers, lg_surrogate_parameters(&run.model));
-    if (preset != NULL) (void)printf(" (preset %s: %s)", preset, lg_result_find(training, "source")->text);
-    (void)printf("\n%llu epochs (%.4f s each, %.1f s in all); mean squared error %.4e on %llu curves trained "
-                 "on",
-                 (unsigned long long)lg_fit_epochs_done(training->fit),
-                 lg_fit_seconds_per_epoch(training->fit), training->seconds, real(training, "train_mse"),
-                 (unsigned long long)whole(training, "train_curves"));
+    app_put(stdout, "%s: %s network, %s %u x %u, %zu parameters", train_given_files.out,
+            lg_surrogate_kind_name(options->kind), lg_net_kind_name(options->architecture), options->hidden,
+            options->layers, lg_surrogate_parameters(&run.model));
+    if (preset != NULL) app_put(stdout, " (preset %s: %s)", preset, lg_result_find(training, "source")->text);
+    app_put(stdout,
+            "\n%llu epochs (%.4f s each, %.1f s in all); mean squared error %.4e on %llu curves trained "
+            "on",
+            (unsigned long long)lg_fit_epochs_done(training->fit), lg_fit_seconds_per_epoch(training->fit),
+            training->seconds, real(training, "train_mse"),
+            (unsigned long long)whole(training, "train_curves"));
     if (whole(training, "test_curves") > 0)
-        (void)printf(", %.4e on %llu test curves", real(training, "test_mse"),
-                     (unsigned long long)whole(training, "test_curves"));
-    (void)printf("\n");
+        app_put(stdout, ", %.4e on %llu test curves", real(training, "test_mse"),
+                (unsigned long long)whole(training, "test_curves"));
+    app_put(stdout, "\n");
 }
 
 static train_task recipe = {.recipe = &lg_recipe_surrogate, .settings = settings, .print = print};

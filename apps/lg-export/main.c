@@ -351,14 +351,16 @@ static void report(const job *j) {
         report_json(j, parameters, weights);
         return;
     }
-    printf("%s, a %s in %s:\n", j->name, j->kind, type_of(j));
-    for (size_t i = 0; i < j->source.file_count; i++) printf("  %s/%s\n", given.out, j->source.files[i].name);
+    app_put(stdout, "%s, a %s in %s:\n", j->name, j->kind, type_of(j));
+    for (size_t i = 0; i < j->source.file_count; i++)
+        app_put(stdout, "  %s/%s\n", given.out, j->source.files[i].name);
     if (j->source.code.length == 0) return;
-    printf("%zu parameters; %zu bytes of weights, %zu of work, at most %zu of stack\n", parameters, weights,
-           j->source.work * real_bytes(j), j->source.stack);
-    if (j->options.scheme != NULL) printf("scheme of %s_step: %s\n", j->name, j->options.scheme->name);
-    printf("tolerance of the self-test %.2e (depth %zu); make test runs it\n", export_tolerance(&j->source),
-           j->source.depth);
+    app_put(stdout, "%zu parameters; %zu bytes of weights, %zu of work, at most %zu of stack\n", parameters,
+            weights, j->source.work * real_bytes(j), j->source.stack);
+    if (j->options.scheme != NULL)
+        app_put(stdout, "scheme of %s_step: %s\n", j->name, j->options.scheme->name);
+    app_put(stdout, "tolerance of the self-test %.2e (depth %zu); make test runs it\n",
+            export_tolerance(&j->source), j->source.depth);
 }
 
 /* Warns about numbers that become 0 or lose digits in single precision: otherwise the result would be wrong

@@ -65,7 +65,7 @@ void judgement_print(const lg_table_state *of) {
     const lg_table_judgement *j = &of->judged;
     app_table table = {0};
     if (file->run.model.options.task != LG_TABLE_REGRESSION) {
-        (void)printf("accuracy %.4f, f1 %.4f on %zu rows\n", j->accuracy, j->f1, j->rows);
+        app_put(stdout, "accuracy %.4f, f1 %.4f on %zu rows\n", j->accuracy, j->f1, j->rows);
         print_confusion(file, j);
         return;
     }

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "files/csv.h"
 #include "lg-fit/fit.h"
 #include "liegrad/series.h"
 
@@ -19,44 +20,31 @@ static predict_values values;
 
 /* ---- CSV ---- */
 
-/* Writes a text, in quotes if it needs them. */
-static void put_text(FILE *to, const char *text) {
-    if (strpbrk(text, ",;\t\" #") == NULL) {
-        (void)fputs(text, to);
-        return;
-    }
-    (void)fputc('"', to);
-    for (; *text != '\0'; text++) {
-        if (*text == '"') (void)fputc('"', to);
-        (void)fputc(*text, to);
-    }
-    (void)fputc('"', to);
-}
-
 static void put_header(FILE *to, const lg_table_file *file) {
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
-    if (!regression) put_text(to, file->class_column[0] != '\0' ? file->class_column : "class");
+    if (!regression) lg_csv_put(to, "", file->class_column[0] != '\0' ? file->class_column : "class", true);
     for (uint32_t o = 0; o < file->run.model.net.outputs; o++) {
         APP_FREE char *name = regression ? app_format("%s", file->output_name[o])
                                          : app_format("probability_%s", file->output_name[o]);
-        if (o > 0 || !regression) (void)fputc(',', to);
-        put_text(to, name);
+        lg_csv_put(to, o > 0 || !regression ? "," : "", name, true);
     }
     (void)fputc('\n', to);
 }
 
-/* Writes a row; without `known` its cells are empty. */
+/* Writes a row; without `known` its cells are empty. A row of one such cell has quotes: readers skip blank
+ * lines. */
 static void put_row(FILE *to, const lg_table_file *file, double *y, bool known) {
     const uint32_t outputs = file->run.model.net.outputs;
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
     if (known && !regression) {
         lg_table_softmax(y, outputs);
-        put_text(to, file->output_name[lg_metrics_class(y, outputs)]);
+        lg_csv_put(to, "", file->output_name[lg_metrics_class(y, outputs)], false);
     }
     for (uint32_t o = 0; o < outputs; o++) {
         if (o > 0 || !regression) (void)fputc(',', to);
         if (known) (void)fprintf(to, "%.17g", y[o]);
     }
+    if (!known && regression && outputs == 1) lg_csv_put(to, "", "", false);
     (void)fputc('\n', to);
 }
 

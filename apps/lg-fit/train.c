@@ -15,14 +15,14 @@ static const app_settings settings[] = {{lg_table_fields, &run, sizeof run},
 static void print(const lg_training *training) {
     const lg_table_file *file = &state.file;
     const size_t rows = state.table.data.rows;
-    (void)printf("%s: %s of %zu of %zu rows, %u inputs, %s network, %zu parameters\n", train_given_files.out,
-                 lg_table_task_name(file->run.model.options.task), state.trained, rows, state.inputs.count,
-                 lg_net_kind_name(file->run.model.options.network), file->parameters);
+    app_put(stdout, "%s: %s of %zu of %zu rows, %u inputs, %s network, %zu parameters\n",
+            train_given_files.out, lg_table_task_name(file->run.model.options.task), state.trained, rows,
+            state.inputs.count, lg_net_kind_name(file->run.model.options.network), file->parameters);
     if (state.evidence.evaluations > 0)
-        (void)printf("the data determine %.1f parameters; noise about %.3g of the outputs' deviation\n",
-                     state.evidence.effective, lg_result_find(training, "noise")->real);
-    (void)printf("%s rows (%zu%s):\n", state.part, state.judged.rows,
-                 state.given.test == NULL && state.trained < rows ? ", not learned" : "");
+        app_put(stdout, "the data determine %.1f parameters; noise about %.3g of the outputs' deviation\n",
+                state.evidence.effective, lg_result_find(training, "noise")->real);
+    app_put(stdout, "%s rows (%zu%s):\n", state.part, state.judged.rows,
+            state.given.test == NULL && state.trained < rows ? ", not learned" : "");
     judgement_print(&state);
 }
 

@@ -13,13 +13,14 @@ static const app_settings settings[] = {{lg_hamiltonian_fields, &run, sizeof run
                                         APP_SETTINGS_END};
 
 static void print(const lg_training *training) {
-    (void)printf("%s: %zu parameters, %llu epochs or evaluations with %s, mean squared error %.3e, floor "
-                 "%.1e (%.4f s an epoch, "
-                 "%.1f s in all)\n",
-                 train_given_files.out, lg_hamiltonian_parameters(&run.model),
-                 (unsigned long long)lg_fit_epochs_done(training->fit), run.scheme->name,
-                 lg_result_find(training, "loss")->real, training->floor,
-                 lg_fit_seconds_per_epoch(training->fit), training->seconds);
+    app_put(stdout,
+            "%s: %zu parameters, %llu epochs or evaluations with %s, mean squared error %.3e, floor "
+            "%.1e (%.4f s an epoch, "
+            "%.1f s in all)\n",
+            train_given_files.out, lg_hamiltonian_parameters(&run.model),
+            (unsigned long long)lg_fit_epochs_done(training->fit), run.scheme->name,
+            lg_result_find(training, "loss")->real, training->floor, lg_fit_seconds_per_epoch(training->fit),
+            training->seconds);
 }
 
 static train_task recipe = {

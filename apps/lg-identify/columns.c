@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "files/csv.h"
 #include "lg-identify/identify.h"
 
 bool identify_is_state(const lg_log_column *column) {
@@ -79,7 +80,7 @@ void identify_put_columns(FILE *stream, const lg_machine_file *file, const doubl
 
 void identify_put_names(FILE *stream, const lg_machine_file *file) {
     for (uint32_t c = 0; c < file->column_count; c++)
-        (void)fprintf(stream, "%s%s", c > 0 ? "," : "", file->columns[c].name);
+        lg_csv_put(stream, c > 0 ? "," : "", file->columns[c].name, true);
 }
 
 /* ---- errors ---- */

@@ -79,7 +79,7 @@ static void become(char *line, bool quiet) {
 static void run_command(const app *self, const char *arguments) {
     int status = 0;
     APP_FREE char *line = app_format("%s --threads %llu", arguments, (unsigned long long)self->threads);
-    if (!self->json) (void)printf("\n$ lg-identify %s\n", arguments);
+    if (!self->json) app_put(stdout, "\n$ lg-identify %s\n", arguments);
     (void)fflush(stdout);
     const pid_t child = fork();
     if (child == 0) become(line, self->json);

@@ -30,7 +30,7 @@ static const app_settings settings[] = {{lg_machine_model_fields, &run, sizeof r
 static void show_identified(const lg_machine_verdict *what) {
     app_table table = {0};
     if (what->count == 0) return;
-    if (what->placed) (void)printf("mass: of a network, %s\n", what->place);
+    if (what->placed) app_put(stdout, "mass: of a network, %s\n", what->place);
     app_table_row(&table, "identified\tvalue\tstandard error");
     for (size_t i = 0; i < what->count; i++) {
         const lg_identified *number = &what->identified.numbers[i];
@@ -38,8 +38,8 @@ static void show_identified(const lg_machine_verdict *what) {
     }
     app_table_end(&table, stdout);
     if (what->identified.block > 0.0)
-        (void)printf("errors are corrected for correlation: blocks of %.3g s of the residuals\n",
-                     what->identified.block);
+        app_put(stdout, "errors are corrected for correlation: blocks of %.3g s of the residuals\n",
+                what->identified.block);
 }
 
 /* Prints what each candidate leaves of the error. */
@@ -59,19 +59,20 @@ static void show_suggestion(void) {
             app_table_row(&table, "%u\t%s\t-\tcannot be learned", row->round, row->name);
     }
     app_table_end(&table, stdout);
-    (void)printf("free runs of %.3g s over %zu windows that were not trained on\n", what->seconds,
-                 what->windows);
+    app_put(stdout, "free runs of %.3g s over %zu windows that were not trained on\n", what->seconds,
+            what->windows);
     if (strcmp(state.suggest, "-") == 0) (void)fputs(state.data.file.text, stdout);
 }
 
 static void print(const lg_training *training) {
     const lg_machine_verdict *what = &state.verdict;
     (void)training;
-    (void)printf("%s: %zu parameters, %llu windows, %llu evaluations, loss %.3e (noise and steps leave "
-                 "%.1e at most), floor of the steps %.1e, %.1f s\n",
-                 train_given_files.out, run.machine.parameters, (unsigned long long)run.windows,
-                 (unsigned long long)lg_fit_epochs_done(training->fit), what->loss, what->expected,
-                 training->floor, training->seconds);
+    app_put(stdout,
+            "%s: %zu parameters, %llu windows, %llu evaluations, loss %.3e (noise and steps leave "
+            "%.1e at most), floor of the steps %.1e, %.1f s\n",
+            train_given_files.out, run.machine.parameters, (unsigned long long)run.windows,
+            (unsigned long long)lg_fit_epochs_done(training->fit), what->loss, what->expected,
+            training->floor, training->seconds);
     show_identified(what);
     show_suggestion();
 }

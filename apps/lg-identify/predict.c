@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "files/csv.h"
 #include "lg-identify/identify.h"
 
 typedef struct predict_values {
@@ -72,8 +73,10 @@ static void predict(const app *self, prediction *p) {
 
 static void put_head(FILE *stream, const lg_machine_file *file) {
     identify_put_names(stream, file);
-    for (uint32_t c = 0; c < file->column_count && values.bands; c++)
-        if (identify_is_state(&file->columns[c])) (void)fprintf(stream, ",%s.sd", file->columns[c].name);
+    for (uint32_t c = 0; c < file->column_count && values.bands; c++) {
+        APP_FREE char *name = app_format("%s.sd", file->columns[c].name);
+        if (identify_is_state(&file->columns[c])) lg_csv_put(stream, ",", name, true);
+    }
     (void)fputc('\n', stream);
 }
 

@@ -178,7 +178,8 @@ LG_API void lg_fields_default(const lg_field *table, void *run);
 
 /* Reads a decimal number, which must be the whole text: [+-] digits with an optional point and exponent,
  * independent of the locale. Errors: LG_FORMAT for anything else (empty, "9,81", "9.81m", "0x1p3", "nan"),
- * LG_NOT_FINITE if it overflows. */
+ * LG_NOT_FINITE if it overflows, LG_UNSUPPORTED for digits alone that no double equals, such as
+ * 9007199254740993 (2^53 + 1); *out is then the nearest double. */
 LG_API lg_status lg_number_parse(const char *text, double *out);
 /* Reads a whole number 0..UINT64_MAX, digits only, which must be the whole text. Errors: LG_FORMAT for
  * anything else, also for a larger number. */

@@ -70,6 +70,23 @@ int lg_format_list(char *text, size_t size, const char *format, va_list argument
 /* Adds to a text in a block of `size` bytes, as lg_format does. What has no room is cut. */
 void lg_append(char *text, size_t size, const char *format, ...) __attribute__((format(printf, 3, 4)));
 double lg_real(const char *text, char **end);
+/* Writes the shortest text that reads back as the same double or, with `single`, as the same float; for
+ * numbers that are not finite "nan", "inf" or "-inf". */
+enum { LG_SHORTEST = 40 };
+void lg_format_shortest(char text[LG_SHORTEST], double value, bool single);
+/* True for [+-] digits [. digits] [e [+-] digits] with at least one digit before or after the point. */
+bool lg_is_decimal(const char *text);
+/* Compares two texts that lg_is_decimal accepts as numbers, exactly: less than, equal to or more than 0. */
+int lg_decimal_compare(const char *a, const char *b);
+/* True if the text, a decimal number whose nearest double is `value`, is a whole number in digits alone that
+ * this double does not equal. Such a number is a count or a label, beyond 2^53, and its last digits would be
+ * lost. */
+bool lg_decimal_is_rounded(const char *text, double value);
+/* The same for a whole number of this absolute value: no double equals it. */
+static inline bool lg_whole_is_rounded(uint64_t magnitude) {
+    const uint64_t lowest = magnitude & (~magnitude + 1); /* the lowest bit that is set */
+    return magnitude > 0 && magnitude / lowest >> 53 != 0;
+}
 
 /* Seconds of a monotonic clock. */
 double lg_seconds(void);

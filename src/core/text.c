@@ -146,21 +146,21 @@ void lg_text_add_literal(lg_text *to, const char *value) {
     lg_text_append(to, "\"", 1);
 }
 
-/* Returns the code point of the UTF-8 sequence at s and sets `length` to its number of bytes, or to 0 if it
- * is not a valid sequence. */
-static unsigned long code_point(const unsigned char *s, size_t *length) {
-    const size_t n = s[0] >= 0xc2 && s[0] <= 0xdf   ? 2
+size_t lg_utf8(const char *text, size_t left, uint32_t *code) {
+    static const uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};
+    const unsigned char *s = (const unsigned char *)text;
+    const size_t n = s[0] < 0x80                    ? 1
+                     : s[0] >= 0xc2 && s[0] <= 0xdf ? 2
                      : s[0] >= 0xe0 && s[0] <= 0xef ? 3
                      : s[0] >= 0xf0 && s[0] <= 0xf4 ? 4
                                                     : 0;
-    unsigned long code = n == 2 ? s[0] & 0x1fu : n == 3 ? s[0] & 0x0fu : s[0] & 0x07u;
-    *length = n;
-    for (size_t i = 1; i < n; i++) {
-        if ((s[i] & 0xc0) != 0x80) *length = 0;
-        if (*length == 0) return 0;
-        code = code << 6 | (s[i] & 0x3fu);
-    }
-    return code;
+    uint32_t number = n > 1 ? s[0] & 0x7fu >> n : s[0];
+    size_t i = 1;
+    for (; i < n && i < left && (s[i] & 0xc0) == 0x80; i++) number = number << 6 | (s[i] & 0x3fu);
+    if (i < n && i == left) return 0;
+    const bool sound = n > 0 && i == n && number >= least[n] && number <= 0x10ffff && number >> 11 != 0x1b;
+    *code = sound ? number : LG_NO_CHARACTER;
+    return sound ? n : 1;
 }
 
 /* Pairs that have a meaning in a comment (its end, another beginning, a trigraph) are separated by a blank. A
@@ -170,13 +170,13 @@ void lg_text_add_comment(lg_text *to, const char *value) {
     for (const unsigned char *s = (const unsigned char *)value; *s != '\0'; s++) {
         const char next = (char)s[1];
         if (*s >= 0x80) {
-            size_t length;
-            const unsigned long code = code_point(s, &length);
-            if (length > 0)
-                lg_text_add(to, "<U+%04lX>", code);
+            uint32_t code;
+            const size_t length = lg_utf8((const char *)s, SIZE_MAX, &code);
+            if (code != LG_NO_CHARACTER)
+                lg_text_add(to, "<U+%04X>", code);
             else
                 lg_text_add(to, "<%02X>", *s);
-            s += length > 0 ? length - 1 : 0;
+            s += length - 1;
             continue;
         }
         lg_text_add(to, "%c", *s == '\n' || (*s >= ' ' && *s != 0x7f) ? *s : ' ');

@@ -165,21 +165,21 @@ static bool all_within(const lg_labels *labels, int64_t low, int64_t high) {
     return labels->whole && labels->value[0] >= low && labels->value[labels->distinct - 1] <= high;
 }
 
-static bool whole_of(const char *text, double *value) {
-    return lg_number_parse(text, value) == LG_OK && floor(*value) == *value;
+static bool is_whole(const char *text) {
+    const double value = lg_is_decimal(text) ? lg_real(text, NULL) : NAN;
+    return floor(value) == value;
 }
 
 /* Finds the index in `list` (count) of an equal text, or else of an equal whole number ("1" and "1.0"). */
 static bool find_in(char (*list)[LG_SERIES_NAME], uint32_t count, const char *text, uint32_t *out) {
-    double value, other;
     for (uint32_t c = 0; c < count; c++)
         if (strcmp(list[c], text) == 0) {
             *out = c;
             return true;
         }
-    if (!whole_of(text, &value)) return false;
+    if (!is_whole(text)) return false;
     for (uint32_t c = 0; c < count; c++)
-        if (whole_of(list[c], &other) && other == value) {
+        if (is_whole(list[c]) && lg_decimal_compare(list[c], text) == 0) {
             *out = c;
             return true;
         }
@@ -198,9 +198,8 @@ static bool find_labels(char (*list)[LG_SERIES_NAME], uint32_t count, lg_labels 
 }
 
 static bool any_whole(char (*list)[LG_SERIES_NAME], uint32_t count) {
-    double value;
     for (uint32_t c = 0; list != NULL && c < count; c++)
-        if (whole_of(list[c], &value)) return true;
+        if (is_whole(list[c])) return true;
     return false;
 }
 

@@ -16,10 +16,8 @@ static bool counts_columns(const lg_table_reading *r) {
     return true;
 }
 
-static lg_status check_header(const lg_table_reading *r, const lg_csv *c, lg_error *error) {
-    uint32_t numbers = 0;
-    double value;
-    for (uint32_t i = 0; i < r->all.count; i++) numbers += lg_number_parse(r->all.name[i], &value) == LG_OK;
+/* `numbers`: how many cells of the header are numbers without quotes. */
+static lg_status check_header(const lg_table_reading *r, const lg_csv *c, uint32_t numbers, lg_error *error) {
     if (numbers == 0 || counts_columns(r) || (numbers == 1 && r->all.count > 2)) return LG_OK;
     return lg_fail(
         error, LG_FORMAT,
@@ -30,15 +28,14 @@ static lg_status check_header(const lg_table_reading *r, const lg_csv *c, lg_err
 static lg_status read_header(lg_table_reading *r, lg_csv *c, lg_error *error) {
     LG_TRY(lg_csv_header(c, error));
     char *at = c->line, *cell = NULL;
+    uint32_t numbers = 0;
     while (at != NULL) {
-        LG_TRY(lg_csv_cell(c, &at, &cell, error));
-        for (const char *byte = cell; *byte != '\0'; byte++)
-            if ((unsigned char)*byte < ' ')
-                return lg_csv_fail(c, error, "is not a header: it has control characters");
+        LG_TRY(lg_csv_name(c, &at, &cell, error));
+        numbers += !c->quoted && lg_is_decimal(cell);
         LG_TRY(lg_table_add_name(r, cell, error));
     }
     if (r->all.count != c->cells) return lg_csv_fail(c, error, "a quote is inside a cell");
-    LG_TRY(check_header(r, c, error));
+    LG_TRY(check_header(r, c, numbers, error));
     return lg_table_find_columns(r, error);
 }
 
@@ -52,8 +49,9 @@ static lg_status read_row(lg_table_reading *r, lg_csv *c, lg_error *error) {
         LG_TRY(lg_csv_cell(c, &at, &cell, error));
         if (i == r->all.count) return lg_csv_fail(c, error, "a quote is inside a cell");
         if (i == r->class_at)
-            LG_TRY(lg_table_set_label(r, r->out.rows - 1, lg_csv_missing(cell) ? "" : cell, error));
-        if (r->to[i] > 0) LG_TRY(lg_csv_number(c, cell, r->all.name[i], &values[r->to[i] - 1], error));
+            LG_TRY(lg_table_set_label(r, r->out.rows - 1, !c->quoted && lg_csv_missing(cell) ? "" : cell,
+                                      error));
+        if (r->to[i] > 0) LG_TRY(lg_csv_number(c, cell, r->all.name[i], false, &values[r->to[i] - 1], error));
     }
     return LG_OK;
 }

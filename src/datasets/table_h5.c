@@ -134,10 +134,12 @@ typedef struct copying {
 static void copy_rows(void *user, uint64_t row, uint64_t rows, const double *values) {
     copying *copy = user;
     const uint32_t columns = copy->source->columns;
+    const lg_h5_about *about = &copy->source->about;
+    const char type = about->raw != 0 ? about->raw : about->kind == LG_H5_REAL && !about->wide ? 'f' : 'd';
     for (uint64_t i = 0; i < rows && copy->status == LG_OK; i++)
         for (uint32_t c = 0; c < columns && copy->status == LG_OK; c++)
             copy->status = lg_table_set_number(copy->call->r, (size_t)(row + i), copy->source->first + c,
-                                               values[i * columns + c], copy->error);
+                                               type, &values[i * columns + c], copy->error);
 }
 
 static lg_status copy_label(void *user, uint64_t index, const char *text, lg_error *error) {
@@ -156,7 +158,7 @@ static lg_status read_source(read_call *call, lg_h5 *h5, const source *s, lg_err
             return fail(call, s->name, "does not hold numbers", error);
         return lg_h5_each_text(h5, s->name, copy_label, call, error);
     }
-    LG_TRY(lg_h5_each_rows(h5, s->name, copy_rows, &copy, error));
+    LG_TRY(lg_h5_each_rows(h5, s->name, LG_H5_RAW, copy_rows, &copy, error));
     return copy.status;
 }
 

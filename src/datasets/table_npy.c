@@ -120,19 +120,22 @@ static lg_status check_size(const lg_table_reading *r, const npy *n, lg_error *e
 
 /* ---- numbers ---- */
 
-static double number_of(const npy *n, const unsigned char *raw) {
+/* Puts the bits of a number, as lg_table_set_number takes them, into *out and returns its type. */
+static char number_of(const npy *n, const unsigned char *raw, uint64_t *out) {
     unsigned char bytes[MOST_BYTES];
     const unsigned size = n->bytes;
     for (unsigned i = 0; i < size; i++) bytes[i] = raw[n->big_endian ? size - 1 - i : i];
-    const uint64_t bits = lg_bytes_get(bytes, size);
-    if (n->kind == 'f') return size == 8 ? lg_f64_of_bits(bits) : (double)lg_f32_of_bits((uint32_t)bits);
+    *out = lg_bytes_get(bytes, size);
     const uint64_t top = (uint64_t)1 << (8 * size - 1);
-    if (n->kind == 'i' && (bits & top) != 0) return -(double)(top - (bits & (top - 1)));
-    return (double)bits;
+    if (n->kind == 'i') *out = (*out ^ top) - top; /* copies the sign to the bits above */
+    if (n->kind != 'f') return n->kind == 'i' ? 'i' : 'u';
+    if (size == 4) *out = lg_bits_of_f64((double)lg_f32_of_bits((uint32_t)*out));
+    return size == 4 ? 'f' : 'd';
 }
 
 static lg_status read_numbers(lg_table_reading *r, const npy *n, lg_error *error) {
     unsigned char raw[MOST_BYTES];
+    uint64_t bits;
     const uint64_t outer = n->fortran ? n->columns : n->rows, inner = n->fortran ? n->rows : n->columns;
     LG_TRY(lg_table_make_rows(r, n->rows, error));
     for (uint64_t a = 0; a < outer; a++)
@@ -140,8 +143,9 @@ static lg_status read_numbers(lg_table_reading *r, const npy *n, lg_error *error
             if (b % CHECK == 0 && lg_cancelled(r->context)) return LG_CANCELLED;
             if (fread(raw, 1, n->bytes, n->from) != n->bytes)
                 return lg_fail(error, LG_FILE, "%s: cannot be read to its end", r->shown);
-            LG_TRY(lg_table_set_number(r, (size_t)(n->fortran ? b : a), (uint32_t)(n->fortran ? a : b),
-                                       number_of(n, raw), error));
+            const char type = number_of(n, raw, &bits);
+            LG_TRY(lg_table_set_number(r, (size_t)(n->fortran ? b : a), (uint32_t)(n->fortran ? a : b), type,
+                                       &bits, error));
         }
     return LG_OK;
 }

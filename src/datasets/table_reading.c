@@ -68,7 +68,6 @@ lg_status lg_table_add_name(lg_table_reading *r, const char *name, lg_error *err
     }
     char *to = r->all.name[r->all.count++];
     (void)snprintf(to, LG_TABLE_NAME, "%s", name);
-    (void)lg_tamed(to);
     return LG_OK;
 }
 
@@ -169,52 +168,54 @@ lg_status lg_table_add_row(lg_table_reading *r, size_t line, double **values, lg
     return LG_OK;
 }
 
-static lg_status check_number(const lg_table_reading *r, size_t row, const char *column, double value,
-                              lg_error *error) {
-    if (!isinf(value)) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: row %zu: column %s: is infinite; write nan for a missing value",
-                   r->shown, row + 1, column);
-}
+/* ---- numbers and classes ---- */
 
-/* ---- classes ---- */
-
-/* Numbers are normalised, so that a number is the same class in whatever form it is written. */
 lg_status lg_table_set_label(lg_table_reading *r, size_t row, const char *text, lg_error *error) {
-    char *to = r->label_text[row];
-    double value;
     if (strlen(text) >= LG_TABLE_NAME)
         return lg_fail(error, LG_FORMAT, "%s: %s %zu: column %s: the class has more than %d bytes", r->shown,
                        r->out.place, r->out.line[row], r->class_column, LG_TABLE_NAME - 1);
-    if (*text != '\0' && lg_number_parse(text, &value) == LG_OK)
-        (void)lg_format(to, LG_TABLE_NAME, "%.15g", value == 0.0 ? 0.0 : value);
-    else
-        (void)snprintf(to, LG_TABLE_NAME, "%s", text);
-    (void)lg_tamed(to);
+    (void)snprintf(r->label_text[row], LG_TABLE_NAME, "%s", text);
     return LG_OK;
 }
 
-static lg_status set_label_number(lg_table_reading *r, size_t row, double value, lg_error *error) {
-    char text[32] = "";
-    LG_TRY(check_number(r, row, r->class_column, value, error));
-    if (!isnan(value)) (void)lg_format(text, sizeof text, "%.15g", value);
-    return lg_table_set_label(r, row, text, error);
+static lg_status bad_number(const lg_table_reading *r, size_t row, uint32_t column, const char *text,
+                            const char *what, lg_error *error) {
+    return lg_fail(error, LG_FORMAT, "%s: row %zu: column %s: %s%s", r->shown, row + 1, r->all.name[column],
+                   text, what);
 }
 
-lg_status lg_table_set_number(lg_table_reading *r, size_t row, uint32_t column, double value,
+lg_status lg_table_set_number(lg_table_reading *r, size_t row, uint32_t column, char type, const void *number,
                               lg_error *error) {
-    if (column == r->class_at) LG_TRY(set_label_number(r, row, value, error));
+    char text[LG_SHORTEST] = "";
+    const bool label = column == r->class_at, whole = type == 'i' || type == 'u';
+    double value;
+    uint64_t bits;
+    if (!label && r->to[column] == 0) return LG_OK;
+    memcpy(&value, number, sizeof value);
+    memcpy(&bits, number, sizeof bits);
+    const bool minus = type == 'i' && bits >> 63 != 0;
+    const uint64_t magnitude = minus ? ~bits + 1 : bits;
+    if (whole) value = minus ? -(double)magnitude : (double)magnitude;
+    if (isinf(value))
+        return bad_number(r, row, column, "is infinite; write nan for a missing value", "", error);
+    if (whole)
+        (void)snprintf(text, sizeof text, "%s%llu", minus ? "-" : "", (unsigned long long)magnitude);
+    else if (label && !isnan(value))
+        lg_format_shortest(text, value == 0.0 ? 0.0 : value, type == 'f');
+    if (label) LG_TRY(lg_table_set_label(r, row, text, error));
     if (r->to[column] == 0) return LG_OK;
+    if (whole && lg_whole_is_rounded(magnitude))
+        return bad_number(r, row, column, text, " is beyond 2^53 and " LG_ROUNDED, error);
     r->out.values[row * r->out.columns + r->to[column] - 1] = value;
-    return check_number(r, row, r->all.name[column], value, error);
+    return LG_OK;
 }
 
+/* Numbers come first, in rising order. */
 static int compare_texts(const void *a, const void *b) {
     const char *x = a, *y = b;
-    double p, q;
-    const bool p_number = lg_number_parse(x, &p) == LG_OK, q_number = lg_number_parse(y, &q) == LG_OK;
-    if (p_number && q_number && p != q) return p < q ? -1 : 1;
-    if (p_number != q_number) return p_number ? -1 : 1;
-    return strcmp(x, y);
+    const bool p = lg_is_decimal(x), q = lg_is_decimal(y);
+    const int order = p && q ? lg_decimal_compare(x, y) : (int)q - (int)p;
+    return order != 0 ? order : strcmp(x, y);
 }
 
 /* Returns the position of the class, or the position where it would have to be inserted. */
@@ -229,6 +230,19 @@ static uint32_t place_of(const lg_table_data *out, const char *text, bool *known
     }
     *known = low < out->classes && strcmp(out->class_name[low], text) == 0;
     return low;
+}
+
+/* Labels are texts as written, so 1 and 1.0 are two classes. That is told. */
+static void warn_of_equals(const lg_table_reading *r) {
+    const lg_table_data *out = &r->out;
+    for (uint32_t c = 1; c < out->classes; c++) {
+        const char *a = out->class_name[c - 1], *b = out->class_name[c];
+        if (lg_is_decimal(a) && lg_is_decimal(b) && lg_decimal_compare(a, b) == 0)
+            lg_log_message(r->context, LG_LOG_WARNING,
+                           "%s: column %s: the classes '%s' and '%s' are the same number, written in two "
+                           "ways; they stay two classes",
+                           r->shown, r->class_column, a, b);
+    }
 }
 
 static lg_status name_classes(lg_table_reading *r, lg_error *error) {
@@ -254,6 +268,7 @@ static lg_status name_classes(lg_table_reading *r, lg_error *error) {
         const uint32_t at = place_of(out, r->label_text[i], &known);
         out->label[i] = known ? at : LG_TABLE_NO_CLASS;
     }
+    warn_of_equals(r);
     return LG_OK;
 }
 

@@ -40,9 +40,11 @@ lg_status lg_table_make_rows(lg_table_reading *r, uint64_t rows, lg_error *error
 lg_status lg_table_add_row(lg_table_reading *r, size_t line, double **values, lg_error *error);
 /* Sets the class of a row; "" means that it is missing. */
 lg_status lg_table_set_label(lg_table_reading *r, size_t row, const char *text, lg_error *error);
-/* Sets the number in a column of the file, for binary files. Ignored if that column is not wanted. NaN means
- * that it is missing; an infinity is LG_FORMAT. */
-lg_status lg_table_set_number(lg_table_reading *r, size_t row, uint32_t column, double value,
+/* Sets the number in a column of the file, for binary files. Ignored if that column is not wanted. `number`
+ * points to an int64_t (type i), an uint64_t (u) or a double (d; f: it was a float). NaN means that it is
+ * missing; an infinity, and an integer that no double equals, are LG_FORMAT. A label is the exact decimal of
+ * an integer, or the shortest text that reads back as the real number. */
+lg_status lg_table_set_number(lg_table_reading *r, size_t row, uint32_t column, char type, const void *number,
                               lg_error *error);
 lg_status lg_table_no_memory(const lg_table_reading *r, lg_error *error);
 

@@ -40,20 +40,32 @@ static lg_status widen(lg_csv *c, lg_error *error) {
     return LG_OK;
 }
 
-/* Reads the next line without its line ending. *more becomes false when there is no further line. */
+/* Takes one more byte of the record; `quoted` says that it is inside quotes. */
+static lg_status take_byte(lg_csv *c, int byte, bool quoted, lg_error *error) {
+    if (byte == '\0') return lg_csv_fail(c, error, "is not text: neither CSV nor HDF5");
+    if (c->length + 1 == c->room && c->room >= LONGEST_LINE)
+        return lg_csv_fail(c, error, quoted ? "a quote is not closed" : "is longer than a million bytes");
+    if (c->length + 1 == c->room) LG_TRY(widen(c, error));
+    c->line[c->length++] = (char)byte;
+    if (c->number == 1 && c->length == 3 && memcmp(c->line, "\xef\xbb\xbf", 3) == 0) c->length = 0;
+    return LG_OK;
+}
+
+/* Reads the next line without its line ending, and further lines as long as a quote is open; in a comment
+ * quotes mean nothing. *more becomes false when there is no further line. */
 static lg_status next_line(lg_csv *c, bool *more, lg_error *error) {
     int byte = EOF;
+    bool quoted = false;
     if (lg_cancelled(c->context)) return LG_CANCELLED;
     c->length = 0;
-    c->number++;
-    while ((byte = next_byte(c)) != EOF && byte != '\n') {
-        if (byte == '\0') return lg_csv_fail(c, error, "is not text: neither CSV nor HDF5");
-        if (c->length + 1 == c->room && c->room >= LONGEST_LINE)
-            return lg_csv_fail(c, error, "is longer than a million bytes");
-        if (c->length + 1 == c->room) LG_TRY(widen(c, error));
-        c->line[c->length++] = (char)byte;
+    c->number = ++c->lines;
+    while ((byte = next_byte(c)) != EOF && (quoted || byte != '\n')) {
+        LG_TRY(take_byte(c, byte, quoted, error));
+        quoted = quoted != (byte == '"' && c->line[0] != '#');
+        c->lines += byte == '\n';
     }
     if (c->broken) return lg_fail(error, LG_FILE, "%s: cannot be read", c->shown);
+    if (quoted && c->lines > c->number) return lg_csv_fail(c, error, "a quote is not closed");
     c->closed = byte == '\n';
     *more = c->closed || c->length > 0;
     while (c->length > 0 && c->line[c->length - 1] == '\r') c->length--;
@@ -67,11 +79,8 @@ static bool is_empty(const lg_csv *c) {
 }
 
 lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error) {
-    do {
-        LG_TRY(next_line(c, more, error));
-        if (c->number == 1 && strncmp(c->line, "\xef\xbb\xbf", 3) == 0)
-            memmove(c->line, c->line + 3, (c->length -= 3) + 1);
-    } while (*more && is_empty(c));
+    do LG_TRY(next_line(c, more, error));
+    while (*more && is_empty(c));
     return LG_OK;
 }
 
@@ -96,11 +105,12 @@ static lg_status unquote(const lg_csv *c, char **at, lg_error *error) {
     return LG_OK;
 }
 
-lg_status lg_csv_cell(const lg_csv *c, char **at, char **cell, lg_error *error) {
+lg_status lg_csv_cell(lg_csv *c, char **at, char **cell, lg_error *error) {
     char *end = *at;
     while (is_space(c, *end)) end++;
     *cell = end;
-    if (*end == '"') {
+    c->quoted = *end == '"';
+    if (c->quoted) {
         end = ++*cell;
         LG_TRY(unquote(c, &end, error));
         while (is_space(c, *end)) end++;
@@ -113,6 +123,29 @@ lg_status lg_csv_cell(const lg_csv *c, char **at, char **cell, lg_error *error) 
     *at = *end == '\0' ? NULL : end + 1;
     *end = '\0';
     return LG_OK;
+}
+
+lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error) {
+    LG_TRY(lg_csv_cell(c, at, name, error));
+    for (const char *byte = *name; *byte != '\0' && !c->quoted; byte++)
+        if ((unsigned char)*byte < ' ')
+            return lg_csv_fail(c, error, "is not a header: it has control characters");
+    return LG_OK;
+}
+
+void lg_csv_put(FILE *to, const char *before, const char *text, bool name) {
+    const size_t length = strlen(text);
+    bool plain = !lg_csv_missing(text) && strpbrk(text, ",;\"#") == NULL && text[0] != ' ' &&
+                 text[length - 1] != ' ' && !(name && lg_is_decimal(text)) &&
+                 strncmp(text, "\xef\xbb\xbf", 3) != 0;
+    for (const char *c = text; *c != '\0'; c++) plain = plain && (unsigned char)*c >= ' ';
+    (void)fputs(before, to);
+    if (!plain) (void)fputc('"', to);
+    for (; *text != '\0'; text++) {
+        if (*text == '"') (void)fputc('"', to);
+        (void)fputc(*text, to);
+    }
+    if (!plain) (void)fputc('"', to);
 }
 
 /* ---- the header ---- */
@@ -173,7 +206,8 @@ bool lg_csv_missing(const char *cell) {
     return false;
 }
 
-lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, double *out, lg_error *error) {
+lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, bool may_round, double *out,
+                        lg_error *error) {
     char show[41];
     *out = NAN;
     if (lg_csv_missing(cell)) return LG_OK;
@@ -181,6 +215,10 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, d
     if (status == LG_OK) return LG_OK;
     if (status == LG_OUT_OF_MEMORY) return lg_csv_no_memory(c, error);
     (void)snprintf(show, sizeof show, "%s", cell);
+    if (status == LG_UNSUPPORTED && may_round) return LG_OK;
+    if (status == LG_UNSUPPORTED)
+        return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: %s is beyond 2^53 and " LG_ROUNDED,
+                       c->shown, c->number, column, show);
     return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: '%s' is not a %snumber%s", c->shown, c->number,
                    column, lg_tamed(show), status == LG_NOT_FINITE ? "finite " : "",
                    strchr(cell, ',') != NULL ? "; write decimals with a point" : "");

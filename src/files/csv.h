@@ -1,6 +1,7 @@
 /* CSV files: a header line, then one row per line. Cells are separated by commas, semicolons or tabs. Blank
- * lines and lines that begin with # are skipped. Quotes, CRLF and a byte order mark are understood. Error
- * messages name the file and the line. */
+ * lines and lines that begin with # are skipped. Quotes (RFC 4180: a cell in quotes may hold anything, also
+ * separators, newlines and doubled quotes), CRLF and a byte order mark are understood. Error messages name
+ * the file and the line, which is the first one of a row that has several. */
 #ifndef LG_CSV_H
 #define LG_CSV_H
 
@@ -14,8 +15,9 @@ typedef struct lg_csv {
     FILE *from;
     char *block, *line; /* line: the current line, terminated */
     size_t block_used, block_at, length, room;
-    size_t number;       /* number of the current line, from 1 */
-    bool broken, closed; /* broken: reading failed; closed: the line ended with a newline */
+    size_t number, lines; /* number of the current line, from 1, and of the last one that was read */
+    bool broken, closed;  /* broken: reading failed; closed: the line ended with a newline */
+    bool quoted;          /* the last cell was in quotes */
     char separator;
     size_t cells; /* number of cells of the header */
 } lg_csv;
@@ -31,12 +33,20 @@ lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error);
 lg_status lg_csv_header(lg_csv *c, lg_error *error);
 /* Returns in *cell the cell at *at, unquoted and terminated in place, and moves *at to the next cell, or to
  * NULL after the last cell. Start a line with *at = c->line. */
-lg_status lg_csv_cell(const lg_csv *c, char **at, char **cell, lg_error *error);
+lg_status lg_csv_cell(lg_csv *c, char **at, char **cell, lg_error *error);
+/* The same for a cell of the header. Control characters are only allowed in quotes. */
+lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error);
+/* Writes `before` ("" or a comma) and a text as a cell, in quotes if it needs them, so that the functions
+ * above read the same text. All texts of CSV files are written by it. `name`: it is a cell of the header,
+ * where a number without quotes means that the header is missing. */
+void lg_csv_put(FILE *to, const char *before, const char *text, bool name);
 /* Fails if the line has another number of cells than the header. *cut becomes true, without a failure, if the
  * line has fewer cells and no newline, as when the end of a file is cut off. */
 lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error);
-/* Reads a number. Missing values ("", nan, NA, N/A, null) give NaN. `column` is named in error messages. */
-lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, double *out, lg_error *error);
+/* Reads a number. Missing values ("", nan, NA, N/A, null) give NaN. A whole number in digits alone that no
+ * double equals is LG_FORMAT unless it `may_round`. `column` is named in error messages. */
+lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, bool may_round, double *out,
+                        lg_error *error);
 bool lg_csv_missing(const char *cell);
 /* Fails with the message "FILE: line N: `what`". */
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what);

@@ -27,6 +27,11 @@ static inline const char *lg_shown_path(const char *path) {
     return length > 200 ? path + length - 200 : path;
 }
 
+/* End of the message about a whole number that no double equals. */
+#define LG_ROUNDED                                                                                           \
+    "no floating-point number equals it: leave the column out, use it for classes, or write it with an "     \
+    "exponent (1.2e18) if it may be rounded"
+
 /* Makes a text from a file fit for an error message: replaces control characters by '?'. */
 static inline const char *lg_tamed(char *text) {
     for (char *c = text; *c != '\0'; c++)
@@ -70,7 +75,7 @@ bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name);
 lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon,
                       lg_error *error);
 /* Reads an array. Fails with LG_SHAPE if the stored shape differs from (rank, dims). Integers are read only
- * from integer types, and each number must fit into `type`. */
+ * from integer types, and each number must fit into `type`; a double must equal each stored integer. */
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     void *out, lg_error *error);
 /* Reads an array of doubles into new memory, which the caller frees with lg_free. `dims` becomes its shape.
@@ -87,6 +92,8 @@ typedef struct lg_h5_about {
     /* A float cannot hold all numbers exactly: true for reals of more than 4 bytes and integers of 4 bytes or
      * more. */
     bool wide;
+    char
+        raw; /* i, u: integers of more than four bytes, which LG_H5_RAW gives as int64_t or uint64_t; else 0 */
 } lg_h5_about;
 /* Describes a data set without reading its data. LG_NOT_FOUND if there is no such data set, LG_FORMAT if it
  * exceeds max_size at `bytes` bytes per element. */
@@ -96,9 +103,12 @@ lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out
 lg_status lg_h5_get_floats(lg_h5 *h5, const char *name, float *out, lg_error *error);
 /* Reads all numbers as doubles, in order, in blocks of whole rows of the first dimension, and calls
  * visit(user, first row, number of rows, values) for each block. A block takes about a megabyte, or one chunk
- * of up to 64 megabytes. */
+ * of up to 64 megabytes. LG_H5_EXACT: an integer that no double equals is LG_FORMAT; LG_H5_ROUNDED: it is
+ * rounded; LG_H5_RAW: integers of more than four bytes are not converted, see lg_h5_about.raw. */
+typedef enum lg_h5_long { LG_H5_EXACT, LG_H5_ROUNDED, LG_H5_RAW } lg_h5_long;
 typedef void (*lg_h5_rows)(void *user, uint64_t row, uint64_t rows, const double *values);
-lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error);
+lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_long as, lg_h5_rows visit, void *user,
+                          lg_error *error);
 /* Reads integers, or reals that are integers (up to 2^53), which must fit into int64_t. Fails with LG_FORMAT,
  * or with LG_NOT_FINITE; the message has the index. */
 lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,
@@ -115,7 +125,7 @@ lg_status lg_h5_each_attribute_text(lg_h5 *h5, const char *object, const char *n
 /* ---- attributes ---- */
 lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,
                      lg_error *error);
-/* Reads an attribute with one element. `type` is F64, I64, U64 or U32. */
+/* Reads an attribute with one element. `type` is F64, I64, U64 or U32, and must hold the number exactly. */
 lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
                        lg_error *error);
 /* Reads every numeric data set and every attribute once. The probe of an archive does this. */

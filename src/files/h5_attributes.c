@@ -80,36 +80,41 @@ lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out,
     return status;
 }
 
+/* Whether a type holds a whole number exactly. */
+static bool holds(lg_element type, bool minus, uint64_t magnitude) {
+    if (type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32) return !lg_whole_is_rounded(magnitude);
+    if (minus && magnitude > 0) return type == LG_ELEMENT_I64 && magnitude <= (uint64_t)1 << 63;
+    return magnitude <= (type == LG_ELEMENT_U64   ? UINT64_MAX
+                         : type == LG_ELEMENT_I64 ? (uint64_t)INT64_MAX
+                                                  : UINT32_MAX);
+}
+
 lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
                        lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     attribute a;
-    union {
-        double f64;
-        float f32;
-        int64_t i64;
-        uint64_t u64;
-        uint32_t u32;
-    } value = {0}, wide = {0};
+    uint64_t value = 0, bits = 0; /* room for a number of any type; the bits of an integer */
+    double real = 0;
     lg_status status = open_attribute(h5, object, name, &a, error);
     if (status == LG_OK) {
-        H5T_class_t kind = H5Tget_class(a.type);
-        bool to_float = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
+        const bool whole = H5Tget_class(a.type) == H5T_INTEGER,
+                   to_real = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
         if (!a.single || !lg_is_number(a.type))
             status = attribute_error(h5, object, name, LG_FORMAT,
-                                     to_float ? "is not a number" : "is not an integer", error);
+                                     to_real ? "is not a number" : "is not an integer", error);
         else if (H5Aread(a.attribute, lg_h5_memory_type(type), &value) < 0 ||
-                 (!to_float && H5Aread(a.attribute, H5T_NATIVE_DOUBLE, &wide) < 0))
+                 H5Aread(a.attribute, H5T_NATIVE_DOUBLE, &real) < 0 ||
+                 (whole && H5Aread(a.attribute, lg_h5_long_type(a.type), &bits) < 0))
             status = attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
-        else if (!to_float && kind == H5T_FLOAT && !lg_is_whole(wide.f64))
+        else if (!to_real && !whole && !lg_is_whole(real))
             status = attribute_error(h5, object, name, LG_FORMAT, "is not an integer", error);
-    }
-    if (status == LG_OK && type != LG_ELEMENT_F64 && type != LG_ELEMENT_F32) {
-        /* HDF5 clips numbers that do not fit; the comparison with the value as a double finds them. */
-        double got = type == LG_ELEMENT_I64   ? (double)value.i64
-                     : type == LG_ELEMENT_U64 ? (double)value.u64
-                                              : value.u32;
-        if (got != wide.f64) status = attribute_error(h5, object, name, LG_FORMAT, "is out of range", error);
+        else if (whole || !to_real) {
+            /* HDF5 clips numbers that do not fit. */
+            const bool minus = real < 0;
+            const uint64_t magnitude = !whole ? (uint64_t)fabs(real) : minus ? ~bits + 1 : bits;
+            if (!holds(type, minus, magnitude))
+                status = attribute_error(h5, object, name, LG_FORMAT, "is out of range", error);
+        }
     }
     if (status == LG_OK) memcpy(out, &value, lg_element_size(type));
     close_attribute(&a);

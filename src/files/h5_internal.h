@@ -60,6 +60,7 @@ bool lg_attribute_exists(lg_h5 *h5, const char *object, const char *name);
 
 bool lg_is_number(hid_t type); /* true for undamaged floating-point and integer types */
 bool lg_is_whole(double x);
+hid_t lg_h5_long_type(hid_t stored);      /* the native integer of 8 bytes with the sign of `stored` */
 hid_t lg_h5_memory_type(lg_element type); /* a native type, which must not be closed */
 size_t lg_element_size(lg_element type);
 /* Creates a handle that has no file yet. It copies the path and creates the link access list. */

@@ -288,8 +288,62 @@ static bool has_highest_bit(const unsigned char *values, uint64_t count, hid_t m
     return i < count;
 }
 
+enum { SHAPE_TEXT = 8 + LG_MAX_RANK * 22 }; /* bytes that the longest shape takes */
+
+/* Writes a shape as "(3, 4)". */
+static void shape_text(char text[SHAPE_TEXT], uint32_t rank, const uint64_t *dims) {
+    size_t used = (size_t)snprintf(text, SHAPE_TEXT, "(");
+    for (uint32_t i = 0; i < rank; i++)
+        used += (size_t)snprintf(text + used, SHAPE_TEXT - used, "%s%llu", i > 0 ? ", " : "",
+                                 (unsigned long long)dims[i]);
+    (void)snprintf(text + used, SHAPE_TEXT - used, ")");
+}
+
+/* True for integers that may be beyond 2^53. */
+static bool is_long(hid_t type) {
+    const H5T_class_t kind = H5Tget_class(type);
+    return (kind == H5T_INTEGER || kind == H5T_ENUM) && H5Tget_size(type) > sizeof(int32_t);
+}
+
+hid_t lg_h5_long_type(hid_t stored) {
+    return H5Tget_sign(stored) == H5T_SGN_NONE ? H5T_NATIVE_UINT64 : H5T_NATIVE_INT64;
+}
+
+static lg_status rounded(const lg_h5 *h5, const char *name, const lg_dataset *d, uint64_t at, bool minus,
+                         uint64_t magnitude, lg_error *error) {
+    uint64_t index[LG_MAX_RANK] = {0}, rest = at;
+    for (uint32_t i = d->rank; i-- > 0; rest /= d->dims[i]) index[i] = rest % d->dims[i];
+    char where[SHAPE_TEXT];
+    shape_text(where, d->rank, index);
+    return lg_fail(error, LG_FORMAT, "%s: /%s: row %llu, index %s: %s%llu is beyond 2^53 and " LG_ROUNDED,
+                   lg_shown_path(h5->path), name, (unsigned long long)index[0] + 1, where, minus ? "-" : "",
+                   (unsigned long long)magnitude);
+}
+
+/* Reads `count` numbers as doubles; number `first` of the data set is the first one. Long integers are read
+ * as they are, and converted in place unless they are to stay raw. */
+static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t room, hid_t part,
+                              uint64_t first, uint64_t count, bool checked, lg_h5_long as, double *out,
+                              lg_error *error) {
+    if (!is_long(d->type)) return read_part(h5, name, d, H5T_NATIVE_DOUBLE, room, part, checked, out, error);
+    const hid_t type = lg_h5_long_type(d->type);
+    LG_TRY(read_part(h5, name, d, type, room, part, true, out, error));
+    for (uint64_t i = 0; i < count && as != LG_H5_RAW; i++) {
+        uint64_t bits;
+        memcpy(&bits, &out[i], sizeof bits);
+        const bool minus = type == H5T_NATIVE_INT64 && bits >> 63 != 0;
+        const uint64_t magnitude = minus ? ~bits + 1 : bits;
+        if (as == LG_H5_EXACT && lg_whole_is_rounded(magnitude))
+            return rounded(h5, name, d, first + i, minus, magnitude, error);
+        out[i] = minus ? -(double)magnitude : (double)magnitude;
+    }
+    return LG_OK;
+}
+
 static lg_status read_all(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, bool checked,
                           void *out, lg_error *error) {
+    if (memory == H5T_NATIVE_DOUBLE)
+        return read_doubles(h5, name, d, H5S_ALL, H5S_ALL, 0, d->count, checked, LG_H5_EXACT, out, error);
     LG_TRY(read_part(h5, name, d, memory, H5S_ALL, H5S_ALL, checked, out, error));
     if (!checked || !is_reinterpreted(d->type, memory) || !has_highest_bit(out, d->count, memory))
         return LG_OK;
@@ -303,17 +357,6 @@ static lg_status read_dataset(lg_h5 *h5, const char *name, const lg_dataset *d, 
         return lg_dataset_error(h5, name, "does not hold integers", error);
     if (d->count == 0) return LG_OK;
     return read_all(h5, name, d, lg_h5_memory_type(type), true, out, error);
-}
-
-enum { SHAPE_TEXT = 8 + LG_MAX_RANK * 22 }; /* bytes that the longest shape takes */
-
-/* Writes a shape as "(3, 4)". */
-static void shape_text(char text[SHAPE_TEXT], uint32_t rank, const uint64_t *dims) {
-    size_t used = (size_t)snprintf(text, SHAPE_TEXT, "(");
-    for (uint32_t i = 0; i < rank; i++)
-        used += (size_t)snprintf(text + used, SHAPE_TEXT - used, "%s%llu", i > 0 ? ", " : "",
-                                 (unsigned long long)dims[i]);
-    (void)snprintf(text + used, SHAPE_TEXT - used, ")");
 }
 
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
@@ -411,6 +454,7 @@ lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out
     if (status == LG_OK) {
         *out = (lg_h5_about){
             .kind = class_of(d.type), .rank = d.rank, .count = d.count, .wide = is_wide(d.type)};
+        if (is_long(d.type)) out->raw = lg_h5_long_type(d.type) == H5T_NATIVE_INT64 ? 'i' : 'u';
         memcpy(out->dims, d.dims, sizeof d.dims);
     }
     lg_dataset_close(&d);
@@ -445,8 +489,9 @@ static hsize_t rows_of_block(const lg_dataset *d) {
     return rows < d->dims[0] ? rows : d->dims[0];
 }
 
-static lg_status each_block(lg_h5 *h5, const char *name, const lg_dataset *d, hsize_t rows, double *values,
-                            lg_h5_rows visit, void *user, lg_error *error) {
+static lg_status each_block(lg_h5 *h5, const char *name, const lg_dataset *d, hsize_t rows, lg_h5_long as,
+                            double *values, lg_h5_rows visit, void *user, lg_error *error) {
+    const uint64_t row = d->count / d->dims[0];
     lg_status status = LG_OK;
     hsize_t start[LG_MAX_RANK] = {0}, extent[LG_MAX_RANK];
     for (uint32_t i = 0; i < d->rank; i++) extent[i] = d->dims[i];
@@ -454,9 +499,10 @@ static lg_status each_block(lg_h5 *h5, const char *name, const lg_dataset *d, hs
         start[0] = at;
         extent[0] = d->dims[0] - at < rows ? d->dims[0] - at : rows;
         hid_t part = H5Dget_space(d->set), room = H5Screate_simple((int)d->rank, extent, NULL);
-        status = H5Sselect_hyperslab(part, H5S_SELECT_SET, start, NULL, extent, NULL) >= 0
-                     ? read_part(h5, name, d, H5T_NATIVE_DOUBLE, room, part, false, values, error)
-                     : lg_dataset_error(h5, name, "cannot be read", error);
+        status =
+            H5Sselect_hyperslab(part, H5S_SELECT_SET, start, NULL, extent, NULL) >= 0
+                ? read_doubles(h5, name, d, room, part, at * row, extent[0] * row, false, as, values, error)
+                : lg_dataset_error(h5, name, "cannot be read", error);
         (void)H5Sclose(room);
         (void)H5Sclose(part);
         if (status == LG_OK) visit(user, at, extent[0], values);
@@ -464,14 +510,15 @@ static lg_status each_block(lg_h5 *h5, const char *name, const lg_dataset *d, hs
     return status;
 }
 
-lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error) {
+lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_long as, lg_h5_rows visit, void *user,
+                          lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     lg_dataset d;
     lg_status status = lg_dataset_open(h5, name, sizeof(float), &d, error);
     if (status == LG_OK && d.count > 0) {
         const hsize_t rows = rows_of_block(&d);
         double *values = lg_alloc(h5->context, (size_t)(rows * (d.count / d.dims[0])), sizeof *values);
-        status = values != NULL ? each_block(h5, name, &d, rows, values, visit, user, error)
+        status = values != NULL ? each_block(h5, name, &d, rows, as, values, visit, user, error)
                                 : lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory",
                                           lg_shown_path(h5->path), name);
         lg_free(h5->context, values);
@@ -542,9 +589,11 @@ static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info,
     /* Data sets of other types are skipped; data sets of numbers must be readable. */
     if (info->type == H5O_TYPE_DATASET && open_numbers(s->h5, name, &d, NULL) == LG_OK) {
         double *data = lg_alloc(s->h5->context, (size_t)d.count, sizeof *data);
-        s->status = data == NULL ? lg_fail(s->error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory",
-                                           lg_shown_path(s->h5->path), name)
-                                 : read_dataset(s->h5, name, &d, LG_ELEMENT_F64, data, s->error);
+        s->status = data == NULL  ? lg_fail(s->error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory",
+                                            lg_shown_path(s->h5->path), name)
+                    : d.count > 0 ? read_part(s->h5, name, &d, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, true,
+                                              data, s->error)
+                                  : LG_OK;
         lg_free(s->h5->context, data);
     }
     lg_dataset_close(&d);

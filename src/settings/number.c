@@ -4,34 +4,13 @@
 #include "core/core.h"
 #include "liegrad/settings.h"
 
-static const char *digits(const char *text, bool *any) {
-    while (*text >= '0' && *text <= '9') text++, *any = true;
-    return text;
-}
-
-/* True for [+-] digits [. digits] [e [+-] digits] with at least one digit before or after the point. */
-static bool is_decimal(const char *text) {
-    bool mantissa = false, exponent = false;
-    if (*text == '+' || *text == '-') text++;
-    text = digits(text, &mantissa);
-    if (*text == '.') text = digits(text + 1, &mantissa);
-    if (!mantissa) return false;
-    if (*text == 'e' || *text == 'E') {
-        text++;
-        if (*text == '+' || *text == '-') text++;
-        text = digits(text, &exponent);
-        if (!exponent) return false;
-    }
-    return *text == '\0';
-}
-
 lg_status lg_number_parse(const char *text, double *out) {
     if (text == NULL || out == NULL) return LG_INVALID_ARGUMENT;
-    if (!is_decimal(text)) return LG_FORMAT;
+    if (!lg_is_decimal(text)) return LG_FORMAT;
     const double value = lg_real(text, NULL);
     if (!isfinite(value)) return LG_NOT_FINITE;
     *out = value;
-    return LG_OK;
+    return lg_decimal_is_rounded(text, value) ? LG_UNSUPPORTED : LG_OK;
 }
 
 lg_status lg_integer_parse(const char *text, uint64_t *out) {

@@ -35,13 +35,10 @@ static lg_status read_names(csv *c, lg_error *error) {
     lg_csv_names have = {.used = 0};
     char *at = c->text.line, *cell = NULL;
     for (size_t k = 0; at != NULL; k++) {
-        LG_TRY(lg_csv_cell(&c->text, &at, &cell, error));
+        LG_TRY(lg_csv_name(&c->text, &at, &cell, error));
         if (k == c->text.cells) return lg_csv_fail(&c->text, error, "a cell has a quote inside");
         const uint32_t column = column_of(machine, cell);
         c->column[k] = column;
-        for (char *byte = cell; *byte != '\0'; byte++)
-            if ((unsigned char)*byte < ' ')
-                return lg_csv_fail(&c->text, error, "is not a header: it has control characters");
         lg_csv_add_name(&have, cell);
         if (column == NO_COLUMN) continue;
         if (seen[column])
@@ -85,8 +82,8 @@ static lg_status read_cells(csv *c, bool *again, lg_error *error) {
         if (column == NO_COLUMN) continue;
         LG_TRY(column == table->machine->run
                    ? read_run(c, cell, again, error)
-                   : lg_csv_number(&c->text, cell, table->machine->columns[column].name, &c->values[column],
-                                   error));
+                   : lg_csv_number(&c->text, cell, table->machine->columns[column].name,
+                                   column == table->machine->time, &c->values[column], error));
     }
     return LG_OK;
 }

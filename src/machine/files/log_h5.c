@@ -70,7 +70,8 @@ static lg_status read_columns(void *user, lg_h5 *h5, lg_error *error) {
     if (call->data == NULL) return lg_log_no_memory(call->shown, error);
     for (uint32_t i = 0; i < machine->column_count; i++) {
         copying copy = {call->data + i * (size_t)call->rows};
-        LG_TRY(lg_h5_each_rows(h5, machine->columns[i].name, copy_rows, &copy, error));
+        LG_TRY(lg_h5_each_rows(h5, machine->columns[i].name, i == machine->time ? LG_H5_ROUNDED : LG_H5_EXACT,
+                               copy_rows, &copy, error));
     }
     return LG_OK;
 }

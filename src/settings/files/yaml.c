@@ -201,7 +201,10 @@ static lg_status read_number(const lg_yaml *yaml, const lg_field *key, const yam
         return lg_yaml_fail(yaml, line, status, error, "%s: out of memory", key->name);
     if (status != LG_OK)
         return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: '%s' is not %s number", key->name,
-                            shown(node, show), status == LG_NOT_FINITE ? "a finite" : "a");
+                            shown(node, show),
+                            status == LG_NOT_FINITE    ? "a finite"
+                            : status == LG_UNSUPPORTED ? "below 2^53 and would be rounded, so it is no"
+                                                       : "a");
     if (whole && !(*out >= 0 && *out <= 0x1p53 && *out == (double)(uint64_t)*out))
         return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: '%s' is not a whole number", key->name,
                             shown(node, show));

@@ -52,15 +52,28 @@ static lg_status leave_incomplete(lg_training *self, lg_table_sheet *sheet, lg_e
     return LG_OK;
 }
 
+/* Finds the class with this label: the same text, or else the only one that is the same number (1 and 1.0).
+ * Returns the number of classes if there is none. */
+static uint32_t find_class(const lg_table_names *classes, const char *label) {
+    uint32_t found = 0, equal = classes->count;
+    for (uint32_t c = 0; c < classes->count; c++) {
+        if (strcmp(classes->name[c], label) == 0) return c;
+        if (!lg_is_decimal(label) || !lg_is_decimal(classes->name[c]) ||
+            lg_decimal_compare(classes->name[c], label) != 0)
+            continue;
+        found++;
+        equal = c;
+    }
+    return found == 1 ? equal : classes->count;
+}
+
 /* Replaces labels by indices of the model's classes. */
 static lg_status match_classes(lg_training *self, lg_table_sheet *sheet, const lg_table_names *classes,
                                lg_error *error) {
     lg_table_data *data = &sheet->data;
     uint32_t *number;
     LG_TRAINING_ARRAY(self, number, data->classes, error);
-    for (uint32_t c = 0; c < data->classes; c++)
-        while (number[c] < classes->count && strcmp(classes->name[number[c]], data->class_name[c]) != 0)
-            number[c]++;
+    for (uint32_t c = 0; c < data->classes; c++) number[c] = find_class(classes, data->class_name[c]);
     for (size_t i = 0; i < data->rows; i++) {
         const uint32_t label = data->label[i];
         if (number[label] == classes->count)
