@@ -10,6 +10,35 @@ function(liegrad_pc PC_NAME PC_DESCRIPTION requires private component)
   install(FILES ${file} DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT ${component})
 endfunction()
 
+# The folders of shared libraries among these files (absolute names) which the system's loader does not search: those whose SONAME
+# none of its folders has.
+function(liegrad_foreign_folders out)
+  set(folders)
+  foreach(library IN LISTS ARGN)
+    execute_process(COMMAND ${CMAKE_READELF} -d ${library} OUTPUT_VARIABLE dynamic ERROR_QUIET)
+    if(dynamic MATCHES "SONAME[^[]*\\[([^]]+)")
+      set(soname ${CMAKE_MATCH_1})
+      get_filename_component(folder ${library} DIRECTORY)
+      foreach(searched IN LISTS CMAKE_C_IMPLICIT_LINK_DIRECTORIES)
+        if(EXISTS ${searched}/${soname})
+          set(folder "")
+        endif()
+      endforeach()
+      list(APPEND folders ${folder})
+    endif()
+  endforeach()
+  list(REMOVE_DUPLICATES folders)
+  set(${out} "${folders}" PARENT_SCOPE)
+endfunction()
+
+# liegrad_search_paths(TARGET folder): a shared library or a program looks for libraries in this folder, and in LIEGRAD_FOREIGN,
+# in the build as where it is installed. Otherwise CMake writes another list in the build, and ends it by an empty entry, which is
+# the current folder: whoever can write there could bring a library.
+function(liegrad_search_paths target folder)
+  set(folders ${folder} ${LIEGRAD_FOREIGN})
+  set_target_properties(${target} PROPERTIES BUILD_WITH_INSTALL_RPATH ON INSTALL_RPATH "${folders}")
+endfunction()
+
 # liegrad_library(NAME SOURCES ... [OBJECTS ...] [LIEGRAD other...] PACKAGES pkg... LIBRARIES flag... [ARCHIVES flag...]
 #   DESCRIPTION text)
 #
@@ -44,7 +73,8 @@ function(liegrad_library name)
     add_library(liegrad::${target} ALIAS ${target})
   endforeach()
   set_target_properties(${name}_shared PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}
-    INSTALL_RPATH "$ORIGIN" LINK_DEPENDS ${LIEGRAD_SYMBOLS})
+    LIBRARY_OUTPUT_DIRECTORY ${LIEGRAD_LIBRARY_FOLDER} LINK_DEPENDS ${LIEGRAD_SYMBOLS})
+  liegrad_search_paths(${name}_shared "$ORIGIN")
   target_link_options(${name}_shared PRIVATE LINKER:--version-script=${LIEGRAD_SYMBOLS})
   target_link_libraries(${name}_shared PRIVATE liegrad_hardening)
   add_dependencies(${name}_shared liegrad_symbols)
@@ -92,7 +122,8 @@ function(liegrad_plugin name)
   add_library(liegrad::${name} ALIAS ${name})
   target_link_libraries(${name} PUBLIC liegrad_shared PRIVATE liegrad_flags PkgConfig::${ARG_PACKAGE})
   set_target_properties(${name} PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}
-    INSTALL_RPATH "$ORIGIN" LINK_DEPENDS ${LIEGRAD_SYMBOLS})
+    LIBRARY_OUTPUT_DIRECTORY ${LIEGRAD_LIBRARY_FOLDER} LINK_DEPENDS ${LIEGRAD_SYMBOLS})
+  liegrad_search_paths(${name} "$ORIGIN")
   target_link_options(${name} PRIVATE LINKER:--version-script=${LIEGRAD_SYMBOLS})
   add_dependencies(${name} liegrad_symbols)
   if(LIEGRAD_INSTALL)

@@ -1,7 +1,7 @@
 # Sourced by scripts that start programs with mpirun: makes a folder for them, and exits with 77 (skipped) without mpirun
 # or liegrad_mpi.
 set -eu
-command -v mpirun >/dev/null && ls "$LG_BIN_DIR"/../libliegrad_mpi.so >/dev/null 2>&1 || { echo "no MPI here"; exit 77; }
+command -v mpirun >/dev/null && find "$LG_BIN_DIR"/../lib* -name libliegrad_mpi.so | grep -q . || { echo "no MPI here"; exit 77; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 export PATH=$LG_BIN_DIR:$PATH OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1

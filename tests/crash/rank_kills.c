@@ -299,9 +299,11 @@ static void put_texts(void) {
 }
 
 static bool have_mpi(void) {
-    char path[1024];
-    (void)snprintf(path, sizeof path, "%s/../libliegrad_mpi.so", executables);
-    return system("command -v mpirun >/dev/null") == 0 && exists(path);
+    char command[1024];
+    (void)snprintf(command, sizeof command,
+                   "command -v mpirun >/dev/null && find '%s'/../lib* -name libliegrad_mpi.so | grep -q .",
+                   executables);
+    return system(command) == 0;
 }
 
 int main(int argc, char **argv) {

@@ -315,6 +315,8 @@ static lg_var miss(lg_tape *tape, const lg_var *theta, const lg_var *in) {
 LOSS(of_mean, lg_mean(tape, square))
 LOSS(of_mean_and_size, lg_add(tape, lg_mean(tape, square), lg_sum(tape, lg_square(tape, theta[0]))))
 LOSS(of_rows, e)
+LOSS(of_rounding, lg_add(tape, lg_mul(tape, in[0], lg_sub(tape, theta[0], in[2])),
+                         lg_scale(tape, lg_mean(tape, lg_add(tape, in[1], e)), 1e-16)))
 LOSS(of_sum, lg_sum(tape, square))
 LOSS(of_product, lg_sum(tape, lg_mul(tape, square, theta[0])))
 LOSS(of_root, lg_sqrt(tape, lg_mean(tape, square)))
@@ -380,6 +382,13 @@ TEST("a loss must be a mean over rows for any chunks, and depend on a parameter"
             assert_says(error.message, cases[i].words);
             assert_says(error.message, "'loss'");
         }
+}
+
+TEST("a loss that is learned to the last digit is not judged by its rounding") {
+    lg_error error = {LG_OK, ""};
+    double after;
+    if (train(of_rounding, 0.3, 100, &after, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_true(after < 1e-30);
 }
 
 TEST("the loss of all rows is the same for any chunks; a loss that is a sum and starts at zero is found "
