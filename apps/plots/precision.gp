@@ -1,5 +1,4 @@
 # The error of each method against its cost. T[1]: title, T[2]: number of methods, then their names. Block k: CPU time, evaluations and error of method k.
-colour(k) = word('#1f5fa8 #d1641f #2f8f4e #8e3fa8 #b8242f #7a5c2e #12909a #555555 #c49a00 #e377c2', (k - 1) % 10 + 1)
 label(panel) = panel == 1 ? 'CPU time [s]' : 'evaluations of the field'
 set tics nomirror
 set logscale xy

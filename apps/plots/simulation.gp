@@ -1,7 +1,6 @@
 # Panels of a run. T[1]: number of panels. For each panel: its kind (components, phase, invariants, manifold, rounding, steps, many steps), title, label of x,
 # label of y, number of curves, and the name of each curve; without a curve, the reason. Block k is panel k: x, and a column for each curve.
 # All texts are of our own tables: symbols such as q_{2,x}.
-colour(i) = word('#1f5fa8 #d1641f #2f8f4e #8e3fa8 #b8242f #7a5c2e #12909a #555555 #c49a00 #e377c2', (i - 1) % 10 + 1)
 set multiplot layout (V(1) + 1) / 2, V(1) > 1 ? 2 : 1
 at = 1
 do for [k = 1:V(1)] {

@@ -1,5 +1,4 @@
 # Curves on the unit sphere. T[1]: title, T[2]: number of curves, then the symbol of each. Block k is curve k: x y z.
-colour(k) = word('#1f5fa8 #d1641f #2f8f4e', k)
 set tics nomirror
 set title T[1]
 set view 68,30,1.15

@@ -1,6 +1,5 @@
 # Error against time of training. T[1]: 1 with several numbers of substeps, T[2]: number of integrators, T[3]: number of values of M; then the names of the
 # integrators and the texts of M. Block (i - 1) V(3) + m: integrator i with value m. Columns: seconds, E1, substeps; a line of NaN begins each curve.
-colour(i) = word('#1f5fa8 #d1641f #2a9d5c #8a4fbf #c0392b #6b7280', (i - 1) % 6 + 1)
 # circle, square, triangle up, triangle down, diamond, pentagon, all filled
 mark(m) = int(word('7 5 9 11 13 15', (m - 1) % 6 + 1))
 block(i, m) = (i - 1) * V(3) + m

@@ -272,6 +272,32 @@ TEST("the printed table and the picture contain what they should") {
     assert_says(text, "=3\n=4\n=q\n=p\n=energy\n=first q=0\n");
 }
 
+/* Copies a file with another text of the same length in the place of `text`. */
+static void replace(const char *from, const char *to, const char *text, const char *other) {
+    static char bytes[1 << 20];
+    const size_t count = cli_read(from, bytes, sizeof bytes), length = strlen(text);
+    char *at = bytes;
+    while (at + length <= bytes + count && memcmp(at, text, length) != 0) at++;
+    assert_true(at + length <= bytes + count && strlen(other) == length && count + 1 < sizeof bytes);
+    memcpy(at, other, length);
+    FILE *file = fopen(cli_at(to), "w");
+    assert_true(file != NULL && fwrite(bytes, 1, count, file) == count && fclose(file) == 0);
+}
+
+TEST("the picture shows names of columns from a file as they are") {
+    static const char columns[] = "q1.x|q1.y|q1.z|omega1.x|omega1.y|omega1.z|energy|";
+    cli_run(lg, "pendulums.yaml --ensemble 20 --points 3 --vary q=sphere --task 0/1 --out named.h5");
+    for (size_t i = 0; i < CLI_NAMES; i++) {
+        char names[sizeof columns];
+        const int used = snprintf(names, sizeof names, "%s|b|c|d|e|f|", cli_strange_name(i));
+        (void)snprintf(names + used, sizeof names - (size_t)used, "%0*d|", (int)sizeof columns - used - 2, 0);
+        replace("named.part-0-of-1.h5", "strange.h5", columns, names);
+        cli_run(lg, "merge --statistics-only sum.h5 strange.h5 --plot strange.svg");
+        cli_shows_names("strange.svg", "<text>", i, i + 1);
+        assert_int_equal(unlink(cli_at("sum.h5")), 0);
+    }
+}
+
 /* ---- parts that do not belong together, parts without members ---- */
 
 TEST("tasks of an array run side by side; the same task cannot run twice at a time") {

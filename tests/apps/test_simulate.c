@@ -377,27 +377,19 @@ TEST("--work-precision compares the error and the work of schemes") {
     assert_true(cli_exists("w.gp"));
 }
 
-TEST(
-    "the picture shows a scheme's name as it is; the script does not have it, so that it starts no program") {
-    static const struct {
-        const char *yaml, *shown;
-    } rows[] = {{"a`touch RAN`b", "a`touch RAN`b"},
-                {"'.system(\\\"touch RAN\\\").'", "'.system(\"touch RAN\").'"},
-                {"$(touch RAN)", "$(touch RAN)"},
-                {"\\n!touch RAN\\n", "!touch RAN"},
-                {"@a {b}_c^d %s <&>", "@a {b}_c^d %s &lt;&amp;>"}};
-    static char script[65536], first[65536], picture[1 << 18];
-    for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        cli_write("named.yaml",
-                  test_text("name: \"%s\"\nkind: rkmk\norder: 1\na: [[]]\nb: [1]\n", rows[i].yaml));
+TEST("the picture shows the name of a scheme's file as it is, and its script does not have the name") {
+    static char script[65536], first[65536];
+    for (size_t i = 0; i < CLI_NAMES; i++) {
+        char name[128];
+        size_t used = 0;
+        for (const char *c = cli_strange_name(i); *c != '\0'; c++)
+            used += (size_t)snprintf(name + used, sizeof name - used, "%s%c", *c == '\'' ? "'" : "", *c);
+        cli_write("named.yaml", test_text("name: '%s'\nkind: rkmk\norder: 1\na: [[]]\nb: [1]\n", name));
         cli_run(lg, "rigid.yaml --work-precision --scheme named.yaml --methods rk4 --levels 2 --plot n.svg");
-        assert_false(cli_exists("RAN"));
+        cli_shows_names("n.svg", "<text>", i, i + 1);
         (void)cli_read("n.gp", script, sizeof script);
         if (i == 0) memcpy(first, script, sizeof first);
         assert_string_equal(script, first);
-        if (strstr(result.err, "gnuplot is not installed") != NULL) continue;
-        (void)cli_read("n.svg", picture, sizeof picture);
-        assert_says(picture, rows[i].shown);
     }
 }
 
