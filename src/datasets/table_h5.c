@@ -17,6 +17,7 @@ typedef struct read_call {
     source *sources;
     uint32_t count, room;
     uint64_t rows;
+    bool joined; /* names stand in one text, with commas between them */
     lg_error *error;
     lg_status status;
 } read_call;
@@ -32,9 +33,9 @@ static lg_status add_text(void *user, uint64_t index, const char *text, lg_error
     (void)index;
     for (;;) {
         char name[LG_TABLE_NAME];
-        const size_t length = strcspn(text, ",");
-        (void)snprintf(name, sizeof name, "%.*s", (int)(length < LG_TABLE_NAME ? length : LG_TABLE_NAME),
-                       text + strspn(text, " "));
+        const size_t length = strcspn(text, call->joined ? "," : ""),
+                     blanks = call->joined ? strspn(text, " ") : 0;
+        (void)snprintf(name, sizeof name, "%.*s", (int)(length - blanks), text + blanks);
         LG_TRY(lg_table_add_name(call->r, name, error));
         if (text[length] == '\0') return LG_OK;
         text += length + 1;
@@ -45,7 +46,13 @@ static lg_status add_text(void *user, uint64_t index, const char *text, lg_error
  * numbers. */
 static lg_status name_columns(read_call *call, lg_h5 *h5, const source *s, lg_error *error) {
     bool words = false;
+    call->joined = false;
     LG_TRY(lg_h5_each_attribute_text(h5, s->name, "columns", &words, add_text, call, error));
+    if (words && call->r->all.count - s->first != s->columns) { /* not a list: one text with commas */
+        call->joined = true;
+        call->r->all.count = s->first;
+        LG_TRY(lg_h5_each_attribute_text(h5, s->name, "columns", &words, add_text, call, error));
+    }
     if (words && call->r->all.count - s->first != s->columns)
         return lg_fail(error, LG_FORMAT, "%s: /%s: attribute columns has %u names for %u columns",
                        call->r->shown, s->name, call->r->all.count - s->first, s->columns);

@@ -371,6 +371,7 @@ TEST("names and labels of any bytes survive training, prediction, and training o
             fit,
             "train drawn.csv --class %s --hidden 8 --validation 0 --method lbfgs --epochs 300 --out drawn.h5",
             option);
+        cli_json(fit, "evaluate drawn.h5 drawn.csv", "accuracy 1");
         cli_run(fit, "predict drawn.h5 drawn.csv --out predicted.csv");
         expect_drawn("predicted.csv", column, label);
         cli_run(fit, "train predicted.csv --class %s --hidden 4 --validation 0 --epochs 300 --out again.h5",
@@ -378,6 +379,20 @@ TEST("names and labels of any bytes survive training, prediction, and training o
         cli_run(fit, "predict again.h5 predicted.csv --out again.csv");
         expect_drawn("again.csv", column, label);
     }
+}
+
+TEST("a label belongs to the class of its text, or else to the only class of its number") {
+    cli_write("ones.csv", "x,c\n1,1\n2,1\n3,1\n7,2\n8,2\n9,2\n");
+    cli_run(fit, "train ones.csv --class c --hidden 2 --validation 0 --epochs 50 --out ones.h5");
+    cli_write("labels.csv", "x,c\n1,1.0\n9,02\n");
+    cli_json(fit, "evaluate ones.h5 labels.csv", "accuracy 1, judged_rows 2, classes [\"1\"");
+    cli_write("labels.csv", "x,c\n1,1.5\n");
+    cli_expect(fit, "evaluate ones.h5 labels.csv", 3, "does not know class '1.5'");
+    cli_write("ones.csv", "x,c\n1,1\n2,1\n3,1.0\n7,1.0\n8,2\n9,2\n");
+    cli_run(fit, "train ones.csv --class c --hidden 2 --validation 0 --epochs 50 --out ones.h5");
+    assert_says(result.err, "the classes '1' and '1.0' are the same number, written in two ways");
+    cli_write("labels.csv", "x,c\n1,01\n");
+    cli_expect(fit, "evaluate ones.h5 labels.csv", 3, "does not know class '01'");
 }
 
 TEST("columns are found by name: swapped columns give the same numbers, a missing cell gives no number") {

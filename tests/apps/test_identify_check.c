@@ -1,6 +1,7 @@
 /* lg-identify check: what it reports of logs, what it refuses, and what causes a warning. Wrong command lines
  * are in test_refused.
  * ctest-labels: apps/lg-identify src/machine */
+#include "files/h5.h"
 #include "identify_support.h"
 
 /* ---- a log: x = sin t, y = .5 cos 3t, theta = .8 sin 2t, an attitude turning about e3 by t ---- */
@@ -248,6 +249,38 @@ TEST("with several files the message names only the file with the fault, once") 
     assert_null(strstr(result.err, "first.csv"));
     cli_expect(identify, "check machine.yaml first.csv none.csv", 3, "none.csv");
     assert_null(strstr(result.err, "first.csv"));
+}
+
+TEST("a whole number that no double equals is refused; a time in nanoseconds may be rounded") {
+    static const char *const columns[] = {"t", "x", "vx", "u"};
+    char text[4096] = "t,x,vx,u\n";
+    cli_write("line.yaml", "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+                           "inputs: {columns: [u]}\nscale: {t: 1e-9}\n");
+    hid_t file = H5Fcreate(cli_at("line.h5"), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    int64_t values[4][40];
+    for (int i = 0; i < 40; i++) {
+        const int64_t row[4] = {1700000000123456789 + 20000000 * (int64_t)i, i * i, 100 * i, i % 3};
+        (void)snprintf(text + strlen(text), sizeof text - strlen(text), "%lld,%lld,%lld,%lld\n",
+                       (long long)row[0], (long long)row[1], (long long)row[2], (long long)row[3]);
+        for (int c = 0; c < 4; c++) values[c][i] = row[c];
+    }
+    cli_write("line.csv", text);
+    for (int c = 0; c < 4; c++) {
+        const hsize_t rows[1] = {40};
+        hid_t space = H5Screate_simple(1, rows, NULL);
+        hid_t set = H5Dcreate2(file, columns[c], H5T_STD_I64LE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+        assert_true(H5Dwrite(set, H5T_NATIVE_INT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, values[c]) >= 0);
+        assert_true(H5Dclose(set) >= 0 && H5Sclose(space) >= 0);
+    }
+    assert_true(H5Fclose(file) >= 0);
+    for (int k = 0; k < 2; k++) {
+        cli_json(identify, test_text("check line.yaml line.%s", k == 0 ? "csv" : "h5"), "rows 40, gaps 0");
+        assert_close(json_number(result.out, "dt_median"), DT, 1e-4, 0);
+    }
+    *strstr(text, "400,2000,") = '\0';
+    cli_write("large.csv", test_text("%s9007199254740993,2000,2\n", text));
+    cli_expect(identify, "check line.yaml large.csv", 3,
+               "large.csv: line 22: column x: 9007199254740993 is beyond 2^53");
 }
 
 TEST("a file with no usable rows is reported, and the others are read") {

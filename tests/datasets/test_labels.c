@@ -290,6 +290,35 @@ TEST("arrays and attributes of HDF5 are not rounded either; a file's own state m
     assert_status(open_and_read(path, read_signed, &error), LG_FORMAT);
 }
 
+TEST("the names of a matrix stand in one text with commas, or in a list, whose texts may have commas") {
+    static const struct {
+        const char *one, *two;
+        bool list;
+    } rows[] = {{"p", "q, r", true}, {" p", "q", true}, {"p", "q", false}};
+    const int64_t values[ROWS] = {1, 2, 3, 4};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *path = write_matrix(H5T_NATIVE_INT64, 8, values, values);
+        const char *const both[2] = {rows[i].one, rows[i].two};
+        const hsize_t dims[1] = {2};
+        lg_table_names names;
+        if (!rows[i].list) replace_text(path, "c", "columns", "p, q");
+        if (rows[i].list) {
+            hid_t file = open_for_change(path), type = H5Tcopy(H5T_C_S1),
+                  space = H5Screate_simple(1, dims, NULL);
+            assert_true(H5Tset_size(type, H5T_VARIABLE) >= 0);
+            hid_t at =
+                H5Acreate_by_name(file, "c", "columns", type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+            assert_true(at >= 0 && H5Awrite(at, type, both) >= 0 && H5Aclose(at) >= 0);
+            assert_true(H5Sclose(space) >= 0 && H5Tclose(type) >= 0 && H5Fclose(file) >= 0);
+        }
+        assert_told(lg_table_names_read(NULL, path, NULL, &names, &told));
+        const bool same =
+            names.count == 2 && strcmp(names.name[0], both[0]) == 0 && strcmp(names.name[1], both[1]) == 0;
+        lg_table_names_destroy(&names);
+        assert_true(same);
+    }
+}
+
 /* ---- labels that differ only in their writing ---- */
 
 static int warned;

@@ -537,7 +537,7 @@ TEST("columns of an HDF5 file that do not fit are refused by name") {
         assert_status(read_h5(path, rows[i].column, rows[i].class_column, &data, &error), LG_FORMAT);
         assert_says(error.message, rows[i].word);
     }
-    replace_text(path, "named", "columns", "p,q,r");
+    replace_text(path, "named", "columns", "p, q, r");
     assert_status(read_h5(path, "p", NULL, &data, &error), LG_FORMAT);
     assert_says(error.message, "/named: attribute columns has 3 names for 2 columns");
     hid_t file = H5Fcreate(scratch_path("bare.h5"), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
