@@ -261,8 +261,8 @@ LG_API void lg_table_file_destroy(lg_table_file *file);
  *
  * - CSV: a header line with the names, then one row per line, separated by commas, semicolons or tabs.
  *   Quotes, CRLF, a byte order mark, blank lines and lines that begin with # are understood; a cell in quotes
- *   may hold anything, also newlines. The cells "", nan, NA, N/A and null are missing values, except as labels
- *   in quotes.
+ *   may hold anything, also newlines. The cells "", nan, NA, N/A and null are missing values, except as
+ *   labels in quotes.
  * - HDF5: each dataset of the root with one number per row is a column with the name of the dataset. The
  *   columns are in the order of these names. A dataset (rows, k) is k columns. Its attribute `columns` (a
  *   list of texts, or one text with commas) names them; without it the names are NAME0, NAME1, ..., where
@@ -270,9 +270,9 @@ LG_API void lg_table_file_destroy(lg_table_file *file);
  * - numpy: one array (.npy, version 1 to 3) of numbers, (rows) or (rows, k), in C or Fortran order. The
  *   columns are called c0, c1, ...
  *
- * Labels are texts as written. In HDF5 and numpy files an integer is its exact decimal text, and a real number
- * the shortest text that reads back as the same number of its type. Labels that are the same number in two
- * writings (1 and 1.0) are two classes, with a warning to the log. */
+ * Labels are texts as written. In HDF5 and numpy files an integer is its exact decimal text, and a real
+ * number the shortest text that reads back as the same number of its type. Labels that are the same number
+ * in two writings (1 and 1.0) are two classes, with a warning to the log. */
 
 typedef char lg_table_text[LG_TABLE_NAME];
 
@@ -308,8 +308,8 @@ typedef struct lg_table_data {
  * Free *out with lg_table_data_destroy. Errors: the errors of lg_table_names_read; LG_INVALID_ARGUMENT (a
  * column that is asked for twice); LG_FORMAT, with file, line and column, for text in a column of numbers, an
  * infinite number, rows of unequal length, a column that is missing (the sentence lists the columns of the
- * file) or occurs twice, an integer beyond 2^53 in a column of numbers that no double equals, no row, and more
- * than 1000 classes. */
+ * file) or occurs twice, an integer beyond 2^53 in a column of numbers that no double equals, no row, and
+ * more than 1000 classes. */
 LG_API lg_status lg_table_read(const lg_context *context, const char *path, const char *const *names,
                                uint32_t count, const char *class_column, const lg_read_options *options,
                                lg_table_data *out, lg_error *error);
