@@ -133,8 +133,9 @@ bool app_reopen_asked(void);
 
 /* ---- printing (screen.c) ---- */
 
-/* From now on stdout and stderr show every byte that is not harmless text, but newline and tab, as \x1b: control
- * characters (also those beyond ASCII), marks of the direction of writing, and bytes that are not UTF-8. */
+/* From now on stdout and stderr show every byte that is not harmless text, but newline and tab, as \x1b:
+ * control characters (also those beyond ASCII), marks of the direction of writing, and bytes that are not
+ * UTF-8. */
 void app_screen_begin(void);
 /* Flushes stdout; false if something could not be written. */
 bool app_screen_flush(void);
@@ -432,9 +433,11 @@ bool app_plot_name_fits(const char *picture);
 /* Width and height in pixels. The name must end in .svg or .png; app_check_outputs checks this for
  * LG_FILE_DRAWN. */
 void app_plot_begin(app_plot *plot, const char *script, const char *picture, int width, int height);
-/* Adds a text: T[1] of the script, T[2] and so on. V(k) of the script is T[k] as a number. Any bytes are fine. */
+/* Adds a text: T[1] of the script, T[2] and so on. V(k) of the script is T[k] as a number. Any bytes are
+ * fine. */
 void app_plot_text(app_plot *plot, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Ends a block of data. The first block is `index 1` of `datafile` in the script. A block must not be empty. */
+/* Ends a block of data. The first block is `index 1` of `datafile` in the script. A block must not
+ * be empty. */
 void app_plot_block(app_plot *plot);
 /* Writes the data and the script, and runs gnuplot. Without gnuplot it leaves both, warns and returns LG_OK.
  * When a file cannot be written, the files that this call wrote are removed. */

@@ -98,9 +98,9 @@ static bool drain(int from, FILE *to) {
 
 /* Runs gnuplot in the script's folder, without its start-up files, and copies its standard output, the
  * picture, to `picture`. The script's name begins with ./, because gnuplot starts a program if a name begins
- * with < or |. Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started or was
- * killed, or if its output could not be read. The caller then writes the picture completely or not at all;
- * gnuplot itself does not notice a full disk. */
+ * with < or |. Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started
+ * or was killed, or if its output could not be read. The caller then writes the picture completely or not at
+ * all; gnuplot itself does not notice a full disk. */
 static int run_gnuplot(const char *script, FILE *picture) {
     int ends[2];
     if (pipe(ends) != 0) return -1;

@@ -1,5 +1,5 @@
-/* What the programs print: no text of a file or command line reaches a terminal as a control character, and none
- * can begin a line or a cell of a table. */
+/* What the programs print: no text of a file or command line reaches a terminal as a control character, and
+ * none can begin a line or a cell of a table. */
 #include "common/app.h"
 
 #include <errno.h>

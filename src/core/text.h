@@ -24,9 +24,9 @@ void lg_text_join(lg_text *to, const lg_text *from);
 /* Adds `code`, with NAME_ at the beginning of a word replaced by `name` and _. */
 void lg_text_add_named(lg_text *to, const char *name, const char *code);
 void lg_text_destroy(lg_text *to);
-/* Decodes the UTF-8 character at `text`, of which `left` bytes may be read. Returns its number of bytes; *code
- * becomes its number, or LG_NO_CHARACTER for one byte that begins no character (overlong forms and surrogates
- * are none). Returns 0 if the `left` bytes begin a character whose end is missing. */
+/* Decodes the UTF-8 character at `text`, of which `left` bytes may be read. Returns its number of bytes;
+ * *code becomes its number, or LG_NO_CHARACTER for one byte that begins no character (overlong forms and
+ * surrogates are none). Returns 0 if the `left` bytes begin a character whose end is missing. */
 #define LG_NO_CHARACTER UINT32_MAX
 size_t lg_utf8(const char *text, size_t left, uint32_t *code);
 /* lg_in_word: true if c is a letter, a digit or _. lg_is_word: true if the text has at least one character

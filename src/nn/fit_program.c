@@ -184,8 +184,8 @@ static lg_status check_mean_at(training *t, lg_tape *tape, const double *theta, 
                    name, rows, together, mean);
 }
 
-/* Tries this at parameters that are off by a hundredth, because a loss that has been learned to the last digit
- * is rounding, which may differ between rows together and rows one by one. */
+/* Tries this at parameters that are off by a hundredth, because a loss that has been learned to the last
+ * digit is rounding, which may differ between rows together and rows one by one. */
 static lg_status check_mean(training *t, const lg_context *context, lg_tape *tape, lg_error *error) {
     double *off = lg_alloc(context, t->count, sizeof *off);
     if (off == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t->count);

@@ -228,7 +228,8 @@ TEST("latencies are summarised by their quantiles") {
 }
 
 /* A row of the data counts the samples between its edge and the next edge. Each series contains all samples,
- * and the script draws from one edge to the next (gnuplot: steps). Nothing in the folder's name is a command. */
+ * and the script draws from one edge to the next (gnuplot: steps). Nothing in the folder's name is
+ * a command. */
 TEST("the histogram counts each sample once, in its bin") {
     enum { EDGES = DECADES * DECADE_BINS + 1 };
     char folder[] = "/tmp/liegrad it's `touch RAN`$(touch RAN)\"|<XXXXXX", path[PATH], line[256];
