@@ -92,8 +92,7 @@ typedef struct lg_h5_about {
     /* A float cannot hold all numbers exactly: true for reals of more than 4 bytes and integers of 4 bytes or
      * more. */
     bool wide;
-    char
-        raw; /* i, u: integers above four bytes, which LG_H5_RAW gives as int64_t or uint64_t; else 0 */
+    char raw; /* i, u: integers above four bytes, which LG_H5_RAW gives as int64_t or uint64_t; else 0 */
 } lg_h5_about;
 /* Describes a data set without reading its data. LG_NOT_FOUND if there is no such data set, LG_FORMAT if it
  * exceeds max_size at `bytes` bytes per element. */
