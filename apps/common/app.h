@@ -374,8 +374,8 @@ typedef struct app_file {
     size_t length;
 } app_file;
 void app_file_begin(app_file *file, const char *path);
-/* On failure the old file is left as it was, and `error` says why. LG_FILE also for a file that app_may_replace
- * refuses. */
+/* On failure the old file is left as it was, and `error` says why. LG_FILE also for a file that
+ * app_may_replace refuses. */
 lg_status app_file_end(app_file *file, lg_error *error);
 void app_file_discard(app_file *file);
 /* Checks early whether `path` can be written, rather than after an hour of work: its folder must exist and be
@@ -399,11 +399,13 @@ typedef struct app_path {
 size_t app_file_options(const app *app, app_path *paths);
 /* Called before any long work. Each output must be writable and must differ from all inputs (the command's
  * arguments and the paths with LG_FILE_READ) and from all other outputs; a picture must end in .svg or .png.
- * Then claims the outputs (app_claim), and checks that they replace no foreign file (app_may_replace). On failure prints why and returns an exit code. Options whose rows set
- * `file` are checked for every command without this call. */
+ * Then claims the outputs (app_claim), and checks that they replace no foreign file (app_may_replace). On
+ * failure prints why and returns an exit code. Options whose rows set `file` are checked for every command
+ * without this call. */
 int app_check_outputs(const app *app, const app_path *paths, size_t count);
-/* Returns whether a regular file begins with the first line of `data`, or with all of it if it has no line end;
- * `whole`: whether it is the data. If the data are a file in HDF5, liegrad must have written the file. */
+/* Returns whether a regular file begins with the first line of `data`, or with all of it if it has no line
+ * end; `whole`: whether it is the data. If the data are a file in HDF5, liegrad must have written the
+ * file. */
 bool app_begins(const app *app, const char *path, const char *data, size_t bytes, bool whole);
 /* `replace` of the context (liegrad/core.h), for everything that a command writes; `user` is the app. A file
  * that exists is replaced only if it is an earlier result of the same kind, and a sentence on stderr says
@@ -411,9 +413,9 @@ bool app_begins(const app *app, const char *path, const char *data, size_t bytes
  * Every other file stays, and the status is LG_FILE. A file that this process has written, and an empty one,
  * may always be replaced. */
 lg_status app_may_replace(void *user, const char *path, const void *data, size_t bytes, lg_error *error);
-/* Checks before the work that a text with this first line may be written to `path` (NULL: nothing is checked);
- * `whole`: that a file there holds this text and nothing else. Ends the command otherwise. app_check_outputs
- * checks files in HDF5, pictures, and the data and scripts of pictures. */
+/* Checks before the work that a text with this first line may be written to `path` (NULL: nothing is
+ * checked); `whole`: that a file there holds this text and nothing else. Ends the command otherwise.
+ * app_check_outputs checks files in HDF5, pictures, and the data and scripts of pictures. */
 void app_check_text(const app *app, const char *path, const char *text, bool whole);
 /* Says that the command adds to this file, which it has checked, so it replaces no earlier result. */
 void app_continue(const char *path);
