@@ -25,6 +25,7 @@ static struct {
     fault_class noted;
     uint64_t *stacks;
     long room;
+    void (*before)(void);
 } faults;
 
 void faults_arm(fault_class of, fault_way way, long from, long to) {
@@ -74,6 +75,10 @@ void faults_note_stacks(fault_class of, uint64_t *stacks, long room) {
     faults.stacks = stacks;
 }
 
+void faults_interpose(void (*before)(void)) {
+    faults.before = before;
+}
+
 static void note_stack(long call) {
     enum { FRAMES = 10, OURS = 3 };
     void *frames[FRAMES];
@@ -120,6 +125,7 @@ long faults_choose(const uint64_t *stacks, long noted, long calls, long most, lo
 
 /* Counts a call. Returns true if this call has to fail. */
 static bool goes_wrong(fault_class of) {
+    if (faults.before != NULL && of == FAULT_FILES) faults.before();
     if (spared_here) return false;
     const long call = ++faults.calls[of];
     if (faults.stacks != NULL && of == faults.noted && call <= faults.room) note_stack(call);
@@ -213,6 +219,8 @@ CALL(FAULT_FILES, EMFILE, NULL, DIR *, opendir, (const char *path), (path))
 CALL(FAULT_FILES, EIO, -1, int, stat, (const char *path, struct stat *out), (path, out))
 CALL(FAULT_FILES, EIO, -1, int, lstat, (const char *path, struct stat *out), (path, out))
 CALL(FAULT_FILES, EIO, -1, int, fstat, (int fd, struct stat *out), (fd, out))
+CALL(FAULT_FILES, EIO, -1, int, fstatat, (int folder, const char *path, struct stat *out, int flags),
+     (folder, path, out, flags))
 CALL(FAULT_FILES, EIO, -1, int, fsync, (int fd), (fd))
 CALL(FAULT_FILES, EIO, -1, int, fdatasync, (int fd), (fd))
 CALL(FAULT_FILES, EIO, -1, int, ftruncate, (int fd, off_t bytes), (fd, bytes))
@@ -220,9 +228,14 @@ CALL(FAULT_FILES, EIO, -1, int, fchmod, (int fd, mode_t mode), (fd, mode))
 CALL(FAULT_FILES, EIO, -1, int, rename, (const char *from, const char *to), (from, to))
 CALL(FAULT_FILES, EIO, -1, int, renameat, (int of, const char *from, int in, const char *to),
      (of, from, in, to))
+CALL(FAULT_FILES, EIO, -1, int, renameat2, (int of, const char *from, int in, const char *to, unsigned flags),
+     (of, from, in, to, flags))
+CALL(FAULT_FILES, EIO, -1, int, linkat, (int of, const char *from, int in, const char *to, int flags),
+     (of, from, in, to, flags))
 CALL(FAULT_FILES, EIO, -1, int, unlink, (const char *path), (path))
 CALL(FAULT_FILES, EIO, -1, int, unlinkat, (int folder, const char *path, int flags), (folder, path, flags))
 CALL(FAULT_FILES, ENOSPC, -1, int, mkdir, (const char *path, mode_t mode), (path, mode))
+CALL(FAULT_FILES, ENOSPC, -1, int, mkdirat, (int folder, const char *path, mode_t mode), (folder, path, mode))
 CALL(FAULT_FILES, EIO, -1, int, rmdir, (const char *path), (path))
 CALL(FAULT_FILES, ENOLCK, -1, int, flock, (int fd, int what), (fd, what))
 CALL(FAULT_FILES, EMFILE, -1, int, dup, (int fd), (fd))

@@ -32,6 +32,9 @@ void faults_spare(bool spared);
 long faults_calls(fault_class of);
 bool faults_hit(void);
 
+/* From now on, before() is called before each call of the class FILES. NULL ends this. */
+void faults_interpose(void (*before)(void));
+
 /* Blocks that were allocated by calls of the table and are not freed. */
 long faults_live(void);
 
