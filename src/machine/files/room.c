@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "files/memory.h"
 #include "machine/files/recipe.h"
 #include "model/files/training.h"
@@ -80,23 +81,24 @@ static double judge(const lg_context *context, const lg_machine_problem *problem
     return status == LG_OUT_OF_MEMORY ? 0.0 : fmax((double)c->most, jacobian * sizeof(double));
 }
 
-/* What is measured: a fit by plans of one window, fits on the tape of one window and of two, and what comes
- * after the fit. */
-enum { PLANNED, TAPED, TAPED_TWICE, JUDGED, WAYS };
+/* What is measured: a fit by plans, a fit on the tape, and what comes after a fit, of one window and of
+ * several at once. */
+enum { PLANNED, TAPED, JUDGED, TAPED_TOGETHER, JUDGED_TOGETHER, WAYS, TOGETHER = 16 };
 
-/* Bytes of windows of `window` rows, which are equal if there are two of them. */
+/* Bytes of windows of `window` rows; several windows are the same one. */
 static lg_status measure(lg_training *self, int way, uint32_t window, double *bytes, lg_error *error) {
     const lg_machine_model_run *run = self->run;
     lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
-    const size_t start[] = {problem.start[0], problem.start[0]};
+    size_t start[TOGETHER];
     count c = {0, 0};
     lg_context_options options;
     lg_context *context = NULL;
     lg_rng rng;
     double *theta;
     problem.window = window;
+    problem.windows = way >= TAPED_TOGETHER ? TOGETHER : 1;
+    for (size_t i = 0; i < TOGETHER; i++) start[i] = problem.start[0];
     problem.start = start;
-    problem.windows = way == TAPED_TWICE ? 2 : 1;
     problem.validation = 0;
     LG_TRAINING_ARRAY(self, theta, lg_machine_problem_parameters(&problem), error);
     lg_rng_seed(&rng, run->training.seed, 0);
@@ -106,7 +108,7 @@ static lg_status measure(lg_training *self, int way, uint32_t window, double *by
     options.release = give;
     options.allocator_user = &c;
     lg_status status = lg_context_create(&options, &context);
-    if (status == LG_OK && way != JUDGED) {
+    if (status == LG_OK && way != JUDGED && way != JUDGED_TOGETHER) {
         status = run_epoch(self, context, &problem, way == PLANNED, theta);
         *bytes = (double)c.most;
     } else if (status == LG_OK) {
@@ -136,22 +138,33 @@ static lg_status measure_row(lg_training *self, double row[WAYS], lg_error *erro
 
 /* ---- windows ---- */
 
-/* Bytes of a fit of windows of `window` rows. Each shard has a plan or a tape with as many windows as are on
- * it at once: these share its operations, and each has its numbers. */
+/* Bytes of a row of this many windows, of which one takes `one` and TOGETHER of them take `together`: they share
+ * the operations, and each has its numbers. */
+static double bytes_together(double one, double together, double windows) {
+    return one + fmax(together - one, 0.0) / (TOGETHER - 1) * (windows - 1.0);
+}
+
+/* Bytes of a fit of windows of `window` rows. Each shard has a tape with as many windows as are on it at once,
+ * and a plan if this has not too many operations. */
 static double bytes_of(const lg_training *self, const double row[WAYS], uint32_t window) {
-    enum { SHARDS = 4 };              /* without --shards */
+    enum {
+        SHARDS = 4,           /* without --shards */
+        PLAN_OPERATION = 512, /* most bytes of an operation of a plan */
+    };
     static const double margin = 1.3; /* the parts of blocks that are not used */
     lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
     lg_fit_problem fit;
     const size_t used = problem.windows - problem.validation; /* shorter windows are more */
     const double windows = fmax((double)used, (double)problem.log.rows / window),
-                 shards = fmin(windows, self->options.shards > 0 ? self->options.shards : SHARDS),
-                 own = fmax(row[TAPED_TWICE] - row[TAPED], 0.0);
+                 shards = fmin(windows, self->options.shards > 0 ? self->options.shards : SHARDS);
     problem.window = window;
     lg_machine_fit_problem(&problem, &fit);
-    const double once = fmin((double)fit.chunk, windows / shards),
-                 operations = fmax(row[PLANNED], row[TAPED]) - own;
-    return margin * window * (shards * (operations + once * own) + once * row[JUDGED]);
+    const double together = fmin((double)fit.chunk, windows / shards),
+                 taped = bytes_together(row[TAPED], row[TAPED_TOGETHER], together),
+                 judged = bytes_together(row[JUDGED], row[JUDGED_TOGETHER], together),
+                 plan = fmin(window * fmax(row[PLANNED] - row[TAPED], 0.0),
+                             (double)LG_PROGRAM_MAX_NODES * PLAN_OPERATION);
+    return margin * (shards * (window * taped + plan) + window * judged);
 }
 
 lg_status lg_machine_check_room(lg_training *self, lg_error *error) {
@@ -162,7 +175,6 @@ lg_status lg_machine_check_room(lg_training *self, lg_error *error) {
     double row[WAYS];
     if (run->window <= MEASURED) return LG_OK;
     LG_TRY(measure_row(self, row, error));
-    if (getenv("LGDBG")) fprintf(stderr, "ROW %g %g %g %g\n", row[0], row[1], row[2], row[3]);
     const double needed = bytes_of(self, row, run->window);
     while (fits > 2 && bytes_of(self, row, fits) > left) fits -= fits / 20 + 1;
     if (fits == run->window) return LG_OK;
