@@ -20,8 +20,9 @@ enum { TRIES = 1000, WORDS = 400 };
 static const char head[] = "This is a lock of liegrad. It is removed when the output is written.\nprocess ";
 enum { HEAD = sizeof head - 1, NAMED = HEAD - 8 }; /* the words "process N on HOST: ..." begin at NAMED */
 
-/* Whether a descriptor holds a lock. A forked child has copies of these descriptors. If it outlived its killed
- * parent, the output would seem to be written until it ends too. So a child closes its copies at once. */
+/* Whether a descriptor holds a lock. A forked child has copies of these descriptors. If it outlived its
+ * killed parent, the output would seem to be written until it ends too. So a child closes its copies at once.
+ * */
 static _Atomic bool holding[4096];
 
 static void in_child(void) {

@@ -1,7 +1,7 @@
 /* Temporary files and folders. The name of a temporary file holds the number that the file has in the file
  * system (its inode), so a file of somebody else is not taken for a temporary file, whatever its name. The
- * process that writes the file holds a lock on it (flock, which the kernel releases when the process dies). So
- * the remains of a killed process can be told from a file that is being written.
+ * process that writes the file holds a lock on it (flock, which the kernel releases when the process dies).
+ * So the remains of a killed process can be told from a file that is being written.
  *
  * The number is known only when the file exists. Until then its name holds the time of its creation, and only
  * an empty file that was created at this time is taken for ours. */
@@ -141,14 +141,6 @@ void lg_sweep(int folder, const char *target) {
         remove_left(folder, name, number);
     }
     if (files != NULL) (void)closedir(files);
-}
-
-void lg_temporary_sweep(const lg_context *context, const char *target) {
-    const int folder = lg_open_folder(target);
-    (void)context;
-    if (folder < 0) return;
-    lg_sweep(folder, target);
-    (void)close(folder);
 }
 
 /* ---- creating a temporary file or folder ---- */

@@ -13,6 +13,7 @@
 
 #include "test_support.h"
 
+#include "files/temporary.h"
 #include "liegrad/files.h"
 #include "support/faults.h"
 
@@ -79,6 +80,13 @@ static const char *long_target(void) {
     return name;
 }
 
+static void sweep(const char *target) {
+    const int folder = lg_open_folder(target);
+    assert_true(folder >= 0);
+    lg_sweep(folder, target);
+    assert_int_equal(close(folder), 0);
+}
+
 TEST("a writer that was killed leaves a file or folder that the next writer removes, also for long names") {
     const char *const targets[] = {"dead.h5", "./dead.h5", long_target()};
     io_enter_folder();
@@ -120,7 +128,7 @@ TEST("a writer that is killed before its file has its name leaves an empty file 
             if (folder) assert_int_equal(mkdir(names[i], 0777), 0);
         if (!folder) put(young), put(old), put_text(full, "x");
         if (folder) put(test_text("%s/a", full));
-        lg_temporary_sweep(NULL, "model.h5");
+        sweep("model.h5");
         assert_false(is_there(young));
         assert_true(is_there(old) && is_there(full));
     }
@@ -157,7 +165,7 @@ TEST("a temporary file of another user stays") {
     if (getuid() != 0) skip();
     const char *name = leave_behind("model.h5", false);
     assert_int_equal(chown(name, 65534, 65534), 0);
-    lg_temporary_sweep(NULL, "model.h5");
+    sweep("model.h5");
     assert_true(is_there(name));
 }
 
@@ -184,7 +192,7 @@ static long sweep_exchanged(long at, bool link) {
     exchange.calls = 0;
     put(test_text("%s/a", exchange.left));
     faults_interpose(exchange_folder);
-    lg_temporary_sweep(NULL, "code");
+    sweep("code");
     faults_interpose(NULL);
     assert_true(is_there("mine/a") || (at > 0 && !link && is_there(test_text("%s/a", exchange.left))));
     assert_true(at > 0 || !is_there(exchange.left));

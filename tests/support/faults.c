@@ -17,6 +17,8 @@
 #include <unistd.h>
 #include <yaml.h>
 
+struct rlimit;
+
 static struct {
     _Atomic long calls[FAULT_CLASSES], live, hits;
     fault_class of;
@@ -271,6 +273,16 @@ CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_append_mapping_pair,
 READ(fread, (void *data, size_t size, size_t count, FILE *file), (data, size, count, file))
 READ(__fread_chk, (void *data, size_t room, size_t size, size_t count, FILE *file),
      (data, room, size, count, file))
+/* <sys/resource.h> declares these two with an enumeration of GNU. */
+CALL(FAULT_CONFINE, EPERM, -1, int, getrlimit, (int of, struct rlimit *limit), (of, limit))
+CALL(FAULT_CONFINE, EPERM, -1, int, setrlimit, (int of, const struct rlimit *limit), (of, limit))
+#ifdef LG_SECCOMP
+CALL(FAULT_CONFINE, ENOMEM, NULL, void *, seccomp_init, (uint32_t action), (action))
+CALL(FAULT_CONFINE, ENOMEM, -ENOMEM, int, seccomp_rule_add_array,
+     (void *filter, uint32_t action, int call, unsigned count, const void *conditions),
+     (filter, action, call, count, conditions))
+CALL(FAULT_CONFINE, EINVAL, -EINVAL, int, seccomp_load, (const void *filter), (filter))
+#endif
 CLOSE(close, FAULT_FILES, int)
 CLOSE(fclose, class_of(closed), FILE *)
 CLOSE(closedir, FAULT_FILES, DIR *)
@@ -424,6 +436,25 @@ int __wrap_openat(int folder, const char *path, int flags, ...) {
     va_end(more);
     return fails(FAULT_FILES, EMFILE) ? -1 : REAL(openat)(folder, path, flags, mode);
 }
+
+int REAL(prctl)(int, ...);
+int __wrap_prctl(int, ...);
+int __wrap_prctl(int what, ...) {
+    va_list more;
+    va_start(more, what);
+    const unsigned long value = va_arg(more, unsigned long);
+    va_end(more);
+    return fails(FAULT_CONFINE, EINVAL) ? -1 : REAL(prctl)(what, value, 0ul, 0ul, 0ul);
+}
+
+#ifdef LG_SECCOMP
+/* The project calls this function without conditions. */
+int REAL(seccomp_rule_add)(void *, uint32_t, int, unsigned, ...);
+int __wrap_seccomp_rule_add(void *, uint32_t, int, unsigned, ...);
+int __wrap_seccomp_rule_add(void *filter, uint32_t action, int call, unsigned count, ...) {
+    return fails(FAULT_CONFINE, ENOMEM) ? -ENOMEM : REAL(seccomp_rule_add)(filter, action, call, count);
+}
+#endif
 
 /* The project calls fcntl only with a pointer to a lock, or without a third argument. */
 int REAL(fcntl)(int, int, ...);

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "autodiff/program/program.h"
 #include "files/memory.h"
+#include "liegrad/program.h"
 #include "machine/files/recipe.h"
 #include "model/files/training.h"
 
@@ -138,14 +138,14 @@ static lg_status measure_row(lg_training *self, double row[WAYS], lg_error *erro
 
 /* ---- windows ---- */
 
-/* Bytes of a row of this many windows, of which one takes `one` and TOGETHER of them take `together`: they share
- * the operations, and each has its numbers. */
+/* Bytes of a row of this many windows, of which one takes `one` and TOGETHER of them take `together`: they
+ * share the operations, and each has its numbers. */
 static double bytes_together(double one, double together, double windows) {
     return one + fmax(together - one, 0.0) / (TOGETHER - 1) * (windows - 1.0);
 }
 
-/* Bytes of a fit of windows of `window` rows. Each shard has a tape with as many windows as are on it at once,
- * and a plan if this has not too many operations. */
+/* Bytes of a fit of windows of `window` rows. Each shard has a tape with as many windows as are on it at
+ * once, and a plan if this has not too many operations. */
 static double bytes_of(const lg_training *self, const double row[WAYS], uint32_t window) {
     enum {
         SHARDS = 4,           /* without --shards */
