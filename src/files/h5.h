@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "core/text.h"
 #include "liegrad/files.h"
 
 #define LG_H5_TEXT 4096 /* longest text that is read or written, in bytes with the terminator */
@@ -39,10 +40,9 @@ static inline bool lg_h5_is_deep(const char *path) {
     return depth > LG_H5_DEPTH;
 }
 
-/* Makes a text from a file fit for an error message: replaces control characters by '?'. */
+/* Makes a text from a file fit for an error message: replaces control characters by '?' (lg_tame). */
 static inline const char *lg_tamed(char *text) {
-    for (char *c = text; *c != '\0'; c++)
-        if ((unsigned char)*c < ' ' || *c == '\x7f') *c = '?';
+    (void)lg_tame(text);
     return text;
 }
 

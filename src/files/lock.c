@@ -1,10 +1,12 @@
-/* Locks on outputs. One process at a time works on a file or folder; another process that wants to is told
- * who holds the lock. The lock is a lock of the kernel (flock) on a small file beside the output, which says
- * who holds it. The kernel releases it when the process dies, and NFS passes it on to the server.
+/* Locks on outputs. Only one process at a time works on a file or folder. A second process gets an error,
+ * which names the first one. The kernel holds the lock (flock) on a small file in the folder of the output,
+ * and releases it when the process ends. Over NFS the server holds it. The file contains the name of the
+ * process.
  *
- * The file gets its name when it is complete and locked, and then it is never changed. So a file of this name
- * with other content is not a lock: it is never touched, and the lock is refused. A killed process leaves its
- * file behind, unlocked; the next process removes it and makes its own. */
+ * A process writes and locks this file before it gives the file its name, and never changes it after that. If
+ * a file has the name of a lock and other content, it belongs to the user: lg_lock_take does not touch it,
+ * and fails. A killed process leaves its file without a lock. The next process removes it and makes its own.
+ * */
 #define _DEFAULT_SOURCE /* flock */
 #include <errno.h>
 #include <fcntl.h>
@@ -137,7 +139,8 @@ static held attempt(taking *t) {
 static held take(taking *t) {
     t->folder = lg_open_folder(t->target);
     if (t->folder < 0) return never(t, errno);
-    lg_sweep(t->folder, t->target); /* what a killed writer left may fill the disk */
+    /* Temporary files of killed writers may fill the disk, and the lock needs some bytes. */
+    lg_sweep(t->folder, t->target);
     held got = HELD_GONE;
     for (int i = 0; i < TRIES && got == HELD_GONE; i++) got = attempt(t);
     (void)close(t->folder);

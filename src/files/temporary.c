@@ -84,7 +84,7 @@ static int64_t nanoseconds(struct timespec t) {
     return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
 }
 
-/* Returns whether the file, whose name holds the number, is a temporary file of this user. */
+/* Returns whether a file is a temporary file of this user. `number` is the number in its name. */
 static bool is_ours(const struct stat *about, uint64_t number) {
     const bool is_folder = S_ISDIR(about->st_mode), is_file = S_ISREG(about->st_mode) && about->st_nlink == 1;
     if (about->st_uid != geteuid() || !(is_folder || is_file)) return false;
@@ -110,8 +110,8 @@ static void empty(int folder) {
     if (files != NULL) (void)closedir(files);
 }
 
-/* Removes the file or folder if it is ours and nobody writes it. From its opening on, it is known by its
- * descriptor: what else gets its name is left alone. */
+/* Removes a temporary file or folder of this user that no process has locked. It is opened once and then used
+ * by its descriptor, so another file that gets the same name in the meantime is not removed. */
 static void remove_left(int folder, const char *name, uint64_t number) {
     struct stat about;
     if (fstatat(folder, name, &about, AT_SYMLINK_NOFOLLOW) != 0 || !is_ours(&about, number)) return;

@@ -201,10 +201,11 @@ void lg_yaml_close(lg_yaml *yaml) {
 static const char *shown(const yaml_node_t *node, char out[NAME_SIZE]) {
     size_t length = node->data.scalar.length, used = 0;
     for (; used < length && used < NAME_SIZE - 1; used++) {
-        unsigned char c = node->data.scalar.value[used];
-        out[used] = c < 0x20 || c == 0x7f ? '?' : (char)c;
+        const char c = (char)node->data.scalar.value[used];
+        out[used] = c == '\0' ? '?' : c;
     }
     out[used] = '\0';
+    (void)lg_tame(out);
     return out;
 }
 
