@@ -136,9 +136,9 @@ bool app_reopen_asked(void);
 
 /* ---- printing (screen.c) ---- */
 
-/* From now on stdout and stderr show every byte that is not harmless text, but newline and tab, as \x1b:
- * control characters (also those beyond ASCII), marks of the direction of writing, and bytes that are not
- * UTF-8. */
+/* From now on stdout and stderr print each byte that could control a terminal as \x1b, with its value.
+ * These are control characters except newline and tab, marks of the direction of writing, and bytes that are
+ * not UTF-8. */
 void app_screen_begin(void);
 /* Flushes stdout; false if something could not be written. */
 bool app_screen_flush(void);
@@ -438,15 +438,16 @@ lg_status app_make_folder(const char *path, lg_error *error);
 
 /* ---- plots through gnuplot ---- */
 
-/* A picture FILE.svg or FILE.png. Its gnuplot script is a static text, apps/plots/NAME.gp, and is written to
- * FILE.gp as it is. Numbers and texts go to FILE.dat, so that no text of a user is ever a part of a script.
- * apps/plots/begin.gp, which begins each script, says how a script reads them.
+/* A plot is an image FILE.svg or FILE.png. Its gnuplot script is a fixed text, apps/plots/NAME.gp, of which
+ * FILE.gp is a copy. FILE.dat holds the numbers and texts of the plot, so a user's text is never part of a
+ * script. Each script starts with apps/plots/begin.gp, which reads FILE.dat. This code uses T[1], the blocks
+ * 1 and 2, and the script apps/plots/training.gp:
  *
  *   app_plot_begin(&plot, "training", "loss.svg", 800, 500);
- *   app_plot_text(&plot, "%s", name);                          T[1]
- *   fprintf(plot.data, "%.9g %.9g\n", t, x);                   index 1
+ *   app_plot_text(&plot, "%s", name);                          this is T[1]
+ *   fprintf(plot.data, "%.9g %.9g\n", t, x);                   this is a line of block 1
  *   app_plot_block(&plot);
- *   fprintf(plot.data, "%.9g %.9g\n", t, y);                   index 2
+ *   fprintf(plot.data, "%.9g %.9g\n", t, y);                   this is a line of block 2
  *   status = app_plot_end(app, &plot, &error);
  */
 typedef struct app_plot_script {
@@ -462,23 +463,23 @@ typedef struct app_plot {
 } app_plot;
 bool app_plot_name_fits(const char *picture);
 /* The text of the first line of each data file, and how each script begins. */
-#define APP_PLOT_DATA   "texts and numbers of a picture of liegrad"
-#define APP_PLOT_SCRIPT "# A script of liegrad."
+#define APP_PLOT_DATA   "texts and numbers of a plot by liegrad"
+#define APP_PLOT_SCRIPT "# This gnuplot script is a fixed text of liegrad."
 /* Width and height in pixels. The name must end in .svg or .png; app_check_outputs checks this for
  * LG_FILE_DRAWN. */
 void app_plot_begin(app_plot *plot, const char *script, const char *picture, int width, int height);
-/* Adds a text: T[1] of the script, T[2] and so on. V(k) of the script is T[k] as a number. Any bytes are
- * fine. */
+/* Adds a text. The script has the first text as T[1], the second as T[2], and as V(1), V(2) if they are
+ * numbers. Arguments may hold any bytes: control characters are shown as by app_put. */
 void app_plot_text(app_plot *plot, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Ends a block of data. The first block is `index 1` of `datafile` in the script. A block must not
- * be empty. */
+/* Ends a block of data. The script reads the first block as `index 1` of `datafile`. A block must have at
+ * least one line. */
 void app_plot_block(app_plot *plot);
 /* Writes the data and the script, and runs gnuplot. Without gnuplot it leaves both, warns and returns LG_OK.
  * When a file cannot be written, the files that this call wrote are removed. */
 lg_status app_plot_end(const app *app, app_plot *plot, lg_error *error);
 
-/* Draws each entry's count and its fraction of the row (confusion.c). confusion (classes, classes): rows are
- * the true classes. */
+/* Plots a confusion matrix: the count of each entry and its fraction of the row (confusion.c). confusion
+ * (classes, classes): rows are the true classes. */
 enum { APP_CLASS_NAME = 64 }; /* LG_SERIES_NAME and LG_TABLE_NAME */
 lg_status app_draw_confusion(const app *app, const char *picture, const char *title,
                              const uint64_t *confusion, uint32_t classes, char (*class_name)[APP_CLASS_NAME],

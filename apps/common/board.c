@@ -42,6 +42,9 @@ struct board {
     char *path;
     int fd;
     size_t record, count;
+    board_check *is_record;
+    const void *user; /* of is_record */
+    void *spare;      /* (record) */
     bool wait;
     pthread_mutex_t mutex;
     size_t seats; /* number of ranks of mpirun; 0 without mpirun */
@@ -111,14 +114,18 @@ static off_t beat_of(const board *b, size_t piece) {
     return slot(b, piece) + (off_t)sizeof(uint64_t);
 }
 
-/* A piece whose record is cut off has no state. */
-static board_state state_of(const board *b, size_t piece) {
+/* Reads a record, or for `spare` no more than is needed. A piece whose record is cut off or cannot be has no
+ * state, and is done again. */
+static board_state state_of(const board *b, size_t piece, void *record) {
     const off_t at = slot(b, piece);
+    const bool all = record != b->spare || b->is_record != NULL;
+    const size_t before = all ? 0 : b->record - 1;
     uint64_t state;
-    char last;
-    const bool whole = get(b, &state, sizeof state, at) &&
-                       get(b, &last, sizeof last, at + SLOT_HEAD + (off_t)(b->record - sizeof last));
-    return whole && state <= BOARD_DONE ? (board_state)state : BOARD_EMPTY;
+    if (!get(b, &state, sizeof state, at) ||
+        !get(b, record, b->record - before, at + SLOT_HEAD + (off_t)before) || state > BOARD_DONE)
+        return BOARD_EMPTY;
+    const bool sound = state == BOARD_EMPTY || b->is_record == NULL || b->is_record(b->user, piece, record);
+    return sound ? (board_state)state : BOARD_EMPTY;
 }
 
 /* ---- signs of life ---- */
@@ -355,6 +362,7 @@ lg_status board_open(const app *self, const board_values *values, const char *ou
                  .fd = -1,
                  .record = record,
                  .count = count,
+                 .spare = app_alloc(record, 1),
                  .wait = values->task == NULL,
                  .seats = seats,
                  .done = app_alloc(count + seats, sizeof *b->done),
@@ -374,6 +382,11 @@ lg_status board_open(const app *self, const board_values *values, const char *ou
     else
         board_close(b);
     return status;
+}
+
+void board_set_check(board *b, board_check *is_record, const void *user) {
+    b->is_record = is_record;
+    b->user = user;
 }
 
 static void let_go(board *b) {
@@ -412,6 +425,7 @@ void board_close(board *b) {
     (void)pthread_cond_destroy(&b->ending);
     (void)pthread_mutex_destroy(&b->mutex);
     free(b->path);
+    free(b->spare);
     free(b->signs);
     free(b->done);
     free(b->mine);
@@ -430,7 +444,7 @@ bool board_claim(board *b, size_t *piece) {
     (void)pthread_mutex_lock(&b->mutex);
     for (size_t i = 0; i < b->count && !found; i++) {
         if (b->done[i] || b->mine[i] || !try_lock(b, LOCK_PIECES + (off_t)i, F_WRLCK)) continue;
-        b->done[i] = state_of(b, i) == BOARD_DONE;
+        b->done[i] = state_of(b, i, b->spare) == BOARD_DONE;
         if (b->done[i]) {
             unlock(b, LOCK_PIECES + (off_t)i);
             continue;
@@ -492,8 +506,7 @@ static void lock_records(board *b, short type) {
 board_state board_read(board *b, size_t piece, void *record) {
     (void)pthread_mutex_lock(&b->mutex);
     lock_records(b, F_RDLCK);
-    board_state state = state_of(b, piece);
-    if (state != BOARD_EMPTY && !get(b, record, b->record, slot(b, piece) + SLOT_HEAD)) state = BOARD_EMPTY;
+    const board_state state = state_of(b, piece, record);
     unlock(b, LOCK_RECORDS);
     (void)pthread_mutex_unlock(&b->mutex);
     return state;
@@ -519,7 +532,7 @@ size_t board_left(board *b) {
     size_t left = 0;
     (void)pthread_mutex_lock(&b->mutex);
     for (size_t i = 0; i < b->count; i++) {
-        if (!b->done[i]) b->done[i] = state_of(b, i) == BOARD_DONE;
+        if (!b->done[i]) b->done[i] = state_of(b, i, b->spare) == BOARD_DONE;
         left += !b->done[i];
     }
     (void)pthread_mutex_unlock(&b->mutex);

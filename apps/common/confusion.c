@@ -1,4 +1,4 @@
-/* The picture of a confusion matrix. */
+/* This file plots confusion matrices. */
 #include "common/app.h"
 
 lg_status app_draw_confusion(const app *self, const char *picture, const char *title,

@@ -318,7 +318,7 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
         }
 }
 
-/* Checks that the output is free, or an earlier result. A picture is one if its data are beside it. */
+/* Checks that the output is free, or an earlier result. A plot is one if its data lie next to it. */
 static int check_earlier(const app *self, const used_file *file) {
     lg_error error = {LG_OK, ""};
     const char *path = file->path, *begins = file->begins;
@@ -327,7 +327,7 @@ static int check_earlier(const app *self, const used_file *file) {
     if (status == LG_OK && app_plot_name_fits(path) && output_of(path)->inode != 0 &&
         !app_begins(self, file[1].path, PLOT_DATA, strlen(PLOT_DATA), false))
         status = app_error(&error, LG_FILE,
-                           "%s: exists, and %s is not beside it: remove it, or write to another file", path,
+                           "%s: exists, and %s does not lie next to it: remove it, or write to another file", path,
                            file[1].path);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }

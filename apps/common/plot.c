@@ -1,5 +1,4 @@
-/* gnuplot draws the pictures from static scripts and from data files, both of which stay in the folder of the
- * picture. */
+/* gnuplot draws each plot from a fixed script and a data file. Both files stay in the folder of the plot. */
 #include "common/app.h"
 
 #include <errno.h>
@@ -29,8 +28,8 @@ static FILE *open_memory(char **text, size_t *length) {
     return stream;
 }
 
-/* Writes a line of the texts' block. gnuplot takes = and what follows as one text, and reads \ and all octal
- * digits behind it as one byte, so a digit that follows such a byte is written in the same way. */
+/* Writes a line of block 0. gnuplot reads = and the rest of the line as one text. It reads \ and all octal
+ * digits after it as one byte, so an octal digit after such a byte is written in octal too. */
 static void put_text(FILE *stream, const char *text) {
     bool octal = false;
     (void)fputc('=', stream);
@@ -43,13 +42,10 @@ static void put_text(FILE *stream, const char *text) {
 
 void app_plot_text(app_plot *plot, const char *format, ...) {
     va_list arguments;
-    char *text = NULL;
     va_start(arguments, format);
-    const int length = vasprintf(&text, format, arguments);
+    APP_FREE char *text = app_shown_list(format, arguments);
     va_end(arguments);
-    if (length < 0) app_out_of_memory();
     put_text(plot->texts, text);
-    free(text);
 }
 
 void app_plot_begin(app_plot *plot, const char *script, const char *picture, int width, int height) {
@@ -96,11 +92,11 @@ static bool drain(int from, FILE *to) {
     return got == 0;
 }
 
-/* Runs gnuplot in the script's folder, without its start-up files, and copies its standard output, the
- * picture, to `picture`. The script's name begins with ./, because gnuplot starts a program if a name begins
- * with < or |. Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started
- * or was killed, or if its output could not be read. The caller then writes the picture completely or not at
- * all; gnuplot itself does not notice a full disk. */
+/* Runs gnuplot in the script's folder, without its start-up files, and copies its standard output to
+ * `picture`. The name of the script is given as ./NAME, because gnuplot starts a program if a name begins
+ * with < or |. Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started,
+ * was killed, or its output could not be read. gnuplot does not notice a full disk, so the caller writes the
+ * image. */
 static int run_gnuplot(const char *script, FILE *picture) {
     int ends[2];
     if (pipe(ends) != 0) return -1;

@@ -117,8 +117,8 @@ char *app_shown(const char *text) {
     return shown(text, '\0', '\0');
 }
 
-/* Newlines and tabs of the format are printed as two other control characters, which the arguments do not
- * hold, so that they can be told from those of the arguments. */
+/* Only newlines and tabs of the format may remain. So the format gets two other control characters in their
+ * place, which do not occur in the arguments. Both become newlines and tabs at the end. */
 char *app_shown_list(const char *format, va_list arguments) {
     va_list again;
     va_copy(again, arguments);

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "settings/settings.h"
+
 enum { SHOWN_TRIALS = 10 };
 enum { RUNGS, WARM_UP, QUANTILE }; /* indices of the numbers R, W and Q of --rungs */
 
@@ -260,6 +262,14 @@ typedef struct posted {
     char why[256]; /* why the trial failed */
 } posted;
 
+static bool is_posted(const void *user, size_t piece, void *record) {
+    const searching *search = user;
+    posted *p = record;
+    const bool ends = memchr(p->why, '\0', sizeof p->why) != NULL;
+    if (ends) (void)lg_tame(p->why);
+    return ends && p->trial.number == piece && lg_trial_is_possible(&search->file->space, &p->trial);
+}
+
 static lg_search_options options_of(const searching *search) {
     lg_search_options options;
     lg_search_options_init(&options);
@@ -301,6 +311,11 @@ static lg_status post_earlier(searching *search, lg_error *error) {
     lg_status status = search->app->continues ? read_trials(search, error) : LG_OK;
     for (size_t i = 0; i < search->count && status == LG_OK; i++) {
         const posted piece = {.trial = search->trials[i]};
+        if (piece.trial.number >= search->values->trials)
+            return app_error(error, LG_INVALID_ARGUMENT,
+                             "trial %llu was already run, but only %llu trials are planned in all",
+                             (unsigned long long)piece.trial.number,
+                             (unsigned long long)search->values->trials);
         status = board_write(search->board, (size_t)piece.trial.number, &piece, BOARD_DONE, error);
     }
     return status;
@@ -352,6 +367,7 @@ static lg_status open_board(searching *search, lg_error *error) {
         board_open(search->app, &search->values->board, search->values->out, label, sizeof(posted),
                    (size_t)search->values->trials, &search->board, &fresh, error);
     if (status != LG_OK) return status;
+    board_set_check(search->board, is_posted, search);
     if (fresh) status = post_earlier(search, error);
     if (status == LG_OK) return board_begin(search->board, error);
     /* the earlier table could not be taken over, so the new board is removed */

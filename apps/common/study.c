@@ -265,12 +265,23 @@ static lg_status append_rows(study *self, lg_error *error) {
     return status;
 }
 
+/* Whether a record of the board is that of the run. */
+static bool is_run(const void *user, size_t piece, void *record) {
+    const study_plan *plan = &((const study *)user)->plan;
+    const study_row run = study_run_at(plan, piece), *row = record;
+    unsigned char failed;
+    memcpy(&failed, &row->failed, 1);
+    return failed <= 1 && row->repeat == run.repeat &&
+           memcmp(row->at, run.at, plan->axis_count * sizeof *run.at) == 0;
+}
+
 static lg_status open_board(study *self, lg_error *error) {
     char label[LG_SHA256_TEXT];
     bool fresh = false;
     label_of(&self->plan, label);
     lg_status status = board_open(self->app, &study_given.board, study_given.out, label, sizeof(study_row),
                                   (size_t)study_runs(&self->plan), &self->board, &fresh, error);
+    if (status == LG_OK) board_set_check(self->board, is_run, self);
     if (status == LG_OK && fresh) status = post_rows(self, error);
     if (status == LG_OK) return board_begin(self->board, error);
     /* the table belongs to other work, so the new board is removed */

@@ -121,13 +121,12 @@ static int check_options(const app *self, const train_task *task) {
     return APP_EXIT_OK;
 }
 
-/* Removes temporary files that a killed training left in the folder of the checkpoint that is resumed;
- * does nothing while another process works on the checkpoint. */
+/* Removes temporary files that a killed training left in the folder of the checkpoint that is resumed:
+ * taking a lock does this. */
 static void tidy(const app *self, const char *checkpoint) {
     lg_lock lock;
-    if (lg_lock_take(self->context, checkpoint, self->command_line, &lock, NULL) != LG_OK) return;
-    lg_temporary_sweep(self->context, checkpoint);
-    lg_lock_release(&lock);
+    if (lg_lock_take(self->context, checkpoint, self->command_line, &lock, NULL) == LG_OK)
+        lg_lock_release(&lock);
 }
 
 /* Checks that --out is given and that no output file is also an input or another output. */

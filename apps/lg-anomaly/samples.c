@@ -251,15 +251,42 @@ static sample_kind take_line(sample_reader *reader, const char *p, const char *e
 
 /* ---- lines of words ---- */
 
-/* Number of columns in a line of names. Commas separate them, or else semicolons, or else blanks. */
-static uint32_t count_names(const char *from, const char *to) {
-    uint32_t commas = 0, semicolons = 0, words = 0;
-    for (const char *p = from; p < to; p++) {
-        commas += *p == ',';
-        semicolons += *p == ';';
-        words += !is_blank(*p) && (p == from || is_blank(p[-1]));
+/* Returns the end of the cell that begins at `from`. Separators do not count in a cell that begins with a
+ * quote, up to the quote that ends it; there two quotes are one. */
+static const char *cell_end(const char *from, const char *to, char separator) {
+    bool quoted = from < to && *from == '"';
+    for (from += quoted; quoted && from < to; from++) {
+        if (*from != '"') continue;
+        quoted = from + 1 < to && from[1] == '"';
+        from += quoted;
     }
-    return commas > 0 ? commas + 1 : semicolons > 0 ? semicolons + 1 : words;
+    while (from < to && (separator == ' ' ? !is_blank(*from) : *from != separator)) from++;
+    return from;
+}
+
+/* Returns what separates the cells of a line: a comma, or else a semicolon, or else blanks. */
+static char separator_of(const char *from, const char *to) {
+    return cell_end(from, to, ',') < to ? ',' : cell_end(from, to, ';') < to ? ';' : ' ';
+}
+
+/* Finds the next cell of a line, without blanks around it; moves *p behind the separator after it. */
+static void next_name(const char **p, const char *to, char separator, const char **name, size_t *length) {
+    const char *from = *p, *end = cell_end(from, to, separator);
+    *p = end < to ? end + 1 : to;
+    while (separator == ' ' && *p < to && is_blank(**p)) (*p)++;
+    while (from < end && is_blank(*from)) from++;
+    while (end > from && is_blank(end[-1])) end--;
+    *name = from;
+    *length = (size_t)(end - from);
+}
+
+static uint32_t count_names(const char *from, const char *to) {
+    const char separator = separator_of(from, to), *name;
+    uint32_t count = separator != ' ' && to[-1] == separator;
+    size_t length;
+    while (from < to && is_blank(*from)) from++;
+    for (; from < to; count++) next_name(&from, to, separator, &name, &length);
+    return count;
 }
 
 /* FNV-1a hash of the line without blanks at its end. */
@@ -282,30 +309,21 @@ static bool is_header(sample_reader *reader, const char *from, const char *to) {
 
 /* ---- names of columns ---- */
 
-/* Finds the next name of a line, without blanks and quotes around it; moves *p behind the separator after
- * it. */
-static void next_name(const char **p, const char *to, char separator, const char **name, size_t *length) {
-    const char *from = *p, *end = from;
-    while (end < to && (separator != ' ' ? *end != separator : !is_blank(*end))) end++;
-    *p = end < to ? end + 1 : to;
-    while (separator == ' ' && *p < to && is_blank(**p)) (*p)++;
-    while (from < end && (is_blank(*from) || *from == '"')) from++;
-    while (end > from && (is_blank(end[-1]) || end[-1] == '"')) end--;
-    *name = from;
-    *length = (size_t)(end - from);
-}
-
-static bool is_name(const sample_reader *reader, uint32_t channel, const char *name, size_t length) {
-    return strlen(reader->names[channel]) == length && memcmp(reader->names[channel], name, length) == 0;
+/* Whether the cell is the channel's name, as it is or in quotes, where "" is a quote. */
+static bool is_name(const sample_reader *reader, uint32_t channel, const char *cell, size_t length) {
+    const char *name = reader->names[channel];
+    const bool quoted = length > 1 && cell[0] == '"' && cell[length - 1] == '"';
+    const char *end = cell + length - quoted;
+    for (cell += quoted; cell < end && *cell == *name; cell++, name++)
+        if (quoted && *cell == '"' && *++cell != '"') return false;
+    return cell == end && *name == '\0';
 }
 
 /* Finds the column of each channel, column (channels); UINT32_MAX if there is none. *columns: number of
  * columns; *found: number of channels found. False: a channel's name occurs twice. */
 static bool find_columns(sample_reader *reader, const char *from, const char *to, uint32_t *column,
                          uint32_t *columns, uint32_t *found) {
-    const char separator = memchr(from, ',', (size_t)(to - from)) != NULL   ? ','
-                           : memchr(from, ';', (size_t)(to - from)) != NULL ? ';'
-                                                                            : ' ';
+    const char separator = separator_of(from, to);
     for (uint32_t c = 0; c < reader->channels; c++) column[c] = UINT32_MAX;
     *columns = *found = 0;
     for (const char *p = from; p < to; ++*columns) {

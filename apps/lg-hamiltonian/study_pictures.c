@@ -1,9 +1,9 @@
 /* The picture of a study: error against training time. */
 #include "lg-hamiltonian/study.h"
 
-/* Writes a data block: the cells with integrator number i and value number m of M. Each curve goes over the
- * substeps of otherwise equal cells. A line of NaN begins it; an empty line would end the block if the next
- * curve had no points. */
+/* Writes a block of data: the cells with integrator number i and value number m of M. A curve connects cells
+ * that differ only in their substeps. A line of NaN separates two curves. Two empty lines would end the
+ * block, and a curve without points would leave them. */
 static void put_work_block(app_plot *plot, const study_file *file, uint32_t i, uint32_t m) {
     FILE *data = plot->data;
     const study_axis *substeps = &file->plan->axes[AXIS_SUBSTEPS];

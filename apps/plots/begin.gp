@@ -1,8 +1,8 @@
-# A script of liegrad. To draw its picture again: gnuplot -d ./NAME.gp > PICTURE
-# It reads NAME.dat. Block 0 has a text on each line, which begins with =; the blocks of numbers follow as index 1, 2, ...
-# T[1], T[2], ... are the texts of this picture, V(k) is T[k] as a number, tic(text) is a text for `set xtics`, where % is a format.
-# colour(1), colour(2), ...: colours of classes and curves; small(text): a font in which a long name fits beside an axis.
-# Texts may hold any characters, so they are shown with `noenhanced` and are never a part of a command.
+# This gnuplot script is a fixed text of liegrad. The command gnuplot -d ./NAME.gp > IMAGE draws the plot again.
+# The script reads NAME.dat. Each line of block 0 is a text that begins with =. The blocks 1, 2, ... hold numbers.
+# T[1], T[2], ... are the texts of this plot. V(k) is T[k] as a number. tic(text) is a text for `set xtics`, in which % begins a format.
+# colour(1), colour(2), ... are the colours of classes and curves. small(text) is a font in which a long name fits beside an axis.
+# Texts may hold any characters. They are shown with `noenhanced`, and are never part of a command.
 set encoding utf8
 datafile = ARG0[1:strlen(ARG0)-3].".dat"
 if (datafile[1:1] ne "/") { datafile = "./".datafile }

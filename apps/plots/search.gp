@@ -8,6 +8,6 @@ set xrange [-1:V(1)]
 if (V(2) + V(3) == 0) { set yrange [1e-6:1] }
 set key top right
 plot 1/0 notitle, \
-    for [k = 1:V(2) > 0] datafile index 1 with points pt 2 lc rgb '#999999' title 'stopped early', \
-    for [k = 1:V(3) > 0] datafile index 2 with points pt 7 lc rgb '#1f5fa8' title 'finished', \
-    for [k = 1:V(3) > 0] datafile index 3 with steps lw 2 lc rgb '#d1641f' title 'best so far'
+    datafile index 1 with points pt 2 lc rgb '#999999' title V(2) > 0 ? 'stopped early' : '', \
+    datafile index 2 with points pt 7 lc rgb '#1f5fa8' title V(3) > 0 ? 'finished' : '', \
+    datafile index 3 with steps lw 2 lc rgb '#d1641f' title V(3) > 0 ? 'best so far' : ''

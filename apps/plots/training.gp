@@ -1,8 +1,9 @@
-# The loss against the epoch. Columns: epoch, loss, loss of the validation part. T[1]: 1 with a validation part, else 0.
+# The loss against the epoch. Columns: epoch, loss, loss of the validation part (NaN if there is none). T[1]: 1 with a validation
+# part, else 0.
 set title 'Training'
 set logscale y
 set format y '10^{%L}'
 set xlabel 'epoch'
 set ylabel 'loss (mean of an epoch)'
 plot datafile index 1 using 1:2 with lines lw 2 lc rgb '#1f5fa8' title 'training', \
-    for [k = 1:V(1)] datafile index 1 using 1:3 with lines lw 2 lc rgb '#d1641f' title 'validation'
+    datafile index 1 using 1:3 with lines lw 2 lc rgb '#d1641f' title V(1) > 0 ? 'validation' : ''

@@ -65,7 +65,9 @@ typedef struct lg_read_options {
     /* Default true. HDF5 crashes or loops on some damaged files. With `probe` a forked child process first
      * reads the complete file, with limits on memory, CPU time and (far above it) wall time. If the child
      * dies the status is LG_FORMAT. If the child uses no CPU time for probe_seconds + 4 s the status is
-     * LG_FILE. After 3 s a sentence goes to the log. Turn it off in a process that must not fork. */
+     * LG_FILE. After 3 s a sentence goes to the log. If the child cannot be confined the status is LG_FILE:
+     * the file is not read. With LIEGRAD_UNCONFINED=1 in the environment it is read in any case. Turn `probe`
+     * off in a process that must not fork. */
     bool probe;
     uint32_t probe_seconds; /* CPU time of the child: default 20, plus one second per 32 MiB of the file */
     uint64_t max_size;      /* largest array in memory, bytes; default 8 GiB. A larger one gives LG_FORMAT */
@@ -94,19 +96,19 @@ LG_API bool lg_file_is_ours(const lg_context *context, const char *path);
 LG_API lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
                                lg_error *error);
 
-/* A file or folder that is written under the temporary name `target`.tmp-PID-i, and renamed by its writer
- * when it is complete. The writer holds a lock on it (flock), so what a killed process left can be told from
- * a file that is being written. */
+/* A file or folder that is written under the temporary name .NAME.liegrad-tmp-INODE-PID in the folder of its
+ * target, and renamed by its writer when it is complete. NAME is the last part of the target (its SHA-256 if
+ * it has more than 90 bytes), INODE the number that the file itself has in the file system. The writer holds
+ * a lock on it (flock), so what a killed process left can be told from a file that is being written. */
 typedef struct lg_temporary {
     int fd;     /* descriptor of the file (for writing) or of the folder; holds the lock */
     char *name; /* the temporary name; the caller renames or removes it */
     const lg_context *context;
 } lg_temporary;
-/* Removes the temporary files and folders that killed writers of this target left. lg_temporary_create does
- * this too. */
-LG_API void lg_temporary_sweep(const lg_context *context, const char *target);
-/* Creates and locks a temporary file, or with `folder` a folder. Errors: LG_FILE with a sentence,
- * LG_OUT_OF_MEMORY. */
+/* Creates and locks a temporary file, or with `folder` a folder. Before that it removes the temporary files
+ * and folders that killed writers of this target left: those whose names hold their own inode, that belong to
+ * this user, and that nobody has locked. lg_lock_take removes them too. Errors: LG_FILE with a sentence (also
+ * if the target itself has the name of a lock or of a temporary file), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder,
                                      lg_temporary *out, lg_error *error);
 /* Gives the complete temporary file the name `target`, for which lg_temporary_create made it: fsync of the
@@ -118,10 +120,11 @@ LG_API lg_status lg_temporary_publish(lg_temporary *temporary, const char *targe
  * the removal; this function reports no errors. */
 LG_API void lg_temporary_end(lg_temporary *temporary);
 
-/* A lock on an output, so that only one process at a time works on a file or folder. It is a lock on the
- * small file `target`.lock, in which the process, the host and `words` are written. It works between
- * processes (not between threads of one process), also over NFS. The kernel releases it when the process
- * dies; the next process then takes over the file. Readers need no lock, because files are replaced as a
+/* A lock on an output, so that only one process at a time works on a file or folder. It is a lock (flock) on
+ * the small file .NAME.liegrad-lock in the folder of `target`, which says what it is, and names the process,
+ * the host and `words`. NAME is as for temporary files. The lock works over NFS too. The kernel releases it
+ * when the process dies, and forked children do not keep it; the next process then removes the file. A file
+ * of this name with other content is never touched. Readers need no lock, because files are replaced as a
  * whole. */
 typedef struct lg_lock {
     int fd; /* -1: no lock is held */
@@ -130,14 +133,16 @@ typedef struct lg_lock {
     const lg_context *context;
 } lg_lock;
 /* Takes the lock. `words` says what the process does, for example its command line. `target` must be a path
- * whose links are resolved, because two names of a file would be two locks. A process must not take the same
- * lock twice. Where the file system has no locks the result is LG_OK without a lock (fd -1). Errors, *out is
- * then without a lock: LG_FILE (another process holds the lock, and the sentence says which; or the lock file
- * cannot be written), LG_OUT_OF_MEMORY (*out is untouched). */
+ * whose links are resolved, because two names of a file would be two locks. If the path ends with a slash,
+ * the lock is in this folder. Where the file system has no locks the result is LG_OK without a lock (fd -1).
+ * Errors, *out is then without a lock: LG_FILE (a lock is held already, and the sentence says by which
+ * process; the name of the lock is taken by another file; the lock cannot be written, also because the disk
+ * is full; or the target has the name of a lock or of a temporary file), LG_OUT_OF_MEMORY (*out is
+ * untouched). */
 LG_API lg_status lg_lock_take(const lg_context *context, const char *target, const char *words, lg_lock *out,
                               lg_error *error);
-/* Releases the lock and removes its file. A forked child of the process that took the lock does not remove
- * the file. A lock with fd -1 is fine. */
+/* Releases the lock and removes its file, if the name still leads to this file. In a forked child of the
+ * process that took the lock it only frees the memory. A lock with fd -1 is fine. */
 LG_API void lg_lock_release(lg_lock *lock);
 
 /* ---- SHA-256 (FIPS 180-4) ---- */
@@ -180,8 +185,9 @@ LG_API lg_status lg_file_writer_create(const lg_context *context, const char *pa
                                        lg_error *error);
 /* Makes an archive (liegrad/core.h) whose paths are below `prefix`, such as "" or "fit" (copied, shorter than
  * 64 bytes). Arrays become datasets. A text becomes an attribute of the group that its path names: "a/b" is
- * attribute b of group /a. The archive is valid until the writer is destroyed. After a failing call of the
- * archive nothing more is stored, and the commit returns this failure. Errors: LG_INVALID_ARGUMENT,
+ * attribute b of group /a. A path has fewer than 256 bytes and at most 32 slashes, also in a file that is
+ * read. The archive is valid until the writer is destroyed. After a failing call of the archive nothing more
+ * is stored, and the commit returns this failure. Errors: LG_INVALID_ARGUMENT,
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_archive_writer *out);
 /* Writes the file to the disk, by the steps of the rules above. Call it once; afterwards the writer can only

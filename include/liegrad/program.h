@@ -150,6 +150,8 @@ LG_API lg_parameter_spec lg_program_parameter(const lg_program *program, size_t 
  * LG_INVALID_ARGUMENT (NULL). */
 LG_API lg_status lg_program_set_parameter(lg_program *program, size_t index, const double *values);
 LG_API const char *lg_program_description(const lg_program *program); /* "" if there is none */
+/* The largest number of operations of a function. */
+#define LG_PROGRAM_MAX_NODES (1u << 20)
 /* Returns the number of operations of a function as it was recorded, before lg_plan_create simplifies it. */
 LG_API size_t lg_program_operations(const lg_program *program, size_t function);
 

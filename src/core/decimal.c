@@ -58,10 +58,9 @@ double lg_real(const char *text, char **end) {
 
 /* Looks for the shortest text that reads back as the same number. 15 digits come first: %g drops zeros at the
  * end, so this is the shortest text of any number that needs at most 15 digits. A subnormal number has fewer
- * correct digits, so there the search starts at 1. At a power of two the next smaller double is nearer than
- * the next larger one. The nearest text with a given number of digits may then lie below the value and read
- * back as the next smaller double, while the next text above the value reads back as the value. So a slightly
- * larger value, (1 + 2^-54) value, is tried too. */
+ * correct digits, so there the search starts at 1. At a power of two the double below the value is nearer
+ * than the double above it. The nearest text with n digits may then read back as the double below, and the
+ * next text with n digits as the value. So the function also tries (1 + 2^-54) value. */
 void lg_format_shortest(char text[LG_SHORTEST], double value, bool single) {
     const bool tiny = fabs(value) < (single ? (double)FLT_MIN : DBL_MIN);
     bool same = false;

@@ -58,6 +58,7 @@ static lg_status tell(const lg_ranks *ranks, uint32_t from, lg_status status, lg
     if (from == ranks->rank && error != NULL) memcpy(message, error->message, sizeof message);
     const lg_status exchanged = lg_ranks_share(ranks, from, message, sizeof message);
     if (exchanged != LG_OK) return lg_ranks_lost(ranks, exchanged, error);
+    message[sizeof message - 1] = '\0';
     return lg_fail(error, status, from == ranks->rank ? "%s" : "%s (rank %u)", message, from);
 }
 

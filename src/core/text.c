@@ -163,6 +163,18 @@ size_t lg_utf8(const char *text, size_t left, uint32_t *code) {
     return sound ? n : 1;
 }
 
+bool lg_tame(char *text) {
+    bool wild = false;
+    for (size_t length; *text != '\0'; text += length) {
+        uint32_t code;
+        length = lg_utf8(text, SIZE_MAX, &code);
+        const bool shown = code != LG_NO_CHARACTER && code >= ' ' && (code < 0x7f || code > 0x9f);
+        if (!shown) *text = '?', length = 1;
+        wild = wild || !shown;
+    }
+    return wild;
+}
+
 /* Pairs that have a meaning in a comment (its end, another beginning, a trigraph) are separated by a blank. A
  * point follows a backslash at the end of a line. Control characters become blanks. Characters outside ASCII
  * are written as numbers. */

@@ -52,5 +52,8 @@ void lg_text_add_literal(lg_text *to, const char *value);
 /* Adds text for the inside of a C comment, with everything changed that could end the comment or cause a
  * warning. */
 void lg_text_add_comment(lg_text *to, const char *value);
+/* Replaces, in place, bytes that are not UTF-8 and all bytes of control characters (also those of U+0080 to
+ * U+009F) by '?'. Returns whether there were any. */
+bool lg_tame(char *text);
 
 #endif

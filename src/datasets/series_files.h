@@ -105,6 +105,7 @@ typedef struct lg_labels {
     bool guessed;
     /* The labels are taken as class numbers of `like`, because nothing else fits. Gives a warning. */
     bool by_number;
+    bool starved; /* memory ran out */
 } lg_labels;
 
 void lg_labels_destroy(lg_labels *labels);

@@ -7,7 +7,10 @@
 
 #include "liegrad/settings.h"
 
+#include "core/lookup.h"
 #include "datasets/series_files.h"
+
+enum { NUMBER_TEXT = 32 }; /* bytes of a number with 17 digits */
 
 void lg_labels_destroy(lg_labels *labels) {
     lg_free(labels->context, labels->label);
@@ -165,41 +168,86 @@ static bool all_within(const lg_labels *labels, int64_t low, int64_t high) {
     return labels->whole && labels->value[0] >= low && labels->value[labels->distinct - 1] <= high;
 }
 
-static bool is_whole(const char *text) {
-    const double value = lg_is_decimal(text) ? lg_real(text, NULL) : NAN;
-    return floor(value) == value;
+static bool whole_of(const char *text, double *value) {
+    *value = lg_is_decimal(text) ? lg_real(text, NULL) : NAN;
+    return floor(*value) == *value;
 }
 
-/* Finds the index in `list` (count) of an equal text, or else of an equal whole number ("1" and "1.0"). */
-static bool find_in(char (*list)[LG_SERIES_NAME], uint32_t count, const char *text, uint32_t *out) {
-    for (uint32_t c = 0; c < count; c++)
-        if (strcmp(list[c], text) == 0) {
-            *out = c;
-            return true;
-        }
-    if (!is_whole(text)) return false;
-    for (uint32_t c = 0; c < count; c++)
-        if (is_whole(list[c]) && lg_decimal_compare(list[c], text) == 0) {
-            *out = c;
-            return true;
-        }
-    return false;
+/* The texts of a list, and those of them that are whole numbers, the numbers written in one way. */
+typedef struct finder {
+    lg_lookup *text, *number;
+    char (*text_of)[LG_SERIES_NAME], (*digits)[NUMBER_TEXT];
+    size_t texts, numbers;
+} finder;
+
+static const char *write_number(double value, char digits[NUMBER_TEXT]) {
+    (void)lg_format(digits, NUMBER_TEXT, "%.17g", value + 0.0); /* + 0.0 makes -0 the same number as 0 */
+    return digits;
 }
 
-/* Sets the class of each distinct label to its index in `list`. Returns false if a label is not in the list;
- * *missing is then the first such label. */
-static bool find_labels(char (*list)[LG_SERIES_NAME], uint32_t count, lg_labels *labels, uint32_t *missing) {
-    for (uint32_t i = 0; i < labels->distinct; i++)
-        if (!find_in(list, count, labels->text.name[i], &labels->class_of[i])) {
-            *missing = i;
-            return false;
-        }
+static void end_finder(const lg_labels *labels, finder *f) {
+    lg_free(labels->context, f->text);
+    lg_free(labels->context, f->digits);
+}
+
+/* Without memory, sets labels->starved and returns false. */
+static bool begin_finder(lg_labels *labels, char (*list)[LG_SERIES_NAME], uint32_t count, finder *f) {
+    double value;
+    *f = (finder){.text = lg_alloc(labels->context, 2 * (uint64_t)count, sizeof *f->text),
+                  .digits = lg_alloc(labels->context, count, sizeof *f->digits),
+                  .text_of = list,
+                  .texts = count};
+    if (f->text == NULL || f->digits == NULL) {
+        labels->starved = true;
+        end_finder(labels, f);
+        return false;
+    }
+    f->number = f->text + count;
+    for (uint32_t c = 0; c < count; c++) {
+        f->text[c] = (lg_lookup){list[c], c};
+        if (!whole_of(list[c], &value)) continue;
+        f->number[f->numbers] = (lg_lookup){write_number(value, f->digits[f->numbers]), c};
+        f->numbers++;
+    }
+    lg_lookup_sort(f->text, f->texts);
+    lg_lookup_sort(f->number, f->numbers);
     return true;
 }
 
+/* Finds the index in the list of an equal text, or else of an equal whole number ("1" and "1.0"). Different
+ * whole numbers beyond 2^53 may be written in the same way, so the found one is compared exactly. */
+static bool find_in(const finder *f, const char *text, uint32_t *out) {
+    double value;
+    char digits[NUMBER_TEXT];
+    const lg_lookup *found = lg_lookup_find(f->text, f->texts, text);
+    if (found == NULL && whole_of(text, &value)) {
+        found = lg_lookup_find(f->number, f->numbers, write_number(value, digits));
+        if (found != NULL && lg_decimal_compare(f->text_of[found->at], text) != 0) {
+            size_t i = 0;
+            while (i < f->numbers && lg_decimal_compare(f->text_of[f->number[i].at], text) != 0) i++;
+            found = i < f->numbers ? &f->number[i] : NULL;
+        }
+    }
+    if (found != NULL) *out = (uint32_t)found->at;
+    return found != NULL;
+}
+
+/* Sets the class of each distinct label to its index in `list`. Returns false if a label is not in the list;
+ * *missing is then the first such label. Also false without memory (labels->starved). */
+static bool find_labels(char (*list)[LG_SERIES_NAME], uint32_t count, lg_labels *labels, uint32_t *missing) {
+    finder f;
+    uint32_t i = 0;
+    if (!begin_finder(labels, list, count, &f)) return false;
+    while (i < labels->distinct && find_in(&f, labels->text.name[i], &labels->class_of[i])) i++;
+    end_finder(labels, &f);
+    if (i < labels->distinct) *missing = i;
+    return i == labels->distinct;
+}
+
 static bool any_whole(char (*list)[LG_SERIES_NAME], uint32_t count) {
+    double value;
     for (uint32_t c = 0; list != NULL && c < count; c++)
-        if (is_whole(list[c])) return true;
+        if (whole_of(list[c], &value)) return true;
     return false;
 }
 
@@ -316,12 +364,16 @@ static lg_status own_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_lab
 /* Replaces the classes of the file by the classes of `like` with the same names. */
 static lg_status match_names(const lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
                              lg_error *error) {
-    for (uint32_t i = 0; i < labels->distinct; i++) {
+    finder f;
+    lg_status status = LG_OK;
+    if (!begin_finder(labels, like->class_name, like->classes, &f)) return LG_OUT_OF_MEMORY;
+    for (uint32_t i = 0; i < labels->distinct && status == LG_OK; i++) {
         const char *name = names->name[labels->class_of[i]];
-        if (!find_in(like->class_name, like->classes, name, &labels->class_of[i]))
-            return unknown_label(h5, name, like->class_name, like->classes, like->class_name, error);
+        if (!find_in(&f, name, &labels->class_of[i]))
+            status = unknown_label(h5, name, like->class_name, like->classes, like->class_name, error);
     }
-    return LG_OK;
+    end_finder(labels, &f);
+    return status;
 }
 
 /* Maps labels of a file without class names to the classes of `like`: by the labels of `like`, or else by its
@@ -344,8 +396,8 @@ static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels 
                                error);
 }
 
-lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels, lg_names *names,
-                            lg_error *error) {
+static lg_status choose_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels,
+                                lg_names *names, lg_error *error) {
     labels->class_of = lg_alloc(h5->context, labels->distinct, sizeof *labels->class_of);
     if (labels->class_of == NULL) return no_memory(h5, error);
     if (labels->distinct > LG_SERIES_CLASSES) return too_many(h5, "y", error);
@@ -367,4 +419,10 @@ lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labe
         return LG_OK;
     }
     return copy_list(h5, like->class_label, like->classes, &labels->of_class, error);
+}
+
+lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels, lg_names *names,
+                            lg_error *error) {
+    const lg_status status = choose_classes(h5, ours, like, labels, names, error);
+    return labels->starved ? no_memory(h5, error) : status;
 }

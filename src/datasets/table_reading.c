@@ -1,4 +1,5 @@
 /* Reads tables of numbers: the common part for names, rows and classes. */
+#include "core/lookup.h"
 #include "files/csv.h"
 #include "settings/names.h"
 #include "files/read_file.h"
@@ -80,31 +81,20 @@ static lg_status missing_column(const lg_table_reading *r, const char *name, lg_
                    have.text);
 }
 
-static int by_name(const void *a, const void *b) {
-    return strcmp(**(const lg_table_text *const *)a, **(const lg_table_text *const *)b);
-}
-
-/* Finds the column with this name. `sorted` points to the names of the file in ascending order. */
-static lg_status find_column(const lg_table_reading *r, const lg_table_text **sorted, const char *name,
+/* Finds the column with this name. `sorted` has the names of the file. */
+static lg_status find_column(const lg_table_reading *r, const lg_lookup *sorted, const char *name,
                              uint32_t *at, lg_error *error) {
-    uint32_t low = 0, high = r->all.count;
-    while (low < high) {
-        const uint32_t middle = low + (high - low) / 2;
-        if (strcmp(*sorted[middle], name) < 0)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    if (low == r->all.count || strcmp(*sorted[low], name) != 0) return missing_column(r, name, error);
-    if (low + 1 < r->all.count && strcmp(*sorted[low + 1], name) == 0)
+    const lg_lookup *found = lg_lookup_find(sorted, r->all.count, name);
+    if (found == NULL) return missing_column(r, name, error);
+    if (found + 1 < sorted + r->all.count && strcmp(found[1].name, name) == 0)
         return lg_fail(error, LG_FORMAT, "%s: column '%s' is there twice", r->shown, name);
-    *at = (uint32_t)(sorted[low] - r->all.name);
+    *at = (uint32_t)found->at;
     return LG_OK;
 }
 
-static lg_status find_all(lg_table_reading *r, const lg_table_text **sorted, lg_error *error) {
-    for (uint32_t i = 0; i < r->all.count; i++) sorted[i] = &r->all.name[i];
-    qsort(sorted, r->all.count, sizeof *sorted, by_name);
+static lg_status find_all(lg_table_reading *r, lg_lookup *sorted, lg_error *error) {
+    for (uint32_t i = 0; i < r->all.count; i++) sorted[i] = (lg_lookup){r->all.name[i], i};
+    lg_lookup_sort(sorted, r->all.count);
     for (uint32_t i = 0; i < r->count; i++) {
         uint32_t at = 0;
         LG_TRY(find_column(r, sorted, r->names[i], &at, error));
@@ -121,10 +111,10 @@ lg_status lg_table_find_columns(lg_table_reading *r, lg_error *error) {
     r->class_at = UINT32_MAX;
     r->out.columns = r->count;
     r->to = lg_alloc(r->context, (size_t)r->all.count + 1, sizeof *r->to);
-    const lg_table_text **sorted = lg_alloc(r->context, (size_t)r->all.count + 1, sizeof *sorted);
+    lg_lookup *sorted = lg_alloc(r->context, (size_t)r->all.count + 1, sizeof *sorted);
     const lg_status status =
         r->to == NULL || sorted == NULL ? lg_table_no_memory(r, error) : find_all(r, sorted, error);
-    lg_free(r->context, (void *)sorted);
+    lg_free(r->context, sorted);
     return status;
 }
 

@@ -44,7 +44,7 @@ static bool full_name(const lg_h5_view *view, const char *path, char name[NAME_S
     const char *slash = view->prefix[0] == '\0' ? "" : "/";
     int length =
         path == NULL || *path == '\0' ? -1 : snprintf(name, NAME_SIZE, "%s%s%s", view->prefix, slash, path);
-    return length > 0 && length < NAME_SIZE;
+    return length > 0 && length < NAME_SIZE && !lg_h5_is_deep(name);
 }
 
 /* Splits "a/b/c" into group "a/b" and attribute "c", in place. */

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "core/text.h"
 #include "liegrad/files.h"
 
 #define LG_H5_TEXT 4096 /* longest text that is read or written, in bytes with the terminator */
@@ -31,11 +32,17 @@ static inline const char *lg_shown_path(const char *path) {
 #define LG_ROUNDED                                                                                           \
     "no floating-point number equals it: leave the column out, use it for classes, or write it with an "     \
     "exponent (1.2e18) if it may be rounded"
+/* HDF5 finds an object by its path: objects in many nested groups take cubic time. */
+enum { LG_H5_DEPTH = 32 };
+static inline bool lg_h5_is_deep(const char *path) {
+    int depth = 0;
+    for (; *path != '\0'; path++) depth += *path == '/';
+    return depth > LG_H5_DEPTH;
+}
 
-/* Makes a text from a file fit for an error message: replaces control characters by '?'. */
+/* Makes a text from a file fit for an error message: replaces control characters by '?' (lg_tame). */
 static inline const char *lg_tamed(char *text) {
-    for (char *c = text; *c != '\0'; c++)
-        if ((unsigned char)*c < ' ' || *c == '\x7f') *c = '?';
+    (void)lg_tame(text);
     return text;
 }
 

@@ -581,6 +581,11 @@ static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t
 
 static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info, void *user) {
     sweep *s = user;
+    if (lg_h5_is_deep(name)) {
+        s->status =
+            lg_fail(s->error, LG_FORMAT, "%s: groups are nested too deep", lg_shown_path(s->h5->path));
+        return 1;
+    }
     hid_t object = H5Oopen(root, name, s->h5->links);
     if (object < 0) return 0;
     (void)H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_NATIVE, NULL, sweep_attribute, s);

@@ -20,6 +20,7 @@
 #include <sys/syscall.h>
 #endif
 
+#include "core/text.h"
 #include "files/h5.h"
 #include "files/memory.h"
 #include "files/sandbox.h"
@@ -46,27 +47,34 @@ lg_status lg_read_options_resolve(const lg_read_options *options, lg_read_option
 }
 
 /* Lowers a resource limit. It never raises one. */
-static void limit(int resource, rlim_t value) {
+static bool limit(int resource, rlim_t value) {
     struct rlimit now;
-    if (getrlimit(resource, &now) != 0) return;
+    if (getrlimit(resource, &now) != 0) return false;
     if (now.rlim_max != RLIM_INFINITY && value > now.rlim_max) value = now.rlim_max;
     now.rlim_cur = value;
     now.rlim_max = value;
-    (void)setrlimit(resource, &now);
+    return setrlimit(resource, &now) == 0;
 }
 
-/* Closes all descriptors of the parent except regular files. Terminals and sockets would be a way out of the
- * sandbox. Regular files cannot be written, because the limit on file sizes is 0; HDF5 may read a file
- * through a descriptor of the parent. Without /proc this function tries every number below 4096. */
-static void close_inherited(int report) {
+/* Whether the parent has opened the file that is checked for reading. HDF5 may read it through this
+ * descriptor. */
+static bool is_checked_file(int fd, const struct stat *file) {
+    struct stat about;
+    return fstat(fd, &about) == 0 && about.st_dev == file->st_dev && about.st_ino == file->st_ino &&
+           (fcntl(fd, F_GETFL) & O_ACCMODE) == O_RDONLY;
+}
+
+/* Closes all descriptors of the parent but one of the file that is checked. Terminals and sockets would be a
+ * way out of the sandbox. The child shares the place in an open file and its lock with the parent, and could
+ * change them. Without /proc this function tries every number below 4096. */
+static void close_inherited(int report, const struct stat *file) {
     enum { MOST = 4096 };
     DIR *list = opendir("/proc/self/fd");
     const struct dirent *entry = NULL;
     for (int fd = 0; list != NULL ? (entry = readdir(list)) != NULL : fd < MOST; fd++) {
-        struct stat about;
         if (list != NULL) fd = atoi(entry->d_name); /* "." and ".." give 0 */
         if (fd <= STDERR_FILENO || fd == report || (list != NULL && fd == dirfd(list))) continue;
-        if (fstat(fd, &about) == 0 && !S_ISREG(about.st_mode)) (void)close(fd);
+        if (!is_checked_file(fd, file)) (void)close(fd);
     }
     if (list != NULL) (void)closedir(list);
 #ifdef SYS_close_range
@@ -74,33 +82,49 @@ static void close_inherited(int report) {
 #endif
 }
 
-static void enter_child(const lg_read_options *options, uint64_t file_bytes, int report) {
+static uint64_t processor_seconds(const lg_read_options *options, const struct stat *file) {
+    return options->probe_seconds + ((uint64_t)file->st_size >> 25); /* one second more per 32 MiB */
+}
+
+/* Wall time of the child, far above its processor time. */
+static unsigned patience(const lg_read_options *options, const struct stat *file) {
+    const uint64_t seconds = 60 + 10 * processor_seconds(options, file);
+    return seconds < INT_MAX ? (unsigned)seconds : (unsigned)INT_MAX;
+}
+
+/* Restricts the child. Returns NULL, or the words that say which restriction is missing. */
+static const char *enter_child(const lg_read_options *options, const struct stat *file, int report) {
     static const int fatal[] = {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGXCPU, SIGTERM};
     for (size_t i = 0; i < LG_COUNT(fatal); i++) (void)signal(fatal[i], SIG_DFL);
     (void)signal(SIGINT, SIG_IGN); /* Ctrl-C is for the parent; in the child it would look like a crash */
     (void)signal(SIGPIPE, SIG_IGN);
+    (void)signal(SIGXFSZ, SIG_IGN);
     int sink = open("/dev/null", O_RDWR);
-    for (int fd = STDIN_FILENO; sink >= 0 && fd <= STDERR_FILENO; fd++)
-        if (fd != report) (void)dup2(sink, fd); /* hides the C library's messages about damaged heaps */
-    close_inherited(report);
-    limit(RLIMIT_CORE, 0);
-    uint64_t seconds = options->probe_seconds + (file_bytes >> 25); /* plus one second per 32 MiB */
-    limit(RLIMIT_CPU, (rlim_t)seconds);
+    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++) /* hides messages about damaged heaps, too */
+        if (fd != report && (sink < 0 || dup2(sink, fd) < 0)) (void)close(fd);
+    close_inherited(report, file);
     /* If another thread of the parent held a lock at the fork, the lock stays locked in the child. Waiting
      * for it takes no CPU time, so an alarm ends it. */
     (void)signal(SIGALRM, SIG_DFL);
-    const uint64_t patience = 60 + 10 * seconds;
-    (void)alarm(patience < INT_MAX ? (unsigned)patience : (unsigned)INT_MAX);
-    if (LG_LIMIT_MEMORY) {
-        uint64_t extra = ((uint64_t)1 << 30) + options->max_size / 4 + 16 * file_bytes;
-        limit(RLIMIT_AS, (rlim_t)(lg_addresses_in_use() + extra));
-    }
+    (void)alarm(patience(options, file));
+    const uint64_t more = ((uint64_t)1 << 30) + options->max_size / 4 + 16 * (uint64_t)file->st_size;
+    if (!limit(RLIMIT_CORE, 0) || !limit(RLIMIT_FSIZE, 0) ||
+        !limit(RLIMIT_CPU, (rlim_t)processor_seconds(options, file)) ||
+        (LG_LIMIT_MEMORY && !limit(RLIMIT_AS, (rlim_t)(lg_addresses_in_use() + more))))
+        return "its limits cannot be set";
+    return lg_sandbox_enter(report);
 }
 
-static bool transfer(int fd, void *data, size_t bytes, bool out) {
+/* ---- the report ----
+ *
+ * A child that has read a malicious file may send anything. The parent takes one report of a fixed size. It
+ * refuses a status that does not exist and a text that is not terminated or that would do more on a terminal
+ * than show characters. */
+
+static bool transfer(int fd, void *data, size_t bytes) {
     unsigned char *at = data;
     while (bytes > 0) {
-        ssize_t n = out ? write(fd, at, bytes) : read(fd, at, bytes);
+        ssize_t n = write(fd, at, bytes);
         if (n > 0)
             at += n, bytes -= (size_t)n;
         else if (n == 0 || errno != EINTR)
@@ -109,19 +133,43 @@ static bool transfer(int fd, void *data, size_t bytes, bool out) {
     return true;
 }
 
-static _Noreturn void run_child(int fd, const lg_read_options *options, uint64_t file_bytes,
-                                lg_status (*read)(void *user, lg_error *error), void *user) {
+static bool is_report(const lg_context *context, lg_error *report) {
+    if (memchr(report->message, '\0', sizeof report->message) == NULL) return false;
+    if (report->status == LG_CANCELLED && !lg_cancelled(context)) return false;
+    return strcmp(lg_status_name(report->status), "UNKNOWN") != 0 && !lg_tame(report->message);
+}
+
+static bool may_be_unconfined(void) {
+    const char *text = getenv("LIEGRAD_UNCONFINED");
+    return text != NULL && strcmp(text, "1") == 0;
+}
+
+static _Noreturn void run_child(int fd, const char *path, const lg_read_options *options,
+                                const struct stat *file, lg_status (*read)(void *user, lg_error *error),
+                                void *user) {
     lg_error report = {LG_OK, ""};
-    enter_child(options, file_bytes, fd);
-    (void)lg_sandbox_enter(fd);
-    report.status = read(user, &report);
-    _exit(transfer(fd, &report, sizeof report, true) ? 0 : 1);
+    const char *missing = enter_child(options, file, fd);
+    report.status = missing == NULL || may_be_unconfined()
+                        ? read(user, &report)
+                        : lg_fail(&report, LG_FILE,
+                                  "%s: is not read, because the process that checks it cannot be confined: "
+                                  "%s; LIEGRAD_UNCONFINED=1 reads it all the same",
+                                  lg_shown_path(path), missing);
+    (void)lg_tame(report.message);
+    _exit(transfer(fd, &report, sizeof report) ? 0 : 1);
 }
 
 /* PATIENT: after this many seconds without a report, a log message says that the check goes on. STILL: the
  * child is ended after options->probe_seconds + STILL seconds in which it used no CPU time, because it waits
  * for something that will not come. */
 enum { PATIENT = 3, STILL = 4 };
+
+/* Seconds of a clock that nobody sets. */
+static double steady_seconds(void) {
+    struct timespec now = {0, 0};
+    (void)clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
 
 /* CPU time of the child in seconds, or -1 if it is not known. */
 static double child_seconds(pid_t child) {
@@ -131,26 +179,32 @@ static double child_seconds(pid_t child) {
     return (double)used.tv_sec + 1e-9 * (double)used.tv_nsec;
 }
 
-/* Waits until the child reports or dies. If it returns LG_CANCELLED or LG_FILE, the caller must kill the
- * child. */
+/* Waits until the child has sent its report or is dead. *got becomes the number of bytes of the report. */
 static lg_status await_report(const lg_context *context, const char *path, const lg_read_options *options,
-                              pid_t child, int fd, lg_error *error) {
-    struct pollfd report = {fd, POLLIN, 0};
+                              const struct stat *file, pid_t child, int fd, lg_error *report, size_t *got,
+                              lg_error *error) {
+    struct pollfd ready = {fd, POLLIN, 0};
     const unsigned most = options->probe_seconds + STILL;
+    const double begun = steady_seconds();
     unsigned still = 0;
     double used = 0.0;
     for (unsigned waited = 0;; waited++) {
-        if (poll(&report, 1, 1000) > 0) return LG_OK;
+        if (poll(&ready, 1, 1000) > 0) {
+            const ssize_t n = read(fd, (char *)report + *got, sizeof *report - *got);
+            *got += n > 0 ? (size_t)n : 0;
+            if (*got == sizeof *report || n == 0 || (n < 0 && errno != EINTR)) return LG_OK;
+        }
         if (lg_cancelled(context)) return LG_CANCELLED;
         if (waited == PATIENT)
             lg_log_message(context, LG_LOG_INFO, "%s: is still being checked", lg_shown_path(path));
         const double now = child_seconds(child);
         still = now > used || now < 0.0 ? 0 : still + 1;
         used = now;
-        if (still >= most)
-            return lg_fail(error, LG_FILE,
-                           "%s: the check of the file made no progress for %u s and was ended",
-                           lg_shown_path(path), still);
+        const double passed = steady_seconds() - begun;
+        if (still >= most || passed >= patience(options, file))
+            return lg_fail(error, LG_FILE, "%s: the check of the file %s %.0f s and was ended",
+                           lg_shown_path(path), still >= most ? "made no progress for" : "took",
+                           still >= most ? (double)still : passed);
     }
 }
 
@@ -167,7 +221,7 @@ lg_status lg_probe(const lg_context *context, const char *path, const lg_read_op
     pid_t child = fork();
     if (child == 0) {
         (void)close(ends[0]);
-        run_child(ends[1], &chosen, (uint64_t)about.st_size, read, user);
+        run_child(ends[1], path, &chosen, &about, read, user);
     }
     int code = errno;
     (void)close(ends[1]);
@@ -177,13 +231,14 @@ lg_status lg_probe(const lg_context *context, const char *path, const lg_read_op
                        lg_shown_path(path), strerror(code));
     }
     lg_error report;
-    const lg_status waiting = await_report(context, path, &chosen, child, ends[0], error);
-    if (waiting != LG_OK) (void)kill(child, SIGKILL);
-    const bool complete = waiting == LG_OK && transfer(ends[0], &report, sizeof report, false);
+    size_t got = 0;
+    const lg_status waiting =
+        await_report(context, path, &chosen, &about, child, ends[0], &report, &got, error);
+    (void)kill(child, SIGKILL); /* whatever it does after its report */
     (void)close(ends[0]);
     while (waitpid(child, NULL, 0) < 0 && errno == EINTR) continue;
     if (waiting != LG_OK) return waiting;
-    if (!complete)
+    if (got < sizeof report || !is_report(context, &report))
         return lg_fail(error, LG_FORMAT, "%s: is damaged: reading it crashed or did not end",
                        lg_shown_path(path));
     return report.status == LG_OK ? LG_OK : lg_fail(error, report.status, "%s", report.message);

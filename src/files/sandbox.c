@@ -13,7 +13,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
-#include <signal.h>
+#include <stdbool.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -27,26 +27,7 @@
 
 #include "core/count.h"
 
-/* These limits hold even without the filter: files cannot grow by writing, and starting a set-uid program
- * gives no additional rights. */
-static void limit_what_is_left(void) {
-    const struct rlimit none = {0, 0};
-    (void)signal(SIGXFSZ, SIG_IGN);
-    (void)setrlimit(RLIMIT_FSIZE, &none);
-#if defined(__linux__) && defined(PR_SET_NO_NEW_PRIVS)
-    (void)prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
-#endif
-}
-
-#ifndef LG_SECCOMP
-
-bool lg_sandbox_enter(int report) {
-    (void)report;
-    limit_what_is_left();
-    return false;
-}
-
-#else
+#ifdef LG_SECCOMP
 
 /* Calls that are allowed with any arguments. Calls that this architecture does not have are skipped. */
 static const int free_calls[] = {
@@ -81,16 +62,14 @@ typedef struct condition {
 #define IS(parameter, mask, value)                                                                           \
     { (parameter), SCMP_CMP_MASKED_EQ, (mask), (value) }
 
-/* Matches descriptors above the limit of open files. valgrind has its own descriptors there; without valgrind
- * there are none. */
-static struct scmp_arg_cmp is_beyond_descriptors(void) {
-    struct rlimit most = {1024, 1024};
-    (void)getrlimit(RLIMIT_NOFILE, &most);
-    return (struct scmp_arg_cmp){0, SCMP_CMP_GE, most.rlim_cur < INT_MAX ? most.rlim_cur : INT_MAX, 0};
+/* Matches descriptors from `most` on, the limit of open files. valgrind has its own descriptors there;
+ * without valgrind there are none. */
+static struct scmp_arg_cmp is_beyond_descriptors(rlim_t most) {
+    return (struct scmp_arg_cmp){0, SCMP_CMP_GE, most < INT_MAX ? most : INT_MAX, 0};
 }
 
 enum { MOST_CONDITIONS = 24 };
-static size_t list_conditions(int report, condition out[MOST_CONDITIONS]) {
+static size_t list_conditions(int report, rlim_t descriptors, condition out[MOST_CONDITIONS]) {
     const uint64_t all = UINT64_MAX, self = (uint64_t)getpid();
     const uint64_t writing = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC | O_APPEND, low = UINT32_MAX;
     size_t n = 0;
@@ -99,7 +78,7 @@ static size_t list_conditions(int report, condition out[MOST_CONDITIONS]) {
         {SCMP_SYS(openat), IS(2, writing, 0)},
         {SCMP_SYS(write), IS(0, low, (uint64_t)report)},
         {SCMP_SYS(write), IS(0, low, STDERR_FILENO)},
-        {SCMP_SYS(write), is_beyond_descriptors()},
+        {SCMP_SYS(write), is_beyond_descriptors(descriptors)},
         {SCMP_SYS(writev), IS(0, low, STDERR_FILENO)},
         {SCMP_SYS(mmap), IS(3, MAP_SHARED, 0)},
         {SCMP_SYS(mmap2), IS(3, MAP_SHARED, 0)},
@@ -117,7 +96,7 @@ static size_t list_conditions(int report, condition out[MOST_CONDITIONS]) {
     return n;
 }
 
-static bool add_rules(scmp_filter_ctx filter, int report) {
+static bool add_rules(scmp_filter_ctx filter, int report, rlim_t descriptors) {
     static const int missing[] = {SCMP_SYS(openat2), SCMP_SYS(clone3)};
     condition conditions[MOST_CONDITIONS];
     bool good = true;
@@ -125,7 +104,7 @@ static bool add_rules(scmp_filter_ctx filter, int report) {
         if (free_calls[i] >= 0) good &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, free_calls[i], 0) == 0;
     for (size_t i = 0; i < LG_COUNT(missing); i++)
         if (missing[i] >= 0) good &= seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOSYS), missing[i], 0) == 0;
-    const size_t n = list_conditions(report, conditions);
+    const size_t n = list_conditions(report, descriptors, conditions);
     for (size_t i = 0; i < n; i++) {
         const condition *c = &conditions[i];
         if (c->call >= 0) good &= seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, c->call, 1, &c->is) == 0;
@@ -133,13 +112,25 @@ static bool add_rules(scmp_filter_ctx filter, int report) {
     return good;
 }
 
-bool lg_sandbox_enter(int report) {
-    limit_what_is_left();
+static bool load_filter(int report) {
+    struct rlimit files;
     const scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(EPERM));
     if (filter == NULL) return false;
-    const bool loaded = add_rules(filter, report) && seccomp_load(filter) == 0;
+    const bool loaded = getrlimit(RLIMIT_NOFILE, &files) == 0 && add_rules(filter, report, files.rlim_cur) &&
+                        seccomp_load(filter) == 0;
     seccomp_release(filter);
     return loaded;
 }
 
 #endif
+
+const char *lg_sandbox_enter(int report) {
+    (void)report;
+#if defined(__linux__) && defined(PR_SET_NO_NEW_PRIVS)
+    if (prctl(PR_SET_NO_NEW_PRIVS, 1ul, 0ul, 0ul, 0ul) != 0) return "it could gain rights";
+#endif
+#ifdef LG_SECCOMP
+    if (!load_filter(report)) return "the system takes no filter of system calls";
+#endif
+    return NULL;
+}

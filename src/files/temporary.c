@@ -1,114 +1,202 @@
-/* Temporary files and folders. The process that writes one holds a lock on it (flock, which the kernel
- * releases when the process dies). So the remains of a killed process can be told from a file that is being
- * written. */
-#define _DEFAULT_SOURCE /* for flock */
+/* Temporary files and folders. The name of a temporary file holds the number that the file has in the file
+ * system (its inode), so a file of somebody else is not taken for a temporary file, whatever its name. The
+ * process that writes the file holds a lock on it (flock, which the kernel releases when the process dies).
+ * So the remains of a killed process can be told from a file that is being written.
+ *
+ * The number is known only when the file exists. Until then its name holds the time of its creation, and only
+ * an empty file that was created at this time is taken for ours. */
+#define _GNU_SOURCE /* flock, renameat2, O_PATH */
+#include "files/temporary.h"
+
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
-#include "files/h5.h"
+/* ---- names ---- */
 
-enum { ROOM = 64 }; /* bytes for the suffix of the name after the target */
+size_t lg_folder_length(const char *target) {
+    const char *slash = strrchr(target, '/');
+    return slash != NULL ? (size_t)(slash - target) + 1 : 0;
+}
+
+void lg_own_name(const char *target, const char *ending, char out[LG_OWN_NAME]) {
+    enum { LONGEST = 90 }; /* eCryptfs has the shortest limit: 143 bytes for a name */
+    const char *base = target + lg_folder_length(target);
+    char hash[LG_SHA256_TEXT];
+    if (strlen(base) > LONGEST) {
+        lg_sha256 sha;
+        lg_sha256_init(&sha);
+        lg_sha256_add(&sha, base, strlen(base));
+        lg_sha256_finish(&sha, hash);
+        base = hash;
+    }
+    (void)snprintf(out, LG_OWN_NAME, ".%s%sliegrad-%s", base, base[0] != '\0' ? "." : "", ending);
+}
+
+static void temporary_name(const char *target, uint64_t number, long process, char out[LG_OWN_NAME]) {
+    char ending[64];
+    (void)snprintf(ending, sizeof ending, "tmp-%" PRIu64 "-%ld", number, process);
+    lg_own_name(target, ending, out);
+}
+
+lg_status lg_refuse_own_name(const char *target, lg_error *error) {
+    const char *base = target + lg_folder_length(target);
+    if (base[0] != '.' || strstr(base, ".liegrad-") == NULL) return LG_OK;
+    return lg_fail(error, LG_FILE, "%s: cannot be written: locks and temporary files have such names",
+                   lg_shown_path(target));
+}
+
+int lg_open_folder(const char *target) {
+    char path[PATH_MAX] = ".";
+    const size_t length = lg_folder_length(target);
+    if (length >= sizeof path) {
+        errno = ENAMETOOLONG;
+        return -1;
+    }
+    if (length > 0) (void)snprintf(path, sizeof path, "%.*s", (int)length, target);
+    return open(path, O_PATH | O_DIRECTORY | O_CLOEXEC);
+}
+
+bool lg_has_name(int fd, int folder, const char *name) {
+    struct stat of_file, of_name;
+    return fstat(fd, &of_file) == 0 && fstatat(folder, name, &of_name, AT_SYMLINK_NOFOLLOW) == 0 &&
+           of_file.st_dev == of_name.st_dev && of_file.st_ino == of_name.st_ino;
+}
+
+bool lg_give_name(int folder, const char *from, const char *to) {
+    if (renameat2(folder, from, folder, to, RENAME_NOREPLACE) == 0) return true;
+    if (errno == EEXIST || linkat(folder, from, folder, to, 0) != 0) return false; /* NFS can only link */
+    (void)unlinkat(folder, from, 0);
+    return true;
+}
 
 /* ---- removing what killed processes left ---- */
 
-/* True if `name` is `base`.tmp-PID-i. */
-static bool is_temporary(const char *name, const char *base) {
-    const size_t length = strlen(base);
-    long pid;
-    unsigned attempt;
-    int end = 0;
-    if (strncmp(name, base, length) != 0) return false;
-    return sscanf(name + length, ".tmp-%ld-%u%n", &pid, &attempt, &end) == 2 && name[length + end] == '\0';
+static int64_t nanoseconds(struct timespec t) {
+    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
 }
 
-/* Removes a folder and its files. Such folders have no subfolders. */
-static void remove_folder(int folder, const char *path) {
-    DIR *open_folder = fdopendir(dup(folder));
+/* Returns whether a file is a temporary file of this user. `number` is the number in its name. */
+static bool is_ours(const struct stat *about, uint64_t number) {
+    const bool is_folder = S_ISDIR(about->st_mode), is_file = S_ISREG(about->st_mode) && about->st_nlink == 1;
+    if (about->st_uid != geteuid() || !(is_folder || is_file)) return false;
+    if (about->st_ino == number) return true;
+    const int64_t since = nanoseconds(about->st_mtim) - (int64_t)number;
+    return (is_folder || about->st_size == 0) && llabs(since) < 1000000000;
+}
+
+static DIR *list(int folder) {
+    const int fd = openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    DIR *listed = fd >= 0 ? fdopendir(fd) : NULL;
+    if (listed == NULL && fd >= 0) (void)close(fd);
+    return listed;
+}
+
+/* Removes the files of a folder. Such folders have no subfolders. */
+static void empty(int folder) {
+    DIR *files = list(folder);
     const struct dirent *entry;
-    while (open_folder != NULL && (entry = readdir(open_folder)) != NULL)
+    while (files != NULL && (entry = readdir(files)) != NULL)
         if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
             (void)unlinkat(folder, entry->d_name, 0);
-    if (open_folder != NULL) (void)closedir(open_folder);
-    (void)rmdir(path);
+    if (files != NULL) (void)closedir(files);
 }
 
-static void remove_left(const char *path) {
+/* Removes a temporary file or folder of this user that no process has locked. It is opened once and then used
+ * by its descriptor, so another file that gets the same name in the meantime is not removed. */
+static void remove_left(int folder, const char *name, uint64_t number) {
     struct stat about;
-    int fd = open(path, O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
-    if (fd < 0 && errno == EISDIR) fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fstatat(folder, name, &about, AT_SYMLINK_NOFOLLOW) != 0 || !is_ours(&about, number)) return;
+    const bool is_folder = S_ISDIR(about.st_mode);
+    const int fd = is_folder ? openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC)
+                             : openat(folder, name, O_WRONLY | O_NONBLOCK | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0) return;
-    if (flock(fd, LOCK_EX | LOCK_NB) == 0 && fstat(fd, &about) == 0) {
-        if (S_ISDIR(about.st_mode))
-            remove_folder(fd, path);
-        else if (S_ISREG(about.st_mode))
-            (void)unlink(path);
+    if (flock(fd, LOCK_EX | LOCK_NB) == 0 && fstat(fd, &about) == 0 && is_ours(&about, number)) {
+        if (is_folder && about.st_ino == number) empty(fd);
+        if (lg_has_name(fd, folder, name)) (void)unlinkat(folder, name, is_folder ? AT_REMOVEDIR : 0);
     }
     (void)close(fd);
 }
 
-/* Removes what killed processes left for this target. `path` is a buffer of `size` bytes for the names. */
-static void sweep(const char *target, char *path, size_t size) {
-    const char *slash = strrchr(target, '/'), *base = slash != NULL ? slash + 1 : target;
-    const size_t length = (size_t)(base - target);
-    (void)snprintf(path, size, "%.*s", (int)length, target);
-    DIR *folder = opendir(length > 0 ? path : ".");
+void lg_sweep(int folder, const char *target) {
+    DIR *files = list(folder);
     const struct dirent *entry;
-    while (folder != NULL && (entry = readdir(folder)) != NULL)
-        if (is_temporary(entry->d_name, base) && strlen(entry->d_name) < size - length) {
-            (void)strcpy(path + length, entry->d_name);
-            remove_left(path);
-        }
-    if (folder != NULL) (void)closedir(folder);
-}
-
-void lg_temporary_sweep(const lg_context *context, const char *target) {
-    const size_t size = strlen(target) + ROOM;
-    char *path = lg_alloc(context, size, 1);
-    if (path != NULL) sweep(target, path, size);
-    lg_free(context, path);
+    char begin[LG_OWN_NAME], name[LG_OWN_NAME];
+    lg_own_name(target, "tmp-", begin);
+    const size_t length = strlen(begin);
+    while (files != NULL && (entry = readdir(files)) != NULL) {
+        uint64_t number;
+        long process;
+        if (strncmp(entry->d_name, begin, length) != 0) continue;
+        if (sscanf(entry->d_name + length, "%" SCNu64 "-%ld", &number, &process) != 2) continue;
+        temporary_name(target, number, process, name); /* entry->d_name may have more zeros or spaces */
+        remove_left(folder, name, number);
+    }
+    if (files != NULL) (void)closedir(files);
 }
 
 /* ---- creating a temporary file or folder ---- */
 
-static int create(const char *name, bool folder) {
-    if (!folder) return open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    return mkdir(name, 0777) == 0 ? open(name, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
+static int create(int folder, const char *name, bool is_folder) {
+    if (!is_folder) return openat(folder, name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (mkdirat(folder, name, 0777) != 0) return -1;
+    return openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
 }
 
 /* Locks the new file. Returns false if another process removed it before it was locked. If the file system
  * has no locks, this is not a failure. */
-static bool hold(int fd) {
-    struct stat about;
+static bool hold(int fd, struct stat *about) {
     if (flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return false;
-    return fstat(fd, &about) == 0 && about.st_nlink > 0;
+    return fstat(fd, about) == 0 && about->st_nlink > 0;
+}
+
+int lg_make_temporary(int folder, const char *target, bool is_folder, char name[LG_OWN_NAME]) {
+    char numbered[LG_OWN_NAME];
+    for (int i = 0; i < 1000; i++) {
+        struct timespec now;
+        struct stat about;
+        (void)clock_gettime(CLOCK_REALTIME, &now);
+        temporary_name(target, (uint64_t)nanoseconds(now), (long)getpid(), name);
+        const int fd = create(folder, name, is_folder);
+        if (fd < 0 && errno != EEXIST) return -1;
+        if (fd >= 0 && hold(fd, &about)) {
+            temporary_name(target, about.st_ino, (long)getpid(), numbered);
+            if (lg_give_name(folder, name, numbered)) (void)strcpy(name, numbered);
+            return fd;
+        }
+        if (fd >= 0) (void)close(fd);
+    }
+    errno = EEXIST;
+    return -1;
 }
 
 lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder, lg_temporary *out,
                               lg_error *error) {
     LG_NEEDS(error, target, out);
-    const size_t size = strlen(target) + ROOM;
-    int code = 0;
-    lg_temporary made = {.context = context, .fd = -1, .name = lg_alloc(context, size, 1)};
+    LG_TRY(lg_refuse_own_name(target, error));
+    const size_t length = lg_folder_length(target);
+    lg_temporary made = {.context = context, .fd = -1, .name = lg_alloc(context, length + LG_OWN_NAME, 1)};
     if (made.name == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(target));
-    sweep(target, made.name, size);
-    for (unsigned attempt = 0; attempt < 1000; attempt++) {
-        (void)snprintf(made.name, size, "%s.tmp-%ld-%u", target, (long)getpid(), attempt);
-        made.fd = create(made.name, folder);
-        code = errno;
-        if (made.fd >= 0 && hold(made.fd)) {
-            *out = made;
-            return LG_OK;
-        }
-        if (made.fd < 0 && code != EEXIST) break;
-        if (made.fd >= 0) (void)close(made.fd);
+    (void)memcpy(made.name, target, length);
+    const int above = lg_open_folder(target);
+    if (above >= 0) {
+        lg_sweep(above, target);
+        made.fd = lg_make_temporary(above, target, folder, made.name + length);
+    }
+    const int code = errno;
+    if (above >= 0) (void)close(above);
+    if (made.fd >= 0) {
+        *out = made;
+        return LG_OK;
     }
     lg_free(context, made.name);
     return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
@@ -116,17 +204,18 @@ lg_status lg_temporary_create(const lg_context *context, const char *target, boo
 
 /* ---- giving the file its name ---- */
 
+int lg_sync(int fd) {
+    return fsync(fd) == 0 || errno == EINVAL || errno == EROFS ? 0 : errno;
+}
+
 /* Syncs the folder of the target. Failures are ignored, because some file systems cannot sync a folder and
  * the file has been renamed already. */
-static void sync_folder(const char *target, char *buffer) {
-    const char *slash = strrchr(target, '/');
-    size_t length = slash == NULL ? 0 : (size_t)(slash - target) + 1;
-    memcpy(buffer, target, length);
-    buffer[length] = '\0';
-    int fd = open(length == 0 ? "." : buffer, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0) return;
-    (void)fsync(fd);
-    (void)close(fd);
+static void sync_folder(const char *target) {
+    const int folder = lg_open_folder(target);
+    const int fd = folder >= 0 ? openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
+    if (fd >= 0) (void)fsync(fd);
+    if (fd >= 0) (void)close(fd);
+    if (folder >= 0) (void)close(folder);
 }
 
 /* Closes a duplicate of the descriptor. NFS reports a failed write only when a descriptor is closed, and this
@@ -138,12 +227,12 @@ static int close_copy(int fd) {
 
 lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_error *error) {
     LG_NEEDS(error, temporary, target);
-    int code = fsync(temporary->fd) == 0 || errno == EINVAL || errno == EROFS ? 0 : errno;
+    int code = lg_sync(temporary->fd);
     if (code == 0) code = close_copy(temporary->fd);
     if (code == 0 && rename(temporary->name, target) != 0) code = errno;
     if (code != 0)
         return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
-    sync_folder(target, temporary->name);
+    sync_folder(target);
     return LG_OK;
 }
 

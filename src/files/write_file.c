@@ -11,7 +11,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "files/h5.h"
+#include "files/temporary.h"
 
 static lg_status file_error(lg_error *error, const char *path, const char *what, int code) {
     return lg_fail(error, LG_FILE, "%s: %s: %s", lg_shown_path(path), what, strerror(code));
@@ -20,7 +20,8 @@ static lg_status file_error(lg_error *error, const char *path, const char *what,
 /* Writes all bytes. Beyond RLIMIT_FSIZE the kernel sends SIGXFSZ, which kills a process by default. Here the
  * signal is blocked for this thread and consumed, so that `write` fails with EFBIG, whatever signal handling
  * the process has. */
-static int write_all(int fd, const unsigned char *data, size_t bytes) {
+int lg_write_all(int fd, const void *data, size_t bytes) {
+    const char *from = data;
     sigset_t limit, before, pending;
     sigemptyset(&limit);
     sigaddset(&limit, SIGXFSZ);
@@ -29,9 +30,9 @@ static int write_all(int fd, const unsigned char *data, size_t bytes) {
     int code = 0;
     (void)pthread_sigmask(SIG_BLOCK, &limit, &before);
     while (bytes > 0 && code == 0) {
-        ssize_t n = write(fd, data, bytes < (1u << 30) ? bytes : 1u << 30);
+        ssize_t n = write(fd, from, bytes < (1u << 30) ? bytes : 1u << 30);
         if (n > 0)
-            data += n, bytes -= (size_t)n;
+            from += n, bytes -= (size_t)n;
         else if (n == 0)
             code = ENOSPC;
         else if (errno != EINTR)
@@ -47,7 +48,7 @@ static int write_all(int fd, const unsigned char *data, size_t bytes) {
 
 static lg_status write_temporary(const char *path, const char *target, lg_temporary *to,
                                  const struct stat *old, const void *data, size_t bytes, lg_error *error) {
-    int code = write_all(to->fd, data, bytes);
+    int code = lg_write_all(to->fd, data, bytes);
     if (code == 0 && old != NULL && fchmod(to->fd, old->st_mode & 0777) != 0) code = errno;
     const lg_status status = code == 0 ? lg_temporary_publish(to, target, error)
                                        : file_error(error, path, "cannot be written", code);

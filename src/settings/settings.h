@@ -1,4 +1,4 @@
-/* Shared by the readers of fields. */
+/* Shared by the readers of fields, and by the programs that search. */
 #ifndef LG_SETTINGS_H
 #define LG_SETTINGS_H
 
@@ -7,5 +7,8 @@
 /* Sets the field's member of `run` without checks. `values` is one number, `count` numbers of a list, or the
  * position of a name. */
 void lg_field_fill(const lg_field *row, const double *values, uint32_t count, void *run);
+
+/* Whether a trial's state, number of reports and values can be those of a trial of this space. */
+bool lg_trial_is_possible(const lg_search_space *space, const lg_trial *trial);
 
 #endif

@@ -46,10 +46,14 @@ static inline const char *cli_at(const char *name) {
     return test_text("%s/%s", cli_folder, name);
 }
 
+static inline bool cli_is_dots(const char *name) {
+    return strcmp(name, ".") == 0 || strcmp(name, "..") == 0;
+}
+
 static inline void cli_remove_folder(void) {
     DIR *folder = opendir(cli_folder);
     for (struct dirent *entry; folder != NULL && (entry = readdir(folder)) != NULL;) {
-        if (entry->d_name[0] == '.') continue;
+        if (cli_is_dots(entry->d_name)) continue;
         const char *path = test_text("%s/%s", cli_folder, entry->d_name);
         if (unlink(path) != 0) (void)rmdir(path);
     }
@@ -62,7 +66,7 @@ static inline int cli_count_files(const char *part) {
     int count = 0;
     DIR *folder = opendir(cli_folder);
     for (struct dirent *entry; folder != NULL && (entry = readdir(folder)) != NULL;)
-        if (entry->d_name[0] != '.' && strstr(entry->d_name, part) != NULL) count++;
+        if (!cli_is_dots(entry->d_name) && strstr(entry->d_name, part) != NULL) count++;
     if (folder != NULL) (void)closedir(folder);
     return count;
 }

@@ -386,11 +386,10 @@ class Names:
 
 def names_of(turn):
     """Names that all readers take, different from each other: hostile texts without control characters, of one length. Names of
-    coordinates (8) have letters only; names of channels and classes (12 to 19), which | separates in a file and which a feed has
-    without quotes, have fewer characters."""
+    coordinates (8) have letters only; names of channels and classes (12 to 19) have no |, which separates them in a file."""
     safe = [t for t in HOSTILE if t.isprintable() and not t.startswith("-")]
     names = {k: fit_to("%s%d" % (safe[(k + 5 * turn) % len(safe)], k)) for k in range(40) if k != 8}
-    return {k: re.sub('[|",]', "!", t) if 12 <= k < 20 else t for k, t in names.items()}
+    return {k: t.replace("|", "!") if 12 <= k < 20 else t for k, t in names.items()}
 
 
 def table_test(names, only):

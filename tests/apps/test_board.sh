@@ -26,6 +26,11 @@ for kind in search study; do
     # The piece whose result was cut off is done again.
     truncate -s -1 t.csv.board
     $command --out t.csv --task 0/3 >again
+    # So is the piece whose record cannot be: the first number of the first record, behind head and state, is that of no
+    # trial and no value of the grid.
+    printf '\377\377\377\377' | dd of=t.csv.board bs=1 seek=192 conv=notrunc 2>dd
+    $command --out t.csv --task 0/3 >again
+    [ "$(od -An -t x4 -j 192 -N 4 t.csv.board)" != " ffffffff" ] || fail "$kind: a record that cannot be counts as done"
     $command --out t.csv --merge >merged
     same_table $kind.csv t.csv || fail "$kind: tasks gave another table"
     [ ! -e t.csv.board ] || fail "$kind: the board is left"

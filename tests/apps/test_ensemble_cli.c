@@ -304,8 +304,8 @@ TEST("tasks of an array run side by side; the same task cannot run twice at a ti
     const char long_run[] = "pendulums.yaml --ensemble 100000000 --vary q=sphere --save 5000 --out array.h5";
     const char *task = test_text("%s --task 0/2", long_run);
     const cli_child first = cli_start(lg, task, 0);
-    cli_wait_for("array.part-0-of-2.h5.lock");
-    cli_wait_for("array.part-0-of-2.trajectories.h5.lock");
+    cli_wait_for(".array.part-0-of-2.h5.liegrad-lock");
+    cli_wait_for(".array.part-0-of-2.trajectories.h5.liegrad-lock");
     json("pendulums.yaml --ensemble 3000 --save all --task 1/2 --out array.h5", "members >0");
     json("pendulums.yaml --ensemble 3000 --save all --out array.h5", "members 3000");
     cli_expect(lg, task, 3, "array.part-0-of-2.h5: is being written by process");
@@ -317,7 +317,7 @@ TEST("tasks of an array run side by side; the same task cannot run twice at a ti
 TEST("merge locks its output") {
     json("pendulums.yaml --ensemble 9 --task 0/1 --out claimed.h5", "members 9");
     const cli_child writer = cli_start(lg, "pendulums.yaml --ensemble 100000000 --out claimed.h5", 0);
-    cli_wait_for("claimed.h5.lock");
+    cli_wait_for(".claimed.h5.liegrad-lock");
     cli_expect(lg, "merge claimed.h5 claimed.part-0-of-1.h5", 3, "is being written by process");
     cli_interrupt(writer);
     assert_false(cli_exists("claimed.h5"));
@@ -431,7 +431,7 @@ TEST("if trajectories cannot be written, the statistics are still written") {
     const char arguments[] = "pendulums.yaml --ensemble 400000 --vary q=sphere --points 6 --threads 1 "
                              "--save 100 --out lost.h5";
     const cli_child child = cli_start(lg, arguments, 0);
-    cli_wait_for("lost.trajectories.h5.lock");
+    cli_wait_for(".lost.trajectories.h5.liegrad-lock");
     const char *path = cli_at("lost.trajectories.h5");
     assert_int_equal(mkdir(path, 0700), 0);
     cli_finish(child);
@@ -439,7 +439,7 @@ TEST("if trajectories cannot be written, the statistics are still written") {
     assert_says(result.err, "lost.trajectories.h5");
     assert_says(result.err, "the statistics are in lost.h5");
     assert_says(result.out, "400000  members of the ensemble");
-    assert_int_equal(cli_count_files("lost.trajectories.h5.tmp"), 0);
+    assert_int_equal(cli_count_files("lost.trajectories.h5.liegrad-tmp"), 0);
     assert_false(has_trajectories("lost.h5"));
     assert_int_equal(rmdir(path), 0);
     json("merge found.h5 lost.h5", "members 400000");
@@ -463,7 +463,7 @@ TEST("the message names the signal that ended the command") {
     } rows[] = {{SIGTERM, "stopped by SIGTERM"}, {SIGHUP, "stopped by SIGHUP"}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const cli_child child = cli_start(lg, "pendulums.yaml --ensemble 100000000 --out gone.h5", 0);
-        cli_wait_for("gone.h5.lock");
+        cli_wait_for(".gone.h5.liegrad-lock");
         assert_int_equal(kill(child.pid, rows[i].number), 0);
         cli_finish(child);
         assert_int_equal(result.code, 128 + rows[i].number);

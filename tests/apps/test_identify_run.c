@@ -257,7 +257,7 @@ TEST("pictures show names of columns and inputs as they are, and run nothing") {
         write_named("named.yaml", names[i][0], strstr(oscillator_scene, "mass"));
         write_named("model.yaml", names[i][0], strstr(oscillator_machine, "mass"));
         for (size_t k = 0; k < LG_COUNT(lines); k++) {
-            cli_run(identify, lines[k]);
+            cli_run(identify, "%s", lines[k]);
             if (cli_exists("RAN")) fail_msg("%s: %s ran", lines[k], names[i][1]);
             assert_null(strstr(result.err, "gnuplot failed"));
         }

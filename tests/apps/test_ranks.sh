@@ -120,7 +120,7 @@ job=$!
 for i in $(seq 100); do [ ! -e c.h5 ] || break; sleep 0.1; done
 kill -INT $job
 wait $job || true
-[ ! -e many.h5.lock ] || fail "Ctrl-C left a lock"
+[ ! -e .many.h5.liegrad-lock ] || fail "Ctrl-C left a lock"
 if [ ! -e many.h5 ]; then
     [ -e c.h5 ] || fail "Ctrl-C saved nothing: $(cat err)"
     grep -q "continue with --resume" err || fail "Ctrl-C says nothing: $(cat err)"
@@ -148,7 +148,7 @@ rest() { # rest RANKS: to the end
 start_ranks 30
 kill -TERM $launcher
 wait $job || true
-[ -z "$(find . -name '*.lock' -o -name '*.tmp-*')" ] || fail "SIGTERM leaves $(ls)"
+[ -z "$(find . -name '*.liegrad-*')" ] || fail "SIGTERM leaves $(ls -A)"
 [ -e many.h5 ] || grep -q "continue with --resume" err || fail "SIGTERM: $(cat err)"
 rest 2
 start_ranks 8

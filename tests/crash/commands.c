@@ -271,7 +271,7 @@ static int list(const char *path, char names[64][256]) {
     int count = 0;
     DIR *folder = opendir(path);
     for (const struct dirent *entry; folder != NULL && (entry = readdir(folder)) != NULL && count < 64;)
-        if (entry->d_type == DT_REG && strstr(entry->d_name, ".tmp-") == NULL)
+        if (entry->d_type == DT_REG && strstr(entry->d_name, ".liegrad-") == NULL)
             (void)snprintf(names[count++], 256, "%s", entry->d_name);
     if (folder != NULL) (void)closedir(folder);
     qsort(names, (size_t)count, sizeof names[0], by_name);

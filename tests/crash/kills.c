@@ -53,8 +53,7 @@ static void count_event(listener *l, const struct inotify_event *event) {
     const char *name = event->len > 0 ? event->name : "", *checkpoint = l->job->checkpoint;
     const bool watched = checkpoint != NULL && strcmp(name, checkpoint) == 0;
     const bool log = l->job->appends && strcmp(name, l->job->outputs[0]) == 0;
-    if ((event->mask & IN_CREATE) != 0 && (strstr(name, ".tmp-") != NULL || digest_ends(name, ".lock")))
-        l->begun++;
+    if ((event->mask & IN_CREATE) != 0 && strstr(name, ".liegrad-tmp-") != NULL) l->begun++;
     if ((event->mask & IN_MODIFY) != 0 && (watched || log)) l->begun++;
     if ((event->mask & IN_MOVED_TO) != 0 && watched) l->saved++;
 }
@@ -110,7 +109,9 @@ static bool run_killed(killing *k) {
     }
     const long after = progress(j);
     k->sum.kills++;
-    *(count_left(work(""), ".tmp-") > 0 ? &k->sum.writing : after == 0 ? &k->sum.first : &k->sum.later) += 1;
+    *(count_left(work(""), ".liegrad-tmp-") > 0 ? &k->sum.writing
+      : after == 0                              ? &k->sum.first
+                                                : &k->sum.later) += 1;
     check_cut_short(b, before, after);
     return true;
 }
@@ -135,7 +136,7 @@ static void run_rest(killing *k) {
     if (j->counted && l.saved != k->saved - at / step)
         fail(b, "%ld checkpoints after %ld of %ld, each of %ld", l.saved, at, k->end, step);
     k->sum.equal += outputs_equal(b) && resumes;
-    const int left = count_left(work(""), ".tmp-") + count_left(work(""), ".lock");
+    const int left = count_left(work(""), ".liegrad-");
     k->sum.left += (uint64_t)left;
     if (left > 0) fail(b, "%d temporary files or locks are left", left);
 }

@@ -196,10 +196,10 @@ static bool disturb(disturbance what, pid_t launcher, uint64_t rank) {
 }
 
 static void check_left(bench *b, const char *when) {
-    static const char *const parts[] = {".tmp-", ".lock", ".board"};
+    static const char *const parts[] = {".liegrad-", ".board"};
     const bool board = b->job->checkpoint != NULL && b->job->again[0] == '\0';
     for (size_t i = 0; i < LG_COUNT(parts); i++) {
-        if (strcmp(when, "SIGTERM") == 0 && board && i == 2) continue;
+        if (strcmp(when, "SIGTERM") == 0 && board && i == 1) continue;
         const int left = count_left(work(""), parts[i]);
         if (left > 0) fail(b, "%s: %d files *%s* are left", when, left, parts[i]);
     }

@@ -35,7 +35,7 @@ expect() {
 # No temporary file may be left below the folder w.
 clean() {
     local left
-    left=$(find w -name '*.tmp-*' -o -name '*.lock')
+    left=$(find w -name '*.liegrad-*')
     [ -z "$left" ] || fail "left: $left"
 }
 # same FILE COPY: compares byte for byte.
@@ -103,13 +103,24 @@ writers=(
 
 if mount -t tmpfs -o size=1m tmpfs w 2>/dev/null; then
     mounted=$folder/w
+    # fill N: fills the disk, but for N pages, in which N locks have room.
+    fill() {
+        dd if=/dev/zero of=w/fill bs=4k 2>/dev/null
+        truncate -s -$(($1 * 4096)) w/fill
+    }
     for writer in "${writers[@]}"; do
         printf old >w/out
         [ "${writer#lg-export}" = "$writer" ] || rm w/out
         [ "${writer#*study}" = "$writer" ] || rm w/out
         [ "${writer#*watch}" = "$writer" ] || rm w/out
-        dd if=/dev/zero of=w/fill bs=4k 2>/dev/null
+        fill 0
+        expect 3 "w/.out.liegrad-lock: No space left" $writer
+        clean
+        [ "${writer#*train}" = "$writer" ] && locks=1 || locks=2 # a training also has a checkpoint
+        rm w/fill
+        fill $locks
         expect 3 "No space left" $writer
+        ! grep -q "its lock" err.txt || fail "no lock of $writer: $(cat err.txt)"
         [ ! -f w/out ] || [ ! -s w/out ] || [ "$(cat w/out)" = old ] || fail "half a file of $writer"
         clean
         rm w/fill
@@ -119,7 +130,7 @@ if mount -t tmpfs -o size=1m tmpfs w 2>/dev/null; then
         rm -rf w/*
     done
     # If training cannot write its model, its state is kept elsewhere.
-    dd if=/dev/zero of=w/fill bs=4k 2>/dev/null
+    fill 1
     expect 3 "the training is kept in check" $train --epochs 20 --checkpoint check --out w/out
     rm w/fill
     expect 0 "" $train --epochs 20 --resume check --checkpoint check --out w/out
@@ -302,8 +313,8 @@ rm -f w/*
 rm -f w/*
 $long >/dev/null 2>&1 &
 first=$!
-until_file w/out.lock
-until_file w/check.lock
+until_file w/.out.liegrad-lock
+until_file w/.check.liegrad-lock
 expect 3 "w/out: is being written by process $first on " $train --epochs 3 --out w/out
 expect 3 "w/check: is being written by process $first on " $train --epochs 3 --checkpoint w/check --out w/other
 printf old >w/out
@@ -316,7 +327,7 @@ expect 0 "" $train --epochs 3 --out w/out
 rm -f w/*
 lg-hamiltonian study in/long.yaml --out w/study.csv >/dev/null 2>&1 &
 first=$!
-until_file w/study.csv.lock
+until_file w/.study.csv.liegrad-lock
 expect 3 "w/study.csv: is being written by process $first on " lg-hamiltonian study in/long.yaml --out w/study.csv
 kill -KILL $first
 wait $first 2>/dev/null
@@ -331,7 +342,8 @@ first=$!
 until_file w/killed
 kill -KILL $first
 wait $first 2>/dev/null
-: >w/killed.tmp-99999-0
+: >w/new
+mv w/new "w/.killed.liegrad-tmp-$(stat -c %i w/new)-99999"
 expect 0 "" lg-hamiltonian train in/data.h5 --resume w/killed --stop-after 1 --out w/out
 rm -f w/killed
 clean

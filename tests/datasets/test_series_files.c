@@ -1,6 +1,7 @@
 /* Labelled series in files: written and read back, files of other programs, tables of damages. */
 #include "support/io_test.h"
 
+#include "anomaly/files/recipe.h"
 #include "liegrad/series.h"
 
 enum { WINDOWS = 6, CHANNELS = 2, LENGTH = 5, WINDOW = CHANNELS * LENGTH };
@@ -511,6 +512,75 @@ TEST("class_labels states what 0 means; without it numbers start at 0, with a wa
     assert_refused(read_data, path, LG_FORMAT, "class_labels", "'1' is none of 2|3|4");
     replace_integer(path, "/", "class_labels", 1);
     assert_refused(read_data, path, LG_FORMAT, "class_labels", "expected texts");
+}
+
+/* ---- as many names as can be read ---- */
+
+enum { MANY = 65536 };
+
+static char (*many_names(const char *format, bool falling))[LG_SERIES_NAME] {
+    char(*name)[LG_SERIES_NAME] = lg_test_memory(MANY * sizeof *name);
+    for (int i = 0; i < MANY; i++)
+        (void)snprintf(name[i], sizeof *name, format, 1000 + (falling ? MANY - 1 - i : i));
+    return name;
+}
+
+/* A file with MANY windows, or MANY channels, whose samples are 0, 1, ... */
+static lg_h5 *many_file(const char *path, uint64_t windows, uint64_t channels) {
+    const uint64_t dims[3] = {windows, channels, 1};
+    float *x = lg_test_memory(MANY * sizeof *x);
+    lg_h5 *h5;
+    for (int i = 0; i < MANY; i++) x[i] = (float)i;
+    assert_ok(lg_h5_create(NULL, path, &h5, NULL));
+    assert_ok(lg_h5_put(h5, "X", LG_ELEMENT_F32, 3, dims, x, NULL));
+    return h5;
+}
+
+static void put_many(lg_h5 *h5, const char *key, char (*name)[LG_SERIES_NAME]) {
+    assert_ok(lg_h5_put_texts(h5, key, name[0], LG_SERIES_NAME, MANY, NULL));
+}
+
+static void read_labels(void *path) {
+    lg_series_data data;
+    lg_read_options options;
+    lg_read_options_init(&options);
+    options.probe = false;
+    if (lg_series_read(NULL, path, &options, NULL, &data, NULL) != LG_OK) _exit(1);
+    for (uint32_t i = 0; i < MANY; i++)
+        if (data.series.label[i] != MANY - 1 - i) _exit(2);
+}
+
+TEST("many labels find their classes, by text and by number") {
+    const char *forms[] = {"n%d", "%d.0"};
+    for (size_t i = 0; i < LG_COUNT(forms); i++) {
+        const char *path = scratch_path("many.h5");
+        lg_h5 *h5 = many_file(path, MANY, 1);
+        put_many(h5, "y", many_names(forms[i], true));
+        put_many(h5, "classes", many_names("c%d", false));
+        put_many(h5, "class_labels", many_names(i == 0 ? "n%d" : "%d", false));
+        assert_ok(lg_h5_commit(h5, NULL));
+        lg_h5_close(h5);
+        assert_cheap(read_labels, (void *)(uintptr_t)path);
+    }
+}
+
+static void read_channels(void *path) {
+    lg_series like = {.channels = MANY, .length = 1, .channel_name = many_names("n%d", false)};
+    lg_series_data data;
+    if (lg_series_read_like(NULL, path, &like, &data, NULL) != LG_OK) _exit(1);
+    for (uint32_t i = 0; i < MANY; i++)
+        if (data.series.x[i] != (float)(MANY - 1 - i)) _exit(2);
+}
+
+TEST("many channels are put into the order of the model's names") {
+    const char *path = scratch_path("channels.h5");
+    const uint32_t label = 0;
+    lg_h5 *h5 = many_file(path, 1, MANY);
+    assert_ok(lg_h5_put(h5, "y", LG_ELEMENT_U32, 1, (const uint64_t[]){1}, &label, NULL));
+    put_many(h5, "channels", many_names("n%d", true));
+    assert_ok(lg_h5_commit(h5, NULL));
+    lg_h5_close(h5);
+    assert_cheap(read_channels, (void *)(uintptr_t)path);
 }
 
 TEST("files written by this program count from 0, whatever numbers were read") {

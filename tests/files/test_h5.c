@@ -246,6 +246,41 @@ TEST("texts, numbers and provenance are read back, after a change of the file to
     assert_told(lg_h5_read_all(h5, &told));
 }
 
+static void read_deep(void *path) {
+    lg_h5 *h5;
+    lg_error error = {LG_OK, ""};
+    if (lg_h5_open(NULL, path, NULL, &h5, NULL) != LG_OK) _exit(1);
+    _exit(lg_h5_read_all(h5, &error) == LG_FORMAT && strstr(error.message, "nested too deep") != NULL ? 0
+                                                                                                      : 2);
+}
+
+TEST("groups may be nested 32 deep, and a file with many more is refused at once") {
+    enum { LEVELS = 1500 };
+    const char *path = scratch_path("deep.h5");
+    hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), at[LEVELS + 1] = {file};
+    for (int i = 0; i < LEVELS; i++)
+        at[i + 1] = H5Gcreate2(at[i], "g", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    for (int i = LEVELS; i > 0; i--) assert_true(H5Gclose(at[i]) >= 0);
+    assert_true(H5Fclose(file) >= 0);
+    assert_cheap(read_deep, (void *)(uintptr_t)path);
+    for (int slashes = LG_H5_DEPTH; slashes <= LG_H5_DEPTH + 1; slashes++) {
+        lg_file_writer *writer;
+        lg_archive_writer to;
+        const uint64_t one = 1;
+        char name[2 * LG_H5_DEPTH + 8] = "g";
+        for (int i = 0; i < slashes; i++) (void)strcat(name, "/g");
+        assert_ok(lg_file_writer_create(NULL, path, "deep", NULL, &writer, NULL));
+        assert_ok(lg_file_writer_archive(writer, "", &to));
+        const lg_status status = to.array(to.user, name, LG_ELEMENT_F64, 1, &one, &half);
+        assert_int_equal(status, slashes > LG_H5_DEPTH ? LG_INVALID_ARGUMENT : LG_OK);
+        if (status == LG_OK) assert_ok(lg_file_writer_commit(writer, NULL));
+        lg_file_writer_destroy(writer);
+        lg_file_reader *reader;
+        assert_ok(lg_file_reader_create(NULL, path, "deep", NULL, &reader, NULL));
+        lg_file_reader_destroy(reader);
+    }
+}
+
 TEST("a data set without a name or of too high a rank is not written") {
     const uint64_t dims[5] = {1, 1, 1, 1, 1};
     lg_error error = {LG_OK, ""};

@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <pthread.h>
 #include <signal.h>
+#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/ptrace.h>
 #include <sys/resource.h>
@@ -15,6 +16,7 @@
 
 #include "files/memory.h"
 #include "files/sandbox.h"
+#include "support/faults.h"
 #include "support/io_test.h"
 
 /* The targets of the attempts. */
@@ -188,7 +190,10 @@ static lg_status attempts_it(void *user, lg_error *error) {
 /* Whether the system and the build can confine the child. */
 static bool is_confined(void) {
     const pid_t child = fork();
-    if (child == 0) _exit(lg_sandbox_enter(STDERR_FILENO) ? 0 : 1);
+    if (child == 0) {
+        const bool entered = lg_sandbox_enter(STDERR_FILENO) == NULL;
+        _exit(entered && socket(AF_INET, SOCK_STREAM, 0) < 0 && errno == EPERM ? 0 : 1);
+    }
     int status = 0;
     assert_int_equal(waitpid(child, &status, 0), child);
     return WIFEXITED(status) && WEXITSTATUS(status) == 0;
@@ -307,6 +312,177 @@ TEST("the probe can read, also if the parent has threads, and a crash is reporte
     assert_says(error.message, "crashed or did not end");
     assert_int_equal(pthread_join(thread, NULL), 0);
     (void)close(scene.descriptor);
+}
+
+/* ---- a child under control of the file ---- */
+
+/* What the child writes to the pipe of the report, and what it does then. */
+typedef struct lie {
+    const char *what;
+    unsigned status;
+    const char *message;
+    size_t bytes;         /* of the report; 0: all */
+    bool waits;           /* instead of ending */
+    lg_status expected;   /* of lg_probe */
+    const char *sentence; /* NULL: as `message` */
+} lie;
+
+/* The only pipe that the child has. */
+static int pipe_of_report(void) {
+    struct stat about;
+    int fd = STDERR_FILENO + 1;
+    while (fd < 4096 && (fstat(fd, &about) != 0 || !S_ISFIFO(about.st_mode))) fd++;
+    return fd;
+}
+
+static lg_status lies(void *user, lg_error *error) {
+    const lie *it = user;
+    struct {
+        unsigned status;
+        char message[sizeof error->message];
+    } report = {it->status, ""};
+    _Static_assert(sizeof report == sizeof *error, "the report is as lg_error");
+    memset(report.message, 'a', sizeof report.message);
+    if (it->message != NULL) memcpy(report.message, it->message, strlen(it->message) + 1);
+    const size_t bytes = it->bytes > 0 ? it->bytes : sizeof report;
+    if (write(pipe_of_report(), &report, bytes) != (ssize_t)bytes) _exit(1);
+    (void)alarm(0);
+    (void)signal(SIGALRM, SIG_IGN);
+    const struct timespec for_ever = {100000, 0};
+    if (it->waits) (void)nanosleep(&for_ever, NULL);
+    _exit(0);
+}
+
+#define DAMAGED "is damaged: reading it crashed or did not end"
+
+TEST("what a child sends that is not a status with a clean sentence counts as its death") {
+    static const lie rows[] = {
+        {"a sentence", LG_FORMAT,
+         "old: key 'Gr\xc3\xb6\xc3\x9f"
+         "e' is missing",
+         0, false, LG_FORMAT, NULL},
+        {"success", LG_OK, "", 0, false, LG_OK, ""},
+        {"success, and does not end", LG_OK, "", 0, true, LG_OK, ""},
+        {"a failure, and does not end", LG_VERSION, "old: is new", 0, true, LG_VERSION, NULL},
+        {"no such status", 17, "old: is odd", 0, false, LG_FORMAT, DAMAGED},
+        {"a negative status", ~0u, "old: is odd", 0, false, LG_FORMAT, DAMAGED},
+        {"a text without an end", LG_FORMAT, NULL, 0, false, LG_FORMAT, DAMAGED},
+        {"success with a text without an end", LG_OK, NULL, 0, false, LG_FORMAT, DAMAGED},
+        {"an escape sequence", LG_FORMAT, "old: \x1b]0;mine\a", 0, false, LG_FORMAT, DAMAGED},
+        {"a new line", LG_FORMAT, "old: is good\nlg-fit: error", 0, false, LG_FORMAT, DAMAGED},
+        {"delete", LG_FORMAT, "old: \x7f", 0, false, LG_FORMAT, DAMAGED},
+        {"a control character of U+0080 to U+009F", LG_FORMAT,
+         "old: \xc2\x9b"
+         "31m",
+         0, false, LG_FORMAT, DAMAGED},
+        {"no UTF-8", LG_FORMAT, "old: \xff", 0, false, LG_FORMAT, DAMAGED},
+        {"a character cut off", LG_FORMAT, "old: \xe2\x82", 0, false, LG_FORMAT, DAMAGED},
+        {"a longer form of /", LG_FORMAT, "old: \xe0\x80\xaf", 0, false, LG_FORMAT, DAMAGED},
+        {"a surrogate", LG_FORMAT, "old: \xed\xa0\x80", 0, false, LG_FORMAT, DAMAGED},
+        {"beyond Unicode", LG_FORMAT, "old: \xf4\x90\x80\x80", 0, false, LG_FORMAT, DAMAGED},
+        {"Ctrl-C", LG_CANCELLED, "cancelled", 0, false, LG_FORMAT, DAMAGED},
+        {"half of a report", LG_FORMAT, "old", 100, false, LG_FORMAT, DAMAGED},
+        {"a byte, and does not end", LG_FORMAT, "old", 1, true, LG_FILE, "made no progress"}};
+    lg_read_options options;
+    lg_read_options_init(&options);
+    options.probe_seconds = 1;
+    set_scene(-1);
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lie it = rows[i];
+        lg_error error = {LG_OK, ""};
+        (void)alarm(60); /* the parent must not wait for a child that does not end */
+        const lg_status status = lg_probe(NULL, scene.old, &options, lies, &it, &error);
+        (void)alarm(0);
+        if (status != it.expected) fail_msg("%s: %s", it.what, lg_status_name(status));
+        assert_says(error.message, it.sentence != NULL ? it.sentence : it.message);
+    }
+    (void)close(scene.descriptor);
+}
+
+/* Says something that the honest child must not pass on as it is. */
+static lg_status says_wildly(void *user, lg_error *error) {
+    return lg_fail(error, LG_FORMAT, "%s", (const char *)user);
+}
+
+TEST("a sentence with wild bytes of the file arrives with question marks") {
+    lg_error error = {LG_OK, ""};
+    char long_text[600];
+    set_scene(-1);
+    assert_status(lg_probe(NULL, scene.old, NULL, says_wildly, "a\x1b[2J\xc2\x9b\xff\xc3\xa9", &error),
+                  LG_FORMAT);
+    assert_string_equal(error.message, "a?[2J???\xc3\xa9");
+    memset(long_text, 'x', sizeof long_text);
+    memcpy(long_text + sizeof error.message - 2, "\xc3\xa9", 3); /* is cut in two */
+    assert_status(lg_probe(NULL, scene.old, NULL, says_wildly, long_text, &error), LG_FORMAT);
+    assert_int_equal(strlen(error.message), sizeof error.message - 1);
+    assert_says(error.message, "xx?");
+    (void)close(scene.descriptor);
+}
+
+/* Unlocks and moves everything that the child has from its parent. */
+static lg_status meddles(void *user, lg_error *error) {
+    (void)user, (void)error;
+    for (int fd = 0; fd < 1024; fd++) (void)flock(fd, LOCK_UN), (void)lseek(fd, 0, SEEK_END);
+    return LG_OK;
+}
+
+TEST("the child cannot release a lock of its parent or move the place in its open files") {
+    const char *path = scratch_path("locked");
+    write_text_to(path, "a lock, or a log");
+    set_scene(-1);
+    const int held = open(path, O_RDONLY), other = open(path, O_RDONLY);
+    assert_int_equal(flock(held, LOCK_EX), 0);
+    assert_ok(lg_probe(NULL, scene.old, NULL, meddles, NULL, NULL));
+    assert_int_equal(flock(other, LOCK_EX | LOCK_NB), -1);
+    assert_int_equal(lseek(held, 0, SEEK_CUR), 0);
+    assert_int_equal(lseek(scene.descriptor, 0, SEEK_CUR), 0);
+    (void)close(held), (void)close(other), (void)close(scene.descriptor);
+}
+
+/* ---- what is missing ---- */
+
+static lg_status says_whether_all_worked(void *user, lg_error *error) {
+    (void)user;
+    return faults_hit() ? lg_fail(error, LG_NOT_FOUND, "it is read") : LG_OK;
+}
+
+/* Probes with one failing call after the other; returns the number of calls. */
+static long with_each_call_failing(lg_status expected, const char *sentence) {
+    for (long n = 1;; n++) {
+        lg_error error = {LG_OK, ""};
+        faults_arm(FAULT_CONFINE, FAULT_FAIL, n, n);
+        const lg_status status = lg_probe(NULL, scene.old, NULL, says_whether_all_worked, NULL, &error);
+        faults_disarm();
+        if (status == LG_OK) return n - 1;
+        if (status != expected) fail_msg("call %ld: %s", n, lg_status_name(status));
+        assert_says(error.message, sentence);
+    }
+}
+
+static void allow_unconfined(const char *value) {
+    assert_int_equal(value != NULL ? setenv("LIEGRAD_UNCONFINED", value, 1) : unsetenv("LIEGRAD_UNCONFINED"),
+                     0);
+}
+
+TEST("a file is not read if any call that confines the child fails, unless the user allows it") {
+    const char *was = getenv("LIEGRAD_UNCONFINED"); /* set under qemu, which has no filters */
+    const char *kept = was != NULL ? test_text("%s", was) : NULL;
+    set_scene(-1);
+    allow_unconfined(NULL);
+    const bool filtered = is_confined(), all = lg_probe(NULL, scene.old, NULL, reads, NULL, NULL) == LG_OK;
+    assert_true(all || !filtered);
+    if (all) {
+        const long calls = with_each_call_failing(LG_FILE, "cannot be confined: ");
+        assert_true(calls > (filtered ? 80 : 6)); /* a call of libseccomp for each rule */
+        allow_unconfined("0");
+        assert_int_equal(with_each_call_failing(LG_FILE, "LIEGRAD_UNCONFINED=1 reads it all the same"),
+                         calls);
+        allow_unconfined("1");
+        assert_int_equal(with_each_call_failing(LG_NOT_FOUND, "it is read"), calls);
+    }
+    allow_unconfined(kept);
+    (void)close(scene.descriptor);
+    if (!all) skip();
 }
 
 static lg_status stands_still(void *user, lg_error *error) {

@@ -649,9 +649,9 @@ TEST("an invalid scene is refused with its line and a word") {
         {"t_end: 3", "t_end: 3\n---\nsystem: quartic", "line 13", "second document"},
         {"t_end: 3", "t_end: [3", "line", "YAML"},
         {"t_end: 3", "t_end: \x01", "line 11", "YAML"},
-        {"t_end: 3", "t_end: *nowhere", "line 11", "YAML"},
+        {"t_end: 3", "t_end: *nowhere", "line 11", "aliases"},
         {"t_end: 3", "<<: {a: 1}", "line 11", "unknown key"},
-        {"t_end: 3", "a: [[[[[[[[[[[[[[[[[[[[[[", "line 11", "brackets"},
+        {"t_end: 3", "a: [[[[[[[[[[[[[[[[[[[[[[", "line 11", "nested too deep"},
         {"t_end: 3", "\"t\\0end\": 3", "line 11", "unknown key"},
     };
     refuse_changes(read_scene, good_scene, cases, LG_COUNT(cases));
@@ -661,7 +661,7 @@ TEST("an invalid scene is refused with its line and a word") {
         {"system: pendulum-chain\ngravity: 1\n", "line 1", "links"},
         {"- system\n- quartic\n", "line 1", "keys"},
         {"# only a comment\n", "line 1", "no keys and values"},
-        {"system: quartic\ninitial: &a {q: *a, p: [1, 2]}\n", "line 2", "initial.q"}}; /* contains itself */
+        {"system: quartic\ninitial: &a {q: *a, p: [1, 2]}\n", "line 2", "aliases"}}; /* contains itself */
     for (size_t i = 0; i < LG_COUNT(texts); i++)
         assert_refused(read_scene, file_of("bad.yaml", texts[i][0]), LG_FORMAT, texts[i][1], texts[i][2]);
 }
@@ -687,7 +687,7 @@ TEST("a damaged scene is refused") {
     write_bytes_to(scratch_path("big.yaml"), big, bytes);
     assert_refused(read_scene, scratch_path("big.yaml"), LG_FORMAT, "larger", "");
     write_bytes_to(scratch_path("big.yaml"), big, bytes - 1);
-    assert_refused(read_scene, scratch_path("big.yaml"), LG_FORMAT, "line 1", "brackets");
+    assert_refused(read_scene, scratch_path("big.yaml"), LG_FORMAT, "line 1", "nested too deep");
     memset(big, '-', bytes);
     for (size_t i = 1; i < bytes; i += 2) big[i] = ' ';
     write_bytes_to(scratch_path("big.yaml"), big, 20000);

@@ -235,10 +235,29 @@ TEST("values that do not fit their field are refused with the line and the field
         assert_int_equal(lg_yaml_bytes(NULL, i == 0 ? NULL : "", &bytes, &size, &error), LG_INVALID_ARGUMENT);
 }
 
-TEST("a value that several keys share is changed in one of them alone") {
-    static const char shared[] = "a: &one {kind: x}\nb: *one\nc: [*one]\n";
-    const lg_yaml_edit edit = {LG_YAML_SET, "b.more", NULL, "7"};
-    assert_string_equal(leaves_of(changed(shared, &edit, 1)), "a.kind=x\nb.kind=x\nb.more=7\nc[0].kind=x\n");
+TEST("what libyaml takes long for is refused with its line, and texts may look like it") {
+#define NEST8 "[[[[[[[["
+#define ENDS8 "]]]]]]]]"
+    static const struct {
+        const char *text, *words; /* NULL: is read */
+    } rows[] = {{"a: 1\nb: &one {kind: x}", "line 2: anchors (&) and aliases (*) are not read"},
+                {"a: [1,\n *one]", "line 2: anchors (&) and aliases (*) are not read"},
+                {"%TAG !a! x\n---\na: 1", "line 1: %TAG is not read"},
+                {"a: " NEST8 NEST8 "1" ENDS8 ENDS8, "line 1: lists and mappings are nested too deep"},
+                {"a:\n - - - - - - - - - - - - - - - - 1", "line 2: lists and mappings are nested too deep"},
+                {ENDS8 "\na: " NEST8 NEST8, "line 2: lists and mappings are nested too deep"},
+                {"a: '&one *two'\nb: \"%TAG\" # &three [[[[[[[[[[[[[[[[[[[[", NULL},
+                {"a: " NEST8 "[[[[[[[1" ENDS8 "]]]]]]]", NULL},
+                {"a: !!str x\nb: R&D", NULL}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_yaml *yaml = NULL;
+        lg_error error = {LG_OK, ""};
+        const lg_status status =
+            lg_yaml_open_text(NULL, "file.yaml", rows[i].text, strlen(rows[i].text), &yaml, &error);
+        assert_int_equal(status, rows[i].words != NULL ? LG_FORMAT : LG_OK);
+        if (rows[i].words != NULL) assert_says(error.message, rows[i].words);
+        if (status == LG_OK) lg_yaml_close(yaml);
+    }
 }
 
 TEST("what is not YAML, or has no room for the key, is refused with a sentence") {

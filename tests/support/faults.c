@@ -17,6 +17,8 @@
 #include <unistd.h>
 #include <yaml.h>
 
+struct rlimit;
+
 static struct {
     _Atomic long calls[FAULT_CLASSES], live, hits;
     fault_class of;
@@ -25,6 +27,7 @@ static struct {
     fault_class noted;
     uint64_t *stacks;
     long room;
+    void (*before)(void);
 } faults;
 
 void faults_arm(fault_class of, fault_way way, long from, long to) {
@@ -74,6 +77,10 @@ void faults_note_stacks(fault_class of, uint64_t *stacks, long room) {
     faults.stacks = stacks;
 }
 
+void faults_interpose(void (*before)(void)) {
+    faults.before = before;
+}
+
 static void note_stack(long call) {
     enum { FRAMES = 10, OURS = 3 };
     void *frames[FRAMES];
@@ -120,6 +127,7 @@ long faults_choose(const uint64_t *stacks, long noted, long calls, long most, lo
 
 /* Counts a call. Returns true if this call has to fail. */
 static bool goes_wrong(fault_class of) {
+    if (faults.before != NULL && of == FAULT_FILES) faults.before();
     if (spared_here) return false;
     const long call = ++faults.calls[of];
     if (faults.stacks != NULL && of == faults.noted && call <= faults.room) note_stack(call);
@@ -213,6 +221,8 @@ CALL(FAULT_FILES, EMFILE, NULL, DIR *, opendir, (const char *path), (path))
 CALL(FAULT_FILES, EIO, -1, int, stat, (const char *path, struct stat *out), (path, out))
 CALL(FAULT_FILES, EIO, -1, int, lstat, (const char *path, struct stat *out), (path, out))
 CALL(FAULT_FILES, EIO, -1, int, fstat, (int fd, struct stat *out), (fd, out))
+CALL(FAULT_FILES, EIO, -1, int, fstatat, (int folder, const char *path, struct stat *out, int flags),
+     (folder, path, out, flags))
 CALL(FAULT_FILES, EIO, -1, int, fsync, (int fd), (fd))
 CALL(FAULT_FILES, EIO, -1, int, fdatasync, (int fd), (fd))
 CALL(FAULT_FILES, EIO, -1, int, ftruncate, (int fd, off_t bytes), (fd, bytes))
@@ -220,9 +230,14 @@ CALL(FAULT_FILES, EIO, -1, int, fchmod, (int fd, mode_t mode), (fd, mode))
 CALL(FAULT_FILES, EIO, -1, int, rename, (const char *from, const char *to), (from, to))
 CALL(FAULT_FILES, EIO, -1, int, renameat, (int of, const char *from, int in, const char *to),
      (of, from, in, to))
+CALL(FAULT_FILES, EIO, -1, int, renameat2, (int of, const char *from, int in, const char *to, unsigned flags),
+     (of, from, in, to, flags))
+CALL(FAULT_FILES, EIO, -1, int, linkat, (int of, const char *from, int in, const char *to, int flags),
+     (of, from, in, to, flags))
 CALL(FAULT_FILES, EIO, -1, int, unlink, (const char *path), (path))
 CALL(FAULT_FILES, EIO, -1, int, unlinkat, (int folder, const char *path, int flags), (folder, path, flags))
 CALL(FAULT_FILES, ENOSPC, -1, int, mkdir, (const char *path, mode_t mode), (path, mode))
+CALL(FAULT_FILES, ENOSPC, -1, int, mkdirat, (int folder, const char *path, mode_t mode), (folder, path, mode))
 CALL(FAULT_FILES, EIO, -1, int, rmdir, (const char *path), (path))
 CALL(FAULT_FILES, ENOLCK, -1, int, flock, (int fd, int what), (fd, what))
 CALL(FAULT_FILES, EMFILE, -1, int, dup, (int fd), (fd))
@@ -258,6 +273,16 @@ CALL(FAULT_MEMORY, ENOMEM, 0, int, yaml_document_append_mapping_pair,
 READ(fread, (void *data, size_t size, size_t count, FILE *file), (data, size, count, file))
 READ(__fread_chk, (void *data, size_t room, size_t size, size_t count, FILE *file),
      (data, room, size, count, file))
+/* <sys/resource.h> declares these two with an enumeration of GNU. */
+CALL(FAULT_CONFINE, EPERM, -1, int, getrlimit, (int of, struct rlimit *limit), (of, limit))
+CALL(FAULT_CONFINE, EPERM, -1, int, setrlimit, (int of, const struct rlimit *limit), (of, limit))
+#ifdef LG_SECCOMP
+CALL(FAULT_CONFINE, ENOMEM, NULL, void *, seccomp_init, (uint32_t action), (action))
+CALL(FAULT_CONFINE, ENOMEM, -ENOMEM, int, seccomp_rule_add_array,
+     (void *filter, uint32_t action, int call, unsigned count, const void *conditions),
+     (filter, action, call, count, conditions))
+CALL(FAULT_CONFINE, EINVAL, -EINVAL, int, seccomp_load, (const void *filter), (filter))
+#endif
 CLOSE(close, FAULT_FILES, int)
 CLOSE(fclose, class_of(closed), FILE *)
 CLOSE(closedir, FAULT_FILES, DIR *)
@@ -411,6 +436,25 @@ int __wrap_openat(int folder, const char *path, int flags, ...) {
     va_end(more);
     return fails(FAULT_FILES, EMFILE) ? -1 : REAL(openat)(folder, path, flags, mode);
 }
+
+int REAL(prctl)(int, ...);
+int __wrap_prctl(int, ...);
+int __wrap_prctl(int what, ...) {
+    va_list more;
+    va_start(more, what);
+    const unsigned long value = va_arg(more, unsigned long);
+    va_end(more);
+    return fails(FAULT_CONFINE, EINVAL) ? -1 : REAL(prctl)(what, value, 0ul, 0ul, 0ul);
+}
+
+#ifdef LG_SECCOMP
+/* The project calls this function without conditions. */
+int REAL(seccomp_rule_add)(void *, uint32_t, int, unsigned, ...);
+int __wrap_seccomp_rule_add(void *, uint32_t, int, unsigned, ...);
+int __wrap_seccomp_rule_add(void *filter, uint32_t action, int call, unsigned count, ...) {
+    return fails(FAULT_CONFINE, ENOMEM) ? -ENOMEM : REAL(seccomp_rule_add)(filter, action, call, count);
+}
+#endif
 
 /* The project calls fcntl only with a pointer to a lock, or without a third argument. */
 int REAL(fcntl)(int, int, ...);

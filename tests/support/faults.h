@@ -11,8 +11,9 @@
 #include <stdint.h>
 
 /* MEMORY: functions that allocate (of libyaml, too), or start a thread or a process. FILES: functions that
- * open, read, write, lock, name or close files. HDF5: functions of HDF5, which only fail. */
-typedef enum fault_class { FAULT_MEMORY, FAULT_FILES, FAULT_HDF5, FAULT_CLASSES } fault_class;
+ * open, read, write, lock, name or close files. HDF5: functions of HDF5, which only fail. CONFINE: functions
+ * that restrict a process. */
+typedef enum fault_class { FAULT_MEMORY, FAULT_FILES, FAULT_HDF5, FAULT_CONFINE, FAULT_CLASSES } fault_class;
 
 /* FAIL: the call does nothing and returns an error; a function that closes closes, and returns an error.
  * SHORT: read and write move half of the bytes; other calls work. INTERRUPT: read and write fail with EINTR;
@@ -31,6 +32,9 @@ void faults_spare(bool spared);
 /* faults_calls: number of calls of the class since faults_arm. faults_hit: whether one of them went wrong. */
 long faults_calls(fault_class of);
 bool faults_hit(void);
+
+/* From now on, before() is called before each call of the class FILES. NULL ends this. */
+void faults_interpose(void (*before)(void));
 
 /* Blocks that were allocated by calls of the table and are not freed. */
 long faults_live(void);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "anomaly/files/recipe.h"
+#include "core/lookup.h"
 
 /* ---- reading ---- */
 
@@ -18,14 +19,16 @@ static void warn_of_names(const lg_context *context, const char *path, const lg_
 }
 
 /* from[c] becomes the number of the series' channel with the name name[c]. Returns false unless each name
- * belongs to exactly one channel of the series. */
-static bool find_channels(const lg_series *series, char (*name)[LG_SERIES_NAME], uint32_t *from) {
+ * belongs to exactly one channel of the series. `sorted` and `taken` are work memory (channels). */
+static bool find_channels(const lg_series *series, char (*name)[LG_SERIES_NAME], lg_lookup *sorted,
+                          bool *taken, uint32_t *from) {
+    for (uint32_t c = 0; c < series->channels; c++) sorted[c] = (lg_lookup){series->channel_name[c], c};
+    lg_lookup_sort(sorted, series->channels);
     for (uint32_t c = 0; c < series->channels; c++) {
-        from[c] = 0;
-        while (from[c] < series->channels && strcmp(name[c], series->channel_name[from[c]]) != 0) from[c]++;
-        if (from[c] == series->channels) return false;
-        for (uint32_t before = 0; before < c; before++)
-            if (from[before] == from[c]) return false;
+        const lg_lookup *found = lg_lookup_find(sorted, series->channels, name[c]);
+        if (found == NULL || taken[found->at]) return false;
+        from[c] = (uint32_t)found->at;
+        taken[found->at] = true;
     }
     return true;
 }
@@ -37,8 +40,11 @@ static lg_status order_channels(const lg_context *context, lg_series *series, ch
     const size_t n = series->length;
     if (name == NULL || series->channel_name == NULL) return LG_OK;
     uint32_t *from = lg_alloc(context, m, sizeof *from);
+    lg_lookup *sorted = lg_alloc(context, m, sizeof *sorted);
+    bool *taken = lg_alloc(context, m, sizeof *taken);
     float *window = lg_alloc(context, m * n, sizeof *window);
-    const bool room = from != NULL && window != NULL, all = room && find_channels(series, name, from);
+    const bool room = from != NULL && sorted != NULL && taken != NULL && window != NULL;
+    const bool all = room && find_channels(series, name, sorted, taken, from);
     for (size_t i = 0; i < series->count && all; i++) {
         float *x = series->x + i * m * n;
         memcpy(window, x, m * n * sizeof *x);
@@ -46,6 +52,8 @@ static lg_status order_channels(const lg_context *context, lg_series *series, ch
     }
     if (all) memcpy(series->channel_name, name, m * sizeof *name);
     lg_free(context, from);
+    lg_free(context, sorted);
+    lg_free(context, taken);
     lg_free(context, window);
     return room ? LG_OK : LG_OUT_OF_MEMORY;
 }

@@ -85,7 +85,6 @@ struct lg_program {
 #define LG_PROGRAM_MAX_FUNCTIONS  256
 #define LG_PROGRAM_MAX_PARAMETERS 256
 #define LG_PROGRAM_MAX_PORTS      64
-#define LG_PROGRAM_MAX_NODES      (1u << 20)
 #define LG_PROGRAM_MAX_ALL_NODES  (1u << 22) /* of all functions together */
 #define LG_PROGRAM_MAX_TIMES      (1u << 24) /* number of calls in a loop */
 #define LG_PROGRAM_MAX_NAME       64         /* characters of a name, and bytes of a unit */

@@ -1,16 +1,17 @@
-/* Whether a fit of long windows fits into memory. The bytes of a row are measured in a window of a few
- * thousand rows, with a context that counts. */
+/* Whether a fit of long windows fits into memory. The bytes of a row are measured in windows of a hundred
+ * rows or two, with a context that counts. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "files/memory.h"
+#include "liegrad/program.h"
 #include "machine/files/recipe.h"
 #include "model/files/training.h"
 
-/* Rows of the longest window that is measured. Windows of up to half as many are not checked. */
-enum { MEASURED = 2048 };
+/* Rows of the longest window that is measured. Windows of up to as many are not checked. */
+enum { MEASURED = 256 };
 
 /* ---- a context that counts ---- */
 
@@ -40,14 +41,16 @@ static void give(void *user, void *memory) {
 
 /* ---- how many bytes a fit needs for each row of a window ---- */
 
-/* Runs one epoch of the last phase of the fit. Whether the run is finite does not matter. */
+/* Runs one epoch of the last phase of the fit, by plans or on the tape. Whether the run is finite does not
+ * matter. */
 static lg_status run_epoch(const lg_training *self, const lg_context *context,
-                           const lg_machine_problem *problem, const double *theta) {
+                           const lg_machine_problem *problem, bool plans, const double *theta) {
     const lg_machine_model_run *run = self->run;
     lg_fit_problem fit_problem;
     lg_fit_options options;
     lg_fit *fit = NULL;
     lg_machine_fit_problem(problem, &fit_problem);
+    fit_problem.repeats = plans;
     lg_fit_options_init(&options);
     lg_fit_settings_apply(&run->training, &options);
     const uint32_t phases = options.plan.phases;
@@ -56,30 +59,46 @@ static lg_status run_epoch(const lg_training *self, const lg_context *context,
     options.epochs = options.shards = 1;
     options.threads = 1;
     options.validation = options.prior = 0;
+    options.batch = 0;
     lg_status status = lg_fit_create(context, &fit_problem, &options, theta, &fit, NULL);
     if (status == LG_OK) status = lg_fit_run(fit, NULL);
     lg_fit_destroy(fit);
     return status;
 }
 
-/* Bytes while the fit runs, and while the loss is computed or the numbers are judged. */
-typedef struct bytes {
-    double fit, judge;
-} bytes;
+/* Bytes while the loss is computed and the numbers are judged; 0 bytes if memory ended. */
+static double judge(const lg_context *context, const lg_machine_problem *problem, const double *theta,
+                    count *c) {
+    double loss, floor;
+    lg_machine_missing missing;
+    lg_fit_problem fit;
+    c->most = c->now;
+    lg_status status = lg_machine_loss(context, problem, theta, &loss, &floor, NULL);
+    if (status != LG_OUT_OF_MEMORY) status = lg_machine_find_missing(context, problem, theta, &missing, NULL);
+    /* The Jacobian, its transpose and the columns that become R (identify.c). */
+    lg_machine_fit_problem(problem, &fit);
+    const double jacobian = 3.0 * (double)(problem->machine->parameters * fit.rows);
+    return status == LG_OUT_OF_MEMORY ? 0.0 : fmax((double)c->most, jacobian * sizeof(double));
+}
 
-/* Bytes of one window of `window` rows. */
-static lg_status measure(lg_training *self, uint32_t window, bytes *out, lg_error *error) {
+/* What is measured: a fit by plans, a fit on the tape, and what comes after a fit, of one window and of
+ * several at once. */
+enum { PLANNED, TAPED, JUDGED, TAPED_TOGETHER, JUDGED_TOGETHER, WAYS, TOGETHER = 16 };
+
+/* Bytes of windows of `window` rows; several windows are the same one. */
+static lg_status measure(lg_training *self, int way, uint32_t window, double *bytes, lg_error *error) {
     const lg_machine_model_run *run = self->run;
     lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
+    size_t start[TOGETHER];
     count c = {0, 0};
     lg_context_options options;
     lg_context *context = NULL;
-    lg_fit_problem fit;
-    lg_machine_missing missing;
     lg_rng rng;
-    double *theta, loss, floor;
+    double *theta;
     problem.window = window;
-    problem.windows = 1;
+    problem.windows = way >= TAPED_TOGETHER ? TOGETHER : 1;
+    for (size_t i = 0; i < TOGETHER; i++) start[i] = problem.start[0];
+    problem.start = start;
     problem.validation = 0;
     LG_TRAINING_ARRAY(self, theta, lg_machine_problem_parameters(&problem), error);
     lg_rng_seed(&rng, run->training.seed, 0);
@@ -89,40 +108,49 @@ static lg_status measure(lg_training *self, uint32_t window, bytes *out, lg_erro
     options.release = give;
     options.allocator_user = &c;
     lg_status status = lg_context_create(&options, &context);
-    if (status == LG_OK) status = run_epoch(self, context, &problem, theta);
-    out->fit = (double)c.most;
-    c.most = 0;
-    if (status != LG_OUT_OF_MEMORY) status = lg_machine_loss(context, &problem, theta, &loss, &floor, NULL);
-    if (status != LG_OUT_OF_MEMORY)
-        status = lg_machine_find_missing(context, &problem, theta, &missing, NULL);
-    /* The Jacobian, its transpose and the columns that become R (identify.c). */
-    lg_machine_fit_problem(&problem, &fit);
-    const double jacobian = 3.0 * (double)(run->machine.parameters * fit.rows);
-    out->judge = fmax((double)c.most, jacobian * sizeof(double));
+    if (status == LG_OK && way != JUDGED && way != JUDGED_TOGETHER) {
+        status = run_epoch(self, context, &problem, way == PLANNED, theta);
+        *bytes = (double)c.most;
+    } else if (status == LG_OK) {
+        *bytes = judge(context, &problem, theta, &c);
+        status = *bytes > 0.0 ? LG_OK : LG_OUT_OF_MEMORY;
+    }
     lg_context_destroy(context);
     if (status != LG_OUT_OF_MEMORY) return LG_OK;
     return lg_fail(error, status, "--window %u: there is not even memory for one window of %u rows",
                    run->window, window);
 }
 
-/* Bytes of a row, from two windows. */
-static lg_status measure_row(lg_training *self, bytes *out, lg_error *error) {
+/* Bytes of a row, from windows of two lengths. The longer one is the window halved a few times: then arrays
+ * that double are as full as they will be. */
+static lg_status measure_row(lg_training *self, double row[WAYS], lg_error *error) {
     const lg_machine_model_run *run = self->run;
-    const uint32_t rows = run->window < MEASURED ? run->window : MEASURED;
-    bytes all, half;
-    LG_TRY(measure(self, rows / 2, &half, error));
-    LG_TRY(measure(self, rows, &all, error));
-    out->fit = (all.fit - half.fit) / (rows - rows / 2);
-    out->judge = (all.judge - half.judge) / (rows - rows / 2);
+    uint32_t rows = run->window;
+    while (rows > MEASURED) rows /= 2;
+    for (int way = 0; way < WAYS; way++) {
+        double all = 0, half = 0;
+        LG_TRY(measure(self, way, rows / 2, &half, error));
+        LG_TRY(measure(self, way, rows, &all, error));
+        row[way] = fmax(all - half, 0.0) / (rows - rows / 2);
+    }
     return LG_OK;
 }
 
 /* ---- windows ---- */
 
-/* Bytes of a fit of windows of `window` rows: each shard has a tape with as many windows as are on it at
- * once. */
-static double bytes_of(const lg_training *self, bytes row, uint32_t window) {
-    enum { SHARDS = 4 };              /* without --shards */
+/* Bytes of a row of this many windows, of which one takes `one` and TOGETHER of them take `together`: they
+ * share the operations, and each has its numbers. */
+static double bytes_together(double one, double together, double windows) {
+    return one + fmax(together - one, 0.0) / (TOGETHER - 1) * (windows - 1.0);
+}
+
+/* Bytes of a fit of windows of `window` rows. Each shard has a tape with as many windows as are on it at
+ * once, and a plan if this has not too many operations. */
+static double bytes_of(const lg_training *self, const double row[WAYS], uint32_t window) {
+    enum {
+        SHARDS = 4,           /* without --shards */
+        PLAN_OPERATION = 512, /* most bytes of an operation of a plan */
+    };
     static const double margin = 1.3; /* the parts of blocks that are not used */
     lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
     lg_fit_problem fit;
@@ -131,7 +159,12 @@ static double bytes_of(const lg_training *self, bytes row, uint32_t window) {
                  shards = fmin(windows, self->options.shards > 0 ? self->options.shards : SHARDS);
     problem.window = window;
     lg_machine_fit_problem(&problem, &fit);
-    return margin * window * fmin((double)fit.chunk, windows / shards) * (shards * row.fit + row.judge);
+    const double together = fmin((double)fit.chunk, windows / shards),
+                 taped = bytes_together(row[TAPED], row[TAPED_TOGETHER], together),
+                 judged = bytes_together(row[JUDGED], row[JUDGED_TOGETHER], together),
+                 plan = fmin(window * fmax(row[PLANNED] - row[TAPED], 0.0),
+                             (double)LG_PROGRAM_MAX_NODES * PLAN_OPERATION);
+    return margin * (shards * (window * taped + plan) + window * judged);
 }
 
 lg_status lg_machine_check_room(lg_training *self, lg_error *error) {
@@ -139,9 +172,9 @@ lg_status lg_machine_check_room(lg_training *self, lg_error *error) {
     static const double mebibyte = 1 << 20;
     const double left = (double)lg_memory_left();
     uint32_t fits = run->window;
-    bytes row;
-    if (run->window <= MEASURED / 2) return LG_OK;
-    LG_TRY(measure_row(self, &row, error));
+    double row[WAYS];
+    if (run->window <= MEASURED) return LG_OK;
+    LG_TRY(measure_row(self, row, error));
     const double needed = bytes_of(self, row, run->window);
     while (fits > 2 && bytes_of(self, row, fits) > left) fits -= fits / 20 + 1;
     if (fits == run->window) return LG_OK;

@@ -48,14 +48,13 @@ static bool lay_out(lg_h5 *h5, const uint64_t dims[3], uint64_t *offset) {
     return options >= 0 && place != HADDR_UNDEF;
 }
 
-/* Writes the file without its rows, under the name `scratch`. */
-static lg_status write_layout(lg_rows_file *file, const char *scratch, const lg_rows_options *o,
-                              lg_error *error) {
+/* Writes the file without its rows. */
+static lg_status write_layout(lg_rows_file *file, const lg_rows_options *o, lg_error *error) {
     const uint64_t dims[3] = {o->rows, o->points, o->dim};
     lg_h5 *h5;
     LG_TRY(lg_h5_new(file->context, file->path, &h5, error));
     lg_h5_quiet quiet = lg_quiet_begin();
-    h5->file = H5Fcreate(scratch, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    h5->file = H5Fcreate(file->temporary.name, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
     lg_status status = h5->file >= 0 && lay_out(h5, dims, &file->offset)
                            ? LG_OK
                            : lg_fail(error, LG_FILE, "%s: cannot be written", lg_shown_path(file->path));
@@ -86,19 +85,15 @@ static lg_status check_limit(const lg_rows_file *file, const lg_rows_options *o,
     return failed(error, file->path, "cannot be written");
 }
 
-/* Replaces the temporary file by the file `scratch`: allocates its whole size on the disk, locks it, makes
- * the temporary's descriptor refer to it and renames it to the temporary's name. */
-static lg_status take_over(lg_rows_file *file, const char *scratch, lg_error *error) {
-    const uint64_t bytes = file->offset + file->rows * file->row_bytes;
-    const int fd = open(scratch, O_RDWR | O_CLOEXEC);
-    if (fd < 0) return failed(error, file->path, "cannot be written");
-    errno = posix_fallocate(fd, 0, (off_t)bytes);
-    const bool whole = errno == 0 && flock(fd, LOCK_EX | LOCK_NB) == 0 && dup2(fd, file->temporary.fd) >= 0 &&
-                       rename(scratch, file->temporary.name) == 0;
-    const int code = errno;
-    (void)close(fd);
-    errno = code;
-    return whole ? LG_OK : failed(error, file->path, "cannot be written");
+/* Lays out the temporary file, and allocates its whole size on the disk. HDF5 opens the file by its name and
+ * locks it meanwhile (flock). */
+static lg_status lay_out_file(lg_rows_file *file, const lg_rows_options *options, lg_error *error) {
+    const int fd = file->temporary.fd;
+    (void)flock(fd, LOCK_UN);
+    LG_TRY(write_layout(file, options, error));
+    const bool lost = flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    if (!lost) errno = posix_fallocate(fd, 0, (off_t)(file->offset + file->rows * file->row_bytes));
+    return errno == 0 && !lost ? LG_OK : failed(error, file->path, "cannot be written");
 }
 
 lg_status lg_rows_file_create(const lg_context *context, const char *path, const lg_rows_options *options,
@@ -110,7 +105,7 @@ lg_status lg_rows_file_create(const lg_context *context, const char *path, const
         options->rows > (uint64_t)INT64_MAX / 2 / (options->points * options->dim * sizeof(double)))
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: too many numbers", lg_shown_path(path));
     lg_rows_file *file = lg_alloc(context, 1, sizeof(*file));
-    char *copy = file ? lg_strdup(context, path) : NULL, *scratch = NULL;
+    char *copy = file ? lg_strdup(context, path) : NULL;
     if (!copy) {
         lg_free(context, file);
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
@@ -123,18 +118,7 @@ lg_status lg_rows_file_create(const lg_context *context, const char *path, const
     lg_status status = lg_may_replace(context, path, LG_H5_SIGNATURE, sizeof LG_H5_SIGNATURE - 1, error);
     if (status == LG_OK) status = check_limit(file, options, error);
     if (status == LG_OK) status = lg_temporary_create(context, path, false, &file->temporary, error);
-    if (status == LG_OK) {
-        const size_t length = strlen(file->temporary.name);
-        scratch = lg_alloc(context, length + 8, 1);
-        if (!scratch) status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    }
-    if (status == LG_OK) {
-        (void)sprintf(scratch, "%s.layout", file->temporary.name);
-        status = write_layout(file, scratch, options, error);
-        if (status == LG_OK) status = take_over(file, scratch, error);
-        if (status != LG_OK) (void)unlink(scratch);
-    }
-    lg_free(context, scratch);
+    if (status == LG_OK) status = lay_out_file(file, options, error);
     if (status != LG_OK)
         lg_rows_file_destroy(file);
     else

@@ -284,13 +284,18 @@ static bool in_range(const lg_range *range, double x) {
     return x >= range->low && x <= range->high; /* false for NaN */
 }
 
+bool lg_trial_is_possible(const lg_search_space *space, const lg_trial *trial) {
+    bool good = (int)trial->state >= 0 && (int)trial->state < LG_TRIAL_STATE_COUNT &&
+                trial->reports <= LG_TRIAL_REPORTS;
+    for (size_t k = 0; good && k < space->count; k++) good = in_range(&space->ranges[k], trial->value[k]);
+    return good;
+}
+
 static lg_status check_trials(const lg_search_space *space, const lg_trial *trials, size_t count,
                               lg_error *error) {
     for (size_t i = 0; i < count; i++) {
         const lg_trial *trial = &trials[i];
-        bool good = (int)trial->state >= 0 && (int)trial->state < LG_TRIAL_STATE_COUNT &&
-                    trial->reports <= LG_TRIAL_REPORTS;
-        for (size_t k = 0; good && k < space->count; k++) good = in_range(&space->ranges[k], trial->value[k]);
+        bool good = lg_trial_is_possible(space, trial);
         for (size_t k = 0; good && k < i; k++) good = trials[k].number != trial->number;
         if (!good)
             return lg_fail(error, LG_INVALID_ARGUMENT,

@@ -8,7 +8,7 @@
 #include <yaml.h>
 
 #define MAX_BYTES ((size_t)1 << 20)
-#define MAX_DEPTH 16 /* most brackets that are open at once */
+#define MAX_DEPTH 16 /* most lists and mappings that are open at once */
 #define NAME_SIZE 64
 
 struct lg_yaml {
@@ -75,21 +75,6 @@ lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned ch
     return status;
 }
 
-/* libyaml takes quadratic time for deep nesting, which valid files do not have. Brackets in texts and
- * comments count too. */
-static lg_status check_depth(const char *path, const unsigned char *data, size_t bytes, lg_error *error) {
-    unsigned line = 1;
-    int depth = 0;
-    for (size_t i = 0; i < bytes; i++) {
-        line += data[i] == '\n';
-        depth += (data[i] == '[' || data[i] == '{') - (data[i] == ']' || data[i] == '}');
-        if (depth > MAX_DEPTH)
-            return lg_fail(error, LG_FORMAT, "%s: line %u: more than %d brackets are open",
-                           lg_shown_path(path), line, MAX_DEPTH);
-    }
-    return LG_OK;
-}
-
 static lg_status parser_error(const char *path, const yaml_parser_t *parser, const unsigned char *data,
                               size_t bytes, lg_error *error) {
     if (parser->error == YAML_MEMORY_ERROR)
@@ -101,6 +86,50 @@ static lg_status parser_error(const char *path, const yaml_parser_t *parser, con
     }
     return lg_fail(error, LG_FORMAT, "%s: line %zu: is not YAML: %s", lg_shown_path(path), line,
                    parser->problem != NULL ? parser->problem : "unknown problem");
+}
+
+/* What a token begins or ends: 1, -1, or 0. */
+static int steps_in(yaml_token_type_t type) {
+    const bool begins = type == YAML_BLOCK_SEQUENCE_START_TOKEN || type == YAML_BLOCK_MAPPING_START_TOKEN ||
+                        type == YAML_FLOW_SEQUENCE_START_TOKEN || type == YAML_FLOW_MAPPING_START_TOKEN;
+    const bool ends = type == YAML_BLOCK_END_TOKEN || type == YAML_FLOW_SEQUENCE_END_TOKEN ||
+                      type == YAML_FLOW_MAPPING_END_TOKEN;
+    return begins - ends;
+}
+
+/* Why a token is refused, or NULL. libyaml takes quadratic time for many anchors, for many %TAG lines and for
+ * deep nesting. An alias could also make a value part of itself, or a small file a huge document. */
+static const char *refused(yaml_token_type_t type, int depth) {
+    if (type == YAML_ANCHOR_TOKEN || type == YAML_ALIAS_TOKEN)
+        return "anchors (&) and aliases (*) are not read: write out the value, or put the text in quotes";
+    if (type == YAML_TAG_DIRECTIVE_TOKEN) return "%TAG is not read";
+    return depth > MAX_DEPTH ? "lists and mappings are nested too deep" : NULL;
+}
+
+static lg_status check_tokens(const char *path, const unsigned char *data, size_t bytes, lg_error *error) {
+    yaml_parser_t parser;
+    lg_status status = LG_OK;
+    int depth = 0;
+    if (!yaml_parser_initialize(&parser))
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    yaml_parser_set_input_string(&parser, data, bytes);
+    for (bool more = true; more && status == LG_OK;) {
+        yaml_token_t token;
+        if (!yaml_parser_scan(&parser, &token)) {
+            status = parser_error(path, &parser, data, bytes, error);
+            break;
+        }
+        depth += steps_in(token.type);
+        if (depth < 0) depth = 0;
+        const char *why = refused(token.type, depth);
+        if (why != NULL)
+            status = lg_fail(error, LG_FORMAT, "%s: line %zu: %s", lg_shown_path(path),
+                             token.start_mark.line + 1, why);
+        more = token.type != YAML_STREAM_END_TOKEN;
+        yaml_token_delete(&token);
+    }
+    yaml_parser_delete(&parser);
+    return status;
 }
 
 /* Loads a file that must contain exactly one document. */
@@ -134,7 +163,7 @@ lg_status lg_yaml_open_text(const lg_context *context, const char *path, const v
     yaml_parser_t parser;
     if (bytes > MAX_BYTES)
         return lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", lg_shown_path(path), MAX_BYTES);
-    LG_TRY(check_depth(path, data, bytes, error));
+    LG_TRY(check_tokens(path, data, bytes, error));
     lg_yaml *yaml = lg_alloc(context, 1, sizeof *yaml);
     if (yaml == NULL || !yaml_parser_initialize(&parser)) {
         lg_free(context, yaml);
@@ -172,10 +201,11 @@ void lg_yaml_close(lg_yaml *yaml) {
 static const char *shown(const yaml_node_t *node, char out[NAME_SIZE]) {
     size_t length = node->data.scalar.length, used = 0;
     for (; used < length && used < NAME_SIZE - 1; used++) {
-        unsigned char c = node->data.scalar.value[used];
-        out[used] = c < 0x20 || c == 0x7f ? '?' : (char)c;
+        const char c = (char)node->data.scalar.value[used];
+        out[used] = c == '\0' ? '?' : c;
     }
     out[used] = '\0';
+    (void)lg_tame(out);
     return out;
 }
 

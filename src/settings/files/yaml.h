@@ -1,7 +1,8 @@
 /* Reads YAML and JSON files by tables of fields. A table is flat: "initial.q" is the key q of the mapping
  * `initial`. The line of each value is kept for error messages. If a row has no member in the struct (size
  * 0), the caller reads its value: a text, a name that stands for more than its number, or a NODE whose shape
- * is known only later. */
+ * is known only later. Files have at most 1 MiB and 16 levels of lists and mappings. Anchors, aliases and
+ * %TAG lines are refused. */
 #ifndef LG_YAML_H
 #define LG_YAML_H
 

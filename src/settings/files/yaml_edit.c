@@ -6,9 +6,9 @@
 
 #include "settings/files/yaml.h"
 
-/* Nodes are never changed in place, because several places of a file can share one: an edit makes new
- * nodes from the root down to what it changes. Nodes are known by their index in the document, from 1; 0:
- * no memory. Adding a node moves the others in memory, so that pointers to nodes are not kept. */
+/* Nodes are never changed in place: an edit makes new nodes from the root down to what it changes. Nodes are
+ * known by their index in the document, from 1; 0: no memory. Adding a node moves the others in memory, so
+ * that pointers to nodes are not kept. */
 typedef struct editing {
     const lg_context *context;
     yaml_document_t *document;
