@@ -4,7 +4,7 @@
 #
 # Programs, commands and options come from --help: each option that names an output must be given in a case below whose
 # command works and writes it, or stand in the list of reasons.
-# ctest-labels: apps/common src/files
+# ctest-labels: apps/common src/files slow
 # shellcheck disable=SC2086 # words are split on purpose
 set -u
 export LC_ALL=C OPENBLAS_NUM_THREADS=1

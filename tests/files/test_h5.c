@@ -681,7 +681,7 @@ TEST("the context decides whether a writer may replace a file, and what it refus
     }
 }
 
-TEST("HDF5 that liegrad wrote is told from HDF5 of others") {
+TEST("HDF5 files by liegrad are recognised, HDF5 files of others are not") {
     static const char *const formats[] = {"liegrad", "other", "liegrad2", "a format with a long name", NULL};
     for (size_t i = 0; i < LG_COUNT(formats); i++) {
         const char *path = scratch_path("whose.h5");
