@@ -327,8 +327,8 @@ static int check_earlier(const app *self, const used_file *file) {
     if (status == LG_OK && app_plot_name_fits(path) && output_of(path)->inode != 0 &&
         !app_begins(self, file[1].path, PLOT_DATA, strlen(PLOT_DATA), false))
         status = app_error(&error, LG_FILE,
-                           "%s: exists, and %s does not lie next to it: remove it, or write to another file", path,
-                           file[1].path);
+                           "%s: exists, and %s does not lie next to it: remove it, or write to another file",
+                           path, file[1].path);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }
 

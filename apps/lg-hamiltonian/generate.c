@@ -1,7 +1,6 @@
 /* lg-hamiltonian generate: samples trajectories of a scene and writes a data file. */
 #include "lg-hamiltonian/training.h"
 
-
 #include "common/pieces.h"
 
 #include <stdio.h>
