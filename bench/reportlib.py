@@ -82,7 +82,10 @@ class Study:
     def picture(self, name):
         folder = os.path.join(self.out, "pictures")
         os.makedirs(folder, exist_ok=True)
-        return os.path.join(folder, "%s-%s.svg" % (self.page, name))
+        path = os.path.join(folder, "%s-%s.svg" % (self.page, name))
+        if os.path.exists(path):  # programs replace a picture only if its data are beside it
+            os.remove(path)
+        return path
 
     def panel(self, name, panels, **size):
         draw(self.picture(name), len(panels), panels, **size)

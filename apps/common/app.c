@@ -37,6 +37,10 @@ void app_out_of_memory(void) {
     exit(APP_EXIT_MEMORY);
 }
 
+const app *app_running(void) {
+    return running;
+}
+
 bool app_interrupted(void) {
     return stopped_by != 0;
 }
@@ -393,20 +397,36 @@ static int check_numbers(const app *self) {
     return APP_EXIT_OK;
 }
 
-/* Checks the options that name files: required ones are given, and outputs can be written. */
-static int check_files(const app *self) {
-    app_path paths[APP_SLOTS];
+static const char *text_of(const app_slot *slot) {
+    return *(const char *const *)((const char *)slot->values + slot->row->offset);
+}
+
+/* Returns whether the option is "-", and that means standard output for it. */
+static bool names_stdout(const app_slot *slot) {
+    const char *text = text_of(slot), *bar = strchr(slot->row->unit, '|');
+    return text != NULL && strcmp(text, "-") == 0 && bar != NULL && strcmp(bar, "|-") == 0;
+}
+
+size_t app_file_options(const app *self, app_path *paths) {
     size_t count = 0;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
-        const lg_field *row = slot->row;
-        if (row->type != LG_FIELD_STRING) continue;
-        const char *text = *(const char *const *)((const char *)slot->values + row->offset);
-        if (row->required && text == NULL)
-            return app_usage(self, "--%s %s is missing", slot->name, row->unit);
-        if (row->file != LG_FILE_NOT) paths[count++] = (app_path){slot->name, text, row->file};
+        if (slot->row->type == LG_FIELD_STRING && slot->row->file != LG_FILE_NOT)
+            paths[count++] =
+                (app_path){slot->name, names_stdout(slot) ? NULL : text_of(slot), slot->row->file};
     }
-    return app_check_outputs(self, paths, count);
+    return count;
+}
+
+/* Checks the options that name files: required ones are given, and outputs can be written. */
+static int check_files(const app *self) {
+    app_path paths[APP_SLOTS];
+    for (size_t i = 0; i < self->slot_count; i++) {
+        const app_slot *slot = &self->slots[i];
+        if (slot->row->type == LG_FIELD_STRING && slot->row->required && text_of(slot) == NULL)
+            return app_usage(self, "--%s %s is missing", slot->name, slot->row->unit);
+    }
+    return app_check_outputs(self, paths, app_file_options(self, paths));
 }
 
 /* Called after the command, however it ended. */
@@ -426,6 +446,8 @@ static int run_command(app *self) {
     options.log = on_log;
     options.log_user = self;
     options.cancel = &stopped_by;
+    options.replace = app_may_replace;
+    options.replace_user = self;
     const lg_status status = lg_context_create(&options, &self->context);
     if (status != LG_OK) return conclude(self, app_fail(self, status, "%s", lg_status_sentence(status)));
     int code = app_join_ranks(self);

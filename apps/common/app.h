@@ -98,13 +98,16 @@ struct app {
     app_warnings *warnings;
     uint32_t rank, rank_count; /* from mpirun's environment; 0 and 1 without mpirun */
     const lg_ranks *ranks;     /* set for an APP_RANKS command under mpirun; otherwise NULL */
-    bool shares; /* Several processes share a board and so the outputs: app_claim does nothing. */
+    bool continues; /* The command continues an earlier run: it does not say that it replaces its results. */
+    bool shares;    /* Several processes share a board and so the outputs: app_claim does nothing. */
 };
 
 app_warnings *app_warnings_create(void);
 void app_warnings_destroy(app_warnings *warnings);
 /* Parses the command line, runs the command and flushes stdout. Returns the exit code, which main returns. */
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands);
+/* The program's app: from the parsing of the command line to the end of app_main. */
+const app *app_running(void);
 /* Returns whether the option was on the command line. */
 bool app_given(const app *app, const char *option);
 /* Sets the command and gives its settings their defaults. No option counts as given. */
@@ -371,7 +374,8 @@ typedef struct app_file {
     size_t length;
 } app_file;
 void app_file_begin(app_file *file, const char *path);
-/* On failure the old file is left as it was, and `error` says why. */
+/* On failure the old file is left as it was, and `error` says why. LG_FILE also for a file that
+ * app_may_replace refuses. */
 lg_status app_file_end(app_file *file, lg_error *error);
 void app_file_discard(app_file *file);
 /* Checks early whether `path` can be written, rather than after an hour of work: its folder must exist and be
@@ -391,11 +395,38 @@ typedef struct app_path {
     const char *path;   /* NULL: the option is not given */
     lg_file_use use;
 } app_path;
+/* Lists the given options whose rows set `file`; `paths` has room for APP_SLOTS. Returns their number. */
+size_t app_file_options(const app *app, app_path *paths);
 /* Called before any long work. Each output must be writable and must differ from all inputs (the command's
  * arguments and the paths with LG_FILE_READ) and from all other outputs; a picture must end in .svg or .png.
- * Then claims the outputs (app_claim). On failure prints why and returns an exit code. Options whose rows set
- * `file` are checked for every command without this call. */
+ * Then claims the outputs (app_claim), and checks that they replace no foreign file (app_may_replace). On
+ * failure prints why and returns an exit code. Options whose rows set `file` are checked for every command
+ * without this call. */
 int app_check_outputs(const app *app, const app_path *paths, size_t count);
+/* Returns whether a regular file begins with the first line of `data`, or with all of it if it has no line
+ * end; `whole`: whether it is the data. If the data are a file in HDF5, liegrad must have written the
+ * file. */
+bool app_begins(const app *app, const char *path, const char *data, size_t bytes, bool whole);
+/* `replace` of the context (liegrad/core.h), for everything that a command writes; `user` is the app. A file
+ * that exists is replaced only if it is an earlier result of the same kind, and a sentence on stderr says
+ * so: a file in HDF5 that liegrad wrote, or a file with the same first line (of PNG this is its signature).
+ * Every other file stays, and the status is LG_FILE. A file that this process has written, and an empty one,
+ * may always be replaced. */
+lg_status app_may_replace(void *user, const char *path, const void *data, size_t bytes, lg_error *error);
+/* Checks before the work that a text with this first line may be written to `path` (NULL: nothing is
+ * checked); `whole`: that a file there holds this text and nothing else. Ends the command otherwise.
+ * app_check_outputs checks files in HDF5, pictures, and the data and scripts of pictures. */
+void app_check_text(const app *app, const char *path, const char *text, bool whole);
+/* Says that the command adds to this file, which it has checked, so it replaces no earlier result. */
+void app_continue(const char *path);
+/* Writes texts into a folder. If a file of such a name holds anything else, the command ends before the first
+ * text is written. */
+typedef struct app_named_text {
+    const char *name, *text;
+} app_named_text;
+void app_write_texts(const app *app, const char *folder, const app_named_text *texts, size_t count);
+/* Prints that an earlier result is replaced. */
+void app_say_replaces(const app *app, const char *path);
 /* Reserves the file or folder for this process until it ends (lg_lock_take); app_check_outputs calls this for
  * the outputs. Claiming twice does no harm. Pipes and devices are never claimed, and of several ranks only
  * rank 0 claims. LG_FILE: another process has claimed it; `error` says which. */
@@ -431,6 +462,9 @@ typedef struct app_plot {
     size_t data_length, texts_length;
 } app_plot;
 bool app_plot_name_fits(const char *picture);
+/* The text of the first line of each data file, and how each script begins. */
+#define APP_PLOT_DATA   "texts and numbers of a plot by liegrad"
+#define APP_PLOT_SCRIPT "# This gnuplot script is a fixed text of liegrad."
 /* Width and height in pixels. The name must end in .svg or .png; app_check_outputs checks this for
  * LG_FILE_DRAWN. */
 void app_plot_begin(app_plot *plot, const char *script, const char *picture, int width, int height);

@@ -287,18 +287,38 @@ static bool is_ready(const board *b) {
     return get(b, &found, sizeof found, 0) && found.ready != 0;
 }
 
+/* Opens the file; `make`: makes it if it does not exist. The file begins with the magic before it is used; a
+ * file of the user's is left as it is. LG_NOT_FOUND: it does not exist, or rank 0 is about to make it. */
+static lg_status open_board(board *b, bool make, lg_error *error) {
+    char found[sizeof magic] = "";
+    b->fd = make ? open(b->path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666) : -1;
+    const bool made = b->fd >= 0;
+    if (!made) b->fd = open(b->path, O_RDWR | O_CLOEXEC);
+    if (b->fd < 0)
+        return app_error(error, errno == ENOENT ? LG_NOT_FOUND : LG_FILE, "%s: cannot be opened: %s", b->path,
+                         strerror(errno));
+    lg_status status = made ? put(b, magic, sizeof magic, 0, error) : LG_OK;
+    if (status == LG_OK && !get(b, found, 1, 0))
+        status = app_error(error, LG_NOT_FOUND, "%s: is empty: remove it", b->path);
+    if (status == LG_OK && (!get(b, found, sizeof found, 0) || memcmp(found, magic, sizeof magic) != 0))
+        status = app_error(error, LG_FILE,
+                           "%s: exists and is not a board: remove it, or write to another file", b->path);
+    if (status != LG_OK) (void)close(b->fd), b->fd = -1;
+    return status;
+}
+
 /* Opens the board and takes its lock. Rank 0 creates the board, and the other ranks wait for it. Otherwise
  * these ranks could finish all work and remove the board while rank 0 waits for the lock. *removed becomes
  * true if the other ranks finished all work, and removed the board, before this rank got the lock. */
 static lg_status open_file(board *b, bool make, bool *removed, lg_error *error) {
-    enum { PAUSE = 20 }; /* milliseconds */
+    enum { PAUSE = 20 };             /* milliseconds */
+    static const double longest = 2; /* seconds from the making of a board to its first bytes */
     for (double waited = 0.0;; waited += 1e-3 * PAUSE) {
         struct stat about;
-        b->fd = open(b->path, make ? O_RDWR | O_CREAT | O_CLOEXEC : O_RDWR | O_CLOEXEC, 0666);
-        if (b->fd < 0 && (make || errno != ENOENT || *removed || waited >= b->silence))
-            return app_error(error, errno == ENOENT ? LG_NOT_FOUND : LG_FILE, "%s: cannot be opened: %s",
-                             b->path, strerror(errno));
-        if (b->fd >= 0) {
+        const lg_status status = open_board(b, make, error);
+        if (status == LG_FILE || (status != LG_OK && (*removed || waited >= (make ? longest : b->silence))))
+            return status;
+        if (status == LG_OK) {
             LG_TRY(take_seat(b, error));
             if (!lock(b, LOCK_BOARD, F_WRLCK, (off_t)offsetof(head, beat), &(sign){0, 0.0, false}))
                 return app_error(error, LG_FILE, "%s: cannot be locked: %s", b->path, lock_error());
@@ -315,17 +335,14 @@ static lg_status open_file(board *b, bool make, bool *removed, lg_error *error) 
     }
 }
 
+/* A board whose head has no count is new: it has the magic, and perhaps seats. */
 static lg_status check_head(const board *b, const head *mine, bool *fresh, lg_error *error) {
     head found = {.ready = 0};
-    struct stat about;
-    const bool whole = get(b, &found, sizeof found, 0);
-    if (fstat(b->fd, &about) == 0 && (about.st_size == 0 || (whole && found.magic[0] == '\0'))) {
-        *fresh = true; /* it is empty but for seats */
-        return put(b, mine, sizeof *mine, 0, error);
-    }
-    *fresh = whole && found.ready == 0;
-    if (whole && memcmp(found.magic, mine->magic, sizeof found.magic) == 0 && found.record == mine->record &&
-        found.count == mine->count && memcmp(found.sweep, mine->sweep, sizeof found.sweep) == 0)
+    const bool whole = get(b, &found, sizeof found, 0) && found.count > 0;
+    *fresh = !whole || found.ready == 0;
+    if (!whole) return put(b, mine, sizeof *mine, 0, error);
+    if (found.record == mine->record && found.count == mine->count &&
+        memcmp(found.sweep, mine->sweep, sizeof found.sweep) == 0)
         return LG_OK;
     return app_error(error, LG_FORMAT,
                      "%s: belongs to work with other options or data; remove it, or write to another file",

@@ -37,8 +37,9 @@ void app_file_begin(app_file *file, const char *path) {
 
 lg_status app_file_end(app_file *file, lg_error *error) {
     const bool whole = fclose(file->stream) == 0;
-    const lg_status status = whole ? lg_file_write(NULL, file->path, file->text, file->length, error)
-                                   : app_error(error, LG_OUT_OF_MEMORY, "%s: out of memory", file->path);
+    const lg_status status =
+        whole ? lg_file_write(app_running()->context, file->path, file->text, file->length, error)
+              : app_error(error, LG_OUT_OF_MEMORY, "%s: out of memory", file->path);
     free(file->text);
     return status;
 }
@@ -96,30 +97,38 @@ bool app_same_file(const char *a, const char *b) {
     return same;
 }
 
+#define PLOT_DATA "=" APP_PLOT_DATA "\n"
+
 /* A file that a command reads or writes. */
 typedef struct used_file {
     const char *option; /* NULL for an argument */
     char *path;
     bool written, streamed;
+    const char *begins; /* how an earlier result begins; NULL: this is known only when the file is written */
 } used_file;
 
 /* Lists all files that a command reads or writes, inputs first. `out` has room for all of app.arguments and 3
- * count more: a picture has three files. */
+ * count more: a picture has three files, the picture, its data and its script. */
 static size_t list_files(const app *self, const app_path *paths, size_t count, used_file *out) {
     size_t n = 0;
     for (int i = 0; i < self->argument_count; i++)
-        out[n++] = (used_file){NULL, app_format("%s", self->arguments[i]), false, false};
+        out[n++] = (used_file){.path = app_format("%s", self->arguments[i])};
     for (size_t i = 0; i < count; i++)
         if (paths[i].path != NULL && paths[i].use == LG_FILE_READ)
-            out[n++] = (used_file){paths[i].option, app_format("%s", paths[i].path), false, false};
+            out[n++] = (used_file){.option = paths[i].option, .path = app_format("%s", paths[i].path)};
     for (size_t i = 0; i < count; i++) {
         if (paths[i].path == NULL || paths[i].use == LG_FILE_READ) continue;
         const int stem = (int)strlen(paths[i].path) - 4;
-        out[n++] = (used_file){paths[i].option, app_format("%s", paths[i].path), true,
-                               paths[i].use == LG_FILE_STREAMED};
+        used_file *made = &out[n++];
+        *made = (used_file){paths[i].option, app_format("%s", paths[i].path), true,
+                            paths[i].use == LG_FILE_STREAMED, NULL};
+        if (paths[i].use == LG_FILE_WRITTEN) made->begins = LG_H5_SIGNATURE;
         if (paths[i].use != LG_FILE_DRAWN) continue;
-        out[n++] = (used_file){paths[i].option, app_format("%.*s.dat", stem, paths[i].path), true, false};
-        out[n++] = (used_file){paths[i].option, app_format("%.*s.gp", stem, paths[i].path), true, false};
+        made->begins = strcmp(paths[i].path + stem, ".png") == 0 ? "\x89PNG\r\n\x1a\n" : "<?xml";
+        out[n++] =
+            (used_file){paths[i].option, app_format("%.*s.dat", stem, paths[i].path), true, false, PLOT_DATA};
+        out[n++] = (used_file){paths[i].option, app_format("%.*s.gp", stem, paths[i].path), true, false,
+                               APP_PLOT_SCRIPT};
     }
     return n;
 }
@@ -222,14 +231,117 @@ lg_status app_claim(const app *self, const char *path, lg_error *error) {
     return LG_OK;
 }
 
+/* ---- files that exist ---- */
+
+/* A file that this process writes. */
+typedef struct output {
+    struct output *next;
+    char *target;
+    bool written; /* this process has written the file, or continues it */
+    /* the file that was seen to be an earlier result of the same kind; 0: none */
+    dev_t device;
+    ino_t inode;
+} output;
+
+static output *outputs;
+
+static output *output_of(const char *path) {
+    char *target = target_of(path, false);
+    output *o = outputs;
+    while (o != NULL && strcmp(o->target, target) != 0) o = o->next;
+    if (o == NULL) {
+        outputs = o = memcpy(app_alloc(1, sizeof *o), &(output){outputs, target, false, 0, 0}, sizeof *o);
+        return o;
+    }
+    free(target);
+    return o;
+}
+
+bool app_begins(const app *self, const char *path, const char *data, size_t bytes, bool whole) {
+    static const char h5[] = LG_H5_SIGNATURE;
+    const char *end = whole ? NULL : memchr(data, '\n', bytes);
+    const size_t n = end != NULL ? (size_t)(end - data) + 1 : bytes;
+    FILE *file = app_open(path);
+    if (file == NULL) return false;
+    APP_FREE char *found = app_alloc(n, 1);
+    const bool same =
+        fread(found, 1, n, file) == n && memcmp(found, data, n) == 0 && (!whole || fgetc(file) == EOF);
+    (void)fclose(file);
+    if (!same || bytes < sizeof h5 - 1 || memcmp(data, h5, sizeof h5 - 1) != 0) return same;
+    return lg_file_is_ours(self->context, path);
+}
+
+void app_say_replaces(const app *self, const char *path) {
+    app_put(stderr, "%s: %s: replaces an earlier result\n", self->title, path);
+}
+
+static lg_status may_write(const app *self, const char *path, const char *data, size_t bytes, bool whole,
+                           bool now, lg_error *error) {
+    struct stat about;
+    output *of = output_of(path);
+    const bool there = !of->written && stat(path, &about) == 0 && S_ISREG(about.st_mode) && about.st_size > 0,
+               known = there && about.st_dev == of->device && about.st_ino == of->inode;
+    if (there && !known && !app_begins(self, path, data, bytes, whole))
+        return app_error(error, LG_FILE,
+                         "%s: exists and is not an earlier result of this kind: remove it, or write to "
+                         "another file",
+                         path);
+    if (there && now && !self->continues) app_say_replaces(self, path);
+    if (there) of->device = about.st_dev, of->inode = about.st_ino;
+    of->written = of->written || now;
+    return LG_OK;
+}
+
+lg_status app_may_replace(void *user, const char *path, const void *data, size_t bytes, lg_error *error) {
+    return may_write(user, path, data, bytes, false, true, error);
+}
+
+void app_continue(const char *path) {
+    output_of(path)->written = true;
+}
+
+void app_check_text(const app *self, const char *path, const char *text, bool whole) {
+    if (path != NULL)
+        APP_MUST_FILE(self, path, may_write(self, path, text, strlen(text), whole, false, &error));
+}
+
+void app_write_texts(const app *self, const char *folder, const app_named_text *texts, size_t count) {
+    for (int writing = 0; writing < 2; writing++)
+        for (size_t i = 0; i < count; i++) {
+            app_file file;
+            APP_FREE char *path = app_format("%s/%s", folder, texts[i].name);
+            app_check_text(self, path, texts[i].text, true);
+            if (!writing || output_of(path)->inode != 0) continue; /* inode: the text is there */
+            app_file_begin(&file, path);
+            (void)fputs(texts[i].text, file.stream);
+            APP_MUST_FILE(self, path, app_file_end(&file, &error));
+        }
+}
+
+/* Checks that the output is free, or an earlier result. A plot is one if its data lie next to it. */
+static int check_earlier(const app *self, const used_file *file) {
+    lg_error error = {LG_OK, ""};
+    const char *path = file->path, *begins = file->begins;
+    if (begins == NULL) return APP_EXIT_OK;
+    lg_status status = may_write(self, path, begins, strlen(begins), false, false, &error);
+    if (status == LG_OK && app_plot_name_fits(path) && output_of(path)->inode != 0 &&
+        !app_begins(self, file[1].path, PLOT_DATA, strlen(PLOT_DATA), false))
+        status = app_error(&error, LG_FILE,
+                           "%s: exists, and %s does not lie next to it: remove it, or write to another file",
+                           path, file[1].path);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+}
+
 static int claim_outputs(const app *self, const used_file *files, size_t count) {
     lg_error error = {LG_OK, ""};
-    for (size_t i = 0; i < count; i++) {
+    int code = APP_EXIT_OK;
+    for (size_t i = 0; i < count && code == APP_EXIT_OK; i++) {
         if (!files[i].written) continue;
         const lg_status status = app_claim(self, files[i].path, &error);
-        if (status != LG_OK) return app_fail_file(self, status, &error, files[i].path);
+        code = status != LG_OK ? app_fail_file(self, status, &error, files[i].path)
+                               : check_earlier(self, &files[i]);
     }
-    return APP_EXIT_OK;
+    return code;
 }
 
 int app_check_outputs(const app *self, const app_path *paths, size_t count) {

@@ -55,7 +55,7 @@ void app_plot_begin(app_plot *plot, const char *script, const char *picture, int
     plot->script_path = app_format("%.*s.gp", stem, picture);
     plot->data = open_memory(&plot->data_text, &plot->data_length);
     plot->texts = open_memory(&plot->texts_text, &plot->texts_length);
-    put_text(plot->texts, "texts and numbers of a plot by liegrad");
+    put_text(plot->texts, APP_PLOT_DATA);
     app_plot_text(plot, "%s", picture + stem + 1);
     app_plot_text(plot, "%d", width);
     app_plot_text(plot, "%d", height);

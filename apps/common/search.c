@@ -308,9 +308,7 @@ static lg_status read_trials(searching *search, lg_error *error) {
 }
 
 static lg_status post_earlier(searching *search, lg_error *error) {
-    const bool resumed =
-        search->values->resume || search->values->board.task != NULL || search->values->board.merge;
-    lg_status status = resumed ? read_trials(search, error) : LG_OK;
+    lg_status status = search->app->continues ? read_trials(search, error) : LG_OK;
     for (size_t i = 0; i < search->count && status == LG_OK; i++) {
         const posted piece = {.trial = search->trials[i]};
         if (piece.trial.number >= search->values->trials)
@@ -578,6 +576,10 @@ static int run_search(searching *search, bool together) {
     const app *self = search->app;
     lg_error error = {LG_OK, ""};
     const double begin = app_seconds();
+    char label[LG_SEARCH_LABEL];
+    lg_search_label(search->file, self->seed, search->setting, label);
+    APP_FREE char *head = app_format("# %s\n", label);
+    if (!self->continues) app_check_text(self, search->values->out, head, false);
     lg_status status = together ? search_together(search, &error) : search_alone(search, &error);
     board_close(search->board);
     if (together && status == LG_NOT_FOUND) return APP_EXIT_OK; /* another process has finished the search */
@@ -616,7 +618,7 @@ static bool take_rungs(double rungs[3]) {
 int search_main(app *self, const app_command *train, train_task *task) {
     const search_values *values = &search_given;
     double rungs[3];
-    const app_path paths[] = {{"out", values->out, LG_FILE_WRITTEN}, {"plot", values->plot, LG_FILE_DRAWN}};
+    const app_path paths[] = {{"out", values->out, LG_FILE_TEXT}, {"plot", values->plot, LG_FILE_DRAWN}};
     lg_error error = {LG_OK, ""};
     if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
     if (!take_rungs(rungs)) {
@@ -628,6 +630,7 @@ int search_main(app *self, const app_command *train, train_task *task) {
             text, LG_TRIAL_REPORTS);
     }
     const bool together = board_wanted(self, &values->board, values->out);
+    self->continues = values->resume || values->board.task != NULL || values->board.merge;
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     lg_search_file *file = app_alloc(1, sizeof *file);

@@ -317,8 +317,7 @@ static bool run_together(study *self) {
 /* ---- the command ---- */
 
 static void check_outputs(const app *self, const study_task *task) {
-    const app_path paths[] = {{"out", study_given.out, LG_FILE_WRITTEN},
-                              {"plot", task->picture, LG_FILE_DRAWN}};
+    const app_path paths[] = {{"out", study_given.out, LG_FILE_TEXT}, {"plot", task->picture, LG_FILE_DRAWN}};
     const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) app_end(code);
 }

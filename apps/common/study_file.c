@@ -167,7 +167,7 @@ static lg_status read_table(study_file *file, lg_error *error) {
         return app_error(error, LG_FORMAT, "%s: this is not the table of a study", path);
     const char *last = strrchr(text, '\n');
     const size_t whole = last != NULL ? (size_t)(last - text) + 1 : 0;
-    if (whole == 0 && strncmp(header, text, length) != 0)
+    if (whole == 0 && size > 0)
         return app_error(error, LG_FORMAT, "%s: line 1: this is not the table of a study", path);
     LG_TRY(parse_text(file, text, error));
     if (whole < size && ftruncate(file->fd, (off_t)whole) != 0)

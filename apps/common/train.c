@@ -138,16 +138,19 @@ static int check_files(app *self, const train_task *task) {
     /* A resumed run may write its checkpoints to the file that it was resumed from. */
     const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
     if (files->resume != NULL && !same) tidy(self, files->resume);
-    const app_path paths[] = {
+    self->continues = same;
+    app_path paths[APP_SLOTS] = {
         {"resume", same ? NULL : files->resume, LG_FILE_READ},
         {kept_name,
          kept != NULL ? *(const char *const *)((const char *)kept->values + kept->row->offset) : NULL,
          LG_FILE_READ},
         {"out", files->out, LG_FILE_WRITTEN},
         {"checkpoint", checkpoint, LG_FILE_WRITTEN},
-        {"history", files->history, LG_FILE_WRITTEN},
+        {"history", files->history, LG_FILE_TEXT},
         {"plot", files->plot, LG_FILE_DRAWN}};
-    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
+    enum { OWN = 6 };
+    const int code = app_check_outputs(self, paths, OWN + app_file_options(self, paths + OWN));
+    if (code == APP_EXIT_OK) app_check_text(self, files->history, TRAIN_HISTORY, false);
     free(checkpoint);
     return code;
 }

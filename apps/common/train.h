@@ -155,7 +155,8 @@ const char *train_refuses(const train_task *task, const app_slot *slot);
 /* ---- parts for other commands ---- */
 
 lg_provenance app_provenance(const app *app, uint64_t seed);
-/* Writes a CSV file with the columns epoch, loss, validation, rate and seconds. */
+/* Writes a CSV file with these columns. */
+#define TRAIN_HISTORY "epoch,loss,validation,rate,seconds\n"
 lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error);
 /* Draws both losses over the epochs, (epochs) each. validation may be NULL. */
 lg_status train_draw_loss(const app *app, const char *picture, const double *loss, const double *validation,

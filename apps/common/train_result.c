@@ -135,7 +135,7 @@ lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *erro
     static const lg_fit_series columns[] = {LG_FIT_LOSS, LG_FIT_VALIDATION, LG_FIT_RATE, LG_FIT_SECONDS};
     app_file file;
     app_file_begin(&file, path);
-    (void)fputs("epoch,loss,validation,rate,seconds\n", file.stream);
+    (void)fputs(TRAIN_HISTORY, file.stream);
     for (uint64_t epoch = 0; epoch < lg_fit_epochs_done(fit); epoch++) {
         (void)fprintf(file.stream, "%llu", (unsigned long long)(epoch + 1));
         for (size_t c = 0; c < LG_COUNT(columns); c++)

@@ -28,7 +28,7 @@ static const lg_field evaluate_options[] = {
               "report time to detection and false alarms per day",
               .low = 1, .high = MAX_VOTES),
     LG_OPTION(evaluate_values, scores, STRING, "FILE.csv",
-              "Write one row for each window: run, group, truth, class, scores", .file = LG_FILE_WRITTEN),
+              "Write one row for each window: run, group, truth, class, scores", .file = LG_FILE_TEXT),
     LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png", "Draw a picture", .file = LG_FILE_DRAWN),
     LG_OPTION(evaluate_values, picture, NAME, NULL, EVALUATE_VIEW_HELP, .names = evaluate_view_names),
     LG_FIELD_END};

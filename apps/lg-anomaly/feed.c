@@ -191,14 +191,19 @@ typedef struct sink {
     int fd;
     bool direct; /* written directly, not under a temporary name */
     lg_temporary temporary;
+    char head[64 * (LG_RISER_CHANNELS + 1)]; /* the line of names */
 } sink;
 
 static lg_status sink_open(const app *self, const char *path, sink *out, lg_error *error) {
     struct stat information;
-    *out = (sink){.fd = STDOUT_FILENO, .direct = true};
+    *out = (sink){.fd = STDOUT_FILENO, .direct = true, .head = "time"};
+    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++)
+        lg_append(out->head, sizeof out->head, ",%s", lg_riser_channel(c));
+    lg_append(out->head, sizeof out->head, "\n");
     if (path == NULL) return LG_OK;
     out->direct = stat(path, &information) == 0 && !S_ISREG(information.st_mode);
     if (!out->direct) {
+        app_check_text(self, path, out->head, false);
         const lg_status status = lg_temporary_create(self->context, path, false, &out->temporary, error);
         out->fd = status == LG_OK ? out->temporary.fd : -1;
         return status;
@@ -229,6 +234,8 @@ static lg_status file_failed(lg_error *error) {
 static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
     if (values.out == NULL) return status;
     if (to->direct) return close(to->fd) != 0 && status == LG_OK ? file_failed(error) : status;
+    if (status == LG_OK)
+        status = lg_may_replace(app_running()->context, values.out, to->head, strlen(to->head), error);
     if (status == LG_OK) status = lg_temporary_publish(&to->temporary, values.out, error);
     if (status != LG_OK) (void)unlink(to->temporary.name);
     lg_temporary_end(&to->temporary);
@@ -287,13 +294,6 @@ static lg_status write_hours(feeding *feed, const sink *to, lg_error *error) {
     return status;
 }
 
-static bool write_header(const sink *to) {
-    char text[64 * (LG_RISER_CHANNELS + 1)], *at = text + sprintf(text, "time");
-    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) at += sprintf(at, ",%s", lg_riser_channel(c));
-    *at++ = '\n';
-    return sink_write(to, text, (size_t)(at - text));
-}
-
 static void feeding_destroy(feeding *feed) {
     for (size_t i = 0; i < feed->crew; i++) {
         free(feed->hours[i].samples);
@@ -324,7 +324,8 @@ static int run(app *self) {
     feeding_create(self, &feed);
     app_must(self, sink_open(self, values.out, &to, &error), &error);
     const double begin = app_seconds();
-    lg_status status = write_header(&to) ? write_hours(&feed, &to, &error) : file_failed(&error);
+    lg_status status =
+        sink_write(&to, to.head, strlen(to.head)) ? write_hours(&feed, &to, &error) : file_failed(&error);
     status = sink_close(&to, status, &error);
     app_must(self, status, &error);
     if (values.out != NULL) report(&feed, app_seconds() - begin);

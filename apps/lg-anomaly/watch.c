@@ -222,10 +222,9 @@ static void print_json_verdict(const watching *self, const lg_verdict *v) {
     end_object(&json);
 }
 
-/* Column names are printed before the first verdict, and at the beginning of each new log. */
-static bool wants_names(const watching *self) {
-    return values.log != NULL ? watch_log_is_empty(&self->log) : self->tally.windows == 1;
-}
+/* Column names are printed before the first verdict; they begin each log. Each object of JSON begins so. */
+static const char text_begin[] = "# time\tclass\tscore\tvotes\tmissing\talarm\treason\n",
+                  json_begin[] = "{\"time\": ";
 
 static void print_verdict(const watching *self, const lg_verdict *v) {
     FILE *out = self->log.stream;
@@ -233,7 +232,7 @@ static void print_verdict(const watching *self, const lg_verdict *v) {
     const char *reason = reason_of(self, v, text);
     char time[LG_SHORTEST];
     lg_format_shortest(time, self->now, false);
-    if (wants_names(self)) (void)fputs("# time\tclass\tscore\tvotes\tmissing\talarm\treason\n", out);
+    if (values.log == NULL && self->tally.windows == 1) (void)fputs(text_begin, out);
     if (v->judged)
         app_put(out, "%s\t%s\t%.6g", time, class_name(self, v), v->score);
     else
@@ -287,9 +286,9 @@ void watch_end_gap(watching *self) {
     watch_log_turn(&self->log);
     if (self->app->json) {
         app_json json = begin_object(self);
-        app_json_size(&json, "not_judged", count);
-        app_json_real(&json, "first_time", self->gap_first);
         app_json_real(&json, "time", self->now);
+        app_json_real(&json, "first_time", self->gap_first);
+        app_json_size(&json, "not_judged", count);
         end_object(&json);
     } else
         (void)fprintf(self->log.stream, "# not judged: %llu window%s more, the last ends before %.15g s\n",
@@ -560,7 +559,7 @@ static void watch_with(const app *self, const well_model *model, int file) {
                   .tally = {.first_alarm = NAN, .first_unlike = NAN, .detection = NAN}};
     lg_monitor_options options;
     set_options(self, model, &w, &options);
-    watch_log_open(&w.log, self, values.log);
+    watch_log_open(&w.log, self, values.log, self->json ? json_begin : text_begin);
     const size_t bytes = lg_monitor_size(&options);
     APP_FREE void *memory = app_alloc(bytes, 1);
     w.bench.score = app_alloc(model->classes, sizeof *w.bench.score);

@@ -74,10 +74,12 @@ typedef struct timing {
 typedef struct watch_log {
     const app *app;
     const char *path;
-    FILE *stream; /* the next line is printed to this stream */
-    int fd;       /* file of --log; -1 for standard output */
-    char *text;   /* contents of the stream, if it is in memory */
+    const char *begin; /* how the file begins; a line is written before the first verdict */
+    FILE *stream;      /* the next line is printed to this stream */
+    int fd;            /* file of --log; -1 for standard output */
+    char *text;        /* contents of the stream, if it is in memory */
     size_t length;
+    bool named;    /* lines have been written */
     bool failing;  /* the last line could not be written */
     uint64_t lost; /* number of lines that could not be written */
 } watch_log;
@@ -112,13 +114,12 @@ void watch_end_gap(watching *self);
 
 /* ---- the file of verdicts (watch_log.c) ---- */
 
-/* Opens the log and cuts off an unfinished last line. `path` NULL: verdicts go to standard output, and the
- * other functions do nothing. */
-void watch_log_open(watch_log *log, const app *app, const char *path);
+/* Opens the log and cuts off an unfinished last line. A file that is not empty and does not begin with
+ * `begin` is refused. `path` NULL: verdicts go to standard output, and the other functions do nothing. */
+void watch_log_open(watch_log *log, const app *app, const char *path, const char *begin);
 /* Opens the file again if SIGHUP asked for it; if this fails, the old file stays in use. Called before each
- * line is printed (a line of column names comes first in an empty file), and while no sample comes. */
+ * line is printed, and while no sample comes. */
 void watch_log_turn(watch_log *log);
-bool watch_log_is_empty(const watch_log *log);
 /* Appends what was printed to the stream to the file, completely or not at all. If this fails, it warns and
  * counts a lost line. */
 void watch_log_put(watch_log *log);

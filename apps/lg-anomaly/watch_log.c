@@ -29,10 +29,23 @@ static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
     return status;
 }
 
+/* Checks that the file is empty, or begins as a log does: nothing else is changed. */
+static lg_status check_begin(const watch_log *log, int fd, lg_error *error) {
+    const size_t n = strlen(log->begin);
+    struct stat about;
+    APP_FREE char *found = app_alloc(n, 1);
+    if (fstat(fd, &about) == 0 && (!S_ISREG(about.st_mode) || about.st_size == 0)) return LG_OK;
+    if (pread(fd, found, n, 0) == (ssize_t)n && memcmp(found, log->begin, n) == 0) return LG_OK;
+    return app_error(error, LG_FILE,
+                     "%s: exists and is not a log of such verdicts: remove it, or choose another file",
+                     log->path);
+}
+
 static lg_status open_file(const watch_log *log, int *out, lg_error *error) {
     const int fd = open(log->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
     if (fd < 0) return app_error(error, LG_FILE, "%s: %s", log->path, strerror(errno));
-    const lg_status status = end_line(log, fd, error);
+    lg_status status = check_begin(log, fd, error);
+    if (status == LG_OK) status = end_line(log, fd, error);
     if (status == LG_OK)
         *out = fd;
     else
@@ -40,8 +53,8 @@ static lg_status open_file(const watch_log *log, int *out, lg_error *error) {
     return status;
 }
 
-void watch_log_open(watch_log *log, const app *self, const char *path) {
-    *log = (watch_log){.app = self, .path = path, .fd = -1, .stream = stdout};
+void watch_log_open(watch_log *log, const app *self, const char *path, const char *begin) {
+    *log = (watch_log){.app = self, .path = path, .begin = begin, .fd = -1, .stream = stdout};
     if (path == NULL) return;
     APP_MUST_FILE(self, path, open_file(log, &log->fd, &error));
     log->stream = open_memstream(&log->text, &log->length);
@@ -60,11 +73,6 @@ void watch_log_turn(watch_log *log) {
     }
     if (close(log->fd) != 0 && errno != EINTR) app_warn(log->app, "%s: %s", log->path, strerror(errno));
     log->fd = fd;
-}
-
-bool watch_log_is_empty(const watch_log *log) {
-    struct stat about;
-    return log->fd >= 0 && fstat(log->fd, &about) == 0 && about.st_size == 0;
 }
 
 /* Appends everything or nothing. If the disk is full, the part that was written is cut off, unless somebody
@@ -87,11 +95,16 @@ static int append(int fd, const char *text, size_t length) {
 
 void watch_log_put(watch_log *log) {
     if (log->fd < 0) return;
+    struct stat about;
     if (fflush(log->stream) != 0) app_out_of_memory();
-    const int code = append(log->fd, log->text, log->length);
+    const bool file = fstat(log->fd, &about) == 0 && S_ISREG(about.st_mode),
+               named = (file ? about.st_size > 0 : log->named) || strchr(log->begin, '\n') == NULL;
+    APP_FREE char *text = app_format("%s%s", named ? "" : log->begin, log->text);
+    const int code = append(log->fd, text, strlen(text));
     if (code != 0 && !log->failing)
         app_warn(log->app, "%s: verdicts cannot be written: %s", log->path, strerror(code));
     if (code == 0 && log->failing) app_warn(log->app, "%s: verdicts are written again", log->path);
+    log->named = log->named || code == 0;
     log->lost += code != 0;
     log->failing = code != 0;
     if (fseeko(log->stream, 0, SEEK_SET) != 0) app_out_of_memory();

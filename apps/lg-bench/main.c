@@ -277,7 +277,7 @@ static int check_outputs(const app *self) {
     if (given.out == NULL) return APP_EXIT_OK;
     for (size_t i = 0; i < LG_COUNT(endings); i++) {
         names[i] = app_format("%s.%s", given.out, endings[i]);
-        paths[i + 1] = (app_path){"out", names[i], LG_FILE_WRITTEN};
+        paths[i + 1] = (app_path){"out", names[i], LG_FILE_TEXT};
     }
     const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     for (size_t i = 0; i < LG_COUNT(endings); i++) free(names[i]);

@@ -154,12 +154,11 @@ lg_mlp bench_net(const bench *b, uint32_t inputs, uint32_t width, uint32_t hidde
 }
 
 void bench_write_doubles(const bench *b, const char *ending, const double *x, size_t n) {
-    char *path = app_format("%s.%s", b->given->out, ending);
-    FILE *file = fopen(path, "wb");
-    bool written = file != NULL && fwrite(x, sizeof *x, n, file) == n;
-    if (file != NULL && fclose(file) != 0) written = false;
-    if (!written) exit(app_fail_file(b->app, LG_FILE, NULL, path));
-    free(path);
+    APP_FREE char *path = app_format("%s.%s", b->given->out, ending);
+    app_file file;
+    app_file_begin(&file, path);
+    (void)fwrite(x, sizeof *x, n, file.stream);
+    APP_MUST_FILE(b->app, path, app_file_end(&file, &error));
 }
 
 double bench_difference(const double *x, const double *reference, size_t n) {

@@ -51,9 +51,7 @@ static const char task[] =
     "success: {theta: 0.05, hold: 1, within: 10}\n"
     "controller: {kind: network, hidden: [32, 32], gate: lqr}\n";
 
-static const struct {
-    const char *name, *text;
-} files[] = {{"truth.yaml", truth}, {"cart.yaml", machine}, {"task.yaml", task}};
+static const app_named_text texts[] = {{"truth.yaml", truth}, {"cart.yaml", machine}, {"task.yaml", task}};
 
 /* The commands, which run in the folder. %s: the time of training. */
 static const char *const commands[] = {
@@ -66,17 +64,6 @@ static const char *const commands[] = {
     "lg-export policy.h5 --name swingup --out swingup",
     "make -B -f Makefile -C swingup test", /* what else is in the folder counts for nothing */
 };
-
-static void write_files(const app *self) {
-    APP_MUST_FILE(self, values.out, app_make_folder(values.out, &error));
-    for (size_t i = 0; i < LG_COUNT(files); i++) {
-        app_file file;
-        APP_FREE char *path = app_format("%s/%s", values.out, files[i].name);
-        app_file_begin(&file, path);
-        (void)fputs(files[i].text, file.stream);
-        APP_MUST_FILE(self, path, app_file_end(&file, &error));
-    }
-}
 
 /* Our own programs are in the folder of this one. */
 static void find_programs(const app *self) {
@@ -113,7 +100,8 @@ static void run_command(const app *self, const char *command) {
 }
 
 static int run(app *self) {
-    write_files(self);
+    APP_MUST_FILE(self, values.out, app_make_folder(values.out, &error));
+    app_write_texts(self, values.out, texts, LG_COUNT(texts));
     find_programs(self);
     if (chdir(values.out) != 0) app_stop(self, LG_FILE, "%s: %s", values.out, strerror(errno));
     char seconds[32];

@@ -20,7 +20,7 @@ static const lg_field options[] = {
               "they are known",
               .file = LG_FILE_READ),
     LG_OPTION(evaluate_values, runs, STRING, "FILE.csv",
-              "Write the runs: start, t, the state, inputs and cost of each period", .file = LG_FILE_WRITTEN),
+              "Write the runs: start, t, the state, inputs and cost of each period", .file = LG_FILE_TEXT),
     LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
               "Draw the motion of some runs, which starts succeed, and inputs", .file = LG_FILE_DRAWN),
     LG_OPTION(evaluate_values, starts, U64, "n", "Random starts", .low = 1, .high = 1e6, .value = "500"),

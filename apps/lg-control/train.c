@@ -46,17 +46,11 @@ static lg_policy_train_options read_options(const app *self) {
     return o;
 }
 
-static const char *state_path(char **made) {
-    *made = app_format("%s.checkpoint", values.out);
-    return *made;
-}
-
 static void save_state(const app *self, const lg_policy_trainer *trainer) {
-    APP_FREE char *path = NULL;
+    APP_FREE char *path = app_format("%s.checkpoint", values.out);
     lg_file_writer *writer = NULL;
     lg_archive_writer archive;
     const lg_provenance provenance = app_provenance(self, self->seed);
-    (void)state_path(&path);
     APP_MUST_FILE(
         self, path,
         lg_file_writer_create(self->context, path, "policy-checkpoint", &provenance, &writer, &error));
@@ -164,6 +158,17 @@ static void store(const app *self, const lg_policy *policy, const lg_policy_trai
         report(self, policy, result);
 }
 
+/* The checkpoint that is continued may be the one that is written. */
+static int check_checkpoint(app *self) {
+    APP_FREE char *path = app_format("%s.checkpoint", values.out);
+    const bool same = values.resume != NULL && app_same_file(values.resume, path);
+    self->continues = same;
+    const app_path paths[] = {{"resume", same ? NULL : values.resume, LG_FILE_READ},
+                              {"out", values.out, LG_FILE_WRITTEN},
+                              {"checkpoint", path, LG_FILE_WRITTEN}};
+    return app_check_outputs(self, paths, LG_COUNT(paths));
+}
+
 static int run(app *self) {
     lg_policy_task task;
     lg_policy *policy = NULL;
@@ -171,6 +176,8 @@ static int run(app *self) {
     lg_policy_train_result result;
     APP_FREE char *text = NULL;
     const lg_policy_train_options settings = read_options(self);
+    const int code = check_checkpoint(self);
+    if (code != APP_EXIT_OK) return code;
     lg_program *plant = control_read_task(self, self->arguments[0], &task, &text);
     APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
     warn(self, policy);

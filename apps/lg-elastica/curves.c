@@ -153,11 +153,15 @@ static double at_column(const beam_nodes *nodes, size_t k, size_t column) {
     return row[column];
 }
 
+const char *curves_head(bool numbered) {
+    return numbered ? "branch,s,x,y,vx,vy,theta\n" : "s,x,y,vx,vy,theta\n";
+}
+
 void write_curves(const app *self, const char *path, const beam_curve *curves, size_t count, bool numbered) {
     if (path == NULL) return;
     app_file file;
     app_file_begin(&file, path);
-    (void)fprintf(file.stream, "%ss,x,y,vx,vy,theta\n", numbered ? "branch," : "");
+    (void)fputs(curves_head(numbered), file.stream);
     for (size_t i = 0; i < count; i++)
         for (size_t k = 0; k < curves[i].at.count; k++) {
             if (numbered) (void)fprintf(file.stream, "%zu,", i + 1);

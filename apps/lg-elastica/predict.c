@@ -27,7 +27,7 @@ static const lg_field predict_options[] = {
     LG_OPTION(predict_values, solve, SWITCH, NULL,
               "Also solve the beam, and report the largest difference at the nodes"),
     LG_OPTION(predict_values, out, STRING, "FILE.csv", "Columns s, x, y, vx, vy, theta",
-              .file = LG_FILE_WRITTEN),
+              .file = LG_FILE_TEXT),
     LG_OPTION(predict_values, plot, STRING, "FILE.svg|.png", "Draw the curve; with --solve, the solution too",
               .file = LG_FILE_DRAWN),
     LG_FIELD_END};

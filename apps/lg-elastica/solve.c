@@ -25,7 +25,7 @@ static const lg_field solve_options[] = {
     LG_OPTION(solve_values, sweep, U64, "n",
               "Follow the branches of a case over n equidistant x in [0, 2 pi]", .low = 2, .high = 10000),
     LG_OPTION(solve_values, out, STRING, "FILE.csv",
-              "Write the curves (columns s, x, y, vx, vy, theta), or the sweep", .file = LG_FILE_WRITTEN),
+              "Write the curves (columns s, x, y, vx, vy, theta), or the sweep", .file = LG_FILE_TEXT),
     LG_OPTION(solve_values, plot, STRING, "FILE.svg|.png", "Draw the curves; with --sweep energy against x",
               .file = LG_FILE_DRAWN),
     LG_FIELD_END};
@@ -153,6 +153,7 @@ static void check_options(const app *self) {
 
 static int run(app *self) {
     check_options(self);
+    app_check_text(self, values.out, values.sweep > 0 ? SWEEP_HEAD : curves_head(values.branches), false);
     const lg_elastica problem = beam_problem(self, &values.beam, &values.where.ends);
     lg_elastica_options options;
     lg_elastica_options_init(&options);

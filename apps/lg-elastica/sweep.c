@@ -94,7 +94,7 @@ static void write_sweep(const app *self, const char *path, const sweep_point *po
     if (path == NULL) return;
     app_file file;
     app_file_begin(&file, path);
-    (void)fputs("branch,x,energy,negative_eigenvalues,rotation\n", file.stream);
+    (void)fputs(SWEEP_HEAD, file.stream);
     for (size_t i = 0; i < count; i++)
         (void)fprintf(file.stream, "%zu,%.17g,%.17g,%u,%.17g\n", points[i].branch + 1, points[i].x,
                       points[i].energy, points[i].negative_eigenvalues, points[i].rotation);

@@ -139,24 +139,33 @@ static bool is_output(const char *function, const char *rate) {
     return rate == NULL || strcmp(rate, function) != 0;
 }
 
-/* Warns about a function that --functions names but that is only a part of the rate. */
-static void warn_left_out(const block *b, const char *function, const char *rate) {
-    if (b->source->options->functions != NULL && strcmp(function, rate) != 0 && strcmp(function, "step") != 0)
-        app_warn(b->self, "%s is left out: it is a part of the rate %s, not an output of a block", function,
-                 rate);
+static bool refuse_size(const block *b) {
+    (void)app_usage(b->self,
+                    "the functions do not fit into one block: a block has at most %d variables, and "
+                    "inputs of the same name must have the same size; choose with --functions",
+                    MOST_PORTS);
+    return false;
 }
 
-/* Adds a function as an output if it can be one. Returns false if it does not fit. */
-static bool take_function(block *b, const char *function, const char *rate) {
-    if (!is_output(function, rate)) {
-        warn_left_out(b, function, rate);
-        return true;
-    }
-    if (!is_usual(b, function)) return true;
-    if (b->part_count < MOST_FUNCTIONS) return add_outputs(b, function);
-    app_warn(b->self, "%s is left out: a block has at most %d functions; choose with --functions", function,
-             MOST_FUNCTIONS);
+/* Refuses a function that --functions names but that is only a part of the rate. */
+static bool refuse_part(const block *b, const char *function, const char *rate) {
+    if (b->source->options->functions == NULL || strcmp(function, rate) == 0 || strcmp(function, "step") == 0)
+        return false;
+    (void)app_usage(b->self, "--functions: %s is a part of the rate %s, not an output of a block", function,
+                    rate);
     return true;
+}
+
+/* Adds a function as an output if it can be one. Returns false after a message if it must not or does not
+ * fit. */
+static bool take_function(block *b, const char *function, const char *rate) {
+    if (!is_output(function, rate)) return !refuse_part(b, function, rate);
+    if (!is_usual(b, function)) return true;
+    if (b->part_count == MOST_FUNCTIONS) {
+        (void)app_usage(b->self, "a block has at most %d functions; choose with --functions", MOST_FUNCTIONS);
+        return false;
+    }
+    return add_outputs(b, function) || refuse_size(b);
 }
 
 int block_collect(block *b, bool derivatives) {
@@ -167,22 +176,17 @@ int block_collect(block *b, bool derivatives) {
     b->derivatives = derivatives;
     for (size_t i = 0; rates[i] != NULL && rate == NULL && !b->source->maps; i++)
         if (is_rate(b, rates[i])) rate = rates[i];
-    bool fits = rate == NULL || add_rate(b, rate);
+    bool fits = rate == NULL || add_rate(b, rate) || refuse_size(b);
     char *chosen = export_choose(b->self, b->source->options, b->program, usual);
     if (chosen == NULL) return APP_EXIT_USAGE;
     for (char *save = NULL, *name = strtok_r(chosen, ",", &save); name != NULL && fits;
          name = strtok_r(NULL, ",", &save))
         fits = take_function(b, name, rate);
     free(chosen);
-    fits = fits && add_variable(b, "longest_step", NULL, PARAMETER, &at);
+    fits = fits && (add_variable(b, "longest_step", NULL, PARAMETER, &at) || refuse_size(b));
     b->step = b->rate && fits_step(b);
     if (b->step) use(b, "step");
-    if (!fits)
-        return app_usage(b->self,
-                         "the functions do not fit into one block: a block has at most %d variables, and "
-                         "inputs of the same name must have the same size; choose with --functions",
-                         MOST_PORTS);
-    return APP_EXIT_OK;
+    return fits ? APP_EXIT_OK : APP_EXIT_USAGE;
 }
 
 /* ---- C code ---- */

@@ -330,6 +330,7 @@ typedef struct place {
     const char *out;    /* Without slashes at its end. */
     const char *parent; /* The folder that contains `out`. */
     bool replace;       /* True: `out` is a folder that already has files. */
+    bool earlier;       /* True: some of them are replaced. */
     lg_temporary holds;
     const char *temporary; /* The folder in which the files are written first; NULL until it exists. */
 } place;
@@ -373,11 +374,12 @@ static bool is_ours(const place *at, size_t file, const char *path) {
 }
 
 /* Checks that the name of a file is free, or taken by a file that lg-export wrote for the same model name. */
-static lg_status look_at(const place *at, size_t file, lg_error *error) {
+static lg_status look_at(place *at, size_t file, lg_error *error) {
     struct stat information;
     char *path = app_format("%s/%s", at->out, at->source->files[file].name);
     lg_status status = LG_OK;
     if (lstat(path, &information) == 0) {
+        at->earlier = true;
         if (!S_ISREG(information.st_mode))
             status = app_error(error, LG_FILE, "%s: exists and is not a regular file", path);
         else if (!is_ours(at, file, path))
@@ -488,6 +490,7 @@ static lg_status put(const app *self, place *at, lg_error *error) {
     if (status == LG_OK) status = look(at, error);
     if (status == LG_OK) status = make_temporary(self, at, error);
     if (status == LG_OK) status = write_files(at, error);
+    if (status == LG_OK && at->earlier) app_say_replaces(self, at->out);
     if (status == LG_OK) status = at->replace ? rename_files(at, error) : rename_folder(at, error);
     if (status != LG_OK) remove_temporary(at);
     if (at->temporary != NULL) lg_temporary_end(&at->holds);

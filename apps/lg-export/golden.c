@@ -40,11 +40,10 @@ void export_golden_write(const export_source *source, text *to) {
         if (tables[i] != NULL && sizes[i] > 0) add_table(source, to, names[i], tables[i], sizes[i]);
 }
 
-/* Sum of squares of a table, computed as the self-test computes it. */
-static double squares_of(const export_source *source, const double *values, size_t size) {
+double export_squares(const export_options *options, const double *values, size_t count) {
     double sum = 0;
-    for (size_t i = 0; values != NULL && i < source->golden.count * size; i++) {
-        const double value = export_round(source->options, values[i]);
+    for (size_t i = 0; values != NULL && i < count; i++) {
+        const double value = export_round(options, values[i]);
         sum += value * value;
     }
     return sum;
@@ -52,8 +51,10 @@ static double squares_of(const export_source *source, const double *values, size
 
 bool export_golden_fits(const export_source *source) {
     const export_golden *golden = &source->golden;
-    return isfinite(squares_of(source, golden->x, source->inputs)) &&
-           isfinite(squares_of(source, golden->y, source->outputs)) &&
-           isfinite(squares_of(source, golden->jacobian, source->outputs * source->inputs)) &&
-           isfinite(squares_of(source, golden->extra, golden->extras));
+    const export_options *options = source->options;
+    const size_t in = golden->count * source->inputs, out = golden->count * source->outputs;
+    return isfinite(export_squares(options, golden->x, in)) &&
+           isfinite(export_squares(options, golden->y, out)) &&
+           isfinite(export_squares(options, golden->jacobian, out * source->inputs)) &&
+           isfinite(export_squares(options, golden->extra, golden->count * golden->extras));
 }

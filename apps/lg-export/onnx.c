@@ -126,6 +126,10 @@ static int build(const app *self, const char *path, lg_program *program, export_
     lg_error error = {LG_OK, ""};
     if (chosen == NULL) return APP_EXIT_USAGE;
     char *comma = strchr(chosen, ',');
+    if (comma != NULL && source->options->functions != NULL) {
+        free(chosen);
+        return app_usage(self, "--functions: an ONNX file has one function; export it for each");
+    }
     if (comma != NULL) {
         *comma = '\0';
         app_warn(self, "an ONNX file has one function: this one has %s; --functions chooses another", chosen);

@@ -202,11 +202,25 @@ static void demo_end(demo *self) {
     free(self->predicted);
 }
 
+static int check_outputs(const app *host) {
+    app_path paths[] = {{"out", "train.h5", LG_FILE_WRITTEN},       {"out", "test.h5", LG_FILE_WRITTEN},
+                        {"out", "model.h5", LG_FILE_WRITTEN},       {"out", "loss.csv", LG_FILE_TEXT},
+                        {"out", "trajectories.svg", LG_FILE_DRAWN}, {"out", "loss.svg", LG_FILE_DRAWN},
+                        {"out", "energy.svg", LG_FILE_DRAWN}};
+    for (size_t i = 0; i < LG_COUNT(paths); i++) paths[i].path = inside(paths[i].path);
+    const int code = app_check_outputs(host, paths, LG_COUNT(paths));
+    if (code == APP_EXIT_OK) app_check_text(host, paths[3].path, TRAIN_HISTORY, false);
+    for (size_t i = 0; i < LG_COUNT(paths); i++) free((void *)(uintptr_t)paths[i].path);
+    return code;
+}
+
 static int run(app *host) {
     APP_CLEAN(demo_end) demo self = {.app = host};
     const double begin = app_seconds();
     APP_MUST_FILE(host, values.out, app_make_folder(values.out, &error));
     APP_MUST_FILE(host, values.out, app_claim(host, values.out, &error));
+    const int code = check_outputs(host);
+    if (code != APP_EXIT_OK) return code;
     sample_all(&self);
     train_model(&self);
     judge_model(&self);

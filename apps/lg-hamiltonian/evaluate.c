@@ -144,6 +144,7 @@ static void check_record(const app *self) {
     free(real);
     if (access(path, W_OK) != 0) app_stop(self, LG_FILE, "%s: %s", path, strerror(errno));
     APP_MUST_FILE(self, path, app_claim(self, path, &error));
+    app_continue(path);
 }
 
 static int run(app *self) {

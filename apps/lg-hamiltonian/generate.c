@@ -1,8 +1,6 @@
 /* lg-hamiltonian generate: samples trajectories of a scene and writes a data file. */
 #include "lg-hamiltonian/training.h"
 
-#include <sys/stat.h>
-
 #include "common/pieces.h"
 
 #include <stdio.h>
@@ -140,17 +138,6 @@ static void finish(const app *self, lg_trajectories *data, pieces *made, double 
     report(self, data, app_seconds() - begin);
 }
 
-/* Whether this is a regular file in HDF5; a pipe can be read only once. */
-static bool is_h5(const char *path) {
-    char begin[4] = "";
-    struct stat info;
-    if (stat(path, &info) != 0 || !S_ISREG(info.st_mode)) return false;
-    FILE *file = fopen(path, "rb");
-    const size_t got = file != NULL ? fread(begin, 1, sizeof begin, file) : 0;
-    if (file != NULL) (void)fclose(file);
-    return got == sizeof begin && memcmp(begin, "\x89HDF", sizeof begin) == 0;
-}
-
 /* Samples the motion of a program with the functions constraint, potential and mass. */
 static int run_constrained(app *self, const char *path, double begin) {
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0};
@@ -186,7 +173,7 @@ static int run(app *self) {
     (void)board_wanted(self, &values.board, values.out);
     const int code = app_check_outputs(self, &out, 1);
     if (code != APP_EXIT_OK) return code;
-    if (is_h5(path)) return run_constrained(self, path, begin);
+    if (app_begins(self, path, "\x89HDF", 4, false)) return run_constrained(self, path, begin);
     if (values.speed > 0)
         return app_usage(self, "--speed is for constraints; a scene says how starts are drawn");
     APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &scene, &error));

@@ -51,13 +51,7 @@ typedef struct demo {
     lg_machine_model_file model;
 } demo;
 
-static void write_text(const app *self, const char *name, const char *text) {
-    APP_FREE char *path = app_format("%s/%s", values.out, name);
-    app_file file;
-    app_file_begin(&file, path);
-    (void)fputs(text, file.stream);
-    APP_MUST_FILE(self, path, app_file_end(&file, &error));
-}
+static const app_named_text texts[] = {{"truth.yaml", truth_text}, {"machine.yaml", machine_text}};
 
 /* ---- commands: run this program again, in the folder ---- */
 
@@ -88,8 +82,10 @@ static void run_command(const app *self, const char *arguments) {
     }
     if (app_interrupted()) app_end(APP_EXIT_INTERRUPTED);
     const int code = WIFEXITED(status) ? WEXITSTATUS(status) : APP_EXIT_NUMERIC;
-    if (code != APP_EXIT_OK)
-        app_stop(self, LG_NO_CONVERGENCE, "'lg-identify %s' ended with code %d", arguments, code);
+    if (code != APP_EXIT_OK) {
+        (void)app_fail(self, LG_NO_CONVERGENCE, "'lg-identify %s' ended with code %d", arguments, code);
+        app_end(code);
+    }
 }
 
 static void run_commands(const app *self) {
@@ -324,8 +320,7 @@ static int run(app *self) {
     const double begin = app_seconds();
     APP_MUST_FILE(self, values.out, app_make_folder(values.out, &error));
     APP_MUST_FILE(self, values.out, app_claim(self, values.out, &error));
-    write_text(self, "truth.yaml", truth_text);
-    write_text(self, "machine.yaml", machine_text);
+    app_write_texts(self, values.out, texts, LG_COUNT(texts));
     run_commands(self);
     load(&d);
     compare_numbers(&d, &learned);

@@ -12,7 +12,8 @@ static const lg_field options[] = {
               "Logs that are not trained on: the parameters of the best epoch on them are the result"),
     LG_OPTION(lg_machine_state, suggest, STRING, "FILE.yaml|-",
               "Find out which terms the logs ask for, write the machine's file with them (-: print it), and "
-              "learn this machine"),
+              "learn this machine",
+              .file = LG_FILE_TEXT),
     LG_OPTION(lg_machine_state, select, NAME, NULL,
               "What chooses the best epoch: the loss of the windows, or free runs over windows that are held "
               "out (--validation-part of the rows, default 0.2)",
@@ -81,6 +82,8 @@ static train_task recipe = {
     .recipe = &lg_recipe_machine_model, .settings = settings, .state = &state, .print = print};
 
 static int run_fit(app *self) {
+    if (state.suggest != NULL && strcmp(state.suggest, "-") != 0)
+        app_check_text(self, state.suggest, LG_SUGGEST_HEAD, false);
     return train_main(self, &recipe);
 }
 

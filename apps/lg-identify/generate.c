@@ -444,7 +444,7 @@ static void making_end(making *m) {
 static int run(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(making_end) making m = {.runs = 0};
-    const app_path paths[] = {{"out", values.out, LG_FILE_WRITTEN},
+    const app_path paths[] = {{"out", values.out, LG_FILE_TEXT},
                               {"plot", values.plot, LG_FILE_DRAWN},
                               {"inputs", find_form() < LG_COUNT(forms) ? NULL : values.inputs, LG_FILE_READ}};
     const int code = app_check_outputs(self, paths, LG_COUNT(paths));

@@ -14,7 +14,7 @@ typedef struct predict_values {
 
 static const lg_field options[] = {
     LG_OPTION(predict_values, out, STRING, "FILE.csv", "Write the predicted rows in the columns of the log",
-              .file = LG_FILE_WRITTEN, .required = true),
+              .file = LG_FILE_TEXT, .required = true),
     LG_OPTION(predict_values, start, U64, "n",
               "Begin at row n (counted from 0) of each part without a gap, or at the next complete row",
               .high = 1e12),

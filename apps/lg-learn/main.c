@@ -151,7 +151,7 @@ static const lg_field predict_options[] = {
               "Tolerance of the adaptive integration of the learned flow", .low = 1e-14, .high = 1e-2,
               .value = "1e-10"),
     LG_OPTION(predict_values, out, STRING, "FILE.csv", "Write the trajectory: the time, then the state",
-              .file = LG_FILE_WRITTEN),
+              .file = LG_FILE_TEXT),
     LG_FIELD_END};
 
 /* Projects the start onto the manifold. Numbers typed by hand are off by rounding; a start that is off by

@@ -107,6 +107,13 @@ typedef void *(*lg_allocate_fn)(void *user, size_t bytes);
 /* Releases memory that the allocate function returned. Several threads may call it at once. */
 typedef void (*lg_release_fn)(void *user, void *memory);
 
+/* Decides whether a writer may write the file `path`, and so replace the file that may exist there. `data` is
+ * the beginning of the new content, `bytes` its length: all of it, except for files whose rows are written
+ * one by one. Every status but LG_OK becomes the result of the writer, `error` with it, and the file stays as
+ * it is. Called on the thread that called the writer. */
+typedef lg_status (*lg_replace_fn)(void *user, const char *path, const void *data, size_t bytes,
+                                   lg_error *error);
+
 typedef struct lg_context_options {
     size_t size;             /* sizeof(lg_context_options) */
     lg_allocate_fn allocate; /* NULL: the C library's allocator */
@@ -117,6 +124,8 @@ typedef struct lg_context_options {
     /* NULL, or a flag that long computations read now and then. When it is not 0, they stop at the next point
      * where their state is consistent, and return LG_CANCELLED. */
     const volatile int *cancel;
+    lg_replace_fn replace; /* NULL: writers replace every regular file */
+    void *replace_user;    /* passed to `replace` */
 } lg_context_options;
 
 /* Sets the defaults: the C library's allocator, no log, no cancel flag. */

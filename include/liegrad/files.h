@@ -81,10 +81,18 @@ typedef struct lg_read_options {
 /* Sets the defaults. A reader takes NULL for its options as these defaults. */
 LG_API void lg_read_options_init(lg_read_options *options);
 
+/* Every HDF5 file that liegrad writes begins with these 8 bytes. */
+#define LG_H5_SIGNATURE "\x89HDF\r\n\x1a\n"
+
+/* Returns whether liegrad wrote the file: it is in HDF5, and its attribute `format` is `liegrad`. Returns
+ * false for a file that cannot be read. */
+LG_API bool lg_file_is_ours(const lg_context *context, const char *path);
+
 /* ---- writing bytes ---- */
 
-/* Writes `bytes` bytes as the complete file `path`, by the steps of the rules above. A symbolic link stays,
- * and the file that it points to is replaced. CSV, SVG and JSON files are written by this function too. */
+/* Writes `bytes` bytes as the complete file `path`, by the steps of the rules above, unless the context's
+ * `replace` refuses (liegrad/core.h). A symbolic link stays, and the file that it points to is replaced. CSV,
+ * SVG and JSON files are written by this function too. */
 LG_API lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
                                lg_error *error);
 

@@ -48,9 +48,10 @@ typedef enum lg_field_type {
 typedef enum lg_file_use {
     LG_FILE_NOT,      /* the text is not the name of a file, or the command itself does all checks */
     LG_FILE_READ,     /* reads the file */
-    LG_FILE_WRITTEN,  /* replaces the file */
-    LG_FILE_STREAMED, /* replaces the file; writes to it if it is a pipe or a device */
-    LG_FILE_DRAWN /* draws a picture (.svg or .png); replaces its data and script, in the same folder, too */
+    LG_FILE_WRITTEN,  /* writes the file in HDF5 */
+    LG_FILE_TEXT,     /* writes a text */
+    LG_FILE_STREAMED, /* writes a text; writes to the file if it is a pipe or a device */
+    LG_FILE_DRAWN /* draws a picture (.svg or .png); writes its data and script, in the same folder, too */
 } lg_file_use;
 
 /* Largest number of elements in a list, and bytes that suffice for any value as text. */

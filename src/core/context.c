@@ -94,6 +94,12 @@ char *lg_strdup(const lg_context *context, const char *text) {
     return copy;
 }
 
+lg_status lg_may_replace(const lg_context *context, const char *path, const void *data, size_t bytes,
+                         lg_error *error) {
+    if (context == NULL || context->options.replace == NULL) return LG_OK;
+    return context->options.replace(context->options.replace_user, path, data, bytes, error);
+}
+
 bool lg_cancelled(const lg_context *context) {
     return context != NULL && context->options.cancel != NULL && *context->options.cancel != 0;
 }

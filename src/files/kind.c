@@ -19,6 +19,19 @@ lg_status lg_h5_kind(lg_h5 *h5, char text[LG_H5_KIND], lg_error *error) {
     return LG_OK;
 }
 
+static lg_status read_format(void *user, lg_h5 *h5, lg_error *error) {
+    char format[16] = "";
+    if (lg_h5_has_attribute(h5, "", "format"))
+        LG_TRY(lg_h5_text(h5, "", "format", format, sizeof format, error));
+    *(bool *)user = strcmp(format, "liegrad") == 0;
+    return LG_OK;
+}
+
+bool lg_file_is_ours(const lg_context *context, const char *path) {
+    bool ours = false;
+    return path != NULL && lg_h5_read(context, path, NULL, read_format, &ours, NULL) == LG_OK && ours;
+}
+
 static lg_status read_kind(void *user, lg_h5 *h5, lg_error *error) {
     return lg_h5_kind(h5, user, error);
 }

@@ -64,6 +64,7 @@ lg_status lg_file_write(const lg_context *context, const char *path, const void 
     bool exists = stat(path, &old) == 0;
     if (exists && !S_ISREG(old.st_mode))
         return lg_fail(error, LG_FILE, "%s: exists and is not a regular file", lg_shown_path(path));
+    LG_TRY(lg_may_replace(context, path, data, bytes, error));
     /* A symbolic link stays; the file that it points to is replaced. */
     char *resolved = exists ? realpath(path, NULL) : NULL;
     const char *target = resolved != NULL ? resolved : path;

@@ -92,6 +92,15 @@ static inline void cli_unlink(const char *name) {
     assert_int_equal(unlink(cli_at(name)), 0);
 }
 
+/* Removes files that an earlier command made and that a command of another kind is going to write; `names`
+ * are separated by blanks. */
+static inline void cli_forget(const char *names) {
+    char *text = test_text("%s", names);
+    for (char *save = NULL, *name = strtok_r(text, " ", &save); name != NULL;
+         name = strtok_r(NULL, " ", &save))
+        (void)unlink(cli_at(name));
+}
+
 static inline size_t cli_read(const char *name, char *out, size_t size) {
     FILE *file = fopen(cli_at(name), "r");
     assert_non_null(file);

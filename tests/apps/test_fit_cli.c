@@ -309,8 +309,8 @@ TEST("classes whose names are texts are learned, and predicted with probabilitie
     cli_json(fit, "train classes.csv --class where --test more.csv --out c.h5 --seed 3",
              "task \"classification\", accuracy >0.93, f1 >0.93, outputs 3");
     cli_json(fit, "evaluate c.h5 more.csv", "accuracy >0.93, judged_rows 300");
-    cli_json(fit, "predict c.h5 more.csv --out p.csv", "rows 300, incomplete 0");
-    (void)cli_read("p.csv", text, sizeof text);
+    cli_json(fit, "predict c.h5 more.csv --out where.csv", "rows 300, incomplete 0");
+    (void)cli_read("where.csv", text, sizeof text);
     assert_non_null(strstr(text, "where,probability_7,probability_east,\"probability_north, far\"\n"));
     cli_expect(fit, "train classes.csv --class where --out c.h5 --method lm", 2, "lbfgs");
     /* Rows are true classes: one row of east is classified as east, the other as 7. */
@@ -460,9 +460,10 @@ TEST("a constant column and one that --without excludes have no effect: the bits
     assert_says(header, ", 48 rows");
     assert_says(header, "'a,\"rate,kg/s\"'");
     cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [2, 4]}\nfixed: {epochs: 3}\n");
-    cli_expect(fit,
-               "search ranges.yaml pump.csv --outputs \"rate,kg/s\" --without tag --trials 1 --out p.csv", 0,
-               "train pump.csv --outputs '\"rate,kg/s\"' --without tag --epochs 3");
+    cli_expect(
+        fit,
+        "search ranges.yaml pump.csv --outputs \"rate,kg/s\" --without tag --trials 1 --out pump-trials.csv",
+        0, "train pump.csv --outputs '\"rate,kg/s\"' --without tag --epochs 3");
     assert_says(result.err, "column unit is constant: it carries no information and is left out");
     cli_expect(fit, "train pump.csv --class \"tag\" --inputs a,y --out tag.h5 --epochs 3", 0,
                "classification");
@@ -787,7 +788,7 @@ TEST("a model whose names or scales do not fit its network is refused") {
                 {{"a", "b", LONG}, 3, "/names/inputs: expected 3 names of 1 to 63 bytes"}};
     static const double two[] = {1, 2};
     static const char train[] =
-        "train smooth.csv --inputs a,b,c --outputs y --out named.h5 --test other.csv --epochs 2";
+        "train smooth.csv --inputs a,b,c --outputs y --out model.h5 --test other.csv --epochs 2";
     need_tables();
     cli_expect(fit, train, 0, "");
     const hid_t text = H5Tcopy(H5T_C_S1);
@@ -796,13 +797,13 @@ TEST("a model whose names or scales do not fit its network is refused") {
         char names[4][sizeof LONG] = {""};
         for (size_t k = 0; k < rows[i].count; k++)
             memcpy(names[k], rows[i].names[k], strlen(rows[i].names[k]));
-        put_instead("named.h5", "/names/inputs", text, rows[i].count, names);
-        cli_expect(fit, "predict named.h5 smooth.csv", 3, rows[i].words);
+        put_instead("model.h5", "/names/inputs", text, rows[i].count, names);
+        cli_expect(fit, "predict model.h5 smooth.csv", 3, rows[i].words);
     }
     assert_true(H5Tclose(text) >= 0);
     cli_expect(fit, train, 0, "");
-    put_instead("named.h5", "/scaler/inputs/mean", H5T_NATIVE_DOUBLE, 2, two);
-    cli_expect(fit, "predict named.h5 smooth.csv", 3,
+    put_instead("model.h5", "/scaler/inputs/mean", H5T_NATIVE_DOUBLE, 2, two);
+    cli_expect(fit, "predict model.h5 smooth.csv", 3,
                "/scaler/inputs/mean: has 2 numbers, but the model has 3 columns");
     lg_table_file_destroy(NULL);
 }

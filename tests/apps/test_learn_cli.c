@@ -58,6 +58,7 @@ static void make_table(void) {
 }
 
 static void make_data(const struct learned *row) {
+    cli_forget("data.h5");
     if (row->generate == NULL)
         make_table();
     else

@@ -811,6 +811,11 @@ static const refusal export[] = {
     {"machine.h5 --out o --scheme rk4", 2, "Lie group"},
     {"machine.h5 --out o --functions step", 2, "only linearise"},
     {"machine.h5 --out o --compact", 2, "for programs"},
+    {"machine.h5 --out o --target {fmu2 fmu3 simulink} --functions value,field", 2,
+     "--functions: field is a part of the rate velocity"},
+    {"machine.h5 --out o --target onnx --functions value,field", 2, "an ONNX file has one function"},
+    {"huge.h5 --out o --target {c casadi fmu2 fmu3 simulink package}", 3,
+     "numbers that are not finite or too large"},
     {"program.h5 --out o --functions value,nothing", 2, "the program has no function 'nothing'"},
     {"program.h5 --out o --functions ,", 2, "no function is named"},
     {"program.h5 --out o --name dense", 2, "cannot be the name"},
@@ -830,6 +835,12 @@ static const refusal export[] = {
     {"pendulum.h5 --out {/dev/null /proc/o dangling}", 3, "%"},
 };
 
+/* A machine on a line whose mass and input have the factor `by`. */
+#define FORCED(by)                                                                                           \
+    "columns: {time: t, run: r}\ncoordinates: [{name: x, kind: line, velocity: vx}]\n"                       \
+    "inputs: {columns: [u], hold: zero}\ninput_map: {kind: known, values: [[" by                             \
+    "]]}\nmass: {kind: known, values: [" by "]}\n"
+
 TEST("lg-export refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
     cli_write("scene.yaml", "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\n");
@@ -838,6 +849,12 @@ TEST("lg-export refuses wrong command lines and files with exit code and message
         "train train.h5 --epochs 1 --hidden 4 --out pendulum.h5");
     RUN("lg-elastica", "generate --count 4 --intervals 4 --out curves.h5",
         "train curves.h5 --epochs 1 --hidden 3 --layers 1 --out beam.h5");
+    /* the squares of its forces are beyond double precision, so no self-test can compare them */
+    cli_write("truth.yaml", FORCED("1") "potential: none\ndamping: {kind: known, values: [0.1]}\n");
+    cli_write("huge.yaml",
+              FORCED("1e200") "potential: {kind: network, of: x, hidden: [4]}\ndamping: diagonal\n");
+    RUN("lg-identify", "generate truth.yaml --runs 3 --t-end 2 --inputs multisine --out log.csv",
+        "fit huge.yaml log.csv --epochs 3 --out huge.h5");
     make_kind("data.h5", "trajectories");
     make_kind("check.h5", "checkpoint");
     make_kind("odd.h5", "poem");

@@ -187,6 +187,7 @@ TEST("a search continues where it was stopped, with any number of threads, and o
     for (const struct searcher *s = searchers; s < searchers + LG_COUNT(searchers); s++) {
         char line[1024], again[512];
         cli_write("ranges.yaml", s->ranges);
+        cli_forget("once.csv again.csv");
         (void)snprintf(line, sizeof line,
                        "search ranges.yaml %s.h5 --rungs 5,2 --trials 6 --out once.csv --plot s.svg",
                        s->name);

@@ -618,6 +618,85 @@ TEST("the kind of a file is checked, and its format and version") {
     }
 }
 
+/* ---- files that exist ---- */
+
+typedef struct decision {
+    size_t asked;
+    bool allowed;
+    char path[512];
+    unsigned char begin[8];
+} decision;
+
+static lg_status decide(void *user, const char *path, const void *data, size_t bytes, lg_error *error) {
+    decision *made = user;
+    made->asked++;
+    (void)snprintf(made->path, sizeof made->path, "%s", path);
+    memcpy(made->begin, data, bytes < sizeof made->begin ? bytes : sizeof made->begin);
+    if (made->allowed) return LG_OK;
+    (void)snprintf(error->message, sizeof error->message, "not this one");
+    return error->status = LG_CHECK_FAILED;
+}
+
+static lg_status write_all_kinds(const lg_context *context, size_t kind, const char *path, lg_error *error) {
+    static const double t[] = {0};
+    const lg_rows_options options = {.rows = 1, .points = 1, .dim = 1, .t = t, .layout = "q"};
+    lg_rows_file *rows;
+    lg_file_writer *writer;
+    if (kind == 0) return lg_file_write(context, path, "text", 4, error);
+    if (kind == 1) {
+        LG_TRY(lg_file_writer_create(context, path, "test", NULL, &writer, error));
+        const lg_status status = lg_file_writer_commit(writer, error);
+        lg_file_writer_destroy(writer);
+        return status;
+    }
+    LG_TRY(lg_rows_file_create(context, path, &options, &rows, error));
+    const lg_status status = lg_rows_file_commit(rows, error);
+    lg_rows_file_destroy(rows);
+    return status;
+}
+
+TEST("the context decides whether a writer may replace a file, and what it refuses stays") {
+    decision made = {.allowed = false};
+    lg_context_options options;
+    lg_context *context;
+    lg_context_options_init(&options);
+    options.replace = decide;
+    options.replace_user = &made;
+    assert_ok(lg_context_create(&options, &context));
+    lg_test_owns(context, release_context);
+    for (size_t kind = 0; kind < 3; kind++) {
+        const char *path = scratch_path("mine");
+        lg_error error = {LG_OK, ""};
+        size_t bytes;
+        write_text_to(path, "notes");
+        made = (decision){.allowed = false};
+        assert_outcome(path, write_all_kinds(context, kind, path, &error), error.message, LG_CHECK_FAILED,
+                       "not this one");
+        assert_true(lg_test_faulty() || (made.asked == 1 && strcmp(made.path, path) == 0));
+        if (!lg_test_faulty()) assert_memory_equal(made.begin, kind == 0 ? "text\0\0\0" : LG_H5_SIGNATURE, 8);
+        assert_string_equal(read_bytes_of(path, &bytes), "notes");
+        made.allowed = true;
+        assert_told(write_all_kinds(context, kind, path, &told));
+        if (!lg_test_faulty()) assert_true(lg_file_is_ours(NULL, path) == (kind > 0));
+    }
+}
+
+TEST("HDF5 files by liegrad are recognised, HDF5 files of others are not") {
+    static const char *const formats[] = {"liegrad", "other", "liegrad2", "a format with a long name", NULL};
+    for (size_t i = 0; i < LG_COUNT(formats); i++) {
+        const char *path = scratch_path("whose.h5");
+        lg_h5 *h5;
+        assert_told(lg_h5_create(NULL, path, &h5, &told));
+        lg_test_owns(h5, release_h5);
+        assert_told(lg_h5_put_text(h5, "", "kind", "test", &told));
+        if (formats[i] != NULL) assert_told(lg_h5_put_text(h5, "", "format", formats[i], &told));
+        assert_told(lg_h5_commit(h5, &told));
+        if (!lg_test_faulty()) assert_true(lg_file_is_ours(NULL, path) == (i == 0));
+    }
+    assert_false(lg_file_is_ours(NULL, scratch_path("nothing")));
+    assert_false(lg_file_is_ours(NULL, NULL));
+}
+
 TEST("names of files that are missing or too long are refused, and a file may be empty") {
     char name[400];
     lg_error error = {LG_OK, ""};

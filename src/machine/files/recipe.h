@@ -226,6 +226,9 @@ typedef struct lg_input_changes {
     size_t count;
 } lg_input_changes;
 
+/* The line with which the file of `fit --suggest` begins. */
+#define LG_SUGGEST_HEAD "# a machine that lg-identify fit --suggest wrote\n"
+
 /* What `fit --suggest` tried: the candidates of each round, best first. `ratio`: root mean square of the
  * errors of free runs, divided by that of the machine before the round; 0: it could not be learned. */
 #define LG_SUGGEST_ROUNDS 4

@@ -238,8 +238,15 @@ static lg_status search_all(search *s, lg_error *error) {
 static lg_status write_machine(lg_training *self, lg_error *error) {
     const lg_machine_state *state = self->state;
     if (strcmp(state->suggest, "-") == 0) return LG_OK;
-    const lg_status status = lg_file_write(self->context, state->suggest, state->data.file.text,
-                                           state->data.file.text_bytes, error);
+    const char *text = state->data.file.text;
+    const size_t head = sizeof LG_SUGGEST_HEAD - 1, bytes = state->data.file.text_bytes,
+                 known = strncmp(text, LG_SUGGEST_HEAD, head) == 0 ? head : 0;
+    char *whole = lg_alloc(self->context, head + bytes - known, 1);
+    if (whole == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    memcpy(whole, LG_SUGGEST_HEAD, head);
+    memcpy(whole + head, text + known, bytes - known);
+    const lg_status status = lg_file_write(self->context, state->suggest, whole, head + bytes - known, error);
+    lg_free(self->context, whole);
     if (status != LG_OK) self->failed = state->suggest;
     return status;
 }

@@ -115,7 +115,8 @@ lg_status lg_rows_file_create(const lg_context *context, const char *path, const
                            .temporary = {.fd = -1},
                            .rows = options->rows,
                            .row_bytes = options->points * options->dim * sizeof(double)};
-    lg_status status = check_limit(file, options, error);
+    lg_status status = lg_may_replace(context, path, LG_H5_SIGNATURE, sizeof LG_H5_SIGNATURE - 1, error);
+    if (status == LG_OK) status = check_limit(file, options, error);
     if (status == LG_OK) status = lg_temporary_create(context, path, false, &file->temporary, error);
     if (status == LG_OK) status = lay_out_file(file, options, error);
     if (status != LG_OK)
