@@ -364,6 +364,7 @@ TEST("names and labels of any bytes survive training, prediction, and training o
     for (int k = 0; k < 12; k++) {
         lg_table_text column, label[LABELS];
         char option[LG_TABLE_QUOTED];
+        cli_forget("predicted.csv again.csv");
         write_drawn("drawn.csv", &rng, &column, label);
         expect_drawn("drawn.csv", column, label);
         (void)lg_table_quote(column, option);

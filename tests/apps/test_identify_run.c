@@ -75,7 +75,7 @@ static int setup(void **state) {
 /* ---- generate ---- */
 
 TEST("generated motions solve the equations of motion") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     size_t rows;
     cli_run(identify, "generate scene.yaml --inputs none --runs 2 --t-end 5 --dt 0.05 --out free.csv");
     const double *t = column("free.csv", "t", &rows), *x = column("free.csv", "x", &rows),
@@ -95,7 +95,7 @@ TEST("generated motions solve the equations of motion") {
 }
 
 TEST("an input acts exactly as long as it is held") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     size_t rows;
     cli_write("pulse.csv", "t,run,u\n0,0,0\n1,0,3\n2,0,0\n3,0,0\n4,0,0\n");
     cli_write("mass.yaml", OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\n"
@@ -112,7 +112,7 @@ TEST("an input acts exactly as long as it is held") {
 }
 
 TEST("noise has the given size, and the same seed gives the same bytes") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     size_t rows;
     double off = 0, slow = 0;
     char a[65536 * 2], b[65536 * 2];
@@ -132,7 +132,7 @@ TEST("noise has the given size, and the same seed gives the same bytes") {
 }
 
 TEST("inputs of the kind `steps` are constant for the given time and within their amplitude") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     size_t rows, changes = 0;
     cli_run(identify, "generate scene.yaml --inputs steps:0.5 --amplitude 4 --runs 1 --out s.csv");
     const double *u = column("s.csv", "u", &rows);
@@ -164,7 +164,7 @@ static void expect_log(const char *yaml, const char *log, const char *predicted,
 }
 
 TEST("the CSV that predict writes can be read as a log, with quaternions and the inputs of the given log") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     cli_run(identify, "generate body-scene.yaml --runs 3 --t-end 3 --inputs steps --out train.csv");
     cli_run(identify, "generate body-scene.yaml --runs 2 --t-end 3 --seed 4 --out test.csv");
     cli_run(identify, "fit body.yaml train.csv --out body.h5");
@@ -176,7 +176,7 @@ TEST("the CSV that predict writes can be read as a log, with quaternions and the
 }
 
 TEST("predict writes columns in the log's units, and inputs at the rows where they were logged") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     size_t rows, more;
     cli_run(identify, "generate crane-scene.yaml --runs 2 --t-end 4 --amplitude 20 --out train.csv");
     cli_run(identify, "fit crane.yaml train.csv --out crane.h5");
@@ -198,7 +198,7 @@ TEST("predict writes columns in the log's units, and inputs at the rows where th
 }
 
 TEST("a prediction begins at the given row, and a gap ends it") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     size_t rows;
     cli_run(identify, "generate scene.yaml --runs 3 --t-end 5 --noise 0 --out train.csv");
     cli_run(identify, "fit machine.yaml train.csv --out m.h5");
@@ -211,7 +211,7 @@ TEST("a prediction begins at the given row, and a gap ends it") {
 
 TEST("bands of a prediction are as wide as its errors; models without a covariance say that there are "
      "none") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     size_t rows, more;
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 8 --noise 0.02 --out train.csv");
     cli_run(identify, "fit machine.yaml train.csv --out m.h5");
@@ -256,6 +256,7 @@ TEST("pictures show names of columns and inputs as they are, and run nothing") {
     for (size_t i = 0; i < LG_COUNT(names); i++) {
         write_named("named.yaml", names[i][0], strstr(oscillator_scene, "mass"));
         write_named("model.yaml", names[i][0], strstr(oscillator_machine, "mass"));
+        cli_forget("log.csv p.csv");
         for (size_t k = 0; k < LG_COUNT(lines); k++) {
             cli_run(identify, "%s", lines[k]);
             if (cli_exists("RAN")) fail_msg("%s: %s ran", lines[k], names[i][1]);
@@ -273,7 +274,7 @@ TEST("pictures show names of columns and inputs as they are, and run nothing") {
 }
 
 TEST("predict and evaluate warn of columns that leave the range of the training data, and of no others") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 8 --out train.csv --start-spread 0.5");
     cli_run(identify, "fit machine.yaml train.csv --out m.h5");
     identify_run_quietly("predict m.h5 train.csv --out p.csv");
@@ -368,7 +369,7 @@ TEST("relative errors are geometric means over time, then over parts") {
 }
 
 TEST("the energy balance adds up, and has the true change, work and damping") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     size_t rows;
     cli_run(identify, "generate scene.yaml --runs 1 --t-end 10 --out log.csv");
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --out train.csv --seed 2");
@@ -394,7 +395,7 @@ TEST("the energy balance adds up, and has the true change, work and damping") {
 }
 
 TEST("noise makes neighbouring one-step residuals opposite, a wrong model makes them similar") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --out train.csv");
     cli_run(identify, "fit machine.yaml train.csv --out m.h5");
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --noise 0.02 --out noisy.csv");
@@ -414,7 +415,7 @@ TEST("noise makes neighbouring one-step residuals opposite, a wrong model makes 
 
 TEST("the window loss is a mean over windows and points; for white noise it equals the mean square of "
      "one-step residuals") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     cli_run(identify, "generate scene.yaml --runs 4 --t-end 10 --noise 0.01 --seed 7 --out noisy.csv");
     cli_json(identify, "evaluate m.h5 noisy.csv --horizons 1 --window 2", "window_loss >0");
     const double loss = json_number(result.out, "window_loss");
@@ -427,7 +428,7 @@ TEST("the window loss is a mean over windows and points; for white noise it equa
 }
 
 TEST("with positions alone the starts are estimated from 50 rows, which are not scored") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     cli_write("positions-scene.yaml",
               "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
               "inputs: {columns: [u]}\nmass: {kind: known, values: [2]}\n"
@@ -453,7 +454,7 @@ TEST("with positions alone the starts are estimated from 50 rows, which are not 
 }
 
 TEST("a model that is no better than a simple guess causes a warning") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     cli_write(
         "stiff.yaml", OSCILLATOR_COLUMNS
         "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: [90]}\n"
@@ -546,7 +547,7 @@ TEST("angles are compared modulo full turns") {
     "input_map: {kind: known, values: [[1,0],[0,0],[0,1],[0,0],[0,1],[0.2,0],[1,0],[0,1],[0,0]]}\n"
 
 TEST("poses with velocities in the inertial frame, directions and smooth inputs work with all commands") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     cli_write("ferry-scene.yaml",
               FERRY "mass: {kind: known, values: [2, 2, 2, 0.5, 0.6, 0.3, 1, 1, 1]}\n"
                     "potential: {kind: known, form: linear, of: rod, values: [0, 0, 3]}\n");
@@ -581,7 +582,7 @@ static void leave_out_direction(const char *name, size_t row) {
 }
 
 TEST("a row without its direction is not counted in the errors of runs") {
-    cli_forget("train.csv test.csv p.csv");
+    cli_forget("train.csv test.csv p.csv log.csv");
     static const char scene[] =
         "columns: {time: t, run: run}\n"
         "coordinates: [{name: d, kind: direction, columns: [x, y, z], velocity: [a, b, c]}]\n"
