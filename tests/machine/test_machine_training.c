@@ -1,5 +1,5 @@
 /* The recipe of machines through the hooks of its trainer: short logs, without a command.
- * ctest-labels: src/machine */
+ * ctest-labels: slow src/machine */
 #include "machine/files/choice.h"
 #include "support/io_test.h"
 

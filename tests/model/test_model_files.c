@@ -1,5 +1,6 @@
 /* Model files and checkpoints of every kind: written and read back, resumed fits, tables of damages. Errors
- * recorded into Hamiltonians. */
+ * recorded into Hamiltonians.
+ * ctest-labels: slow src/model src/files */
 #include "model/model_kinds.h"
 
 #include "files/h5.h"
