@@ -104,8 +104,9 @@ static void add_sizes(const export_source *source, text *to) {
         add_model_sizes(source, to);
     lg_text_add(
         to,
-        "/* Bytes: bound on the stack that any of the functions takes (gcc and clang, 64 and 32 bit, -O0 to\n"
-        " * -O3); `make stack` checks it. */\n#define %s_STACK_SIZE %zu\n",
+        "/* Bytes: bound on the stack that any of the functions takes (gcc and clang, 64 and 32 bit, -O0 to "
+        "-O3\n"
+        " * and -Os, with any set of instructions); `make stack` checks it. */\n#define %s_STACK_SIZE %zu\n",
         name, source->stack);
     lg_text_add(
         to,

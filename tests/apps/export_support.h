@@ -427,14 +427,40 @@ static inline void export_check_objects(const char *folder, const char *name) {
     export_check_objects_of(folder, name, "clang", "-O2");
 }
 
-/* Runs `make stack` in the folder with -O0, -O2 and -O3 -march=native. */
+/* The flags with which `make stack` is run: one long list where EVERY_WAY is defined. */
+#ifdef EVERY_WAY
+#define EXPORT_LEVELS "-O0", "-O1", "-O2", "-O3", "-Os"
+#else
+#define EXPORT_LEVELS "-O0", "-O2", "-O3"
+#endif
+#ifdef __x86_64__
+#define EXPORT_PROCESSORS "", "-march=native", "-march=x86-64-v4", "-march=x86-64-v3"
+#else
+#define EXPORT_PROCESSORS "", "-march=native"
+#endif
+
+/* Runs `make stack` in the folder with both compilers and prints what each needs. Where EVERY_WAY is defined,
+ * each level is combined with each set of instructions; else only -O3 is. The code is not run, so the machine
+ * need not have the instructions. */
 static inline void export_check_stack(const char *folder) {
-    static const char *const compilers[] = {"gcc", "clang"};
-    static const char *const levels[] = {"-O0", "-O2", "-O3 -march=native"};
-    for (size_t c = 0; c < 2; c++)
-        for (size_t i = 0; i < 3 && export_has(compilers[c]); i++) {
-            export_expect(test_text("make -C %s stack CC=%s CFLAGS='%s'", folder, compilers[c], levels[i]));
-        }
+    static const char *const compilers[] = {"gcc", "clang"}, *const levels[] = {EXPORT_LEVELS},
+                             *const processors[] = {EXPORT_PROCESSORS};
+    static char out[EXPORT_TEXT];
+    for (size_t k = 0; k < LG_COUNT(compilers) * LG_COUNT(levels) * LG_COUNT(processors); k++) {
+        const char *compiler = compilers[k / (LG_COUNT(levels) * LG_COUNT(processors))];
+        const char *level = levels[k / LG_COUNT(processors) % LG_COUNT(levels)];
+        const char *processor = processors[k % LG_COUNT(processors)];
+        const bool plain = processor[0] == '\0', last = strcmp(level, "-O3") == 0;
+        if (LG_COUNT(levels) == 3 && (last ? plain || strstr(processor, "v3") != NULL : !plain)) continue;
+        if (!export_has(compiler)) continue;
+        const char *command = test_text("make -C %s stack CC=%s CFLAGS='%s %s -ffp-contract=fast'", folder,
+                                        compiler, level, processor);
+        if (export_shell(command, out) != 0) fail_msg("%s\n%s", command, out);
+        const char *line = strstr(out, "\nstack: ");
+        assert_non_null(line);
+        print_message("%s, %s %s %s: %.*s\n", folder, compiler, level, plain ? "(baseline)" : processor,
+                      (int)strcspn(line + 8, "\n"), line + 8);
+    }
 }
 
 #endif

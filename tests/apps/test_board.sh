@@ -86,8 +86,8 @@ rm -f t.csv*
 
 # A process raises its beat when the wall clock is set back by a day, too.
 beat_of_first() { od -An -t u8 -j 184 -N 8 t.csv.board 2>/dev/null | tr -d ' '; }
-until_beat() { # until_beat N: waits up to half a minute until the beat is above N
-    for i in $(seq 300); do [ "0$(beat_of_first)" -le "$1" ] || return 0; sleep 0.1; done
+until_beat() { # until_beat N: waits up to five minutes until the beat is above N
+    for i in $(seq 3000); do [ "0$(beat_of_first)" -le "$1" ] || return 0; sleep 0.1; done
     fail "no beat after $1: $(cat task)"
 }
 sed 's/epochs: 20/epochs: 1000000/' ranges.yaml >long.yaml

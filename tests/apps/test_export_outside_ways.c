@@ -1,4 +1,5 @@
 /* The models of test_export_outside, each compiled by all compilers. ctest-labels: study */
+#define EVERY_WAY
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
 

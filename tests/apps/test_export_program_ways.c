@@ -1,6 +1,7 @@
 /* Exported programs with all compilers at all optimisation levels, in both types, as straight code and as
  * loops.
  * ctest-labels: study */
+#define EVERY_WAY
 #include "export_program.h"
 
 TEST("every program is built by all compilers") {

@@ -117,7 +117,7 @@ $train --out one.h5 >out 2>&1
 rm -f c.h5 many.h5
 mpirun --oversubscribe -n 2 $train --out many.h5 --checkpoint c.h5 --checkpoint-every 50 >out 2>err &
 job=$!
-for i in $(seq 100); do [ ! -e c.h5 ] || break; sleep 0.1; done
+for i in $(seq 3000); do [ ! -e c.h5 ] || break; sleep 0.1; done
 kill -INT $job
 wait $job || true
 [ ! -e .many.h5.liegrad-lock ] || fail "Ctrl-C left a lock"
@@ -134,10 +134,10 @@ train="lg-hamiltonian train h.h5 --hidden 12,12 --method adam --epochs 600 --thr
 $train --out one.h5 >out 2>&1
 start_ranks() { # start_ranks SILENCE: starts three ranks, and waits for their first checkpoint
     rm -f c.h5 many.h5*
-    LIEGRAD_SILENCE=$1 timeout 120 mpirun --oversubscribe --mca odls_base_sigkill_timeout 4 -n 3 $train --out many.h5 --checkpoint c.h5 \
+    LIEGRAD_SILENCE=$1 timeout 600 mpirun --oversubscribe --mca odls_base_sigkill_timeout 4 -n 3 $train --out many.h5 --checkpoint c.h5 \
         --checkpoint-every 5 >out 2>err &
     job=$!
-    for i in $(seq 300); do [ ! -e c.h5 ] || break; sleep 0.1; done
+    for i in $(seq 3000); do [ ! -e c.h5 ] || break; sleep 0.1; done
     launcher=$(pgrep -P $job -x mpirun)
     second=$(pgrep -P $launcher -x lg-hamiltonian | sed -n 2p)
 }
@@ -165,10 +165,10 @@ rest 1
 
 # A rank whose wall clock is set back by a day gives signs of life.
 train="${train/--epochs 600/--epochs 100000000}"
-LIEGRAD_SILENCE=8 timeout 120 mpirun --oversubscribe --mca odls_base_sigkill_timeout 30 -n 3 bash -c "LD_PRELOAD=$LG_BIN_DIR/../tests/set_clock.so \
+LIEGRAD_SILENCE=8 timeout 600 mpirun --oversubscribe --mca odls_base_sigkill_timeout 30 -n 3 bash -c "LD_PRELOAD=$LG_BIN_DIR/../tests/set_clock.so \
     LG_CLOCK=clock.\$OMPI_COMM_WORLD_RANK exec $train --out clocks.h5 --checkpoint k.h5 --checkpoint-every 5" >out 2>err &
 job=$!
-for i in $(seq 900); do [ ! -e k.h5 ] || break; sleep 0.1; done
+for i in $(seq 3000); do [ ! -e k.h5 ] || break; sleep 0.1; done
 echo -86400 >clock.1
 sleep 12
 pkill -TERM -P $job -x mpirun

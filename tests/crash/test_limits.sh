@@ -27,7 +27,7 @@ fail() {
 expect() {
     local code=$1 words=$2 got
     shift 2
-    timeout -k 5 120 "$@" >out.txt 2>err.txt
+    timeout -k 5 600 "$@" >out.txt 2>err.txt
     got=$?
     [ $got = "$code" ] || fail "exit code $got, not $code: $* $(cat err.txt)"
     [ -z "$words" ] || grep -qF -- "$words" err.txt || fail "no '$words' of $*: $(cat err.txt)"
@@ -40,9 +40,9 @@ clean() {
 }
 # same FILE COPY: compares byte for byte.
 same() { cmp -s "$1" "$2" || fail "$1 is not $2"; }
-# until_file FILE: waits up to half a minute for FILE to appear.
+# until_file FILE: waits for FILE to appear, for five minutes: the machine may have other work.
 until_file() {
-    for _ in $(seq 600); do [ ! -e "$1" ] || return 0; sleep 0.05; done
+    for _ in $(seq 6000); do [ ! -e "$1" ] || return 0; sleep 0.05; done
     fail "no $1"
 }
 
@@ -208,7 +208,7 @@ rm -rf w/*
 # Memory: an exit code and a message, never a signal or an endless wait. Below 84 MB the libraries cannot be loaded.
 # limited KILOBYTES: sets got.
 limited() {
-    (ulimit -v "$1" && timeout -k 5 60 $train --threads 2 --method ssbroyden --epochs 20 --out w/out >/dev/null 2>err.txt)
+    (ulimit -v "$1" && timeout -k 5 600 $train --threads 2 --method ssbroyden --epochs 20 --out w/out >/dev/null 2>err.txt)
     got=$?
     case $got in
         0) [ -s w/out ] || fail "no model below $1" ;;
@@ -255,12 +255,22 @@ done
 # ---- signals ----
 
 long="$train --epochs 1000000 --checkpoint-every 1000000 --checkpoint w/check --out w/out"
-# stopped SIGNAL CODE WORDS COMMAND...: sends a signal after a second.
+# catching PID: waits until a child of this process catches SIGINT, as all programs do once they work, however slow the machine is.
+catching() {
+    local mask
+    for _ in $(seq 600); do
+        mask=$(sed -n 's/^SigCgt:[[:space:]]*//p' "/proc/$(pgrep -P "$1" | head -n 1)/status" 2>/dev/null)
+        [ $((0x${mask:-0} & 2)) = 0 ] || return 0
+        sleep 0.1
+    done
+}
+# stopped SIGNAL CODE WORDS COMMAND...: sends a signal a second after the command catches signals.
 stopped() {
     local signal=$1 code=$2 words=$3 pid got
     shift 3
-    timeout -k 5 120 "$@" >out.txt 2>err.txt &
+    timeout -k 5 600 "$@" >out.txt 2>err.txt &
     pid=$!
+    [ "$1" = nohup ] || catching $pid
     sleep 1
     pkill "-$signal" -P $pid
     wait $pid
@@ -284,7 +294,8 @@ rm -f w/*
 # With nohup SIGHUP stays ignored.
 stopped HUP 143 "" nohup bash -c "$long & sleep 2; kill -TERM \$!; wait \$!"
 # The same signal twice: the second one kills if the first is not obeyed at once; only this run is lost.
-timeout -k 5 60 $long >/dev/null 2>err.txt &
+timeout -k 5 600 $long >/dev/null 2>err.txt &
+catching $!
 sleep 1
 pkill -TERM -P $!
 pkill -TERM -P $!

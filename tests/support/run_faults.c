@@ -12,7 +12,9 @@
 
 #include "support/faults.h"
 
-enum { MOST_STACKS = 1 << 20, PATIENCE = 60 };
+/* A run hangs if it takes PATIENCE seconds and SLOWER times as long as the undisturbed run took on this
+ * machine, with its present load. */
+enum { MOST_STACKS = 1 << 20, PATIENCE = 60, SLOWER = 20 };
 typedef enum verdict { PASSED, REFUSED, SILENT, LEAKED, DIED, VERDICTS } verdict;
 static const char *const verdict_names[] = {"passed", "refused", "silent", "leaked", "died"};
 
@@ -31,6 +33,7 @@ static struct {
     long from, to;  /* of the run */
     bool armed;
     long live; /* blocks and identifiers before the test */
+    unsigned patience;
     int output;
 } now = {.of = FAULT_MEMORY, .seconds = 10};
 
@@ -89,7 +92,7 @@ bool lg_test_again(lg_status status) {
 static _Noreturn void run_child(lg_suite *suite, const struct CMUnitTest *test) {
     (void)dup2(now.output, STDOUT_FILENO);
     (void)dup2(now.output, STDERR_FILENO);
-    (void)alarm(PATIENCE);
+    (void)alarm(now.patience);
     now.armed = true;
     const int failed = _cmocka_run_group_tests("faults", test, 1, suite->begin, NULL);
     const int end = suite->end != NULL ? suite->end(NULL) : 0;
@@ -152,8 +155,10 @@ static void try_test(lg_suite *suite, const struct CMUnitTest *test, long sum[VE
     long mine[VERDICTS] = {0};
     faults_note_stacks(now.of, report->stacks, MOST_STACKS);
     const double begin = seconds_now();
+    now.patience = PATIENCE * SLOWER;
     const verdict plain = run(suite, test, 0, 0);
-    const double most = now.seconds / (seconds_now() - begin) / 2.0;
+    const double took = seconds_now() - begin, most = now.seconds / took / 2.0;
+    now.patience = PATIENCE + (unsigned)(SLOWER * took);
     const long calls = report->calls, live = report->live;
     faults_note_stacks(now.of, NULL, 0);
     if (plain != PASSED || calls == 0) return; /* the test was skipped, or fails without a failing call */

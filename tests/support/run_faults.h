@@ -14,7 +14,7 @@
  *     silent    an assertion failed, but no status had said why: a defect, or a test that does not check the
  *               status
  *     leaked    the test passed, but blocks or identifiers are left
- *     died      a signal, a sanitizer, or a limit of one minute ended the run
+ *     died      a signal or a sanitizer ended the run, or it took a minute more than 20 undisturbed runs
  *
  * All runs of a test take about SECONDS (default 10). If this is too short for all calls, only some calls
  * fail: first calls with different stacks, then calls at equal distances. The exit code is 1 if a run leaked

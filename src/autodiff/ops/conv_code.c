@@ -14,7 +14,7 @@ static const lg_c_fragment c_window_rows = {
     }),
     .needs = {&lg_c_windows}};
 
-static const lg_c_fragment c_conv_tile = {.file = {"conv_tile", "conv_tile"}, .needs = {&lg_c_noinline}};
+static const lg_c_fragment c_conv_tile = {.file = {"conv_tile", "conv_tile"}};
 
 static const lg_c_fragment c_whole_windows = {
     .comment = "Windows first .. last - 1 lie in the series with all of their rows.",
@@ -146,8 +146,9 @@ const lg_c_fragment lg_c_conv1d_input = {
 
 const lg_c_fragment lg_c_conv1d_weight = {
     .comment = "weight (size, channels, outputs), the adjoint of conv1d in its second argument: x, g",
-    .text = LG_C(static void conv1d_weight(int batch, conv_windows w, int outputs, const real *RESTRICT x,
-                                           const real *RESTRICT g, real *RESTRICT weight) {
+    .text = LG_C(static NOINLINE void conv1d_weight(int batch, conv_windows w, int outputs,
+                                                    const real *RESTRICT x, const real *RESTRICT g,
+                                                    real *RESTRICT weight) {
         const int n = w.channels;
         for (int i = 0; i < w.size * n * outputs; i++) weight[i] = REAL(0.0);
         for (int s = 0; s < batch; s++, x += w.length * n)

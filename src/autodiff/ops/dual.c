@@ -79,7 +79,7 @@ static lg_status dual_act_forward(lg_evaluation *e) {
 
 static const lg_c_fragment c_dual_start = {
     .comment = "y = x, and the bias b (n; or NULL) is added to the values, the first half of the rows.",
-    .text = LG_C(static void dual_start(int rows, int n, const real *x, const real *b, real *y) {
+    .text = LG_C(static NOINLINE void dual_start(int rows, int n, const real *x, const real *b, real *y) {
         for (int i = 0; i < 2 * rows; i++)
             for (int j = 0; j < n; j++)
                 y[i * n + j] = x[i * n + j] + (b != NULL && i < rows ? b[j] : REAL(0.0));
@@ -221,8 +221,8 @@ static lg_status dual_mix_forward(lg_evaluation *e) {
 
 static const lg_c_fragment c_dual_mix = {
     .comment = "(1 - z) u + z v of n pairs of a value and its derivative.",
-    .text = LG_C(static void dual_mix(int n, const real *RESTRICT z, const real *RESTRICT u,
-                                      const real *RESTRICT v, real *RESTRICT y) {
+    .text = LG_C(static NOINLINE void dual_mix(int n, const real *RESTRICT z, const real *RESTRICT u,
+                                               const real *RESTRICT v, real *RESTRICT y) {
         for (int i = 0; i < n; i++) {
             const real rest = REAL(1.0) - z[i];
             y[i] = rest * u[i] + z[i] * v[i];

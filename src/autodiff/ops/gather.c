@@ -48,14 +48,13 @@ static lg_status scatter_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static const lg_c_fragment c_gather = {.comment = "Rows index[0], index[1], ... of x.",
-                                       .text =
-                                           LG_C(static void gather(int n, int length, const int *index,
-                                                                   const real *RESTRICT x, real *RESTRICT y) {
-                                               for (int i = 0; i < n; i++)
-                                                   for (int j = 0; j < length; j++)
-                                                       y[i * length + j] = x[index[i] * length + j];
-                                           })};
+static const lg_c_fragment c_gather = {
+    .comment = "Rows index[0], index[1], ... of x.",
+    .text = LG_C(static NOINLINE void gather(int n, int length, const int *index, const real *RESTRICT x,
+                                             real *RESTRICT y) {
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < length; j++) y[i * length + j] = x[index[i] * length + j];
+    })};
 
 static void gather_c(lg_c *c, const lg_evaluation *e) {
     lg_c_indices(c, e->attr->pointer, e->attr->i[0]);
@@ -64,8 +63,8 @@ static void gather_c(lg_c *c, const lg_evaluation *e) {
 
 static const lg_c_fragment c_scatter = {
     .comment = "Row i of x is added to row index[i] of y (rows, length), which is zero at first.",
-    .text = LG_C(static void scatter(int n, int length, int rows, const int *index, const real *RESTRICT x,
-                                     real *RESTRICT y) {
+    .text = LG_C(static NOINLINE void scatter(int n, int length, int rows, const int *index,
+                                              const real *RESTRICT x, real *RESTRICT y) {
         for (int i = 0; i < rows * length; i++) y[i] = REAL(0.0);
         for (int i = 0; i < n; i++)
             for (int j = 0; j < length; j++) y[index[i] * length + j] += x[i * length + j];

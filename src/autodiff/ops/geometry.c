@@ -33,7 +33,7 @@ static void rowdot_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
 
 static const lg_c_fragment c_rowdot = {
     .comment = "y[i] = a[i, :] . b[i, :], rows of n numbers",
-    .text = LG_C(static void rowdot(int rows, int n, const real *a, const real *b, real *y) {
+    .text = LG_C(static NOINLINE void rowdot(int rows, int n, const real *a, const real *b, real *y) {
         for (int i = 0; i < rows; i++) y[i] = dot(n, a + i * n, b + i * n);
     }),
     .needs = {&lg_c_dot}};
@@ -98,14 +98,14 @@ static void cross_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar 
 
 static const lg_c_fragment c_cross = {
     .comment = "y[i, :] = a[i, :] x b[i, :]",
-    .text =
-        LG_C(static void cross(int rows, const real *RESTRICT a, const real *RESTRICT b, real *RESTRICT y) {
-            for (int i = 0; i < rows; i++, a += 3, b += 3, y += 3) {
-                y[0] = a[1] * b[2] - a[2] * b[1];
-                y[1] = a[2] * b[0] - a[0] * b[2];
-                y[2] = a[0] * b[1] - a[1] * b[0];
-            }
-        })};
+    .text = LG_C(static NOINLINE void cross(int rows, const real *RESTRICT a, const real *RESTRICT b,
+                                            real *RESTRICT y) {
+        for (int i = 0; i < rows; i++, a += 3, b += 3, y += 3) {
+            y[0] = a[1] * b[2] - a[2] * b[1];
+            y[1] = a[2] * b[0] - a[0] * b[2];
+            y[2] = a[0] * b[1] - a[1] * b[0];
+        }
+    })};
 
 static void cross_c(lg_c *c, const lg_evaluation *e) {
     lg_c_call(c, &c_cross, "cross(%zu, $0, $1, $y)", e->count / 3);
@@ -187,7 +187,7 @@ static void factor_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
 static const lg_c_fragment c_spd_factor = {
     .comment = "Cholesky factors l of the symmetric parts of n matrices a (k, k); NaN where a pivot is not "
                "positive.",
-    .text = LG_C(static void spd_factor(int n, int k, const real *RESTRICT a, real *RESTRICT l) {
+    .text = LG_C(static NOINLINE void spd_factor(int n, int k, const real *RESTRICT a, real *RESTRICT l) {
         for (int s = 0; s < n; s++, a += k * k, l += k * k) {
             int good = 1;
             for (int i = 0; i < k; i++)
@@ -262,8 +262,8 @@ static void solve_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar 
 
 static const lg_c_fragment c_spd_solve = {
     .comment = "n systems l l^T y = b; y, b (k, m)",
-    .text = LG_C(static void spd_solve(int n, int k, int m, const real *RESTRICT l, const real *RESTRICT b,
-                                       real *RESTRICT y) {
+    .text = LG_C(static NOINLINE void spd_solve(int n, int k, int m, const real *RESTRICT l,
+                                                const real *RESTRICT b, real *RESTRICT y) {
         for (int s = 0; s < n; s++, l += k * k, b += k * m, y += k * m) {
             for (int i = 0; i < k * m; i++) y[i] = b[i];
             for (int i = 0; i < k; i++) {
@@ -354,7 +354,7 @@ static void stumpff_expand(lg_scalars *s, const lg_evaluation *e, const lg_scala
 
 static const lg_c_fragment c_stumpff_rows = {
     .comment = "y (n, most + 1) = derivative number `order` of c_0, c_1, ... at w (n)",
-    .text = LG_C(static void stumpff_rows(int n, int most, int order, const real *w, real *y) {
+    .text = LG_C(static NOINLINE void stumpff_rows(int n, int most, int order, const real *w, real *y) {
         for (int i = 0; i < n; i++) stumpff_row(w[i], most, order, y + i * (most + 1));
     }),
     .needs = {&lg_c_stumpff}};

@@ -248,7 +248,7 @@ static const lg_c_fragment c_so3_coefficients = {
 
 static const lg_c_fragment c_so3_exp = {
     .comment = "y = exp(u) x for n rows; x: vectors (columns 1), or matrices by rows (columns 3)",
-    .text = LG_C(static void so3_exp(int n, int columns, const real *u, const real *x, real *y) {
+    .text = LG_C(static NOINLINE void so3_exp(int n, int columns, const real *u, const real *x, real *y) {
         for (int r = 0; r < n; r++, u += 3, x += 3 * columns, y += 3 * columns) {
             real c[4];
             real b[3];
@@ -264,7 +264,7 @@ static const lg_c_fragment c_so3_exp = {
 
 static const lg_c_fragment c_so3_dexp = {
     .comment = "y = dexp_u(v) for n rows",
-    .text = LG_C(static void so3_dexp(int n, const real *u, const real *v, real *y) {
+    .text = LG_C(static NOINLINE void so3_dexp(int n, const real *u, const real *v, real *y) {
         for (int r = 0; r < n; r++, u += 3, v += 3, y += 3) {
             real c[4];
             so3_coefficients(dot3(u, u), c);
@@ -275,26 +275,26 @@ static const lg_c_fragment c_so3_dexp = {
 
 static const lg_c_fragment c_se3_act = {
     .comment = "The second half of exp(u, v) . (q, p) for n rows: R p + r x R q, R = exp(u), r = dexp_u(v)",
-    .text =
-        LG_C(static void se3_act(int n, const real *u, const real *v, const real *q, const real *p, real *y) {
-            for (int i = 0; i < n; i++, u += 3, v += 3, q += 3, p += 3, y += 3) {
-                real c[4];
-                real r[3];
-                real turned[3];
-                real moved[3];
-                so3_coefficients(dot3(u, u), c);
-                so3_function(c[2], c[3], u, v, r);
-                so3_function(c[1], c[2], u, q, turned);
-                cross3(r, turned, moved);
-                so3_function(c[1], c[2], u, p, y);
-                for (int k = 0; k < 3; k++) y[k] += moved[k];
-            }
-        }),
+    .text = LG_C(static NOINLINE void se3_act(int n, const real *u, const real *v, const real *q,
+                                              const real *p, real *y) {
+        for (int i = 0; i < n; i++, u += 3, v += 3, q += 3, p += 3, y += 3) {
+            real c[4];
+            real r[3];
+            real turned[3];
+            real moved[3];
+            so3_coefficients(dot3(u, u), c);
+            so3_function(c[2], c[3], u, v, r);
+            so3_function(c[1], c[2], u, q, turned);
+            cross3(r, turned, moved);
+            so3_function(c[1], c[2], u, p, y);
+            for (int k = 0; k < 3; k++) y[k] += moved[k];
+        }
+    }),
     .needs = {&c_so3, &c_so3_coefficients}};
 
 static const lg_c_fragment c_so3_dexpinv = {
     .comment = "y = dexp_a^-1(b) for n rows",
-    .text = LG_C(static void so3_dexpinv(int n, const real *a, const real *b, real *y) {
+    .text = LG_C(static NOINLINE void so3_dexpinv(int n, const real *a, const real *b, real *y) {
         for (int r = 0; r < n; r++, a += 3, b += 3, y += 3)
             so3_function(REAL(-0.5), dexpinv_coef(dot3(a, a), 0), a, b, y);
     }),
@@ -304,28 +304,28 @@ static const lg_c_fragment c_se3_dexpinv = {
     .comment =
         "The second half of dexp_(A, a)^-1(B, b) for n rows: b - m/2 + g2 (a x (A x B) + A x m) + A.a 2 "
         "g2' A x (A x B),\nm = a x B + A x b",
-    .text = LG_C(
-        static void se3_dexpinv(int n, const real *A, const real *a, const real *B, const real *b, real *y) {
-            for (int r = 0; r < n; r++, A += 3, a += 3, B += 3, b += 3, y += 3) {
-                const real w = dot3(A, A);
-                const real g = dexpinv_coef(w, 0);
-                const real slope = REAL(2.0) * dot3(A, a) * dexpinv_coef(w, 1);
-                real AB[3];
-                real AAB[3];
-                real m[3];
-                real t[3];
-                real part[3];
-                cross3(A, B, AB);
-                cross3(A, AB, AAB);
-                cross3(a, B, m);
-                cross3(A, b, part);
-                for (int i = 0; i < 3; i++) m[i] += part[i];
-                cross3(a, AB, t);
-                cross3(A, m, part);
-                for (int i = 0; i < 3; i++)
-                    y[i] = (b[i] - REAL(0.5) * m[i]) + (slope * AAB[i] + g * (t[i] + part[i]));
-            }
-        }),
+    .text = LG_C(static NOINLINE void se3_dexpinv(int n, const real *A, const real *a, const real *B,
+                                                  const real *b, real *y) {
+        for (int r = 0; r < n; r++, A += 3, a += 3, B += 3, b += 3, y += 3) {
+            const real w = dot3(A, A);
+            const real g = dexpinv_coef(w, 0);
+            const real slope = REAL(2.0) * dot3(A, a) * dexpinv_coef(w, 1);
+            real AB[3];
+            real AAB[3];
+            real m[3];
+            real t[3];
+            real part[3];
+            cross3(A, B, AB);
+            cross3(A, AB, AAB);
+            cross3(a, B, m);
+            cross3(A, b, part);
+            for (int i = 0; i < 3; i++) m[i] += part[i];
+            cross3(a, AB, t);
+            cross3(A, m, part);
+            for (int i = 0; i < 3; i++)
+                y[i] = (b[i] - REAL(0.5) * m[i]) + (slope * AAB[i] + g * (t[i] + part[i]));
+        }
+    }),
     .needs = {&c_vectors, &lg_c_dexpinv}};
 
 static void lie_c(lg_c *c, const lg_evaluation *e) {

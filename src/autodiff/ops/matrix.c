@@ -151,14 +151,14 @@ static const lg_c_fragment c_start = {
         LG_C(static NOINLINE void start(int m, int n, const real *c, int down, int along, real *RESTRICT y) {
             for (int i = 0; i < m; i++)
                 for (int j = 0; j < n; j++) y[i * n + j] = c == NULL ? REAL(0.0) : c[i * down + j * along];
-        }),
-    .needs = {&lg_c_noinline}};
+        })};
 
 static const lg_c_fragment c_products[] = {
     [NN] = {.comment = "y (m, n) += a (m, k) b (k, n)",
-            .text = LG_C(static void matmul_nn(int m, int n, int k, const real *a, const real *b, real *y) {
-                for (int i = 0; i < m; i++) dense_add(k, n, b, a + i * k, y + i * n);
-            }),
+            .text = LG_C(
+                static NOINLINE void matmul_nn(int m, int n, int k, const real *a, const real *b, real *y) {
+                    for (int i = 0; i < m; i++) dense_add(k, n, b, a + i * k, y + i * n);
+                }),
             .needs = {&lg_c_dense_add}},
     [NT] = {.comment = "y (m, n) += a (m, k) times the transpose of b (n, k)",
             .text = LG_C(static NOINLINE void matmul_nt(int m, int n, int k, const real *RESTRICT a,
@@ -169,14 +169,26 @@ static const lg_c_fragment c_products[] = {
                     else
                         for (int j = 0; j < n; j++) y[i * n + j] += dot(k, b + j * k, a + i * k);
             }),
-            .needs = {&lg_c_dot, &lg_c_noinline}},
+            .needs = {&lg_c_dot}},
     [TN] = {.comment = "y (m, n) += the transpose of a (k, m) times b (k, n)",
-            .text = LG_C(static void matmul_tn(int m, int n, int k, const real *RESTRICT a,
-                                               const real *RESTRICT b, real *RESTRICT y) {
-                for (int l = 0; l < k; l++)
-                    for (int i = 0; i < m; i++)
-                        for (int j = 0; j < n; j++) y[i * n + j] += a[l * m + i] * b[l * n + j];
-            })},
+            .text = LG_C(static NOINLINE void matmul_tn(int m, int n, int k, const real *RESTRICT a,
+                                                        const real *RESTRICT b, real *RESTRICT y) {
+                if (n == 1) {
+                    dense_add(k, m, a, b, y);
+                    return;
+                }
+                for (int i = 0; i < m; i++, a++, y += n) {
+                    const real *RESTRICT x = a, *RESTRICT w = b;
+                    int l = 0;
+                    for (; l + 4 <= k; l += 4, x += 4 * m, w += 4 * n)
+                        for (int j = 0; j < n; j++)
+                            y[j] += (x[0] * w[j] + x[m] * w[n + j]) +
+                                    (x[2 * m] * w[2 * n + j] + x[3 * m] * w[3 * n + j]);
+                    for (; l < k; l++, x += m, w += n)
+                        for (int j = 0; j < n; j++) y[j] += x[0] * w[j];
+                }
+            }),
+            .needs = {&lg_c_dense_add}},
 };
 
 static void matmul_c(lg_c *c, const lg_evaluation *e) {

@@ -9,10 +9,8 @@ const char *lg_c_text_of(const char *name) {
     return "#error missing fragment\n";
 }
 
-const lg_c_fragment lg_c_noinline = {.file = {"noinline", "noinline"}};
 const lg_c_fragment lg_c_dot = {.file = {"dot", "dot"}};
-const lg_c_fragment lg_c_dense_add = {.file = {"dense_add", "dense_add"},
-                                      .needs = {&lg_c_dot, &lg_c_noinline}};
+const lg_c_fragment lg_c_dense_add = {.file = {"dense_add", "dense_add"}, .needs = {&lg_c_dot}};
 static const lg_c_fragment inverse_factorial = {.file = {"inverse_factorial", "inverse_factorial"}};
 const lg_c_fragment lg_c_stumpff = {.file = {"stumpff", "stumpff"}, .needs = {&inverse_factorial}};
 const lg_c_fragment lg_c_dexpinv = {.file = {"dexpinv", "dexpinv"}};

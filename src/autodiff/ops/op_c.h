@@ -38,7 +38,6 @@ extern const lg_c_text lg_c_texts[];
 const char *lg_c_text_of(const char *name);
 
 /* Fragments that several operations need; the comments list what they define. */
-extern const lg_c_fragment lg_c_noinline;      /* NOINLINE */
 extern const lg_c_fragment lg_c_dot;           /* dot(n, a, b) */
 extern const lg_c_fragment lg_c_dense_add;     /* dense_add(in, out, w, x, y): y += x w */
 extern const lg_c_fragment lg_c_first_maximum; /* first_maximum(n, apart, x): index of the largest number */

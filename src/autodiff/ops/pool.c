@@ -81,32 +81,33 @@ static lg_status avg_pool1d_adjoint_forward(lg_evaluation *e) {
 
 const lg_c_fragment lg_c_pool_mean = {
     .comment = "y (batch, count, channels): means of the windows of x.",
-    .text = LG_C(static void pool_mean(int batch, conv_windows w, const real *RESTRICT x, real *RESTRICT y) {
-        const int n = w.channels;
-        const real part = REAL(1.0) / (real)w.size;
-        for (int s = 0; s < batch; s++, x += w.length * n)
-            for (int t = 0; t < w.count; t++, y += n) {
-                for (int i = 0; i < n; i++) y[i] = REAL(0.0);
-                for (int j = 0; j < w.size; j++)
-                    for (int i = 0; i < n; i++) y[i] += x[(t * w.stride + j) * n + i];
-                for (int i = 0; i < n; i++) y[i] *= part;
-            }
-    }),
+    .text = LG_C(
+        static NOINLINE void pool_mean(int batch, conv_windows w, const real *RESTRICT x, real *RESTRICT y) {
+            const int n = w.channels;
+            const real part = REAL(1.0) / (real)w.size;
+            for (int s = 0; s < batch; s++, x += w.length * n)
+                for (int t = 0; t < w.count; t++, y += n) {
+                    for (int i = 0; i < n; i++) y[i] = REAL(0.0);
+                    for (int j = 0; j < w.size; j++)
+                        for (int i = 0; i < n; i++) y[i] += x[(t * w.stride + j) * n + i];
+                    for (int i = 0; i < n; i++) y[i] *= part;
+                }
+        }),
     .needs = {&lg_c_windows}};
 
 static const lg_c_fragment c_pool_mean_adjoint = {
     .comment = "x (batch, length, channels), the adjoint of pool_mean: g (batch, count, channels)",
-    .text = LG_C(
-        static void pool_mean_adjoint(int batch, conv_windows w, const real *RESTRICT g, real *RESTRICT x) {
-            const int n = w.channels;
-            const real part = REAL(1.0) / (real)w.size;
-            for (int s = 0; s < batch; s++, x += w.length * n) {
-                for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
-                for (int t = 0; t < w.count; t++, g += n)
-                    for (int j = 0; j < w.size; j++)
-                        for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] * part;
-            }
-        }),
+    .text = LG_C(static NOINLINE void pool_mean_adjoint(int batch, conv_windows w, const real *RESTRICT g,
+                                                        real *RESTRICT x) {
+        const int n = w.channels;
+        const real part = REAL(1.0) / (real)w.size;
+        for (int s = 0; s < batch; s++, x += w.length * n) {
+            for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
+            for (int t = 0; t < w.count; t++, g += n)
+                for (int j = 0; j < w.size; j++)
+                    for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] * part;
+        }
+    }),
     .needs = {&lg_c_windows}};
 
 static void avg_pool1d_c(lg_c *c, const lg_evaluation *e) {
@@ -180,30 +181,32 @@ static lg_status pool_place_forward(lg_evaluation *e) {
 
 static const lg_c_fragment c_pool_pick = {
     .comment = "y (batch, count, channels): of each window the number of h where x is largest.",
-    .text = LG_C(static void pool_pick(int batch, conv_windows w, const real *h, const real *x, real *y) {
-        const int n = w.channels;
-        for (int s = 0; s < batch; s++, h += w.length * n, x += w.length * n)
-            for (int t = 0; t < w.count; t++, y += n)
-                for (int i = 0; i < n; i++) {
-                    const int at = t * w.stride * n + i;
-                    y[i] = h[at + first_maximum(w.size, n, x + at)];
-                }
-    }),
+    .text = LG_C(
+        static NOINLINE void pool_pick(int batch, conv_windows w, const real *h, const real *x, real *y) {
+            const int n = w.channels;
+            for (int s = 0; s < batch; s++, h += w.length * n, x += w.length * n)
+                for (int t = 0; t < w.count; t++, y += n)
+                    for (int i = 0; i < n; i++) {
+                        const int at = t * w.stride * n + i;
+                        y[i] = h[at + first_maximum(w.size, n, x + at)];
+                    }
+        }),
     .needs = {&lg_c_windows, &lg_c_first_maximum}};
 
 static const lg_c_fragment c_pool_place = {
     .comment = "The adjoint of pool_pick in h: g (batch, count, channels) is added where x is largest.",
-    .text = LG_C(static void pool_place(int batch, conv_windows w, const real *g, const real *x, real *y) {
-        const int n = w.channels;
-        for (int s = 0; s < batch; s++, x += w.length * n, y += w.length * n) {
-            for (int i = 0; i < w.length * n; i++) y[i] = REAL(0.0);
-            for (int t = 0; t < w.count; t++, g += n)
-                for (int i = 0; i < n; i++) {
-                    const int at = t * w.stride * n + i;
-                    y[at + first_maximum(w.size, n, x + at)] += g[i];
-                }
-        }
-    }),
+    .text = LG_C(
+        static NOINLINE void pool_place(int batch, conv_windows w, const real *g, const real *x, real *y) {
+            const int n = w.channels;
+            for (int s = 0; s < batch; s++, x += w.length * n, y += w.length * n) {
+                for (int i = 0; i < w.length * n; i++) y[i] = REAL(0.0);
+                for (int t = 0; t < w.count; t++, g += n)
+                    for (int i = 0; i < n; i++) {
+                        const int at = t * w.stride * n + i;
+                        y[at + first_maximum(w.size, n, x + at)] += g[i];
+                    }
+            }
+        }),
     .needs = {&lg_c_windows, &lg_c_first_maximum}};
 
 static void pool_pick_c(lg_c *c, const lg_evaluation *e) {

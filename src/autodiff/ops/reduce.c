@@ -74,8 +74,8 @@ static void reduce_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
 static const lg_c_fragment c_sum_axis = {
     .comment = "y (outer, inner) = sum over the middle of x (outer, length, inner); eight sums side by side "
                "where numbers lie in a row.",
-    .text = LG_C(static void sum_axis(int outer, int length, int inner, const real *RESTRICT x,
-                                      real *RESTRICT y) {
+    .text = LG_C(static NOINLINE void sum_axis(int outer, int length, int inner, const real *RESTRICT x,
+                                               real *RESTRICT y) {
         for (int o = 0; o < outer; o++, x += length * inner, y += inner) {
             if (inner == 1) {
                 real part[8] = {REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0),
@@ -173,12 +173,12 @@ static void repeat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
 
 static const lg_c_fragment c_repeat = {
     .comment = "y (outer, length, inner): x (outer, inner), repeated along the middle.",
-    .text =
-        LG_C(static void repeat(int outer, int length, int inner, const real *RESTRICT x, real *RESTRICT y) {
-            for (int o = 0; o < outer; o++, x += inner)
-                for (int l = 0; l < length; l++, y += inner)
-                    for (int i = 0; i < inner; i++) y[i] = x[i];
-        })};
+    .text = LG_C(static NOINLINE void repeat(int outer, int length, int inner, const real *RESTRICT x,
+                                             real *RESTRICT y) {
+        for (int o = 0; o < outer; o++, x += inner)
+            for (int l = 0; l < length; l++, y += inner)
+                for (int i = 0; i < inner; i++) y[i] = x[i];
+    })};
 
 static void repeat_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
@@ -390,7 +390,7 @@ const lg_c_fragment lg_c_first_maximum = {
 
 static const lg_c_fragment c_max_axis = {
     .comment = "y (outer, inner): the largest along the middle of x (outer, length, inner).",
-    .text = LG_C(static void max_axis(int outer, int length, int inner, const real *x, real *y) {
+    .text = LG_C(static NOINLINE void max_axis(int outer, int length, int inner, const real *x, real *y) {
         for (int o = 0; o < outer; o++, x += length * inner, y += inner)
             for (int i = 0; i < inner; i++) y[i] = x[i + first_maximum(length, inner, x + i)];
     }),
@@ -403,7 +403,7 @@ static void reduce_max_c(lg_c *c, const lg_evaluation *e) {
 
 static const lg_c_fragment c_argmax_mask = {
     .comment = "y: 1 where x (outer, length, inner) is largest along the middle, else 0.",
-    .text = LG_C(static void argmax_mask(int outer, int length, int inner, const real *x, real *y) {
+    .text = LG_C(static NOINLINE void argmax_mask(int outer, int length, int inner, const real *x, real *y) {
         for (int o = 0; o < outer; o++, x += length * inner, y += length * inner) {
             for (int i = 0; i < length * inner; i++) y[i] = REAL(0.0);
             for (int i = 0; i < inner; i++) y[i + first_maximum(length, inner, x + i)] = REAL(1.0);

@@ -29,8 +29,8 @@ static lg_status reshape_forward(lg_evaluation *e) {
 
 static const lg_c_fragment c_copy_rows = {
     .comment = "`rows` runs of `run` numbers, so far apart there and here.",
-    .text = LG_C(static void copy_rows(int rows, int run, const real *RESTRICT x, int x_apart,
-                                       real *RESTRICT y, int y_apart) {
+    .text = LG_C(static NOINLINE void copy_rows(int rows, int run, const real *RESTRICT x, int x_apart,
+                                                real *RESTRICT y, int y_apart) {
         for (int i = 0; i < rows; i++)
             for (int j = 0; j < run; j++) y[i * y_apart + j] = x[i * x_apart + j];
     })};
@@ -249,7 +249,7 @@ static void pad_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *c
     }
 }
 
-static const lg_c_fragment c_clear = {.text = LG_C(static void clear(int n, real *y) {
+static const lg_c_fragment c_clear = {.text = LG_C(static NOINLINE void clear(int n, real *y) {
                                           for (int i = 0; i < n; i++) y[i] = REAL(0.0);
                                       })};
 
@@ -459,8 +459,8 @@ static void permute_expand(lg_scalars *s, const lg_evaluation *e, const lg_scala
 
 static const lg_c_fragment c_permute = {
     .comment = "y (d0, d1, d2, d3), in order, from x with these distances along each axis.",
-    .text = LG_C(static void permute(int d0, int d1, int d2, int d3, int s0, int s1, int s2, int s3,
-                                     const real *RESTRICT x, real *RESTRICT y) {
+    .text = LG_C(static NOINLINE void permute(int d0, int d1, int d2, int d3, int s0, int s1, int s2, int s3,
+                                              const real *RESTRICT x, real *RESTRICT y) {
         for (int a = 0; a < d0; a++)
             for (int b = 0; b < d1; b++)
                 for (int c = 0; c < d2; c++, y += d3)

@@ -224,6 +224,7 @@ static void write_all(writing *w) {
     lg_text_add(&w->sizes, "typedef %s %s_real;\n\n", c->dtype == LG_F32 ? "float" : "double", c->name);
     lg_text_add_named(&c->code, c->name, lg_c_text_of("prelude"));
     lg_text_add(&c->code, "%s", lg_c_text_of(c->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
+    lg_text_add(&c->code, "\n%s", lg_c_text_of("noinline"));
     for (size_t i = 0; i < count && lg_c_good(c); i++) {
         const size_t index = o->function_count > 0 ? o->functions[i] : i;
         if (index >= c->program->functions)

@@ -66,8 +66,7 @@ static const lg_c_fragment c_copy = {.comment = "y may be NULL: an output that n
                                      .text = LG_C(static NOINLINE void copy(int n, const real *x, real *y) {
                                          if (y == NULL) return;
                                          for (int i = 0; i < n; i++) y[i] = x[i];
-                                     }),
-                                     .needs = {&lg_c_noinline}};
+                                     })};
 
 static void write_copy(lg_c *c, const lg_copy_step *s) {
     lg_place places[1] = {s->x};
@@ -186,7 +185,7 @@ static void write_steps(lg_c *c, const lg_plan *plan) {
 
 /* ---- functions ---- */
 
-static const lg_c_fragment c_unfit = {.file = {"unfit", "unfit"}, .needs = {&lg_c_noinline}};
+static const lg_c_fragment c_unfit = {.file = {"unfit", "unfit"}};
 
 /* Writes the first statements of a function: unused arguments are marked, and outputs that the caller does
  * not want get their place in the work memory. In a loop, the callee does the latter. */

@@ -93,7 +93,6 @@ static const char *define_elements(lg_c *c, const lg_op *op, const lg_attr *attr
     lg_c_graph g = {.c = c};
     uint32_t root;
     const char *name = NULL;
-    lg_c_need(c, &lg_c_noinline);
     if (element_graph(c, op, attr, inputs, &s, &root, &g)) {
         lg_c_graph_lines(&g, &lines, "        ", &to, 0, 0);
         lg_text_add(&text, "static NOINLINE void @(%s", user->levels == 0 ? "int n, " : "");

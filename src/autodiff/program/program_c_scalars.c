@@ -66,7 +66,6 @@ static void define_block(lg_c *c, const lg_text *lines) {
     lg_text_add(&text, ") {\n");
     lg_text_join(&text, lines);
     lg_text_add(&text, "}\n");
-    lg_c_need(c, &lg_c_noinline);
     const char *name = lg_c_takes(c, &text) ? lg_c_define(c, "scalars", text.data) : NULL;
     lg_c_largest(c, lg_c_frame_of(lines));
     if (name != NULL) {
