@@ -99,6 +99,7 @@ void watch_log_put(watch_log *log) {
     if (fflush(log->stream) != 0) app_out_of_memory();
     const bool file = fstat(log->fd, &about) == 0 && S_ISREG(about.st_mode),
                named = (file ? about.st_size > 0 : log->named) || strchr(log->begin, '\n') == NULL;
+    /* Behind `length` the text has the end of a longer line before. */
     APP_FREE char *text = app_format("%s%.*s", named ? "" : log->begin, (int)log->length, log->text);
     const int code = append(log->fd, text, strlen(text));
     if (code != 0 && !log->failing)

@@ -91,13 +91,15 @@ static void warn_of_failures(const app *self, const lg_policy *policy, const lg_
                              const lg_policy_train_result *result) {
     static const double enough = 0.95, cut = 0.9;
     const lg_policy_task *task = lg_policy_task_of(policy);
-    const bool short_of_time = values.seconds > 0 && result->seconds > cut * values.seconds;
-    if (lg_policy_parameters(policy) == 0 || held->succeeded >= enough * (double)held->starts) return;
+    const bool trained = lg_policy_parameters(policy) > 0,
+               short_of_time = values.seconds > 0 && result->seconds > cut * values.seconds;
+    const char *advice = "take nearer starts, or a controller of kind network";
+    if (trained) advice = "try another --seed, a wider network, a longer horizon, more steps (--finish)";
+    if (trained && short_of_time) advice = "--seconds cut the training short: allow more";
+    if (held->succeeded >= enough * (double)held->starts) return;
     app_warn(self, "only %.3g %% of the starts succeed; %s",
-             100.0 * (double)held->succeeded / (double)held->starts,
-             short_of_time ? "--seconds cut the training short: allow more"
-                           : "try another --seed, a wider network, a longer horizon, more steps (--finish)");
-    if (task->substeps > 2)
+             100.0 * (double)held->succeeded / (double)held->starts, advice);
+    if (trained && task->substeps > 2)
         app_warn(self,
                  "the machine needs %u integrator steps in a period, so training is as many times slower; "
                  "friction that is steep near rest is a common cause (the key width of the machine file)",

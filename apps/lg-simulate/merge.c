@@ -166,7 +166,7 @@ int merge_parts(const app *self, const char *out, const char *const *paths, size
     check_whole(self, &list);
     result *whole = &list.parts[0].is;
     for (size_t i = 1; i < list.count; i++)
-        APP_MUST_FILE(self, out, result_merge(whole, &list.parts[i].is, &error));
+        APP_MUST_FILE(self, list.parts[i].path, result_merge(whole, &list.parts[i].is, &error));
     if (how->statistics_only) {
         whole->saved = 0;
     } else {

@@ -397,6 +397,7 @@ lg_status lg_mpi_begin(const lg_context *context, const void *communicator, doub
 }
 
 lg_status lg_mpi_end(lg_ranks *ranks, lg_error *error) {
+    if (ranks == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "ranks is NULL");
     if (ranks->user == NULL) return LG_OK;
     const bool finalise = ((const link *)ranks->user)->finalise;
     LG_TRY(release(ranks, error));

@@ -187,7 +187,7 @@ TEST("merged parts have the bits of a single process, with any number of threads
     cli_expect(lg, "merge merged.h5 foreign.h5 part.part-0-of-3.h5", 3, "foreign.h5");
     json("circles.yaml --ensemble 5000 --points 6 --task 1/3 --out other.h5", "");
     cli_expect(lg, "merge merged.h5 part.part-0-of-3.h5 other.part-1-of-3.h5 part.part-2-of-3.h5", 3,
-               "another ensemble");
+               "other.part-1-of-3.h5: it is a part of another ensemble");
 }
 
 /* Copies a part and overwrites number `index` of a data set by `bits`. */

@@ -238,6 +238,10 @@ TEST("attributes that follow from the data may be left out") {
     path = good_file();
     replace_text(path, "/", "layout", "q p");
     assert_int_equal(read_trajectories(path)->n, 1);
+    /* The layout of a body does not become that of another family because of the number of numbers. */
+    delete_attribute(path, "/", "system");
+    replace_text(path, "/", "layout", "R pi");
+    assert_refused(read_and_free, path, LG_FORMAT, "trajectories", "d = 6, expected 12 numbers");
 }
 
 TEST("times stored as floats count as equidistant to their rounding") {

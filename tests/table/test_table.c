@@ -473,6 +473,10 @@ TEST("a search for the evidence that fails says why, and leaves parameters and d
     assert_says(made[0].error.message, "for a regression only");
     assert_says(made[1].error.message, "the priors of 25006 weights");
     assert_says(made[3].error.message, "the priors of 15 weights");
+    for (int i = 0; i < 3; i++)
+        assert_status(lg_table_evidence(NULL, i == 0 ? NULL : &problem, NULL, i == 1 ? NULL : theta,
+                                        i == 2 ? NULL : theta, NULL, NULL),
+                      LG_INVALID_ARGUMENT);
 }
 
 TEST("the evidence of at most N rows equals the evidence of all rows if a table has N rows; the result may "

@@ -316,8 +316,8 @@ static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, con
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         family = lg_hamiltonian_family_at(i);
         if (family->constrained) continue;
-        const bool laid_out = layout[0] != '\0' && out->state_dim >= numbers_per_copy(family) &&
-                              layout_of(family, layout) == wanted_layout(family);
+        const bool laid_out = layout[0] != '\0' && layout_of(family, layout) == wanted_layout(family) &&
+                              (!family->numbered || out->state_dim >= numbers_per_copy(family));
         if (layout[0] == '\0' ? looks_like(family, out) : laid_out && has_size(family, out->state_dim))
             return family;
         if (laid_out && other_size == NULL) other_size = family;
