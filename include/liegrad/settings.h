@@ -360,6 +360,7 @@ LG_API lg_status lg_trials_write(const lg_context *context, const char *path, co
                                  lg_error *error);
 /* Writes the first line of this file without "# ": `seed S space HASH setting HASH`. */
 #define LG_SEARCH_LABEL 96
+#define LG_SEARCH_HEAD  "# seed " /* the file begins with these bytes */
 LG_API void lg_search_label(const lg_search_file *search, uint64_t seed, const char *setting,
                             char label[LG_SEARCH_LABEL]);
 /* Reads the trials of a file to trials (room), and sets *count. The ranges, fixed options, seed and setting

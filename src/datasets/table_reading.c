@@ -60,6 +60,9 @@ static void *widened(const lg_context *context, void *old, size_t count, size_t 
 lg_status lg_table_add_name(lg_table_reading *r, const char *name, lg_error *error) {
     if (r->all.count == LG_TABLE_MOST_COLUMNS)
         return lg_fail(error, LG_FORMAT, "%s: has more than %d columns", r->shown, LG_TABLE_MOST_COLUMNS);
+    if (strlen(name) >= LG_TABLE_NAME)
+        return lg_fail(error, LG_FORMAT, "%s: the name of column %u has more than %d bytes", r->shown,
+                       r->all.count + 1, LG_TABLE_NAME - 1);
     if (r->all.count == r->room) {
         const uint32_t room = r->room == 0 ? FIRST_NAMES : 2 * r->room;
         lg_table_text *wider = widened(r->context, r->all.name, r->all.count, room, sizeof *wider);

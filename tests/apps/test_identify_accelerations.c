@@ -60,6 +60,7 @@ static int setup(void **state) {
 
 /* Writes the two logs of an example. */
 static void generate(const example *e) {
+    cli_forget("log1.csv log2.csv p.csv");
     cli_write("scene.yaml", e->scene);
     cli_write("machine.yaml", e->machine);
     for (int seed = 1; seed <= 2; seed++)

@@ -74,6 +74,7 @@ done
 # Sweeps: ranks are killed, and the table must be that of one process.
 search="lg-elastica search ranges.yaml data.h5 --trials 16 --threads 1"
 study="lg-hamiltonian study grid.yaml --threads 1"
+rm -f one.csv many.csv # histories of trainings
 for kind in search study; do
     command=${!kind}
     $command --out one.csv >out 2>&1

@@ -60,7 +60,7 @@ static void choose_calls(breaking *k, long most) {
 }
 
 /* Counts the lines that the program or its libraries wrote on standard error, without warnings and without
- * the line that says where results are kept. */
+ * the lines that say where results are kept, or which earlier results are replaced. */
 static int sentences(char all[512], int *warnings) {
     char line[4096];
     size_t length = 0;
@@ -72,7 +72,7 @@ static int sentences(char all[512], int *warnings) {
         if (strncmp(line, "lg-", 3) != 0 && strncmp(line, "liegrad:", 8) != 0) continue;
         const bool warning = strstr(line, "warning: ") != NULL;
         *warnings += warning;
-        count += !warning && strstr(line, "kept in") == NULL;
+        count += !warning && strstr(line, "kept in") == NULL && strstr(line, ": replaces an earlier") == NULL;
         if (length < 400) length += (size_t)snprintf(all + length, 512 - length, "%.100s", line);
     }
     if (file != NULL) (void)fclose(file);

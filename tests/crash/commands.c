@@ -348,25 +348,27 @@ void fail(bench *b, const char *format, ...) {
               (unsigned long long)b->failed, base, base, b->job->program, (unsigned long long)b->failed);
 }
 
-/* Writes older outputs: another export, or a file of four bytes. */
+/* Writes older outputs: another export, or the complete file with four bytes more, since commands replace only
+ * results of the same kind. */
 void put_old(bench *b) {
     const job *j = b->job;
+    run_shell("mkdir -p '%s/old'", base);
     for (int i = 0; i < OUTPUTS && j->outputs[i] != NULL; i++) {
-        if (is_folder(j->outputs[i]))
-            run_shell("cp -r '%s/in/old' '%s'", base, work(j->outputs[i]));
+        const char *name = j->outputs[i];
+        if (is_folder(name))
+            run_shell("cp -r '%s/in/old' '%s'", base, work(name));
         else
-            run_shell("printf 'old\\n' > '%s'", work(j->outputs[i]));
+            run_shell("cd '%s' && { cat 'new/%s'; echo old; } > 'old/%s' && cp 'old/%s' '%s'", base, name,
+                      name, name, work(name));
     }
 }
 
-/* Whether the file is as before, or complete. */
+/* Whether the file is as put_old wrote it, or complete. */
 static bool is_whole(const char *path, const char *wanted) {
-    char now[LG_SHA256_TEXT], text[8] = "";
-    FILE *file = fopen(path, "rb");
-    const size_t n = file != NULL ? fread(text, 1, sizeof text, file) : 0;
-    if (file != NULL) (void)fclose(file);
-    if (n == 4 && memcmp(text, "old\n", 4) == 0) return true;
-    return digest_file(path, now) && strcmp(now, wanted) == 0;
+    char now[LG_SHA256_TEXT], old[LG_SHA256_TEXT], before[1024];
+    if (!digest_file(path, now)) return false;
+    (void)snprintf(before, sizeof before, "%.700s/old/%.255s", base, strrchr(path, '/') + 1);
+    return strcmp(now, wanted) == 0 || (exists(before) && digest_file(before, old) && strcmp(now, old) == 0);
 }
 
 /* Whether each file of the folder belongs to the older export or to the complete one. */

@@ -88,7 +88,7 @@ int count_left(const char *path, const char *part);
  * be read. */
 long progress(const job *j);
 
-/* Writes older outputs: another export, or a file of four bytes. */
+/* Writes older outputs: another export, or the complete file with four bytes more. */
 void put_old(bench *b);
 
 /* Returns the options that continue the job if its checkpoint exists, otherwise "". */

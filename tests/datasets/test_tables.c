@@ -213,9 +213,11 @@ TEST("reading arrays and tables stops when cancelled, and leaks nothing") {
 
 TEST("headers and cells of CSV files that are wrong are refused with their line") {
     enum { LONG = LG_TABLE_NAME + 10 };
-    char name[LONG + 1], long_class[2 * LONG], *many = TEST_ARRAY(char, 1 << 16), *to = many;
+    char name[LONG + 1], long_class[2 * LONG], long_name[2 * LONG], *many = TEST_ARRAY(char, 1 << 16),
+                                                                    *to = many;
     memset(name, 'w', LONG), name[LONG] = '\0';
     (void)snprintf(long_class, sizeof long_class, "x,c\n1,%s\n", name);
+    (void)snprintf(long_name, sizeof long_name, "x,%s\n1,2\n", name);
     to += sprintf(to, "x,c\n");
     for (int i = 0; i <= 1000; i++) to += sprintf(to, "1,class%d\n", i);
     const struct {
@@ -235,6 +237,8 @@ TEST("headers and cells of CSV files that are wrong are refused with their line"
         {"x\n", NULL, "has a header, but no rows"},
         {"", NULL, ""},
         {long_class, "c", "line 2: column c: the class has more than"},
+        {long_name, NULL, "the name of column 2 has more than 63 bytes"},
+        {long_name + 2 + LONG - 63, NULL, "there is no column 'x'"}, /* a name of 63 bytes */
         {many, "c", "column c: has more than 1000 different values"},
     };
     const char *const x = "x";
