@@ -153,12 +153,10 @@ static lg_status append(study_file *file, const char *text, lg_error *error) {
     return app_error(error, LG_FILE, "%s: a row cannot be written: %s", file->path, strerror(number));
 }
 
-/* Reads the rows of the table. Cuts off an unfinished last row, and writes the header of a new table. */
+/* Reads the rows of the table, and cuts off an unfinished last row. */
 static lg_status read_table(study_file *file, lg_error *error) {
     const char *path = file->path;
-    char header[512];
     size_t size = 0;
-    header_of(file->plan, header, sizeof header);
     APP_FREE char *text = read_whole(file->fd, &size);
     if (text == NULL) return app_error(error, LG_FILE, "%s: cannot be read", path);
     /* After a loss of power the last row may consist of zero bytes. */
@@ -173,16 +171,23 @@ static lg_status read_table(study_file *file, lg_error *error) {
     if (whole < size && ftruncate(file->fd, (off_t)whole) != 0)
         return app_error(error, LG_FILE, "%s: the unfinished last row cannot be removed: %s", path,
                          strerror(errno));
-    if (whole > 0) return LG_OK;
-    APP_FREE char *first = app_format("%s\n", header), *folder = app_folder_of(path);
-    LG_TRY(append(file, first, error));
-    app_sync_folder(folder);
     return LG_OK;
 }
 
+/* Writes a table without rows as a complete file. A header that is appended could be lost with the power, and
+ * then nothing would show that the file is a table of a study. */
+static lg_status begin_table(const char *path, const study_plan *plan, lg_error *error) {
+    struct stat about;
+    char header[512];
+    header_of(plan, header, sizeof header);
+    if (stat(path, &about) == 0 && about.st_size > 0) return LG_OK;
+    APP_FREE char *first = app_format("%s\n", header);
+    return lg_file_write(NULL, path, first, strlen(first), error);
+}
+
 lg_status study_file_open(const char *path, const study_plan *plan, study_file *out, lg_error *error) {
-    study_file file = {
-        .path = path, .plan = plan, .fd = open(path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666)};
+    LG_TRY(begin_table(path, plan, error));
+    study_file file = {.path = path, .plan = plan, .fd = open(path, O_RDWR | O_APPEND | O_CLOEXEC)};
     if (file.fd < 0)
         return app_error(error, LG_FILE, "%s: cannot be opened for writing: %s", path, strerror(errno));
     const lg_status status = read_table(&file, error);
