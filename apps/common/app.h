@@ -375,7 +375,7 @@ typedef struct app_file {
 } app_file;
 void app_file_begin(app_file *file, const char *path);
 /* On failure the old file is left as it was, and `error` says why. LG_FILE also for a file that
- * app_may_replace refuses. */
+ * app_may_replace rejects. */
 lg_status app_file_end(app_file *file, lg_error *error);
 void app_file_discard(app_file *file);
 /* Checks early whether `path` can be written, rather than after an hour of work: its folder must exist and be
@@ -415,7 +415,7 @@ bool app_begins(const app *app, const char *path, const char *data, size_t bytes
 lg_status app_may_replace(void *user, const char *path, const void *data, size_t bytes, lg_error *error);
 /* Checks before the work that a text with this first line may be written to `path` (NULL: nothing is
  * checked); `whole`: that a file there holds this text and nothing else. Ends the command otherwise.
- * app_check_outputs checks files in HDF5, pictures, and the data and scripts of pictures. */
+ * app_check_outputs checks files in HDF5, plots, and the data and scripts of plots. */
 void app_check_text(const app *app, const char *path, const char *text, bool whole);
 /* Says that the command adds to this file, which it has checked, so it replaces no earlier result. */
 void app_continue(const char *path);

@@ -108,7 +108,7 @@ typedef struct used_file {
 } used_file;
 
 /* Lists all files that a command reads or writes, inputs first. `out` has room for all of app.arguments and 3
- * count more: a picture has three files, the picture, its data and its script. */
+ * count more: a plot has three files, the image, its data and its script. */
 static size_t list_files(const app *self, const app_path *paths, size_t count, used_file *out) {
     size_t n = 0;
     for (int i = 0; i < self->argument_count; i++)

@@ -203,8 +203,8 @@ static lg_status sink_open(const app *self, const char *path, sink *out, lg_erro
     if (path == NULL) return LG_OK;
     out->direct = stat(path, &information) == 0 && !S_ISREG(information.st_mode);
     if (!out->direct) {
-        app_check_text(self, path, out->head, false);
-        const lg_status status = lg_temporary_create(self->context, path, false, &out->temporary, error);
+        lg_status status = lg_may_replace(self->context, path, out->head, strlen(out->head), error);
+        if (status == LG_OK) status = lg_temporary_create(self->context, path, false, &out->temporary, error);
         out->fd = status == LG_OK ? out->temporary.fd : -1;
         return status;
     }
@@ -234,8 +234,6 @@ static lg_status file_failed(lg_error *error) {
 static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
     if (values.out == NULL) return status;
     if (to->direct) return close(to->fd) != 0 && status == LG_OK ? file_failed(error) : status;
-    if (status == LG_OK)
-        status = lg_may_replace(app_running()->context, values.out, to->head, strlen(to->head), error);
     if (status == LG_OK) status = lg_temporary_publish(&to->temporary, values.out, error);
     if (status != LG_OK) (void)unlink(to->temporary.name);
     lg_temporary_end(&to->temporary);

@@ -115,7 +115,7 @@ void watch_end_gap(watching *self);
 /* ---- the file of verdicts (watch_log.c) ---- */
 
 /* Opens the log and cuts off an unfinished last line. A file that is not empty and does not begin with
- * `begin` is refused. `path` NULL: verdicts go to standard output, and the other functions do nothing. */
+ * `begin` is rejected. `path` NULL: verdicts go to standard output, and the other functions do nothing. */
 void watch_log_open(watch_log *log, const app *app, const char *path, const char *begin);
 /* Opens the file again if SIGHUP asked for it; if this fails, the old file stays in use. Called before each
  * line is printed, and while no sample comes. */

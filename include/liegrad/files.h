@@ -91,7 +91,7 @@ LG_API bool lg_file_is_ours(const lg_context *context, const char *path);
 /* ---- writing bytes ---- */
 
 /* Writes `bytes` bytes as the complete file `path`, by the steps of the rules above, unless the context's
- * `replace` refuses (liegrad/core.h). A symbolic link stays, and the file that it points to is replaced. CSV,
+ * `replace` rejects (liegrad/core.h). A symbolic link stays, and the file that it points to is replaced. CSV,
  * SVG and JSON files are written by this function too. */
 LG_API lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
                                lg_error *error);

@@ -51,7 +51,7 @@ typedef enum lg_file_use {
     LG_FILE_WRITTEN,  /* writes the file in HDF5 */
     LG_FILE_TEXT,     /* writes a text */
     LG_FILE_STREAMED, /* writes a text; writes to the file if it is a pipe or a device */
-    LG_FILE_DRAWN /* draws a picture (.svg or .png); writes its data and script, in the same folder, too */
+    LG_FILE_DRAWN     /* draws a plot (.svg or .png); writes its data and script, in the same folder, too */
 } lg_file_use;
 
 /* Largest number of elements in a list, and bytes that suffice for any value as text. */

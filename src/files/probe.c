@@ -118,7 +118,7 @@ static const char *enter_child(const lg_read_options *options, const struct stat
 /* ---- the report ----
  *
  * A child that has read a malicious file may send anything. The parent takes one report of a fixed size. It
- * refuses a status that does not exist and a text that is not terminated or that would do more on a terminal
+ * rejects a status that does not exist and a text that is not terminated or that would do more on a terminal
  * than show characters. */
 
 static bool transfer(int fd, void *data, size_t bytes) {

@@ -492,7 +492,7 @@ TEST("a network whose units died starts again, and a warning is printed if it st
 }
 
 TEST("with a validation part, the model is taken from the best epoch") {
-    static const char *const rates[] = {"0.03", "0.1", "0.3", "0.01"};
+    static const char *const rates[] = {"0.03", "0.05", "0.02", "0.04"};
     char line[256];
     int best = 12;
     size_t i = 0;

@@ -348,8 +348,8 @@ void fail(bench *b, const char *format, ...) {
               (unsigned long long)b->failed, base, base, b->job->program, (unsigned long long)b->failed);
 }
 
-/* Writes older outputs: another export, or the complete file with four bytes more, since commands replace only
- * results of the same kind. */
+/* Writes older outputs: another export, or the complete file with four bytes more, since commands replace
+ * only results of the same kind. */
 void put_old(bench *b) {
     const job *j = b->job;
     run_shell("mkdir -p '%s/old'", base);
@@ -360,6 +360,9 @@ void put_old(bench *b) {
         else
             run_shell("cd '%s' && { cat 'new/%s'; echo old; } > 'old/%s' && cp 'old/%s' '%s'", base, name,
                       name, name, work(name));
+        /* a plot is an earlier result if its data lie next to it */
+        if (digest_ends(name, ".svg"))
+            run_shell("cd '%s/new' && cp '%.*s.dat' '%s'", base, (int)strlen(name) - 4, name, work(""));
     }
 }
 

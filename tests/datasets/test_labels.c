@@ -335,6 +335,7 @@ TEST("1, 1.0 and 01 are three classes beside each other, which is told; distinct
     lg_context_options_init(&options);
     options.log = on_log;
     assert_ok(lg_context_create(&options, &context));
+    lg_test_owns(context, release_context);
     static const char *const same[ROWS] = {"1", "2", "1.0", "01"}, *const other[ROWS] = {"9007199254740993",
                                                                                          "9007199254740992",
                                                                                          "10", "text"};
@@ -351,7 +352,6 @@ TEST("1, 1.0 and 01 are three classes beside each other, which is told; distinct
         assert_string_equal(data.class_name[3], k == 0 ? "2" : "text");
     }
     assert_says(warning, "column c0: the classes '1' and '1.0' are the same number");
-    lg_context_destroy(context);
 }
 
 /* ---- CSV that reads back ---- */

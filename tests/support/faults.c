@@ -178,7 +178,8 @@ static ssize_t may_move(size_t bytes, int code) {
         return block;                                                                                        \
     }
 
-/* A stream in memory has no descriptor. The programs' standard output, which filters texts, has none either. */
+/* A stream in memory has no descriptor; standard output and error of the programs, which filter texts, have
+ * none either. */
 static fault_class class_of(FILE *file) {
     return fileno(file) < 0 && file != stdout && file != stderr ? FAULT_MEMORY : FAULT_FILES;
 }
