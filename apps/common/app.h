@@ -374,8 +374,8 @@ typedef struct app_file {
     size_t length;
 } app_file;
 void app_file_begin(app_file *file, const char *path);
-/* On failure the old file is left as it was, and `error` says why. LG_FILE also for a file that
- * app_may_replace rejects. */
+/* On failure the old file is left as it was, and `error` says why. The status is LG_FILE if
+ * app_may_replace rejects the file. */
 lg_status app_file_end(app_file *file, lg_error *error);
 void app_file_discard(app_file *file);
 /* Checks early whether `path` can be written, rather than after an hour of work: its folder must exist and be
@@ -395,10 +395,11 @@ typedef struct app_path {
     const char *path;   /* NULL: the option is not given */
     lg_file_use use;
 } app_path;
-/* Lists the given options whose rows set `file`; `paths` has room for APP_SLOTS. Returns their number. */
+/* Writes to `paths` (room for APP_SLOTS) the options that were given and whose rows set `file`. Returns their
+ * number. */
 size_t app_file_options(const app *app, app_path *paths);
 /* Called before any long work. Each output must be writable and must differ from all inputs (the command's
- * arguments and the paths with LG_FILE_READ) and from all other outputs; a picture must end in .svg or .png.
+ * arguments and the paths with LG_FILE_READ) and from all other outputs; a plot must end in .svg or .png.
  * Then claims the outputs (app_claim), and checks that they replace no foreign file (app_may_replace). On
  * failure prints why and returns an exit code. Options whose rows set `file` are checked for every command
  * without this call. */
@@ -458,16 +459,16 @@ extern const app_plot_script app_plot_scripts[]; /* the files apps/plots/NAME.gp
 typedef struct app_plot {
     const char *script; /* the text of the script, without its common beginning */
     FILE *data, *texts;
-    char *data_text, *texts_text, *picture, *data_path, *script_path;
+    char *data_text, *texts_text, *image, *data_path, *script_path;
     size_t data_length, texts_length;
 } app_plot;
-bool app_plot_name_fits(const char *picture);
+bool app_plot_name_fits(const char *image);
 /* The text of the first line of each data file, and how each script begins. */
 #define APP_PLOT_DATA   "texts and numbers of a plot by liegrad"
 #define APP_PLOT_SCRIPT "# This gnuplot script is a fixed text of liegrad."
 /* Width and height in pixels. The name must end in .svg or .png; app_check_outputs checks this for
  * LG_FILE_DRAWN. */
-void app_plot_begin(app_plot *plot, const char *script, const char *picture, int width, int height);
+void app_plot_begin(app_plot *plot, const char *script, const char *image, int width, int height);
 /* Adds a text. The script has the first text as T[1], the second as T[2], and as V(1), V(2) if they are
  * numbers. Arguments may hold any bytes: control characters are shown as by app_put. */
 void app_plot_text(app_plot *plot, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -481,8 +482,7 @@ lg_status app_plot_end(const app *app, app_plot *plot, lg_error *error);
 /* Plots a confusion matrix: the count of each entry and its fraction of the row (confusion.c). confusion
  * (classes, classes): rows are the true classes. */
 enum { APP_CLASS_NAME = 64 }; /* LG_SERIES_NAME and LG_TABLE_NAME */
-lg_status app_draw_confusion(const app *app, const char *picture, const char *title,
-                             const uint64_t *confusion, uint32_t classes, char (*class_name)[APP_CLASS_NAME],
-                             lg_error *error);
+lg_status app_draw_confusion(const app *app, const char *image, const char *title, const uint64_t *confusion,
+                             uint32_t classes, char (*class_name)[APP_CLASS_NAME], lg_error *error);
 
 #endif

@@ -114,8 +114,8 @@ static off_t beat_of(const board *b, size_t piece) {
     return slot(b, piece) + (off_t)sizeof(uint64_t);
 }
 
-/* Reads a record, or for `spare` no more than is needed. A piece whose record is cut off or cannot be has no
- * state, and is done again. */
+/* Reads a record; for `spare` it reads only as much as is needed. A piece whose record is incomplete or
+ * impossible counts as not done, and is done again. */
 static board_state state_of(const board *b, size_t piece, void *record) {
     const off_t at = slot(b, piece);
     const bool all = record != b->spare || b->is_record != NULL;
@@ -287,8 +287,8 @@ static bool is_ready(const board *b) {
     return get(b, &found, sizeof found, 0) && found.ready != 0;
 }
 
-/* Opens the file; `make`: makes it if it does not exist. The file begins with the magic before it is used; a
- * file of the user's is left as it is. LG_NOT_FOUND: it does not exist, or rank 0 is about to make it. */
+/* Opens the file; with `make`, creates it if it does not exist. A board begins with the magic. A file without
+ * it stays unchanged. LG_NOT_FOUND: the file does not exist, or rank 0 is about to create it. */
 static lg_status open_board(board *b, bool make, lg_error *error) {
     char found[sizeof magic] = "";
     b->fd = make ? open(b->path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666) : -1;
@@ -335,7 +335,7 @@ static lg_status open_file(board *b, bool make, bool *removed, lg_error *error) 
     }
 }
 
-/* A board whose head has no count is new: it has the magic, and perhaps seats. */
+/* A board whose head has no count is new: it has only the magic and possibly seats. */
 static lg_status check_head(const board *b, const head *mine, bool *fresh, lg_error *error) {
     head found = {.ready = 0};
     const bool whole = get(b, &found, sizeof found, 0) && found.count > 0;

@@ -51,9 +51,9 @@ lg_status board_label(const char *text, const char *path, char label[LG_SHA256_T
  * work). */
 lg_status board_open(const app *app, const board_values *values, const char *out, const char *sweep,
                      size_t record, size_t count, board **board_out, bool *fresh, lg_error *error);
-/* Whether a record, which any process that can write to the file may have made, can be that of this piece. It
- * may clean texts. A piece with another record counts as not done. To be set before board_begin; without it
- * every record is good. */
+/* Returns whether this piece can have this record: every process that can write to the file could have
+ * changed it. The function may clean texts. A piece with an impossible record counts as not done. Set it
+ * before board_begin; if it is NULL every record is accepted. */
 typedef bool board_check(const void *user, size_t piece, void *record);
 void board_set_check(board *b, board_check *is_record, const void *user);
 lg_status board_begin(board *b, lg_error *error);

@@ -1,12 +1,11 @@
 /* This file plots confusion matrices. */
 #include "common/app.h"
 
-lg_status app_draw_confusion(const app *self, const char *picture, const char *title,
-                             const uint64_t *confusion, uint32_t classes, char (*class_name)[APP_CLASS_NAME],
-                             lg_error *error) {
+lg_status app_draw_confusion(const app *self, const char *image, const char *title, const uint64_t *confusion,
+                             uint32_t classes, char (*class_name)[APP_CLASS_NAME], lg_error *error) {
     app_plot plot;
     const int size = 220 + 110 * (int)(classes < 12 ? classes : 12);
-    app_plot_begin(&plot, "confusion", picture, size + 60, size);
+    app_plot_begin(&plot, "confusion", image, size + 60, size);
     app_plot_text(&plot, "%u", classes);
     app_plot_text(&plot, "%s", title);
     for (uint32_t row = 0; row < classes; row++) {

@@ -104,7 +104,7 @@ typedef struct used_file {
     const char *option; /* NULL for an argument */
     char *path;
     bool written, streamed;
-    const char *begins; /* how an earlier result begins; NULL: this is known only when the file is written */
+    const char *begins; /* how an earlier result begins; NULL: not known before the file is written */
 } used_file;
 
 /* Lists all files that a command reads or writes, inputs first. `out` has room for all of app.arguments and 3
@@ -238,7 +238,7 @@ typedef struct output {
     struct output *next;
     char *target;
     bool written; /* this process has written the file, or continues it */
-    /* the file that was seen to be an earlier result of the same kind; 0: none */
+    /* the existing file, if it is an earlier result of the same kind; else 0 */
     dev_t device;
     ino_t inode;
 } output;
@@ -268,7 +268,8 @@ bool app_begins(const app *self, const char *path, const char *data, size_t byte
         fread(found, 1, n, file) == n && memcmp(found, data, n) == 0 && (!whole || fgetc(file) == EOF);
     (void)fclose(file);
     if (!same || bytes < sizeof h5 - 1 || memcmp(data, h5, sizeof h5 - 1) != 0) return same;
-    return lg_file_is_ours(self->context, path);
+    bool ours = false;
+    return app_had_memory(lg_file_is_ours(self->context, path, &ours, NULL)) == LG_OK && ours;
 }
 
 void app_say_replaces(const app *self, const char *path) {
@@ -318,7 +319,8 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
         }
 }
 
-/* Checks that the output is free, or an earlier result. A plot is one if its data lie next to it. */
+/* Checks that the output does not exist or is an earlier result. An image is an earlier result only if the
+ * data of the plot lie next to it. */
 static int check_earlier(const app *self, const used_file *file) {
     lg_error error = {LG_OK, ""};
     const char *path = file->path, *begins = file->begins;

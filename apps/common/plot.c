@@ -10,10 +10,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-bool app_plot_name_fits(const char *picture) {
-    const size_t length = strlen(picture);
-    return length > 4 &&
-           (strcmp(picture + length - 4, ".svg") == 0 || strcmp(picture + length - 4, ".png") == 0);
+bool app_plot_name_fits(const char *image) {
+    const size_t length = strlen(image);
+    return length > 4 && (strcmp(image + length - 4, ".svg") == 0 || strcmp(image + length - 4, ".png") == 0);
 }
 
 static const char *script_text(const char *name) {
@@ -48,15 +47,15 @@ void app_plot_text(app_plot *plot, const char *format, ...) {
     put_text(plot->texts, text);
 }
 
-void app_plot_begin(app_plot *plot, const char *script, const char *picture, int width, int height) {
-    const int stem = (int)strlen(picture) - 4;
-    *plot = (app_plot){.script = script_text(script), .picture = app_format("%s", picture)};
-    plot->data_path = app_format("%.*s.dat", stem, picture);
-    plot->script_path = app_format("%.*s.gp", stem, picture);
+void app_plot_begin(app_plot *plot, const char *script, const char *image, int width, int height) {
+    const int stem = (int)strlen(image) - 4;
+    *plot = (app_plot){.script = script_text(script), .image = app_format("%s", image)};
+    plot->data_path = app_format("%.*s.dat", stem, image);
+    plot->script_path = app_format("%.*s.gp", stem, image);
     plot->data = open_memory(&plot->data_text, &plot->data_length);
     plot->texts = open_memory(&plot->texts_text, &plot->texts_length);
     put_text(plot->texts, APP_PLOT_DATA);
-    app_plot_text(plot, "%s", picture + stem + 1);
+    app_plot_text(plot, "%s", image + stem + 1);
     app_plot_text(plot, "%d", width);
     app_plot_text(plot, "%d", height);
 }
@@ -93,11 +92,11 @@ static bool drain(int from, FILE *to) {
 }
 
 /* Runs gnuplot in the script's folder, without its start-up files, and copies its standard output to
- * `picture`. The name of the script is given as ./NAME, because gnuplot starts a program if a name begins
+ * `image`. The name of the script is given as ./NAME, because gnuplot starts a program if a name begins
  * with < or |. Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started,
  * was killed, or its output could not be read. gnuplot does not notice a full disk, so the caller writes the
  * image. */
-static int run_gnuplot(const char *script, FILE *picture) {
+static int run_gnuplot(const char *script, FILE *image) {
     int ends[2];
     if (pipe(ends) != 0) return -1;
     const pid_t child = fork();
@@ -121,7 +120,7 @@ static int run_gnuplot(const char *script, FILE *picture) {
         _exit(127);
     }
     (void)close(ends[1]);
-    const bool whole = child > 0 && drain(ends[0], picture);
+    const bool whole = child > 0 && drain(ends[0], image);
     (void)close(ends[0]);
     if (child < 0) return -1;
     int status = 0;
@@ -130,15 +129,15 @@ static int run_gnuplot(const char *script, FILE *picture) {
     return WIFEXITED(status) && (whole || WEXITSTATUS(status) != 0) ? WEXITSTATUS(status) : -1;
 }
 
-/* Draws the picture, or warns that it cannot be drawn. */
+/* Draws the plot, or warns that it cannot be drawn. */
 static lg_status draw(const app *self, const app_plot *plot, lg_error *error) {
-    app_file picture;
-    app_file_begin(&picture, plot->picture);
-    const int code = run_gnuplot(plot->script_path, picture.stream);
-    if (code == 0) return app_file_end(&picture, error);
-    app_file_discard(&picture);
+    app_file image;
+    app_file_begin(&image, plot->image);
+    const int code = run_gnuplot(plot->script_path, image.stream);
+    if (code == 0) return app_file_end(&image, error);
+    app_file_discard(&image);
     app_warn(self, "gnuplot %s, so %s is not drawn; its data and script are in %s and %s%s",
-             code == 127 ? "is not installed" : "failed", plot->picture, plot->data_path, plot->script_path,
+             code == 127 ? "is not installed" : "failed", plot->image, plot->data_path, plot->script_path,
              code == 127 ? " (to draw it, in their folder: gnuplot -d ./SCRIPT > PICTURE)" : "");
     return LG_OK;
 }
@@ -152,7 +151,7 @@ lg_status app_plot_end(const app *self, app_plot *plot, lg_error *error) {
     /* The data and the script are of no use when the disk is full and the rest is missing. */
     if (status != LG_OK && data) (void)unlink(plot->data_path);
     if (status != LG_OK && script) (void)unlink(plot->script_path);
-    char *const texts[] = {plot->texts_text, plot->data_text, plot->picture, plot->data_path,
+    char *const texts[] = {plot->texts_text, plot->data_text, plot->image, plot->data_path,
                            plot->script_path};
     for (size_t i = 0; i < LG_COUNT(texts); i++) free(texts[i]);
     return status;

@@ -515,7 +515,7 @@ static void report(const searching *search, double seconds) {
     app_json_end(&json);
 }
 
-/* ---- the picture ---- */
+/* ---- the plot ---- */
 
 /* Writes the trials with this state as a block and returns how many they are. */
 static size_t put_state(app_plot *plot, const lg_trial *trials, size_t count, lg_trial_state state) {
@@ -530,12 +530,12 @@ static size_t put_state(app_plot *plot, const lg_trial *trials, size_t count, lg
     return put;
 }
 
-static lg_status draw_search(const app *self, const char *picture, const lg_trial *trials, size_t count,
+static lg_status draw_search(const app *self, const char *image, const lg_trial *trials, size_t count,
                              lg_error *error) {
     static const lg_trial_state states[] = {LG_TRIAL_PRUNED, LG_TRIAL_DONE};
     app_plot plot;
     double best = INFINITY;
-    app_plot_begin(&plot, "search", picture, 800, 500);
+    app_plot_begin(&plot, "search", image, 800, 500);
     app_plot_text(&plot, "%zu", count);
     for (size_t k = 0; k < LG_COUNT(states); k++)
         app_plot_text(&plot, "%zu", put_state(&plot, trials, count, states[k]));
@@ -576,7 +576,7 @@ static int run_search(searching *search, bool together) {
     const app *self = search->app;
     lg_error error = {LG_OK, ""};
     const double begin = app_seconds();
-    if (!self->continues) app_check_text(self, search->values->out, LG_SEARCH_HEAD, false);
+    if (!self->continues) app_check_text(self, search->values->out, "# " LG_SEARCH_SEED, false);
     lg_status status = together ? search_together(search, &error) : search_alone(search, &error);
     board_close(search->board);
     if (together && status == LG_NOT_FOUND) return APP_EXIT_OK; /* another process has finished the search */

@@ -1,4 +1,4 @@
-/* The outcome of a training: verdict, results, JSON and pictures. */
+/* The outcome of a training: verdict, results, JSON and plots. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -145,10 +145,10 @@ lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *erro
     return app_file_end(&file, error);
 }
 
-lg_status train_draw_loss(const app *self, const char *picture, const double *loss, const double *validation,
+lg_status train_draw_loss(const app *self, const char *image, const double *loss, const double *validation,
                           size_t epochs, lg_error *error) {
     app_plot plot;
-    app_plot_begin(&plot, "training", picture, 800, 500);
+    app_plot_begin(&plot, "training", image, 800, 500);
     app_plot_text(&plot, "%d", validation != NULL);
     for (size_t i = 0; i < epochs; i++)
         (void)fprintf(plot.data, "%zu %.17g %.17g\n", i + 1, loss[i],
@@ -159,14 +159,14 @@ lg_status train_draw_loss(const app *self, const char *picture, const double *lo
 /* Draws the loss if --plot is given. */
 static int draw_loss(const app *self, const lg_training *training) {
     lg_error error = {LG_OK, ""};
-    const char *picture = train_given_files.plot;
+    const char *image = train_given_files.plot;
     const lg_fit *fit = training->fit;
-    if (picture == NULL) return APP_EXIT_OK;
+    if (image == NULL) return APP_EXIT_OK;
     const double *validation =
         lg_training_settings(training)->validation > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION) : NULL;
-    const lg_status status = train_draw_loss(self, picture, lg_fit_history(fit, LG_FIT_LOSS), validation,
+    const lg_status status = train_draw_loss(self, image, lg_fit_history(fit, LG_FIT_LOSS), validation,
                                              (size_t)lg_fit_epochs_done(fit), &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, picture);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, image);
 }
 
 /* ---- the end of a training ---- */

@@ -251,8 +251,8 @@ static sample_kind take_line(sample_reader *reader, const char *p, const char *e
 
 /* ---- lines of words ---- */
 
-/* Returns the end of the cell that begins at `from`. Separators do not count in a cell that begins with a
- * quote, up to the quote that ends it; there two quotes are one. */
+/* Returns the end of the cell that begins at `from`. A cell that begins with a quote ends behind the
+ * closing quote: separators between the quotes belong to the cell, and two quotes stand for one. */
 static const char *cell_end(const char *from, const char *to, char separator) {
     bool quoted = from < to && *from == '"';
     for (from += quoted; quoted && from < to; from++) {
@@ -264,7 +264,8 @@ static const char *cell_end(const char *from, const char *to, char separator) {
     return from;
 }
 
-/* Returns what separates the cells of a line: a comma, or else a semicolon, or else blanks. */
+/* Returns the character that separates the cells of a line: a comma if the line has one, else a semicolon if
+ * it has one, else a blank. */
 static char separator_of(const char *from, const char *to) {
     return cell_end(from, to, ',') < to ? ',' : cell_end(from, to, ';') < to ? ';' : ' ';
 }
@@ -309,7 +310,7 @@ static bool is_header(sample_reader *reader, const char *from, const char *to) {
 
 /* ---- names of columns ---- */
 
-/* Whether the cell is the channel's name, as it is or in quotes, where "" is a quote. */
+/* Returns whether the cell is the channel's name, either as it is or in quotes, where "" stands for ". */
 static bool is_name(const sample_reader *reader, uint32_t channel, const char *cell, size_t length) {
     const char *name = reader->names[channel];
     const bool quoted = length > 1 && cell[0] == '"' && cell[length - 1] == '"';

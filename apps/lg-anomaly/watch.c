@@ -222,7 +222,8 @@ static void print_json_verdict(const watching *self, const lg_verdict *v) {
     end_object(&json);
 }
 
-/* Column names are printed before the first verdict; they begin each log. Each object of JSON begins so. */
+/* The line of column names is printed before the first verdict and begins each log. With --json each line
+ * begins with the other text. */
 static const char text_begin[] = "# time\tclass\tscore\tvotes\tmissing\talarm\treason\n",
                   json_begin[] = "{\"time\": ";
 

@@ -29,7 +29,7 @@ static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
     return status;
 }
 
-/* Checks that the file is empty, or begins as a log does: nothing else is changed. */
+/* Checks that the file is empty or begins as a log does. No other file is changed. */
 static lg_status check_begin(const watch_log *log, int fd, lg_error *error) {
     const size_t n = strlen(log->begin);
     struct stat about;
@@ -99,7 +99,7 @@ void watch_log_put(watch_log *log) {
     if (fflush(log->stream) != 0) app_out_of_memory();
     const bool file = fstat(log->fd, &about) == 0 && S_ISREG(about.st_mode),
                named = (file ? about.st_size > 0 : log->named) || strchr(log->begin, '\n') == NULL;
-    /* Behind `length` the text has the end of a longer line before. */
+    /* The text has the end of an earlier, longer line after `length`. */
     APP_FREE char *text = app_format("%s%.*s", named ? "" : log->begin, (int)log->length, log->text);
     const int code = append(log->fd, text, strlen(text));
     if (code != 0 && !log->failing)

@@ -160,7 +160,7 @@ static void store(const app *self, const lg_policy *policy, const lg_policy_trai
         report(self, policy, result);
 }
 
-/* The checkpoint that is continued may be the one that is written. */
+/* --resume and --checkpoint may name the same file. */
 static int check_checkpoint(app *self) {
     APP_FREE char *path = app_format("%s.checkpoint", values.out);
     const bool same = values.resume != NULL && app_same_file(values.resume, path);

@@ -125,7 +125,7 @@ double beam_distance(const beam_curve *a, const beam_curve *b);
 
 /* Writes a CSV file with the columns s,x,y,vx,vy,theta; `numbered` puts a column `branch` first. Writes
  * nothing if `path` is NULL. */
-const char *curves_head(bool numbered); /* the line of these names */
+const char *curves_head(bool numbered); /* the line of the column names */
 #define SWEEP_HEAD "branch,x,energy,negative_eigenvalues,rotation\n"
 void write_curves(const app *app, const char *path, const beam_curve *curves, size_t count, bool numbered);
 /* Writes q, v and theta. For people it prints a table of about ten nodes, or of all nodes. */

@@ -147,7 +147,7 @@ static bool refuse_size(const block *b) {
     return false;
 }
 
-/* Refuses a function that --functions names but that is only a part of the rate. */
+/* Rejects a function of --functions that only the rate calls. */
 static bool refuse_part(const block *b, const char *function, const char *rate) {
     if (b->source->options->functions == NULL || strcmp(function, rate) == 0 || strcmp(function, "step") == 0)
         return false;
@@ -156,8 +156,8 @@ static bool refuse_part(const block *b, const char *function, const char *rate) 
     return true;
 }
 
-/* Adds a function as an output if it can be one. Returns false after a message if it must not or does not
- * fit. */
+/* Adds a function as an output if its shapes allow this. Prints a message and returns false if the function
+ * must not be an output or does not fit. */
 static bool take_function(block *b, const char *function, const char *rate) {
     if (!is_output(function, rate)) return !refuse_part(b, function, rate);
     if (!is_usual(b, function)) return true;

@@ -192,7 +192,8 @@ void export_source_free(export_source *source);
 /* Allocates zeroed arrays for options->golden vectors; source->inputs and source->outputs must be set.
  * `jacobian` and `extras` say which arrays there are besides x and y. */
 void export_golden_make(export_source *source, bool jacobian, size_t extras, const char *extra_name);
-/* Sum of the squares of numbers in the exported type, computed as the self-test computes it. 0 for NULL. */
+/* Returns the sum of the squares of `values`, computed in the exported type and in the order of the
+ * self-test. Returns 0 for NULL. */
 double export_squares(const export_options *options, const double *values, size_t count);
 /* Returns whether all numbers are finite in the exported type, and also the squares of their norms, which the
  * self-test computes. */

@@ -331,7 +331,7 @@ typedef struct place {
     const char *out;    /* Without slashes at its end. */
     const char *parent; /* The folder that contains `out`. */
     bool replace;       /* True: `out` is a folder that already has files. */
-    bool earlier;       /* True: some of them are replaced. */
+    bool earlier;       /* some files replace earlier ones */
     lg_temporary holds;
     const char *temporary; /* The folder in which the files are written first; NULL until it exists. */
 } place;

@@ -2,8 +2,8 @@
 #include "lg-hamiltonian/study.h"
 
 /* Writes a block of data: the cells with integrator number i and value number m of M. A curve connects cells
- * that differ only in their substeps. A line of NaN separates two curves. Two empty lines would end the
- * block, and a curve without points would leave them. */
+ * that differ only in their substeps. A line of NaN separates two curves. A curve without points
+ * would leave two empty lines, which end a block. */
 static void put_work_block(app_plot *plot, const study_file *file, uint32_t i, uint32_t m) {
     FILE *data = plot->data;
     const study_axis *substeps = &file->plan->axes[AXIS_SUBSTEPS];

@@ -109,8 +109,8 @@ typedef void (*lg_release_fn)(void *user, void *memory);
 
 /* Decides whether a writer may write the file `path`, and so replace the file that may exist there. `data` is
  * the beginning of the new content, `bytes` its length: all of it, except for files whose rows are written
- * one by one. Every status but LG_OK becomes the result of the writer, `error` with it, and the file stays as
- * it is. Called on the thread that called the writer. */
+ * one by one. If it returns a status other than LG_OK, the writer leaves the file unchanged and returns
+ * this status and this `error`. Called on the thread that called the writer. */
 typedef lg_status (*lg_replace_fn)(void *user, const char *path, const void *data, size_t bytes,
                                    lg_error *error);
 

@@ -84,15 +84,15 @@ LG_API void lg_read_options_init(lg_read_options *options);
 /* Every HDF5 file that liegrad writes begins with these 8 bytes. */
 #define LG_H5_SIGNATURE "\x89HDF\r\n\x1a\n"
 
-/* Returns whether liegrad wrote the file: it is in HDF5, and its attribute `format` is `liegrad`. Returns
- * false for a file that cannot be read. */
-LG_API bool lg_file_is_ours(const lg_context *context, const char *path);
+/* Sets *ours: whether liegrad wrote the file, so that it is in HDF5 and its attribute `format` is `liegrad`.
+ * Errors, *ours is then false: LG_INVALID_ARGUMENT (`path` or `ours` is NULL), and those of the readers. */
+LG_API lg_status lg_file_is_ours(const lg_context *context, const char *path, bool *ours, lg_error *error);
 
 /* ---- writing bytes ---- */
 
 /* Writes `bytes` bytes as the complete file `path`, by the steps of the rules above, unless the context's
- * `replace` rejects (liegrad/core.h). A symbolic link stays, and the file that it points to is replaced. CSV,
- * SVG and JSON files are written by this function too. */
+ * `replace` rejects (liegrad/core.h). A symbolic link stays, and the file that it points to is replaced. The
+ * writers of CSV, SVG and JSON files call this function. */
 LG_API lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
                                lg_error *error);
 

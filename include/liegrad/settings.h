@@ -48,10 +48,10 @@ typedef enum lg_field_type {
 typedef enum lg_file_use {
     LG_FILE_NOT,      /* the text is not the name of a file, or the command itself does all checks */
     LG_FILE_READ,     /* reads the file */
-    LG_FILE_WRITTEN,  /* writes the file in HDF5 */
-    LG_FILE_TEXT,     /* writes a text */
-    LG_FILE_STREAMED, /* writes a text; writes to the file if it is a pipe or a device */
-    LG_FILE_DRAWN     /* draws a plot (.svg or .png); writes its data and script, in the same folder, too */
+    LG_FILE_WRITTEN,  /* the command writes an HDF5 file */
+    LG_FILE_TEXT,     /* the command writes a text file */
+    LG_FILE_STREAMED, /* the command writes a text file, or writes into a pipe or device */
+    LG_FILE_DRAWN     /* the command draws a plot (.svg or .png), and writes its data and script next to it */
 } lg_file_use;
 
 /* Largest number of elements in a list, and bytes that suffice for any value as text. */
@@ -360,7 +360,7 @@ LG_API lg_status lg_trials_write(const lg_context *context, const char *path, co
                                  lg_error *error);
 /* Writes the first line of this file without "# ": `seed S space HASH setting HASH`. */
 #define LG_SEARCH_LABEL 96
-#define LG_SEARCH_HEAD  "# seed " /* the file begins with these bytes */
+#define LG_SEARCH_SEED  "seed " /* a label begins with these bytes */
 LG_API void lg_search_label(const lg_search_file *search, uint64_t seed, const char *setting,
                             char label[LG_SEARCH_LABEL]);
 /* Reads the trials of a file to trials (room), and sets *count. The ranges, fixed options, seed and setting

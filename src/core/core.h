@@ -56,7 +56,7 @@ lg_status lg_ranks_gather_parts(const lg_ranks *ranks, size_t total, size_t item
 lg_status lg_ranks_lost(const lg_ranks *ranks, lg_status status, lg_error *error);
 
 bool lg_cancelled(const lg_context *context);
-/* Asks the context whether a file may be written (lg_context_options.replace); LG_OK without an answer. */
+/* Calls `replace` of the context (lg_context_options) and returns its status; LG_OK if `replace` is NULL. */
 lg_status lg_may_replace(const lg_context *context, const char *path, const void *data, size_t bytes,
                          lg_error *error);
 void lg_log_message(const lg_context *context, lg_log_level level, const char *format, ...)

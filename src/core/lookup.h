@@ -1,5 +1,5 @@
-/* Finds one of many names without a comparison with all of them. A list of n names from a file is searched
- * in this way: for each of n others a search through all of them would take n^2 comparisons. */
+/* Finds names in a sorted list. Readers use it for lists that come from a file: comparing each of n names
+ * with each of n others would take n^2 steps. */
 #ifndef LG_LOOKUP_H
 #define LG_LOOKUP_H
 
@@ -10,9 +10,9 @@ typedef struct lg_lookup {
     size_t at;        /* the caller's number of this name */
 } lg_lookup;
 
-/* Sorts entries by name, and those of one name by `at`. */
+/* Sorts entries by name; entries with the same name are sorted by `at`. */
 void lg_lookup_sort(lg_lookup *entries, size_t count);
-/* The first of the sorted entries with this name, or NULL. */
+/* Returns the first of the sorted entries with this name, or NULL. */
 const lg_lookup *lg_lookup_find(const lg_lookup *entries, size_t count, const char *name);
 
 #endif

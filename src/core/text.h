@@ -53,7 +53,7 @@ void lg_text_add_literal(lg_text *to, const char *value);
  * warning. */
 void lg_text_add_comment(lg_text *to, const char *value);
 /* Replaces, in place, bytes that are not UTF-8 and all bytes of control characters (also those of U+0080 to
- * U+009F) by '?'. Returns whether there were any. */
+ * U+009F) by '?'. Returns whether it replaced a byte. */
 bool lg_tame(char *text);
 
 #endif

@@ -173,7 +173,8 @@ static bool whole_of(const char *text, double *value) {
     return floor(*value) == *value;
 }
 
-/* The texts of a list, and those of them that are whole numbers, the numbers written in one way. */
+/* The labels of a list as texts, sorted, and those that are whole numbers once more, all written in the same
+ * format. */
 typedef struct finder {
     lg_lookup *text, *number;
     char (*text_of)[LG_SERIES_NAME], (*digits)[NUMBER_TEXT];
@@ -190,7 +191,7 @@ static void end_finder(const lg_labels *labels, finder *f) {
     lg_free(labels->context, f->digits);
 }
 
-/* Without memory, sets labels->starved and returns false. */
+/* Returns false and sets labels->starved if memory runs out. */
 static bool begin_finder(lg_labels *labels, char (*list)[LG_SERIES_NAME], uint32_t count, finder *f) {
     double value;
     *f = (finder){.text = lg_alloc(labels->context, 2 * (uint64_t)count, sizeof *f->text),
@@ -214,8 +215,9 @@ static bool begin_finder(lg_labels *labels, char (*list)[LG_SERIES_NAME], uint32
     return true;
 }
 
-/* Finds the index in the list of an equal text, or else of an equal whole number ("1" and "1.0"). Different
- * whole numbers beyond 2^53 may be written in the same way, so the found one is compared exactly. */
+/* Finds the index of the same text in the list; if there is none, of the same whole number ("1" and "1.0").
+ * Different whole numbers beyond 2^53 may be written in the same way, so the function then compares the
+ * texts exactly. */
 static bool find_in(const finder *f, const char *text, uint32_t *out) {
     double value;
     char digits[NUMBER_TEXT];
@@ -233,7 +235,7 @@ static bool find_in(const finder *f, const char *text, uint32_t *out) {
 }
 
 /* Sets the class of each distinct label to its index in `list`. Returns false if a label is not in the list;
- * *missing is then the first such label. Also false without memory (labels->starved). */
+ * *missing is then the first such label. It also returns false if memory runs out (labels->starved). */
 static bool find_labels(char (*list)[LG_SERIES_NAME], uint32_t count, lg_labels *labels, uint32_t *missing) {
     finder f;
     uint32_t i = 0;

@@ -108,7 +108,8 @@ static lg_status check_sorted(const reading *r, const yaml_node_t *mapping, cons
     return LG_OK;
 }
 
-/* Checks that all keys are texts and none occurs twice. `what` names the mapping in error messages. */
+/* Checks that all keys are texts and that no key occurs twice. `what` is the mapping's name in error
+ * messages. */
 static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const char *what, lg_error *error) {
     if (mapping->type != YAML_MAPPING_NODE) return LG_OK;
     const size_t pairs = (size_t)(mapping->data.mapping.pairs.top - mapping->data.mapping.pairs.start);

@@ -40,7 +40,8 @@ static inline bool lg_h5_is_deep(const char *path) {
     return depth > LG_H5_DEPTH;
 }
 
-/* Makes a text from a file fit for an error message: replaces control characters by '?' (lg_tame). */
+/* Replaces the control characters of a text by '?', so that an error message can contain the text (lg_tame).
+ * */
 static inline const char *lg_tamed(char *text) {
     (void)lg_tame(text);
     return text;

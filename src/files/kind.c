@@ -21,15 +21,17 @@ lg_status lg_h5_kind(lg_h5 *h5, char text[LG_H5_KIND], lg_error *error) {
 
 static lg_status read_format(void *user, lg_h5 *h5, lg_error *error) {
     char format[16] = "";
-    if (lg_h5_has_attribute(h5, "", "format"))
-        LG_TRY(lg_h5_text(h5, "", "format", format, sizeof format, error));
-    *(bool *)user = strcmp(format, "liegrad") == 0;
-    return LG_OK;
+    if (!lg_h5_has_attribute(h5, "", "format")) return LG_OK;
+    const lg_status status = lg_h5_text(h5, "", "format", format, sizeof format, NULL);
+    *(bool *)user = status == LG_OK && strcmp(format, "liegrad") == 0;
+    return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "out of memory") : LG_OK;
 }
 
-bool lg_file_is_ours(const lg_context *context, const char *path) {
-    bool ours = false;
-    return path != NULL && lg_h5_read(context, path, NULL, read_format, &ours, NULL) == LG_OK && ours;
+lg_status lg_file_is_ours(const lg_context *context, const char *path, bool *ours, lg_error *error) {
+    if (path == NULL || ours == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or the place for the answer is NULL");
+    *ours = false;
+    return lg_h5_read(context, path, NULL, read_format, ours, error);
 }
 
 static lg_status read_kind(void *user, lg_h5 *h5, lg_error *error) {

@@ -22,9 +22,8 @@ enum { TRIES = 1000, WORDS = 400 };
 static const char head[] = "This is a lock of liegrad. It is removed when the output is written.\nprocess ";
 enum { HEAD = sizeof head - 1, NAMED = HEAD - 8 }; /* the words "process N on HOST: ..." begin at NAMED */
 
-/* Whether a descriptor holds a lock. A forked child has copies of these descriptors. If it outlived its
- * killed parent, the output would seem to be written until it ends too. So a child closes its copies at once.
- * */
+/* For each descriptor: whether it holds a lock. A forked child has copies of these descriptors. A child that
+ * outlived its killed parent would hold the lock until it ends. So a child closes its copies at once. */
 static _Atomic bool holding[4096];
 
 static void in_child(void) {
@@ -139,7 +138,7 @@ static held attempt(taking *t) {
 static held take(taking *t) {
     t->folder = lg_open_folder(t->target);
     if (t->folder < 0) return never(t, errno);
-    /* Temporary files of killed writers may fill the disk, and the lock needs some bytes. */
+    /* Temporary files of killed writers may fill the disk, and the lock file needs a few bytes. */
     lg_sweep(t->folder, t->target);
     held got = HELD_GONE;
     for (int i = 0; i < TRIES && got == HELD_GONE; i++) got = attempt(t);

@@ -56,7 +56,7 @@ static bool limit(int resource, rlim_t value) {
     return setrlimit(resource, &now) == 0;
 }
 
-/* Whether the parent has opened the file that is checked for reading. HDF5 may read it through this
+/* Returns whether the parent has opened this file for reading. HDF5 may read the file through this
  * descriptor. */
 static bool is_checked_file(int fd, const struct stat *file) {
     struct stat about;
@@ -64,9 +64,9 @@ static bool is_checked_file(int fd, const struct stat *file) {
            (fcntl(fd, F_GETFL) & O_ACCMODE) == O_RDONLY;
 }
 
-/* Closes all descriptors of the parent but one of the file that is checked. Terminals and sockets would be a
- * way out of the sandbox. The child shares the place in an open file and its lock with the parent, and could
- * change them. Without /proc this function tries every number below 4096. */
+/* Closes all descriptors of the parent except one of the file that is checked. Terminals and sockets would
+ * be a way out of the sandbox. The child shares the place in an open file and its lock with the parent, and
+ * could change them. Without /proc this function tries every number below 4096. */
 static void close_inherited(int report, const struct stat *file) {
     enum { MOST = 4096 };
     DIR *list = opendir("/proc/self/fd");
@@ -83,16 +83,16 @@ static void close_inherited(int report, const struct stat *file) {
 }
 
 static uint64_t processor_seconds(const lg_read_options *options, const struct stat *file) {
-    return options->probe_seconds + ((uint64_t)file->st_size >> 25); /* one second more per 32 MiB */
+    return options->probe_seconds + ((uint64_t)file->st_size >> 25); /* plus one second for each 32 MiB */
 }
 
-/* Wall time of the child, far above its processor time. */
+/* Largest wall-clock time of the child, far above its CPU time. */
 static unsigned patience(const lg_read_options *options, const struct stat *file) {
     const uint64_t seconds = 60 + 10 * processor_seconds(options, file);
     return seconds < INT_MAX ? (unsigned)seconds : (unsigned)INT_MAX;
 }
 
-/* Restricts the child. Returns NULL, or the words that say which restriction is missing. */
+/* Restricts the child. Returns NULL on success, else a text that names the missing restriction. */
 static const char *enter_child(const lg_read_options *options, const struct stat *file, int report) {
     static const int fatal[] = {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGXCPU, SIGTERM};
     for (size_t i = 0; i < LG_COUNT(fatal); i++) (void)signal(fatal[i], SIG_DFL);
@@ -100,7 +100,7 @@ static const char *enter_child(const lg_read_options *options, const struct stat
     (void)signal(SIGPIPE, SIG_IGN);
     (void)signal(SIGXFSZ, SIG_IGN);
     int sink = open("/dev/null", O_RDWR);
-    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++) /* hides messages about damaged heaps, too */
+    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++) /* also hides messages about damaged heaps */
         if (fd != report && (sink < 0 || dup2(sink, fd) < 0)) (void)close(fd);
     close_inherited(report, file);
     /* If another thread of the parent held a lock at the fork, the lock stays locked in the child. Waiting
@@ -118,8 +118,7 @@ static const char *enter_child(const lg_read_options *options, const struct stat
 /* ---- the report ----
  *
  * A child that has read a malicious file may send anything. The parent takes one report of a fixed size. It
- * rejects a status that does not exist and a text that is not terminated or that would do more on a terminal
- * than show characters. */
+ * rejects a status that does not exist, a text that is not terminated, and a text with control characters. */
 
 static bool transfer(int fd, void *data, size_t bytes) {
     unsigned char *at = data;
@@ -164,7 +163,7 @@ static _Noreturn void run_child(int fd, const char *path, const lg_read_options 
  * for something that will not come. */
 enum { PATIENT = 3, STILL = 4 };
 
-/* Seconds of a clock that nobody sets. */
+/* Returns the seconds of a monotonic clock. */
 static double steady_seconds(void) {
     struct timespec now = {0, 0};
     (void)clock_gettime(CLOCK_MONOTONIC, &now);
@@ -234,7 +233,7 @@ lg_status lg_probe(const lg_context *context, const char *path, const lg_read_op
     size_t got = 0;
     const lg_status waiting =
         await_report(context, path, &chosen, &about, child, ends[0], &report, &got, error);
-    (void)kill(child, SIGKILL); /* whatever it does after its report */
+    (void)kill(child, SIGKILL); /* the child may go on after its report */
     (void)close(ends[0]);
     while (waitpid(child, NULL, 0) < 0 && errno == EINTR) continue;
     if (waiting != LG_OK) return waiting;

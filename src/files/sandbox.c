@@ -62,8 +62,8 @@ typedef struct condition {
 #define IS(parameter, mask, value)                                                                           \
     { (parameter), SCMP_CMP_MASKED_EQ, (mask), (value) }
 
-/* Matches descriptors from `most` on, the limit of open files. valgrind has its own descriptors there;
- * without valgrind there are none. */
+/* Matches descriptors from `most` on, where `most` is the limit of open files. Only valgrind has descriptors
+ * above this limit. */
 static struct scmp_arg_cmp is_beyond_descriptors(rlim_t most) {
     return (struct scmp_arg_cmp){0, SCMP_CMP_GE, most < INT_MAX ? most : INT_MAX, 0};
 }

@@ -1,7 +1,7 @@
 /* Temporary files and folders. The name of a temporary file holds the number that the file has in the file
  * system (its inode), so a file of somebody else is not taken for a temporary file, whatever its name. The
  * process that writes the file holds a lock on it (flock, which the kernel releases when the process dies).
- * So the remains of a killed process can be told from a file that is being written.
+ * A temporary file without a lock was left by a killed process.
  *
  * The number is known only when the file exists. Until then its name holds the time of its creation, and only
  * an empty file that was created at this time is taken for ours. */

@@ -7,8 +7,8 @@
 
 enum { LG_OWN_NAME = 160 }; /* bytes for a name with its terminator */
 
-/* Writes the name .BASE.liegrad-ENDING, where BASE is the last part of the path `target`. If BASE is long,
- * its SHA-256 stands for it, so that no file system finds the name too long. */
+/* Writes the name .BASE.liegrad-ENDING, where BASE is the last part of the path `target`. A long
+ * BASE is replaced by its SHA-256, because file systems limit the length of names. */
 void lg_own_name(const char *target, const char *ending, char out[LG_OWN_NAME]);
 /* Fails with LG_FILE if `target` has a name of this form. */
 lg_status lg_refuse_own_name(const char *target, lg_error *error);

@@ -8,7 +8,7 @@
  * position of a name. */
 void lg_field_fill(const lg_field *row, const double *values, uint32_t count, void *run);
 
-/* Whether a trial's state, number of reports and values can be those of a trial of this space. */
+/* Returns whether a trial of this space can have this state, this number of reports and these values. */
 bool lg_trial_is_possible(const lg_search_space *space, const lg_trial *trial);
 
 #endif

@@ -677,7 +677,10 @@ TEST("the context decides whether a writer may replace a file, and what it refus
         assert_string_equal(read_bytes_of(path, &bytes), "notes");
         made.allowed = true;
         assert_told(write_all_kinds(context, kind, path, &told));
-        if (!lg_test_faulty()) assert_true(lg_file_is_ours(NULL, path) == (kind > 0));
+        bool ours = true;
+        const lg_status status = lg_file_is_ours(NULL, path, &ours, &error);
+        assert_true(lg_test_faulty() || (status == LG_OK) == (kind > 0));
+        assert_true(ours == (kind > 0) || (lg_test_faulty() && !ours));
     }
 }
 
@@ -691,10 +694,17 @@ TEST("HDF5 files by liegrad are recognised, HDF5 files of others are not") {
         assert_told(lg_h5_put_text(h5, "", "kind", "test", &told));
         if (formats[i] != NULL) assert_told(lg_h5_put_text(h5, "", "format", formats[i], &told));
         assert_told(lg_h5_commit(h5, &told));
-        if (!lg_test_faulty()) assert_true(lg_file_is_ours(NULL, path) == (i == 0));
+        bool ours = i != 0;
+        assert_told(lg_file_is_ours(NULL, path, &ours, &told));
+        assert_true(ours == (i == 0));
     }
-    assert_false(lg_file_is_ours(NULL, scratch_path("nothing")));
-    assert_false(lg_file_is_ours(NULL, NULL));
+    bool ours = true;
+    lg_error error = {LG_OK, ""};
+    assert_outcome(scratch_path("nothing"), lg_file_is_ours(NULL, scratch_path("nothing"), &ours, &error),
+                   error.message, LG_NOT_FOUND, "nothing");
+    assert_false(ours);
+    assert_int_equal(lg_file_is_ours(NULL, NULL, &ours, NULL), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_file_is_ours(NULL, "a.h5", NULL, NULL), LG_INVALID_ARGUMENT);
 }
 
 TEST("names of files that are missing or too long are refused, and a file may be empty") {

@@ -138,14 +138,14 @@ static lg_status measure_row(lg_training *self, double row[WAYS], lg_error *erro
 
 /* ---- windows ---- */
 
-/* Bytes of a row of this many windows, of which one takes `one` and TOGETHER of them take `together`: they
- * share the operations, and each has its numbers. */
+/* Returns the bytes of this many windows. One window takes `one` bytes and TOGETHER windows take `together`
+ * bytes: windows share the operations, and each has its own values. */
 static double bytes_together(double one, double together, double windows) {
     return one + fmax(together - one, 0.0) / (TOGETHER - 1) * (windows - 1.0);
 }
 
-/* Bytes of a fit of windows of `window` rows. Each shard has a tape with as many windows as are on it at
- * once, and a plan if this has not too many operations. */
+/* Returns the bytes of a fit of windows of `window` rows. Each shard has a tape with as many windows as are
+ * on it at once, and a plan if this has not too many operations. */
 static double bytes_of(const lg_training *self, const double row[WAYS], uint32_t window) {
     enum {
         SHARDS = 4,           /* without --shards */

@@ -338,7 +338,8 @@ void lg_search_label(const lg_search_file *search, uint64_t seed, const char *se
     char space[HASH_DIGITS + 1], settings[HASH_DIGITS + 1];
     space_hash(&search->space, space);
     setting_hash(search, setting, settings);
-    (void)snprintf(label, LG_SEARCH_LABEL, "seed %" PRIu64 " space %s setting %s", seed, space, settings);
+    (void)snprintf(label, LG_SEARCH_LABEL, LG_SEARCH_SEED "%" PRIu64 " space %s setting %s", seed, space,
+                   settings);
 }
 
 static void add_head(text *t, const lg_search_file *search, uint64_t seed, const char *setting,

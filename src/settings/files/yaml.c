@@ -88,7 +88,7 @@ static lg_status parser_error(const char *path, const yaml_parser_t *parser, con
                    parser->problem != NULL ? parser->problem : "unknown problem");
 }
 
-/* What a token begins or ends: 1, -1, or 0. */
+/* Returns 1 for a token that begins a list or mapping, -1 for one that ends it, else 0. */
 static int steps_in(yaml_token_type_t type) {
     const bool begins = type == YAML_BLOCK_SEQUENCE_START_TOKEN || type == YAML_BLOCK_MAPPING_START_TOKEN ||
                         type == YAML_FLOW_SEQUENCE_START_TOKEN || type == YAML_FLOW_MAPPING_START_TOKEN;
@@ -97,8 +97,9 @@ static int steps_in(yaml_token_type_t type) {
     return begins - ends;
 }
 
-/* Why a token is refused, or NULL. libyaml takes quadratic time for many anchors, for many %TAG lines and for
- * deep nesting. An alias could also make a value part of itself, or a small file a huge document. */
+/* Returns why a token is rejected, or NULL. libyaml takes quadratic time for many anchors, for many %TAG
+ * lines and for deep nesting. An alias could also make a value part of itself, or a small file a huge
+ * document. */
 static const char *refused(yaml_token_type_t type, int depth) {
     if (type == YAML_ANCHOR_TOKEN || type == YAML_ALIAS_TOKEN)
         return "anchors (&) and aliases (*) are not read: write out the value, or put the text in quotes";

@@ -2,7 +2,7 @@
  * `initial`. The line of each value is kept for error messages. If a row has no member in the struct (size
  * 0), the caller reads its value: a text, a name that stands for more than its number, or a NODE whose shape
  * is known only later. Files have at most 1 MiB and 16 levels of lists and mappings. Anchors, aliases and
- * %TAG lines are refused. */
+ * %TAG lines are rejected. */
 #ifndef LG_YAML_H
 #define LG_YAML_H
 

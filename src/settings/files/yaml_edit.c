@@ -6,9 +6,9 @@
 
 #include "settings/files/yaml.h"
 
-/* Nodes are never changed in place: an edit makes new nodes from the root down to what it changes. Nodes are
- * known by their index in the document, from 1; 0: no memory. Adding a node moves the others in memory, so
- * that pointers to nodes are not kept. */
+/* Nodes are never changed in place: an edit makes new nodes from the root down to the changed one. A node is
+ * identified by its index in the document, from 1; 0 means that memory ran out. Adding a node moves the other
+ * nodes in memory, so the functions do not keep pointers to nodes. */
 typedef struct editing {
     const lg_context *context;
     yaml_document_t *document;
