@@ -650,6 +650,7 @@ TEST("functions of tables and files refuse NULL") {
     uint64_t integer;
     lg_temporary temporary;
     lg_lock lock;
+    bool ours;
     lg_file_writer *writer;
     lg_file_reader *reader;
     lg_rows_about about;
@@ -668,6 +669,7 @@ TEST("functions of tables and files refuse NULL") {
     lg_grid grid;
     lg_machine_file machine;
     char kind[64];
+    REFUSES(lg_file_is_ours(NULL, NEEDED(path), NEEDED(&ours), NULL));
     REFUSES(lg_file_write(NULL, NEEDED(path), NEEDED(text), sizeof text, NULL));
     REFUSES(lg_temporary_create(NULL, NEEDED(path), false, NEEDED(&temporary), NULL));
     REFUSES(lg_temporary_publish(NEEDED(&temporary), NEEDED(path), NULL));
