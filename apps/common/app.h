@@ -418,6 +418,9 @@ lg_status app_may_replace(void *user, const char *path, const void *data, size_t
  * checked); `whole`: that a file there holds this text and nothing else. Ends the command otherwise.
  * app_check_outputs checks files in HDF5, plots, and the data and scripts of plots. */
 void app_check_text(const app *app, const char *path, const char *text, bool whole);
+/* Says that the command reads this file, which no argument and no option with LG_FILE_READ names. Ends the
+ * command if the file is one of its outputs, which may be checked before or after this call. */
+void app_reads(const app *app, const char *path);
 /* Says that the command adds to this file, which it has checked, so it replaces no earlier result. */
 void app_continue(const char *path);
 /* Writes texts into a folder. If a file of such a name holds anything else, the command ends before the first

@@ -140,8 +140,16 @@ static bool is_stream(const used_file *file) {
            !S_ISDIR(about.st_mode);
 }
 
+/* The inputs of app_reads. */
+typedef struct input {
+    struct input *next;
+    char *path;
+} input;
+
+static input *inputs;
+
 /* Checks that the output files[at] can be written and that it is not the same file as one before it in the
- * list. */
+ * list, or an input. */
 static int check_output(const app *self, const used_file *files, size_t at) {
     const used_file *file = &files[at];
     lg_error error = {LG_OK, ""};
@@ -160,6 +168,9 @@ static int check_output(const app *self, const used_file *files, size_t at) {
                          file->path, other->option != NULL ? " of --" : "",
                          other->option != NULL ? other->option : "");
     }
+    for (const input *i = inputs; i != NULL; i = i->next)
+        if (app_same_file(file->path, i->path))
+            return app_usage(self, "%s is an input and would be replaced", file->path);
     return APP_EXIT_OK;
 }
 
@@ -297,6 +308,13 @@ lg_status app_may_replace(void *user, const char *path, const void *data, size_t
     return may_write(user, path, data, bytes, false, true, error);
 }
 
+void app_reads(const app *self, const char *path) {
+    for (const output *o = outputs; o != NULL; o = o->next)
+        if (app_same_file(o->target, path))
+            app_stop_usage(self, "%s is an input and would be replaced", path);
+    inputs = memcpy(app_alloc(1, sizeof *inputs), &(input){inputs, app_format("%s", path)}, sizeof *inputs);
+}
+
 void app_continue(const char *path) {
     output_of(path)->written = true;
 }
@@ -319,17 +337,27 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
         }
 }
 
-/* Checks that the output does not exist or is an earlier result. An image is an earlier result only if the
- * data of the plot lie next to it. */
+/* Returns whether FILE.dat belongs to an image with this ending, which is its second text. */
+static bool is_data_of(const char *data, const char *ending) {
+    char line[2][128] = {"", ""};
+    FILE *file = app_open(data);
+    for (int i = 0; i < 2 && file != NULL; i++)
+        if (fgets(line[i], sizeof line[i], file) == NULL) break;
+    if (file != NULL) (void)fclose(file);
+    return strcmp(line[0], PLOT_DATA) == 0 && line[1][0] == '=' && strncmp(line[1] + 1, ending, 3) == 0;
+}
+
+/* Checks that the output does not exist or is an earlier result. An image is an earlier result only if its
+ * data lie next to it. */
 static int check_earlier(const app *self, const used_file *file) {
     lg_error error = {LG_OK, ""};
     const char *path = file->path, *begins = file->begins;
     if (begins == NULL) return APP_EXIT_OK;
     lg_status status = may_write(self, path, begins, strlen(begins), false, false, &error);
     if (status == LG_OK && app_plot_name_fits(path) && output_of(path)->inode != 0 &&
-        !app_begins(self, file[1].path, PLOT_DATA, strlen(PLOT_DATA), false))
+        !is_data_of(file[1].path, path + strlen(path) - 3))
         status = app_error(&error, LG_FILE,
-                           "%s: exists, and %s does not lie next to it: remove it, or write to another file",
+                           "%s: exists, and its data do not lie in %s: remove it, or write to another file",
                            path, file[1].path);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }

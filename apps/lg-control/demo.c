@@ -65,6 +65,9 @@ static const char *const commands[] = {
     "make -B -f Makefile -C swingup test", /* what else is in the folder counts for nothing */
 };
 
+/* Files that make replaces. */
+static const char *const made[] = {"swingup_test", "swingup.o"};
+
 /* Our own programs are in the folder of this one. */
 static void find_programs(const app *self) {
     char own[4096];
@@ -102,6 +105,13 @@ static void run_command(const app *self, const char *command) {
 static int run(app *self) {
     APP_MUST_FILE(self, values.out, app_make_folder(values.out, &error));
     app_write_texts(self, values.out, texts, LG_COUNT(texts));
+    for (size_t i = 0; i < LG_COUNT(made); i++) {
+        APP_FREE char *path = app_format("%s/swingup/%s", values.out, made[i]);
+        app_check_text(self, path,
+                       "\x7f"
+                       "ELF",
+                       false);
+    }
     find_programs(self);
     if (chdir(values.out) != 0) app_stop(self, LG_FILE, "%s: %s", values.out, strerror(errno));
     char seconds[32];

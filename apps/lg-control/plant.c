@@ -252,6 +252,7 @@ static lg_program *load_program(const app *self, const char *path, lg_policy_tas
 /* ---- */
 
 lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task) {
+    app_reads(self, path);
     if (!is_hdf5(self, path)) return read_machine(self, path, lagged, task);
     return is_model(self, path) ? load_model(self, path, lagged, task) : load_program(self, path, task);
 }

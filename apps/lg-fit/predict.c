@@ -20,12 +20,19 @@ static predict_values values;
 
 /* ---- CSV ---- */
 
+/* Names of columns have at most LG_TABLE_NAME - 1 bytes. If a class has too long a name for this, all columns
+ * have the numbers of the classes. */
 static void put_header(FILE *to, const lg_table_file *file) {
+    static const char before[] = "probability_";
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
+    bool fits = true;
+    for (uint32_t o = 0; o < file->run.model.net.outputs; o++)
+        fits = fits && strlen(before) + strlen(file->output_name[o]) < LG_TABLE_NAME;
     if (!regression) lg_csv_put(to, "", file->class_column[0] != '\0' ? file->class_column : "class", true);
     for (uint32_t o = 0; o < file->run.model.net.outputs; o++) {
         APP_FREE char *name = regression ? app_format("%s", file->output_name[o])
-                                         : app_format("probability_%s", file->output_name[o]);
+                              : fits     ? app_format("%s%s", before, file->output_name[o])
+                                         : app_format("%s%u", before, o);
         lg_csv_put(to, o > 0 || !regression ? "," : "", name, true);
     }
     (void)fputc('\n', to);

@@ -19,7 +19,12 @@ stats datafile index 0 using (take(strcol(1)[2:*])) nooutput
 set datafile separator whitespace
 set datafile commentschars
 V(k) = real(T[k])
-tic(text) = text eq "" ? "" : (text[1:1] eq "%" ? "%%" : text[1:1]).tic(text[2:*])
+# gnuplot cuts a text from a format after 49 bytes: a longer text with % gets the wide form of this sign.
+percent(text, sign) = (out = "", sum [at = 1:strlen(text)] (out = out.(text[at:at] eq "%" ? sign : text[at:at]), 0), out)
+ascii = ""
+do for [k = 32:126] { ascii = ascii.sprintf("%c", k) }
+bytes(text) = sum [at = 1:strlen(text)] (strstrt(ascii, text[at:at]) > 0 ? 1 : 4)
+tic(text) = strstrt(text, "%") == 0 ? text : percent(text, bytes(text) < 50 ? "%%" : "％")
 colour(k) = "#".word("1f5fa8 d1641f 2e8b57 8b3a8b b8860b 17a2b8 6b4423 5d6d7e 7cb342 e377c2", int(k - 1) % 10 + 1)
 small(text) = strlen(text) > 16 ? ",7" : ""
 if (picture eq "svg") { set terminal svg size width, height dynamic background rgb 'white' font 'Helvetica,13' }

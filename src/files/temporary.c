@@ -3,6 +3,9 @@
  * process that writes the file holds a lock on it (flock, which the kernel releases when the process dies).
  * A temporary file without a lock was left by a killed process.
  *
+ * Somebody else who may write in the folder can give a folder of this user the name of a temporary folder. So
+ * each temporary folder has a mark, an empty file of this user, and no folder without it is emptied.
+ *
  * The number is known only when the file exists. Until then its name holds the time of its creation, and only
  * an empty file that was created at this time is taken for ours. */
 #define _GNU_SOURCE /* flock, renameat2, O_PATH */
@@ -100,14 +103,29 @@ static DIR *list(int folder) {
     return listed;
 }
 
-/* Removes the files of a folder. Such folders have no subfolders. */
+static const char mark[] = ".liegrad-tmp";
+
+static bool has_mark(int folder) {
+    struct stat about;
+    return fstatat(folder, mark, &about, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(about.st_mode) &&
+           about.st_size == 0 && about.st_nlink == 1 && about.st_uid == geteuid();
+}
+
+static bool put_mark(int folder) {
+    const int fd = openat(folder, mark, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    return fd >= 0 && close(fd) == 0;
+}
+
+/* Removes the files of a folder, the mark last. Such folders have no subfolders. */
 static void empty(int folder) {
     DIR *files = list(folder);
     const struct dirent *entry;
     while (files != NULL && (entry = readdir(files)) != NULL)
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0 &&
+            strcmp(entry->d_name, mark) != 0)
             (void)unlinkat(folder, entry->d_name, 0);
     if (files != NULL) (void)closedir(files);
+    (void)unlinkat(folder, mark, 0);
 }
 
 /* Removes a temporary file or folder of this user that no process has locked. It is opened once and then used
@@ -120,7 +138,7 @@ static void remove_left(int folder, const char *name, uint64_t number) {
                              : openat(folder, name, O_WRONLY | O_NONBLOCK | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0) return;
     if (flock(fd, LOCK_EX | LOCK_NB) == 0 && fstat(fd, &about) == 0 && is_ours(&about, number)) {
-        if (is_folder && about.st_ino == number) empty(fd);
+        if (is_folder && about.st_ino == number && has_mark(fd)) empty(fd);
         if (lg_has_name(fd, folder, name)) (void)unlinkat(folder, name, is_folder ? AT_REMOVEDIR : 0);
     }
     (void)close(fd);
@@ -167,7 +185,7 @@ int lg_make_temporary(int folder, const char *target, bool is_folder, char name[
         temporary_name(target, (uint64_t)nanoseconds(now), (long)getpid(), name);
         const int fd = create(folder, name, is_folder);
         if (fd < 0 && errno != EEXIST) return -1;
-        if (fd >= 0 && hold(fd, &about)) {
+        if (fd >= 0 && hold(fd, &about) && (!is_folder || put_mark(fd))) {
             temporary_name(target, about.st_ino, (long)getpid(), numbered);
             if (lg_give_name(folder, name, numbered)) (void)strcpy(name, numbered);
             return fd;
@@ -234,6 +252,10 @@ lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_e
         return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
     sync_folder(target);
     return LG_OK;
+}
+
+void lg_temporary_unmark(lg_temporary *temporary) {
+    (void)unlinkat(temporary->fd, mark, 0);
 }
 
 void lg_temporary_end(lg_temporary *temporary) {

@@ -511,6 +511,27 @@ TEST("pictures show names of columns and classes as they are, and no name is a c
     }
 }
 
+TEST("with long names of classes predictions can be read again, and pictures show the names as a whole") {
+    static char table[1 << 14], picture[1 << 16];
+    char first[64] = "", second[64] = "", *to = table;
+    memset(first, 'x', 63);
+    memset(second, '%', 40);
+    (void)strcpy(second + 40, "END_OF_THE_NAME");
+    to += sprintf(to, "a,b,c\n");
+    for (int i = 0; i < 60; i++)
+        to += sprintf(to, "%g,%g,%s\n", i % 2 * 3 + 0.01 * i, -i % 2 * 2 + 0.003 * i, i % 2 ? first : second);
+    cli_write("long.csv", table);
+    cli_run(fit, "train long.csv --class c --hidden 4 --epochs 30 --out long.h5 --plot long.svg");
+    cli_run(fit, "predict long.h5 long.csv --out long_p.csv");
+    cli_run(fit, "train long_p.csv --class c --hidden 4 --epochs 3 --out again.h5");
+    if (strstr(result.err, "gnuplot") != NULL) return;
+    cli_read("long.svg", picture, sizeof picture);
+    assert_says(picture, "END_OF_THE_NAME");
+    /* A picture is replaced only where its data lie: long.dat belongs to long.svg. */
+    cli_write("long.png", "\x89PNG\r\n\x1a\nmine");
+    cli_expect(fit, "evaluate long.h5 long.csv --plot long.png", 3, "its data do not lie in long.dat");
+}
+
 /* ---- HDF5 and numpy ---- */
 
 /* Writes a numpy file with this header and these numbers. */

@@ -108,8 +108,31 @@ TEST("a writer that was killed leaves a file or folder that the next writer remo
         assert_ok(lg_temporary_create(NULL, target, true, &t, NULL));
         assert_false(is_there(name));
         assert_true(is_there(t.name));
+        lg_temporary_unmark(&t);
         assert_int_equal(rmdir(t.name), 0);
         lg_temporary_end(&t);
+    }
+}
+
+TEST("a folder that got the name of a temporary folder keeps its files, whoever put a mark into it") {
+    io_enter_folder();
+    for (int i = 0; i < 4; i++) {
+        lg_temporary t;
+        assert_int_equal(mkdir("thesis", 0777), 0);
+        put_text("thesis/chapter", "three years\n");
+        const char *name = test_text(".code.liegrad-tmp-%llu-1", (unsigned long long)inode_of("thesis"));
+        const char *mark = test_text("%s/.liegrad-tmp", name);
+        assert_int_equal(rename("thesis", name), 0);
+        if (i == 1) put_text(mark, "mine");
+        if (i == 2) assert_int_equal(symlink("chapter", mark), 0);
+        if (i == 3) assert_int_equal(mkfifo(mark, 0666), 0);
+        assert_ok(lg_temporary_create(NULL, "code", true, &t, NULL));
+        assert_true(is_there(test_text("%s/chapter", name)));
+        assert_true(i == 0 || is_there(mark));
+        lg_temporary_unmark(&t);
+        assert_int_equal(rmdir(t.name), 0);
+        lg_temporary_end(&t);
+        assert_int_equal(system("rm -r .code.liegrad-tmp-*"), 0);
     }
 }
 
@@ -303,6 +326,7 @@ TEST("files and folders of others stay as they are, whatever their names") {
         assert_int_equal(lg_lock_take(NULL, "model.h5", "x", &lock, NULL), foreign ? LG_FILE : LG_OK);
         assert_ok(lg_file_write(NULL, "model.h5", "x", 1, NULL));
         assert_ok(lg_temporary_create(NULL, "model.h5", true, &t, NULL));
+        lg_temporary_unmark(&t);
         assert_int_equal(rmdir(t.name), 0);
         lg_temporary_end(&t);
         lg_lock_release(&lock);
