@@ -404,10 +404,10 @@ size_t app_file_options(const app *app, app_path *paths);
  * failure prints why and returns an exit code. Options whose rows set `file` are checked for every command
  * without this call. */
 int app_check_outputs(const app *app, const app_path *paths, size_t count);
-/* Returns whether a regular file begins with the first line of `data`, or with all of it if it has no line
- * end; `whole`: whether it is the data. If the data are a file in HDF5, liegrad must have written the
- * file. */
-bool app_begins(const app *app, const char *path, const char *data, size_t bytes, bool whole);
+/* Returns whether a regular file begins with the first `lines` lines of `data`, or with all of it if it has
+ * fewer; lines 0: whether the file is the data. If the data are a file in HDF5, liegrad must have written
+ * the file. */
+bool app_begins(const app *app, const char *path, const char *data, size_t bytes, int lines);
 /* `replace` of the context (liegrad/core.h), for everything that a command writes; `user` is the app. A file
  * that exists is replaced only if it is an earlier result of the same kind, and a sentence on stderr says
  * so: a file in HDF5 that liegrad wrote, or a file with the same first line (of PNG this is its signature).

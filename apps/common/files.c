@@ -140,16 +140,8 @@ static bool is_stream(const used_file *file) {
            !S_ISDIR(about.st_mode);
 }
 
-/* The inputs of app_reads. */
-typedef struct input {
-    struct input *next;
-    char *path;
-} input;
-
-static input *inputs;
-
 /* Checks that the output files[at] can be written and that it is not the same file as one before it in the
- * list, or an input. */
+ * list. */
 static int check_output(const app *self, const used_file *files, size_t at) {
     const used_file *file = &files[at];
     lg_error error = {LG_OK, ""};
@@ -168,9 +160,6 @@ static int check_output(const app *self, const used_file *files, size_t at) {
                          file->path, other->option != NULL ? " of --" : "",
                          other->option != NULL ? other->option : "");
     }
-    for (const input *i = inputs; i != NULL; i = i->next)
-        if (app_same_file(file->path, i->path))
-            return app_usage(self, "%s is an input and would be replaced", file->path);
     return APP_EXIT_OK;
 }
 
@@ -182,7 +171,7 @@ typedef struct claim {
     lg_lock lock;
 } claim;
 
-static claim *claims;
+static claim *claims, *inputs; /* inputs: those of app_reads, without locks */
 
 void app_release_claims(void) {
     while (claims != NULL) {
@@ -268,15 +257,18 @@ static output *output_of(const char *path) {
     return o;
 }
 
-bool app_begins(const app *self, const char *path, const char *data, size_t bytes, bool whole) {
+bool app_begins(const app *self, const char *path, const char *data, size_t bytes, int lines) {
     static const char h5[] = LG_H5_SIGNATURE;
-    const char *end = whole ? NULL : memchr(data, '\n', bytes);
-    const size_t n = end != NULL ? (size_t)(end - data) + 1 : bytes;
+    size_t n = lines > 0 ? 0 : bytes;
+    for (int i = 0; i < lines && n < bytes; i++) {
+        const char *end = memchr(data + n, '\n', bytes - n);
+        n = end != NULL ? (size_t)(end - data) + 1 : bytes;
+    }
     FILE *file = app_open(path);
     if (file == NULL) return false;
     APP_FREE char *found = app_alloc(n, 1);
     const bool same =
-        fread(found, 1, n, file) == n && memcmp(found, data, n) == 0 && (!whole || fgetc(file) == EOF);
+        fread(found, 1, n, file) == n && memcmp(found, data, n) == 0 && (lines > 0 || fgetc(file) == EOF);
     (void)fclose(file);
     if (!same || bytes < sizeof h5 - 1 || memcmp(data, h5, sizeof h5 - 1) != 0) return same;
     bool ours = false;
@@ -293,7 +285,7 @@ static lg_status may_write(const app *self, const char *path, const char *data, 
     output *of = output_of(path);
     const bool there = !of->written && stat(path, &about) == 0 && S_ISREG(about.st_mode) && about.st_size > 0,
                known = there && about.st_dev == of->device && about.st_ino == of->inode;
-    if (there && !known && !app_begins(self, path, data, bytes, whole))
+    if (there && !known && !app_begins(self, path, data, bytes, whole ? 0 : 1))
         return app_error(error, LG_FILE,
                          "%s: exists and is not an earlier result of this kind: remove it, or write to "
                          "another file",
@@ -312,7 +304,8 @@ void app_reads(const app *self, const char *path) {
     for (const output *o = outputs; o != NULL; o = o->next)
         if (app_same_file(o->target, path))
             app_stop_usage(self, "%s is an input and would be replaced", path);
-    inputs = memcpy(app_alloc(1, sizeof *inputs), &(input){inputs, app_format("%s", path)}, sizeof *inputs);
+    inputs = memcpy(app_alloc(1, sizeof *inputs), &(claim){inputs, app_format("%s", path), {.fd = -1}},
+                    sizeof *inputs);
 }
 
 void app_continue(const char *path) {
@@ -337,16 +330,6 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
         }
 }
 
-/* Returns whether FILE.dat belongs to an image with this ending, which is its second text. */
-static bool is_data_of(const char *data, const char *ending) {
-    char line[2][128] = {"", ""};
-    FILE *file = app_open(data);
-    for (int i = 0; i < 2 && file != NULL; i++)
-        if (fgets(line[i], sizeof line[i], file) == NULL) break;
-    if (file != NULL) (void)fclose(file);
-    return strcmp(line[0], PLOT_DATA) == 0 && line[1][0] == '=' && strncmp(line[1] + 1, ending, 3) == 0;
-}
-
 /* Checks that the output does not exist or is an earlier result. An image is an earlier result only if its
  * data lie next to it. */
 static int check_earlier(const app *self, const used_file *file) {
@@ -354,8 +337,10 @@ static int check_earlier(const app *self, const used_file *file) {
     const char *path = file->path, *begins = file->begins;
     if (begins == NULL) return APP_EXIT_OK;
     lg_status status = may_write(self, path, begins, strlen(begins), false, false, &error);
-    if (status == LG_OK && app_plot_name_fits(path) && output_of(path)->inode != 0 &&
-        !is_data_of(file[1].path, path + strlen(path) - 3))
+    const bool drawn = app_plot_name_fits(path);
+    APP_FREE char *data = app_format("%s=%s\n", PLOT_DATA, drawn ? path + strlen(path) - 3 : "");
+    if (status == LG_OK && drawn && output_of(path)->inode != 0 &&
+        !app_begins(self, file[1].path, data, strlen(data), 2))
         status = app_error(&error, LG_FILE,
                            "%s: exists, and its data do not lie in %s: remove it, or write to another file",
                            path, file[1].path);
@@ -367,6 +352,9 @@ static int claim_outputs(const app *self, const used_file *files, size_t count) 
     int code = APP_EXIT_OK;
     for (size_t i = 0; i < count && code == APP_EXIT_OK; i++) {
         if (!files[i].written) continue;
+        for (const claim *input = inputs; input != NULL; input = input->next)
+            if (app_same_file(files[i].path, input->target))
+                return app_usage(self, "%s is an input and would be replaced", files[i].path);
         const lg_status status = app_claim(self, files[i].path, &error);
         code = status != LG_OK ? app_fail_file(self, status, &error, files[i].path)
                                : check_earlier(self, &files[i]);

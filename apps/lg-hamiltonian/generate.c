@@ -173,7 +173,7 @@ static int run(app *self) {
     (void)board_wanted(self, &values.board, values.out);
     const int code = app_check_outputs(self, &out, 1);
     if (code != APP_EXIT_OK) return code;
-    if (app_begins(self, path, "\x89HDF", 4, false)) return run_constrained(self, path, begin);
+    if (app_begins(self, path, "\x89HDF", 4, 1)) return run_constrained(self, path, begin);
     if (values.speed > 0)
         return app_usage(self, "--speed is for constraints; a scene says how starts are drawn");
     APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &scene, &error));
