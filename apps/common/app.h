@@ -404,9 +404,8 @@ size_t app_file_options(const app *app, app_path *paths);
  * failure prints why and returns an exit code. Options whose rows set `file` are checked for every command
  * without this call. */
 int app_check_outputs(const app *app, const app_path *paths, size_t count);
-/* Returns whether a regular file begins with the first `lines` lines of `data`, or with all of it if it has
- * fewer; lines 0: whether the file is the data. If the data are a file in HDF5, liegrad must have written
- * the file. */
+/* Returns whether a regular file begins with the first `lines` lines of `data` (0: whether it equals the
+ * data). If the data are a file in HDF5, liegrad must have written the file. */
 bool app_begins(const app *app, const char *path, const char *data, size_t bytes, int lines);
 /* `replace` of the context (liegrad/core.h), for everything that a command writes; `user` is the app. A file
  * that exists is replaced only if it is an earlier result of the same kind, and a sentence on stderr says
@@ -418,8 +417,8 @@ lg_status app_may_replace(void *user, const char *path, const void *data, size_t
  * checked); `whole`: that a file there holds this text and nothing else. Ends the command otherwise.
  * app_check_outputs checks files in HDF5, plots, and the data and scripts of plots. */
 void app_check_text(const app *app, const char *path, const char *text, bool whole);
-/* Says that the command reads this file, which no argument and no option with LG_FILE_READ names. Ends the
- * command if the file is one of its outputs, which may be checked before or after this call. */
+/* Registers an input that app_check_outputs does not see, such as a file that another input names. Ends the
+ * command if the file is also an output. app_check_outputs may be called before or after this function. */
 void app_reads(const app *app, const char *path);
 /* Says that the command adds to this file, which it has checked, so it replaces no earlier result. */
 void app_continue(const char *path);

@@ -115,7 +115,7 @@ static off_t beat_of(const board *b, size_t piece) {
 }
 
 /* Reads a record; for `spare` it reads only as much as is needed. A piece whose record is incomplete or
- * impossible counts as not done, and is done again. */
+ * impossible counts as not done and is computed again. */
 static board_state state_of(const board *b, size_t piece, void *record) {
     const off_t at = slot(b, piece);
     const bool all = record != b->spare || b->is_record != NULL;

@@ -51,9 +51,9 @@ lg_status board_label(const char *text, const char *path, char label[LG_SHA256_T
  * work). */
 lg_status board_open(const app *app, const board_values *values, const char *out, const char *sweep,
                      size_t record, size_t count, board **board_out, bool *fresh, lg_error *error);
-/* Returns whether this piece can have this record: every process that can write to the file could have
- * changed it. The function may clean texts. A piece with an impossible record counts as not done. Set it
- * before board_begin; if it is NULL every record is accepted. */
+/* Returns true if the record is possible for this piece: any process that can write to the file may have
+ * changed it. The function may clean texts. A piece with an impossible record counts as not done. Set the
+ * function before board_begin; NULL accepts every record. */
 typedef bool board_check(const void *user, size_t piece, void *record);
 void board_set_check(board *b, board_check *is_record, const void *user);
 lg_status board_begin(board *b, lg_error *error);

@@ -171,7 +171,7 @@ typedef struct claim {
     lg_lock lock;
 } claim;
 
-static claim *claims, *inputs; /* inputs: those of app_reads, without locks */
+static claim *claims, *inputs; /* inputs: the files of app_reads; they have no locks */
 
 void app_release_claims(void) {
     while (claims != NULL) {
@@ -335,12 +335,12 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
 static int check_earlier(const app *self, const used_file *file) {
     lg_error error = {LG_OK, ""};
     const char *path = file->path, *begins = file->begins;
+    const output *of = output_of(path); /* app_reads compares with all outputs */
     if (begins == NULL) return APP_EXIT_OK;
     lg_status status = may_write(self, path, begins, strlen(begins), false, false, &error);
     const bool drawn = app_plot_name_fits(path);
     APP_FREE char *data = app_format("%s=%s\n", PLOT_DATA, drawn ? path + strlen(path) - 3 : "");
-    if (status == LG_OK && drawn && output_of(path)->inode != 0 &&
-        !app_begins(self, file[1].path, data, strlen(data), 2))
+    if (status == LG_OK && drawn && of->inode != 0 && !app_begins(self, file[1].path, data, strlen(data), 2))
         status = app_error(&error, LG_FILE,
                            "%s: exists, and its data do not lie in %s: remove it, or write to another file",
                            path, file[1].path);

@@ -265,7 +265,7 @@ static lg_status append_rows(study *self, lg_error *error) {
     return status;
 }
 
-/* Returns whether this run can have this record of the board. */
+/* Returns true if this run can have the values of the record, which any process may have written. */
 static bool is_run(const void *user, size_t piece, void *record) {
     const study_plan *plan = &((const study *)user)->plan;
     const study_row run = study_run_at(plan, piece), *row = record;

@@ -174,8 +174,8 @@ static lg_status read_table(study_file *file, lg_error *error) {
     return LG_OK;
 }
 
-/* Writes a table without rows as a complete file. A header that is appended could be lost when the
- * power fails, and the file could then not be recognised as the table of a study. */
+/* Writes a table without rows as a complete file. An appended header could be lost when the power fails, and
+ * the file would then not be recognised as a table of a study. */
 static lg_status begin_table(const char *path, const study_plan *plan, lg_error *error) {
     struct stat about;
     char header[512];

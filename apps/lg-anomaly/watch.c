@@ -222,8 +222,7 @@ static void print_json_verdict(const watching *self, const lg_verdict *v) {
     end_object(&json);
 }
 
-/* The line of column names is printed before the first verdict and begins each log. With --json each line
- * begins with the other text. */
+/* A log begins with the line of column names, or with --json with an object that begins with json_begin. */
 static const char text_begin[] = "# time\tclass\tscore\tvotes\tmissing\talarm\treason\n",
                   json_begin[] = "{\"time\": ";
 

@@ -65,9 +65,6 @@ static const char *const commands[] = {
     "make -B -f Makefile -C swingup test", /* what else is in the folder counts for nothing */
 };
 
-/* Files that make replaces. */
-static const char *const made[] = {"swingup_test", "swingup.o"};
-
 /* Our own programs are in the folder of this one. */
 static void find_programs(const app *self) {
     char own[4096];
@@ -105,6 +102,7 @@ static void run_command(const app *self, const char *command) {
 static int run(app *self) {
     APP_MUST_FILE(self, values.out, app_make_folder(values.out, &error));
     app_write_texts(self, values.out, texts, LG_COUNT(texts));
+    static const char *const made[] = {"swingup_test", "swingup.o"}; /* by make */
     for (size_t i = 0; i < LG_COUNT(made); i++) {
         APP_FREE char *path = app_format("%s/swingup/%s", values.out, made[i]);
         app_check_text(self, path,

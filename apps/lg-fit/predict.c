@@ -20,8 +20,8 @@ static predict_values values;
 
 /* ---- CSV ---- */
 
-/* Names of columns have at most LG_TABLE_NAME - 1 bytes. If a class has too long a name for this, all columns
- * have the numbers of the classes. */
+/* A column name has at most LG_TABLE_NAME - 1 bytes. If "probability_CLASS" is longer for any class, all
+ * columns are named by the number of the class instead. */
 static void put_header(FILE *to, const lg_table_file *file) {
     static const char before[] = "probability_";
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;

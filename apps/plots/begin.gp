@@ -19,7 +19,7 @@ stats datafile index 0 using (take(strcol(1)[2:*])) nooutput
 set datafile separator whitespace
 set datafile commentschars
 V(k) = real(T[k])
-# gnuplot cuts a text from a format after 49 bytes: a longer text with % gets the wide form of this sign.
+# gnuplot cuts a tick label with % after 49 bytes. In a longer label the full-width percent sign stands for %.
 percent(text, sign) = (out = "", sum [at = 1:strlen(text)] (out = out.(text[at:at] eq "%" ? sign : text[at:at]), 0), out)
 ascii = ""
 do for [k = 32:126] { ascii = ascii.sprintf("%c", k) }

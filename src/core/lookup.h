@@ -1,5 +1,4 @@
-/* Finds names in a sorted list. Readers use it for lists that come from a file: comparing each of n names
- * with each of n others would take n^2 steps. */
+/* Looks up names in a sorted list by binary search. So a file with many names cannot make a reader slow. */
 #ifndef LG_LOOKUP_H
 #define LG_LOOKUP_H
 

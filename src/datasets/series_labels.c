@@ -173,8 +173,8 @@ static bool whole_of(const char *text, double *value) {
     return floor(*value) == *value;
 }
 
-/* The labels of a list as texts, sorted, and those that are whole numbers once more, all written in the same
- * format. */
+/* A list of labels for lookups: `text` has all labels, `number` the whole numbers in one common format. Both
+ * are sorted. */
 typedef struct finder {
     lg_lookup *text, *number;
     char (*text_of)[LG_SERIES_NAME], (*digits)[NUMBER_TEXT];
@@ -215,9 +215,8 @@ static bool begin_finder(lg_labels *labels, char (*list)[LG_SERIES_NAME], uint32
     return true;
 }
 
-/* Finds the index of the same text in the list; if there is none, of the same whole number ("1" and "1.0").
- * Different whole numbers beyond 2^53 may be written in the same way, so the function then compares the
- * texts exactly. */
+/* Looks up a label: an equal text, or else an equal whole number ("1" equals "1.0"). Different whole numbers
+ * beyond 2^53 may have the same text in the common format, so all their digits are compared. */
 static bool find_in(const finder *f, const char *text, uint32_t *out) {
     double value;
     char digits[NUMBER_TEXT];

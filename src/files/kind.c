@@ -28,8 +28,7 @@ static lg_status read_format(void *user, lg_h5 *h5, lg_error *error) {
 }
 
 lg_status lg_file_is_ours(const lg_context *context, const char *path, bool *ours, lg_error *error) {
-    if (path == NULL || ours == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or the place for the answer is NULL");
+    LG_NEEDS(error, path, ours);
     *ours = false;
     return lg_h5_read(context, path, NULL, read_format, ours, error);
 }

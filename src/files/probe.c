@@ -92,7 +92,7 @@ static unsigned patience(const lg_read_options *options, const struct stat *file
     return seconds < INT_MAX ? (unsigned)seconds : (unsigned)INT_MAX;
 }
 
-/* Restricts the child. Returns NULL on success, else a text that names the missing restriction. */
+/* Restricts the child. Returns NULL on success, or else the name of the restriction that failed. */
 static const char *enter_child(const lg_read_options *options, const struct stat *file, int report) {
     static const int fatal[] = {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGXCPU, SIGTERM};
     for (size_t i = 0; i < LG_COUNT(fatal); i++) (void)signal(fatal[i], SIG_DFL);
@@ -117,8 +117,9 @@ static const char *enter_child(const lg_read_options *options, const struct stat
 
 /* ---- the report ----
  *
- * A child that has read a malicious file may send anything. The parent takes one report of a fixed size. It
- * rejects a status that does not exist, a text that is not terminated, and a text with control characters. */
+ * A child that has read a malicious file may send anything. The parent reads one report of a fixed size. It
+ * rejects a report if its status does not exist, if its text is not terminated, or if its text has control
+ * characters. */
 
 static bool transfer(int fd, void *data, size_t bytes) {
     unsigned char *at = data;

@@ -3,8 +3,9 @@
  * process that writes the file holds a lock on it (flock, which the kernel releases when the process dies).
  * A temporary file without a lock was left by a killed process.
  *
- * Somebody else who may write in the folder can give a folder of this user the name of a temporary folder. So
- * each temporary folder has a mark, an empty file of this user, and no folder without it is emptied.
+ * Another user who may write in the folder can rename a folder of this user to the name of a temporary
+ * folder. So each temporary folder contains a marker, an empty file that belongs to this user. A folder
+ * without a marker is not emptied.
  *
  * The number is known only when the file exists. Until then its name holds the time of its creation, and only
  * an empty file that was created at this time is taken for ours. */
@@ -116,14 +117,12 @@ static bool put_mark(int folder) {
     return fd >= 0 && close(fd) == 0;
 }
 
-/* Removes the files of a folder, the mark last. Such folders have no subfolders. */
+/* Removes the files of a folder, the marker last. Folders are not removed, so `.` and `..` need no check. */
 static void empty(int folder) {
     DIR *files = list(folder);
     const struct dirent *entry;
     while (files != NULL && (entry = readdir(files)) != NULL)
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0 &&
-            strcmp(entry->d_name, mark) != 0)
-            (void)unlinkat(folder, entry->d_name, 0);
+        if (strcmp(entry->d_name, mark) != 0) (void)unlinkat(folder, entry->d_name, 0);
     if (files != NULL) (void)closedir(files);
     (void)unlinkat(folder, mark, 0);
 }
@@ -166,7 +165,13 @@ void lg_sweep(int folder, const char *target) {
 static int create(int folder, const char *name, bool is_folder) {
     if (!is_folder) return openat(folder, name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (mkdirat(folder, name, 0777) != 0) return -1;
-    return openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    const int fd = openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    if (fd >= 0 && put_mark(fd)) return fd;
+    const int code = errno;
+    if (fd >= 0) (void)close(fd);
+    (void)unlinkat(folder, name, AT_REMOVEDIR);
+    errno = code;
+    return -1;
 }
 
 /* Locks the new file. Returns false if another process removed it before it was locked. If the file system
@@ -185,7 +190,7 @@ int lg_make_temporary(int folder, const char *target, bool is_folder, char name[
         temporary_name(target, (uint64_t)nanoseconds(now), (long)getpid(), name);
         const int fd = create(folder, name, is_folder);
         if (fd < 0 && errno != EEXIST) return -1;
-        if (fd >= 0 && hold(fd, &about) && (!is_folder || put_mark(fd))) {
+        if (fd >= 0 && hold(fd, &about)) {
             temporary_name(target, about.st_ino, (long)getpid(), numbered);
             if (lg_give_name(folder, name, numbered)) (void)strcpy(name, numbered);
             return fd;

@@ -8,7 +8,7 @@
  * position of a name. */
 void lg_field_fill(const lg_field *row, const double *values, uint32_t count, void *run);
 
-/* Returns whether a trial of this space can have this state, this number of reports and these values. */
+/* Returns true if the state, the number of reports and the values of the trial are valid for this space. */
 bool lg_trial_is_possible(const lg_search_space *space, const lg_trial *trial);
 
 #endif
