@@ -418,6 +418,17 @@ size_t app_file_options(const app *self, app_path *paths) {
     return count;
 }
 
+void app_read_options(const app *self) {
+    char text[LG_FIELD_TEXT_SIZE], *save = NULL;
+    for (size_t i = 0; i < self->slot_count; i++) {
+        const lg_field *row = self->slots[i].row;
+        if (row->file != LG_FILE_READ) continue;
+        lg_field_show(row, self->slots[i].values, text, sizeof text);
+        for (char *at = strtok_r(text, ",", &save); at != NULL; at = strtok_r(NULL, ",", &save))
+            if (row->type == LG_FIELD_STRING || strpbrk(at, "./") != NULL) app_reads(self, at); /* no name */
+    }
+}
+
 /* Checks the options that name files: required ones are given, and outputs can be written. */
 static int check_files(const app *self) {
     app_path paths[APP_SLOTS];

@@ -414,12 +414,14 @@ bool app_begins(const app *app, const char *path, const char *data, size_t bytes
  * may always be replaced. */
 lg_status app_may_replace(void *user, const char *path, const void *data, size_t bytes, lg_error *error);
 /* Checks before the work that a text with this first line may be written to `path` (NULL: nothing is
- * checked); `whole`: that a file there holds this text and nothing else. Ends the command otherwise.
+ * checked). Ends the command otherwise.
  * app_check_outputs checks files in HDF5, plots, and the data and scripts of plots. */
-void app_check_text(const app *app, const char *path, const char *text, bool whole);
+void app_check_text(const app *app, const char *path, const char *text);
 /* Registers an input that app_check_outputs does not see, such as a file that another input names. Ends the
  * command if the file is also an output. app_check_outputs may be called before or after this function. */
 void app_reads(const app *app, const char *path);
+/* Calls app_reads for the files of all options that are read, also of those that a resumed run has set. */
+void app_read_options(const app *app);
 /* Says that the command adds to this file, which it has checked, so it replaces no earlier result. */
 void app_continue(const char *path);
 /* Writes texts into a folder. If a file of such a name holds anything else, the command ends before the first
@@ -482,8 +484,11 @@ void app_plot_block(app_plot *plot);
 lg_status app_plot_end(const app *app, app_plot *plot, lg_error *error);
 
 /* Plots a confusion matrix: the count of each entry and its fraction of the row (confusion.c). confusion
- * (classes, classes): rows are the true classes. */
+ * (classes, classes): rows are the true classes. app_print_confusion prints the counts of at most 12
+ * classes. */
 enum { APP_CLASS_NAME = 64 }; /* LG_SERIES_NAME and LG_TABLE_NAME */
+void app_print_confusion(FILE *stream, const uint64_t *confusion, uint32_t classes,
+                         char (*class_name)[APP_CLASS_NAME]);
 lg_status app_draw_confusion(const app *app, const char *image, const char *title, const uint64_t *confusion,
                              uint32_t classes, char (*class_name)[APP_CLASS_NAME], lg_error *error);
 

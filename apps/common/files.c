@@ -99,67 +99,75 @@ bool app_same_file(const char *a, const char *b) {
 
 #define PLOT_DATA "=" APP_PLOT_DATA "\n"
 
-/* A file that a command reads or writes. */
-typedef struct used_file {
+/* A file that a command writes. */
+typedef struct written_file {
     const char *option; /* NULL for an argument */
     char *path;
-    bool written, streamed;
+    bool streamed;
     const char *begins; /* how an earlier result begins; NULL: not known before the file is written */
-} used_file;
+} written_file;
 
-/* Lists all files that a command reads or writes, inputs first. `out` has room for all of app.arguments and 3
- * count more: a plot has three files, the image, its data and its script. */
-static size_t list_files(const app *self, const app_path *paths, size_t count, used_file *out) {
+/* A file that this process reads. */
+typedef struct input {
+    struct input *next;
+    const char *option; /* NULL for an argument, and for a file that another input names */
+    char *path;
+} input;
+
+static input *inputs;
+
+static void add_input(const char *option, const char *path) {
+    const input added = {inputs, option, app_format("%s", path)};
+    inputs = memcpy(app_alloc(1, sizeof added), &added, sizeof added);
+}
+
+/* Lists the files that a command writes. `out` has room for 3 count: a plot has three files, the image, its
+ * data and its script. */
+static size_t list_outputs(const app_path *paths, size_t count, written_file *out) {
     size_t n = 0;
-    for (int i = 0; i < self->argument_count; i++)
-        out[n++] = (used_file){.path = app_format("%s", self->arguments[i])};
-    for (size_t i = 0; i < count; i++)
-        if (paths[i].path != NULL && paths[i].use == LG_FILE_READ)
-            out[n++] = (used_file){.option = paths[i].option, .path = app_format("%s", paths[i].path)};
     for (size_t i = 0; i < count; i++) {
         if (paths[i].path == NULL || paths[i].use == LG_FILE_READ) continue;
         const int stem = (int)strlen(paths[i].path) - 4;
-        used_file *made = &out[n++];
-        *made = (used_file){paths[i].option, app_format("%s", paths[i].path), true,
-                            paths[i].use == LG_FILE_STREAMED, NULL};
+        written_file *made = &out[n++];
+        *made = (written_file){paths[i].option, app_format("%s", paths[i].path),
+                               paths[i].use == LG_FILE_STREAMED, NULL};
         if (paths[i].use == LG_FILE_WRITTEN) made->begins = LG_H5_SIGNATURE;
         if (paths[i].use != LG_FILE_DRAWN) continue;
         made->begins = strcmp(paths[i].path + stem, ".png") == 0 ? "\x89PNG\r\n\x1a\n" : "<?xml";
         out[n++] =
-            (used_file){paths[i].option, app_format("%.*s.dat", stem, paths[i].path), true, false, PLOT_DATA};
-        out[n++] = (used_file){paths[i].option, app_format("%.*s.gp", stem, paths[i].path), true, false,
-                               APP_PLOT_SCRIPT};
+            (written_file){paths[i].option, app_format("%.*s.dat", stem, paths[i].path), false, PLOT_DATA};
+        out[n++] = (written_file){paths[i].option, app_format("%.*s.gp", stem, paths[i].path), false,
+                                  APP_PLOT_SCRIPT};
     }
     return n;
 }
 
 /* Returns whether the file is a pipe or a device that may be written to directly. */
-static bool is_stream(const used_file *file) {
+static bool is_stream(const written_file *file) {
     struct stat about;
     return file->streamed && stat(file->path, &about) == 0 && !S_ISREG(about.st_mode) &&
            !S_ISDIR(about.st_mode);
 }
 
-/* Checks that the output files[at] can be written and that it is not the same file as one before it in the
- * list. */
-static int check_output(const app *self, const used_file *files, size_t at) {
-    const used_file *file = &files[at];
+/* Checks that the output files[at] can be written, and that it is neither an input nor one of the outputs
+ * before it in the list. */
+static int check_output(const app *self, const written_file *files, size_t at) {
+    const written_file *file = &files[at];
+    const char *dashes = file->option != NULL ? "--" : "", *colon = file->option != NULL ? ": " : "",
+               *option = file->option != NULL ? file->option : "";
     lg_error error = {LG_OK, ""};
     const lg_status status = is_stream(file) ? LG_OK : app_check_writable(file->path, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, file->path);
-    for (size_t i = 0; i < at; i++) {
-        const used_file *other = &files[i];
-        if (!app_same_file(file->path, other->path)) continue;
-        const char *dashes = file->option != NULL ? "--" : "", *colon = file->option != NULL ? ": " : "",
-                   *option = file->option != NULL ? file->option : "";
-        if (other->written)
+    for (const input *in = inputs; in != NULL; in = in->next)
+        if (app_same_file(file->path, in->path))
+            return app_usage(self, "%s%s%s%s is an input%s%s and would be replaced", dashes, option, colon,
+                             file->path, in->option != NULL ? " of --" : "",
+                             in->option != NULL ? in->option : "");
+    for (size_t i = 0; i < at; i++)
+        if (app_same_file(file->path, files[i].path))
             return app_usage(self, "%s%s%s%s is also %s%s", dashes, option, colon, file->path,
-                             other->option != NULL ? "the output file of --" : "an output file",
-                             other->option != NULL ? other->option : "");
-        return app_usage(self, "%s%s%s%s is an input%s%s and would be replaced", dashes, option, colon,
-                         file->path, other->option != NULL ? " of --" : "",
-                         other->option != NULL ? other->option : "");
-    }
+                             files[i].option != NULL ? "the output file of --" : "an output file",
+                             files[i].option != NULL ? files[i].option : "");
     return APP_EXIT_OK;
 }
 
@@ -171,7 +179,7 @@ typedef struct claim {
     lg_lock lock;
 } claim;
 
-static claim *claims, *inputs; /* inputs: the files of app_reads; they have no locks */
+static claim *claims;
 
 void app_release_claims(void) {
     while (claims != NULL) {
@@ -304,17 +312,16 @@ void app_reads(const app *self, const char *path) {
     for (const output *o = outputs; o != NULL; o = o->next)
         if (app_same_file(o->target, path))
             app_stop_usage(self, "%s is an input and would be replaced", path);
-    inputs = memcpy(app_alloc(1, sizeof *inputs), &(claim){inputs, app_format("%s", path), {.fd = -1}},
-                    sizeof *inputs);
+    add_input(NULL, path);
 }
 
 void app_continue(const char *path) {
     output_of(path)->written = true;
 }
 
-void app_check_text(const app *self, const char *path, const char *text, bool whole) {
-    if (path != NULL)
-        APP_MUST_FILE(self, path, may_write(self, path, text, strlen(text), whole, false, &error));
+void app_check_text(const app *self, const char *path, const char *text) {
+    if (path == NULL) return;
+    APP_MUST_FILE(self, path, may_write(self, path, text, strlen(text), false, false, &error));
 }
 
 void app_write_texts(const app *self, const char *folder, const app_named_text *texts, size_t count) {
@@ -322,7 +329,8 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
         for (size_t i = 0; i < count; i++) {
             app_file file;
             APP_FREE char *path = app_format("%s/%s", folder, texts[i].name);
-            app_check_text(self, path, texts[i].text, true);
+            const char *text = texts[i].text;
+            APP_MUST_FILE(self, path, may_write(self, path, text, strlen(text), true, false, &error));
             if (!writing || output_of(path)->inode != 0) continue; /* inode: the text is there */
             app_file_begin(&file, path);
             (void)fputs(texts[i].text, file.stream);
@@ -332,7 +340,7 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
 
 /* Checks that the output does not exist or is an earlier result. An image is an earlier result only if its
  * data lie next to it. */
-static int check_earlier(const app *self, const used_file *file) {
+static int check_earlier(const app *self, const written_file *file) {
     lg_error error = {LG_OK, ""};
     const char *path = file->path, *begins = file->begins;
     const output *of = output_of(path); /* app_reads compares with all outputs */
@@ -347,33 +355,28 @@ static int check_earlier(const app *self, const used_file *file) {
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }
 
-static int claim_outputs(const app *self, const used_file *files, size_t count) {
+int app_check_outputs(const app *self, const app_path *paths, size_t count) {
+    input *registered = inputs;
+    for (int i = 0; i < self->argument_count; i++) add_input(NULL, self->arguments[i]);
+    for (size_t i = 0; i < count; i++) {
+        if (paths[i].path == NULL) continue;
+        if (paths[i].use == LG_FILE_READ) add_input(paths[i].option, paths[i].path);
+        if (paths[i].use == LG_FILE_DRAWN && !app_plot_name_fits(paths[i].path))
+            return app_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);
+    }
+    written_file *files = app_alloc(3 * count, sizeof *files);
+    const size_t n = list_outputs(paths, count, files);
     lg_error error = {LG_OK, ""};
     int code = APP_EXIT_OK;
-    for (size_t i = 0; i < count && code == APP_EXIT_OK; i++) {
-        if (!files[i].written) continue;
-        for (const claim *input = inputs; input != NULL; input = input->next)
-            if (app_same_file(files[i].path, input->target))
-                return app_usage(self, "%s is an input and would be replaced", files[i].path);
+    for (size_t i = 0; i < n && code == APP_EXIT_OK; i++) code = check_output(self, files, i);
+    for (size_t i = 0; i < n && code == APP_EXIT_OK; i++) {
         const lg_status status = app_claim(self, files[i].path, &error);
         code = status != LG_OK ? app_fail_file(self, status, &error, files[i].path)
                                : check_earlier(self, &files[i]);
     }
-    return code;
-}
-
-int app_check_outputs(const app *self, const app_path *paths, size_t count) {
-    for (size_t i = 0; i < count; i++)
-        if (paths[i].use == LG_FILE_DRAWN && paths[i].path != NULL && !app_plot_name_fits(paths[i].path))
-            return app_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);
-    used_file *files = app_alloc(LG_COUNT(self->arguments) + 3 * count, sizeof *files);
-    const size_t n = list_files(self, paths, count, files);
-    int code = APP_EXIT_OK;
-    for (size_t i = 0; i < n && code == APP_EXIT_OK; i++)
-        if (files[i].written) code = check_output(self, files, i);
-    if (code == APP_EXIT_OK) code = claim_outputs(self, files, n);
     for (size_t i = 0; i < n; i++) free(files[i].path);
     free(files);
+    inputs = registered;
     return code;
 }
 

@@ -576,7 +576,7 @@ static int run_search(searching *search, bool together) {
     const app *self = search->app;
     lg_error error = {LG_OK, ""};
     const double begin = app_seconds();
-    if (!self->continues) app_check_text(self, search->values->out, "# " LG_SEARCH_SEED, false);
+    if (!self->continues) app_check_text(self, search->values->out, "# " LG_SEARCH_SEED);
     lg_status status = together ? search_together(search, &error) : search_alone(search, &error);
     board_close(search->board);
     if (together && status == LG_NOT_FOUND) return APP_EXIT_OK; /* another process has finished the search */

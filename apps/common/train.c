@@ -150,7 +150,7 @@ static int check_files(app *self, const train_task *task) {
         {"plot", files->plot, LG_FILE_DRAWN}};
     enum { OWN = 6 };
     const int code = app_check_outputs(self, paths, OWN + app_file_options(self, paths + OWN));
-    if (code == APP_EXIT_OK) app_check_text(self, files->history, TRAIN_HISTORY, false);
+    if (code == APP_EXIT_OK) app_check_text(self, files->history, TRAIN_HISTORY);
     free(checkpoint);
     return code;
 }
@@ -453,8 +453,10 @@ int train_main(app *self, train_task *task) {
     stored_run stored = {NULL, NULL};
     train_race race;
     int code = train_open(self, task);
+    if (code == APP_EXIT_OK) app_read_options(self);
     if (code == APP_EXIT_OK) code = train_size(self, task, files->size, &race);
     if (code == APP_EXIT_OK) code = open_stored(self, task, &stored);
+    if (code == APP_EXIT_OK) app_read_options(self);
     if (code == APP_EXIT_OK) code = run_with(self, task, &stored, &race);
     lg_file_reader_destroy(stored.reader);
     free(stored.run);

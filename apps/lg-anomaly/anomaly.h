@@ -105,8 +105,6 @@ size_t count_novel(const app *app, const well_model *model, const lg_cut_series 
                    const lg_judgement *judged, lg_novelty_result *farthest);
 /* Writes the results of lg_detector_tell. */
 void json_metrics(app_json *json, const lg_judgement *judged, uint64_t hop, double rate);
-/* Prints the confusion matrix for people; prints nothing if there are more than 12 classes. */
-void print_confusion(FILE *stream, const lg_judgement *judged, const well_model *model);
 void print_metrics(const lg_judgement *judged, const well_model *model);
 
 /* ---- pictures (pictures.c): FILE.svg or FILE.png ---- */

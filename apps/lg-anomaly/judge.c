@@ -83,23 +83,6 @@ void json_metrics(app_json *json, const lg_judgement *judged, uint64_t hop, doub
     lg_training_clear(&list);
 }
 
-enum { SHOWN_CLASSES = 12 };
-
-void print_confusion(FILE *stream, const lg_judgement *judged, const well_model *model) {
-    app_table table;
-    if (judged->classes > SHOWN_CLASSES) return;
-    app_table_begin(&table, judged->classes + 1);
-    app_table_cell(&table, "true class / given");
-    for (uint32_t j = 0; j < judged->classes; j++) app_table_cell(&table, "%s", model->class_name[j]);
-    for (uint32_t i = 0; i < judged->classes; i++) {
-        app_table_cell(&table, "%s", model->class_name[i]);
-        for (uint32_t j = 0; j < judged->classes; j++)
-            app_table_cell(&table, "%llu",
-                           (unsigned long long)judged->confusion[(size_t)i * judged->classes + j]);
-    }
-    app_table_end(&table, stream);
-}
-
 void print_metrics(const lg_judgement *judged, const well_model *model) {
     const lg_metrics *metrics = &judged->metrics;
     if (judged->count == 0) {
@@ -113,5 +96,5 @@ void print_metrics(const lg_judgement *judged, const well_model *model) {
             model->classes == 2 ? "" : " (precision, recall and F1: mean over the classes)");
     const double alarms = lg_judgement_alarms(judged, model->cut.hop, model->rate);
     if (isfinite(alarms)) app_put(stdout, "false alarms per day: %.3g\n", alarms);
-    print_confusion(stdout, judged, model);
+    app_print_confusion(stdout, judged->confusion, judged->classes, model->class_name);
 }

@@ -31,11 +31,9 @@ static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
 
 /* Checks that the file is empty or begins as a log does. No other file is changed. */
 static lg_status check_begin(const watch_log *log, int fd, lg_error *error) {
-    const size_t n = strlen(log->begin);
     struct stat about;
-    APP_FREE char *found = app_alloc(n, 1);
     if (fstat(fd, &about) == 0 && (!S_ISREG(about.st_mode) || about.st_size == 0)) return LG_OK;
-    if (pread(fd, found, n, 0) == (ssize_t)n && memcmp(found, log->begin, n) == 0) return LG_OK;
+    if (app_begins(log->app, log->path, log->begin, strlen(log->begin), 1)) return LG_OK;
     return app_error(error, LG_FILE,
                      "%s: exists and is not a log of such verdicts: remove it, or choose another file",
                      log->path);

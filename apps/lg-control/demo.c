@@ -103,12 +103,10 @@ static int run(app *self) {
     APP_MUST_FILE(self, values.out, app_make_folder(values.out, &error));
     app_write_texts(self, values.out, texts, LG_COUNT(texts));
     static const char *const made[] = {"swingup_test", "swingup.o"}; /* by make */
+    static const char elf[] = {0x7f, 'E', 'L', 'F', '\0'};           /* how they begin */
     for (size_t i = 0; i < LG_COUNT(made); i++) {
         APP_FREE char *path = app_format("%s/swingup/%s", values.out, made[i]);
-        app_check_text(self, path,
-                       "\x7f"
-                       "ELF",
-                       false);
+        app_check_text(self, path, elf);
     }
     find_programs(self);
     if (chdir(values.out) != 0) app_stop(self, LG_FILE, "%s: %s", values.out, strerror(errno));

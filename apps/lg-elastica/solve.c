@@ -153,7 +153,7 @@ static void check_options(const app *self) {
 
 static int run(app *self) {
     check_options(self);
-    app_check_text(self, values.out, values.sweep > 0 ? SWEEP_HEAD : curves_head(values.branches), false);
+    app_check_text(self, values.out, values.sweep > 0 ? SWEEP_HEAD : curves_head(values.branches));
     const lg_elastica problem = beam_problem(self, &values.beam, &values.where.ends);
     lg_elastica_options options;
     lg_elastica_options_init(&options);

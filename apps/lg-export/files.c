@@ -464,7 +464,6 @@ static lg_status rename_files(place *at, lg_error *error) {
         const char *name = at->source->files[i].name;
         if (renameat(at->holds.fd, name, out, name) != 0) code = errno;
     }
-    lg_temporary_unmark(&at->holds);
     if (code == 0) (void)rmdir(at->temporary);
     if (out >= 0) (void)fsync(out);
     if (out >= 0) (void)close(out);
@@ -474,7 +473,6 @@ static lg_status rename_files(place *at, lg_error *error) {
 static lg_status rename_folder(place *at, lg_error *error) {
     struct stat old;
     if (stat(at->out, &old) == 0) (void)chmod(at->temporary, old.st_mode & 07777);
-    lg_temporary_unmark(&at->holds);
     if (rename(at->temporary, at->out) != 0) return place_error(at, "cannot be written", errno, error);
     app_sync_folder(at->parent);
     return LG_OK;
@@ -482,7 +480,6 @@ static lg_status rename_folder(place *at, lg_error *error) {
 
 static void remove_temporary(place *at) {
     if (at->temporary == NULL) return;
-    lg_temporary_unmark(&at->holds);
     for (size_t i = 0; i < at->source->file_count; i++)
         (void)unlinkat(at->holds.fd, at->source->files[i].name, 0);
     (void)rmdir(at->temporary);

@@ -45,28 +45,13 @@ lg_status draw_judgement(const app *self, const char *picture, const lg_table_st
 
 /* ---- text for people ---- */
 
-static void print_confusion(const lg_table_file *file, const lg_table_judgement *j) {
-    const uint32_t classes = file->run.model.net.outputs;
-    app_table table;
-    if (classes > SHOWN_CLASSES) return;
-    app_table_begin(&table, classes + 1);
-    app_table_cell(&table, "true \\ told");
-    for (uint32_t c = 0; c < classes; c++) app_table_cell(&table, "%s", file->output_name[c]);
-    for (uint32_t c = 0; c < classes; c++) {
-        app_table_cell(&table, "%s", file->output_name[c]);
-        for (uint32_t k = 0; k < classes; k++)
-            app_table_cell(&table, "%llu", (unsigned long long)j->confusion[c * classes + k]);
-    }
-    app_table_end(&table, stdout);
-}
-
 void judgement_print(const lg_table_state *of) {
     const lg_table_file *file = &of->file;
     const lg_table_judgement *j = &of->judged;
     app_table table = {0};
     if (file->run.model.options.task != LG_TABLE_REGRESSION) {
         app_put(stdout, "accuracy %.4f, f1 %.4f on %zu rows\n", j->accuracy, j->f1, j->rows);
-        print_confusion(file, j);
+        app_print_confusion(stdout, j->confusion, file->run.model.net.outputs, file->output_name);
         return;
     }
     app_table_row(&table, "column\trmse\tr2");

@@ -209,7 +209,7 @@ static int check_outputs(const app *host) {
                         {"out", "energy.svg", LG_FILE_DRAWN}};
     for (size_t i = 0; i < LG_COUNT(paths); i++) paths[i].path = inside(paths[i].path);
     const int code = app_check_outputs(host, paths, LG_COUNT(paths));
-    if (code == APP_EXIT_OK) app_check_text(host, paths[3].path, TRAIN_HISTORY, false);
+    if (code == APP_EXIT_OK) app_check_text(host, paths[3].path, TRAIN_HISTORY);
     for (size_t i = 0; i < LG_COUNT(paths); i++) free((void *)(uintptr_t)paths[i].path);
     return code;
 }

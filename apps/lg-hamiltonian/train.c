@@ -27,7 +27,6 @@ static train_task recipe = {
     .recipe = &lg_recipe_hamiltonian, .settings = settings, .state = &state, .print = print};
 
 static int run_train(app *self) {
-    if (app_given(self, "penalty-integral")) app_reads(self, run.penalty_integral); /* or a name */
     return train_main(self, &recipe);
 }
 

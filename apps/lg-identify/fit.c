@@ -9,7 +9,8 @@ static lg_machine_model_run run; /* Everything that determines the result. */
 
 static const lg_field options[] = {
     LG_OPTION(lg_machine_state, validation, STRING, "LOG,LOG,...",
-              "Logs that are not trained on: the parameters of the best epoch on them are the result"),
+              "Logs that are not trained on: the parameters of the best epoch on them are the result",
+              .file = LG_FILE_READ),
     LG_OPTION(lg_machine_state, suggest, STRING, "FILE.yaml|-",
               "Find out which terms the logs ask for, write the machine's file with them (-: print it), and "
               "learn this machine",
@@ -83,7 +84,7 @@ static train_task recipe = {
 
 static int run_fit(app *self) {
     if (state.suggest != NULL && strcmp(state.suggest, "-") != 0)
-        app_check_text(self, state.suggest, LG_SUGGEST_HEAD, false);
+        app_check_text(self, state.suggest, LG_SUGGEST_HEAD);
     return train_main(self, &recipe);
 }
 

@@ -1,17 +1,34 @@
 # A confusion matrix, coloured by the fraction of each row. T[1]: classes, T[2]: title; then the names of the classes.
 # Columns: given class (0, 1, ...), true class, fraction of the row, count. Above 24 classes the numbers would not fit.
 m = int(V(1))
+# The margins have 9 pixels for each letter of a name, or 7 in the smaller font of long names.
+longest = 0
+do for [c = 1:m] { if (strlen(T[2 + c]) > longest) { longest = strlen(T[2 + c]) } }
+is_long = longest > 16
+letters = is_long ? ",7" : ""
+left = (is_long ? 7 : 9)*longest + 60.0
+below = is_long ? left : 60.0
+width = width + left - 140
+height = height + below - 60
+if (picture eq "svg") { set terminal svg size width, height dynamic background rgb 'white' font 'Helvetica,13' }
+if (picture eq "png") { set terminal pngcairo size width, height font 'Helvetica,11' }
+set lmargin at screen left/width
+set rmargin at screen 1 - 40.0/width
+set bmargin at screen below/height
+set tmargin at screen 1 - 50.0/height
 set title T[2] noenhanced
 unset key
 unset colorbox
 unset grid
-set size square
-set xlabel 'given'
-set ylabel 'true'
+set label 'given' at graph 0.5, screen 20.0/height center
+set label 'true' at screen 20.0/width, graph 0.5 center rotate
 set xrange [-0.5:m - 0.5]
 set yrange [m - 0.5:-0.5]
 set cbrange [0:1]
 set palette defined (0 '#f4f7fb', 1 '#1f5fa8')
+set xtics font letters
+if (is_long) { set xtics rotate }
+set ytics font letters
 set xtics noenhanced ()
 set ytics noenhanced ()
 set for [c = 1:m] xtics add (tic(T[2 + c]) c - 1)

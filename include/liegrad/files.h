@@ -107,10 +107,9 @@ typedef struct lg_temporary {
 } lg_temporary;
 /* Creates and locks a temporary file, or with `folder` a folder. Before that it removes the temporary files
  * and folders that killed writers of this target left: those whose names hold their own inode, that belong
- * to this user, and that nobody has locked. A temporary folder contains a marker, the empty file
- * .liegrad-tmp; a folder with other files and without a marker is not removed. lg_lock_take removes them
- * too. Errors: LG_FILE with a sentence (also if the target itself has the name of a lock or of a temporary
- * file), LG_OUT_OF_MEMORY. */
+ * to this user, and that nobody has locked. Folders with files stay. lg_lock_take removes them too. Errors:
+ * LG_FILE with a sentence (also if the target itself has the name of a lock or of a temporary file),
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder,
                                      lg_temporary *out, lg_error *error);
 /* Gives the complete temporary file the name `target`, for which lg_temporary_create made it: fsync of the
@@ -118,8 +117,6 @@ LG_API lg_status lg_temporary_create(const lg_context *context, const char *targ
  * sync folders, this is no error. Error: LG_FILE with a sentence; then the temporary file still has its
  * temporary name. */
 LG_API lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_error *error);
-/* Removes the marker from a temporary folder. Call it before you rename or remove the folder. */
-LG_API void lg_temporary_unmark(lg_temporary *temporary);
 /* Closes the descriptor and frees the name. Call it after lg_temporary_publish, the rename of a folder, or
  * the removal; this function reports no errors. */
 LG_API void lg_temporary_end(lg_temporary *temporary);

@@ -44,7 +44,8 @@ typedef enum lg_field_type {
     LG_FIELD_MAP    /* a mapping; its keys have rows too, such as "inputs.hold" below the row "inputs" */
 } lg_field_type;
 
-/* What a command does with the file whose name is the value of a LG_FIELD_STRING. */
+/* What a command does with the file whose name is the value of a LG_FIELD_STRING. LG_FILE_READ is also for
+ * lists of files, separated by commas, and for a LG_FIELD_PHRASE. */
 typedef enum lg_file_use {
     LG_FILE_NOT,      /* the text is not the name of a file, or the command itself does all checks */
     LG_FILE_READ,     /* reads the file */
@@ -86,7 +87,7 @@ typedef struct lg_field {
     /* An option with this mark must be given. A key of a YAML file with this mark must be there if the
      * mapping that it belongs to is there. */
     bool required;
-    lg_file_use file; /* for type STRING */
+    lg_file_use file; /* for types STRING and PHRASE */
     bool adam;        /* the field applies only if Adam takes part in the training */
     bool optional; /* files of earlier versions may lack it; their readers then use a default of their own */
     /* Bit v is set: the field applies to runs whose method has number v. 0: it applies to all runs. */

@@ -4,8 +4,7 @@
  * A temporary file without a lock was left by a killed process.
  *
  * Another user who may write in the folder can rename a folder of this user to the name of a temporary
- * folder. So each temporary folder contains a marker, an empty file that belongs to this user. A folder
- * without a marker is not emptied.
+ * folder. So only empty folders are removed: what a killed export left in its folder stays.
  *
  * The number is known only when the file exists. Until then its name holds the time of its creation, and only
  * an empty file that was created at this time is taken for ours. */
@@ -104,29 +103,6 @@ static DIR *list(int folder) {
     return listed;
 }
 
-static const char mark[] = ".liegrad-tmp";
-
-static bool has_mark(int folder) {
-    struct stat about;
-    return fstatat(folder, mark, &about, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(about.st_mode) &&
-           about.st_size == 0 && about.st_nlink == 1 && about.st_uid == geteuid();
-}
-
-static bool put_mark(int folder) {
-    const int fd = openat(folder, mark, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-    return fd >= 0 && close(fd) == 0;
-}
-
-/* Removes the files of a folder, the marker last. Folders are not removed, so `.` and `..` need no check. */
-static void empty(int folder) {
-    DIR *files = list(folder);
-    const struct dirent *entry;
-    while (files != NULL && (entry = readdir(files)) != NULL)
-        if (strcmp(entry->d_name, mark) != 0) (void)unlinkat(folder, entry->d_name, 0);
-    if (files != NULL) (void)closedir(files);
-    (void)unlinkat(folder, mark, 0);
-}
-
 /* Removes a temporary file or folder of this user that no process has locked. It is opened once and then used
  * by its descriptor, so another file that gets the same name in the meantime is not removed. */
 static void remove_left(int folder, const char *name, uint64_t number) {
@@ -137,7 +113,6 @@ static void remove_left(int folder, const char *name, uint64_t number) {
                              : openat(folder, name, O_WRONLY | O_NONBLOCK | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0) return;
     if (flock(fd, LOCK_EX | LOCK_NB) == 0 && fstat(fd, &about) == 0 && is_ours(&about, number)) {
-        if (is_folder && about.st_ino == number && has_mark(fd)) empty(fd);
         if (lg_has_name(fd, folder, name)) (void)unlinkat(folder, name, is_folder ? AT_REMOVEDIR : 0);
     }
     (void)close(fd);
@@ -165,13 +140,7 @@ void lg_sweep(int folder, const char *target) {
 static int create(int folder, const char *name, bool is_folder) {
     if (!is_folder) return openat(folder, name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (mkdirat(folder, name, 0777) != 0) return -1;
-    const int fd = openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    if (fd >= 0 && put_mark(fd)) return fd;
-    const int code = errno;
-    if (fd >= 0) (void)close(fd);
-    (void)unlinkat(folder, name, AT_REMOVEDIR);
-    errno = code;
-    return -1;
+    return openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
 }
 
 /* Locks the new file. Returns false if another process removed it before it was locked. If the file system
@@ -257,10 +226,6 @@ lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_e
         return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
     sync_folder(target);
     return LG_OK;
-}
-
-void lg_temporary_unmark(lg_temporary *temporary) {
-    (void)unlinkat(temporary->fd, mark, 0);
 }
 
 void lg_temporary_end(lg_temporary *temporary) {

@@ -94,7 +94,7 @@ const lg_field lg_hamiltonian_fields[] = {
     HAMILTONIAN(
         "run", "penalty_integral", PHRASE, penalty_integral, .parse = parse_integral, .phrase = show_integral,
         .value_name = name_integral, .form = "the file of a program with a function `integral`",
-        .optional = true, .value = "oscillator", .unit = "NAME|FILE",
+        .optional = true, .value = "oscillator", .unit = "NAME|FILE", .file = LG_FILE_READ,
         .meaning =
             "The first integral whose change is penalised; if not given, the first one that fits the system"),
     HAMILTONIAN("run", "penalty_copy", U32, penalty_copy, .optional = true, .high = LG_HAMILTONIAN_MAX_COPIES,
