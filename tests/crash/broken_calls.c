@@ -124,7 +124,7 @@ static void try_call(breaking *k, size_t way, long n) {
     b->gaps = k->of == FAULT_FILES && said > 0;
     if (code != 0) check_cut_short(b, 0, progress(j));
     b->gaps = false;
-    const int left = count_left(work(""), ".liegrad-");
+    const int left = count_left(work(""), ".liegrad-", true);
     if (left > 0 && k->of == FAULT_MEMORY) fail(b, "%s: %d temporary files or locks are left", told, left);
     if (code != 0) resume(k, told);
 }

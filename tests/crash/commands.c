@@ -247,7 +247,7 @@ bool exists(const char *path) {
 }
 
 /* Number of names below the folder that contain `part`. */
-int count_left(const char *path, const char *part) {
+int count_left(const char *path, const char *part, bool folders) {
     int count = 0;
     DIR *folder = opendir(path);
     for (const struct dirent *entry; folder != NULL && (entry = readdir(folder)) != NULL;) {
@@ -255,8 +255,8 @@ int count_left(const char *path, const char *part) {
         const char *name = entry->d_name;
         if (strcmp(name, ".") == 0 || strcmp(name, "..") == 0) continue;
         (void)snprintf(inner, sizeof inner, "%.700s/%.255s", path, name);
-        count += strstr(name, part) != NULL;
-        if (entry->d_type == DT_DIR) count += count_left(inner, part);
+        count += strstr(name, part) != NULL && (folders || entry->d_type != DT_DIR);
+        if (entry->d_type == DT_DIR) count += count_left(inner, part, folders);
     }
     if (folder != NULL) (void)closedir(folder);
     return count;

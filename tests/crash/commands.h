@@ -81,8 +81,8 @@ void note_outputs(bench *b);
 const char *work(const char *name);
 bool exists(const char *path);
 
-/* Number of names below the folder that contain `part`. */
-int count_left(const char *path, const char *part);
+/* Number of names below the folder that contain `part`; without `folders` those of files alone. */
+int count_left(const char *path, const char *part, bool folders);
 
 /* Returns the number of epochs or rows in the checkpoint: 0 if the checkpoint does not exist, -1 if it cannot
  * be read. */

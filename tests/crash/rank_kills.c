@@ -200,7 +200,7 @@ static void check_left(bench *b, const char *when) {
     const bool board = b->job->checkpoint != NULL && b->job->again[0] == '\0';
     for (size_t i = 0; i < LG_COUNT(parts); i++) {
         if (strcmp(when, "SIGTERM") == 0 && board && i == 1) continue;
-        const int left = count_left(work(""), parts[i]);
+        const int left = count_left(work(""), parts[i], true);
         if (left > 0) fail(b, "%s: %d files *%s* are left", when, left, parts[i]);
     }
 }
