@@ -121,6 +121,16 @@ static void add_input(const char *option, const char *path) {
     inputs = memcpy(app_alloc(1, sizeof added), &added, sizeof added);
 }
 
+/* Removes the inputs that were added after `last`. */
+static void drop_inputs(input *last) {
+    while (inputs != last) {
+        input *first = inputs;
+        inputs = first->next;
+        free(first->path);
+        free(first);
+    }
+}
+
 /* Lists the files that a command writes. `out` has room for 3 count: a plot has three files, the image, its
  * data and its script. */
 static size_t list_outputs(const app_path *paths, size_t count, written_file *out) {
@@ -356,14 +366,13 @@ static int check_earlier(const app *self, const written_file *file) {
 }
 
 int app_check_outputs(const app *self, const app_path *paths, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (paths[i].use == LG_FILE_DRAWN && paths[i].path != NULL && !app_plot_name_fits(paths[i].path))
+            return app_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);
     input *registered = inputs;
     for (int i = 0; i < self->argument_count; i++) add_input(NULL, self->arguments[i]);
-    for (size_t i = 0; i < count; i++) {
-        if (paths[i].path == NULL) continue;
-        if (paths[i].use == LG_FILE_READ) add_input(paths[i].option, paths[i].path);
-        if (paths[i].use == LG_FILE_DRAWN && !app_plot_name_fits(paths[i].path))
-            return app_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);
-    }
+    for (size_t i = 0; i < count; i++)
+        if (paths[i].use == LG_FILE_READ && paths[i].path != NULL) add_input(paths[i].option, paths[i].path);
     written_file *files = app_alloc(3 * count, sizeof *files);
     const size_t n = list_outputs(paths, count, files);
     lg_error error = {LG_OK, ""};
@@ -376,7 +385,7 @@ int app_check_outputs(const app *self, const app_path *paths, size_t count) {
     }
     for (size_t i = 0; i < n; i++) free(files[i].path);
     free(files);
-    inputs = registered;
+    drop_inputs(registered);
     return code;
 }
 

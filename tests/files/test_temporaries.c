@@ -504,7 +504,11 @@ TEST("locks of long names, and of a folder, work") {
         assert_true(lock.fd >= 0 && is_there(lock.name));
         lg_lock_release(&lock);
     }
-    assert_true(before[0] != '\0' && scandir("out", &(struct dirent **){NULL}, NULL, NULL) == 2);
+    struct dirent **names = NULL;
+    assert_true(before[0] != '\0' && scandir("out", &names, NULL, NULL) == 2);
+    free(names[0]);
+    free(names[1]);
+    free(names);
 }
 
 /* In a child without the rights of the superuser: what taking the lock of model.h5 gives. */
