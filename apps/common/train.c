@@ -446,6 +446,7 @@ int train_open(app *self, train_task *task) {
     train_begin(self, task, 0);
     int code = check_options(self, task);
     if (code == APP_EXIT_OK) code = check_files(self, task);
+    if (code == APP_EXIT_OK) app_read_options(self);
     return code == APP_EXIT_OK ? train_read(self, task) : code;
 }
 
@@ -453,7 +454,6 @@ int train_main(app *self, train_task *task) {
     stored_run stored = {NULL, NULL};
     train_race race;
     int code = train_open(self, task);
-    if (code == APP_EXIT_OK) app_read_options(self);
     if (code == APP_EXIT_OK) code = train_size(self, task, files->size, &race);
     if (code == APP_EXIT_OK) code = open_stored(self, task, &stored);
     if (code == APP_EXIT_OK) app_read_options(self);

@@ -246,7 +246,6 @@ bool exists(const char *path) {
     return stat(path, &about) == 0;
 }
 
-/* Number of names below the folder that contain `part`. */
 int count_left(const char *path, const char *part, bool folders) {
     int count = 0;
     DIR *folder = opendir(path);

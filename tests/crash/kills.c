@@ -136,8 +136,10 @@ static void run_rest(killing *k) {
     if (j->counted && l.saved != k->saved - at / step)
         fail(b, "%ld checkpoints after %ld of %ld, each of %ld", l.saved, at, k->end, step);
     k->sum.equal += outputs_equal(b) && resumes;
-    /* a killed lg-export leaves its folder */
-    const int left = count_left(work(""), ".liegrad-", strcmp(j->program, "lg-export") != 0);
+    /* each killed lg-export may leave its folder, and nothing else */
+    const int files = count_left(work(""), ".liegrad-", false), all = count_left(work(""), ".liegrad-", true);
+    const uint64_t allowed = strcmp(j->program, "lg-export") == 0 ? k->sum.kills : 0;
+    const int left = files > 0 || (uint64_t)all > allowed ? all : 0;
     k->sum.left += (uint64_t)left;
     if (left > 0) fail(b, "%d temporary files or locks are left", left);
 }
