@@ -40,6 +40,15 @@ def run(command, extra=None):
     return json.loads(done.stdout)
 
 
+def compiled(name, build, out, *flags, libraries=("liegrad_io", "liegrad")):
+    """Compiles bench/c/NAME.c against the libraries of the build folder; returns `out`."""
+    folder = os.path.join(os.path.abspath(build), "lib")
+    subprocess.run([os.environ.get("CC", "cc"), "-std=gnu11", "-O2", *flags, os.path.join(HERE, "c", name + ".c"), "-o", out,
+                    "-I" + os.path.join(ROOT, "include"), "-L" + folder, "-Wl,-rpath," + folder,
+                    *("-l" + each for each in libraries), "-lm"], check=True)
+    return out
+
+
 def find_lg_bench(build):
     for folder in ([build] if build else []) + [os.environ.get("LIEGRAD_BUILD", ""), os.path.join(ROOT, "build")]:
         path = os.path.join(folder, "bin", "lg-bench")
