@@ -40,12 +40,16 @@ def run(command, extra=None):
     return json.loads(done.stdout)
 
 
-def compiled(name, build, out, *flags, libraries=("liegrad_io", "liegrad")):
-    """Compiles bench/c/NAME.c against the libraries of the build folder; returns `out`."""
+def linked(build):
+    """The words that link a program with the shared libraries of a build folder."""
     folder = os.path.join(os.path.abspath(build), "lib")
+    return ["-L" + folder, "-Wl,-rpath," + folder, "-lliegrad_io", "-lliegrad", "-lm"]
+
+
+def compiled(name, build, out, *flags):
+    """Compiles bench/c/NAME.c with the libraries of a build folder. Returns `out`, the path of the result."""
     subprocess.run([os.environ.get("CC", "cc"), "-std=gnu11", "-O2", *flags, os.path.join(HERE, "c", name + ".c"), "-o", out,
-                    "-I" + os.path.join(ROOT, "include"), "-L" + folder, "-Wl,-rpath," + folder,
-                    *("-l" + each for each in libraries), "-lm"], check=True)
+                    "-I" + os.path.join(ROOT, "include"), *linked(build)], check=True)
     return out
 
 

@@ -420,7 +420,8 @@ void app_check_text(const app *app, const char *path, const char *text);
 /* Registers an input that app_check_outputs does not see, such as a file that another input names. Ends the
  * command if the file is also an output. app_check_outputs may be called before or after this function. */
 void app_reads(const app *app, const char *path);
-/* Calls app_reads for each file that an option names for reading, given by the user or by a resumed run. */
+/* Calls app_reads for every input file that an option names. The value of the option is the user's, or comes
+ * from a resumed run. */
 void app_read_options(const app *app);
 /* Says that the command adds to this file, which it has checked, so it replaces no earlier result. */
 void app_continue(const char *path);

@@ -353,7 +353,7 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
 static int check_earlier(const app *self, const written_file *file) {
     lg_error error = {LG_OK, ""};
     const char *path = file->path, *begins = file->begins;
-    const output *of = output_of(path); /* also enters the path in the list that app_reads searches */
+    const output *of = output_of(path); /* output_of adds the path to the outputs, which app_reads searches */
     if (begins == NULL) return APP_EXIT_OK;
     lg_status status = may_write(self, path, begins, strlen(begins), false, false, &error);
     const bool drawn = app_plot_name_fits(path);
