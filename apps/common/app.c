@@ -12,6 +12,7 @@
 
 #include "liegrad/files.h"
 #include "liegrad/settings.h"
+#include "model/files/training.h"
 
 enum { KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000 };
 
@@ -109,7 +110,7 @@ enum { COMMON = LG_COUNT(common_options) - 1, HELP_SIZE = 2048 };
 /* `text` has HELP_SIZE bytes. */
 static struct argp_option argp_row(const lg_field *row, const char *name, int key, int group, char *text) {
     const bool alone = row->type == LG_FIELD_SWITCH;
-    (void)lg_field_describe(row, text, HELP_SIZE);
+    (void)lg_training_describe_field(row, text, HELP_SIZE);
     return (struct argp_option){name, key,  alone ? NULL : row->unit != NULL ? row->unit : "NAME",
                                 0,    text, group};
 }

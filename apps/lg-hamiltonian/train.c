@@ -40,10 +40,10 @@ const app_command train_command = {
         "learned Hamiltonian; with --penalty, plus the penalty. The `loss` reported is this mean squared "
         "error (no penalty) over all trajectories of the file, in double precision, at the parameters that "
         "are written; `running_loss` is the last epoch's mean over its batches. `floor` is the part of this "
-        "error that the integrator's steps make, estimated by steps of half the size.\n\nThe defaults above "
-        "belong to --preset thesis. If no option of Adam is given, the preset is best: it chooses method, "
-        "widths, epochs, prior and scheme for the system. docs/reports/accuracy.md has its table; --json "
-        "prints the values of a run.\n\nCtrl-C saves a checkpoint and ends with exit code 130; --resume "
+        "error that the integrator's steps make, estimated by steps of half the size.\n\nIf an option of "
+        "Adam is given, the defaults are those of --preset thesis, else of --preset best. "
+        "docs/reports/accuracy.md has the table of both; --json prints the values of a run.\n\nCtrl-C saves "
+        "a checkpoint and ends with exit code 130; --resume "
         "continues to the same bits.",
     .settings = settings,
     .run = run_train,

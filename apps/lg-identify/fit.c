@@ -95,9 +95,8 @@ const app_command fit_command = {
     .details =
         "Windows of --window rows are predicted from their first row. The loss is the mean over windows and "
         "rows of squared errors in units of the noise; without noise, of the velocities' root mean squares "
-        "and of half the way in a window. Short windows are fitted first.\n\nMethod, epochs, prior, window, "
-        "stride, starts and substeps that are not given are chosen by the logs and the machine, whatever the "
-        "defaults above: docs/machines.md has the table, --json the values of a run.",
+        "and of half the way in a window. Short windows are fitted first.\n\ndocs/machines.md says how "
+        "data and model choose options that are not given; --json prints the values of a run.",
     .settings = settings,
     .run = run_fit,
     .together = APP_RANKS};

@@ -24,9 +24,8 @@ const lg_field lg_detector_fields[] = {
              .meaning = "cnn: width of the layer before the output, 0 for none; 2 can be drawn"),
     DETECTOR("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation, PRESET(),
              .methods = NETWORK, .meaning = "cnn: activation of all layers"),
-    DETECTOR("model", "loss", NAME, model.loss, .value_name = name_loss,
-             .otherwise = "the preset's; cross-entropy for more than two classes", .methods = NETWORK,
-             .meaning = "cnn: loss function; mse is for two classes"),
+    DETECTOR("model", "loss", NAME, model.loss, .value_name = name_loss, .otherwise = LG_OF_PRESET,
+             .methods = NETWORK, .meaning = "cnn: loss function; mse is for two classes"),
     DETECTOR(
         "model", "centred", FLAG, model.centred, .value_name = lg_name_yes, .value = "no", .methods = NETWORK,
         .meaning = "cnn: subtract each window's mean from its channels, so that the network learns from the "
@@ -43,6 +42,6 @@ const lg_field lg_detector_fields[] = {
              .methods = NETWORK,
              .meaning = "cnn: how often at most a network that died (a layer is constant over all training "
                         "windows) is started again, with other weights from the same seed"),
-    TRAINING_ROWS(lg_detector_run, "optimizer", any_loss, "cnn: windows", NETWORK, PRESET),
+    TRAINING_ROWS(lg_detector_run, "optimizer", any_loss, "cnn: windows", NETWORK, PRESET, PRESET),
     TRAINING(lg_detector_run, validation, REAL, .value = "0", .option = "", VALIDATION),
     LG_FIELD_END};

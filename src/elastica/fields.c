@@ -43,7 +43,7 @@ const lg_field lg_surrogate_fields[] = {
     OPTION("model", symmetric, FLAG, .value_name = lg_name_truth, .optional = true, .value = "false",
            .methods = ANGLE, .meaning = "Reconstruct q from both ends; false: from the first"),
     OPTION("model", modes, U32, .high = 1 << 20, .optional = true,
-           .otherwise = "the preset's, as many as the curves need", .unit = "K", .methods = DISCRETE,
+           .otherwise = LG_CHOSEN ": as many as the curves need", .unit = "K", .methods = DISCRETE,
            .meaning =
                "Fixed last layer: leading singular vectors of the training curves, 0 for a learned one"),
     OPTION("model", angles, FLAG, .value_name = lg_name_truth, .optional = true, PRESET(),
@@ -76,6 +76,6 @@ const lg_field lg_surrogate_fields[] = {
         "run", "most_curves", U64, most_curves, .high = 1e9, .optional = true, PRESET(), .unit = "n",
         .meaning =
             "Learn from at most this many curves of the training part, evenly chosen; 0: from all curves"),
-    TRAINING_ROWS(lg_surrogate_run, "method", any_loss, "Curves (continuous: points)", 0, PRESET),
+    TRAINING_ROWS(lg_surrogate_run, "method", any_loss, "Curves (continuous: points)", 0, PRESET, PRESET),
     TRAINING(lg_surrogate_run, validation, REAL, PRESET(), VALIDATION),
     LG_FIELD_END};

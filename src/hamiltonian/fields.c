@@ -85,7 +85,7 @@ const lg_field lg_hamiltonian_fields[] = {
                 .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, REPLACED("100,100,100"), .unit = "W,W,...",
                 .meaning = "Widths of the hidden layers of the potential"),
     HAMILTONIAN("run", "integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
-                .otherwise = "the integrator of the family, see lg-hamiltonian --help",
+                .otherwise = LG_CHOSEN ": the integrator of the family, see lg-hamiltonian --help",
                 .meaning = "Scheme of the steps between two points of the data"),
     HAMILTONIAN("run", "substeps", U32, substeps, .low = 1, .high = 1e6, .value = "1", .unit = "n",
                 .meaning = "Integrator steps between two points of the data"),
@@ -94,9 +94,9 @@ const lg_field lg_hamiltonian_fields[] = {
     HAMILTONIAN(
         "run", "penalty_integral", PHRASE, penalty_integral, .parse = parse_integral, .phrase = show_integral,
         .value_name = name_integral, .form = "the file of a program with a function `integral`",
-        .optional = true, .value = "oscillator", .unit = "NAME|FILE", .file = LG_FILE_READ,
-        .meaning =
-            "The first integral whose change is penalised; if not given, the first one that fits the system"),
+        .optional = true, .value = "oscillator",
+        .otherwise = LG_CHOSEN ": oscillator, or the first one that fits the system", .unit = "NAME|FILE",
+        .file = LG_FILE_READ, .meaning = "The first integral whose change is penalised"),
     HAMILTONIAN("run", "penalty_copy", U32, penalty_copy, .optional = true, .high = LG_HAMILTONIAN_MAX_COPIES,
                 .value = "0", .unit = "j",
                 .meaning =
@@ -120,8 +120,8 @@ const lg_field lg_hamiltonian_fields[] = {
                 .meaning =
                     "Scale the potential's last layer before training, towards the forces of the data"),
     HAMILTONIAN(
-        "run", "units", NAME, units, LG_NAMES([LG_UNITS_GIVEN] = "given", [LG_UNITS_DATA] = "data"),
-        .optional = true, REPLACED("given"),
+        "run", "units", NAME, units,
+        LG_NAMES([LG_UNITS_GIVEN] = "given", [LG_UNITS_DATA] = "data"), .optional = true, REPLACED("given"),
         .meaning =
             "Units in which training computes and weighs its loss (given: the units of the data; data: "
             "scales of the data, so that the result does not depend on the units)"),
@@ -130,6 +130,6 @@ const lg_field lg_hamiltonian_fields[] = {
                 .optional = true, .value = "measured",
                 .meaning = "Where predictions start: at the first points, or at estimated points near them, "
                            "for first points with noise"),
-    TRAINING_ROWS(lg_hamiltonian_run, "method", squares, "Trajectories", 0, REPLACED),
+    TRAINING_ROWS(lg_hamiltonian_run, "method", squares, "Trajectories", 0, REPLACED, REPLACED),
     TRAINING(lg_hamiltonian_run, validation, REAL, .value = "0", VALIDATION),
     LG_FIELD_END};

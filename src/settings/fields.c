@@ -154,20 +154,31 @@ bool lg_field_fits(const lg_field *row, const void *run) {
     return in_range(row, lg_field_number(row, run));
 }
 
+/* Writes the number with 15 digits if they give it exactly, else with 17. */
+static void number_shown(double number, char out[32]) {
+    (void)lg_format(out, 32, "%.15g", number);
+    if (lg_real(out, NULL) != number) (void)lg_format(out, 32, "%.17g", number);
+}
+
 static void show_list(const lg_field *row, const void *run, char *text, size_t size) {
     double values[LG_FIELD_LIST_MAX];
     const uint32_t count = lg_field_list(row, run, values);
+    char number[32];
     size_t used = 0;
     text[0] = '\0';
-    for (uint32_t i = 0; i < count && used < size; i++)
-        used += (size_t)lg_format(text + used, size - used, "%s%.17g", i > 0 ? "," : "", values[i]);
+    for (uint32_t i = 0; i < count && used < size; i++) {
+        number_shown(values[i], number);
+        used += (size_t)snprintf(text + used, size - used, "%s%s", i > 0 ? "," : "", number);
+    }
 }
 
 void lg_field_show(const lg_field *row, const void *run, char *text, size_t size) {
     const char *name;
+    char number[32];
     switch (row->type) {
     case LG_FIELD_REAL:
-        (void)lg_format(text, size, "%.17g", lg_field_number(row, run));
+        number_shown(lg_field_number(row, run), number);
+        (void)snprintf(text, size, "%s", number);
         break;
     case LG_FIELD_U64:
     case LG_FIELD_U32:
@@ -227,12 +238,6 @@ void lg_fields_default(const lg_field *rows, void *run) {
 
 /* ---- descriptions of what a field accepts ---- */
 
-/* Writes the bound with 15 digits if they give it exactly, else with 17. */
-static void bound_text(double bound, char out[32]) {
-    (void)lg_format(out, 32, "%.15g", bound);
-    if (lg_real(out, NULL) != bound) (void)lg_format(out, 32, "%.17g", bound);
-}
-
 /* True if some number in `text` (a list or a single number) is above the upper bound. */
 static bool exceeds(const lg_field *row, const char *text) {
     for (char *end;; text = end + 1) {
@@ -250,11 +255,11 @@ static size_t number_text(const lg_field *row, const char *text, char *out, size
     char bound[32];
     size_t used = (size_t)snprintf(out, size, "%s%s%s", list ? "a list of " : "a ",
                                    whole ? "whole number" : "number", list ? "s" : "");
-    bound_text(row->low, bound);
+    number_shown(row->low, bound);
     if (low)
         used +=
             (size_t)snprintf(out + used, size - used, " %s %s", row->above ? "above" : "of at least", bound);
-    bound_text(row->high, bound);
+    number_shown(row->high, bound);
     if (high && row->high == 0x1p64)
         used += (size_t)snprintf(out + used, size - used, " and below 2^64");
     else if (high)
@@ -286,7 +291,7 @@ static void form_text(const lg_field *row, char *out, size_t size) {
 /* Formats the range as "1 to 1048576", "above 0 to 1" or "0 or more". */
 static void span_text(const lg_field *row, char *text, size_t size) {
     char low[32], high[32] = "";
-    bound_text(row->low, low);
+    number_shown(row->low, low);
     if (row->high < 0x1p63) (void)lg_format(high, sizeof high, row->high < 1e7 ? "%.15g" : "%g", row->high);
     (void)snprintf(text, size, "%s%s%s%s%s", is_list(row) ? "each " : "", row->above ? "above " : "", low,
                    high[0] != '\0' ? " to "

@@ -5,18 +5,19 @@
 #include "liegrad/settings.h"
 #include "settings/names.h"
 
-/* The options of training of every kind of model. VALUE(text) states the default. */
+/* The options of training of every kind of model. VALUE(text) states the default; CHOICE(text)
+ * that of method, epochs and prior. */
 #define TRAINING(run_, member, type, ...) LG_FIELD(run_, "run", #member, type, training.member, __VA_ARGS__)
-#define TRAINING_ROWS(run_, method_, losses_, samples, methods_, VALUE)                                      \
+#define TRAINING_ROWS(run_, method_, losses_, samples, methods_, VALUE, CHOICE)                              \
     LG_FIELD(run_, "run", method_, PHRASE, training.plan, .parse = lg_plan_parse_##losses_,                  \
              .phrase = lg_plan_show, .value_name = lg_plan_name_##losses_,                                   \
              .form = "phases as in adam:100,ssbroyden", .optional = true, .methods = methods_,               \
-             VALUE("adam"), .unit = "M",                                                                     \
+             CHOICE("adam"), .unit = "M",                                                                    \
              .meaning = "Method of training; an epoch of adam and sgd is a step per batch, an epoch of "     \
                         "the others one evaluation of the loss on all data"),                                \
         TRAINING(run_, dtype, NAME, LG_NAMES([LG_F64] = "f64", [LG_F32] = "f32"), .methods = methods_,       \
                  VALUE("f64"), .meaning = "Type of the weights in training"),                                \
-        TRAINING(run_, epochs, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("100"), .unit = "E",   \
+        TRAINING(run_, epochs, U64, .low = 1, .high = 1e9, .methods = methods_, CHOICE("100"), .unit = "E",  \
                  .meaning = "Planned total number of epochs, including the epochs before a resume"),         \
         TRAINING(run_, batch, U64, .adam = true, .low = 1, .high = 1e9, .methods = methods_, VALUE("80"),    \
                  .unit = "B", .meaning = samples " in a batch"),                                             \
@@ -34,7 +35,7 @@
                 "Schedule step: this factor, above 0; schedule cosine: the factor of the rate at the end"),  \
         TRAINING(run_, weight_decay, REAL, .high = 1e3, .methods = methods_, VALUE("0"), .unit = "W",        \
                  .meaning = "L2 penalty in the gradient"),                                                   \
-        TRAINING(run_, prior, REAL, .high = 1e6, .optional = true, .methods = methods_, VALUE("0"),          \
+        TRAINING(run_, prior, REAL, .high = 1e6, .optional = true, .methods = methods_, CHOICE("0"),         \
                  .unit = "S",                                                                                \
                  .meaning = "Standard deviation of a Gaussian prior of the weights, so that ssbroyden and "  \
                             "lbfgs do not learn the noise of the data; 0 for no prior"),                     \
@@ -57,9 +58,14 @@
     .meaning = "Fraction kept for validation; the parameters of the best epoch are then the result"
 
 #define CONSTANT(text) .value = text
-#define PRESET(text)   .otherwise = "the preset's"
+#define CHOSEN(text)   .otherwise = LG_CHOSEN
+/* A default that depends on data or model; ": " and how may follow. LG_OF_PRESET begins the default of a field
+ * that presets set: lg_training_describe_field shows its value. */
+#define LG_CHOSEN    "chosen by data and model"
+#define LG_OF_PRESET "the preset's"
+#define PRESET(text) .otherwise = LG_OF_PRESET
 /* A preset may replace this value. */
-#define REPLACED(text) .value = text, .otherwise = "the preset's; thesis: " text
+#define REPLACED(text) .value = text, .otherwise = LG_OF_PRESET "; thesis: " text
 
 /* Training plans as fields. _squares accepts the methods for losses that are sums of squares, _any_loss only
  * the methods for any loss. */

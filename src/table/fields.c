@@ -36,19 +36,22 @@ const lg_field lg_table_fields[] = {
           .value = "tanh", .meaning = "Activation of the hidden layers"),
     TABLE("model", "hidden", WHOLES, model.options, .get = get_widths, .put = put_widths, .low = 1,
           .high = 1 << 20, .most = LG_TABLE_LAYERS,
-          .otherwise = "one layer, whose width the evidence of the data decides; 32 for a classification; "
-                       "with Adam or a given weight decay, numbers of rows and columns decide",
+          .otherwise =
+              LG_CHOSEN ": one layer, whose width the evidence of the data decides; 32 for a classification; "
+                        "with Adam or a given weight decay, numbers of rows and columns decide",
           .unit = "W,W,...",
           .meaning = "Widths of the hidden layers, all equal; the first one reads the inputs"),
     TABLE("model", "linear", FLAG, model.options.linear, .value_name = lg_name_truth, .value = "true",
           .meaning = "A linear map of the inputs is added to the network"),
     TABLE("run", "decay", REALS, decay, .get = get_decay, .put = put_decay, .high = 1e12,
           .most = LG_TABLE_SLICES,
-          .otherwise = "by the evidence of the data; none for a classification, or where --weight-decay or "
-                       "--prior is given",
+          .otherwise = LG_CHOSEN
+          ": by the evidence of the data; none for a classification, or where --weight-decay or "
+          "--prior is given",
           .unit = "D,D,...",
           .meaning = "Weights D/2 of the squares of each array of parameters, in the order of the arrays in "
                      "the model file"),
-    TRAINING_ROWS(lg_table_run, "method", squares, "Rows", 0, PRESET),
-    TRAINING(lg_table_run, validation, REAL, .otherwise = "0.1; 0 with --test, for a regression", VALIDATION),
+    TRAINING_ROWS(lg_table_run, "method", squares, "Rows", 0, PRESET, PRESET),
+    TRAINING(lg_table_run, validation, REAL, .otherwise = LG_CHOSEN ": 0.1; 0 with --test, for a regression",
+             VALIDATION),
     LG_FIELD_END};

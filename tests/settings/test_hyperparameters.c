@@ -7,6 +7,7 @@
 #include "liegrad/machine.h"
 #include "liegrad/settings.h"
 #include "liegrad/table.h"
+#include "model/files/training.h"
 
 static union run {
     lg_hamiltonian_run hamiltonian;
@@ -224,7 +225,7 @@ static void put_page(FILE *page) {
         for (const lg_field *row = tables[table]; row->name != NULL; row++) {
             char option[64], text[1024];
             lg_field_option(row, option, sizeof option);
-            (void)lg_field_describe(row, text, sizeof text);
+            (void)lg_training_describe_field(row, text, sizeof text);
             (void)fprintf(page, "| `%s` | %s%s%s | `/%s` | ", row->name, option[0] != '\0' ? "`--" : "",
                           option, option[0] != '\0' ? "`" : "", row->group);
             for (const char *c = text; *c != '\0'; c++) (void)fprintf(page, *c == '|' ? "\\%c" : "%c", *c);

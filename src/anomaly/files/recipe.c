@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "settings/training.h"
+
 /* ---- options ---- */
 
 enum { NETWORK = 1, DEFAULT_LENGTH = 4096 };
@@ -14,16 +16,19 @@ static const char *pooling_name(uint32_t value) {
 
 #define ROW(name, type, member, ...) LG_FIELD(lg_detector_state, "", name, type, member, __VA_ARGS__)
 const lg_field lg_detector_options[] = {
-    ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS", .otherwise = "as stored; baseline: 600 s",
+    ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS",
+        .otherwise = LG_CHOSEN ": as stored; baseline: 600 s",
         .meaning = "Length of a window; in samples if the sampling rate of the data is unknown"),
-    ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS", .otherwise = "the window; baseline: 60 s",
+    ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS",
+        .otherwise = LG_CHOSEN ": the window; baseline: 60 s",
         .meaning = "Distance from one window to the next"),
     ROW("preset", NAME, preset, .value_name = lg_preset_name, .value = "best", .methods = NETWORK,
         .meaning = "cnn: where options that are not given come from: the published settings or ours"),
     ROW("filters", WHOLES, filters, .low = 1, .high = 1 << 20, .most = LG_CNN_MAX_BLOCKS, .unit = "n,n,...",
         .methods = NETWORK,
-        .otherwise = "2, 4, 8 times the channels of the data; fewer blocks if windows are too short for "
-                     "three",
+        .otherwise =
+            LG_CHOSEN ": 2, 4, 8 times the channels of the data; fewer blocks if windows are too short for "
+                      "three",
         .meaning = "cnn: channels of each block"),
     ROW("kernel", U64, kernel, .low = 1, .high = 1 << 20, .value = "5", .unit = "n", .methods = NETWORK,
         .meaning = "cnn: samples of a kernel"),
@@ -172,6 +177,20 @@ static lg_status complete_model(const lg_training *self, lg_error *error) {
     return lg_detector_check(model, error);
 }
 
+static void adopt_row(lg_training *self, const lg_detector_preset *preset, uint32_t classes) {
+    const lg_detector_run from = {.model = {.net.activation = preset->activation,
+                                            .loss = classes == 2 ? preset->loss : LG_DETECTOR_CROSS_ENTROPY},
+                                  .training = preset->training};
+    lg_training_adopt(self, &from, true);
+}
+
+/* The cases are the levels of noise that presets have. */
+static bool usual(lg_training *self, uint32_t at) {
+    static const double levels[] = {NAN, 1.0, 10.0, 50.0};
+    if (at < LG_COUNT(levels)) adopt_row(self, lg_detector_preset_find(self->preset, levels[at]), 2);
+    return at < LG_COUNT(levels);
+}
+
 static lg_status adopt_preset(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
     lg_fit_settings *training = lg_training_settings(self);
@@ -179,11 +198,7 @@ static lg_status adopt_preset(lg_training *self, lg_error *error) {
     const char *name = lg_preset_name(s->preset);
     const lg_detector_preset *preset = s->from = lg_detector_preset_find(name, data->noise);
     if (preset == NULL) return lg_fail(error, LG_UNSUPPORTED, "--preset: there are no settings for %s", name);
-    const lg_detector_run from = {
-        .model = {.net.activation = preset->activation,
-                  .loss = data->series.classes == 2 ? preset->loss : LG_DETECTOR_CROSS_ENTROPY},
-        .training = preset->training};
-    lg_training_adopt(self, &from, true);
+    adopt_row(self, preset, data->series.classes);
     const lg_fit_plan *plan = &training->plan;
     for (uint32_t i = 0; i < plan->phases && !self->given(self, "dtype"); i++)
         if (!lg_fit_method_batches((lg_fit_method)plan->phase[i].method))
@@ -481,6 +496,7 @@ const lg_trainer lg_detector_learner = {.data = "DATA.h5",
                                         .kept = "test",
                                         .read = read_data,
                                         .describe = describe,
+                                        .usual = usual,
                                         .prepare = lg_detector_split,
                                         .hold_out = hold_out,
                                         .problem = make_problem,

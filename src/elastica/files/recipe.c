@@ -175,6 +175,25 @@ static lg_status modes_of_curves(lg_training *self, lg_error *error) {
                                     &run->model.options.modes, error);
 }
 
+static void adopt_row(lg_training *self, const lg_surrogate_preset *preset) {
+    const lg_surrogate_run from = {
+        .model.options = preset->model, .training = preset->training, .most_curves = preset->most_curves};
+    lg_training_adopt(self, &from, true);
+}
+
+/* The cases are all presets of this name. */
+static bool usual(lg_training *self, uint32_t at) {
+    for (uint32_t i = 0; i < 240; i++) {
+        const lg_surrogate_preset *preset =
+            lg_surrogate_preset_find(self->preset, (lg_surrogate_kind)(i % 3), i / 3 % 2 == 1,
+                                     (lg_surrogate_loss)(i / 6 % 2), i / 12 % 2 == 1, i / 24 / 10.0);
+        if (preset == NULL || at-- > 0) continue;
+        adopt_row(self, preset);
+        return true;
+    }
+    return false;
+}
+
 static lg_status adopt_preset(lg_training *self, lg_error *error) {
     state *s = self->state;
     lg_surrogate_run *run = self->run;
@@ -190,10 +209,7 @@ static lg_status adopt_preset(lg_training *self, lg_error *error) {
                        options->loss == LG_SURROGATE_ENERGY ? " with --loss energy" : "",
                        options->boundary ? " with --boundary true" : "",
                        merged ? " on data of both families" : "");
-    const lg_surrogate_run from = {.model.options = s->preset->model,
-                                   .training = s->preset->training,
-                                   .most_curves = s->preset->most_curves};
-    lg_training_adopt(self, &from, true);
+    adopt_row(self, s->preset);
     if (options->angles && !self->given(self, "modes")) run->model.options.modes = 0;
     if (options->modes == 0 || self->given(self, "modes")) return LG_OK;
     return modes_of_curves(self, error);
@@ -374,6 +390,7 @@ const lg_trainer lg_surrogate_learner = {.data = "DATA.h5",
                                          .presets = true,
                                          .read = read_data,
                                          .describe = describe,
+                                         .usual = usual,
                                          .prepare = prepare,
                                          .hold_out = hold_out,
                                          .problem = make_problem,

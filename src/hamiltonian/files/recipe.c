@@ -83,22 +83,32 @@ static const struct {
     {"best", "integrator", "rkmk5", "chain", 3},
 };
 
-/* Sets the options that the user did not give. "thesis": the published values; "best": our values, chosen by
- * measurement (docs/reports/training.md). */
-static void adopt_preset(lg_training *self) {
+/* Sets the options that the user did not give, for data of a family (NULL: one without rows). "thesis": the
+ * published values; "best": our values, chosen by measurement (docs/reports/training.md). */
+static void adopt_rows(lg_training *self, const char *family, uint32_t n) {
     lg_hamiltonian_run *run = self->run;
-    const lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
     const char *preset = lg_training_preset(self);
-    if (!self->given(self, "integrator")) run->scheme = lg_scheme_find(data->family->scheme);
     for (size_t i = 0; i < LG_COUNT(preset_rows); i++) {
         const char *option = preset_rows[i].option, *of = preset_rows[i].family;
-        const bool fits = strcmp(preset_rows[i].preset, preset) == 0 && data->n >= preset_rows[i].least &&
-                          (of == NULL || strcmp(of, data->family->name) == 0);
+        const bool fits = strcmp(preset_rows[i].preset, preset) == 0 && n >= preset_rows[i].least &&
+                          (of == NULL || (family != NULL && strcmp(of, family) == 0));
         if (fits && !self->given(self, option))
             (void)lg_field_set(lg_field_find(lg_hamiltonian_fields, option), preset_rows[i].value, run, NULL);
     }
+}
+
+static bool usual(lg_training *self, uint32_t at) {
+    if (at < LG_COUNT(preset_rows)) adopt_rows(self, preset_rows[at].family, preset_rows[at].least);
+    return at < LG_COUNT(preset_rows);
+}
+
+static void adopt_preset(lg_training *self) {
+    lg_hamiltonian_run *run = self->run;
+    const lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
+    if (!self->given(self, "integrator")) run->scheme = lg_scheme_find(data->family->scheme);
+    adopt_rows(self, data->family->name, data->n);
     /* Estimated starts are too many parameters for a dense matrix. */
-    const bool dense = strcmp(preset, "best") == 0 && run->starts == LG_START_ESTIMATED;
+    const bool dense = strcmp(lg_training_preset(self), "best") == 0 && run->starts == LG_START_ESTIMATED;
     if (dense && !self->given(self, "method")) (void)lg_fit_plan_parse("lbfgs", &run->training.plan, NULL);
 }
 
@@ -352,6 +362,7 @@ const lg_trainer lg_hamiltonian_learner = {.data = "DATA.h5",
                                            .has_width = has_network,
                                            .read = read_data,
                                            .describe = describe,
+                                           .usual = usual,
                                            .prepare = prepare,
                                            .problem = make_problem,
                                            .judge = judge,

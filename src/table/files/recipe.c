@@ -37,9 +37,10 @@ static uint32_t width_of(const lg_table_state *s) {
     return (uint32_t)fmin(fmax(width, LEAST), MOST);
 }
 
-/* The settings where the command line gives none. */
-static lg_table_run usual_run(const lg_table_state *s) {
-    const bool regression = lg_table_is_regression(s);
+enum { FEWEST_EVALUATIONS = 5, MOST_EVALUATIONS = 60, OTHER_EVALUATIONS = 300 };
+
+/* The settings where the command line gives none. tested: --test is given. */
+static lg_table_run usual_run(bool regression, bool tested, uint32_t width) {
     lg_table_run from = {.training = {.dtype = LG_F64,
                                       .epochs = 300,
                                       .batch = 200,
@@ -49,13 +50,22 @@ static lg_table_run usual_run(const lg_table_state *s) {
                                       .lr_gamma = 0.0,
                                       .adam_eps = 1e-8,
                                       .patience = regression ? 0 : 40,
-                                      .validation = regression && s->given.test != NULL ? 0.0 : 0.1,
+                                      .validation = regression && tested ? 0.0 : 0.1,
                                       .weight_decay = regression ? 0.0 : 2e-3,
                                       .plan = {.phases = 1}}};
     from.training.plan.phase[0].method = regression ? LG_FIT_LM : LG_FIT_LBFGS;
     from.model.options.hidden_count = 1;
-    from.model.options.hidden[0] = width_of(s);
+    from.model.options.hidden[0] = width;
     return from;
+}
+
+/* Small regressions, large ones, classifications. */
+static bool usual(lg_training *self, uint32_t at) {
+    lg_table_run from = usual_run(at < 2, false, 1);
+    if (at == 0) from.training.epochs = MOST_EVALUATIONS;
+    if (at == 1) from.training.plan.phase[0].method = LG_FIT_LBFGS;
+    lg_training_adopt(self, &from, true);
+    return at < 3;
 }
 
 static lg_status check_plan(const lg_table_state *s, const lg_fit_plan *plan, lg_error *error) {
@@ -70,7 +80,7 @@ static lg_status check_plan(const lg_table_state *s, const lg_fit_plan *plan, lg
 static lg_status describe(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     lg_table_run *run = self->run;
-    const lg_table_run from = usual_run(s);
+    const lg_table_run from = usual_run(lg_table_is_regression(s), s->given.test != NULL, width_of(s));
     if (self->stored == NULL) lg_training_adopt(self, &from, true);
     run->rows = s->table.data.rows;
     memcpy(run->data_sha256, s->table.data.sha256, sizeof run->data_sha256);
@@ -223,7 +233,6 @@ static lg_status spread_decay(lg_training *self, lg_error *error) {
 /* Chooses the method, and the evaluations unless they are limited: Levenberg-Marquardt if its matrix is
  * small, with as many evaluations as are quick. */
 static void choose_method(lg_training *self) {
-    enum { LEAST = 5, MOST = 60, OTHERS = 300 };
     static const double WORK = 8e9;
     const lg_table_state *s = self->state;
     lg_table_run *run = self->run;
@@ -232,7 +241,9 @@ static void choose_method(lg_training *self) {
     if (large) run->training.plan.phase[0].method = LG_FIT_LBFGS;
     if (!self->given(self, "epochs") && !self->given(self, "seconds")) {
         const double evaluations = WORK / lg_table_work(&run->model, (double)s->trained);
-        run->training.epochs = large ? OTHERS : (uint64_t)fmin(fmax(evaluations, LEAST), MOST);
+        run->training.epochs = large
+                                   ? OTHER_EVALUATIONS
+                                   : (uint64_t)fmin(fmax(evaluations, FEWEST_EVALUATIONS), MOST_EVALUATIONS);
         self->options.epochs = run->training.epochs;
     }
     self->options.plan = run->training.plan;
@@ -440,6 +451,7 @@ const lg_trainer lg_table_learner = {.data = "TABLE",
                                      .prior = true,
                                      .read = read_data,
                                      .describe = describe,
+                                     .usual = usual,
                                      .prepare = prepare,
                                      .problem = make_problem,
                                      .judge = judge,
