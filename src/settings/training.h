@@ -5,8 +5,8 @@
 #include "liegrad/settings.h"
 #include "settings/names.h"
 
-/* The options of training of every kind of model. VALUE(text) states the default; CHOICE(text)
- * that of method, epochs and prior. */
+/* The options of training of every kind of model. CHOICE(text) states the defaults of method, epochs and
+ * prior, VALUE(text) the other defaults. */
 #define TRAINING(run_, member, type, ...) LG_FIELD(run_, "run", #member, type, training.member, __VA_ARGS__)
 #define TRAINING_ROWS(run_, method_, losses_, samples, methods_, VALUE, CHOICE)                              \
     LG_FIELD(run_, "run", method_, PHRASE, training.plan, .parse = lg_plan_parse_##losses_,                  \
@@ -59,7 +59,7 @@
 
 #define CONSTANT(text) .value = text
 #define CHOSEN(text)   .otherwise = LG_CHOSEN
-/* A default that depends on data or model; ": " and how may follow. LG_OF_PRESET begins the default of a field
+/* LG_CHOSEN: a default that depends on data or model; ": " and how may follow. LG_OF_PRESET begins a default
  * that presets set: lg_training_describe_field shows its value. */
 #define LG_CHOSEN    "chosen by data and model"
 #define LG_OF_PRESET "the preset's"

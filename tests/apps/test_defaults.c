@@ -1,5 +1,5 @@
-/* Compares the defaults that --help prints with the hyperparameters that runs without options record, for every
- * field of every recipe. Reads the record from the checkpoint of a run that stops after one epoch.
+/* Compares the defaults that --help prints with the hyperparameters that runs without options record, for
+ * every field of every recipe. The record is the checkpoint of a run that stops after one epoch.
  * ctest-labels: apps/common src/settings src/model */
 #include "identify_support.h"
 #include "model/files/training.h"
@@ -33,8 +33,8 @@ static const struct learning {
     {"machine_model", "lg-identify", "fit", "network.yaml log.csv", "", "--method adam"},
 };
 
-/* What help says of an option: the default, and that of --preset thesis, which Adam takes ("": the same). first: the first value
- * of a run without options. */
+/* What help says of an option: the default, and the default of --preset thesis, which holds if Adam is asked
+ * for ("": the same). first: the first value of a run without options. */
 typedef struct promise {
     char usual[256], adam[256], first[LG_FIELD_TEXT_SIZE];
     bool varies;
