@@ -10,13 +10,9 @@
 /* ---- kinds of files ---- */
 
 static bool is_hdf5(const app *self, const char *path) {
-    static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
-    unsigned char begin[8] = {0};
-    FILE *stream = app_open(path);
-    if (stream == NULL) app_must_file(self, LG_NOT_FOUND, NULL, path);
-    const size_t count = fread(begin, 1, sizeof begin, stream);
-    (void)fclose(stream);
-    return count == sizeof begin && memcmp(begin, signature, sizeof begin) == 0;
+    bool is;
+    APP_MUST_FILE(self, path, lg_file_is_h5(path, &is, &error));
+    return is;
 }
 
 /* Whether the file is a model of lg-identify. */

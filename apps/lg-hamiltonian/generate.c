@@ -170,10 +170,12 @@ static int run(app *self) {
     APP_CLEAN(lg_scene_destroy) lg_scene scene = {0};
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0};
     pieces made;
+    bool h5;
     (void)board_wanted(self, &values.board, values.out);
     const int code = app_check_outputs(self, &out, 1);
     if (code != APP_EXIT_OK) return code;
-    if (app_begins(self, path, "\x89HDF", 4, 1)) return run_constrained(self, path, begin);
+    APP_MUST_FILE(self, path, lg_file_is_h5(path, &h5, &error));
+    if (h5) return run_constrained(self, path, begin);
     if (values.speed > 0)
         return app_usage(self, "--speed is for constraints; a scene says how starts are drawn");
     APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &scene, &error));

@@ -84,6 +84,11 @@ LG_API void lg_read_options_init(lg_read_options *options);
 /* Every HDF5 file that liegrad writes begins with these 8 bytes. */
 #define LG_H5_SIGNATURE "\x89HDF\r\n\x1a\n"
 
+/* Sets *is: whether the file is in HDF5. Its signature is at byte 0, or behind a user block, at byte 512,
+ * 1024, 2048, ... (files of MATLAB 7.3 have a user block of 512 bytes). Errors, *is is then false:
+ * LG_INVALID_ARGUMENT (`path` or `is` is NULL), LG_NOT_FOUND, LG_FILE. */
+LG_API lg_status lg_file_is_h5(const char *path, bool *is, lg_error *error);
+
 /* Sets *ours: whether liegrad wrote the file, so that it is in HDF5 and its attribute `format` is `liegrad`.
  * Errors, *ours is then false: LG_INVALID_ARGUMENT (`path` or `ours` is NULL), and those of the readers. */
 LG_API lg_status lg_file_is_ours(const lg_context *context, const char *path, bool *ours, lg_error *error);

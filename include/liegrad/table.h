@@ -262,11 +262,14 @@ LG_API void lg_table_file_destroy(lg_table_file *file);
  * - CSV: a header line with the names, then one row per line, separated by commas, semicolons or tabs.
  *   Quotes, CRLF, a byte order mark, blank lines and lines that begin with # are understood; a cell in quotes
  *   may hold anything, also newlines. The cells "", nan, NA, N/A and null are missing values, except as
- *   labels in quotes.
+ *   labels in quotes. If the first line that is no comment is a row of numbers, the comment before it is the
+ *   header (numpy.savetxt), and blanks may separate the cells.
  * - HDF5: each dataset of the root with one number per row is a column with the name of the dataset. The
  *   columns are in the order of these names. A dataset (rows, k) is k columns. Its attribute `columns` (a
  *   list of texts, or one text with commas) names them; without it the names are NAME0, NAME1, ..., where
- *   NAME is the name of the dataset. Datasets of texts can be class columns.
+ *   NAME is the name of the dataset. Datasets of texts can be class columns. A user block is skipped. MATLAB
+ *   writes arrays transposed: a dataset with the attribute MATLAB_class is (k, rows), and a dataset (1, rows)
+ *   is a column if another one of the root has as many numbers in a row or column.
  * - numpy: one array (.npy, version 1 to 3) of numbers, (rows) or (rows, k), in C or Fortran order. The
  *   columns are called c0, c1, ...
  *

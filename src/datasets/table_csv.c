@@ -1,41 +1,15 @@
 /* Reads tables from CSV files. */
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "files/csv.h"
 #include "datasets/table_reading.h"
-
-/* True if the names are 0, 1, 2, ... Some programs write such a header for a table without names. */
-static bool counts_columns(const lg_table_reading *r) {
-    for (uint32_t i = 0; i < r->all.count; i++) {
-        char wanted[16];
-        (void)snprintf(wanted, sizeof wanted, "%u", i);
-        if (strcmp(r->all.name[i], wanted) != 0) return false;
-    }
-    return true;
-}
-
-/* `numbers`: how many cells of the header are numbers without quotes. */
-static lg_status check_header(const lg_table_reading *r, const lg_csv *c, uint32_t numbers, lg_error *error) {
-    if (numbers == 0 || counts_columns(r) || (numbers == 1 && r->all.count > 2)) return LG_OK;
-    return lg_fail(
-        error, LG_FORMAT,
-        "%s: line %zu: has numbers where the names of the columns are expected: there is no header", c->shown,
-        c->number);
-}
 
 static lg_status read_header(lg_table_reading *r, lg_csv *c, lg_error *error) {
     LG_TRY(lg_csv_header(c, error));
     char *at = c->line, *cell = NULL;
-    uint32_t numbers = 0;
     while (at != NULL) {
         LG_TRY(lg_csv_name(c, &at, &cell, error));
-        numbers += !c->quoted && lg_is_decimal(cell);
         LG_TRY(lg_table_add_name(r, cell, error));
     }
     if (r->all.count != c->cells) return lg_csv_fail(c, error, "a quote is inside a cell");
-    LG_TRY(check_header(r, c, numbers, error));
     return lg_table_find_columns(r, error);
 }
 

@@ -8,8 +8,9 @@
 /* A data set, and which columns of the table it has. */
 typedef struct source {
     char name[LG_TABLE_NAME];
-    lg_h5_about about;
+    lg_h5_about about; /* dims: (rows, columns), also if the data set is transposed */
     uint32_t first, columns;
+    bool transposed; /* the data set is (columns, rows) */
 } source;
 
 typedef struct read_call {
@@ -64,6 +65,12 @@ static lg_status name_columns(read_call *call, lg_h5 *h5, const source *s, lg_er
     return LG_OK;
 }
 
+typedef struct links {
+    char (*name)[LG_TABLE_NAME];
+    uint32_t count, room;
+} links;
+enum { MOST_LINKS = 4096 };
+
 static lg_status widen(read_call *call, lg_error *error) {
     const uint32_t room = call->room == 0 ? 16 : 2 * call->room;
     source *wider = lg_alloc(call->r->context, room, sizeof *wider);
@@ -75,12 +82,35 @@ static lg_status widen(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
+/* Whether a data set is (columns, rows). MATLAB writes arrays so. Without its attribute a (1, N) array is a
+ * column if another data set of the root has N rows or is (1, N) too. */
+static bool is_transposed(lg_h5 *h5, const links *all, const char *name, const lg_h5_about *about) {
+    lg_h5_about other;
+    if (about->rank != 2 || about->kind == LG_H5_WORDS) return false;
+    if (lg_h5_has_attribute(h5, name, "MATLAB_class")) return true;
+    if (about->dims[0] != 1 || about->dims[1] == 1 || lg_h5_has_attribute(h5, name, "columns")) return false;
+    for (uint32_t i = 0; i < all->count; i++) {
+        if (strcmp(all->name[i], name) == 0) continue;
+        if (lg_h5_look(h5, all->name[i], sizeof(double), &other, NULL) != LG_OK || other.rank < 1) continue;
+        if (other.dims[0] == about->dims[1] ||
+            (other.rank == 2 && other.dims[0] == 1 && other.dims[1] == about->dims[1]))
+            return true;
+    }
+    return false;
+}
+
 /* Adds the data set behind one link of the root. Objects that are not arrays of rows are skipped. `name` has
  * fewer than LG_TABLE_NAME bytes. */
-static lg_status add_source(read_call *call, lg_h5 *h5, const char *name, lg_error *error) {
+static lg_status add_source(read_call *call, lg_h5 *h5, const links *all, const char *name, lg_error *error) {
     source s = {.first = call->r->all.count, .columns = 1};
     (void)snprintf(s.name, sizeof s.name, "%s", name);
     if (lg_h5_look(h5, name, sizeof(double), &s.about, error) != LG_OK) return LG_OK;
+    s.transposed = is_transposed(h5, all, name, &s.about);
+    if (s.transposed) {
+        const uint64_t rows = s.about.dims[1];
+        s.about.dims[1] = s.about.dims[0];
+        s.about.dims[0] = rows;
+    }
     if (s.about.kind == LG_H5_OTHER || s.about.rank < 1 || s.about.rank > 2) return LG_OK;
     if (s.about.kind == LG_H5_WORDS && s.about.count != s.about.dims[0]) return LG_OK;
     if (s.about.rank == 2 && (s.about.dims[1] == 0 || s.about.dims[1] > LG_TABLE_MOST_COLUMNS)) return LG_OK;
@@ -90,12 +120,6 @@ static lg_status add_source(read_call *call, lg_h5 *h5, const char *name, lg_err
     if (s.about.rank == 2 && s.columns > 1) return name_columns(call, h5, &s, error);
     return lg_table_add_name(call->r, name, error);
 }
-
-typedef struct links {
-    char (*name)[LG_TABLE_NAME];
-    uint32_t count, room;
-} links;
-enum { MOST_LINKS = 4096 };
 
 static herr_t add_link(hid_t group, const char *name, const H5L_info_t *info, void *user) {
     links *all = user;
@@ -115,7 +139,7 @@ static lg_status list_sources(read_call *call, lg_h5 *h5, lg_error *error) {
         status = lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", call->r->shown);
     lg_quiet_end(quiet);
     for (uint32_t i = 0; i < all.count && status == LG_OK; i++)
-        status = add_source(call, h5, all.name[i], error);
+        status = add_source(call, h5, &all, all.name[i], error);
     lg_free(call->r->context, all.name);
     if (status == LG_OK && call->r->all.count == 0)
         return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers",
@@ -140,13 +164,15 @@ typedef struct copying {
 
 static void copy_rows(void *user, uint64_t row, uint64_t rows, const double *values) {
     copying *copy = user;
-    const uint32_t columns = copy->source->columns;
+    const bool transposed = copy->source->transposed;
+    const uint64_t inner = transposed ? copy->source->about.dims[0] : copy->source->columns;
     const lg_h5_about *about = &copy->source->about;
     const char type = about->raw != 0 ? about->raw : about->kind == LG_H5_REAL && !about->wide ? 'f' : 'd';
     for (uint64_t i = 0; i < rows && copy->status == LG_OK; i++)
-        for (uint32_t c = 0; c < columns && copy->status == LG_OK; c++)
-            copy->status = lg_table_set_number(copy->call->r, (size_t)(row + i), copy->source->first + c,
-                                               type, &values[i * columns + c], copy->error);
+        for (uint64_t c = 0; c < inner && copy->status == LG_OK; c++)
+            copy->status = lg_table_set_number(copy->call->r, (size_t)(transposed ? c : row + i),
+                                               copy->source->first + (uint32_t)(transposed ? row + i : c),
+                                               type, &values[i * inner + c], copy->error);
 }
 
 static lg_status copy_label(void *user, uint64_t index, const char *text, lg_error *error) {

@@ -334,12 +334,13 @@ lg_port lg_table_port(const lg_table_data *of, const char *name, uint32_t number
 /* ---- public functions ---- */
 
 static lg_status read_any(lg_table_reading *r, lg_error *error) {
-    static const unsigned char h5[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'},
-                               npy[6] = {0x93, 'N', 'U', 'M', 'P', 'Y'};
-    unsigned char first[8] = {0};
+    static const unsigned char npy[6] = {0x93, 'N', 'U', 'M', 'P', 'Y'};
+    unsigned char first[sizeof npy] = {0};
     size_t got = 0;
+    bool h5 = false;
+    if (*r->path != '\0') LG_TRY(lg_file_is_h5(r->path, &h5, error));
     if (*r->path != '\0') LG_TRY(lg_read_first(r->path, first, sizeof first, &got, error));
-    if (got == sizeof h5 && memcmp(first, h5, sizeof h5) == 0) return lg_table_read_h5(r, error);
+    if (h5) return lg_table_read_h5(r, error);
     if (got >= sizeof npy && memcmp(first, npy, sizeof npy) == 0) return lg_table_read_npy(r, error);
     return lg_table_read_csv(r, error);
 }

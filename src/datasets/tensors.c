@@ -248,7 +248,7 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
 static lg_status read_header(reading *r, lg_error *error) {
     unsigned char first[8] = {0};
     const bool begun = fread(first, 1, sizeof first, r->from) == sizeof first;
-    const uint64_t length = lg_bytes_get(first, sizeof first);
+    uint64_t length = lg_bytes_get(first, sizeof first);
     bool fits = begun && length >= 2 && length <= MOST_HEADER && length <= r->bytes - sizeof first;
     if (fits) {
         r->text = lg_alloc(r->context, (size_t)length, 1);
@@ -258,6 +258,7 @@ static lg_status read_header(reading *r, lg_error *error) {
     if (ferror(r->from)) return lg_fail(error, LG_FILE, "%s: cannot be read", lg_shown_path(r->path));
     if (!fits) return lg_fail(error, LG_FORMAT, "%s: is not a safetensors file", lg_shown_path(r->path));
     r->bytes -= sizeof first + length;
+    while (r->text[length - 1] == '\0') length--; /* writers fill the header with blanks or zero bytes */
     return lg_yaml_open_text(r->context, r->path, r->text, (size_t)length, &r->header, error);
 }
 

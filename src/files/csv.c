@@ -78,9 +78,29 @@ static bool is_empty(const lg_csv *c) {
     return c->line[0] == '#' || c->line[strspn(c->line, " \t\r")] == '\0';
 }
 
+/* Makes each stretch of blanks between words one separator. */
+static void join_blanks(char *line, char separator) {
+    char *to = line;
+    for (const char *from = line; *from != '\0';) {
+        const size_t blanks = strspn(from, " \t");
+        from += blanks;
+        if (blanks > 0 && to > line && *from != '\0') *to++ = separator;
+        if (*from != '\0') *to++ = *from++;
+    }
+    *to = '\0';
+}
+
 lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error) {
+    *more = true;
+    if (c->row != NULL) { /* the first row, behind a header in a comment */
+        lg_free(c->context, c->line);
+        c->line = c->row, c->room = c->row_room, c->number = c->row_number;
+        c->row = NULL;
+        return LG_OK;
+    }
     do LG_TRY(next_line(c, more, error));
     while (*more && is_empty(c));
+    if (c->blanks) join_blanks(c->line, c->separator);
     return LG_OK;
 }
 
@@ -166,31 +186,115 @@ static char separator_of(const char *line) {
     return best;
 }
 
-static size_t count_cells(const lg_csv *c, bool *open) {
+static size_t count_cells(const char *line, char separator, bool *open) {
     size_t count = 1;
     bool quoted = false;
-    for (const char *at = c->line; *at != '\0'; at++) {
+    for (const char *at = line; *at != '\0'; at++) {
         quoted ^= *at == '"';
-        count += !quoted && *at == c->separator;
+        count += !quoted && *at == separator;
     }
     *open = quoted;
     return count;
 }
 
+/* Counts the cells that are numbers or missing numbers, without quotes. *counting: the cells are 0, 1, 2,
+ * ..., which some programs write as the header of a table without names. */
+static size_t count_numbers(const char *line, char separator, bool *counting) {
+    size_t numbers = 0, column = 0;
+    *counting = true;
+    for (const char *at = line; at != NULL; column++) {
+        char cell[64], wanted[24];
+        while (*at != separator && (*at == ' ' || *at == '\t')) at++;
+        const char *end = strchr(at, separator);
+        size_t length = end != NULL ? (size_t)(end - at) : strlen(at);
+        while (length > 0 && at[length - 1] == ' ') length--;
+        (void)snprintf(cell, sizeof cell, "%.*s", (int)(length < sizeof cell ? length : 0), at);
+        (void)snprintf(wanted, sizeof wanted, "%zu", column);
+        numbers += lg_is_decimal(cell) || (cell[0] != '\0' && lg_csv_missing(cell));
+        *counting = *counting && strcmp(cell, wanted) == 0;
+        at = end != NULL ? end + 1 : NULL;
+    }
+    return numbers;
+}
+
+static lg_status keep_comment(lg_csv *c, lg_error *error) {
+    lg_free(c->context, c->comment);
+    c->comment = lg_strdup(c->context, c->line + 1);
+    c->comment_number = c->number;
+    return c->comment != NULL ? LG_OK : lg_csv_no_memory(c, error);
+}
+
+/* Makes the comment the header if it has one name for each cell of the first row, which is the current line.
+ * Blanks may separate the names too, and a separator may follow the #. */
+static bool take_comment(lg_csv *c, size_t *names) {
+    bool open, counting;
+    char *text = c->comment;
+    text[strcspn(text, "\r")] = '\0';
+    if (strchr(text, c->separator) == NULL) join_blanks(text, c->separator);
+    const size_t skip = strspn(text, " ");
+    *names = count_cells(text, c->separator, &open);
+    if (text[skip] == c->separator && *names == c->cells + 1) {
+        memmove(text, text + skip + 1, strlen(text + skip));
+        --*names;
+    }
+    if (open || *names != c->cells || count_numbers(text, c->separator, &counting) > 0) return false;
+    c->row = c->line, c->row_room = c->room, c->row_number = c->number;
+    c->line = text, c->room = strlen(text) + 1, c->number = c->comment_number;
+    c->comment = NULL;
+    return true;
+}
+
+/* Finds blanks that separate numbers: `line` is a row of numbers if they become separators. */
+static lg_status split_blanks(lg_csv *c, lg_error *error) {
+    bool open, counting;
+    char *copy = lg_strdup(c->context, c->line);
+    if (copy == NULL) return lg_csv_no_memory(c, error);
+    join_blanks(copy, c->separator);
+    const size_t cells = count_cells(copy, c->separator, &open);
+    c->blanks = cells > 1 && count_numbers(copy, c->separator, &counting) == cells;
+    if (c->blanks) join_blanks(c->line, c->separator), c->cells = cells;
+    lg_free(c->context, copy);
+    return LG_OK;
+}
+
+static lg_status check_header(lg_csv *c, lg_error *error) {
+    bool counting;
+    size_t names = 0;
+    const size_t numbers = count_numbers(c->line, c->separator, &counting);
+    const bool named = numbers == 0 || counting || (numbers == 1 && c->cells > 2);
+    if (named && !(counting && c->cells > 1)) return LG_OK;
+    if ((c->comment != NULL && take_comment(c, &names)) || named) return LG_OK;
+    if (c->comment == NULL)
+        return lg_csv_fail(c, error,
+                           "has numbers where the names of the columns are expected: there is no header");
+    return lg_fail(
+        error, LG_FORMAT,
+        "%s: line %zu: has numbers where the names of the columns are expected: there is no header, "
+        "and the comment in line %zu has not one name for each of the %zu columns",
+        c->shown, c->number, c->comment_number, c->cells);
+}
+
 lg_status lg_csv_header(lg_csv *c, lg_error *error) {
     bool more = true, open = false;
-    LG_TRY(lg_csv_line(c, &more, error));
-    if (!more) return lg_csv_fail(c, error, "is empty: a header with the names of the columns is expected");
+    for (;;) {
+        LG_TRY(next_line(c, &more, error));
+        if (!more)
+            return lg_csv_fail(c, error, "is empty: a header with the names of the columns is expected");
+        if (c->line[0] == '#') LG_TRY(keep_comment(c, error));
+        if (!is_empty(c)) break;
+    }
     c->separator = separator_of(c->line);
-    c->cells = count_cells(c, &open);
-    return open ? lg_csv_fail(c, error, "a quote is not closed") : LG_OK;
+    c->cells = count_cells(c->line, c->separator, &open);
+    if (open) return lg_csv_fail(c, error, "a quote is not closed");
+    if (c->cells == 1 && c->comment != NULL) LG_TRY(split_blanks(c, error));
+    return check_header(c, error);
 }
 
 /* ---- rows ---- */
 
 lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error) {
     bool open = false;
-    const size_t cells = count_cells(c, &open);
+    const size_t cells = count_cells(c->line, c->separator, &open);
     *cut = cells < c->cells && !c->closed;
     if (*cut) return LG_OK;
     if (open) return lg_csv_fail(c, error, "a quote is not closed");
@@ -219,9 +323,10 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, b
     if (status == LG_UNSUPPORTED)
         return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: %s is beyond 2^53 and " LG_ROUNDED,
                        c->shown, c->number, column, show);
-    return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: '%s' is not a %snumber%s", c->shown, c->number,
-                   column, lg_tamed(show), status == LG_NOT_FINITE ? "finite " : "",
-                   strchr(cell, ',') != NULL ? "; write decimals with a point" : "");
+    return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: '%s' is not a %snumber; %s", c->shown,
+                   c->number, column, lg_tamed(show), status == LG_NOT_FINITE ? "finite " : "",
+                   strchr(cell, ',') != NULL ? "write decimals with a point"
+                                             : "leave cells without a value empty");
 }
 
 /* ---- the file ---- */
@@ -244,6 +349,8 @@ lg_status lg_csv_open(const lg_context *context, const char *path, const char *w
 void lg_csv_close(lg_csv *c) {
     lg_free(c->context, c->block);
     lg_free(c->context, c->line);
+    lg_free(c->context, c->comment);
+    lg_free(c->context, c->row);
     if (c->from != NULL) (void)fclose(c->from);
     c->from = NULL;
 }

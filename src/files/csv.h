@@ -1,7 +1,9 @@
 /* CSV files: a header line, then one row per line. Cells are separated by commas, semicolons or tabs. Blank
- * lines and lines that begin with # are skipped. Quotes (RFC 4180: a cell in quotes may hold anything, also
- * separators, newlines and doubled quotes), CRLF and a byte order mark are understood. Error messages name
- * the file and the line, which is the first one of a row that has several. */
+ * lines and lines that begin with # are skipped. If the first other line is a row of numbers, the comment
+ * before it is the header, as numpy.savetxt writes it; in such a file blanks may separate cells. Quotes (RFC
+ * 4180: a cell in quotes may hold anything, also separators, newlines and doubled quotes), CRLF and a byte
+ * order mark are understood. Error messages name the file and the line, which is the first one of a row that
+ * has several. */
 #ifndef LG_CSV_H
 #define LG_CSV_H
 
@@ -18,6 +20,10 @@ typedef struct lg_csv {
     size_t number, lines; /* number of the current line, from 1, and of the last one that was read */
     bool broken, closed;  /* broken: reading failed; closed: the line ended with a newline */
     bool quoted;          /* the last cell was in quotes */
+    /* comment: the last one before the header; NULL: none. row: the first row, while the comment is `line` */
+    char *comment, *row;
+    size_t comment_number, row_number, row_room;
+    bool blanks; /* blanks separate the cells of the rows */
     char separator;
     size_t cells; /* number of cells of the header */
 } lg_csv;
@@ -29,7 +35,9 @@ lg_status lg_csv_open(const lg_context *context, const char *path, const char *w
 void lg_csv_close(lg_csv *c);
 /* Reads the next line that is neither blank nor a comment. *more becomes false when there is none. */
 lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error);
-/* Reads the header line and finds the separator. */
+/* Reads the header line and finds the separator. Fails if the line has numbers where names are expected and
+ * the comment before it has not one name per column. The names may be 0, 1, 2, ..., and one of three or more
+ * may be a number. */
 lg_status lg_csv_header(lg_csv *c, lg_error *error);
 /* Returns in *cell the cell at *at, unquoted and terminated in place, and moves *at to the next cell, or to
  * NULL after the last cell. Start a line with *at = c->line. */

@@ -22,6 +22,21 @@ lg_status lg_read_open(const char *path, FILE **out, uint64_t *bytes, lg_error *
     return LG_OK;
 }
 
+lg_status lg_file_is_h5(const char *path, bool *is, lg_error *error) {
+    char first[sizeof LG_H5_SIGNATURE - 1];
+    FILE *from = NULL;
+    uint64_t bytes;
+    LG_NEEDS(error, path, is);
+    *is = false;
+    LG_TRY(lg_read_open(path, &from, &bytes, error));
+    for (uint64_t at = 0; !*is && at + sizeof first <= bytes; at = at == 0 ? 512 : 2 * at)
+        *is = fseeko(from, (off_t)at, SEEK_SET) == 0 && fread(first, 1, sizeof first, from) == sizeof first &&
+              memcmp(first, LG_H5_SIGNATURE, sizeof first) == 0;
+    const bool broken = ferror(from) != 0;
+    (void)fclose(from);
+    return broken ? lg_fail(error, LG_FILE, "%s: cannot be read", lg_shown_path(path)) : LG_OK;
+}
+
 lg_status lg_read_first(const char *path, void *out, size_t room, size_t *got, lg_error *error) {
     FILE *from = NULL;
     uint64_t bytes;

@@ -100,6 +100,22 @@ TEST("tensors that fill a file are read, in whatever order the header lists them
                 {"{" TENSOR("b", "1,2", "16,32") "," TENSOR("a", "2", "0,16") "}", 32, 2},
                 {"{" TENSOR("a", "2", "0,16") "," TENSOR("none", "0,7", "16,16") "}   ", 16, 2},
                 {"{\"__metadata__\":{\"by\":\"hand\"}," TENSOR("a", "", "0,8") "}", 8, 1}};
+    const char padded[] = "{" TENSOR("a", "2", "0,16") "}\0\0\0";
+    const char length[8] = {(char)(sizeof padded - 1)};
+    lg_tensors zeros;
+    lg_status status;
+    write_hole("z.safetensors", length, sizeof length, "", 0);
+    do {
+        FILE *file = fopen(scratch_path("z.safetensors"), "wb");
+        assert_non_null(file);
+        assert_int_equal(fwrite(length, 1, sizeof length, file), sizeof length);
+        assert_int_equal(fwrite(padded, 1, sizeof padded - 1, file), sizeof padded - 1);
+        assert_int_equal(fwrite((double[2]){1, 2}, 1, 16, file), 16);
+        assert_int_equal(fclose(file), 0);
+        status = lg_tensors_read(NULL, scratch_path("z.safetensors"), &zeros, NULL);
+    } while (lg_test_again(status));
+    assert_ok(status);
+    assert_int_equal(own_lg_tensors(zeros)->tensor[0].count, 2);
     for (size_t i = 0; i < LG_COUNT(good); i++) {
         lg_tensors made;
         lg_error error = {LG_OK, ""};
@@ -552,6 +568,65 @@ TEST("columns of an HDF5 file that do not fit are refused by name") {
     delete_link(scratch_path("bare.h5"), "none");
     assert_status(read_h5(scratch_path("bare.h5"), "none", NULL, &data, &error), LG_FORMAT);
     assert_says(error.message, "has no data set at its root that is a column of numbers");
+}
+
+/* A data set with the numbers 0, 1, 2, ... */
+static void put_counting(hid_t file, const char *name, hsize_t rows, hsize_t columns, bool matlab) {
+    double numbers[64];
+    for (int i = 0; i < 64; i++) numbers[i] = i;
+    put_dataset(file, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, (hsize_t[]){rows, columns}, false, numbers);
+    if (!matlab) return;
+    hid_t set = H5Dopen2(file, name, H5P_DEFAULT), space = H5Screate(H5S_SCALAR), text = H5Tcopy(H5T_C_S1);
+    assert_true(H5Tset_size(text, 6) >= 0);
+    hid_t attribute = H5Acreate2(set, "MATLAB_class", text, space, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(H5Awrite(attribute, text, "double") >= 0);
+    assert_true(H5Aclose(attribute) >= 0 && H5Sclose(space) >= 0 && H5Tclose(text) >= 0 &&
+                H5Dclose(set) >= 0);
+}
+
+TEST("arrays as MATLAB writes them are columns, at any size of the user block") {
+    static const hsize_t blocks[] = {0, 512, 1024, 2048, 65536};
+    static const struct {
+        hsize_t x[2], y[2];
+        bool matlab;
+        const char *names[2];
+        size_t rows;
+        double last[2];
+    } files[] = {
+        {{1, 5}, {5, 1}, false, {"x", "y"}, 5, {4, 4}},
+        {{1, 5}, {1, 5}, false, {"x", "y"}, 5, {4, 4}},
+        {{1, 5}, {1, 5}, true, {"x", "y"}, 5, {4, 4}},
+        {{2, 5}, {1, 5}, true, {"x1", "y"}, 5, {9, 4}},   /* MATLAB's (5, 2) */
+        {{1, 3}, {1, 2}, false, {"x2", "y1"}, 1, {2, 1}}, /* one row of five columns */
+    };
+    for (size_t i = 0; i < LG_COUNT(files) * LG_COUNT(blocks); i++) {
+        const char *path = scratch_path("matlab.mat");
+        lg_table_data data;
+        lg_error error;
+        bool h5 = false;
+        hid_t list = H5Pcreate(H5P_FILE_CREATE);
+        assert_true(H5Pset_userblock(list, blocks[i % LG_COUNT(blocks)]) >= 0);
+        hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, list, H5P_DEFAULT);
+        const size_t k = i / LG_COUNT(blocks);
+        put_counting(file, "x", files[k].x[0], files[k].x[1], files[k].matlab);
+        put_counting(file, "y", files[k].y[0], files[k].y[1], files[k].matlab);
+        assert_true(H5Fclose(file) >= 0 && H5Pclose(list) >= 0);
+        while (lg_test_again(lg_file_is_h5(path, &h5, NULL))) {
+        }
+        assert_true(h5);
+        lg_status status;
+        do status = lg_table_read(NULL, path, files[k].names, 2, NULL, NULL, &data, &error);
+        while (lg_test_again(status));
+        if (status != LG_OK) fail_msg("file %zu: %s", k, error.message);
+        own_lg_table_data(data);
+        assert_int_equal(data.rows, files[k].rows);
+        assert_all_close(data.values + 2 * (data.rows - 1), files[k].last, 2, 0, 0);
+    }
+    bool h5 = true;
+    write_text_to(scratch_path("t.csv"), "x,y\n1,2\n");
+    assert_ok(lg_file_is_h5(scratch_path("t.csv"), &h5, NULL));
+    assert_false(h5);
+    assert_status(lg_file_is_h5(scratch_path("none"), &h5, NULL), LG_NOT_FOUND);
 }
 
 /* ---- wide tables ---- */

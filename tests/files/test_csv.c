@@ -45,6 +45,68 @@ TEST("quotes that are not closed and lines of more than a million bytes are refu
     assert_string_equal(read_row(text, (1 << 19) + 1), "");
 }
 
+/* The names of the header, then the cells of the first row; "failed: " and the message if it fails. */
+static const char *cells_of(const char *text) {
+    static char all[1000];
+    lg_error error = {LG_OK, ""};
+    lg_csv c;
+    bool more = false;
+    all[0] = '\0';
+    write_text_to(scratch_path("rows.csv"), text);
+    lg_status status = lg_csv_open(NULL, scratch_path("rows.csv"), "table", &c, &error);
+    if (status == LG_OK) status = lg_csv_header(&c, &error);
+    for (int k = 0; k < 2 && status == LG_OK; k++) {
+        lg_append(all, sizeof all, "%zu:", c.number);
+        for (char *at = c.line, *cell; at != NULL && status == LG_OK;) {
+            status = lg_csv_name(&c, &at, &cell, &error);
+            lg_append(all, sizeof all, "[%s]", cell);
+        }
+        if (k == 0 && status == LG_OK) status = lg_csv_line(&c, &more, &error);
+    }
+    lg_csv_close(&c);
+    if (lg_test_again(status)) return cells_of(text);
+    if (status != LG_OK) (void)snprintf(all, sizeof all, "failed: %s", error.message);
+    return all;
+}
+
+TEST("a header in a comment is read if it has a name for each column, as numpy writes it") {
+    static const struct {
+        const char *text, *cells;
+    } rows[] = {
+        {"# t,x\n0,1\n2,3\n", "1:[t][x]2:[0][1]"},
+        {"#t,x\r\n0,1\r\n", "1:[t][x]2:[0][1]"},
+        {"#,t,x\n0,1\n", "1:[t][x]2:[0][1]"},
+        {"# made by hand\n\n# t x\n0,1\n", "3:[t][x]4:[0][1]"},
+        {"# t;x\n0;1\n", "1:[t][x]2:[0][1]"},
+        {"# t x\n0;1\n", "1:[t][x]2:[0][1]"},
+        {"# t\tx\n0\t1\n", "1:[t][x]2:[0][1]"},
+        {"# t x\n0.0e+00 1.0e+00\n", "1:[t][x]2:[0.0e+00][1.0e+00]"},
+        {"# t x\n  0    1 \n", "1:[t][x]2:[0][1]"},
+        {"\xef\xbb\xbf# t,x\n0,nan\n", "1:[t][x]2:[0][nan]"},
+        {"# \"t, s\",x\n0,1\n", "1:[t, s][x]2:[0][1]"},
+        {"# t\n5.5\n", "1:[t]2:[5.5]"},
+        {"# a note\nt,x\n0,1\n", "2:[t][x]3:[0][1]"},
+        {"# 7,8\n0,1\n5,6\n", "2:[0][1]3:[5][6]"}, /* columns 0, 1, 2, ... */
+        {"# wind speed\n0\n5\n", "2:[0]3:[5]"},
+        {"wind speed\n5\n", "1:[wind speed]2:[5]"},
+        {"3,1\n5,6\n",
+         "failed: @: line 1: has numbers where the names of the columns are expected: there is no "
+         "header"},
+        {"# a,b,c\n3,1\n",
+         "failed: @: line 2: has numbers where the names of the columns are expected: there is "
+         "no header, and the comment in line 1 has not one name for each of the 2 columns"},
+        {"# 1,2\n3,1\n",
+         "failed: @: line 2: has numbers where the names of the columns are expected: there is "
+         "no header, and the comment in line 1 has not one name for each of the 2 columns"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *at = strchr(rows[i].cells, '@');
+        assert_string_equal(cells_of(rows[i].text),
+                            at == NULL ? rows[i].cells
+                                       : test_text("failed: %s%s", scratch_path("rows.csv"), at + 1));
+    }
+}
+
 TEST("a list of names ends with dots where there is no more room, and stays as it is after that") {
     lg_csv_names names = {.used = 0};
     char before[sizeof names.text];

@@ -615,6 +615,17 @@ TEST("velocities that are constant to rounding are right, at any place and in an
     }
 }
 
+TEST("a proposed scale is a power of ten where the rate is nearly one") {
+    text log = new_text("t,q,v");
+    for (int i = 0; i < 400;
+         i++) /* times in nanoseconds, which a double rounds, and a rate that is .4 % off */
+        say_row(&log, (double[]){1.7e18 + 2e7 * i, sin(0.02 * i), 1.004 * cos(0.02 * i)}, 3);
+    refuse_text(machine(LINE), log.at, "if all coordinates show this: {t: 1e-09}", "{v: 1e-09}");
+    log = new_text("t,q,v");
+    for (int i = 0; i < 400; i++) say_row(&log, (double[]){0.02 * i, sin(0.02 * i), 1.3 * cos(0.02 * i)}, 3);
+    refuse_text(machine(LINE), log.at, "{t: 0.76", "");
+}
+
 TEST("a single outlier of a velocity or position is named with its line") {
     static const double sizes[] = {1e2, -1e3, 1e6, 1e12};
     for (size_t k = 0; k < LG_COUNT(sizes) * 2; k++) {
@@ -1115,6 +1126,19 @@ TEST("HDF5 with one data set per column is read") {
                 logs->v[26] == cos(0.1));
     assert_true(logs->runs == 2 && logs->columns[2].missing == 1);
     assert_silent(logs);
+}
+
+TEST("columns of a log in HDF5 may be (rows), (rows, 1) or (1, rows)") {
+    const char *path = scratch_path("log.h5");
+    double data[ROWS];
+    for (int i = 0; i < ROWS; i++) data[i] = 3 + i;
+    for (hsize_t k = 0; k < 2; k++) {
+        write_h5(path, "", false);
+        replace_dataset(path, "u", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2,
+                        (hsize_t[]){k == 0 ? 1 : ROWS, k == 0 ? ROWS : 1}, data);
+        const lg_logs *logs = read_all(machine(h5_yaml), &path, 1, NULL);
+        assert_true(logs->rows_read == ROWS && logs->u[4 * 30] == 33 && logs->u[4 * 24] == 27);
+    }
 }
 
 static lg_status read_h5(const lg_context *context, const char *path, const lg_read_options *options,

@@ -297,9 +297,10 @@ static void other_scale(const check *c, const fit *f, char *text, size_t size) {
     const lg_log_column *q = &c->table->machine->columns[c->position];
     const lg_log_column *t = &c->table->machine->columns[c->table->machine->time];
     text[0] = '\0';
-    if (c->positions == 1) lg_append(text, size, " or {%s: %.6g}", q->name, q->scale / f->slope);
+    if (c->positions == 1) lg_append(text, size, " or {%s: %.6g}", q->name, lg_log_tidy(q->scale / f->slope));
     if (f->slope > 0)
-        lg_append(text, size, "; if all coordinates show this: {%s: %.6g}", t->name, f->slope * t->scale);
+        lg_append(text, size, "; if all coordinates show this: {%s: %.6g}", t->name,
+                  lg_log_tidy(f->slope * t->scale));
 }
 
 static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
@@ -316,7 +317,7 @@ static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
                        (f->slope < 0 ? -DEGREE : DEGREE) * c->table->machine->columns[c->position].scale);
     for (uint32_t i = 0; i < c->velocities; i++)
         lg_append(scale, sizeof scale, "%s%s: %.6g", i > 0 ? ", " : "", column[i].name,
-                  f->slope * column[i].scale);
+                  lg_log_tidy(f->slope * column[i].scale));
     other_scale(c, f, other, sizeof other);
     return lg_fail(error, LG_FORMAT,
                    "%s: column%s %s: the rate of %s is %.4g times %s: if the %s is wrong, set scale: {%s}%s",

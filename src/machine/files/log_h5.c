@@ -37,19 +37,22 @@ static lg_status check_shape(const read_call *call, lg_h5 *h5, const char *name,
     LG_TRY(status);
     if (about.kind != LG_H5_WHOLE && about.kind != LG_H5_REAL)
         return lg_fail(error, LG_FORMAT, "%s: /%s: does not hold numbers", call->shown, name);
-    if (about.rank < 1 || about.count != about.dims[0])
+    uint32_t wide = 0; /* dimensions other than 1: (rows), (rows, 1) and, as MATLAB writes, (1, rows) */
+    for (uint32_t i = 0; i < about.rank; i++) wide += about.dims[i] != 1;
+    if (about.rank < 1 || wide > 1)
         return lg_fail(error, LG_FORMAT, "%s: /%s: expected one number per row", call->shown, name);
-    *rows = about.dims[0];
+    *rows = about.count;
     return LG_OK;
 }
 
 typedef struct copying {
     double *to;
+    uint64_t width; /* numbers per row of the data set: all, if it is (1, rows) */
 } copying;
 
 static void copy_rows(void *user, uint64_t row, uint64_t rows, const double *values) {
     const copying *copy = user;
-    memcpy(copy->to + row, values, (size_t)rows * sizeof *values);
+    memcpy(copy->to + row, values, (size_t)(rows * copy->width) * sizeof *values);
 }
 
 static lg_status read_columns(void *user, lg_h5 *h5, lg_error *error) {
@@ -69,7 +72,10 @@ static lg_status read_columns(void *user, lg_h5 *h5, lg_error *error) {
     call->data = lg_alloc(call->table->context, call->rows, machine->column_count * sizeof(double));
     if (call->data == NULL) return lg_log_no_memory(call->shown, error);
     for (uint32_t i = 0; i < machine->column_count; i++) {
-        copying copy = {call->data + i * (size_t)call->rows};
+        lg_h5_about about;
+        LG_TRY(lg_h5_look(h5, machine->columns[i].name, sizeof(double), &about, error));
+        copying copy = {call->data + i * (size_t)call->rows,
+                        about.dims[0] > 0 ? about.count / about.dims[0] : 1};
         LG_TRY(lg_h5_each_rows(h5, machine->columns[i].name, i == machine->time ? LG_H5_ROUNDED : LG_H5_EXACT,
                                copy_rows, &copy, error));
     }

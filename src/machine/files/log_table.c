@@ -5,7 +5,6 @@
 
 #include "files/h5.h"
 #include "machine/files/log_table.h"
-#include "files/read_file.h"
 
 enum { FIRST_ROWS = 1024, FIRST_WARNINGS = 8 };
 
@@ -14,11 +13,8 @@ lg_status lg_log_no_memory(const char *path, lg_error *error) {
 }
 
 static bool is_h5(const lg_log_table *table, uint32_t file) {
-    static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
-    unsigned char first[8] = {0};
-    size_t got = 0;
-    return lg_read_first(table->paths[file], first, sizeof first, &got, NULL) == LG_OK &&
-           got == sizeof first && memcmp(first, signature, sizeof first) == 0;
+    bool is = false;
+    return lg_file_is_h5(table->paths[file], &is, NULL) == LG_OK && is;
 }
 
 lg_status lg_log_fail(const lg_log_table *table, size_t row, lg_error *error, const char *format, ...) {
@@ -59,6 +55,11 @@ lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ..
     va_end(arguments);
     return lg_log_warn(table, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]),
                        is_h5(table, o->file) ? "row" : "line", o->line, text);
+}
+
+double lg_log_tidy(double scale) {
+    const double tidy = copysign(pow(10.0, round(log10(fabs(scale)))), scale);
+    return fabs(scale / tidy - 1.0) < 0.01 ? tidy : scale;
 }
 
 static lg_status grow(lg_log_table *table) {
