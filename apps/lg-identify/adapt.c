@@ -8,7 +8,7 @@
 
 typedef struct adapt_values {
     double seconds;
-    uint64_t window, substeps;
+    uint64_t window, substeps, start_rows;
     const char *numbers, *out;
 } adapt_values;
 
@@ -22,8 +22,7 @@ static const lg_field options[] = {
         adapt_values, window, U64, "M",
         "Rows of the windows that are fitted (default an eighth of the beginning, or those of the training)",
         .low = 2, .high = 1e9),
-    LG_OPTION(adapt_values, substeps, U64, "n", "Integrator steps between two points of the data", .low = 1,
-              .high = 1e6, .otherwise = "the model's"),
+    IDENTIFY_MODEL_OPTIONS(adapt_values),
     LG_OPTION(adapt_values, out, STRING, "MODEL.h5", "Write the adapted model", .file = LG_FILE_WRITTEN),
     LG_FIELD_END};
 
@@ -135,7 +134,7 @@ static bool fit(const app *self, adapting *a) {
     memcpy(problem.position_scale, run->position_scale, sizeof run->position_scale);
     memcpy(problem.velocity_scale, run->velocity_scale, sizeof run->velocity_scale);
     problem.windows = lg_machine_windows(&run->machine, &a->begin, a->window, a->window - 1,
-                                         a->given.model.estimated, start);
+                                         a->given.model.start_rows > 0, start);
     const lg_machine_restriction restriction = {&problem, a->to.theta, a->to.count, a->to.directions};
     lg_error error = {LG_OK, ""};
     a->found = (lg_machine_adapted){.x = a->x, .error = a->error, .alone = a->alone};
@@ -229,8 +228,7 @@ static void judge(const app *self, adapting *a, const lg_learned_machine *model,
             if (row > start[i]) memcpy(q + row * nq, q + start[i] * nq, nq * sizeof *q);
             memset(v + row * nv, 0, nv * sizeof *v);
         }
-        for (size_t row = start[i];
-             model->estimated && row < start[i] + lg_start_rows(model->machine) && row < end; row++) {
+        for (size_t row = start[i]; row < start[i] + model->start_rows && row < end; row++) {
             for (size_t k = 0; k < nq; k++) q[row * nq + k] = (double)NAN;
             for (size_t k = 0; k < nv; k++) v[row * nv + k] = (double)NAN;
         }
@@ -288,6 +286,7 @@ static void report(const app *self, const adapting *a) {
     app_result_rows_end(&out);
     app_result_text(&out, "errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL);
     app_result_size(&out, "window", a->window, "rows of a window of the fit");
+    identify_put_start_rows(&out, &a->given.model);
     app_result_text(&out, "numbers", a->kept ? "kept" : "changed", NULL);
     app_result_named(&out, "rest", "root mean square of the rest, free run");
     for (uint32_t c = 0; c < file->column_count; c++) {
@@ -318,7 +317,7 @@ static int run(app *self) {
     APP_CLEAN(adapting_destroy) adapting a = {.cut = 0};
     double force[LG_MACHINE_VELOCITIES] = {0};
     APP_MUST(self, lg_adapt_check(values.numbers, &error));
-    identify_load(self, values.substeps, &a.given);
+    identify_load(self, values.substeps, values.start_rows, &a.given);
     identify_refuse_accelerations(self, &a.given, "adapt");
     divide(self, &a);
     find_forces(self, &a, force);

@@ -1,4 +1,6 @@
 /* Reads a model and the logs that a command runs it on. */
+#include <math.h>
+
 #include "lg-identify/identify.h"
 
 void identify_read(const app *self, const lg_machine_sources *from, lg_machine_data *out) {
@@ -7,7 +9,7 @@ void identify_read(const app *self, const lg_machine_sources *from, lg_machine_d
     app_must_file(self, status, &error, out->failed);
 }
 
-void identify_load(app *self, uint64_t substeps, identify_given *out) {
+void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_given *out) {
     const char *path = self->arguments[0];
     const lg_machine_model_run *run = &out->file.run;
     APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &out->file, &error));
@@ -18,9 +20,24 @@ void identify_load(app *self, uint64_t substeps, identify_given *out) {
                                      .delay = run->estimated};
     identify_read(self, &from, &out->data);
     APP_MUST(self, lg_machine_refuse_momenta(&out->data.file, path, &error));
-    out->model = (lg_learned_machine){
-        &run->machine, out->file.theta, run->scheme, substeps > 0 ? (uint32_t)substeps : run->substeps,
-        out->data.file.measured == LG_MEASURED_POSITIONS || out->data.file.machine.accelerations};
+    const bool estimated =
+        out->data.file.measured == LG_MEASURED_POSITIONS || out->data.file.machine.accelerations;
+    if (start_rows > 0 && !estimated)
+        app_stop(self, LG_INVALID_ARGUMENT,
+                 "--start-rows %llu: no start is estimated, because the logs have positions and velocities: "
+                 "leave the option out",
+                 (unsigned long long)start_rows);
+    if (start_rows > 0) out->file.run.start_rows = (uint32_t)start_rows;
+    out->model = (lg_learned_machine){&run->machine, out->file.theta, run->scheme,
+                                      substeps > 0 ? (uint32_t)substeps : run->substeps,
+                                      lg_model_start_rows(run, estimated)};
+}
+
+void identify_put_start_rows(app_json *json, const lg_learned_machine *model) {
+    if (model->start_rows > 0)
+        app_result_size(json, "start_rows", model->start_rows, "rows that estimate the state at a start");
+    else
+        app_json_real(json, "start_rows", (double)NAN);
 }
 
 void identify_refuse_accelerations(const app *self, const identify_given *given, const char *command) {

@@ -246,8 +246,8 @@ static void choose_torques(const demo *d, const lg_learned_machine *learned, con
 
 static void control_all(const demo *d, control *c) {
     const lg_machine_model_run *run = &d->model.run;
-    const lg_learned_machine learned = {&run->machine, d->model.theta, run->scheme, run->substeps, false},
-                             truth = {&d->truth.machine, NULL, lg_scheme_find("rkmk5"), 8, false};
+    const lg_learned_machine learned = {&run->machine, d->model.theta, run->scheme, run->substeps, 0},
+                             truth = {&d->truth.machine, NULL, lg_scheme_find("rkmk5"), 8, 0};
     lg_rng rng;
     lg_rng_seed(&rng, d->app->seed, 11);
     *c = (control){.largest = 0};

@@ -7,7 +7,7 @@
 
 typedef struct evaluate_values {
     lg_reals horizons;
-    uint64_t every, window, substeps;
+    uint64_t every, window, substeps, start_rows;
     int metric;
     const char *plot;
 } evaluate_values;
@@ -22,8 +22,7 @@ static const lg_field options[] = {
               .value = "25"),
     LG_OPTION(evaluate_values, window, U64, "M", "Points of the windows of window_loss (default the model's)",
               .low = 2, .high = 1e9),
-    LG_OPTION(evaluate_values, substeps, U64, "n", "Integrator steps between two points of the data",
-              .low = 1, .high = 1e6, .otherwise = "the model's"),
+    IDENTIFY_MODEL_OPTIONS(evaluate_values),
     LG_OPTION(evaluate_values, metric, NAME, NULL,
               "relative: also the geometric mean over time, then over parts, of |z - z'|/|z + z'| + 1e-8",
               .names = metrics),
@@ -79,15 +78,16 @@ static void show_horizons(FILE *stream, const verdict *v) {
     bool linear = false;
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < LG_RUN_ERRORS; e++) linear = linear || !isnan(v->linear[i].pooled[e]);
-    app_table_row(&table, "horizon\tstarts\terror of\tpooled\tmedian\tunchanged%s", linear ? "\tlinear" : "");
+    app_table_begin(&table, linear ? 7 : 6);
+    app_table_row(&table, "horizon\tstarts\terror of\tpooled\tmedian\tunchanged");
+    if (linear) app_table_cell(&table, "linear");
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < LG_RUN_ERRORS; e++) {
             const lg_horizon *h = &v->horizons[i];
-            char linear_cell[32] = "";
             if (isnan(h->pooled[e])) continue;
-            if (linear) (void)snprintf(linear_cell, sizeof linear_cell, "\t%.3g", v->linear[i].pooled[e]);
-            app_table_row(&table, "%g s\t%zu\t%s\t%.3g\t%.3g\t%.3g%s", h->seconds, h->starts,
-                          lg_run_error_names[e], h->pooled[e], h->median[e], h->unchanged[e], linear_cell);
+            app_table_row(&table, "%g s\t%zu\t%s\t%.3g\t%.3g\t%.3g", h->seconds, h->starts,
+                          lg_run_error_names[e], h->pooled[e], h->median[e], h->unchanged[e]);
+            if (linear) app_table_cell(&table, "%.3g", v->linear[i].pooled[e]);
         }
     app_table_end(&table, stream);
 }
@@ -165,9 +165,11 @@ static void put_known(app_json *out, const char *key, double value, const char *
         app_json_real(out, key, value);
 }
 
-static void report(const app *self, const lg_machine_file *file, const verdict *v) {
+static void report(const app *self, const identify_given *given, const verdict *v) {
+    const lg_machine_file *file = &given->data.file;
     app_json out;
     app_result_begin(&out, self);
+    identify_put_start_rows(&out, &given->model);
     put_known(&out, "window_loss", v->window_loss, NULL);
     app_json_open(&out, "horizons", '[');
     for (size_t i = 0; i < v->horizon_count; i++) put_horizon(&out, &v->horizons[i], &v->linear[i]);
@@ -216,13 +218,13 @@ static void warn_of_horizons(const app *self, const verdict *v) {
 
 /* The errors of the linear model, NaN where accelerations alone are measured: it would have no states. */
 static void judge_linear(const app *self, const identify_given *given, identify_linear *linear,
-                         const lg_machine_log *simple, double seconds, lg_horizon *out) {
+                         const lg_machine_log *states, double seconds, lg_horizon *out) {
     const lg_learned_machine *model = &given->model;
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = (double)NAN;
     if (model->machine->accelerations) return;
-    APP_MUST(self, lg_horizon_of(self->context, model->machine, identify_linear_run, linear, simple, seconds,
-                                 values.every, out, &error));
-    if (model->estimated) out->pooled[LG_ERROR_VELOCITY] = (double)NAN;
+    APP_MUST(self, lg_horizon_of(self->context, model->machine, identify_linear_run, linear, states,
+                                 &given->data.logs.log, seconds, values.every, out, &error));
+    if (model->start_rows > 0) out->pooled[LG_ERROR_VELOCITY] = (double)NAN;
     for (int e = 0; e < LG_RUN_ERRORS; e++)
         if (out->pooled[e] >= 1e300) out->pooled[e] = (double)NAN;
 }
@@ -233,9 +235,11 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     const lg_machine_log *log = &given->data.logs.log;
     lg_machine_log simple = *log;
     APP_FREE double *slopes = app_alloc(log->rows * model->machine->velocities, sizeof *slopes);
-    if (model->estimated) {
+    APP_CLEAN(lg_started_log_destroy) lg_started_log states = {.log = *log};
+    if (model->start_rows > 0) {
         identify_slopes(model->machine, log, slopes);
         simple.v = slopes;
+        APP_MUST(self, lg_machine_states(self->context, model, log, values.every, &states, &error));
     }
     identify_linear *linear = identify_linear_create(model->machine, &simple);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
@@ -243,7 +247,7 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
         APP_MUST(self, lg_machine_horizon(self->context, model, log, seconds, values.every, &out->horizons[i],
                                           &error));
-        judge_linear(self, given, linear, &simple, seconds, &out->linear[i]);
+        judge_linear(self, given, linear, &states.log, seconds, &out->linear[i]);
         if (out->horizons[i].starts == 0)
             app_warn(self, "no run of %g s fits into a part of the logs: that horizon is not judged",
                      seconds);
@@ -284,13 +288,12 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *log,
     out->relative_worst = count > 0 ? exp(worst) : (double)NAN;
 }
 
-/* Sets to NaN the first lg_start_rows rows of each run: they only serve to estimate the start and are not
- * scored. */
-static void leave_out(const lg_machine *machine, const lg_machine_log *log, const size_t *start, size_t count,
-                      const verdict *v) {
-    const size_t nq = machine->positions, nv = machine->velocities;
+/* Sets to NaN the first rows of each run that only serve to estimate its start: they are not scored. */
+static void leave_out(const lg_learned_machine *model, const lg_machine_log *log, const size_t *start,
+                      size_t count, const verdict *v) {
+    const size_t nq = model->machine->positions, nv = model->machine->velocities;
     for (size_t i = 0; i < count; i++)
-        for (size_t row = start[i]; row < start[i] + lg_start_rows(machine) && row < log->rows; row++) {
+        for (size_t row = start[i]; row < start[i] + model->start_rows && row < log->rows; row++) {
             for (size_t k = 0; k < nq; k++) v->q[row * nq + k] = (double)NAN;
             for (size_t k = 0; k < nv; k++) v->v[row * nv + k] = (double)NAN;
         }
@@ -346,11 +349,11 @@ static void judge_run(const app *self, const identify_given *given, verdict *out
     out->v = app_alloc(log->rows * machine->velocities, sizeof *out->v);
     identify_run_log(self, model, log, start, count, out->q, out->v);
     if (values.metric == METRIC_RELATIVE) judge_relative(machine, log, start, count, out);
-    if (model->estimated) leave_out(machine, log, start, count, out);
+    leave_out(model, log, start, count, out);
     identify_column_errors(given, out->q, out->v, out->free_run);
     warn_of_runs(self, file, out);
     judge_states(self, given, start, count, out);
-    if (model->estimated) identify_run_whiteness(given, out->q, out->v, out->whiteness);
+    if (model->start_rows > 0) identify_run_whiteness(given, out->q, out->v, out->whiteness);
     deny_whiteness(file, out);
 }
 
@@ -388,7 +391,7 @@ static int run(app *self) {
     if (values.horizons.count > MOST_HORIZONS)
         app_stop_usage(self, "--horizons: %zu numbers, at most %d are possible", values.horizons.count,
                        MOST_HORIZONS);
-    identify_load(self, values.substeps, &given);
+    identify_load(self, values.substeps, values.start_rows, &given);
     const uint32_t window = values.window > 0 ? (uint32_t)values.window : given.file.run.window;
     APP_MUST(self, lg_machine_window_loss(self->context, &given.model, &given.data.logs.log, window,
                                           &v.window_loss, &error));
@@ -396,7 +399,7 @@ static int run(app *self) {
     identify_warn_range(self, &given, NULL, NULL);
     judge_horizons(self, &given, &v);
     if (values.plot != NULL) draw(self, &given, &v);
-    report(self, &given.data.file, &v);
+    report(self, &given, &v);
     return APP_EXIT_OK;
 }
 
@@ -407,8 +410,8 @@ const app_command evaluate_command = {
     .details =
         "A run starts every n rows (--every) and takes only the inputs from the log. Errors are root "
         "mean squares over all rows up to the horizon. Beside them are the errors of a machine that "
-        "stands still and of a linear model v' = A (q, v, u, 1), fitted to the same logs. With "
-        "positions alone, 50 rows estimate the state at each start, with accelerations alone 200; these "
-        "rows do not count.",
+        "stands still and of a linear model v' = A (q, v, u, 1), fitted to the same logs. With positions or "
+        "accelerations alone, some rows (--start-rows) estimate the state at each start, for these two "
+        "machines too; these rows do not count.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

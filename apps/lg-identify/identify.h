@@ -20,9 +20,19 @@ typedef struct identify_given {
     lg_machine_data data;
     lg_learned_machine model;
 } identify_given;
-/* Reads model and logs. Ends the command if something cannot be read, or if the log's velocities are momenta.
- * substeps 0: the model's substeps. */
-void identify_load(app *self, uint64_t substeps, identify_given *out);
+/* Reads model and logs. Ends the command if something cannot be read, if the log's velocities are momenta, or
+ * if start_rows is not 0 and no start is estimated. substeps, start_rows 0: those of the model. */
+void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_given *out);
+/* The rows of the options --substeps and --start-rows; `struct_` has members of these names. */
+#define IDENTIFY_MODEL_OPTIONS(struct_)                                                                      \
+    LG_OPTION(struct_, substeps, U64, "n", "Integrator steps between two points of the data", .low = 1,      \
+              .high = 1e6, .otherwise = "the model's"),                                                      \
+        LG_OPTION(struct_, start_rows, U64, "n",                                                             \
+                  "Rows that estimate the state at a start, where the logs measure positions or "            \
+                  "accelerations alone",                                                                     \
+                  .low = 2, .high = 1e6, .otherwise = "the model's")
+/* Writes start_rows: the rows that estimate the state at a start, null if the logs have it. */
+void identify_put_start_rows(app_json *json, const lg_learned_machine *model);
 /* Ends a command that needs states in the logs if these measure accelerations alone. */
 void identify_refuse_accelerations(const app *self, const identify_given *given, const char *command);
 void identify_given_destroy(identify_given *given);

@@ -193,7 +193,7 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
     APP_FREE size_t *start = app_alloc(log.rows, sizeof *start);
     *velocity = *force = NULL;
     if (machine->accelerations || !pushed_create(self, given, &p)) return 0;
-    if (given->model.estimated) {
+    if (given->model.start_rows > 0) {
         identify_slopes(machine, &log, slopes);
         log.v = slopes;
     }

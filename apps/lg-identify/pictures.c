@@ -270,7 +270,7 @@ static void put_potential(const app *self, drawing *d, const axis *a) {
 static void put_friction(const app *self, drawing *d, const axis *a) {
     const size_t nv = d->given->model.machine->velocities;
     const bool guessed = d->given->model.machine->accelerations, lacking = d->lacking_count > 0;
-    const double *v = d->given->model.estimated && !guessed ? d->v : d->log->v;
+    const double *v = d->given->model.start_rows > 0 && !guessed ? d->v : d->log->v;
     app_plot_text(&d->plot, "friction force on %s", a->name);
     app_plot_text(&d->plot, "velocity of %s", a->name);
     fill_slice(d, d->at_v, nv, a->velocity, a->slow, a->fast);

@@ -8,7 +8,7 @@
 
 typedef struct predict_values {
     const char *out, *plot;
-    uint64_t start, substeps;
+    uint64_t start, substeps, start_rows;
     bool bands;
 } predict_values;
 
@@ -18,8 +18,7 @@ static const lg_field options[] = {
     LG_OPTION(predict_values, start, U64, "n",
               "Begin at row n (counted from 0) of each part without a gap, or at the next complete row",
               .high = 1e12),
-    LG_OPTION(predict_values, substeps, U64, "n", "Integrator steps between two points of the data", .low = 1,
-              .high = 1e6, .otherwise = "the model's"),
+    IDENTIFY_MODEL_OPTIONS(predict_values),
     LG_OPTION(
         predict_values, bands, SWITCH, NULL,
         "Add columns NAME.sd: the standard deviation that results from the uncertainty of the parameters"),
@@ -138,6 +137,7 @@ static void report(const app *self, const prediction *p) {
     app_result_begin(&out, self);
     app_result_size(&out, "rows", p->rows, NULL);
     app_result_size(&out, "runs", p->runs, NULL);
+    identify_put_start_rows(&out, &p->given.model);
     app_json_open(&out, "free_run", '{');
     for (uint32_t c = 0; c < file->column_count; c++)
         if (identify_is_state(&file->columns[c]))
@@ -160,7 +160,7 @@ static void prediction_destroy(prediction *p) {
 static int run(app *self) {
     APP_CLEAN(prediction_destroy) prediction p = {.runs = 0};
     const lg_machine_data *data = &p.given.data;
-    identify_load(self, values.substeps, &p.given);
+    identify_load(self, values.substeps, values.start_rows, &p.given);
     if (values.bands && p.given.file.spread == NULL)
         app_stop(self, LG_UNSUPPORTED,
                  "%s: has no covariance of its parameters, which --bands needs: the model has more than %d "
@@ -186,8 +186,7 @@ const app_command predict_command = {
     .summary = "Run a model with the inputs of a log",
     .details =
         "A run goes from the first complete row of each part without a gap (or from --start) to its end; "
-        "with positions alone 50 rows estimate its start, with accelerations alone 200. Columns that leave "
-        "the range of the training "
-        "data are named in warnings.",
+        "with positions or accelerations alone some rows (--start-rows) estimate its start. Columns that "
+        "leave the range of the training data are named in warnings.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

@@ -133,7 +133,7 @@ size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log
     size_t count = 0;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p] + from; row + 1 < log->first[p + 1]; row++) {
-            if (!lg_machine_log_complete(model->machine, log, row, model->estimated)) continue;
+            if (!lg_machine_log_complete(model->machine, log, row, model->start_rows > 0)) continue;
             out[count++] = row;
             break;
         }
@@ -145,7 +145,7 @@ size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log
 void identify_run_log(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                       const size_t *start, size_t count, double *q, double *v) {
     APP_CLEAN(lg_started_log_destroy) lg_started_log from = {.log = *log};
-    if (model->estimated)
+    if (model->start_rows > 0)
         APP_MUST(self, lg_started_log_create(self->context, model, log, start, count, &from, &error));
     run_to_ends(self, model, &from.log, start, count, q, v);
 }

@@ -875,7 +875,8 @@ LG_API void lg_logs_destroy(lg_logs *logs); /* NULL and zeros are allowed. */
 
 #define LG_MACHINE_TEXT 4096 /* Bytes of the YAML text in a model file, with its terminator. */
 
-/* Smallest and largest number in the training logs of each position, then each velocity, then each input. */
+/* Smallest and largest number in the training logs of each position, then each velocity, then each input.
+ * For states that the logs do not have, those of the model's runs over them. */
 #define LG_MACHINE_RANGE (LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS)
 typedef struct lg_machine_range {
     double low[LG_MACHINE_RANGE], high[LG_MACHINE_RANGE];
@@ -896,6 +897,8 @@ typedef struct lg_machine_model_run {
      * such inputs the greatest delay. */
     uint32_t estimated;
     uint32_t delay[LG_MACHINE_INPUTS]; /* Of each input, from `text` and `estimated`. */
+    /* Rows that estimate the state at the start of a run; 0: the logs have it, or 50 (accelerations: 200). */
+    uint32_t start_rows;
     lg_fit_settings training;
     uint64_t windows;
     double dt; /* Median step between rows, seconds. */

@@ -55,6 +55,15 @@ static inline const lg_machine_model_file *cli_machine_model(const char *name) {
     return own_lg_machine_model_file(file);
 }
 
+/* Asserts that a model knows the range of all its positions, velocities and inputs. */
+static inline void expect_known_range(const char *name) {
+    const lg_machine_model_run *run = &cli_machine_model(name)->run;
+    const size_t used = run->machine.positions + run->machine.velocities + run->machine.input_count;
+    for (size_t i = 0; i < used; i++)
+        if (!(run->range.low[i] < run->range.high[i]) || fabs(run->range.low[i]) > 1e200)
+            fail_msg("%s: number %zu goes from %g to %g", name, i, run->range.low[i], run->range.high[i]);
+}
+
 /* Runs a command that must succeed and print nothing on standard error. */
 static inline void identify_run_quietly(const char *line) {
     cli_expect(identify, line, 0, "");

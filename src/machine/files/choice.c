@@ -125,7 +125,7 @@ static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error
 
 static lg_status judge(const trial_training *t, lg_machine_trial *out, lg_error *error) {
     const lg_learned_machine model = {&t->run.machine, out->learned.theta, t->run.scheme, t->run.substeps,
-                                      t->state.estimated};
+                                      lg_model_start_rows(&t->run, t->state.estimated)};
     out->square = lg_alloc(t->training.context, t->held.count, sizeof *out->square);
     if (out->square == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));

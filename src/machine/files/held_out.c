@@ -220,9 +220,11 @@ static lg_status run_windows(const lg_held_out *held, const lg_learned_machine *
     const lg_machine *m = model->machine;
     const size_t steps = held->before + held->steps;
     lg_started_log begun = {.log = *log};
+    lg_learned_machine estimating = *model;
     lg_status status = LG_OK;
+    estimating.start_rows = (uint32_t)held->before + 1;
     if (held->estimated)
-        status = lg_started_log_create(held->context, model, log, from, held->count, &begun, error);
+        status = lg_started_log_create(held->context, &estimating, log, from, held->count, &begun, error);
     if (status == LG_OK)
         status = lg_machine_free_run(held->context, m, model->theta, model->scheme, model->substeps,
                                      &begun.log, from, held->count, steps, q, v, error);

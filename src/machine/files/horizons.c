@@ -19,7 +19,7 @@ static lg_status no_memory(lg_error *error) {
 /* Predicted runs, which a function of type judge then compares with the log. */
 typedef struct runs {
     const lg_machine *machine;
-    const lg_machine_log *log;
+    const lg_machine_log *log, *from; /* runs are compared with `log`; they begin in states of `from` */
     size_t steps, count;
     const size_t *start; /* (count) rows of the log where the runs begin */
     double *q, *v;       /* predictions (count, steps + 1, ...) */
@@ -32,7 +32,7 @@ static lg_status judge_runs(const lg_context *context, lg_runner *runner, void *
     r->q = lg_alloc(context, points * (nq + r->machine->velocities), sizeof *r->q);
     if (r->q == NULL) return no_memory(error);
     r->v = r->q + points * nq;
-    const lg_status status = runner(model, r->log, r->start, r->count, r->steps, r->q, r->v, error);
+    const lg_status status = runner(model, r->from, r->start, r->count, r->steps, r->q, r->v, error);
     if (status == LG_OK) look(user, r);
     lg_free(context, r->q);
     return status;
@@ -171,29 +171,23 @@ static void judge_horizon(void *user, const runs *r) {
     }
 }
 
-/* Does what lg_horizon_of does, but a run begins only at a row that is complete in `marked`. */
-static lg_status judge_from(const lg_context *context, const lg_machine *machine, lg_runner *runner,
-                            void *user, const lg_machine_log *marked, const lg_machine_log *log,
-                            double seconds, size_t every, lg_horizon *out, lg_error *error) {
+lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
+                        const lg_machine_log *from, const lg_machine_log *log, double seconds, size_t every,
+                        lg_horizon *out, lg_error *error) {
     *out = (lg_horizon){.seconds = seconds};
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
     horizon h = {out, lg_alloc(context, log->rows * LG_RUN_ERRORS, sizeof *h.own)};
     lg_status status = start != NULL && h.own != NULL ? LG_OK : no_memory(error);
-    runs r = {.machine = machine, .log = log, .steps = most_steps(log, seconds), .start = start};
+    runs r = {
+        .machine = machine, .log = log, .from = from, .steps = most_steps(log, seconds), .start = start};
     if (status == LG_OK && r.steps > 0)
-        out->starts = r.count = find_starts(machine, marked, r.steps, every, start);
+        out->starts = r.count = find_starts(machine, from, r.steps, every, start);
     if (status == LG_OK && r.count > 0)
         status = judge_runs(context, runner, user, &r, judge_horizon, &h, error);
     lg_free(context, start);
     lg_free(context, h.own);
     return status;
-}
-
-lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
-                        const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
-                        lg_error *error) {
-    return judge_from(context, machine, runner, user, log, log, seconds, every, out, error);
 }
 
 /* ---- estimated starts ---- */
@@ -212,7 +206,7 @@ lg_status lg_started_log_create(const lg_context *context, const lg_learned_mach
     }
     double *v = q + count * nq;
     lg_machine_log guessed = *log;
-    const uint32_t rows = (uint32_t)lg_start_rows(machine);
+    const uint32_t rows = model->start_rows;
     lg_status status = LG_OK;
     out->log.v = out->v = out->q + log->rows * nq;
     if (machine->accelerations) { /* the guesses of the log are not good enough for the model's own starts */
@@ -238,11 +232,6 @@ void lg_started_log_destroy(lg_started_log *started) {
 
 /* ---- horizons of a model ---- */
 
-/* If starts are estimated, the state at a start comes from the start's row and this many rows before it. */
-static size_t rows_before(const lg_machine *machine) {
-    return lg_start_rows(machine) - 1;
-}
-
 /* Copies the last steps + 1 points of each run from `all`, whose runs begin `before` rows earlier. */
 static void keep_ends(const double *all, size_t count, size_t before, size_t steps, size_t n, double *out) {
     for (size_t i = 0; i < count; i++)
@@ -266,7 +255,7 @@ static void keep_runs(void *user, const runs *r) {
 static lg_status run_estimated(void *user, const lg_machine_log *marked, const size_t *start, size_t count,
                                size_t steps, double *q, double *v, lg_error *error) {
     const model_runner *m = user;
-    const size_t before = rows_before(m->model->machine);
+    const size_t before = m->model->start_rows - 1;
     ends e = {q, v, steps};
     lg_started_log begun;
     size_t *from = lg_alloc(m->context, count, sizeof *from);
@@ -274,17 +263,18 @@ static lg_status run_estimated(void *user, const lg_machine_log *marked, const s
     if (from == NULL) return no_memory(error);
     for (size_t i = 0; i < count; i++) from[i] = start[i] - before;
     lg_status status = lg_started_log_create(m->context, m->model, m->log, from, count, &begun, error);
-    runs r = {m->model->machine, &begun.log, before + steps, count, from, NULL, NULL};
+    runs r = {m->model->machine, &begun.log, &begun.log, before + steps, count, from, NULL, NULL};
     if (status == LG_OK) status = judge_runs(m->context, run_model, user, &r, keep_runs, &e, error);
     lg_started_log_destroy(&begun);
     lg_free(m->context, from);
     return status;
 }
 
-/* Sets velocities to 0 in rows where a run can start and to NaN elsewhere: find_starts takes complete
- * rows. */
-static void mark_starts(const lg_machine *machine, const lg_machine_log *log, size_t every, double *v) {
-    const size_t nv = machine->velocities, before = rows_before(machine);
+/* Sets velocities to 0 in rows where a run can start that needs `before` earlier rows, and to NaN elsewhere:
+ * find_starts takes complete rows. */
+static void mark_starts(const lg_machine *machine, const lg_machine_log *log, size_t before, size_t every,
+                        double *v) {
+    const size_t nv = machine->velocities;
     for (size_t i = 0; i < log->rows * nv; i++) v[i] = (double)NAN;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row < log->first[p + 1]; row += every) {
@@ -300,15 +290,135 @@ lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine
     const lg_machine *machine = model->machine;
     model_runner runner = {context, model, log};
     lg_machine_log marked = *log;
-    if (!model->estimated)
-        return lg_horizon_of(context, machine, run_model, &runner, log, seconds, every, out, error);
+    if (model->start_rows == 0)
+        return lg_horizon_of(context, machine, run_model, &runner, log, log, seconds, every, out, error);
     double *v = lg_alloc(context, log->rows * machine->velocities, sizeof *v);
     if (v == NULL) return no_memory(error);
-    mark_starts(machine, log, every, v);
+    mark_starts(machine, log, model->start_rows - 1, every, v);
     marked.v = v;
     const lg_status status =
-        judge_from(context, machine, run_estimated, &runner, &marked, log, seconds, every, out, error);
+        lg_horizon_of(context, machine, run_estimated, &runner, &marked, log, seconds, every, out, error);
     lg_free(context, v);
+    return status;
+}
+
+lg_status lg_machine_states(const lg_context *context, const lg_learned_machine *model,
+                            const lg_machine_log *log, size_t every, lg_started_log *out, lg_error *error) {
+    const lg_machine *machine = model->machine;
+    const size_t nq = machine->positions, nv = machine->velocities, n = nq + nv;
+    model_runner runner = {context, model, log};
+    *out = (lg_started_log){.log = *log, .context = context};
+    out->log.q = out->q = lg_alloc(context, log->rows * n, sizeof *out->q);
+    double *states = lg_alloc(context, log->rows * n, sizeof *states);
+    size_t *start = lg_alloc(context, log->rows, sizeof *start), count = 0;
+    lg_status status = out->q != NULL && states != NULL && start != NULL ? LG_OK : no_memory(error);
+    if (status == LG_OK) {
+        out->log.v = out->v = out->q + log->rows * nq;
+        memcpy(out->q, log->q, log->rows * nq * sizeof *out->q);
+        mark_starts(machine, log, model->start_rows - 1, every, out->v);
+        count = find_starts(machine, &out->log, 0, every, start);
+    }
+    double *v = states != NULL ? states + count * nq : NULL;
+    if (status == LG_OK && count > 0) status = run_estimated(&runner, log, start, count, 0, states, v, error);
+    for (size_t i = 0; i < count && status == LG_OK; i++) {
+        memcpy(out->q + start[i] * nq, states + i * nq, nq * sizeof *v);
+        memcpy(out->v + start[i] * nv, v + i * nv, nv * sizeof *v);
+    }
+    lg_free(context, states);
+    lg_free(context, start);
+    return status;
+}
+
+/* ---- the rows that estimate a start ---- */
+
+/* The sum of the logarithms of the errors up to horizons of 2, 8, 32, ... rows. Errors below a thousandth of
+ * the motion count alike: logs without noise do not show how many rows logs with noise need. */
+static void judge_rows(void *user, const runs *r) {
+    static const double nothing = 1e-3;
+    double *score = user;
+    count_as_infinite(r->q, r->count * (r->steps + 1) * (r->machine->positions + r->machine->velocities));
+    for (size_t steps = 2; steps <= r->steps; steps *= 4) {
+        sums pooled[LG_RUN_ERRORS] = {{0, 0}}, unchanged[LG_RUN_ERRORS] = {{0, 0}};
+        for (size_t i = 0; i < r->count; i++) {
+            const double seconds = r->log->t[r->start[i] + steps] - r->log->t[r->start[i]];
+            judge_run(r, i, seconds, false, pooled);
+            judge_run(r, i, seconds, true, unchanged);
+        }
+        for (int e = 0; e < LG_RUN_ERRORS; e++)
+            if (pooled[e].sum > 0) *score += log(hypot(root(&pooled[e]), nothing * root(&unchanged[e])));
+    }
+}
+
+lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_machine *model,
+                                       const lg_machine_log *log, lg_error *error) {
+    enum { STEPS = 32, STARTS = 100 };
+    /* Fewer rows are taken only if they lower all errors by this much. */
+    static const double clear = 0.05, parts[] = {1, 0.5, 0.32, 0.2, 0.12, 0.08};
+    const lg_machine *machine = model->machine;
+    const size_t usual = lg_start_rows(machine), every = 1 + log->rows / STARTS;
+    lg_learned_machine tried = *model;
+    model_runner runner = {context, &tried, log};
+    lg_machine_log marked = *log;
+    double *v = lg_alloc(context, log->rows * machine->velocities, sizeof *v), best = INFINITY;
+    size_t *start = lg_alloc(context, log->rows, sizeof *start);
+    lg_status status = v != NULL && start != NULL ? LG_OK : no_memory(error);
+    runs r = {.machine = machine, .log = log, .from = &marked, .steps = STEPS, .start = start};
+    model->start_rows = (uint32_t)usual;
+    if (status == LG_OK) {
+        mark_starts(machine, log, usual - 1, every, v);
+        marked.v = v;
+        r.count = find_starts(machine, &marked, r.steps, every, start);
+    }
+    for (size_t i = 0; i < LG_COUNT(parts) && status == LG_OK && r.count > 0; i++) {
+        double score = 0;
+        tried.start_rows = (uint32_t)(parts[i] * (double)usual + 0.5);
+        status = judge_runs(context, run_estimated, &runner, &r, judge_rows, &score, error);
+        if (status != LG_OK || !(score < best - clear)) continue;
+        best = score;
+        model->start_rows = tried.start_rows;
+    }
+    lg_free(context, v);
+    lg_free(context, start);
+    return status;
+}
+
+/* ---- the range of states that no column shows ---- */
+
+lg_status lg_machine_widen_range(const lg_context *context, const lg_learned_machine *model,
+                                 const lg_machine_problem *problem, lg_machine_range *range,
+                                 lg_error *error) {
+    enum { MOST = 1 << 20 };
+    lg_machine states = *model->machine;
+    const size_t nq = states.positions, nv = states.velocities, rows = problem->window,
+                 all = problem->windows - problem->validation,
+                 count = all * rows < MOST ? all : MOST / rows + 1;
+    bool known = true;
+    for (size_t i = 0; i < nq + nv; i++) known = known && range->low[i] <= range->high[i];
+    if (known || count == 0) return LG_OK;
+    lg_started_log begun = {.context = context};
+    lg_machine_range found;
+    double *q = lg_alloc(context, count * rows * (nq + nv), sizeof *q), *v = q;
+    size_t *start = lg_alloc(context, count, sizeof *start);
+    lg_status status = q != NULL && start != NULL ? LG_OK : no_memory(error);
+    if (status == LG_OK) {
+        v = q + count * rows * nq;
+        for (size_t i = 0; i < count; i++) start[i] = problem->start[lg_spread(i, all, count)];
+        status = lg_started_log_create(context, model, &problem->log, start, count, &begun, error);
+    }
+    if (status == LG_OK)
+        status = lg_machine_free_run(context, &states, model->theta, model->scheme, model->substeps,
+                                     &begun.log, start, count, rows - 1, q, v, error);
+    lg_machine_log shown = {.rows = count * rows, .q = q, .v = v};
+    if (states.accelerations) /* a run has accelerations in the place of velocities */
+        shown.rows = begun.log.rows, shown.q = begun.q, shown.v = begun.v;
+    states.accelerations = false, states.input_count = 0;
+    if (status == LG_OK) lg_machine_find_range(&states, &shown, &found);
+    for (size_t i = 0; i < nq + nv && status == LG_OK; i++)
+        if (range->low[i] > range->high[i] && isfinite(found.low[i]) && isfinite(found.high[i]))
+            range->low[i] = found.low[i], range->high[i] = found.high[i];
+    lg_started_log_destroy(&begun);
+    lg_free(context, q);
+    lg_free(context, start);
     return status;
 }
 
@@ -359,7 +469,7 @@ lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_mac
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
     *out = (double)NAN;
     if (start == NULL) return no_memory(error);
-    runs r = {.machine = model->machine, .log = log, .steps = window - 1, .start = start};
+    runs r = {.machine = model->machine, .log = log, .from = log, .steps = window - 1, .start = start};
     if (!model->machine->accelerations)
         r.count = lg_machine_windows(model->machine, log, window, 1, false, start);
     const lg_status status =
@@ -406,6 +516,7 @@ lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machi
     model_runner runner = {context, model, &problem->log};
     runs r = {.machine = model->machine,
               .log = &problem->log,
+              .from = &problem->log,
               .steps = problem->window - 1,
               .count = problem->windows - problem->validation,
               .start = problem->start};

@@ -299,6 +299,8 @@ static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *err
                    "loss of the windows that are not trained on");
     lg_result_whole(self, "windows", run->windows, NULL);
     lg_result_whole(self, "parameters", machine->parameters, NULL);
+    if (run->start_rows > 0)
+        lg_result_whole(self, "start_rows", run->start_rows, "rows that estimate the state at a start");
     tell_numbers(self, what);
     tell_errors(self, what);
     tell_place(self, machine, what);
@@ -331,6 +333,18 @@ static lg_status find_numbers(lg_training *self, const double *theta, lg_machine
     return LG_OK;
 }
 
+/* What needs the states that no column shows: how starts are estimated, and the range of these states. */
+static lg_status find_states(lg_training *self, const double *theta, lg_error *error) {
+    const lg_machine_state *s = self->state;
+    lg_machine_model_run *run = self->run;
+    lg_learned_machine model = {&run->machine, theta, run->scheme, run->substeps,
+                                lg_model_start_rows(run, s->estimated)};
+    if (!s->estimated) return LG_OK;
+    LG_TRY(lg_machine_choose_start_rows(self->context, &model, &s->data.logs.log, error));
+    run->start_rows = model.start_rows;
+    return lg_machine_widen_range(self->context, &model, &s->problem, &run->range, error);
+}
+
 lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {
     lg_machine_state *s = self->state;
     const lg_machine *machine = s->problem.machine;
@@ -344,6 +358,7 @@ lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {
     LG_TRY(lg_machine_find_missing(self->context, &s->problem, theta, &what->missing, error));
     find_place(&s->problem, what);
     LG_TRY(find_numbers(self, theta, what, error));
+    LG_TRY(find_states(self, theta, error));
     warn_of_gauge(self, machine);
     warn_of_misfit(self, what);
     warn_of_floor(self, what);

@@ -105,6 +105,7 @@ static const lg_field facts[] = {
     FACT("run", "windows", U64, windows, .low = 0),
     FACT("run", "dt", REAL, dt, .low = 0),
     FACT("run", "delay", U32, estimated, .low = 0),
+    FACT("run", "start_rows", U32, start_rows, .low = 0, .optional = true),
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
     LG_FIELD_END};
 

@@ -373,7 +373,8 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     const lg_machine_state *s = self->state;
     const lg_machine_model_run *run = &file->run;
     const lg_machine_log *log = &s->data.logs.log;
-    const lg_learned_machine model = {&run->machine, file->theta, run->scheme, run->substeps, s->estimated};
+    const lg_learned_machine model = {&run->machine, file->theta, run->scheme, run->substeps,
+                                      lg_model_start_rows(run, s->estimated)};
     double loss;
     lg_horizon found;
     LG_TRY(lg_machine_refuse_momenta(&s->data.file, self->model, error));

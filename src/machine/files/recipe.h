@@ -88,12 +88,19 @@ typedef struct lg_learned_machine {
     const double *theta;
     const lg_scheme *scheme;
     uint32_t substeps;
-    bool estimated; /* its logs measure positions or accelerations alone: starts of runs are estimated */
+    /* The state at the start of a run is estimated from this many rows, because the logs measure positions or
+     * accelerations alone; 0: the logs have it. */
+    uint32_t start_rows;
 } lg_learned_machine;
 
-/* A start is estimated from this many rows: accelerations show a state only over a motion. */
+/* The usual number of these rows: accelerations show a state only over a motion. */
 static inline size_t lg_start_rows(const lg_machine *machine) {
     return machine->accelerations ? 200 : 50;
+}
+/* lg_learned_machine.start_rows of a model file whose logs do (`estimated`) or do not need estimates. */
+static inline uint32_t lg_model_start_rows(const lg_machine_model_run *run, bool estimated) {
+    const uint32_t rows = run->start_rows > 0 ? run->start_rows : (uint32_t)lg_start_rows(&run->machine);
+    return estimated ? rows : 0;
 }
 /* What the log has of the velocities, (rows, velocities): the velocities, or the accelerations. */
 static inline const double *lg_log_shown(const lg_machine_log *log) {
@@ -106,12 +113,26 @@ typedef struct lg_started_log {
     double *q, *v;
     const lg_context *context;
 } lg_started_log;
-/* Estimates the states at row[0..count-1], each from lg_start_rows rows, fewer at the end of a part. `out`
- * must be destroyed even after an error. */
+/* Estimates the states at row[0..count-1], each from model->start_rows rows, of which it is the first; fewer
+ * at the end of a part. `out` must be destroyed even after an error. */
 lg_status lg_started_log_create(const lg_context *context, const lg_learned_machine *model,
                                 const lg_machine_log *log, const size_t *row, size_t count,
                                 lg_started_log *out, lg_error *error);
+/* Estimates the states at rows `every` apart in each part, each from model->start_rows rows, of which it is
+ * the last. Velocities of all other rows are NaN, so that no run begins there. `out` must be destroyed even
+ * after an error. */
+lg_status lg_machine_states(const lg_context *context, const lg_learned_machine *model,
+                            const lg_machine_log *log, size_t every, lg_started_log *out, lg_error *error);
 void lg_started_log_destroy(lg_started_log *started);
+/* Sets model->start_rows to the number of rows, from lg_start_rows down to 8 % of them, with the least error
+ * of runs of up to 32 rows from the same starts in this log. Many rows average noise; few rows
+ * contain less of what disturbs the machine. */
+lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_machine *model,
+                                       const lg_machine_log *log, lg_error *error);
+/* Sets the range of positions and velocities that no column shows (low > high) to that of runs over the
+ * training windows. A number whose runs are not finite keeps low > high. */
+lg_status lg_machine_widen_range(const lg_context *context, const lg_learned_machine *model,
+                                 const lg_machine_problem *problem, lg_machine_range *range, lg_error *error);
 
 typedef enum lg_run_error {
     LG_ERROR_LINE,
@@ -138,11 +159,12 @@ typedef struct lg_horizon {
  * steps + 1, velocities). */
 typedef lg_status lg_runner(void *user, const lg_machine_log *log, const size_t *start, size_t count,
                             size_t steps, double *q, double *v, lg_error *error);
-/* Errors of runs that begin `every` rows apart in each part. */
+/* Errors of runs that begin at complete rows of `from`, `every` rows apart in each part. `from` is `log`, or
+ * has its rows with other states (lg_machine_states). */
 lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
-                        const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
-                        lg_error *error);
-/* As lg_horizon_of for a model's own runs. The states at the starts are estimated from lg_start_rows rows
+                        const lg_machine_log *from, const lg_machine_log *log, double seconds, size_t every,
+                        lg_horizon *out, lg_error *error);
+/* As lg_horizon_of for a model's own runs. The states at the starts are estimated from model->start_rows rows
  * that end at the start where the logs measure positions or accelerations alone. */
 lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine *model,
                              const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
