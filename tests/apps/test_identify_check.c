@@ -309,6 +309,51 @@ TEST("the same warning appears only once, on standard error and in JSON") {
     }
 }
 
+/* Two angles a and b, of which each moves slowly and vibrates fast; the rates show the slow motion alone. */
+static void write_vibrating(const char *name, size_t rows, double step, double size, double sd) {
+    const size_t room = 120 * (rows + 1);
+    char *text = TEST_ARRAY(char, room);
+    size_t used = (size_t)snprintf(text, room, "t,a,wa,b,wb\n");
+    lg_rng rng = test_rng(rows, 1);
+    for (size_t i = 0; i < rows; i++) {
+        const double t = step * (double)i;
+        used +=
+            (size_t)snprintf(text + used, room - used, "%.12g,%.12g,%.12g,%.12g,%.12g\n", t,
+                             sin(t) + 0.3 * sin(0.31 * t) + size * sin(141 * t) + sd * lg_rng_normal(&rng),
+                             cos(t) + 0.093 * cos(0.31 * t) + sd * lg_rng_normal(&rng),
+                             0.7 * cos(0.83 * t) + size * sin(157 * t + 1) + sd * lg_rng_normal(&rng),
+                             -0.581 * sin(0.83 * t) + sd * lg_rng_normal(&rng));
+    }
+    cli_write(name, text);
+}
+
+TEST("an angle that vibrates fits its rate over many rows; swapped rates and wrong units are still found") {
+    static const char *const machines[] = {"right.yaml", "crossed.yaml", "negative.yaml", "doubled.yaml"};
+    static const char *const rates[][2] = {{"wa", "wb"}, {"wb", "wa"}, {"wa", "wb"}, {"wa", "wb"}};
+    static const char *const scales[] = {"", "", "scale: {wb: -1}\n", "scale: {wb: 2}\n"};
+    static const struct {
+        size_t rows;
+        double step, size, sd;
+    } logs[] = {{10000, 0.002, 0.03, 0},
+                {20000, 0.001, 0.1, 0.01},
+                {2000, 0.013, 0.05, 0.001},
+                {4000, 0.005, 0.03, 0.02}};
+    for (size_t k = 0; k < LG_COUNT(machines); k++)
+        cli_write(machines[k], test_text("columns: {time: t}\n%scoordinates:\n"
+                                         "  - {name: a, kind: angle, velocity: %s}\n"
+                                         "  - {name: b, kind: angle, velocity: %s}\nmass: diagonal\n",
+                                         scales[k], rates[k][0], rates[k][1]));
+    for (size_t i = 0; i < LG_COUNT(logs); i++) {
+        write_vibrating("shaken.csv", logs[i].rows, logs[i].step, logs[i].size, logs[i].sd);
+        cli_json(identify, "check right.yaml shaken.csv", "files 1");
+        if (i == 0) assert_says(result.err, "one of them vibrates or is noisy");
+        for (size_t k = 1; k < LG_COUNT(machines); k++) {
+            cli_run_limited(identify, test_text("check %s shaken.csv", machines[k]), 0);
+            if (result.code != 3) fail_msg("log %zu: %s is accepted", i, machines[k]);
+        }
+    }
+}
+
 /* ---- logs that leave something undetermined: a warning ---- */
 
 TEST("constant inputs, feedback, coordinates that never move and a free scale cause warnings") {

@@ -12,7 +12,7 @@
 #include "machine/files/log_table.h"
 #include "liegrad/geometry.h"
 
-enum { MOST_SPAN = 32, FEWEST = 8, MOST_COMPARED = 100000, MOST_SORTED = 50000 };
+enum { SHORT_SPAN = 32, FEWEST = 8, MANY_SPANS = 12, MOST_COMPARED = 100000, MOST_SORTED = 50000 };
 #define SLOPE_LOW   0.8
 #define SLOPE_HIGH  1.25
 #define FITS        0.9  /* correlation of columns that belong together */
@@ -272,15 +272,14 @@ static bool find_span(const check *c, const way *w, size_t *span, fit *f) {
     const double factor = c->positions == 4 ? 2 : 1;
     const double q = factor * noise_of(c, c->position, c->positions);
     const double v = noise_of(c, c->velocity, c->velocities) * c->table->out->dt_median;
-    for (*span = 1; *span <= MOST_SPAN; *span *= 2) {
+    for (*span = 1;; *span *= 2) {
         *f = compare(c, w, *span);
-        if (f->n < FEWEST) return false;
+        if (f->n < (*span <= SHORT_SPAN ? FEWEST : MANY_SPANS)) return false;
         if (c->turns && *span > 1 && f->y_variance * 3 > MOST_ANGLE * MOST_ANGLE) return false;
         if (f->y_variance > ABOVE_NOISE * 2 * q * q &&
             (f->x_variance > ABOVE_NOISE * v * v * (double)*span || f->x_variance == 0))
             return true;
     }
-    return false;
 }
 
 /* Whether an angle moves 180/pi times as fast as its rate: it is in degrees. */
@@ -432,10 +431,29 @@ static const way *better_way(const check *c, const way *ways, size_t count, size
     return best;
 }
 
-/* If the velocity of another line or angle fits, `hint` names it: " Column vy fits"; else it is "". */
-static void other_velocity(const check *c, size_t span, char *hint, size_t size) {
-    const lg_machine_file *file = c->table->machine;
+/* Looks for longer spans over which position and velocity belong together: vibration or noise of one sensor
+ * hides the motion over a few rows, but not over many. *span and *f become those that fit best. False: there
+ * is none. */
+static bool agree_longer(const check *c, const way *w, size_t *span, fit *f) {
+    bool agree = false;
+    for (size_t rows = 3 * *span;; rows *= 3) {
+        const fit longer = compare(c, w, rows);
+        const bool turned = c->turns && longer.y_variance * 3 > MOST_ANGLE * MOST_ANGLE;
+        if (longer.n < FEWEST || turned) return agree;
+        if (longer.correlation < FITS || !slope_is_right(&longer)) continue;
+        if (agree && longer.correlation < f->correlation) continue;
+        agree = true;
+        *span = rows;
+        *f = longer;
+    }
+}
+
+/* If the velocity of another line or angle fits better than `own` (a correlation, or 0), `hint` names it: "
+ * Column vy fits"; else it is "". */
+static void other_velocity(const check *c, size_t span, double own, char *hint, size_t size) {
     static const way plain = {.words = ""};
+    static const double clearly = 0.5;
+    const lg_machine_file *file = c->table->machine;
     hint[0] = '\0';
     for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
         const lg_log_coordinate *where = &file->coordinates[i];
@@ -444,6 +462,7 @@ static void other_velocity(const check *c, size_t span, char *hint, size_t size)
         other.velocity = where->velocity;
         const fit f = compare(&other, &plain, span);
         if (f.correlation < FITS || !slope_is_right(&f)) continue;
+        if (!(1 - f.correlation < clearly * (1 - own))) continue;
         (void)snprintf(hint, size, " Column %s fits", file->columns[where->velocity].name);
         return;
     }
@@ -463,14 +482,25 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
         LG_TRY(refuse_failures(c, &ways[0], span, &f, error));
     if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
     const way *better = better_way(c, ways, count, span, &f);
+    const fit first = f;
+    const bool fits = fabs(f.correlation) > FITS,
+               agree = !fits && better == NULL && agree_longer(c, &ways[0], &span, &f);
+    if (agree) better = better_way(c, ways, count, span, &f);
     lg_csv_names q, v;
     lg_log_names_of(c->table, c->position, c->positions, &q);
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     if (better != NULL)
         return lg_fail(error, LG_FORMAT, "%s: columns %s and %s: %s", path_of(c), q.text, v.text,
                        better->words);
-    if (fabs(f.correlation) > FITS) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
-    if (c->positions == 1) other_velocity(c, span, hint, sizeof hint);
+    if (fits) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
+    if (c->positions == 1) other_velocity(c, span, agree ? f.correlation : 0, hint, sizeof hint);
+    if (agree && hint[0] == '\0')
+        return lg_log_warn(c->table,
+                           "%s: columns %s and %s agree over %zu rows (correlation %.2f), but not over fewer "
+                           "(%.2f): one of them vibrates or is noisy",
+                           path_of(c), q.text, v.text, span, f.correlation, first.correlation) == LG_OK
+                   ? LG_OK
+                   : lg_log_no_memory(c->table->paths[c->file], error);
     if (f.correlation < UNRELATED || hint[0] != '\0') return unrelated(c, &f, hint, error);
     if (lg_log_warn(c->table, "%s: columns %s and %s fit badly (correlation %.2f): check them", path_of(c),
                     q.text, v.text, f.correlation) != LG_OK)
