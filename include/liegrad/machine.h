@@ -276,6 +276,7 @@ typedef struct lg_machine {
      * (critically damped): tau x_1' = u - x_1 and tau x_2' = x_1 - x_2. The terms see the last one. */
     uint32_t lags, lagged[LG_MACHINE_LAGS];
     uint32_t bristles; /* With LuGre friction: velocities; else 0. */
+    uint32_t sticks;   /* Bit k: friction without a width may act on velocity k, and it sticks. */
     /* Length of theta; its first `weights` numbers belong to networks. */
     size_t parameters, weights;
 } lg_machine;

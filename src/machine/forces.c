@@ -153,17 +153,10 @@ DRAG_ENTRY(coulomb, 0)
 DRAG_ENTRY(quadratic, 2)
 DRAG_ENTRY(cubic, 3)
 
-/* The force -c tanh(v/w). */
-static lg_var coulomb(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                      const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    const uint32_t n = machine->velocities;
-    double steep[LG_MACHINE_VELOCITIES];
-    for (uint32_t i = 0; i < n; i++)
-        steep[i] = machine->scales.velocity[i] /
-                   (machine->scales.time * lg_machine_width(machine, &machine->terms[term], i));
-    const lg_var x = lg_mul(tape, seen->v, lg_input_f64(tape, lg_shape2(1, n), steep));
-    return drag(tape, lg_machine_record_drag(tape, vars, term, 0), lg_act(tape, x, LG_TANH));
+static lg_var coulomb_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                            const lg_machine_seen *seen) {
+    (void)seen;
+    return lg_machine_record_drag(tape, vars, term, 0);
 }
 
 /* The force -c |v| v. */
@@ -329,7 +322,8 @@ const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
                                                 .values = one_value_each,
                                                 .scaling = scale_squares,
                                                 .entry = coulomb_entry,
-                                                .record = coulomb},
+                                                .limit = coulomb_limit,
+                                                .record = lg_machine_record_rubbing},
                                                {.name = "quadratic",
                                                 .part = LG_MACHINE_DAMPING,
                                                 .numbers = lg_numbers_quadratic,

@@ -122,12 +122,53 @@ static void widths(const rubbing *r, double *out) {
         out[k] = lg_machine_width(r->machine, r->term, k) / speed_of(r->machine, k);
 }
 
-/* S = tanh(v/w). */
-static lg_var sign_of(const rubbing *r, lg_var v) {
+/* tanh(v/w). */
+static lg_var soft_sign(const rubbing *r, lg_var v) {
     double steep[LG_MACHINE_VELOCITIES];
     widths(r, steep);
     for (uint32_t k = 0; k < r->n; k++) steep[k] = 1.0 / steep[k];
     return lg_act(r->tape, lg_mul(r->tape, v, row_of(r, steep)), LG_TANH);
+}
+
+/* S: without a width the sign of v, 0 at v = 0. */
+static lg_var sign_of(const rubbing *r, const lg_machine_seen *seen) {
+    if (!lg_machine_term_sticks(r->machine, r->term)) return soft_sign(r, seen->v);
+    if (!lg_is_none(seen->sign)) return seen->sign;
+    const lg_var zero = lg_full(r->tape, lg_shape2(1, 1), 0.0);
+    return lg_sub(r->tape, lg_ge(r->tape, seen->v, zero), lg_ge(r->tape, zero, seen->v));
+}
+
+lg_var lg_machine_record_rubbing(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                                 const lg_machine_seen *seen) {
+    const rubbing r = begin(tape, vars, term);
+    return lg_neg(tape, lg_mul(tape, r.term->kind->limit(tape, vars, term, seen), sign_of(&r, seen)));
+}
+
+/* ---- friction without a width ---- */
+
+bool lg_machine_term_sticks(const lg_machine *machine, const lg_machine_term *term) {
+    return machine->sticks != 0 && (term->kind->options & LG_TERM_WIDTH) != 0 && term->width == 0.0;
+}
+
+/* Whether friction of the term may act on velocity k: its numbers there are not known to be 0. */
+static bool may_rub(const lg_machine *machine, const lg_machine_term *term, uint32_t k) {
+    const lg_machine_term *base = lg_machine_base(machine, term), *from = base != NULL ? base : term;
+    const uint32_t index = k + (base == NULL && term->kind->blocks > 0 ? machine->velocities : 0);
+    for (uint32_t i = 0; i < from->entry_count; i++)
+        if (from->entries[i].index == index) return true;
+    return from->value_count == 0 || from->values[index] != 0.0;
+}
+
+uint32_t lg_machine_find_sticking(const lg_machine *machine) {
+    uint32_t found = 0;
+    if (machine->places != machine->velocities || machine->rotations > 0) return 0;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        if ((term->kind->options & LG_TERM_WIDTH) == 0 || term->width > 0.0) continue;
+        for (uint32_t k = 0; k < machine->velocities; k++)
+            if (may_rub(machine, term, k)) found |= 1U << k;
+    }
+    return found;
 }
 
 /* 1/(1 + e^-x). */
@@ -135,20 +176,27 @@ static lg_var share_of(const rubbing *r, lg_var x) {
     return lg_act(r->tape, x, LG_SIGMOID);
 }
 
-/* ---- asymmetric: -(b v + d (sqrt(v^2 + w^2) - w)), d = b tanh y ---- */
+/* ---- asymmetric: -(b v + d (sqrt(v^2 + w^2) - w)), d = b tanh y; without a width -(b + d S) v ---- */
+
+/* |v|, rounded if there is a width. */
+static lg_var speed_size(const rubbing *r, const lg_machine_seen *seen) {
+    double w[LG_MACHINE_VELOCITIES], square[LG_MACHINE_VELOCITIES];
+    if (lg_machine_term_sticks(r->machine, r->term)) return lg_mul(r->tape, seen->v, sign_of(r, seen));
+    widths(r, w);
+    for (uint32_t k = 0; k < r->n; k++) square[k] = w[k] * w[k];
+    const lg_var size = lg_sqrt(r->tape, lg_add(r->tape, lg_square(r->tape, seen->v), row_of(r, square)));
+    return lg_sub(r->tape, size, row_of(r, w));
+}
 
 static lg_var asymmetric(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                          const lg_machine_seen *seen) {
     const rubbing r = begin(tape, vars, term);
-    double w[LG_MACHINE_VELOCITIES], square[LG_MACHINE_VELOCITIES], unit[LG_MACHINE_VELOCITIES];
-    widths(&r, w);
+    double unit[LG_MACHINE_VELOCITIES];
     units(&r, 1, unit);
-    for (uint32_t k = 0; k < r.n; k++) square[k] = w[k] * w[k];
     const lg_var b = coefficients(&r, 1);
     const lg_var d =
         r.term->value_count > 0 ? known(&r, 1, unit) : lg_mul(tape, b, lg_act(tape, block(&r, 0), LG_TANH));
-    const lg_var size = lg_sqrt(tape, lg_add(tape, lg_square(tape, seen->v), row_of(&r, square)));
-    lg_var f = lg_mul(tape, d, lg_sub(tape, size, row_of(&r, w)));
+    lg_var f = lg_mul(tape, d, speed_size(&r, seen));
     if (r.whole) f = lg_add(tape, f, lg_mul(tape, b, seen->v));
     return lg_neg(tape, f);
 }
@@ -205,13 +253,12 @@ static lg_var fading(lg_tape *tape, lg_var v, lg_var vs) {
     return lg_exp(tape, lg_neg(tape, lg_square(tape, lg_div(tape, v, vs))));
 }
 
-static lg_var stribeck(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                       const lg_machine_seen *seen) {
+static lg_var stribeck_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                             const lg_machine_seen *seen) {
     const rubbing r = begin(tape, vars, term);
     const lg_var c = coefficients(&r, 0);
-    lg_var size = lg_mul(tape, breakaway(&r, c), fading(tape, seen->v, stribeck_speed(&r)));
-    if (r.whole) size = lg_add(tape, size, c);
-    return lg_neg(tape, lg_mul(tape, size, sign_of(&r, seen->v)));
+    const lg_var size = lg_mul(tape, breakaway(&r, c), fading(tape, seen->v, stribeck_speed(&r)));
+    return r.whole ? lg_add(tape, size, c) : size;
 }
 
 static double sigmoid(double x) {
@@ -306,7 +353,7 @@ lg_var lg_machine_bristle_rate(lg_tape *tape, const lg_machine_vars *vars, lg_va
 lg_var lg_machine_bristle_steady(lg_tape *tape, const lg_machine_vars *vars, lg_var v) {
     const rubbing r = rubbing_bristles(tape, vars);
     const lg_var most = lg_div(tape, sliding(tape, vars, v), vars->bristles[SPRING]);
-    return lg_mul(tape, sign_of(&r, v), most);
+    return lg_mul(tape, soft_sign(&r, v), most);
 }
 
 /* With x = s0 |v| h/g and t = tanh(x/2): e^-x = (1 - t)/(1 + t), and zs (1 - e^-x) = v h 2 t/((1 + t) x),
@@ -406,26 +453,25 @@ static lg_var itself(lg_tape *tape, lg_var x) {
     return x;
 }
 
-/* -c g S of a whole term, else -c (g - 1) S. */
-static lg_var rubbed(const rubbing *r, lg_var g, lg_var v) {
-    const lg_var c = coefficients(r, 0), S = sign_of(r, v);
+/* c g of a whole term, else c (g - 1). */
+static lg_var scaled_limit(const rubbing *r, lg_var g) {
     const lg_var size = r->whole ? g : lg_add_scalar(r->tape, g, -1.0);
-    return lg_neg(r->tape, lg_mul(r->tape, lg_mul(r->tape, c, size), S));
+    return lg_mul(r->tape, coefficients(r, 0), size);
 }
 
-static lg_var load(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+static lg_var load_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                         const lg_machine_seen *seen) {
     const rubbing r = begin(tape, vars, term);
     const lg_var loads = loads_of(&r, seen);
     const lg_var none = lg_full(tape, lg_shape2(1, r.n), 1.0);
-    return rubbed(&r, lg_is_none(loads) ? none : lg_add_scalar(tape, weighted(&r, loads, lg_exp), 1.0),
-                  seen->v);
+    return scaled_limit(&r, lg_is_none(loads) ? none : lg_add_scalar(tape, weighted(&r, loads, lg_exp), 1.0));
 }
 
-static lg_var position(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                       const lg_machine_seen *seen) {
+static lg_var position_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                             const lg_machine_seen *seen) {
     const rubbing r = begin(tape, vars, term);
     const lg_var x = lg_machine_record_features(tape, r.machine, r.term, seen);
-    return rubbed(&r, positive_part(tape, weighted(&r, x, itself)), seen->v);
+    return scaled_limit(&r, positive_part(tape, weighted(&r, x, itself)));
 }
 
 static double same(double x) {
@@ -580,7 +626,8 @@ const lg_term_kind lg_machine_friction_kinds[] = {
      .base = "coulomb",
      .blocks = 2,
      .initialise = start_stribeck,
-     .record = stribeck,
+     .limit = stribeck_limit,
+     .record = lg_machine_record_rubbing,
      .numbers = stribeck_numbers,
      .fault = stribeck_fault,
      FRICTION},
@@ -600,7 +647,8 @@ const lg_term_kind lg_machine_friction_kinds[] = {
      .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_SOME | LG_TERM_INPUTS,
      .base = "coulomb",
      .initialise = start_load,
-     .record = load,
+     .limit = load_limit,
+     .record = lg_machine_record_rubbing,
      .numbers = load_numbers,
      .fault = load_fault,
      FRICTION},
@@ -608,7 +656,8 @@ const lg_term_kind lg_machine_friction_kinds[] = {
      .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_OF,
      .base = "coulomb",
      .initialise = start_still,
-     .record = position,
+     .limit = position_limit,
+     .record = lg_machine_record_rubbing,
      .numbers = position_numbers,
      .fault = position_fault,
      FRICTION},

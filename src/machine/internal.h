@@ -18,10 +18,11 @@ typedef struct lg_machine_offsets {
 lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate);
 
 /* What a term may depend on, for B rows: parts of the state, velocities (B, velocities) and input (B,
- * inputs). v and u are LG_NONE for parts of the machine that do not depend on them. */
+ * inputs). v and u are LG_NONE for parts of the machine that do not depend on them. sign (B, velocities): the
+ * signs of velocities that friction without a width takes, 0 where it sticks; LG_NONE: those of v. */
 typedef struct lg_machine_seen {
     const lg_var *parts;
-    lg_var v, u;
+    lg_var v, u, sign;
     uint32_t rows;
 } lg_machine_seen;
 
@@ -99,6 +100,9 @@ struct lg_term_kind {
      * numbers per velocity it has besides coefficients. */
     const char *base;
     uint32_t blocks;
+    /* Friction with the force -c S, S the sign of the velocity or tanh(v/w): c (B or 1, velocities). Of a term
+     * that changes its base, what it adds to the c of the base. NULL: the force has another form. */
+    lg_var (*limit)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen);
     bool bristles; /* the term has the state z */
     /* The reason why the term's values are wrong, or NULL. NULL: all values are right. */
     const char *(*fault)(const lg_machine *machine, const lg_machine_term *term);
@@ -126,6 +130,36 @@ lg_status lg_machine_start_bristles(lg_tape *tape, const lg_machine_vars *vars, 
                                     const size_t *at, size_t count, lg_var *parts);
 /* z of steady sliding with v. */
 lg_var lg_machine_bristle_steady(lg_tape *tape, const lg_machine_vars *vars, lg_var v);
+
+/* ---- friction without a width (machine/friction.c, machine/stick.c), in scaled units ---- */
+
+/* The bits of the velocities on which friction without a width may act; 0 for machines with other coordinates
+ * than lines and angles, whose friction always has a width. */
+uint32_t lg_machine_find_sticking(const lg_machine *machine);
+/* Whether a term of the machine is friction without a width. */
+bool lg_machine_term_sticks(const lg_machine *machine, const lg_machine_term *term);
+/* lg_term_kind.record of friction that has a `limit`. */
+lg_var lg_machine_record_rubbing(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                                 const lg_machine_seen *seen);
+/* Of a machine of lines and angles: M (B, n, n), or LG_NONE where vars->mass has it; the forces F of M v' = F
+ * (B, n), with what friction without a width does at the signs seen->sign; the limit c (B or 1, n) of this
+ * friction. The positions in seen->parts must be variables that nothing else on the tape depends on. */
+typedef struct lg_machine_motion {
+    lg_var M, F, c;
+} lg_machine_motion;
+lg_status lg_machine_record_motion(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen,
+                                   lg_machine_motion *out);
+/* Moves `parts` by one step of length h (B, 1) or (1, 1) in which friction sticks. u: inputs (B, inputs) at
+ * the start, the middle and the end of the step, which are joined by a parabola; u[1] LG_NONE: held; all
+ * LG_NONE: no inputs. */
+typedef struct lg_machine_stick {
+    lg_var h, u[3];
+} lg_machine_stick;
+lg_status lg_machine_stick_step(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_stick *over,
+                                lg_var *parts);
+/* Accelerations v' (B, velocities) with the inputs u of a machine whose friction sticks. */
+lg_var lg_machine_stick_accelerations(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,
+                                      lg_var u);
 
 /* ---- numbers that are unknown one by one (machine/entries.c) ---- */
 

@@ -342,6 +342,7 @@ lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
         return lg_fail(error, LG_INVALID_ARGUMENT, "actuator of kind lag: an input has two lags");
     if (!lg_machine_find_bristles(machine))
         return lg_fail(error, LG_INVALID_ARGUMENT, "damping of kind lugre: give one term of this kind");
+    machine->sticks = lg_machine_find_sticking(machine);
     machine->weights = place_parameters(machine, true, 0);
     machine->parameters = place_parameters(machine, false, machine->weights);
     if (machine->input_count > 0 && !has_part(machine, LG_MACHINE_INPUT_MAP) &&

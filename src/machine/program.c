@@ -203,10 +203,11 @@ static lg_status positions(void *user, lg_tape *tape, const lg_var *theta, const
     return lg_tape_status(tape);
 }
 
-/* ---- steps with lags and bristles ----
+/* ---- steps with lags, bristles and friction that sticks ----
  *
  * The machine is stepped by the scheme, with the lagged inputs u + (x - u) e^(-t/tau) at each stage, and of a
- * second-order lag u + (x_2 - u + (x_1 - u) t/tau) e^(-t/tau). Bristles move before and after. */
+ * second-order lag u + (x_2 - u + (x_1 - u) t/tau) e^(-t/tau). Bristles move before and after. Where friction
+ * sticks, machine/stick.c takes the step. */
 
 typedef struct lagging {
     const recording *r;
@@ -260,6 +261,33 @@ static void begin_lags(const recording *r, lg_tape *tape, const lg_machine_vars 
     l->rate = lg_scale(tape, lg_exp(tape, lg_neg(tape, vars->lag)), 1.0 / r->machine->scales.time);
 }
 
+/* Moves `parts`, which are in the log's units, by h with friction that sticks. Places change by the scaled
+ * change times its unit, so that a coordinate that sticks keeps its place to the last bit. */
+static lg_status stick_step(const recording *r, lg_tape *tape, const lg_machine_vars *vars, const lagging *l,
+                            lg_var u, lg_var h, lg_var *parts) {
+    const lg_machine *machine = r->machine;
+    const lg_machine_places at = lg_machine_parts(machine);
+    const uint32_t dim = (uint32_t)r->space.dim, m = machine->input_count;
+    lg_machine_stick over = {.h = lg_scale(tape, h, 1.0 / machine->scales.time),
+                             .u = {LG_NONE, LG_NONE, LG_NONE}};
+    lg_var scaled[LG_TAPED_MAX_PARTS];
+    LG_TRY(lg_taped_split(tape, &r->space,
+                          times(tape, lg_taped_join(tape, &r->space, parts), r->state, dim, true), scaled));
+    for (int i = 0; i < (machine->lags > 0 ? 3 : 1) && m > 0; i++) {
+        over.u[i] = times(tape, u, machine->scales.input, m, true);
+        if (machine->lags == 0) continue;
+        const lg_var x = i == 0 ? l->x : lagged_after(tape, l, lg_scale(tape, h, 0.5 * i));
+        over.u[i] = lg_machine_put_lagged(tape, machine, over.u[i],
+                                          times(tape, x, r->state + dim, machine->lags, true));
+    }
+    const lg_var place = scaled[at.x];
+    LG_TRY(lg_machine_stick_step(tape, vars, &over, scaled));
+    const lg_var moved = lg_sub(tape, scaled[at.x], place);
+    parts[at.x] = lg_add(tape, parts[at.x], times(tape, moved, r->state, machine->places, false));
+    parts[at.m] = times(tape, scaled[at.m], r->state + machine->places, machine->momenta, false);
+    return lg_tape_status(tape);
+}
+
 static lg_status held_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     const size_t last = lg_taped_parts(&r->space);
@@ -274,7 +302,10 @@ static lg_status held_step(void *user, lg_tape *tape, const lg_var *theta, const
     const lg_taped_ode ode = {.space = r->space, .field = held_field, .user = &l};
     const lg_taped_interval over = {.h_rows = h, .input = u};
     LG_TRY(move_bristles(r, tape, &vars, h, parts));
-    LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
+    if (r->machine->sticks != 0)
+        LG_TRY(stick_step(r, tape, &vars, &l, u, h, parts));
+    else
+        LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
     LG_TRY(move_bristles(r, tape, &vars, h, parts));
     if (r->machine->lags > 0) parts[last] = lagged_after(tape, &l, h);
     y[0] = lg_taped_join(tape, &r->full, parts);
@@ -306,7 +337,7 @@ static lg_status add_lag(lg_program *program, const recording *r, lg_error *erro
 static lg_status add_step(lg_program *program, const recording *r, lg_error *error) {
     const double low = 0.001 * r->machine->scales.time, high = 0.05 * r->machine->scales.time;
     size_t field_at, count;
-    if (r->machine->lags == 0 && r->machine->bristles == 0)
+    if (r->machine->lags == 0 && r->machine->bristles == 0 && r->machine->sticks == 0)
         return lg_program_add_step(program, &r->space, r->scheme, low, high, error);
     if (r->scheme->kind == LG_SCHEME_IMPLICIT || r->scheme->kind == LG_SCHEME_SLGI)
         return lg_fail(

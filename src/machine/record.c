@@ -562,6 +562,27 @@ lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, co
     return lg_tape_status(tape);
 }
 
+lg_status lg_machine_record_motion(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen,
+                                   lg_machine_motion *out) {
+    const lg_machine *machine = vars->machine;
+    const int x = lg_machine_parts(machine).x;
+    lg_var g[LG_TAPED_MAX_PARTS], change;
+    *out = (lg_machine_motion){moving_mass(tape, vars, seen), all_forces(tape, vars, seen), LG_NONE};
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        const lg_machine_term *term = &machine->terms[i];
+        if (term->kind->limit != NULL && lg_machine_term_sticks(machine, term))
+            out->c = plus(tape, out->c, term->kind->limit(tape, vars, i, seen));
+    }
+    if (lg_is_none(out->c)) out->c = lg_full(tape, lg_shape2(1, machine->velocities), 0.0);
+    LG_TRY(conservative_force(tape, vars, out->M, seen->v, seen, g));
+    if (!lg_is_none(g[x])) out->F = plus(tape, out->F, g[x]);
+    if (lg_is_none(out->M)) return lg_tape_status(tape);
+    const lg_var p = times_mass(tape, vars, out->M, seen->v);
+    LG_TRY(lg_jvp(tape, &p, 1, &seen->parts[x], &seen->v, 1, &change));
+    out->F = lg_sub(tape, out->F, change);
+    return lg_tape_status(tape);
+}
+
 /* ---- accelerations ---- */
 
 /* v' = dv/d(state) state' of the momenta's machine: the tangent of the velocities along the field. The copies
@@ -578,10 +599,12 @@ lg_var lg_machine_record_accelerations(lg_tape *tape, const lg_machine_vars *var
                                        lg_var u) {
     lg_var algebra[LG_TAPED_MAX_PARTS];
     lg_space space;
-    if (lg_machine_record_field(tape, vars, parts, u, algebra) != LG_OK ||
-        lg_machine_space(vars->machine, &space) != LG_OK)
-        return LG_NONE;
-    const lg_var a = along_field(tape, vars, parts, algebra, lg_taped_parts(&space));
+    lg_var a = LG_NONE;
+    if (vars->machine->sticks != 0)
+        a = lg_machine_stick_accelerations(tape, vars, parts, u);
+    else if (lg_machine_record_field(tape, vars, parts, u, algebra) == LG_OK &&
+             lg_machine_space(vars->machine, &space) == LG_OK)
+        a = along_field(tape, vars, parts, algebra, lg_taped_parts(&space));
     const lg_var bias = bias_of(tape, vars, true);
     return lg_is_none(bias) || lg_is_none(a) ? a : lg_add(tape, a, bias);
 }

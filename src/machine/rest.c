@@ -38,8 +38,9 @@ static void fill(const lg_machine *machine, const lg_machine_log *log, const siz
         }
 }
 
-/* Reads the velocities after an impulse of the damping's force over the unit of time; `bent`: from bristles
- * that the velocity bent for this time, else from straight ones. */
+/* Reads the velocities after an impulse over the unit of time: what the damping's force gains from v to 2 v, so
+ * that friction without a width, which is no matter of the step's length, does not count. `bent`: from
+ * bristles that the velocity bent for this time, else from straight ones. */
 static lg_status push(lg_tape *tape, const lg_machine *machine, const double *theta, bool bent,
                       const probe *p) {
     const uint32_t n = machine->velocities, m = machine->input_count;
@@ -52,9 +53,13 @@ static lg_status push(lg_tape *tape, const lg_machine *machine, const double *th
     if (m > 0) u = lg_input_f64(tape, lg_shape2(p->count, m), p->u);
     LG_TRY(lg_machine_record_state(tape, &vars, q, v, parts));
     const int z = lg_machine_parts(machine).z;
-    if (z >= 0) parts[z] = lg_scale(tape, v, bent ? 1.0 : 0.0);
-    const lg_var f = lg_machine_record_force(tape, &vars, LG_MACHINE_DAMPING, parts, v, u);
-    lg_machine_push(tape, machine, f, parts);
+    lg_var f[2];
+    for (int i = 0; i < 2; i++) {
+        const lg_var faster = lg_scale(tape, v, i + 1.0);
+        if (z >= 0) parts[z] = lg_scale(tape, faster, bent ? 1.0 : 0.0);
+        f[i] = lg_machine_record_force(tape, &vars, LG_MACHINE_DAMPING, parts, faster, u);
+    }
+    lg_machine_push(tape, machine, lg_sub(tape, f[1], f[0]), parts);
     return lg_read(tape, lg_machine_record_rates(tape, &vars, parts), (size_t)p->count * n, p->after);
 }
 

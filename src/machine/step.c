@@ -184,9 +184,28 @@ static lg_status variational_steps(lg_tape *tape, const lg_machine_flow *flow, i
     return lg_tape_status(tape);
 }
 
+/* Steps with friction that sticks. Where inputs change, they are parabolas in each step. */
+static lg_status stick_steps(lg_tape *tape, const lg_machine_flow *flow, interval *over, lg_var *parts) {
+    const double n = flow->substeps, h = over->length / n;
+    const bool held =
+        over->lagged == NULL && lg_is_none(over->u[1]) && lg_is_none(over->u[2]) && lg_is_none(over->u[3]);
+    lg_machine_stick step = {.h = lg_is_none(over->h) ? lg_full(tape, lg_shape2(1, 1), h)
+                                                      : lg_scale(tape, over->h, h),
+                             .u = {LG_NONE, LG_NONE, LG_NONE}};
+    for (uint32_t i = 0; i < flow->substeps; i++) {
+        for (int j = 0; j < (held ? 1 : 3) && !lg_is_none(over->u[0]); j++)
+            step.u[j] = input_at(tape, over, (i + 0.5 * j) / n);
+        lg_machine_move_bristles(tape, flow->vars, lg_scale(tape, step.h, 0.5), parts);
+        LG_TRY(lg_machine_stick_step(tape, flow->vars, &step, parts));
+        lg_machine_move_bristles(tape, flow->vars, lg_scale(tape, step.h, 0.5), parts);
+    }
+    return lg_tape_status(tape);
+}
+
 static lg_status steps_of(lg_tape *tape, const lg_machine_flow *flow, interval *over, lg_var *parts) {
-    return flow->scheme->kind == LG_SCHEME_VARIATIONAL ? variational_steps(tape, flow, over, parts)
-                                                       : scheme_steps(tape, flow, over, parts);
+    if (flow->scheme->kind == LG_SCHEME_VARIATIONAL) return variational_steps(tape, flow, over, parts);
+    return flow->vars->machine->sticks != 0 ? stick_steps(tape, flow, over, parts)
+                                            : scheme_steps(tape, flow, over, parts);
 }
 
 static size_t lagged_bytes(const interval *over) {

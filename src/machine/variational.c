@@ -38,6 +38,9 @@ const char *lg_machine_variational_fault(const lg_machine *machine) {
     if (machine->grey.system != NULL && machine->directions > 1)
         return "variational is for directions that each have a mass; the directions of a chain share a mass "
                "matrix: take cf4, rkmk4 or another explicit Lie group scheme";
+    if (machine->sticks != 0)
+        return "variational is for friction with a width: give each friction in the machine file a `width`, "
+               "or take cf4, rkmk4 or another explicit Lie group scheme";
     return NULL;
 }
 

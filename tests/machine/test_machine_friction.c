@@ -53,9 +53,14 @@ static double viscous_by_direction(double v, double w, const double *c, double x
     return -(c[0] * v + c[1] * sqrt(v * v + w * w)) + c[1] * w;
 }
 
+/* w = 0: without a width. */
+static double sign_of(double v, double w) {
+    return w > 0 ? tanh(v / w) : v > 0 ? 1 : v < 0 ? -1 : 0;
+}
+
 static double stribeck(double v, double w, const double *c, double x) {
     (void)x;
-    return -(c[0] + (c[1] - c[0]) * exp(-(v / c[2]) * (v / c[2]))) * tanh(v / w);
+    return -(c[0] + (c[1] - c[0]) * exp(-(v / c[2]) * (v / c[2]))) * sign_of(v, w);
 }
 
 static double cubic(double v, double w, const double *c, double x) {
@@ -64,12 +69,12 @@ static double cubic(double v, double w, const double *c, double x) {
 }
 
 static double load(double v, double w, const double *c, double x) {
-    return -c[0] * (1 + c[1] * fabs(x)) * tanh(v / w);
+    return -c[0] * (1 + c[1] * fabs(x)) * sign_of(v, w);
 }
 
 static double by_position(double v, double w, const double *c, double x) {
     const double y = 1 + c[1] * x;
-    return -c[0] * (y + sqrt(y * y + 0.0025)) / 2 * tanh(v / w);
+    return -c[0] * (y + sqrt(y * y + 0.0025)) / 2 * sign_of(v, w);
 }
 
 TEST("known friction has the forces of its formula, in the units of the log") {
@@ -101,7 +106,7 @@ TEST("known friction has the forces of its formula, in the units of the log") {
             term->value_count = 2 * rows[i].blocks;
             assert_machine(&machine);
             const double q[2] = {-1.6, 0.4}, v[2] = {speeds[k], 0.3}, u = -2.5;
-            const double w = k % 2 == 0 ? 0.05 : 4e-3;
+            const double w = term->width;
             const double x[] = {0, u, 2 * 0.7 * q[0], q[0]};
             double f[2];
             force_at(&machine, LG_MACHINE_DAMPING, NULL, q, v, u, f);
@@ -290,6 +295,10 @@ TEST("the rate at which friction stops a machine near rest is the slope of its f
     lg_machine_term *term = add_term(&machine, LG_MACHINE_DAMPING, "coulomb");
     add_values(term, 2, c);
     term->width = 0;
+    assert_machine(&machine);
+    assert_ok(lg_machine_rest_rate(NULL, &machine, NULL, &log, &rate, NULL));
+    assert_close(rate, 0, 0, 0); /* without a width friction sticks in one step */
+    term->width = 9e-3;
     assert_machine(&machine);
     assert_ok(lg_machine_rest_rate(NULL, &machine, NULL, &log, &rate, NULL));
     assert_close(rate, 6 / (3 * 9e-3), 1e-3, 0); /* of the angle: mass 3, width 0.009 */
