@@ -16,24 +16,30 @@ enum { N = 2, TROLLEY, ARM, BELT };
 
 typedef struct rig {
     const char *yaml;
-    int kind, n; /* n: velocities; the first n - (TROLLEY) of them rub */
+    int kind, n;              /* n: velocities; the first n - (TROLLEY) of them rub */
     double q[N], v[N], drive; /* start; size of the input */
 } rig;
 
 static const char trolley_yaml[] =
     "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, {name: a, kind: angle, velocity: "
     "va}]\ninputs: {columns: [u]}\nsystem: cart-pole\nparameters: {cart: 10, pole: 1, length: 0.8, gravity: "
-    "-9.81}\ndamping: [{kind: known, values: [0.5, 0.05]}, {kind: coulomb, values: [6, 0]}]\ninput_map: {kind: "
+    "-9.81}\ndamping: [{kind: known, values: [0.5, 0.05]}, {kind: coulomb, values: [6, 0]}]\ninput_map: "
+    "{kind: "
     "known, values: [[1], [0]]}\n",
                   arm_yaml[] =
-    "columns: {time: t}\ncoordinates: [{name: a, kind: angle, velocity: va}, {name: b, kind: angle, velocity: "
-    "vb}]\ninputs: {columns: [u]}\nsystem: two-link-arm\nparameters: {masses: [1, 0.7], centres: [0.5, 0.4], "
-    "inertia: [0.02, 0.01], length: 0.5, gravity: 9.81}\ndamping: [{kind: known, values: [0.05, 0.05]}, {kind: "
-    "coulomb, values: [1.5, 0.5]}]\ninput_map: {kind: known, values: [[1], [0.3]]}\n",
-                  belt_yaml[] =
-    "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\ninputs: {columns: [u]}\nmass: {kind: "
-    "known, values: [1]}\npotential: {kind: known, form: quadratic, of: x, values: [10]}\ndamping: [{kind: known, "
-    "values: [0.2]}, {kind: stribeck, values: [[2], [3.5], [0.1]]}]\ninput_map: {kind: known, values: [[1]]}\n";
+                      "columns: {time: t}\ncoordinates: [{name: a, kind: angle, velocity: va}, {name: b, "
+                      "kind: angle, velocity: "
+                      "vb}]\ninputs: {columns: [u]}\nsystem: two-link-arm\nparameters: {masses: [1, 0.7], "
+                      "centres: [0.5, 0.4], "
+                      "inertia: [0.02, 0.01], length: 0.5, gravity: 9.81}\ndamping: [{kind: known, values: "
+                      "[0.05, 0.05]}, {kind: "
+                      "coulomb, values: [1.5, 0.5]}]\ninput_map: {kind: known, values: [[1], [0.3]]}\n",
+                  belt_yaml[] = "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: "
+                                "v}]\ninputs: {columns: [u]}\nmass: {kind: "
+                                "known, values: [1]}\npotential: {kind: known, form: quadratic, of: x, "
+                                "values: [10]}\ndamping: [{kind: known, "
+                                "values: [0.2]}, {kind: stribeck, values: [[2], [3.5], [0.1]]}]\ninput_map: "
+                                "{kind: known, values: [[1]]}\n";
 
 static const rig rigs[] = {{trolley_yaml, TROLLEY, 2, {0.1, 0.6}, {0.7, -0.4}, 14},
                            {arm_yaml, ARM, 2, {0.8, -0.5}, {0.5, 1.5}, 5},
@@ -55,7 +61,8 @@ static void formulas(const rig *r, const double *q, const double *v, double u, d
         M[0][1] = M[1][0] = M[1][1] + a * C;
         M[0][0] = 0.02 + 0.25 + 0.7 * 0.25 + M[1][1] + 2 * a * C;
         const double second = 0.7 * 0.4 * g * sin(q[0] + q[1]);
-        F[0] = a * S * (2 * v[0] * v[1] + v[1] * v[1]) - (0.5 + 0.35) * g * sin(q[0]) - second - 0.05 * v[0] + u;
+        F[0] =
+            a * S * (2 * v[0] * v[1] + v[1] * v[1]) - (0.5 + 0.35) * g * sin(q[0]) - second - 0.05 * v[0] + u;
         F[1] = -a * S * v[0] * v[0] - second - 0.05 * v[1] + 0.3 * u;
         c[0] = 1.5, c[1] = 0.5;
     } else {
@@ -194,8 +201,8 @@ static double input_of(const rig *r, int piece) {
  * in which `exact` (PIECES + 1, N) is right. */
 static double error_of(const rig *r, const double (*exact)[N], size_t each) {
     const size_t rows = PIECES * each + 1;
-    double *t = TEST_ARRAY(double, rows), *q = TEST_ARRAY(double, rows * N), *v = TEST_ARRAY(double, rows * N),
-           *u = TEST_ARRAY(double, rows * 4), *out = TEST_ARRAY(double, rows * N);
+    double *t = TEST_ARRAY(double, rows), *q = TEST_ARRAY(double, rows *N), *v = TEST_ARRAY(double, rows *N),
+           *u = TEST_ARRAY(double, rows * 4), *out = TEST_ARRAY(double, rows *N);
     const size_t first[2] = {0, rows}, start = 0;
     lg_machine machine;
     for (size_t i = 0; i < rows; i++) {
@@ -206,8 +213,8 @@ static double error_of(const rig *r, const double (*exact)[N], size_t each) {
     }
     const lg_machine_log log = {.rows = rows, .parts = 1, .first = first, .t = t, .q = q, .v = v, .u = u};
     read_machine(r->yaml, &machine);
-    assert_told(lg_machine_free_run(NULL, &machine, NULL, lg_scheme_find("cf4"), 1, &log, &start, 1, rows - 1, out,
-                                    NULL, &told));
+    assert_told(lg_machine_free_run(NULL, &machine, NULL, lg_scheme_find("cf4"), 1, &log, &start, 1, rows - 1,
+                                    out, NULL, &told));
     double sum = 0;
     for (int i = 0; i <= PIECES; i++)
         for (int k = 0; k < r->n; k++) {
