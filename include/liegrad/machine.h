@@ -349,6 +349,7 @@ typedef struct lg_machine_vars {
     lg_var bias;              /* (1, positions + velocities), or LG_NONE. */
     lg_var lag;               /* (1, lags): log of the lags' time constants over T; LG_NONE without lags. */
     lg_var bristles[5]; /* c, cs - c, vs, s0 and s1 of LuGre friction, each (1, velocities), or LG_NONE. */
+    bool soft;          /* Friction without a width has the default width, as in LG_SCHEME_VARIATIONAL. */
 } lg_machine_vars;
 LG_API lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta,
                                  lg_machine_vars *vars);

@@ -130,9 +130,13 @@ static lg_var soft_sign(const rubbing *r, lg_var v) {
     return lg_act(r->tape, lg_mul(r->tape, v, row_of(r, steep)), LG_TANH);
 }
 
+static bool jumps(const rubbing *r) {
+    return !r->vars->soft && lg_machine_term_sticks(r->machine, r->term);
+}
+
 /* S: without a width the sign of v, 0 at v = 0. */
 static lg_var sign_of(const rubbing *r, const lg_machine_seen *seen) {
-    if (!lg_machine_term_sticks(r->machine, r->term)) return soft_sign(r, seen->v);
+    if (!jumps(r)) return soft_sign(r, seen->v);
     if (!lg_is_none(seen->sign)) return seen->sign;
     const lg_var zero = lg_full(r->tape, lg_shape2(1, 1), 0.0);
     return lg_sub(r->tape, lg_ge(r->tape, seen->v, zero), lg_ge(r->tape, zero, seen->v));
@@ -181,7 +185,7 @@ static lg_var share_of(const rubbing *r, lg_var x) {
 /* |v|, rounded if there is a width. */
 static lg_var speed_size(const rubbing *r, const lg_machine_seen *seen) {
     double w[LG_MACHINE_VELOCITIES], square[LG_MACHINE_VELOCITIES];
-    if (lg_machine_term_sticks(r->machine, r->term)) return lg_mul(r->tape, seen->v, sign_of(r, seen));
+    if (jumps(r)) return lg_mul(r->tape, seen->v, sign_of(r, seen));
     widths(r, w);
     for (uint32_t k = 0; k < r->n; k++) square[k] = w[k] * w[k];
     const lg_var size = lg_sqrt(r->tape, lg_add(r->tape, lg_square(r->tape, seen->v), row_of(r, square)));

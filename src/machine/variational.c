@@ -38,9 +38,6 @@ const char *lg_machine_variational_fault(const lg_machine *machine) {
     if (machine->grey.system != NULL && machine->directions > 1)
         return "variational is for directions that each have a mass; the directions of a chain share a mass "
                "matrix: take cf4, rkmk4 or another explicit Lie group scheme";
-    if (machine->sticks != 0)
-        return "variational is for friction with a width: give each friction in the machine file a `width`, "
-               "or take cf4, rkmk4 or another explicit Lie group scheme";
     return NULL;
 }
 
@@ -251,7 +248,9 @@ lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_vars *vars
                                       lg_var *parts) {
     const lg_machine_places at = lg_machine_parts(vars->machine);
     lg_var moved[LG_TAPED_MAX_PARTS] = {LG_NONE};
-    motion s = {.vars = vars, .over = over, .parts = moved};
+    lg_machine_vars soft = *vars;
+    soft.soft = true;
+    motion s = {.vars = &soft, .over = over, .parts = moved};
     const int places[] = {at.x, at.q, at.p, at.R, at.m};
     for (size_t i = 0; i < LG_COUNT(places); i++)
         if (places[i] >= 0) moved[places[i]] = parts[places[i]];

@@ -3,11 +3,13 @@
  * bisection. */
 #include <float.h>
 
+#include "autodiff/compiled.h"
 #include "support/machine_support.h"
 #include "support/model_support.h"
 #include "support/plan_support.h"
 
 #include "liegrad/model.h"
+#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 /* ---- machines and their formulas ---- */
@@ -242,5 +244,223 @@ TEST("errors of steps against the event-driven reference fall with order 3 or mo
         assert_true(error[0] < most[m]);
         const double slope = log(error[0] / fmax(error[2], 1e-12)) / log(50.0);
         assert_true(slope > order[m]);
+    }
+}
+
+/* ---- programs ---- */
+
+static lg_program *program_of(const char *yaml) {
+    lg_machine machine;
+    lg_program *program = NULL;
+    read_machine(yaml, &machine);
+    assert_told(lg_machine_program(NULL, &machine, NULL, NULL, &program, &told));
+    lg_test_owns(program, release_program);
+    return program;
+}
+
+/* The states of positions and velocities. */
+static void to_states(const lg_program *program, size_t rows, const double *q, const double *v, double *x) {
+    const ready momenta = make_ready(program, "momenta", rows, LG_F64);
+    lg_plan_eval(momenta.plan, (const void *const[]){q, v}, (void *const[]){x}, momenta.work);
+}
+
+/* Takes `count` steps of length h with the input u, all rows alike. */
+static void step_all(const lg_program *program, size_t rows, size_t n, int count, double u, double h,
+                     double *x) {
+    const ready step = make_ready(program, "step", rows, LG_F64);
+    double *input = TEST_ARRAY(double, rows), *time = TEST_ARRAY(double, rows),
+           *next = TEST_ARRAY(double, rows * 2 * n);
+    for (size_t i = 0; i < rows; i++) input[i] = u, time[i] = h;
+    for (int i = 0; i < count; i++) {
+        lg_plan_eval(step.plan, (const void *const[]){x, input, time}, (void *const[]){next}, step.work);
+        memcpy(x, next, rows * 2 * n * sizeof *x);
+    }
+}
+
+TEST("a body on an incline that holds it does not creep by one bit in 100 s") {
+    static const double scales[] = {1, 0.3, 49};
+    for (size_t i = 0; i < LG_COUNT(scales); i++)
+        for (int second = 0; second < 2; second++) { /* the input does what the incline does */
+            double x[2] = {0.1234567890123, 0};
+            lg_machine machine;
+            lg_program *program = NULL;
+            read_machine(belt_yaml, &machine);
+            machine.terms[1].values[0] = 0;
+            machine.scales.time = scales[i];
+            machine.scales.place[0] = machine.scales.velocity[0] = scales[i] * 1.7;
+            assert_machine(&machine);
+            assert_told(lg_machine_program(NULL, &machine, NULL, NULL, &program, &told));
+            lg_test_owns(program, release_program);
+            step_all(program, 1, 1, 2000, second ? 0.9 * 3.5 : -0.9 * 3.5, 0.05, x);
+            assert_true(x[0] == 0.1234567890123 && x[1] == 0);
+        }
+}
+
+TEST("at the limit of friction a body stays; a thousandth beyond it slides, and a hanging load moves it") {
+    const lg_program *belt = program_of(belt_yaml), *trolley = program_of(trolley_yaml);
+    double still[2] = {0, 0}, slides[2] = {0, 0}, x[4] = {0, 1.2, 0, 0};
+    step_all(belt, 1, 1, 1, 3.5, 0.05, still);
+    step_all(belt, 1, 1, 1, 3.5 * 1.001, 0.05, slides);
+    assert_true(still[0] == 0 && still[1] == 0 && slides[0] > 0 && slides[1] > 0);
+    step_all(trolley, 1, 2, 1, 0, 0.05, x);
+    assert_true(x[0] == 0 && x[1] < 1.2); /* the load swings, the trolley holds */
+    step_all(trolley, 1, 2, 20, 0, 0.05, x);
+    assert_true(x[0] != 0); /* until it pulls by more than the friction */
+}
+
+TEST("friction that sticks gives no energy without an input, in steps of 50 ms") {
+    enum { ROWS = 300 };
+    for (size_t m = 0; m < 2; m++) {
+        const lg_program *program = program_of(rigs[m].yaml);
+        const double *q = test_numbers(5, (size_t)ROWS * N, -1.5, 1.5),
+                     *v = test_numbers(6, (size_t)ROWS * N, -2, 2);
+        double *x = TEST_ARRAY(double, (size_t)ROWS * 2 * N), before[ROWS], after[ROWS];
+        const ready energy = make_ready(program, "value", ROWS, LG_F64);
+        to_states(program, ROWS, q, v, x);
+        for (int i = 0; i < 40; i++) {
+            run_value(&energy, x, before);
+            step_all(program, ROWS, N, 1, 0, 0.05, x);
+            run_value(&energy, x, after);
+            for (int s = 0; s < ROWS; s++) assert_true(after[s] <= before[s] + 1e-5 * fabs(before[s]));
+        }
+    }
+}
+
+TEST("a change of the units of mass, length and time by 1e9 changes nothing") {
+    static const double units[][3] = {{1, 1, 1},    {1e9, 1, 1}, {1e-9, 1, 1}, {1, 1e9, 1},
+                                      {1, 1e-9, 1}, {1, 1, 1e9}, {1, 1, 1e-9}};
+    double first[4] = {0};
+    for (size_t i = 0; i < LG_COUNT(units); i++) {
+        const double m = units[i][0], L = units[i][1], T = units[i][2], force = m * L / (T * T);
+        const lg_program *program =
+            program_of(test_text("columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, "
+                                 "{name: a, kind: angle, velocity: "
+                                 "va}]\ninputs: {columns: [u]}\nsystem: cart-pole\nparameters: {cart: %.17g, "
+                                 "pole: %.17g, length: %.17g, "
+                                 "gravity: %.17g}\ndamping: [{kind: known, values: [%.17g, %.17g]}, {kind: "
+                                 "coulomb, values: [%.17g, "
+                                 "%.17g]}]\ninput_map: {kind: known, values: [[1], [0]]}\n",
+                                 10 * m, m, 0.8 * L, -9.81 * L / (T * T), 0.5 * m / T, 0.05 * m * L * L / T,
+                                 6 * force, 0.3 * force * L));
+        double x[4];
+        to_states(program, 1, (const double[]){0.1 * L, 0.6}, (const double[]){0.7 * L / T, -0.4 / T}, x);
+        step_all(program, 1, N, 60, 4 * force, 0.05 * T, x);
+        const double got[4] = {x[0] / L, x[1], x[2] * T / (m * L), x[3] * T / (m * L * L)};
+        if (i == 0) memcpy(first, got, sizeof first);
+        for (int k = 0; k < 4; k++) assert_close(got[k], first[k], 1e-9, 1e-12);
+    }
+}
+
+TEST("plan, tape and compiled C take the same steps, at rest, at the limit and at a speed of 1e-300, too") {
+    enum { ROWS = 40 };
+    for (size_t m = 0; m < LG_COUNT(rigs); m++) {
+        const size_t n = (size_t)rigs[m].n;
+        const lg_program *program = program_of(rigs[m].yaml);
+        const double *random = test_numbers(9 + m, (size_t)ROWS * 6, -1, 1);
+        double q[ROWS * N], v[ROWS * N], u[ROWS], h[ROWS], x[ROWS * 2 * N], out[ROWS * 2 * N],
+            taped[ROWS * 2 * N], one[2 * N];
+        for (size_t s = 0; s < ROWS; s++) {
+            for (size_t k = 0; k < n; k++) {
+                q[s * n + k] = random[s * 6 + k];
+                v[s * n + k] = s % 3 == 0   ? 0
+                               : s % 7 == 0 ? 1e-300
+                                            : random[s * 6 + 2 + k] * (s % 2 ? 1 : 0.02);
+            }
+            u[s] = 8 * random[s * 6 + 4];
+            if (m == 2 && s % 6 == 0) u[s] = 20 * q[s] + (s % 12 == 0 ? 3.5 : -3.5); /* the limit */
+            h[s] = s % 2 ? 0.05 : 0.004;
+        }
+        to_states(program, ROWS, q, v, x);
+        const ready step = make_ready(program, "step", ROWS, LG_F64);
+        lg_plan_eval(step.plan, (const void *const[]){x, u, h}, (void *const[]){out}, step.work);
+        lg_tape *tape = test_tape(LG_F64);
+        size_t at;
+        lg_var y;
+        assert_ok(lg_program_find(program, "step", &at, NULL));
+        const lg_var in[3] = {lg_input_f64(tape, lg_shape2(ROWS, (uint32_t)(2 * n)), x),
+                              lg_input_f64(tape, lg_shape2(ROWS, 1), u),
+                              lg_input_f64(tape, lg_shape2(ROWS, 1), h)};
+        assert_ok(lg_program_record(tape, program, at, NULL, in, &y));
+        assert_ok(lg_read(tape, y, ROWS * 2 * n, taped));
+        compiled c;
+        if (has_compiler() && !compile_program(&c, program, "cc", "-O1", LG_F64, false))
+            fail_msg("%s", c.why);
+        double *work = TEST_ARRAY(double, 4096);
+        for (size_t s = 0; s < ROWS; s++) {
+            if (has_compiler())
+                shim_of(&c, "step")((const void *const[]){x + s * 2 * n, u + s, h + s}, (void *const[]){one},
+                                    work);
+            for (size_t k = 0; k < 2 * n; k++) {
+                assert_close(taped[s * 2 * n + k], out[s * 2 * n + k], 1e-11, 1e-13);
+                if (has_compiler()) assert_close(one[k], out[s * 2 * n + k], 1e-11, 1e-13);
+            }
+        }
+        if (has_compiler()) assert_true(discard_compiled(&c));
+    }
+}
+
+/* ---- derivatives ---- */
+
+/* q_0 + q_1 after the time T with the input u. */
+static double after(const rig *r, const double *start, double u, double T) {
+    double q[N] = {start[0], start[1]}, v[N] = {start[2], start[3]};
+    reference(r, q, v, u, T);
+    return q[0] + q[1];
+}
+
+TEST("gradients and Hessians by the start converge to those of the reference") {
+    static const struct { double h, gradient, hessian; } rows[] = {{0.05, 2e-3, 2e-2}, {0.01, 2e-5, 1e-3}};
+    static const double inputs[2] = {-3, 0.6};
+    for (size_t m = 0; m < 2; m++) {
+        const rig *r = &rigs[m];
+        const double T = 1, e[2] = {1e-5, 1e-3}, u = inputs[m];
+        double start[4] = {r->q[0], r->q[1], r->v[0], r->v[1]}, g[4], H[4][4], size[2] = {0, 0};
+        for (int i = 0; i < 4; i++)
+            for (int j = 0; j <= i; j++) {
+                double sum = 0;
+                for (int k = 0; k < 4; k++) {
+                    double x[4];
+                    memcpy(x, start, sizeof x);
+                    x[i] += k % 2 ? e[1] : -e[1], x[j] += k / 2 ? e[1] : -e[1];
+                    sum += (k == 0 || k == 3 ? 1 : -1) * after(r, x, u, T);
+                }
+                H[i][j] = H[j][i] = sum / (4 * e[1] * e[1]);
+                size[1] = fmax(size[1], fabs(H[i][j]));
+            }
+        for (int i = 0; i < 4; i++) {
+            double up[4], down[4];
+            memcpy(up, start, sizeof up), memcpy(down, start, sizeof down);
+            up[i] += e[0], down[i] -= e[0];
+            g[i] = (after(r, up, u, T) - after(r, down, u, T)) / (2 * e[0]);
+            size[0] = fmax(size[0], fabs(g[i]));
+        }
+        for (size_t k = 0; k < LG_COUNT(rows); k++) {
+            lg_machine machine;
+            lg_machine_vars vars;
+            lg_var parts[LG_TAPED_MAX_PARTS], gradient;
+            double got[4], second[16], error[2] = {0, 0};
+            lg_tape *tape = test_tape(LG_F64);
+            read_machine(r->yaml, &machine);
+            assert_ok(lg_machine_bind(tape, &machine, LG_NONE, &vars));
+            const lg_var x = lg_input_f64(tape, lg_shape2(1, 4), start);
+            assert_ok(lg_machine_record_state(tape, &vars, lg_slice(tape, x, 1, 0, 2),
+                                              lg_slice(tape, x, 1, 2, 2), parts));
+            const lg_machine_stick over = {.h = lg_full(tape, lg_shape2(1, 1), rows[k].h),
+                                           .u = {lg_input_f64(tape, lg_shape2(1, 1), &u), LG_NONE, LG_NONE}};
+            for (int i = 0; i < (int)lround(T / rows[k].h); i++)
+                assert_ok(lg_machine_stick_step(tape, &vars, &over, parts));
+            const lg_var y = lg_sum(tape, parts[lg_machine_parts(&machine).x]);
+            assert_ok(lg_grad(tape, y, &x, 1, &gradient));
+            assert_ok(lg_read(tape, gradient, 4, got));
+            assert_ok(lg_read(tape, lg_jacobian(tape, gradient, x), 16, second));
+            for (int i = 0; i < 4; i++) {
+                error[0] = fmax(error[0], fabs(got[i] - g[i]) / size[0]);
+                for (int j = 0; j < 4; j++)
+                    error[1] = fmax(error[1], fabs(second[4 * i + j] - H[i][j]) / size[1]);
+            }
+            print_message("%zu, %g s: gradient %.2g, Hessian %.2g of %.2g, %.2g\n", m, rows[k].h, error[0],
+                          error[1], size[0], size[1]);
+            assert_true(error[0] < rows[k].gradient && error[1] < rows[k].hessian);
+        }
     }
 }
