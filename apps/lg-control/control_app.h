@@ -3,13 +3,30 @@
 #define LG_APPS_CONTROL_H
 
 #include "common/app.h"
+#include "liegrad/machine.h"
 #include "liegrad/policy.h"
 
 extern const app_command demo_command, train_command, evaluate_command, certify_command;
 
+/* The machine in a file (plant.c), of which plants are made. */
+typedef struct control_machine {
+    lg_machine_model_file model; /* of a model of lg-identify */
+    lg_machine_file file;
+    lg_machine machine; /* may be changed before control_machine_plant */
+    const lg_scheme *scheme;
+    double row;                        /* seconds between the rows of the log; 0: no log, then a period */
+    uint32_t delay[LG_MACHINE_INPUTS]; /* of the inputs, in rows */
+} control_machine;
+/* false: the file is a program. */
+bool control_open_machine(const app *self, const char *path, control_machine *out);
+void control_machine_destroy(control_machine *machine);
+/* The machine as a plant; `lagged`: as in control_load_plant. */
+lg_program *control_machine_plant(const app *self, const control_machine *machine, bool lagged);
+
 /* A plant from a file (plant.c): a model of lg-identify, a machine whose terms are all known, or a program
  * with the function field (x, u). The names of its coordinates and inputs are added to the task. If `lagged`,
  * the names of its lagged inputs are added, too; otherwise the controller does not know the lagged inputs.
+ * task->dead_time becomes the delays of its inputs; a row of a machine file without a log is task->period.
  * Failures end the command. */
 lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task);
 /* Reads a task and its plant; the plant's path is relative to the task's folder. `text`: freed with free. */

@@ -28,46 +28,31 @@ static const lg_field options[] = {
 
 static evaluate_values values;
 
-static uint32_t count_lagged(const lg_policy_task *task) {
+/* Lagged inputs, or what lg_policy_create adds to a task. */
+static uint32_t count_lagged(const lg_policy_task *task, bool remembered) {
     uint32_t n = 0;
-    for (uint32_t i = 0; i < task->coordinate_count; i++) n += task->coordinate[i].follows > 0;
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        n += remembered ? c->ago > 0 || c->integrates > 0 : c->follows > 0 && c->ago == 0;
+    }
     return n;
-}
-
-/* Warns if the plants have different lags. In these runs the controller gets the lagged inputs of the other
- * plant. Exported code does not: it computes lagged inputs by the lag of the plant that trained it. */
-static void warn_of_other_lag(const app *self, const lg_policy *policy, const lg_policy *other) {
-    const double a[LG_POLICY_COORDINATES] = {0};
-    double u[LG_POLICY_INPUTS], own[LG_POLICY_COORDINATES], there[LG_POLICY_COORDINATES];
-    const uint32_t n = count_lagged(lg_policy_task_of(policy));
-    bool same = true;
-    if (n == 0) return;
-    for (uint32_t l = 0; l < LG_POLICY_INPUTS; l++) u[l] = 1;
-    APP_MUST(self, lg_program_eval(self->context, lg_policy_program(policy), "lagged", 1,
-                                   (const double *const[]){a, u}, (double *const[]){own}, &error));
-    APP_MUST(self, lg_program_eval(self->context, lg_policy_program(other), "lagged", 1,
-                                   (const double *const[]){a, u}, (double *const[]){there}, &error));
-    for (uint32_t k = 0; k < n; k++) same = same && fabs(own[k] - there[k]) <= 1e-9;
-    if (!same)
-        app_warn(
-            self,
-            "%s has another lag; in these runs the controller knows its lagged inputs, but exported code "
-            "computes them by the lag that it was trained with",
-            values.plant);
 }
 
 static lg_policy *other_plant(const app *self, lg_policy *policy) {
     const lg_policy_task *own = lg_policy_task_of(policy);
-    lg_policy_task names = {.coordinate_count = 0};
+    lg_policy_task names = {.period = own->period};
     lg_policy *other = NULL;
-    if (own->coordinate[0].velocity[0] == '\0')
+    const uint32_t lagged = count_lagged(own, false), remembered = count_lagged(own, true);
+    if (own->coordinate[0].velocity[0] == '\0') {
         names = *own; /* the file of a program does not name its states */
-    const uint32_t lagged = count_lagged(own);
+        names.coordinate_count -= remembered;
+    }
     lg_program *plant = control_load_plant(self, values.plant, lagged > 0, &names);
-    if (count_lagged(&names) != lagged)
+    if (count_lagged(&names, false) != lagged)
         app_stop(self, LG_SHAPE, "%s: the plant has %u lagged inputs, but the policy knows %u", values.plant,
-                 count_lagged(&names), lagged);
-    bool same = names.coordinate_count == own->coordinate_count && names.input_count == own->input_count;
+                 count_lagged(&names, false), lagged);
+    bool same =
+        names.coordinate_count + remembered == own->coordinate_count && names.input_count == own->input_count;
     for (uint32_t i = 0; same && i < names.coordinate_count; i++)
         same = strcmp(names.coordinate[i].name, own->coordinate[i].name) == 0 &&
                names.coordinate[i].motion == own->coordinate[i].motion;
@@ -75,8 +60,7 @@ static lg_policy *other_plant(const app *self, lg_policy *policy) {
         same = strcmp(names.input[l].name, own->input[l].name) == 0;
     if (!same)
         app_stop(self, LG_SHAPE, "%s: its coordinates or inputs are not those of the policy", values.plant);
-    APP_MUST(self, lg_policy_transplant(policy, plant, &other, &error));
-    warn_of_other_lag(self, policy, other);
+    APP_MUST(self, lg_policy_transplant_late(policy, plant, names.dead_time, &other, &error));
     lg_policy_destroy(policy);
     return other;
 }

@@ -92,48 +92,68 @@ static const lg_scheme *scheme_of(const lg_scheme *scheme) {
     return fits ? scheme : lg_scheme_find("rkmk4");
 }
 
-typedef lg_status (*program_maker)(const lg_context *context, const lg_machine *machine, const double *theta,
-                                   const lg_scheme *scheme, lg_program **out, lg_error *error);
-static program_maker make_program(bool lagged) {
-    return lagged ? lg_machine_plant : lg_machine_program;
+void control_machine_destroy(control_machine *m) {
+    lg_machine_model_file_destroy(&m->model);
+    lg_machine_file_destroy(&m->file);
+    *m = (control_machine){.model = {.theta = NULL}};
 }
 
-static lg_program *load_model(const app *self, const char *path, bool lagged, lg_policy_task *task) {
-    APP_CLEAN(lg_machine_model_file_destroy) lg_machine_model_file model = {.theta = NULL};
-    APP_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.column_count = 0};
-    lg_program *program = NULL;
-    APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &model, &error));
-    APP_MUST_FILE(
-        self, path,
-        lg_machine_file_parse(self->context, path, model.run.text, strlen(model.run.text), &file, &error));
-    name_coordinates(self, path, &file, task);
-    if (lagged) name_lagged(self, path, &file.machine, task);
-    APP_MUST(self, make_program(lagged)(self->context, &model.run.machine, model.theta,
-                                        scheme_of(model.run.scheme), &program, &error));
-    return program;
-}
-
-static lg_program *read_machine(const app *self, const char *path, bool lagged, lg_policy_task *task) {
-    APP_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.column_count = 0};
-    lg_program *program = NULL;
-    APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &file, &error));
-    for (uint32_t i = 0; i < file.machine.term_count; i++)
-        if (file.machine.terms[i].parameters > 0)
+static void check_known(const app *self, const char *path, const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].parameters > 0)
             app_stop(self, LG_FORMAT,
                      "%s: %s: a term of kind '%s' is unknown; give its values, or learn the machine with "
                      "lg-identify "
                      "and name the model",
-                     path, lg_machine_part_name(file.machine.terms[i].part),
-                     lg_term_kind_name(file.machine.terms[i].kind));
-    if (file.machine.parameters > 0)
+                     path, lg_machine_part_name(machine->terms[i].part),
+                     lg_term_kind_name(machine->terms[i].kind));
+    if (machine->parameters > 0)
         app_stop(self, LG_FORMAT,
                  "%s: numbers of the machine are unknown; learn it with lg-identify and name the model",
                  path);
-    name_coordinates(self, path, &file, task);
-    if (lagged) name_lagged(self, path, &file.machine, task);
-    APP_MUST(self, make_program(lagged)(self->context, &file.machine, NULL, lg_scheme_find("rkmk4"), &program,
-                                        &error));
+}
+
+bool control_open_machine(const app *self, const char *path, control_machine *out) {
+    *out = (control_machine){.model = {.theta = NULL}};
+    if (is_hdf5(self, path) && !is_model(self, path)) return false;
+    if (is_hdf5(self, path)) {
+        APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &out->model, &error));
+        const lg_machine_model_run *run = &out->model.run;
+        APP_MUST_FILE(
+            self, path,
+            lg_machine_file_parse(self->context, path, run->text, strlen(run->text), &out->file, &error));
+        out->machine = run->machine, out->scheme = scheme_of(run->scheme), out->row = run->dt;
+        memcpy(out->delay, run->delay, sizeof out->delay);
+        return true;
+    }
+    APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &out->file, &error));
+    check_known(self, path, &out->file.machine);
+    out->machine = out->file.machine, out->scheme = lg_scheme_find("rkmk4");
+    for (uint32_t l = 0; l < out->machine.input_count; l++) {
+        out->delay[l] = out->file.inputs[l].delay;
+        if (out->file.inputs[l].choose_delay || out->file.inputs[l].estimate_delay)
+            app_stop(self, LG_FORMAT,
+                     "%s: the delay of the input %s is unknown; give its rows, or learn the machine with "
+                     "lg-identify and name the model",
+                     path, out->machine.inputs[l]);
+    }
+    return true;
+}
+
+lg_program *control_machine_plant(const app *self, const control_machine *m, bool lagged) {
+    lg_program *program = NULL;
+    APP_MUST(self, (lagged ? lg_machine_plant : lg_machine_program)(
+                       self->context, &m->machine, m->model.theta, m->scheme, &program, &error));
     return program;
+}
+
+static lg_program *load_machine(const app *self, const char *path, const control_machine *m, bool lagged,
+                                lg_policy_task *task) {
+    name_coordinates(self, path, &m->file, task);
+    if (lagged) name_lagged(self, path, &m->machine, task);
+    for (uint32_t l = 0; l < m->machine.input_count && l < LG_POLICY_INPUTS; l++)
+        task->dead_time[l] = m->delay[l] * (m->row > 0 ? m->row : task->period);
+    return control_machine_plant(self, m, lagged);
 }
 
 /* ---- draws ---- */
@@ -248,9 +268,10 @@ static lg_program *load_program(const app *self, const char *path, lg_policy_tas
 /* ---- */
 
 lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task) {
+    APP_CLEAN(control_machine_destroy) control_machine machine;
     app_reads(self, path);
-    if (!is_hdf5(self, path)) return read_machine(self, path, lagged, task);
-    return is_model(self, path) ? load_model(self, path, lagged, task) : load_program(self, path, task);
+    return control_open_machine(self, path, &machine) ? load_machine(self, path, &machine, lagged, task)
+                                                      : load_program(self, path, task);
 }
 
 /* The path of the plant that the task in `path` calls `plant`. */

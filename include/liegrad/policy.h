@@ -35,6 +35,14 @@
  * a tenth, `near` is K. If a task of kind lqr gives K, P is the solution of the Lyapunov equation of the
  * closed loop for Q = 1 of scaled errors. sat keeps each input in its limits.
  *
+ * Memory. lg_policy_create adds lines to the task for what the controller must remember: past.u.k, the input
+ * u of k periods ago, for k up to the input's dead time over the period, rounded up; and integral.x for a
+ * coordinate x with `integral`. They are positions without velocities behind the other positions, they have
+ * errors, and the regulator and networks use them. The state x of the program's functions then has behind the
+ * plant's state the inputs of earlier periods and the integrals y, which become
+ *   y + h e(x) prod_l (1 - s_l^16),   s_l = (u_l - (low + high)/2)/((high - low)/2)
+ * in a period: e is the error of the coordinate, and an integral stops while an input is at a limit.
+ *
  * Kinds of policies:
  *   lqr      the regulator alone; nothing is trained
  *   network  u = g u_near + (1 - g) u_net with u_near = sat(u0 - near z) and the gate
@@ -64,9 +72,9 @@
 LG_BEGIN_DECLS
 
 #define LG_POLICY_NAME        32 /* bytes of a name, with its terminator */
-#define LG_POLICY_COORDINATES 12
+#define LG_POLICY_COORDINATES 40 /* with lagged inputs, inputs of earlier periods and integrals */
 #define LG_POLICY_INPUTS      16
-#define LG_POLICY_ERRORS      32 /* most numbers in z */
+#define LG_POLICY_ERRORS      48 /* most numbers in z */
 #define LG_POLICY_HIDDEN      4
 #define LG_POLICY_GAINS       256 /* most numbers of K in a task */
 
@@ -96,6 +104,11 @@ typedef struct lg_policy_coordinate {
     /* 0, or 1 + the number of an input: this line without velocity is that input as it acts, behind a lag
      * (lg_machine_plant). lg_policy_create sets its goal, the input that holds the machine at the goal. */
     uint32_t follows;
+    /* Of coordinates that lg_policy_create adds (liegrad/policy.h, Memory), 0 in others. With `follows`: the
+     * line is the input of `ago` periods ago. integrates: 1 + the number of a coordinate, whose error this line
+     * integrates. */
+    uint32_t ago, integrates;
+    bool integral; /* the error of this line or angle is integrated */
     double goal[9];
     /* Starts: a line or angle is drawn from goal + [low, high]; a direction or rotation turns by an angle
      * from [low, high] about a random axis. Each number of the velocity is drawn from its own [low, high]. */
@@ -138,6 +151,7 @@ typedef struct lg_policy_task {
      * all inputs. Kind lqr: K (inputs, errors), row by row. */
     uint32_t gain_count;
     double gains[LG_POLICY_GAINS];
+    double dead_time[LG_POLICY_INPUTS]; /* seconds by which an input acts later than it is given, >= 0 */
     /* Default true. false: no weights of a regulator are tried, so that lg_policy_create is fast; P and W are
      * 0, c is 1, and K is 0 unless it is given. For certificates; a network with a gate needs true. */
     bool search;
@@ -170,6 +184,10 @@ LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
  *   policy     (q, v, weights) -> u          `weights` is a shared input like theta; without velocities no v
  *   lagged     (a, u) -> next                the lagged inputs a after a period in which u is held, if
  *                                            there are lagged inputs
+ *   remember   (x, u) -> next                and
+ *   reset      (x) -> first                  if there is a memory, in place of `lagged`: the lagged inputs,
+ *                                            past inputs and integrals in x as `control` takes it, after a period
+ *                                            in which u was given, and at the beginning
  *   control    (x) -> u                      x: positions as controllers get them, then velocities. x
  *                                            has the free positions, too; u does not depend on them
  *   closed     (x, weights) -> next, cost, u   one period
@@ -325,6 +343,12 @@ LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer); /* NULL is al
  * takes as many steps in a period as keep its error below 1e-6. Errors: those of lg_policy_create. */
 LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out,
                                       lg_error *error);
+/* The same for a plant whose inputs act `dead_time` (inputs) seconds late; NULL: as those of the policy. The
+ * controller keeps what it believes: it remembers the inputs of its own dead time, and computes lagged inputs
+ * by the lag of its own plant. Errors also: LG_UNSUPPORTED (other dead times of a plant without
+ * velocities). */
+LG_API lg_status lg_policy_transplant_late(const lg_policy *policy, lg_program *plant,
+                                           const double *dead_time, lg_policy **out, lg_error *error);
 
 typedef struct lg_policy_outcome {
     uint64_t starts, succeeded;

@@ -46,6 +46,10 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
                        "free: the position of %s is no error, so it has no goal, weight, bound of success, "
                        "noise and set points",
                        c->name);
+    if (c->integral && (c->free || c->follows > 0 || c->motion > LG_POLICY_ANGLE))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "integral: %s has no error that can be integrated; integrals are of lines and angles",
+                       c->name);
     if (!(c->noise >= 0.0 && c->noise_velocity >= 0.0 && isfinite(c->noise) && isfinite(c->noise_velocity)))
         return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: noise must be finite and >= 0", c->name);
     if (!(c->success > 0.0) || !(c->success_velocity > 0.0))
@@ -55,14 +59,18 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
 }
 
 static lg_status check_gains(const lg_policy_task *t, lg_error *error) {
-    uint32_t errors = 0;
-    for (uint32_t i = 0; i < t->coordinate_count; i++)
-        errors += lg_policy_row_of(&t->coordinate[i])->errors +
-                  (t->coordinate[i].velocity[0] != '\0' ? lg_policy_row_of(&t->coordinate[i])->rates : 0);
+    uint32_t errors = 0, remembered = 0;
+    for (uint32_t i = 0; i < t->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &t->coordinate[i];
+        errors += lg_policy_row_of(c)->errors + (c->velocity[0] != '\0' ? lg_policy_row_of(c)->rates : 0);
+        remembered += c->ago > 0 || c->integrates > 0;
+    }
     const uint32_t wanted[LG_POLICY_KIND_COUNT] = {
         [LG_POLICY_LQR] = t->input_count * errors, [LG_POLICY_ENERGY] = 2};
     if (t->gain_count == 0) return LG_OK;
-    bool good = t->gain_count == wanted[t->kind] && t->gain_count <= LG_POLICY_GAINS;
+    const uint32_t fewer = t->kind == LG_POLICY_LQR ? t->input_count * remembered : 0;
+    bool good = (t->gain_count == wanted[t->kind] || t->gain_count + fewer == wanted[t->kind]) &&
+                t->gain_count <= LG_POLICY_GAINS;
     for (uint32_t i = 0; good && i < t->gain_count; i++)
         good = isfinite(t->gains[i]) && (t->kind == LG_POLICY_LQR || t->gains[i] > 0.0);
     if (good) return LG_OK;
@@ -70,7 +78,7 @@ static lg_status check_gains(const lg_policy_task *t, lg_error *error) {
         error, LG_INVALID_ARGUMENT,
         "gains are two positive numbers, k_p and k_d, of a controller of kind energy, or K of kind lqr: "
         "%u numbers, by input, in the order of positions, then velocities",
-        t->input_count * errors);
+        t->input_count * (errors - remembered));
 }
 
 static lg_status check_task(const lg_policy_task *t, lg_error *error) {
@@ -84,11 +92,13 @@ static lg_status check_task(const lg_policy_task *t, lg_error *error) {
         LG_TRY(check_coordinate(c, error));
         if (c->follows > t->input_count)
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s follows an input that is not there", c->name);
-        if (c->follows > 0 && t->kind == LG_POLICY_ENERGY)
+        if (c->follows > 0 && c->ago == 0 && t->kind == LG_POLICY_ENERGY)
             return lg_fail(
                 error, LG_INVALID_ARGUMENT,
                 "a controller of kind energy needs forces that act at once, but %s is a lagged input",
                 c->name);
+        if (c->integral && t->kind == LG_POLICY_ENERGY)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "a controller of kind energy has no integrals");
         weighed = weighed || c->weight > 0.0 || c->weight_velocity > 0.0;
         judged = judged || isfinite(c->success) || isfinite(c->success_velocity);
     }
@@ -131,21 +141,26 @@ typedef struct demand {
     const char *what;
 } demand;
 
+/* `plant`: the plant, or the policy's program. */
 static lg_status check_plant(lg_policy *p, const lg_program *plant, lg_error *error) {
     const lg_policy_layout *l = &p->layout;
-    p->state = (uint32_t)numbers_of(plant, "step", false, 0);
-    if (p->state == 0) return lg_fail(error, LG_NOT_FOUND, "the plant has no function step (x, u, h)");
+    const bool own = plant == p->program;
+    const uint32_t positions = p->memory.positions;
+    p->memory.plant = (uint32_t)numbers_of(plant, own ? lg_policy_plant_name(p, "step") : "step", false, 0);
+    p->state = p->memory.plant + p->memory.count;
+    if (p->memory.plant == 0) return lg_fail(error, LG_NOT_FOUND, "the plant has no function step (x, u, h)");
     const demand moving[] = {{"step", false, 1, p->inputs, "inputs"},
-                             {"momenta", false, 0, l->positions, "positions"},
+                             {"momenta", false, 0, positions, "positions"},
                              {"momenta", false, 1, l->velocities, "velocities"},
-                             {"positions", true, 0, l->positions, "positions"},
+                             {"positions", true, 0, positions, "positions"},
                              {"velocities", true, 0, l->velocities, "velocities"}},
                  still[] = {{"step", false, 1, p->inputs, "inputs"},
-                            {"step", false, 0, l->positions, "coordinates"}};
+                            {"step", false, 0, positions, "coordinates"}};
     const demand *wanted = l->velocities > 0 ? moving : still;
     const size_t count = l->velocities > 0 ? LG_COUNT(moving) : LG_COUNT(still);
     for (size_t i = 0; i < count; i++) {
-        const size_t found = numbers_of(plant, wanted[i].function, wanted[i].output, wanted[i].port);
+        const char *name = own ? lg_policy_plant_name(p, wanted[i].function) : wanted[i].function;
+        const size_t found = numbers_of(plant, name, wanted[i].output, wanted[i].port);
         if (found != wanted[i].numbers)
             return lg_fail(error, found == 0 ? LG_NOT_FOUND : LG_SHAPE,
                            "the task has %zu numbers as %s, but the plant's function %s has %zu",
@@ -278,6 +293,13 @@ lg_status lg_policy_prepare(lg_policy *p, lg_error *error) {
     if (p->layout.errors > LG_POLICY_ERRORS || p->layout.errors == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has %u errors; a policy needs 1 to %d",
                        p->layout.errors, LG_POLICY_ERRORS);
+    lg_policy_lay_out_memory(p, p->task.dead_time);
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) { /* of integrals */
+        const uint32_t of = p->task.coordinate[i].integrates;
+        if (of > 0)
+            p->task.coordinate[i].weight =
+                p->task.coordinate[of - 1].weight / (p->task.horizon * p->task.horizon);
+    }
     return init_parameters(p, error);
 }
 
@@ -315,6 +337,7 @@ static lg_status add_functions(lg_policy *p, lg_error *error) {
 static lg_status build(lg_policy *p, const lg_context *context, const lg_policy_task *task,
                        const lg_program *plant, uint64_t seed, lg_error *error) {
     p->context = context, p->task = *task;
+    LG_TRY(lg_policy_extend_task(&p->task, error));
     LG_TRY(lg_policy_prepare(p, error));
     LG_TRY(check_plant(p, plant, error));
     lg_policy_initialise(p, seed, p->theta);
@@ -335,6 +358,13 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
     static const char *const needed[] = {"period", "errors",   "policy",      "control",
                                          "closed", "terminal", "adj1_closed", "adj1_terminal"};
     (void)set_goals(p);
+    for (uint32_t l = 0; l < p->inputs; l++)
+        if (!(p->task.dead_time[l] >= 0.0 && p->task.dead_time[l] <= LG_POLICY_COORDINATES * p->task.period))
+            return lg_fail(error, LG_FORMAT, "the dead time %g of input %s is out of range",
+                           p->task.dead_time[l], p->task.input[l].name);
+    lg_policy_lay_out_memory(p, p->task.dead_time);
+    if (memcmp(p->memory.line, p->memory.known, sizeof p->memory.line) != 0)
+        return lg_fail(error, LG_FORMAT, "the past inputs of the policy do not fit its dead times");
     LG_TRY(check_plant(p, p->program, error));
     for (size_t i = 0; i < LG_COUNT(needed); i++)
         if (!has(p, needed[i]))
@@ -350,11 +380,15 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status rebuild(lg_policy *p, const lg_policy *policy, const lg_program *plant, bool judge,
-                         lg_error *error) {
+static lg_status rebuild(lg_policy *p, const lg_policy *policy, const lg_program *plant,
+                         const double *dead_time, bool judge, lg_error *error) {
     p->context = policy->context, p->task = policy->task;
     LG_TRY(lg_policy_prepare(p, error));
+    if (judge) p->believes = policy;
+    lg_policy_lay_out_memory(p, dead_time != NULL ? dead_time : p->task.dead_time);
     LG_TRY(check_plant(p, plant, error));
+    if (p->layout.velocities == 0 && p->state != p->layout.positions)
+        return lg_fail(error, LG_UNSUPPORTED, "a plant without velocities has the dead times of the policy");
     p->regulator = policy->regulator, p->terminal = policy->terminal;
     memcpy(p->scale, policy->scale, sizeof p->scale);
     memcpy(p->G, policy->G, sizeof p->G);
@@ -365,15 +399,16 @@ static lg_status rebuild(lg_policy *p, const lg_policy *policy, const lg_program
     LG_TRY(lg_policy_add_motion(p, error));
     LG_TRY(lg_policy_check_shifts(p, false, 1, error));
     LG_TRY(lg_policy_add_regulated(p, error));
+    p->believes = NULL;
     return add_functions(p, error);
 }
 
-/* `judge`: the integrator's steps are chosen for this plant. */
-static lg_status transplant(const lg_policy *policy, lg_program *plant, bool judge, lg_policy **out,
-                            lg_error *error) {
+/* `judge`: the integrator's steps are chosen for this plant, and the controller keeps what it believes. */
+static lg_status transplant(const lg_policy *policy, lg_program *plant, const double *dead_time, bool judge,
+                            lg_policy **out, lg_error *error) {
     lg_policy *p = lg_alloc(policy->context, 1, sizeof *p);
     const lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy")
-                                       : rebuild(p, policy, plant, judge, error);
+                                       : rebuild(p, policy, plant, dead_time, judge, error);
     lg_program_destroy(plant);
     if (status == LG_OK)
         *out = p;
@@ -383,7 +418,13 @@ static lg_status transplant(const lg_policy *policy, lg_program *plant, bool jud
 }
 
 lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out, lg_error *error) {
-    if (policy != NULL && plant != NULL && out != NULL) return transplant(policy, plant, true, out, error);
+    return lg_policy_transplant_late(policy, plant, NULL, out, error);
+}
+
+lg_status lg_policy_transplant_late(const lg_policy *policy, lg_program *plant, const double *dead_time,
+                                    lg_policy **out, lg_error *error) {
+    if (policy != NULL && plant != NULL && out != NULL)
+        return transplant(policy, plant, dead_time, true, out, error);
     lg_program_destroy(plant);
     return lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: policy, plant, out");
 }
@@ -396,7 +437,7 @@ lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *err
                        policy == NULL || plant == NULL ? "one of these arguments is NULL: policy, plant"
                                                        : "the policy's task has no disturbances");
     }
-    LG_TRY(transplant(policy, plant, false, &drawn, error));
+    LG_TRY(transplant(policy, plant, NULL, false, &drawn, error));
     lg_policy **draws = lg_alloc(policy->context, policy->draw_count + 1, sizeof *draws);
     if (draws == NULL) {
         lg_policy_destroy(drawn);

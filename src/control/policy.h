@@ -59,12 +59,25 @@ bool lg_policy_inside(const lg_policy_task *task, const lg_policy_layout *layout
 
 /* ---- the policy ---- */
 
+/* The parts of a state x: the plant's state, inputs of earlier periods (of each input, the last one first),
+ * integrals, and lagged inputs as the controller computes them. */
+typedef struct lg_policy_memory {
+    uint32_t plant, positions;                  /* numbers of the plant's state, and of its positions */
+    uint32_t lags;                              /* of its positions, the lagged inputs: the last ones */
+    uint32_t known[LG_POLICY_INPUTS];           /* past inputs that the controller sees */
+    uint32_t line[LG_POLICY_INPUTS];            /* past inputs in x */
+    uint32_t lines, integrals, believed, count; /* sums; count: of all numbers behind the plant's */
+    double late[LG_POLICY_INPUTS];              /* periods by which the plant's inputs act late */
+} lg_policy_memory;
+
 struct lg_policy {
     const lg_context *context;
     lg_policy_task task;
     lg_policy_layout layout;
     lg_program *program;
     uint32_t state, inputs; /* numbers in x and u */
+    lg_policy_memory memory;
+    const lg_policy *believes; /* while a transplanted policy is made: whose lags the controller computes */
     lg_policy_regulator regulator;
     double scale[LG_POLICY_ERRORS]; /* of the features of a network, by error */
     double G[LG_POLICY_INPUTS *
@@ -85,6 +98,29 @@ LG_API lg_status lg_policy_adopt(lg_policy *policy, lg_error *error);
 void lg_policy_initialise(const lg_policy *policy, uint64_t seed, double *theta);
 /* Makes theta the policy's parameters. */
 lg_status lg_policy_take(lg_policy *policy, const double *theta);
+
+/* ---- what the controller remembers (policy_memory.c) ---- */
+
+/* Adds the coordinates of past inputs and integrals to the task. */
+lg_status lg_policy_extend_task(lg_policy_task *task, lg_error *error);
+/* Lays out the memory for a plant whose inputs act `dead_time` seconds late. */
+void lg_policy_lay_out_memory(lg_policy *policy, const double *dead_time);
+/* Replaces the names of the plant's functions step, momenta, positions, velocities and value, if there is a
+ * memory; lg_policy_add_memory then adds functions of these names for states with a memory. */
+const char *lg_policy_plant_name(const lg_policy *policy, const char *function);
+lg_status lg_policy_add_memory(lg_policy *policy, lg_error *error);
+/* Records the state after a period in which the controller gives u. late (B, 1): share by which the inputs act
+ * a further period late, and `dropped` (B, inputs): the inputs before the oldest ones in x; LG_NONE: none. */
+lg_var lg_policy_record_period(lg_tape *tape, const lg_policy *policy, lg_var x, lg_var u, lg_var dropped,
+                               lg_var late);
+/* The inputs that the memory drops in this period. */
+lg_var lg_policy_record_dropped(lg_tape *tape, const lg_policy *policy, lg_var x, lg_var u);
+/* Fails for certificates: a dead time or integrals. */
+lg_status lg_policy_check_memory(const lg_policy *policy, lg_error *error);
+/* Adds remember and reset. */
+lg_status lg_policy_add_remember(lg_policy *policy, lg_error *error);
+/* (B, n) with rows like those of x. */
+lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value);
 
 /* ---- functions of the program (policy_program.c) ---- */
 

@@ -8,13 +8,14 @@
 
 enum { MOST_PORTS = 4 };
 
-static lg_status copy_functions(const lg_program *plant, lg_program *to, lg_error *error) {
+static lg_status copy_functions(const lg_policy *policy, const lg_program *plant, lg_error *error) {
     lg_status status = LG_OK;
     for (size_t f = 0; f < lg_program_functions(plant) && status == LG_OK; f++) {
         lg_function_image *image;
         status = lg_function_image_create(plant, f, &image);
         if (status != LG_OK) return lg_fail(error, status, "no memory for a copy of the plant's functions");
-        status = lg_program_add_image(to, image, error);
+        image->name = lg_policy_plant_name(policy, image->name);
+        status = lg_program_add_image(policy->program, image, error);
         lg_function_image_destroy(image);
     }
     return status;
@@ -33,19 +34,12 @@ lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *
     spec.parameter_count = count;
     spec.description = "a machine with its controller";
     lg_status status = lg_program_begin(policy->context, &spec, &policy->program, error);
-    if (status == LG_OK) status = copy_functions(plant, policy->program, error);
+    if (status == LG_OK) status = copy_functions(policy, plant, error);
     lg_free(policy->context, parameters);
-    return status;
+    return status == LG_OK ? lg_policy_add_memory(policy, error) : status;
 }
 
 /* ---- recordings: `user` is the policy ---- */
-
-/* (B, n) with rows like those of x. */
-static lg_var filled(lg_tape *tape, lg_var x, uint32_t n, double value) {
-    const lg_var full = lg_full(tape, lg_shape2(lg_var_shape(tape, x).dims[0], n), value);
-    lg_tape_mark_rows(tape, full);
-    return full;
-}
 
 static lg_var row_of(lg_tape *tape, const double *x, uint32_t n) {
     return lg_input_f64(tape, lg_shape2(1, n), x);
@@ -63,13 +57,8 @@ static lg_policy_seen seen_of(const lg_policy *p, lg_tape *tape, lg_var x) {
 
 static lg_status record_period(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                lg_var *out) {
-    const lg_policy *p = user;
-    const lg_var h = filled(tape, in[0], 1, p->task.period / p->task.substeps);
-    lg_var x = in[0];
     (void)theta;
-    for (uint32_t i = 0; i < p->task.substeps; i++)
-        x = lg_program_call(tape, "step", 0, (const lg_var[]){x, in[1], h});
-    out[0] = x;
+    out[0] = lg_policy_record_period(tape, user, in[0], in[1], LG_NONE, LG_NONE);
     return lg_tape_status(tape);
 }
 
@@ -107,8 +96,8 @@ static lg_status record_lagged(void *user, lg_tape *tape, const lg_var *theta, c
                                lg_var *out) {
     const lg_policy *p = user;
     (void)theta;
-    out[0] = lg_program_call(tape, "lag", 0,
-                             (const lg_var[]){in[0], in[1], filled(tape, in[0], 1, p->task.period)});
+    out[0] = lg_program_call(
+        tape, "lag", 0, (const lg_var[]){in[0], in[1], lg_policy_filled(tape, in[0], 1, p->task.period)});
     return lg_tape_status(tape);
 }
 
@@ -312,20 +301,25 @@ static lg_status record_terminal(void *user, lg_tape *tape, const lg_var *theta,
     return lg_tape_status(tape);
 }
 
-/* ---- disturbed runs: the state is x, then the input of the period before ---- */
+/* ---- disturbed runs: the state is x, then the inputs before the oldest ones in x ---- */
 
 /* What a run is in, from the parts of its state. */
 static lg_var plant_state(lg_tape *tape, const lg_policy *p, lg_var s) {
     return lg_slice(tape, s, 1, 0, p->state);
 }
 
-/* Outputs of a period in which the controller asks for u: it acts at once, or a period late. */
+/* Outputs of a period in which the controller asks for u: it acts as the plant delays it, or a period later
+ * still. */
 static lg_status close_late_loop(lg_tape *tape, const lg_policy *p, lg_var s, lg_var u, lg_var late,
                                  lg_var *out) {
-    const lg_var x = plant_state(tape, p, s);
-    const lg_var change = lg_sub(tape, lg_slice(tape, s, 1, p->state, p->inputs), u);
-    LG_TRY(close_loop(tape, p, x, seen_of(p, tape, x), lg_add(tape, u, lg_mul(tape, change, late)), out));
-    out[0] = lg_concat(tape, (lg_var[]){out[0], u}, 2, 1);
+    const lg_var x = plant_state(tape, p, s), dropped = lg_slice(tape, s, 1, p->state, p->inputs);
+    const lg_var next[] = {lg_policy_record_period(tape, p, x, u, dropped, late),
+                           lg_policy_record_dropped(tape, p, x, u)};
+    /* Without past inputs in x, the input that acts. */
+    if (p->memory.lines == 0) u = lg_add(tape, u, lg_mul(tape, lg_sub(tape, dropped, u), late));
+    out[0] = lg_concat(tape, next, 2, 1);
+    out[1] = record_cost(tape, p, seen_of(p, tape, x), u);
+    out[2] = u;
     return lg_tape_status(tape);
 }
 
@@ -428,10 +422,12 @@ static lg_status adjoint(const lg_policy *p, const char *function, const char *c
 lg_status lg_policy_add_motion(lg_policy *p, lg_error *error) {
     const ports port = ports_of(p);
     lg_derivative jacobian;
-    LG_TRY(add(p, "period", record_period, (const lg_port[]){port.x, port.u}, 2, OUTS("next"), error));
     LG_TRY(add(p, "errors", record_errors, &port.x, 1, OUTS("z"), error));
+    LG_TRY(add(p, "period", record_period, (const lg_port[]){port.x, port.u}, 2, OUTS("next"), error));
     size_t lagged, count;
-    if (lg_program_find(p->program, "lag", &lagged, NULL) == LG_OK)
+    if (p->memory.count > 0)
+        LG_TRY(p->believes == NULL ? lg_policy_add_remember(p, error) : LG_OK);
+    else if (lg_program_find(p->program, "lag", &lagged, NULL) == LG_OK)
         LG_TRY(add(p, "lagged", record_lagged,
                    (const lg_port[]){lg_program_inputs(p->program, lagged, &count)[0], port.u}, 2,
                    OUTS("next"), error));

@@ -195,6 +195,7 @@ static lg_status check(const lg_policy *p, lg_error *error) {
                            "coordinate %s is a %s; certificates are for machines of lines and angles",
                            c->name, lg_policy_motion_row_of(c->motion)->name);
     }
+    LG_TRY(lg_policy_check_memory(p, error));
     for (uint32_t i = 0; i < p->task.coordinate_count; i++)
         if (p->task.coordinate[i].follows > 0)
             return lg_fail(error, LG_UNSUPPORTED, "%s is a lagged input, which a certificate does not know",

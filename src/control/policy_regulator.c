@@ -161,6 +161,10 @@ static void find_sizes(design *d) {
                             : isfinite(c->success_velocity) ? c->success_velocity
                                                             : size / (10.0 * p->task.period);
         for (uint32_t i = 0; i < row->errors; i++) d->size[p->layout.at[k].error + i] = size;
+        /* An integral grows for a tenth of the horizon. */
+        if (c->integrates > 0)
+            d->size[p->layout.at[k].error] =
+                0.1 * p->task.horizon * d->size[p->layout.at[c->integrates - 1].error];
         for (uint32_t i = 0; c->velocity[0] != '\0' && i < row->rates; i++)
             d->size[p->layout.at[k].rate + i] = rate;
     }
@@ -412,11 +416,26 @@ static lg_status choose_near(const design *d) {
     return LG_OK;
 }
 
+/* The gains of the task; past inputs and integrals may be left out, then their gains are 0. */
+static void place_gains(const lg_policy *p, double *K) {
+    const lg_policy_layout *l = &p->layout;
+    const bool all = p->task.gain_count == p->inputs * l->errors;
+    uint32_t from = 0;
+    for (uint32_t k = 0; k < p->inputs; k++)
+        for (uint32_t i = 0; i < l->errors; i++) {
+            bool kept = true;
+            for (uint32_t c = 0; c < p->task.coordinate_count; c++)
+                if (p->task.coordinate[c].ago > 0 || p->task.coordinate[c].integrates > 0)
+                    kept = kept && l->at[c].error != i;
+            K[k * l->errors + i] = all || kept ? p->task.gains[from++] : 0.0;
+        }
+}
+
 static lg_status choose_regulator(design *d) {
     lg_policy *p = d->policy;
     lg_policy_regulator *r = &p->regulator;
     const bool given = p->task.kind == LG_POLICY_LQR && p->task.gain_count > 0;
-    if (given) memcpy(r->K, p->task.gains, p->task.gain_count * sizeof *p->task.gains);
+    if (given) place_gains(p, r->K);
     r->c = 1.0;
     if (!p->task.search) return LG_OK;
     LG_TRY(given ? take_gains(d) : choose_weights(d));

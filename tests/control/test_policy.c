@@ -906,8 +906,12 @@ TEST("a task with a number out of range is refused by name") {
     REFUSED("times need", t.within = INFINITY);
     REFUSED("times need", (t.hold = 0, t.within = 0.5 * t.period));
     REFUSED("hidden layers", (t.hidden_layers = 1, t.hidden[0] = 0));
-    REFUSED("36 errors; a policy needs 1 to", for (int i = 0; i < 6; i++) t.coordinate[i] = turning;
-            t.coordinate_count = 6);
+    REFUSED("54 errors; a policy needs 1 to", for (int i = 0; i < 9; i++) t.coordinate[i] = turning;
+            t.coordinate_count = 9);
+    REFUSED("a dead time of -1", t.dead_time[0] = -1);
+    REFUSED("a dead time of inf", t.dead_time[0] = INFINITY);
+    REFUSED("integral: x has no error", (x->free = true, x->weight = 0, x->integral = true));
+    REFUSED("kind energy has no integrals", (t.kind = LG_POLICY_ENERGY, x->integral = true));
 #undef REFUSED
     lg_policy_task task = cart_task();
     assert_status(lg_policy_create(NULL, &task, no_plant(), 1, &policy, &error), LG_NOT_FOUND);

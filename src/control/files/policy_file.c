@@ -17,7 +17,7 @@ typedef struct array {
     uint64_t dims[2];
     double *at;
 } array;
-enum { ARRAYS = 9 };
+enum { ARRAYS = 10 };
 
 static void list_arrays(lg_policy *p, array out[ARRAYS]) {
     const uint64_t n = p->layout.errors, m = p->inputs;
@@ -30,7 +30,8 @@ static void list_arrays(lg_policy *p, array out[ARRAYS]) {
                                {"policy/radius", 0, {0, 0}, &g->radius},
                                {"policy/scale", 1, {n, 0}, p->scale},
                                {"policy/G", 2, {m, n}, p->G},
-                               {"policy/terminal", 0, {0, 0}, &p->terminal}};
+                               {"policy/terminal", 0, {0, 0}, &p->terminal},
+                               {"policy/dead_time", 1, {m, 0}, p->task.dead_time}};
     memcpy(out, all, sizeof all);
 }
 
@@ -38,17 +39,21 @@ static void list_arrays(lg_policy *p, array out[ARRAYS]) {
 
 enum { LINE = 3 * LG_POLICY_NAME };
 
-static const char lagged[] = "lagged";
+static const char lagged[] = "lagged", integral[] = "integral";
 
 /* Each coordinate has a line of three words: its name, its kind, and the name of its velocity (- if it has no
- * velocity). A lagged input has a line, too: its name, the word "lagged", and the number of its input. Tabs
- * separate the words. Older files have blanks in place of tabs. */
+ * velocity). A lagged or past input has a line, too: its name, the word "lagged", the number of its input, and
+ * of a past input how many periods ago it was given. A line of an integral has its name, the word "integral",
+ * and the number of the coordinate. Tabs separate the words. Older files have blanks in place of tabs. */
 static lg_status put_names(lg_h5 *h5, const lg_policy *p, lg_error *error) {
     char lines[LG_POLICY_COORDINATES][LINE], inputs[LG_POLICY_INPUTS][LG_POLICY_NAME];
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
-        if (c->follows > 0)
-            (void)snprintf(lines[i], LINE, "%s\t%s\t%u", c->name, lagged, c->follows);
+        if (c->ago > 0)
+            (void)snprintf(lines[i], LINE, "%s\t%s\t%u %u", c->name, lagged, c->follows, c->ago);
+        else if (c->follows > 0 || c->integrates > 0)
+            (void)snprintf(lines[i], LINE, "%s\t%s\t%u", c->name, c->follows > 0 ? lagged : integral,
+                           c->follows + c->integrates);
         else
             (void)snprintf(lines[i], LINE, "%s\t%s\t%s", c->name, lg_policy_motion_row_of(c->motion)->name,
                            c->velocity[0] != '\0' ? c->velocity : "-");
@@ -111,9 +116,15 @@ static lg_status take_coordinate(void *user, uint64_t index, const char *text, l
         return bad_name(text, error);
     lg_policy_coordinate *c = &task->coordinate[task->coordinate_count++];
     memcpy(c->name, name, strlen(name) + 1);
-    if (strcmp(motion, lagged) == 0) {
-        c->follows = (uint32_t)strtoul(velocity, NULL, 10);
-        return c->follows > 0 ? LG_OK : bad_name(text, error);
+    if (strcmp(motion, lagged) == 0 || strcmp(motion, integral) == 0) {
+        char *rest;
+        const unsigned long of = strtoul(velocity, &rest, 10), ago = strtoul(rest, NULL, 10);
+        const bool follows = strcmp(motion, lagged) == 0;
+        if (follows ? of == 0 || of > LG_POLICY_INPUTS : of == 0 || of >= task->coordinate_count)
+            return bad_name(text, error);
+        *(follows ? &c->follows : &c->integrates) = (uint32_t)of;
+        c->ago = ago <= LG_POLICY_COORDINATES ? (uint32_t)ago : 0;
+        return LG_OK;
     }
     if (strcmp(velocity, "-") != 0) memcpy(c->velocity, velocity, strlen(velocity) + 1);
     uint32_t k = 0;
@@ -156,7 +167,7 @@ static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
         const array *a = &arrays[i];
         if (a->at == p->regulator.near && !lg_h5_has(h5, a->name)) /* older files have one gain */
             memcpy(a->at, p->regulator.K, sizeof p->regulator.K);
-        else
+        else if (a->at != p->task.dead_time || lg_h5_has(h5, a->name)) /* and no dead times */
             LG_TRY(
                 lg_as_format(lg_h5_get(h5, a->name, LG_ELEMENT_F64, a->rank, a->dims, a->at, error), error));
     }

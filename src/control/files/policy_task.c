@@ -42,6 +42,7 @@ enum {
     KEY_NOISE,
     KEY_TRACK,
     KEY_FREE,
+    KEY_INTEGRAL,
     KEY_COUNT
 };
 
@@ -113,6 +114,7 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_NOISE] = {.name = "robust.noise", .type = LG_FIELD_NODE},
     [KEY_TRACK] = {.name = "track", .type = LG_FIELD_NODE},
     [KEY_FREE] = {.name = "free", .type = LG_FIELD_NODE},
+    [KEY_INTEGRAL] = {.name = "integral", .type = LG_FIELD_NODE},
 };
 
 /* ---- mappings from names to numbers ---- */
@@ -353,7 +355,9 @@ static lg_status read_positions(reading *r, const lg_key_value *value, const cha
         if (is_free(of))
             return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %.40s: expected %s", what,
                                 name, not_free);
-        *(strcmp(what, "free") == 0 ? &of.coordinate->free : &of.coordinate->track) = true;
+        *(strcmp(what, "free") == 0    ? &of.coordinate->free
+          : strcmp(what, "track") == 0 ? &of.coordinate->track
+                                       : &of.coordinate->integral) = true;
     }
     return LG_OK;
 }
@@ -402,6 +406,7 @@ static lg_status read_task(reading *r) {
     LG_TRY(read_entries(r, &values[KEY_SUCCESS], "success", take_success));
     LG_TRY(read_entries(r, &values[KEY_NOISE], "robust.noise", take_noise));
     LG_TRY(read_positions(r, &values[KEY_TRACK], "track"));
+    LG_TRY(read_positions(r, &values[KEY_INTEGRAL], "integral"));
     return check_inputs(r);
 }
 
@@ -447,6 +452,7 @@ static lg_status read_head(reading *r, char *plant, size_t size) {
     const lg_key_set set = {keys, KEY_COUNT, values};
     LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "policy", r->error));
     (void)snprintf(plant, size, "%s", values[KEY_PLANT].text);
+    LG_TRY(lg_yaml_store(r->yaml, &keys[KEY_PERIOD], &values[KEY_PERIOD], 1, r->task, r->error));
     if (values[KEY_STATES].line == 0) return LG_OK;
     const yaml_node_t *list = values[KEY_STATES].node;
     if (list->type != YAML_SEQUENCE_NODE)

@@ -1,0 +1,187 @@
+/* Policies that remember: inputs that act late, and integrals of errors.
+ * ctest-labels: src/control src/machine */
+#include <unistd.h>
+
+#include "support/policies.h"
+
+/* A cart of 2 kg with damping and two motors, the second of them behind a lag. */
+static const char cart[] =
+    "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\n"
+    "inputs: {columns: [u, w], lag: [none, %g]}\nmass: {kind: known, values: [[2]]}\n"
+    "damping: {kind: known, values: [0.5]}\ninput_map: {kind: known, values: [[1, 0.7]]}\n";
+enum { INPUTS = 2, PERIODS = 60 };
+
+static lg_policy_task cart_with(const double late[INPUTS], bool integral) {
+    lg_policy_task task;
+    lg_policy_task_init(&task);
+    task.kind = LG_POLICY_LQR, task.coordinate_count = 2, task.input_count = INPUTS;
+    task.coordinate[0] = coordinate("x", "v", LG_POLICY_LINE, 0.5);
+    task.coordinate[0].integral = integral;
+    task.coordinate[1] = (lg_policy_coordinate){
+        .name = "lagged", .follows = 2, .success = INFINITY, .success_velocity = INFINITY};
+    task.input[0] = (lg_policy_input){"u", -3.0, 1.0, 0.01};
+    task.input[1] = (lg_policy_input){"w", -2.0, 2.0, 0.01};
+    task.period = 0.1, task.horizon = 3.0, task.within = 8.0, task.substeps = 4;
+    for (int l = 0; l < INPUTS; l++) task.dead_time[l] = late[l] * task.period;
+    return task;
+}
+
+static lg_policy *make_cart(const double late[INPUTS], bool integral) {
+    const lg_policy_task task = cart_with(late, integral);
+    lg_policy *policy;
+    lg_error error = {LG_OK, ""};
+    if (lg_policy_create(NULL, &task, machine_program(test_text(cart, 0.3)), 1, &policy, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    lg_test_owns(policy, release_policy);
+    return policy;
+}
+
+static void call(const lg_program *program, const char *function, const double *a, const double *b,
+                 double *out) {
+    assert_ok(lg_program_eval(NULL, program, function, 1, (const double *const[]){a, b},
+                              (double *const[]){out}, NULL));
+}
+
+/* The cart by hand: exact solutions over pieces of a period in which the inputs are constant. */
+typedef struct world {
+    double x, v, a, tau, late[INPUTS], given[PERIODS][INPUTS];
+} world;
+
+/* The inputs that act at time s, in periods. */
+static void inputs_at(const world *w, double s, double *u) {
+    for (int l = 0; l < INPUTS; l++) {
+        const double k = floor(s - w->late[l] + 1e-9);
+        u[l] = k < 0 ? 0.0 : w->given[(int)k][l];
+    }
+}
+
+/* 2 v' = u + .7 a - .5 v, tau a' = w - a, by many small steps of the classical method. */
+static void move(world *w, int period, double h) {
+    enum { STEPS = 1000 };
+    const double dt = h / STEPS;
+    for (int i = 0; i < STEPS; i++) {
+        double u[INPUTS], k[4][3], y[3] = {w->x, w->v, w->a};
+        inputs_at(w, period + (i + 0.5) / STEPS, u);
+        for (int s = 0; s < 4; s++) {
+            const double by = s == 0 ? 0.0 : s == 3 ? dt : 0.5 * dt;
+            double z[3];
+            for (int j = 0; j < 3; j++) z[j] = y[j] + (s > 0 ? by * k[s - 1][j] : 0.0);
+            k[s][0] = z[1], k[s][1] = (u[0] + 0.7 * z[2] - 0.5 * z[1]) / 2, k[s][2] = (u[1] - z[2]) / w->tau;
+        }
+        for (int j = 0; j < 3; j++) y[j] += dt * (k[0][j] + 2 * k[1][j] + 2 * k[2][j] + k[3][j]) / 6;
+        w->x = y[0], w->v = y[1], w->a = y[2];
+    }
+}
+
+/* Runs the policy's control and remember in the world, and the library's closed loop of `plant` next to it. */
+static void compare_runs(const lg_policy *policy, const lg_policy *plant, world *w) {
+    const lg_program *own = lg_policy_program(policy), *other = lg_policy_program(plant);
+    const lg_policy_layout *l = &policy->layout;
+    const uint32_t memory = l->given - 1; /* the positions but x */
+    double see[LG_POLICY_COORDINATES + 1] = {0}, x[LG_POLICY_COORDINATES + 2],
+                                       next[LG_POLICY_COORDINATES + 2], kept[LG_POLICY_COORDINATES], seen[2];
+    see[0] = w->x, see[l->given] = w->v;
+    call(own, "reset", see, NULL, see + 1);
+    call(other, "momenta", see, see + l->given, x);
+    for (int k = 0; k < PERIODS; k++) {
+        see[0] = w->x, see[l->given] = w->v;
+        call(own, "control", see, NULL, w->given[k]);
+        call(own, "remember", see, w->given[k], kept);
+        memcpy(see + 1, kept, memory * sizeof *see);
+        move(w, k, policy->task.period);
+        double cost, u[INPUTS];
+        assert_ok(lg_program_eval(NULL, other, "closed", 1, (const double *const[]){x},
+                                  (double *const[]){next, &cost, u}, NULL));
+        assert_all_close(u, w->given[k], INPUTS, 1e-6, 1e-7);
+        memcpy(x, next, sizeof x);
+        call(other, "positions", x, NULL, next);
+        call(other, "velocities", x, NULL, &seen[1]);
+        assert_close(next[0], w->x, 1e-6, 1e-7);
+        assert_close(seen[1], w->v, 1e-6, 1e-7);
+        assert_all_close(next + 1, see + 1, memory, 1e-6, 1e-7);
+    }
+}
+
+TEST("the closed loop is the motion under inputs that act late, and `remember` gives what `closed` carries") {
+    static const double lates[][INPUTS] = {{1, 0}, {0, 1}, {3, 0.4}, {0.25, 2.25}, {2.5, 1.75}};
+    for (size_t i = 0; i < LG_COUNT(lates); i++)
+        for (int integral = 0; integral < 2; integral++) {
+            const lg_policy *p = make_cart(lates[i], integral);
+            world w = {.x = 0.45, .v = -0.4, .tau = 0.3, .late = {lates[i][0], lates[i][1]}};
+            compare_runs(p, p, &w);
+            assert_true(fabs(w.x) < 0.1); /* the regulator knows the late inputs */
+        }
+}
+
+TEST("on another plant the controller keeps its dead times and its lags") {
+    static const double own[][INPUTS] = {{0, 0}, {2, 0.5}, {1.5, 2}},
+                        true_ones[][INPUTS] = {{0, 0}, {3, 0}, {0.5, 2.75}};
+    for (size_t i = 0; i < LG_COUNT(own); i++)
+        for (size_t k = 0; k < LG_COUNT(true_ones); k++) {
+            const double dead[INPUTS] = {0.1 * true_ones[k][0], 0.1 * true_ones[k][1]};
+            const lg_policy *p = make_cart(own[i], true);
+            lg_policy *other;
+            lg_error error = {LG_OK, ""};
+            if (lg_policy_transplant_late(p, machine_program(test_text(cart, 0.6)), dead, &other, &error) !=
+                LG_OK)
+                fail_msg("%s", error.message);
+            lg_test_owns(other, release_policy);
+            world w = {.x = 0.3, .v = 0.2, .tau = 0.6, .late = {true_ones[k][0], true_ones[k][1]}};
+            compare_runs(p, other, &w);
+        }
+}
+
+TEST("an integral grows by the error, and stops while an input is at a limit") {
+    const lg_policy *p = make_cart((const double[INPUTS]){0, 0}, true);
+    const double x[] = {0.3, 0, 0.25, 0}; /* x, lagged, integral, v */
+    static const struct {
+        double u[INPUTS], part;
+    } rows[] = {{{-1, 0}, 1}, {{1, 0}, 0}, {{-3, 0}, 0}, {{-1, 2}, 0}, {{0, 0}, 1 - 1.0 / 65536}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        double next[2];
+        call(lg_policy_program(p), "remember", x, rows[i].u, next);
+        assert_close(next[1], 0.25 + 0.1 * 0.3 * rows[i].part, 1e-12, 1e-14);
+    }
+}
+
+TEST("an integral removes the offset of a force that the controller does not know") {
+    static const char pushed[] = "offset: {kind: known, values: [-0.3]}\n";
+    double ends[2];
+    for (int integral = 0; integral < 2; integral++) {
+        const lg_policy *p = make_cart((const double[INPUTS]){2, 0}, integral);
+        lg_policy *other;
+        const char *const text = test_text(cart, 0.3);
+        assert_ok(lg_policy_transplant(p, machine_program(test_text("%s%s", text, pushed)), &other, NULL));
+        lg_test_owns(other, release_policy);
+        double z[8] = {0}, x[8];
+        bool held;
+        assert_ok(lg_policy_states(other, z, 1, x, NULL));
+        lg_policy_runs runs = {.count = 1, .steps = 800, .x = x, .succeeded = &held};
+        assert_ok(lg_policy_run(other, &(lg_policy_trial){.theta = other->theta, .threads = 1}, &runs, NULL));
+        call(lg_policy_program(other), "errors", x, NULL, z);
+        ends[integral] = fabs(z[0]);
+    }
+    print_message("%g without, %g with an integral\n", ends[0], ends[1]);
+    assert_true(ends[0] > 1e-3 && ends[1] < 1e-6 * ends[0]);
+}
+
+TEST("a file keeps the memory, and certificates say that they do not cover it") {
+    lg_policy *p = make_cart((const double[INPUTS]){1.5, 0}, true), *read;
+    const char *const path = "test_policy_memory.h5";
+    lg_program *program;
+    lg_error error;
+    static const char task[] =
+        "plant: cart\nperiod: 0.1\nhorizon: 3\nstarts: {x: [-0.5, 0.5]}\nlimits: {u: [-3, 1], w: 2}\n"
+        "cost: {x: 1}\nsuccess: {x: 0.1, hold: 1, within: 8}\ncontroller: {kind: lqr}\nintegral: [x]\n";
+    assert_ok(lg_policy_save(NULL, path, p, task, NULL, NULL));
+    if (lg_policy_load(NULL, path, NULL, &read, NULL, &error) != LG_OK) fail_msg("%s", error.message);
+    lg_test_owns(read, release_policy);
+    assert_true(read->state == p->state && memcmp(&read->memory, &p->memory, sizeof p->memory) == 0);
+    world w = {.x = 0.3, .v = 0.2, .tau = 0.3, .late = {1.5, 0}};
+    compare_runs(p, read, &w);
+    assert_status(lg_policy_add_rate(read, &program, &error), LG_UNSUPPORTED);
+    assert_says(error.message, "the input u acts 1.5 periods late, and a certificate does not cover");
+    p = make_cart((const double[INPUTS]){0, 0}, true);
+    assert_status(lg_policy_add_rate(p, &program, &error), LG_UNSUPPORTED);
+    assert_says(error.message, "does not cover the integrals");
+}
