@@ -186,8 +186,8 @@ LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
  *                                            there are lagged inputs
  *   remember   (x, u) -> next                and
  *   reset      (x) -> first                  if there is a memory, in place of `lagged`: the lagged inputs,
- *                                            past inputs and integrals in x as `control` takes it, after a period
- *                                            in which u was given, and at the beginning
+ *                                            past inputs and integrals in x as `control` takes it, after a
+ *                                            period in which u was given, and at the beginning
  *   control    (x) -> u                      x: positions as controllers get them, then velocities. x
  *                                            has the free positions, too; u does not depend on them
  *   closed     (x, weights) -> next, cost, u   one period
