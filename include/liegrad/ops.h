@@ -178,14 +178,18 @@ LG_API lg_var lg_dexpinv_coefficient(lg_tape *tape, lg_var w, int order);
 
 /* ---- losses ---- */
 
-/* y is the prediction, t the target and w the weight of a sample. Means are over all elements. */
+/* y is the prediction, t the target and w the weight of a sample. Means are over all elements. A term whose
+ * factor (w, t_c) is 0 counts as 0, even if the loss of the sample or log softmax(y)_c is infinite. */
 typedef enum lg_loss {
-    LG_LOSS_MSE,        /* mean of w (y - t)^2 */
-    LG_LOSS_MAE,        /* mean of w |y - t| */
-    LG_LOSS_HUBER,      /* mean of w h(y - t); h(r) = r^2/2 for |r| <= 1, else |r| - 1/2 */
-    LG_LOSS_BCE_LOGITS, /* mean of w (max(y, 0) - y t + log(1 + exp(-|y|))); t in [0, 1] */
+    LG_LOSS_MSE,   /* mean of w (y - t)^2 */
+    LG_LOSS_MAE,   /* mean of w |y - t|; the derivative is w at y = t, and the second derivative 0 */
+    LG_LOSS_HUBER, /* mean of w h(y - t); h(r) = r^2/2 and h'' = 1 for |r| <= 1, else |r| - 1/2 and 0 */
+    /* mean of w (log(1 + exp(y)) - y t), t in [0, 1]. The derivative is w (sigmoid(y) - t). y may be infinite:
+     * then the loss is 0 or infinite, and the derivative -t or 1 - t. */
+    LG_LOSS_BCE_LOGITS,
     /* y (n, classes) are logits and t (n, classes) probabilities. The loss is -w sum_c t_c log softmax(y)_c,
-     * averaged over the n samples. */
+     * averaged over the n samples. A class with y_c = -inf has the probability 0. If it is the target, the
+     * loss is infinite; the derivative stays softmax(y) - t. */
     LG_LOSS_CROSS_ENTROPY
 } lg_loss;
 #define LG_LOSS_COUNT 5
@@ -195,7 +199,8 @@ typedef enum lg_loss {
 LG_API lg_var lg_loss_record(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var target, lg_var weights);
 /* Mean of the squares of prediction - target, which have equal shapes of any rank. The result has rank 0. */
 LG_API lg_var lg_mse(lg_tape *tape, lg_var prediction, lg_var target);
-/* Logarithm of the softmax along the last axis; the shape stays. */
+/* Logarithm of the softmax along the last axis; the shape stays. -inf where x is -inf. All of a row is NaN if
+ * all its x are -inf, or one is +inf or NaN. */
 LG_API lg_var lg_log_softmax(lg_tape *tape, lg_var x);
 
 /* ---- operations of the caller ----

@@ -6,8 +6,9 @@
  * are to the table's type (double or float) unless declared otherwise; 64-byte alignment is usual but not
  * required. Outputs must not overlap inputs, except where a comment says "in place"; in kernels that take n,
  * y may also be the same array as an input. No kernel allocates, locks or fails. Elementwise results do not
- * depend on an element's position. Reductions (sum, dot) accumulate in double for both types, in a fixed
- * order. "[+]=" means: set, or added to if the flag `add` or `accumulate` says so; [y +] likewise.
+ * depend on an element's position. Reductions (sum, dot, sum_rows, sum_cols, rowdot) have a fixed order; in
+ * f32 they accumulate in double if they have more than 32 terms. "[+]=" means: set, or added to if the flag
+ * `add` or `accumulate` says so; [y +] likewise.
  */
 #ifndef LG_KERNELS_H
 #define LG_KERNELS_H
@@ -270,9 +271,9 @@ typedef struct lg_kernels {
 
     double (*sum)(size_t n, const void *x);
     double (*dot)(size_t n, const void *a, const void *b);
-    /* y[j] = [y[j] +] sum_i x[i, j], accumulated in the table's type, in the order of the rows */
+    /* y[j] = [y[j] +] sum_i x[i, j], in the order of the rows */
     void (*sum_rows)(size_t rows, size_t cols, const void *x, void *y, bool accumulate);
-    /* y[i] = sum_j x[i, j], in the order of j */
+    /* y[i] = sum_j x[i, j] */
     void (*sum_cols)(size_t rows, size_t cols, const void *x, void *y);
 
     void (*cross)(size_t rows, const void *a, const void *b, void *y); /* rows of 3 numbers */

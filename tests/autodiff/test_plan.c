@@ -397,6 +397,27 @@ TEST("a matrix that happens to have as many rows as the batch is not treated as 
     check_derivatives("a matrix beside a batch", program, false, false);
 }
 
+/* Repeats without rows: w (1, 4) is repeated 0 times. x (B, 4) */
+RECORDING(record_no_rows) {
+    const lg_var none = lg_broadcast_to(tape, x[1], lg_shape2(0, WIDTH)),
+                 of_x = lg_slice(tape, x[0], 1, 0, 0);
+    const lg_var other = lg_sin(tape, lg_mul(tape, none, none)), parts[2] = {none, x[1]};
+    y[0] = lg_add(tape, x[0], lg_matmul(tape, of_x, none));
+    y[1] = lg_add(tape, x[0], lg_concat(tape, parts, 2, 0));
+    y[2] = lg_add(tape, x[0], lg_sum_axis(tape, lg_add(tape, other, none), 0, false));
+    y[3] = lg_mul(tape, x[0], lg_sum_axis(tape, lg_scatter(tape, none, NULL, 0, 2), 0, false));
+    y[4] = lg_add(tape, x[0], lg_sum_axis(tape, lg_mul(tape, none, theta[0]), 0, false));
+    const lg_var line = lg_broadcast_to(tape, lg_slice(tape, theta[0], 0, 0, 1), lg_shape1(0));
+    y[5] = lg_add(tape, x[0], lg_sum(tape, lg_exp(tape, line)));
+}
+
+TEST("a tensor that is repeated 0 times has no rows") {
+    const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
+                          {.name = "w", .shape = {2, {1, WIDTH}}, .shared = true}};
+    lg_program *program = build(in, 2, y_ports, 6, WIDTH, record_no_rows, NULL);
+    check_derivatives("no rows", program, false, false);
+}
+
 /* ---- work that does not depend on the direction is done once ---- */
 
 /* Number of tanh evaluations in a plan. */

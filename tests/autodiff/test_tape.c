@@ -1258,6 +1258,96 @@ TEST("losses agree with those computed by hand, with and without weights") {
     assert_close(number(t, lg_mse(t, y, target)), expected[0], 1e-14, 0);
 }
 
+typedef struct loss_point {
+    lg_loss loss;
+    double y, t, value, slope, curvature;
+} loss_point;
+
+static void check_loss_point(lg_dtype dtype, const loss_point *p) {
+    const double tolerance = dtype == LG_F64 ? 4e-16 : 2e-7;
+    lg_tape *t = test_tape(dtype);
+    const lg_var y = vector(t, 1, &p->y), target = vector(t, 1, &p->t);
+    const lg_var loss = lg_loss_record(t, p->loss, y, target, LG_NONE);
+    lg_var g, gg;
+    double back;
+    assert_ok(lg_grad(t, loss, &y, 1, &g));
+    assert_ok(lg_grad(t, g, &y, 1, &gg));
+    const double got[3] = {number(t, loss), number(t, g), number(t, gg)},
+                 right[3] = {p->value, p->slope, p->curvature};
+    for (int i = 0; i < 3; i++)
+        if (!(got[i] == right[i] || fabs(got[i] - right[i]) <= tolerance * fmax(1.0, fabs(right[i]))))
+            fail_msg("loss %d, %s, y = %g, t = %g, derivative %d: %.17g, expected %.17g", p->loss,
+                     dtype == LG_F64 ? "f64" : "f32", p->y, p->t, i, got[i], right[i]);
+    /* a sample of weight 0 counts as 0, even if its loss is infinite */
+    const lg_var none = lg_full(t, lg_shape1(1), 0.0);
+    const lg_var weighted = lg_loss_record(t, p->loss, y, target, none);
+    assert_ok(lg_grad(t, weighted, &y, 1, &g));
+    back = number(t, g);
+    assert_close(number(t, weighted), 0.0, 0, 0);
+    assert_close(back, 0.0, 0, 0);
+}
+
+TEST("every loss has the right value and derivatives at 0, at its kinks and far away") {
+    static const double logits[] = {-1e3, -30, -1, -1e-9, -0.0, 0, 1e-9, 1, 30, 1e3}, targets[] = {0, 0.5, 1};
+    static const double residuals[] = {-1e3, -2, -1, -0.5, -0.0, 0, 0.5, 1, 2, 1e3};
+    static const lg_dtype types[] = {LG_F64, LG_F32};
+    for (size_t d = 0; d < 2; d++) {
+        for (size_t i = 0; i < LG_COUNT(logits); i++)
+            for (size_t j = 0; j < LG_COUNT(targets); j++) {
+                const double y = logits[i], t = targets[j], s = 1 / (1 + exp(-y));
+                check_loss_point(types[d], &(loss_point){LG_LOSS_BCE_LOGITS, y, t,
+                                                         fmax(y, 0) - y * t + log1p(exp(-fabs(y))), s - t,
+                                                         s / (1 + exp(y))});
+            }
+        for (size_t i = 0; i < LG_COUNT(residuals); i++) {
+            const double r = residuals[i], size = fabs(r), inside = size <= 1;
+            const loss_point points[] = {
+                {LG_LOSS_MSE, r, 0, r * r, 2 * r, 2},
+                {LG_LOSS_MAE, r, 0, size, r >= 0 ? 1 : -1, 0},
+                {LG_LOSS_HUBER, r, 0, inside ? r * r / 2 : size - 0.5, fmax(-1, fmin(r, 1)), inside},
+            };
+            for (size_t l = 0; l < LG_COUNT(points); l++) check_loss_point(types[d], &points[l]);
+        }
+        static const loss_point infinite[] = {{LG_LOSS_BCE_LOGITS, -INFINITY, 0, 0, 0, 0},
+                                              {LG_LOSS_BCE_LOGITS, INFINITY, 1, 0, 0, 0},
+                                              {LG_LOSS_BCE_LOGITS, -INFINITY, 1, INFINITY, -1, 0},
+                                              {LG_LOSS_BCE_LOGITS, INFINITY, 0, INFINITY, 1, 0}};
+        for (size_t l = 0; l < LG_COUNT(infinite); l++) check_loss_point(types[d], &infinite[l]);
+    }
+}
+
+TEST("a class with a logit of -inf has probability 0: its loss counts only if it is the target") {
+    static const double logits[3] = {-INFINITY, 0, 0}, p[3] = {0, 0.5, 0.5}, along[3] = {3, 2, -1};
+    static const double targets[][3] = {{0, 1, 0}, {0, 0.25, 0.75}, {0, 0, 0}, {1, 0, 0}, {0.5, 0.5, 0}};
+    static const lg_dtype types[] = {LG_F64, LG_F32};
+    for (size_t d = 0; d < 2; d++)
+        for (size_t i = 0; i < LG_COUNT(targets); i++) {
+            const double *t0 = targets[i], sum = t0[0] + t0[1] + t0[2], rounding = d == 0 ? 1e-15 : 1e-6;
+            double g[3], gg[3], mean = 0, masked[1];
+            lg_tape *tape = test_tape(types[d]);
+            lg_var y = lg_input_f64(tape, lg_shape2(1, 3), logits),
+                   t = lg_input_f64(tape, lg_shape2(1, 3), t0);
+            lg_var v = lg_input_f64(tape, lg_shape2(1, 3), along), dy, ddy;
+            lg_var loss = lg_loss_record(tape, LG_LOSS_CROSS_ENTROPY, y, t, LG_NONE);
+            assert_ok(lg_grad(tape, loss, &y, 1, &dy));
+            assert_ok(lg_grad(tape, lg_sum(tape, lg_mul(tape, dy, v)), &y, 1, &ddy));
+            assert_ok(lg_read(tape, dy, 3, g));
+            assert_ok(lg_read(tape, ddy, 3, gg));
+            const double value = number(tape, loss);
+            if (t0[0] > 0)
+                assert_true(value == (double)INFINITY);
+            else
+                assert_close(value, sum * log(2), rounding, rounding);
+            for (int c = 0; c < 3; c++) mean += p[c] * along[c];
+            for (int c = 0; c < 3; c++) {
+                assert_close(g[c], sum * p[c] - t0[c], rounding, rounding);
+                assert_close(gg[c], sum * p[c] * (along[c] - mean), rounding, rounding);
+            }
+            assert_ok(lg_read(tape, lg_slice(tape, lg_log_softmax(tape, y), 1, 0, 1), 1, masked));
+            assert_true(masked[0] == -(double)INFINITY);
+        }
+}
+
 /* ---- custom operations ---- */
 
 static lg_status failing_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {

@@ -18,16 +18,30 @@ static lg_var huber(lg_tape *tape, lg_var residual) {
     return lg_mul(tape, c, lg_sub(tape, size, lg_scale(tape, c, 0.5)));
 }
 
-/* Binary cross entropy of logits y and targets t: max(y, 0) - y t + log(1 + exp(-|y|)). */
+/* x, but 0 where x is infinite and its factor is 0, because 0 times infinity is NaN. An infinite x is found
+ * by |x| >= 2 |x| + 1, without an infinite constant, which exported code cannot have. */
+static lg_var bounded(lg_tape *tape, lg_var x, lg_var factor) {
+    if (tape->status != LG_OK) return LG_NONE;
+    const lg_shape shape = lg_node_at(tape, x)->shape;
+    const lg_var size = lg_abs(tape, x), more = lg_add_scalar(tape, lg_scale(tape, size, 2.0), 1.0);
+    const lg_var counts = lg_select(tape, lg_ge(tape, size, more), lg_broadcast_to(tape, factor, shape),
+                                    lg_full(tape, shape, 1.0));
+    return lg_select(tape, counts, x, lg_full(tape, shape, 0.0));
+}
+
+/* Binary cross entropy of logits y and targets t: log(1 + exp(y)) - y t. It is (1 - t) y + log(1 + exp(-y))
+ * for y >= 0 and -t y + log(1 + exp(y)) for y < 0. Each of these equals the loss for every y, so the
+ * derivatives of the chosen one are right at 0, too. */
 static lg_var bce_with_logits(lg_tape *tape, lg_var y, lg_var t) {
-    lg_var positive = lg_act(tape, y, LG_RELU);
-    lg_var tail = lg_log(tape, lg_add_scalar(tape, lg_exp(tape, lg_neg(tape, lg_abs(tape, y))), 1.0));
-    return lg_add(tape, lg_sub(tape, positive, lg_mul(tape, y, t)), tail);
+    const lg_var above = lg_ge(tape, y, lg_full(tape, lg_shape0(), 0.0)), slope = lg_sub(tape, above, t);
+    const lg_var down = lg_select(tape, above, lg_neg(tape, y), y);
+    const lg_var tail = lg_log(tape, lg_add_scalar(tape, lg_exp(tape, down), 1.0));
+    return lg_add(tape, lg_mul(tape, slope, bounded(tape, y, slope)), tail);
 }
 
 /* -sum_c t_c log softmax(y)_c, shape (n, 1). */
 static lg_var cross_entropy(lg_tape *tape, lg_var y, lg_var t) {
-    return lg_neg(tape, lg_rowdot(tape, lg_log_softmax(tape, y), t));
+    return lg_neg(tape, lg_rowdot(tape, bounded(tape, lg_log_softmax(tape, y), t), t));
 }
 
 static lg_var elementwise_loss(lg_tape *tape, lg_loss kind, lg_var y, lg_var t) {
@@ -60,7 +74,8 @@ lg_var lg_loss_record(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var tar
             return lg_fail_shapes(tape, "loss weights", both, 2);
         lg_shape column = {both[0]->shape.rank, {both[1]->shape.dims[0], 1, 1, 1}};
         for (uint32_t i = column.rank; i < LG_MAX_RANK; i++) column.dims[i] = 0;
-        each = lg_mul(tape, each, lg_reshape(tape, weights, column));
+        weights = lg_reshape(tape, weights, column);
+        each = lg_mul(tape, bounded(tape, each, weights), weights);
     }
     return lg_mean(tape, each);
 }

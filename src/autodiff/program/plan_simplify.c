@@ -116,11 +116,12 @@ static uint32_t simpler(lg_graph *g, const lg_graph_node *n, const lg_shape *con
 /* ---- batches with repeated rows: the operation is done on single rows, then its result is repeated ---- */
 
 /* The number of times each row is repeated: row r of the node is row r / copies of a smaller tensor. 1: no
- * repetition is known. */
+ * repetition is known, or there are no rows. */
 static uint32_t copies_of(const lg_graph *g, uint32_t i) {
     const lg_graph_node *n = &g->node[i];
     if (n->sort != LG_GRAPH_OPERATION || n->op != &lg_op_repeat || n->shape.rank == 0) return 1;
-    return n->shape.dims[0] == n->attr.i[0] * n->attr.i[1] ? n->attr.i[1] : 1;
+    const uint32_t rows = n->shape.dims[0], copies = n->attr.i[1];
+    return rows > 0 && rows == n->attr.i[0] * copies ? copies : 1;
 }
 
 static lg_shape fewer_rows(lg_shape shape, uint32_t copies) {
