@@ -46,7 +46,8 @@ static lg_status write_run(const lg_archive_writer *to, const classifier_file *f
             LG_TRY(to->array(to->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value));
     const char *const texts[][2] = {{"run/method", file->method},
                                     {"run/split", lg_split_name(file->split)},
-                                    {"run/data_sha256", file->data_sha256}};
+                                    {"run/data_sha256", file->data_sha256},
+                                    {"run/healthy", file->healthy}};
     for (size_t i = 0; i < LG_COUNT(texts); i++) LG_TRY(to->text(to->user, texts[i][0], texts[i][1]));
     return LG_OK;
 }
@@ -83,6 +84,9 @@ static lg_status read_texts(const lg_archive_reader *from, classifier_file *out,
     LG_TRY(from->text(from->user, "run/split", split, sizeof split));
     LG_TRY(from->text(from->user, "run/data_sha256", out->data_sha256, sizeof out->data_sha256));
     out->method = known_method(method);
+    /* Files of earlier versions lack it. */
+    if (from->text(from->user, "run/healthy", out->healthy, sizeof out->healthy) != LG_OK)
+        out->healthy[0] = '\0';
     if (out->method == NULL || lg_split_parse(split, &out->split) != LG_OK)
         return app_error(error, LG_FORMAT, "/run: the attribute method or split is unknown");
     return LG_OK;

@@ -22,7 +22,8 @@ typedef struct classifier_file {
      * next. */
     uint64_t seed, windows, window, hop;
     char data_sha256[LG_SHA256_TEXT];
-    double accuracy, f1; /* on the test part; NaN: not stored */
+    char healthy[LG_SERIES_NAME]; /* name of the class that means "all is well"; "" if unknown */
+    double accuracy, f1;          /* on the test part; NaN: not stored */
     lg_provenance provenance;
 } classifier_file;
 

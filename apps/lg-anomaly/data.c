@@ -15,10 +15,10 @@ void read_series_of(const app *self, const char *path, const well_model *model, 
     if (any) merge_classes(&out->series, model->class_name[0]);
 }
 
-void merge_classes(lg_series *series, const char *first) {
+void merge_classes(lg_series *series, const char *healthy) {
     uint32_t others = 0;
     for (size_t i = 0; i < series->count; i++) {
-        series->label[i] = strcmp(series->class_name[series->label[i]], first) != 0;
+        series->label[i] = strcmp(series->class_name[series->label[i]], healthy) != 0;
         others |= series->label[i];
     }
     series->classes = 1 + others;

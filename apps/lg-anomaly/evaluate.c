@@ -11,6 +11,7 @@ enum { MAX_FILES = 7, MAX_VOTES = 64, SHOWN_GROUPS = 40 };
 
 typedef struct evaluate_values {
     const char *plot, *scores;
+    char healthy[LG_SERIES_NAME];
     int part, picture;
     lg_wholes votes;
 } evaluate_values;
@@ -23,8 +24,9 @@ static const lg_field evaluate_options[] = {
               "Windows to judge: all, or the train, validation or test part of the data that the model "
               "was trained on; auto (default): the test part of those data, all windows of other data",
               .names = part_names),
+    LG_OPTION(evaluate_values, healthy, TEXT, "NAME", HEALTHY_HELP),
     LG_OPTION(evaluate_values, votes, WHOLES, "K,N",
-              "Raise an alarm when K of the last N windows of a recording are not of the first class; "
+              "Raise an alarm when K of the last N windows of a recording are not of the healthy class; "
               "report time to detection and false alarms per day",
               .low = 1, .high = MAX_VOTES),
     LG_OPTION(evaluate_values, scores, STRING, "FILE.csv",
@@ -45,7 +47,7 @@ typedef struct voting {
 
 typedef struct evaluation {
     const app *app;
-    const well_model *model;
+    well_model *model;
     const char *path;
     lg_cut_series from;
     const char *part_name;
@@ -121,12 +123,12 @@ static void watch_window(const evaluation *e, watching *state, size_t i, double 
                          double *times) {
     const lg_judgement *judged = &e->judged;
     const double unit = e->model->rate > 0 ? 1 / e->model->rate : 1;
-    if (judged->truth[i] != 0 && !state->damaged) {
+    if (judged->truth[i] != judged->healthy && !state->damaged) {
         state->damaged = true;
         state->onset = begin;
         out->damaged++;
     }
-    const bool began = cast_vote(&state->ballot, judged->given[i] != 0);
+    const bool began = cast_vote(&state->ballot, judged->given[i] != judged->healthy);
     if (!state->damaged) {
         out->false_alarms += began;
         out->intact_time += (double)e->model->cut.hop * unit;
@@ -163,7 +165,7 @@ static void vote(evaluation *e) {
 
 typedef struct group_row {
     uint32_t group;
-    size_t windows, right, first_class, false_positive;
+    size_t windows, right, healthy, false_positive;
 } group_row;
 
 static int by_group(const void *a, const void *b) {
@@ -176,8 +178,8 @@ static group_row *group_rows(const evaluation *e, size_t *count) {
     group_row *rows = app_alloc(judged->count, sizeof *rows);
     for (size_t i = 0; i < judged->count; i++)
         rows[i] = (group_row){e->from.data.series.group[e->from.windows.first[judged->window[i]]], 1,
-                              judged->given[i] == judged->truth[i], judged->truth[i] == 0,
-                              judged->truth[i] == 0 && judged->given[i] != 0};
+                              judged->given[i] == judged->truth[i], judged->truth[i] == judged->healthy,
+                              judged->truth[i] == judged->healthy && judged->given[i] != judged->healthy};
     qsort(rows, judged->count, sizeof *rows, by_group);
     *count = 0;
     for (size_t i = 0; i < judged->count; i++) {
@@ -188,7 +190,7 @@ static group_row *group_rows(const evaluation *e, size_t *count) {
         group_row *sum = &rows[*count - 1];
         sum->windows++;
         sum->right += rows[i].right;
-        sum->first_class += rows[i].first_class;
+        sum->healthy += rows[i].healthy;
         sum->false_positive += rows[i].false_positive;
     }
     return rows;
@@ -209,7 +211,7 @@ static void add_groups(app_json *out, const evaluation *e) {
         app_json_size(out, "group", rows[i].group);
         app_json_size(out, "windows", rows[i].windows);
         app_json_real(out, "accuracy", part_or_nan(rows[i].right, rows[i].windows));
-        app_json_real(out, "false_positive_rate", part_or_nan(rows[i].false_positive, rows[i].first_class));
+        app_json_real(out, "false_positive_rate", part_or_nan(rows[i].false_positive, rows[i].healthy));
         app_json_close(out, '}');
     }
     app_result_rows_end(out);
@@ -255,6 +257,7 @@ static void add_evaluation(app_json *out, const evaluation *e) {
     app_json_open(out, "classes", '[');
     for (uint32_t c = 0; c < e->model->classes; c++) app_json_text(out, NULL, e->model->class_name[c]);
     app_json_close(out, ']');
+    app_result_text(out, "healthy", e->model->cut.healthy[0] != '\0' ? e->model->cut.healthy : NULL, NULL);
     app_json_size(out, "threads", e->app->threads);
 }
 
@@ -268,6 +271,7 @@ static void add_row(app_json *out, const evaluation *e) {
     app_json_real(out, "accuracy", e->judged.metrics.accuracy);
     app_json_real(out, "recall", e->judged.metrics.recall);
     app_json_real(out, "F1", e->judged.metrics.f1);
+    app_json_text(out, "healthy", e->model->cut.healthy);
     app_json_real(out, "false alarms/day",
                   lg_judgement_alarms(&e->judged, e->model->cut.hop, e->model->rate));
     if (values.votes.count == 0) return;
@@ -332,6 +336,7 @@ static void tell_unlike(evaluation *e) {
 }
 
 static void check_votes(const evaluation *e) {
+    well_model_need_healthy(e->app, e->model, "--votes");
     if (e->from.data.series.run == NULL)
         app_stop_usage(e->app, "--votes: %s has no recordings (/run)", e->path);
     if (e->part.count < e->from.windows.count && e->model->cut.split == LG_SPLIT_RANDOM)
@@ -350,6 +355,7 @@ static void evaluate(evaluation *e) {
                   lg_windows_create(self->context, series, e->model->window, (size_t)e->model->cut.hop,
                                     &e->from.windows, &error));
     choose_part(e);
+    well_model_settle(self, e->model, values.healthy, e->from.data.healthy);
     if (values.votes.count > 0) check_votes(e);
     lg_status status = judge_windows(self, e->model, &e->from, &e->part, &e->judged, &why);
     if (status == LG_OK) status = lg_judgement_check(&e->judged, &why);

@@ -256,6 +256,7 @@ static int run(app *self) {
     if (!simulate(self, windows, &data.series, &made)) return APP_EXIT_OK;
     const double seconds = app_seconds() - begin;
     (void)snprintf(data.housing, sizeof data.housing, "%s", housing_names[values.well.housing]);
+    (void)snprintf(data.healthy, sizeof data.healthy, "%s", data.series.class_name[0]);
     data.provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out, lg_series_write(self->context, values.out, &data, &error));
     pieces_end(&made);

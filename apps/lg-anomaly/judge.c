@@ -24,8 +24,8 @@ lg_status judge_windows(const app *self, const well_model *model, const lg_cut_s
                         const lg_window_list *part, lg_judgement *out, lg_error *error) {
     const bool plane = model->sort == WELL_NETWORK && model->detector.run.model.net.plane == 2;
     scoring user = {model, out};
-    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes, plane,
-                              out, error));
+    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes,
+                              model->healthy, plane, out, error));
     const lg_status status = lg_windows_each(self->context, &from->data.series, &from->windows, part,
                                              self->threads, well_model_work(model), score, &user);
     return lg_judgement_end(out, model->probabilities, status, error);
@@ -35,8 +35,8 @@ lg_status judge_rows(const app *self, const well_model *model, const lg_cut_seri
                      const lg_window_list *part, const double *table, lg_judgement *out, lg_error *error) {
     const lg_classifier *classifier = &model->classifier;
     APP_FREE void *work = app_alloc(lg_classifier_work_size(classifier), 1);
-    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes, false,
-                              out, error));
+    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes,
+                              model->healthy, false, out, error));
     for (size_t i = 0; i < out->count; i++)
         lg_classifier_score(classifier, table + (size_t)part->list[i] * classifier->features.count,
                             out->score + i * out->classes, work);
@@ -95,6 +95,7 @@ void print_metrics(const lg_judgement *judged, const well_model *model) {
     app_put(stdout, " on %zu windows%s\n", judged->count,
             model->classes == 2 ? "" : " (precision, recall and F1: mean over the classes)");
     const double alarms = lg_judgement_alarms(judged, model->cut.hop, model->rate);
-    if (isfinite(alarms)) app_put(stdout, "false alarms per day: %.3g\n", alarms);
+    if (isfinite(alarms))
+        app_put(stdout, "false alarms per day: %.3g (healthy: '%s')\n", alarms, model->cut.healthy);
     app_print_confusion(stdout, judged->confusion, judged->classes, model->class_name);
 }

@@ -1,5 +1,6 @@
 /* Networks and classical models: reading and writing them, and the scores of a window. */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "lg-anomaly/anomaly.h"
@@ -13,6 +14,7 @@ static void load_detector(const app *self, const char *path, well_model *out) {
     const lg_detector_run *run = &file.run;
     APP_MUST_FILE(self, path, lg_detector_load(self->context, path, NULL, &file, &error));
     *out = (well_model){.sort = WELL_NETWORK,
+                        .healthy = LG_NO_CLASS,
                         .method = "cnn",
                         .classes = run->model.classes,
                         .channels = run->model.net.channels,
@@ -53,6 +55,7 @@ lg_status well_model_save(const app *self, const char *path, const well_model *m
                             .f1 = f1,
                             .provenance = app_provenance(self, model->cut.training.seed)};
     memcpy(file.data_sha256, model->cut.data_sha256, sizeof file.data_sha256);
+    memcpy(file.healthy, model->cut.healthy, sizeof file.healthy);
     return classifier_file_save(self->context, path, &file, error);
 }
 
@@ -62,6 +65,7 @@ static void load_classifier(const app *self, const char *path, well_model *out) 
     const bool alone = classifier_file_is_novelty(&file);
     const lg_features *features = &file.classifier.features;
     *out = (well_model){.sort = alone ? WELL_NOVELTY : WELL_CLASSICAL,
+                        .healthy = LG_NO_CLASS,
                         .method = file.method,
                         .classes = file.names.classes,
                         .channels = alone ? file.novelty.channels : features->channels,
@@ -81,6 +85,7 @@ static void load_classifier(const app *self, const char *path, well_model *out) 
                                  .window = file.window,
                                  .hop = file.hop};
     memcpy(out->cut.data_sha256, file.data_sha256, sizeof out->cut.data_sha256);
+    memcpy(out->cut.healthy, file.healthy, sizeof out->cut.healthy);
 }
 
 /* ---- all models ---- */
@@ -97,6 +102,28 @@ void well_model_load(const app *self, const char *path, well_model *out) {
             self, LG_FORMAT,
             "%s: attribute kind is '%s', expected 'detector' or 'classifier', which lg-anomaly train writes",
             path, kind);
+}
+
+/* A novelty model has learned its first class as healthy; its other class cannot be. */
+static lg_series names_of(const well_model *model) {
+    return (lg_series){.classes = model->sort == WELL_NOVELTY ? 1 : model->classes,
+                       .class_name = model->class_name,
+                       .class_label = model->class_label};
+}
+
+void well_model_settle(const app *self, well_model *model, const char *given, const char *data) {
+    const lg_series names = names_of(model);
+    if (model->healthy != LG_NO_CLASS) return;
+    if (given[0] != '\0') (void)snprintf(model->cut.healthy, sizeof model->cut.healthy, "%s", given);
+    APP_MUST(self, lg_find_healthy(self->context, &names, data, model->cut.healthy, &model->healthy, &error));
+}
+
+void well_model_need_healthy(const app *self, const well_model *model, const char *what) {
+    const lg_series names = names_of(model);
+    char text[320];
+    if (model->healthy != LG_NO_CLASS) return;
+    lg_ask_healthy(&names, text, sizeof text);
+    app_stop_usage(self, "%s: %s", what, text);
 }
 
 void well_model_destroy(well_model *model) {
@@ -135,9 +162,10 @@ lg_status well_model_score(const well_model *model, const float *x, double *scor
 }
 
 double well_model_alarm(const well_model *model, const double *score) {
-    if (model->classes == 2) return score[1];
-    if (model->probabilities) return 1 - score[0];
+    if (model->classes == 2) return score[1 - model->healthy];
+    if (model->probabilities) return 1 - score[model->healthy];
     double best = -INFINITY;
-    for (uint32_t c = 1; c < model->classes; c++) best = fmax(best, score[c]);
-    return best - score[0];
+    for (uint32_t c = 0; c < model->classes; c++)
+        if (c != model->healthy) best = fmax(best, score[c]);
+    return best - score[model->healthy];
 }

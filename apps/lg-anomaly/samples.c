@@ -35,6 +35,7 @@ void sample_reader_open(int file, uint32_t channels, const char *const *names, s
 
 void sample_reader_close(sample_reader *reader) {
     free(reader->place);
+    free(reader->left_out);
     free(reader->field);
     free(reader->buffer);
     *reader = (sample_reader){.file = -1};
@@ -162,16 +163,33 @@ static bool refuse_word(sample_reader *reader, const char *p, const char *end) {
     return false;
 }
 
+/* Returns the end of the cell that begins at `from`. A cell that begins with a quote ends behind the
+ * closing quote: separators between the quotes belong to the cell, and two quotes stand for one. */
+static const char *cell_end(const char *from, const char *to, char separator) {
+    bool quoted = from < to && *from == '"';
+    for (from += quoted; quoted && from < to; from++) {
+        if (*from != '"') continue;
+        quoted = from + 1 < to && from[1] == '"';
+        from += quoted;
+    }
+    while (from < to && (separator == ' ' ? !is_blank(*from) : *from != separator)) from++;
+    return from;
+}
+
 /* Stores the numbers of a line in `field` and their count in `fields`; *open: the line ends with a separator.
  * False: the line holds something else, described in `problem`. The line must end with a newline at `end`. */
 static bool split_line(sample_reader *reader, const char *p, const char *end, bool *open) {
     char separator = '\0';
     reader->fields = 0;
     reader->words = *open = false;
-    while (p < end && *p != '#') {
+    for (uint32_t column = 0; p < end; column++) {
+        const bool skipped = column < reader->columns && reader->left_out[column];
         decimal number;
+        if (*p == '#' && !skipped) break;
         *open = false;
-        if (*p == ',' || *p == ';') {
+        if (skipped) {
+            p = skip_blanks(cell_end(p, end, reader->separator));
+        } else if (*p == ',' || *p == ';') {
             if (!add_field(reader, (double)NAN)) return true;
         } else {
             const char *next = scan_decimal(p, &number);
@@ -250,19 +268,6 @@ static sample_kind take_line(sample_reader *reader, const char *p, const char *e
 }
 
 /* ---- lines of words ---- */
-
-/* Returns the end of the cell that begins at `from`. A cell that begins with a quote ends behind the
- * closing quote: separators between the quotes belong to the cell, and two quotes stand for one. */
-static const char *cell_end(const char *from, const char *to, char separator) {
-    bool quoted = from < to && *from == '"';
-    for (from += quoted; quoted && from < to; from++) {
-        if (*from != '"') continue;
-        quoted = from + 1 < to && from[1] == '"';
-        from += quoted;
-    }
-    while (from < to && (separator == ' ' ? !is_blank(*from) : *from != separator)) from++;
-    return from;
-}
 
 /* Returns the character that separates the cells of a line: a comma if the line has one, else a semicolon if
  * it has one, else a blank. */
@@ -345,10 +350,54 @@ static bool find_columns(sample_reader *reader, const char *from, const char *to
     return true;
 }
 
+/* Whether the name is t, time, times, timestamp or datetime, also with a unit, as in "time_s" or "t [s]". */
+static bool is_time(const char *name, size_t length) {
+    static const char *const names[] = {"t", "time", "times", "timestamp", "datetime"};
+    size_t letters = 0;
+    while (length > 0 && *name == '"') name++, length--;
+    while (letters < length && isalpha((unsigned char)name[letters])) letters++;
+    for (size_t i = 0; i < LG_COUNT(names); i++)
+        if (letters == strlen(names[i]) && strncasecmp(name, names[i], letters) == 0) return true;
+    return false;
+}
+
+/* Marks the columns that are neither channels nor times as left out, and lists their names. *timed
+ * becomes 1 if the first column is one of times. False: another column is one of times. */
+static bool leave_out(sample_reader *reader, const char *from, const char *to, uint32_t columns,
+                      uint32_t *timed) {
+    const uint32_t others = columns - reader->channels;
+    uint32_t used = 0;
+    *timed = 0;
+    reader->separator = separator_of(from, to);
+    for (uint32_t i = 0; from < to; i++) {
+        const char *name;
+        size_t length;
+        next_name(&from, to, reader->separator, &name, &length);
+        if (!reader->left_out[i]) continue;
+        const bool times = is_time(name, length);
+        if (i == 0 && (others == 1 || times)) {
+            reader->left_out[0] = false;
+            *timed = 1;
+            continue;
+        }
+        if (times && *timed == 0) {
+            (void)snprintf(reader->problem, sizeof reader->problem,
+                           "column %.*s is not the first; expected are the channels, alone or after a column "
+                           "of times",
+                           (int)(length < 32 ? length : 32), name);
+            return false;
+        }
+        if (used + 1 >= sizeof reader->extra) continue;
+        used += (uint32_t)snprintf(reader->extra + used, sizeof reader->extra - used, "%s%.*s",
+                                   used > 0 ? ", " : "", (int)length, name);
+    }
+    return true;
+}
+
 /* Sets the places of the channels from the columns of their names. False: the columns do not fit; `problem`
  * says why. */
-static bool set_places(sample_reader *reader, const uint32_t *column, uint32_t columns) {
-    const uint32_t timed = columns - reader->channels;
+static bool set_places(sample_reader *reader, const char *from, const char *to, const uint32_t *column,
+                       uint32_t columns) {
     for (uint32_t c = 0; c < reader->channels; c++) {
         if (column[c] == UINT32_MAX) {
             (void)snprintf(reader->problem, sizeof reader->problem,
@@ -356,29 +405,32 @@ static bool set_places(sample_reader *reader, const uint32_t *column, uint32_t c
             return false;
         }
     }
+    reader->left_out = app_alloc(columns, sizeof *reader->left_out);
+    reader->columns = columns;
+    for (uint32_t i = 0; i < columns; i++) reader->left_out[i] = true;
+    for (uint32_t c = 0; c < reader->channels; c++) reader->left_out[column[c]] = false;
+    uint32_t timed;
+    if (!leave_out(reader, from, to, columns, &timed)) return false;
     for (uint32_t c = 0; c < reader->channels; c++) {
-        if (timed > 1 || (timed == 1 && column[c] == 0)) {
-            (void)snprintf(reader->problem, sizeof reader->problem,
-                           "%u columns; expected the %u channels, alone or after a column of times", columns,
-                           reader->channels);
-            return false;
-        }
-        reader->place[c] = column[c] - timed;
+        uint32_t place = 0;
+        for (uint32_t i = timed; i < column[c]; i++) place += !reader->left_out[i];
+        reader->place[c] = place;
     }
+    if (reader->extra[0] != '\0') reader->layout = timed == 1 ? LAYOUT_TIMED : LAYOUT_VALUES;
     reader->named = true;
     return true;
 }
 
-/* Processes a line of words before the first sample. Returns false if it names only some of the channels,
- * names one twice, or has a wrong number of columns. If it names no channel, it returns true, and the feed
- * may be refused at the first sample. */
+/* Processes a line of words before the first sample. Returns false if it names only some of the channels, or
+ * names one twice. If it names no channel, it returns true, and the feed may be refused at the first
+ * sample. */
 static bool take_names(sample_reader *reader, const char *from, const char *to) {
     uint32_t columns, found;
     if (reader->names == NULL || reader->named) return true;
     APP_FREE uint32_t *column = app_alloc(reader->channels, sizeof *column);
     bool fits = find_columns(reader, from, to, column, &columns, &found);
     if (fits && found == 0) reader->unnamed = columns == reader->channels || columns == reader->channels + 1;
-    if (fits && found > 0) fits = set_places(reader, column, columns);
+    if (fits && found > 0) fits = set_places(reader, from, to, column, columns);
     return fits;
 }
 

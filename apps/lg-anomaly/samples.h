@@ -26,8 +26,11 @@ typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sampl
  * decide, and one of them may be a line of names. After that a line with another number of columns is
  * malformed.
  *
- * If the model's channels have names, a line of names before the first sample that has one of them tells
- * which column is which channel. `unnamed`: there was a line of names, but without any channel of the model.
+ * If the model's channels have names, a line of names before the first sample that has one of them says
+ * which column is which channel. Other columns are left out, whatever their cells hold, and `extra` has their
+ * names. The first column is one of times if it is the only other column, or if its name is that of a time;
+ * a column with such a name further on is an error.
+ * `unnamed`: there was a line of names, but without any channel of the model.
  *
  * The last line of a feed may lack its line end, and then its last number may be cut. Such a line is
  * malformed (its time is used), unless a separator, a blank, \r or a comment follows the number, or it is the
@@ -49,6 +52,10 @@ typedef struct sample_reader {
     uint32_t *place; /* (channels): index of each channel among the numbers of a line, without the time */
     /* named: a line of names has set `place`; unnamed: a line of names had no channel of the model. */
     bool named, unnamed;
+    bool *left_out; /* (columns): columns that are left out; NULL if none is */
+    uint32_t columns;
+    char separator;  /* of the line of names */
+    char extra[160]; /* names of the columns that are left out */
     int failure;
     char *buffer; /* (room + 1) */
     size_t room, begin, end;

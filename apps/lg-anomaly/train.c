@@ -36,6 +36,7 @@ well_model trained_model(well_sort sort, const char *method) {
                         .channels = series->channels,
                         .window = (uint32_t)train_run.window,
                         .rate = series->rate,
+                        .healthy = train_state.healthy,
                         .class_name = series->class_name,
                         .class_label = series->class_label,
                         .channel_name = series->channel_name,
@@ -70,11 +71,12 @@ static void baseline_defaults(const lg_series *series, uint64_t *window, uint64_
     }
 }
 
-static void merge_into_two(void) {
-    char first[LG_SERIES_NAME];
-    memcpy(first, train_state.all.data.series.class_name[0], sizeof first);
-    merge_classes(&train_state.all.data.series, first);
-    if (train_state.test != NULL) merge_classes(&train_state.foreign.data.series, first);
+static void merge_into_two(const app *self) {
+    const well_model model = trained_model(WELL_CLASSICAL, "novelty");
+    well_model_need_healthy(self, &model, "--method novelty");
+    merge_classes(&train_state.all.data.series, train_run.healthy);
+    if (train_state.test != NULL) merge_classes(&train_state.foreign.data.series, train_run.healthy);
+    train_state.healthy = 0;
 }
 
 static void run_classical(const app *self) {
@@ -86,7 +88,8 @@ static void run_classical(const app *self) {
     train_run.training.seed = self->seed;
     train_run.window = data->series.length;
     memcpy(train_run.data_sha256, data->sha256, sizeof data->sha256);
-    if (alone) merge_into_two();
+    APP_MUST(self, lg_detector_settle(training, &error));
+    if (alone) merge_into_two(self);
     if (data->series.classes < 2 && !alone)
         app_stop(self, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'", data->series.class_name[0]);
     if (train_given.method == METHOD_BASELINE)
@@ -103,7 +106,7 @@ static int run_train(app *self) {
     if (code != APP_EXIT_OK) return code;
     if (train_given.method == METHOD_CNN) return train_main(self, &network_recipe);
     if (self->rank_count > 1) return app_usage(self, "only --method cnn can be trained by several ranks");
-    train_state.any_class = train_given.method == METHOD_NOVELTY; /* all classes but the first count as one */
+    train_state.any_class = train_given.method == METHOD_NOVELTY; /* all other classes count as one */
     code = train_open(self, &network_recipe);
     if (code == APP_EXIT_OK) run_classical(self);
     lg_training_close(&network_recipe.training);
@@ -118,9 +121,10 @@ const app_command train_command = {
         "DATA.h5 holds /X (n, channels, samples) and /y (n), any number of classes; /group, /run and the "
         "attributes rate, classes and channels if they are known (docs/detectors.md).\n\nScaling, components "
         "and grids are fitted on the training part only. Metrics are those of the test part: precision, "
-        "recall and F1 of class 1 for two classes, otherwise their mean over the classes. "
-        "false_alarms_per_day is the number of windows per day that would be given another class if all were "
-        "of class 0.\n\nCtrl-C saves a checkpoint (cnn) and ends with exit code 130; --resume continues to "
+        "recall and F1 for two classes those of the class that is not healthy, otherwise their mean over the "
+        "classes. false_alarms_per_day is the number of windows per day that would be given another class if "
+        "all were of the healthy one (--healthy).\n\nCtrl-C saves a checkpoint (cnn) and ends with exit code "
+        "130; --resume continues to "
         "the same bits.",
     .settings = train_settings,
     .run = run_train,

@@ -1,4 +1,4 @@
-/* lg-anomaly train --method novelty: learns what windows of the first class look like, and nothing else. */
+/* lg-anomaly train --method novelty: learns what windows of the healthy class look like, and nothing else. */
 #include <string.h>
 
 #include "lg-anomaly/train.h"
@@ -17,7 +17,7 @@ static lg_detector_state *const state = &train_state;
 
 static void describe(alone *self) {
     self->model = trained_model(WELL_NOVELTY, train_method_name(METHOD_NOVELTY));
-    memcpy(self->names[0], self->model.class_name[0], LG_SERIES_NAME);
+    memcpy(self->names[0], train_run.healthy, LG_SERIES_NAME);
     memcpy(self->names[1], "unlike", sizeof "unlike");
     self->model.classes = 2;
     self->model.class_name = self->names;
@@ -25,7 +25,7 @@ static void describe(alone *self) {
 }
 
 /* Removes the windows of other classes from the training windows. */
-static void keep_first_class(void) {
+static void keep_healthy(void) {
     const lg_cut_series *all = &state->all;
     lg_window_list *train = &state->train;
     size_t kept = 0;
@@ -79,7 +79,7 @@ static void fit(alone *self) {
 void train_novelty(const app *program) {
     alone self = {.app = program};
     describe(&self);
-    keep_first_class();
+    keep_healthy();
     check_picture(program, &self.model);
     fit(&self);
     judge(&self);

@@ -75,7 +75,7 @@ static const lg_field rows[] = {
         .meaning =
             "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
             "regression lines of moment against acceleration, logistic regression; rocket: ridge regression "
-            "on random convolutions; novelty: learns the first class alone, the others only test it"),
+            "on random convolutions; novelty: learns the healthy class alone, the others only test it"),
     ROW("features", PHRASE, features, .value_name = features_name, .parse = parse_features,
         .phrase = phrase_features, .form = "a number", .value = "cov", .methods = CLASSICAL | ROCKET,
         .meaning = "Features of classical methods: the samples, standard deviations, the square root of the "

@@ -204,13 +204,17 @@ static lg_status view_tree(const viewing *v, lg_error *error) {
 static lg_status view_roc(const viewing *v, lg_error *error) {
     const lg_judgement *judged = v->judged;
     const size_t n = judged->count, room = n + 1;
-    const uint32_t first = judged->classes == 2 ? 1 : 0, classes = judged->classes;
+    /* Of two classes one curve says all: that of the class that is not healthy. */
+    const uint32_t classes = judged->classes, left_out = classes != 2           ? classes
+                                                         : judged->healthy == 1 ? 1
+                                                                                : 0;
     APP_FREE double *memory = app_alloc(3 * room * classes + n, sizeof *memory);
     APP_FREE uint32_t *order = app_alloc(n, sizeof *order);
     double *score = memory + 3 * room * classes;
     APP_FREE roc_curve *curves = app_alloc(classes, sizeof *curves);
     size_t count = 0;
-    for (uint32_t c = first; c < classes; c++) {
+    for (uint32_t c = 0; c < classes; c++) {
+        if (c == left_out) continue;
         double *fpr = memory + 3 * room * c, *tpr = fpr + room;
         for (size_t i = 0; i < n; i++) score[i] = judged->score[i * classes + c];
         const size_t points_here = lg_metrics_roc(judged->truth, score, n, c, fpr, tpr, tpr + room, order);

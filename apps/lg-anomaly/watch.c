@@ -20,6 +20,7 @@ static const double SAME_NOISE = 1.5, UNEXPLAINED = 2;
 
 typedef struct watch_values {
     const char *input, *log;
+    char healthy[LG_SERIES_NAME];
     bool quiet;
     lg_wholes votes;
     double hop, bridge, missing, rate, crack_at, unlike;
@@ -28,9 +29,10 @@ typedef struct watch_values {
 static const lg_field watch_options[] = {
     LG_OPTION(watch_values, input, STRING, "FILE", "File of samples (default: standard input)",
               .file = LG_FILE_READ),
+    LG_OPTION(watch_values, healthy, TEXT, "NAME", HEALTHY_HELP),
     LG_OPTION(watch_values, votes, WHOLES, "K[,N]",
-              "Raise an alarm when K of the last N windows are not of the first class", .low = 1, .high = 64,
-              .most = 2, .value = "3,5"),
+              "Raise an alarm when K of the last N windows are not of the healthy class", .low = 1,
+              .high = 64, .most = 2, .value = "3,5"),
     LG_OPTION(watch_values, hop, REAL, "SECONDS", "Distance from one window to the next", LG_POSITIVE,
               .otherwise = "the window"),
     LG_OPTION(watch_values, bridge, REAL, "S", "Gaps of at most S seconds are filled by straight lines",
@@ -79,7 +81,7 @@ static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *
     if (status != LG_OK) return status;
     b->given = lg_metrics_class(b->score, b->model->classes);
     *score = well_model_alarm(b->model, b->score);
-    *answer = b->given != 0 ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
+    *answer = b->given != b->model->healthy ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
     if (b->novelty_work == NULL) return LG_OK;
     lg_novelty_eval(&b->model->novelty, x, &b->novelty, b->features, b->novelty_work);
     if (is_unlike(b, missing)) *answer = LG_ANSWER_NOVEL;
@@ -357,6 +359,7 @@ static void print_json_summary(const watching *self, const totals *all, bool int
     app_json json;
     app_json_begin(&json);
     app_json_bool(&json, "summary", true);
+    app_json_text(&json, "healthy", self->bench.model->cut.healthy);
     app_json_bool(&json, "interrupted", interrupted);
     app_json_size(&json, "samples", t->samples);
     app_json_size(&json, "received", t->received);
@@ -480,6 +483,10 @@ static void read_feed(watching *self, sample_reader *reader, float *sample) {
         double time;
         const sample_kind kind = sample_next(reader, sample, &time);
         refuse_feed(self->app, reader, kind);
+        if (reader->extra[0] != '\0')
+            app_warn(self->app, "%s: columns that are not channels of the model are left out: %s",
+                     feed_name(), reader->extra);
+        reader->extra[0] = '\0';
         if (kind == SAMPLE_MALFORMED) {
             watch_take_malformed(self, reader, sample, time);
         } else if (kind == SAMPLE_READ) {
@@ -559,6 +566,8 @@ static void watch_with(const app *self, const well_model *model, int file) {
                   .tally = {.first_alarm = NAN, .first_unlike = NAN, .detection = NAN}};
     lg_monitor_options options;
     set_options(self, model, &w, &options);
+    if (!self->json && !values.quiet)
+        app_put(stdout, "# healthy: %s; windows of other classes vote for the alarm\n", model->cut.healthy);
     watch_log_open(&w.log, self, values.log, self->json ? json_begin : text_begin);
     const size_t bytes = lg_monitor_size(&options);
     APP_FREE void *memory = app_alloc(bytes, 1);
@@ -574,6 +583,8 @@ static int run(app *self) {
     APP_CLEAN(well_model_destroy) well_model model = {.method = NULL};
     int file = STDIN_FILENO;
     well_model_load(self, self->arguments[0], &model);
+    well_model_settle(self, &model, values.healthy, "");
+    well_model_need_healthy(self, &model, self->arguments[0]);
     if (values.input != NULL) file = open(values.input, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (file < 0) app_stop(self, LG_FILE, "%s: %s", values.input, strerror(errno));
     watch_with(self, &model, file);
@@ -589,8 +600,9 @@ const app_command watch_command = {
         "A line of the feed is a sample: one number for each channel of the model, separated by commas, "
         "semicolons or blanks. A first column of seconds is optional; the first lines show whether there "
         "is one. Later lines with another number of columns are malformed. Blank lines, lines of names and "
-        "comments (#) are skipped. Names of the model's channels tell which column is which; a feed that "
-        "lacks one of them is refused. Empty fields and nan are lost samples. Without times an unreadable "
+        "comments (#) are skipped. Names of the model's channels say which column is which; a feed that "
+        "lacks one of them is rejected, and columns with other names are left out. Empty fields and nan are "
+        "lost samples. Without times an unreadable "
         "line is a lost sample too. With times it is skipped, and the times show which samples are "
         "missing. A last line without a line end may be cut; its sample is lost.\nA time that jumps is "
         "accepted when three more samples continue from it; otherwise its line is malformed. A feed whose "
@@ -604,7 +616,7 @@ const app_command watch_command = {
         "verdict and the summary is one object on its own line.\nWith --log verdicts are appended to a "
         "file, one write a line; the summary stays on standard output. logrotate: rename and SIGHUP loses "
         "no line; copytruncate loses those written between its copy and its cut.\nWith --crack-at the time "
-        "to detection runs from T to the end of the first window that is not of the first class while the "
+        "to detection runs from T to the end of the first window that is not of the healthy class while the "
         "alarm is on (the time of its last sample plus one interval). Alarms that begin before T are "
         "false; days before T count judged windows only.",
     .settings = APP_SETTINGS(APP_GIVEN(watch_options, values)),

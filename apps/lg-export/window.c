@@ -21,6 +21,12 @@ static void add_names(export_source *source, const export_window *window) {
     lg_text_add(&source->code, "};\n");
 }
 
+/* Number of the class that means "all is well". */
+static uint32_t healthy_of(const export_window *window) {
+    const lg_series names = {.classes = window->classes, .class_name = window->class_name};
+    return window->healthy != NULL ? lg_series_healthy(&names, window->healthy) : LG_NO_CLASS;
+}
+
 static void add_window(export_source *source, const export_window *window) {
     export_size(source, "CHANNELS", window->channels, "signals of a window");
     export_size(source, "LENGTH", window->length, "samples of each");
@@ -29,6 +35,9 @@ static void add_window(export_source *source, const export_window *window) {
     lg_text_add_real(&source->sizes, LG_F64, window->rate);
     lg_text_add(&source->sizes, " /* samples per second of the training data%s */\n",
                 window->rate > 0 ? "" : ", not known");
+    if (window->healthy != NULL && window->healthy[0] != '\0')
+        lg_text_add(&source->sizes, "#define %s_HEALTHY %u /* the class that means that all is well */\n",
+                    source->options->name, healthy_of(window));
 }
 
 void export_window_code(export_source *source, const export_window *window) {
@@ -85,8 +94,14 @@ void export_window_words(export_source *source, const export_window *window) {
 }
 
 void export_window_score_words(text *to, const export_window *window) {
+    const uint32_t healthy = healthy_of(window);
     for (uint32_t i = 0; i < window->classes; i++)
-        lg_text_add(to, "  class %-7u %s\n", i, window->class_name[i]);
+        lg_text_add(to, "  class %-7u %s%s\n", i, window->class_name[i],
+                    i != healthy                 ? ""
+                    : window->healthy[0] == '\0' ? " (healthy, by its name)"
+                                                 : " (healthy)");
+    if (window->healthy != NULL && healthy == LG_NO_CLASS)
+        lg_text_add(to, "  It is unknown which class means that all is well.\n");
     if (isfinite(window->accuracy))
         lg_text_add(to, "accuracy      %.6g on the test part, F1 %.6g (mean over the classes)\n",
                     window->accuracy, window->f1);

@@ -210,7 +210,7 @@ static lg_status measures(const double *in, size_t n, double *out, size_t m) {
     uint32_t classes = 1;
     for (size_t i = 0; i < n; i++) confusion[i] = (uint64_t)in[i];
     while (classes * classes < n) classes++;
-    const lg_metrics all = lg_metrics_of(confusion, classes);
+    const lg_metrics all = lg_metrics_of(confusion, classes, 0);
     out[0] = all.accuracy, out[1] = all.precision, out[2] = all.recall, out[3] = all.f1;
     return LG_OK;
 }

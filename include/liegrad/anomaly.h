@@ -480,6 +480,7 @@ typedef struct lg_detector_run {
     uint32_t restarts;                         /* largest number of restarts, lg_fit_options.restarts */
     uint64_t windows, window, hop; /* number of windows cut from the data; their length and hop, samples */
     char data_sha256[LG_SHA256_TEXT];
+    char healthy[LG_SERIES_NAME]; /* name of the class that means "all is well"; "" if unknown */
 } lg_detector_run;
 /* The fields of lg_detector_run, ended by a row whose name is NULL (liegrad/settings.h). Fields with
  * lg_field.methods = 1 belong to the network. Fields with methods = 0 belong to the split of the data, which

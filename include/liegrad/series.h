@@ -54,6 +54,14 @@ LG_API lg_status lg_series_allocate(const lg_context *context, lg_series *series
 /* Frees the arrays and zeroes the structure. NULL and a zeroed structure are fine. */
 LG_API void lg_series_destroy(lg_series *series);
 
+#define LG_NO_CLASS UINT32_MAX /* no class; the class is not known */
+/* Returns the number of the class that means "all is well", or LG_NO_CLASS if there is none. `name` is its
+ * name in class_name or its label in class_label. With `name` NULL or "" the class is guessed from the words
+ * of the names, without regard to case: the names that say so are 0, none, "no fault" and the like, or contain
+ * one of the words healthy, normal, ok, good, intact, baseline and their synonyms without a negation. There is
+ * none if several names say so. Only classes, class_name and class_label of the series are used. */
+LG_API uint32_t lg_series_healthy(const lg_series *series, const char *name);
+
 /* ---- windows ---- */
 
 /* Windows that are cut out of a set, for example as a detector needs them. Window i has `length` samples. It
@@ -191,15 +199,16 @@ LG_API uint32_t lg_metrics_class(const double *score, uint32_t classes);
 LG_API void lg_metrics_confusion(const uint32_t *truth, const uint32_t *given, size_t n, uint32_t classes,
                                  uint64_t *confusion);
 
-/* With two classes, precision, recall and f1 are computed for class 1. With more classes they are means over
- * all classes ("macro"). A class that was never given has precision 0. A class that does not occur has recall
+/* With two classes, precision, recall and f1 are computed for the class that is not healthy, or for class 1 if
+ * the healthy class is not known. With more classes they are means over all classes ("macro"). A class that was never given has precision 0. A class that does not occur has recall
  * 0. With precision p and recall r, f1 = 2 p r/(p + r), and 0 if p = r = 0. */
 typedef struct lg_metrics {
     double accuracy, precision, recall, f1;
-    double false_positive_rate; /* part of class 0 that was given another class; NaN without class 0 */
+    double false_positive_rate; /* part of the healthy class that was given another class; NaN without it */
 } lg_metrics;
-/* Computes the metrics from a confusion matrix of lg_metrics_confusion. */
-LG_API lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes);
+/* Computes the metrics from a confusion matrix of lg_metrics_confusion. `healthy` is the class that means "all
+ * is well", or LG_NO_CLASS. */
+LG_API lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes, uint32_t healthy);
 
 /* Computes the receiver operating characteristic for class `positive` against all other classes; truth and
  * score (n). The points (fpr, tpr) go from (0, 0) to (1, 1) and are sorted by falling threshold; windows with
@@ -220,9 +229,10 @@ LG_API lg_status lg_metrics_auc(const lg_context *context, const uint32_t *truth
 
 typedef struct lg_series_data {
     lg_series series;
-    double noise;     /* factor on the noise of the sensors (lg_riser_run); NaN if unknown */
-    double severity;  /* r of the broken runs (lg_riser_parameters); NaN if unknown */
-    char housing[16]; /* name of the lg_housing; "" if unknown */
+    double noise;                 /* factor on the noise of the sensors (lg_riser_run); NaN if unknown */
+    double severity;              /* r of the broken runs (lg_riser_parameters); NaN if unknown */
+    char housing[16];             /* name of the lg_housing; "" if unknown */
+    char healthy[LG_SERIES_NAME]; /* name of the class that means "all is well"; "" if unknown */
     /* Hash of x as little-endian floats and label as little-endian u32; set by reader and writer. */
     char sha256[LG_SHA256_TEXT];
     lg_provenance provenance;
@@ -249,6 +259,7 @@ typedef struct lg_series_data {
  *     The label of each class is stored in series.class_label; with `like` the class_label of `like` is
  *     copied instead.
  *   - Attribute `channels`: the names of the channels, in the same form.
+ *   - Attribute `healthy`: the name or the label of the class that means "all is well".
  *   - Attribute `rate`: samples per second. In a file of another program a `rate` that is not a valid number
  *     counts as unknown, with a warning.
  *   - /group and /run (n) or (n, 1): whole numbers 0 to 2^32 - 1, or texts, which become 0, 1, ... in rising
@@ -268,7 +279,8 @@ typedef struct lg_series_data {
  * (LG_FORMAT), unless the channel is constant up to 1e-13 of its largest value.
  *
  * Free *out with lg_series_data_destroy. Errors: the errors of readers (liegrad/files.h). LG_FORMAT also for
- * labels that are empty or not whole, a label or class that `like` does not have, and a file without windows.
+ * labels that are empty or not whole, a label or class that `like` does not have, an attribute `healthy` that
+ * names no class, and a file without windows.
  * LG_NOT_FINITE also for numbers that a float cannot hold; the sentence has window, channel and sample. */
 LG_API lg_status lg_series_read(const lg_context *context, const char *path, const lg_read_options *options,
                                 const lg_series *like, lg_series_data *out, lg_error *error);

@@ -36,7 +36,7 @@ typedef enum lg_field_type {
     LG_FIELD_PHRASE, /* a value of any type; `parse` and `phrase` of the field read and write its text */
     LG_FIELD_SWITCH, /* bool; a command-line option without a value, which sets the member to true */
     LG_FIELD_STRING, /* const char *, borrowed; the empty text is refused */
-    LG_FIELD_TEXT,   /* char array; a fact about the data, which the user cannot set */
+    LG_FIELD_TEXT,   /* char array, such as a name; with an option "" a fact that the user cannot set */
     LG_FIELD_SHOWN,  /* a text that the function `show` makes from several members; the user cannot set it */
     /* The following types occur only as keys of YAML files: */
     LG_FIELD_NAMES, /* a list of names */

@@ -72,10 +72,11 @@ static lg_status allocate(lg_judgement *out, bool plane) {
 }
 
 lg_status lg_judgement_begin(const lg_context *context, const lg_series *series, const lg_windows *windows,
-                             const lg_window_list *part, uint32_t classes, bool plane, lg_judgement *out,
-                             lg_error *error) {
+                             const lg_window_list *part, uint32_t classes, uint32_t healthy, bool plane,
+                             lg_judgement *out, lg_error *error) {
     *out = (lg_judgement){.count = part->count,
                           .classes = classes,
+                          .healthy = healthy,
                           .metrics = {NAN, NAN, NAN, NAN, NAN},
                           .auc = NAN,
                           .mse = NAN,
@@ -94,7 +95,7 @@ static lg_status conclude(lg_judgement *out, bool probabilities) {
     for (size_t i = 0; i < out->count; i++)
         out->given[i] = lg_metrics_class(out->score + i * out->classes, out->classes);
     lg_metrics_confusion(out->truth, out->given, out->count, out->classes, out->confusion);
-    out->metrics = lg_metrics_of(out->confusion, out->classes);
+    out->metrics = lg_metrics_of(out->confusion, out->classes, out->healthy);
     if (out->classes == 2 && probabilities) {
         double sum = 0;
         for (size_t i = 0; i < out->count; i++) {

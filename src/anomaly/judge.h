@@ -20,7 +20,7 @@ lg_status lg_windows_each(const lg_context *context, const lg_series *series, co
 
 typedef struct lg_judgement {
     size_t count;
-    uint32_t classes;
+    uint32_t classes, healthy; /* healthy: the class that means "all is well", or LG_NO_CLASS */
     /* Arrays (count). window: index of the window in lg_windows; truth: its class; given: the class that the
      * model gave it. */
     uint32_t *window, *truth, *given;
@@ -39,8 +39,8 @@ typedef struct lg_judgement {
 /* Allocates the arrays of *out for the windows of `part`, fills in `window` and `truth`, and starts the
  * clock. The metrics are NaN until lg_judgement_end sets them; they stay NaN if there are no windows. */
 lg_status lg_judgement_begin(const lg_context *context, const lg_series *series, const lg_windows *windows,
-                             const lg_window_list *part, uint32_t classes, bool plane, lg_judgement *out,
-                             lg_error *error);
+                             const lg_window_list *part, uint32_t classes, uint32_t healthy, bool plane,
+                             lg_judgement *out, lg_error *error);
 /* Stops the clock and computes the metrics from the scores, which the caller has filled in. `probabilities`
  * tells whether the scores are probabilities; otherwise they are decision values or distances. If `status` is
  * a failure, or computing fails, *judged is destroyed and the failure is returned. */
@@ -50,8 +50,8 @@ void lg_judgement_destroy(lg_judgement *judged);
  * so that it has no class. */
 lg_status lg_judgement_check(const lg_judgement *judged, lg_error *error);
 /* Returns the expected number of false alarms per day: the false positive rate times the number of windows
- * per day. A window begins every `hop` samples, at `rate` samples per second. NaN if the rate is unknown
- * (0). */
+ * per day. A window begins every `hop` samples, at `rate` samples per second. NaN if the rate (0) or the
+ * healthy class is unknown. */
 double lg_judgement_alarms(const lg_judgement *judged, uint64_t hop, double rate);
 
 #endif

@@ -194,6 +194,22 @@ static lg_status read_housing(read_call *call, lg_error *error) {
     return call->ours ? lg_as_format(status, error) : LG_OK;
 }
 
+/* With `like` the class may be one that `like` does not have; then it is unknown. */
+static lg_status read_healthy(read_call *call, lg_error *error) {
+    const lg_series *s = &call->out->series;
+    char *healthy = call->out->healthy, names[160] = "";
+    if (!lg_h5_has_attribute(call->h5, "", "healthy")) return LG_OK;
+    const lg_status status = lg_h5_text(call->h5, "", "healthy", healthy, LG_SERIES_NAME, NULL);
+    const uint32_t at = status == LG_OK && healthy[0] != '\0' ? lg_series_healthy(s, healthy) : LG_NO_CLASS;
+    if (at != LG_NO_CLASS || (status == LG_OK && call->like != NULL)) {
+        (void)snprintf(healthy, LG_SERIES_NAME, "%s", at != LG_NO_CLASS ? s->class_name[at] : "");
+        return LG_OK;
+    }
+    lg_names_show(s->class_name, s->classes, names, sizeof names);
+    return lg_fail(error, LG_FORMAT, "%s: attribute healthy: expected the name of one of the classes, %s",
+                   lg_shown_path(call->path), names);
+}
+
 static lg_status read_attributes(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
     LG_TRY(lg_names_list(call->h5, "channels", false, &s->channels, &s->channel_name, error));
@@ -201,6 +217,7 @@ static lg_status read_attributes(read_call *call, lg_error *error) {
     if (status != LG_OK && call->ours) return status;
     call->bad_rate = status != LG_OK;
     if (call->bad_rate) s->rate = 0;
+    LG_TRY(read_healthy(call, error));
     LG_TRY(optional_number(call, "noise", &call->out->noise, error));
     LG_TRY(optional_number(call, "severity", &call->out->severity, error));
     return read_housing(call, error);
@@ -309,13 +326,23 @@ static lg_status check_written(const lg_context *context, const char *path, cons
     const lg_sensing sensing = sensing_of(s);
     if (isinf(data->noise) || isinf(data->severity))
         return lg_fail(error, LG_NOT_FINITE, "%s: noise or severity is infinite", lg_shown_path(path));
-    if (memchr(data->housing, '\0', sizeof data->housing) == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the text housing does not end with a zero byte",
-                       lg_shown_path(path));
+    if (memchr(data->housing, '\0', sizeof data->housing) == NULL ||
+        memchr(data->healthy, '\0', sizeof data->healthy) == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%s: the text housing or healthy does not end with a zero byte", lg_shown_path(path));
+    if (data->healthy[0] != '\0' && lg_series_healthy(s, data->healthy) == LG_NO_CLASS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: healthy: '%s' is none of the classes",
+                       lg_shown_path(path), data->healthy);
     LG_TRY(lg_sensing_check(context, path, &sensing, error));
     LG_TRY(check_labels(path, s, error));
     LG_TRY(check_written_runs(context, path, s, error));
     return check_samples(path, s, error);
+}
+
+/* The class is written by its name, because class_label is not written. */
+static lg_status put_healthy(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
+    const lg_series *s = &data->series;
+    return lg_h5_put_text(h5, "", "healthy", s->class_name[lg_series_healthy(s, data->healthy)], error);
 }
 
 static lg_status put_attributes(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
@@ -327,6 +354,7 @@ static lg_status put_attributes(lg_h5 *h5, const lg_series_data *data, lg_error 
     if (!isnan(data->severity))
         LG_TRY(lg_h5_put_number(h5, "", "severity", LG_ELEMENT_F64, &data->severity, error));
     if (data->housing[0] != '\0') LG_TRY(lg_h5_put_text(h5, "", "housing", data->housing, error));
+    if (data->healthy[0] != '\0') LG_TRY(put_healthy(h5, data, error));
     return lg_h5_put_text(h5, "", "data_sha256", data->sha256, error);
 }
 

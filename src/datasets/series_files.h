@@ -46,6 +46,8 @@ lg_status lg_names_put(lg_h5 *h5, const char *key, const char (*name)[LG_SERIES_
  * twice. */
 lg_status lg_names_check(const lg_context *context, const char *path, const char *what,
                          const char (*name)[LG_SERIES_NAME], uint32_t count, bool unique, lg_error *error);
+/* Writes names as "intact|broken", cut to `size` bytes. */
+void lg_names_show(char (*list)[LG_SERIES_NAME], uint32_t count, char *text, size_t size);
 /* Returns the array of names and empties `names`. The caller owns the array. NULL if there are no names. */
 char (*lg_names_take(lg_names *names))[LG_SERIES_NAME];
 

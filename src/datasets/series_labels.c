@@ -252,8 +252,7 @@ static bool any_whole(char (*list)[LG_SERIES_NAME], uint32_t count) {
     return false;
 }
 
-/* Formats a list as "intact|broken". */
-static void show_list(char (*list)[LG_SERIES_NAME], uint32_t count, char *text, size_t size) {
+void lg_names_show(char (*list)[LG_SERIES_NAME], uint32_t count, char *text, size_t size) {
     size_t used = 0;
     text[0] = '\0';
     for (uint32_t c = 0; c < count && used < size; c++)
@@ -263,11 +262,11 @@ static void show_list(char (*list)[LG_SERIES_NAME], uint32_t count, char *text, 
 static lg_status unknown_label(const lg_h5 *h5, const char *label, char (*list)[LG_SERIES_NAME],
                                uint32_t count, char (*classes)[LG_SERIES_NAME], lg_error *error) {
     char have[128], named[128];
-    show_list(list, count, have, sizeof have);
+    lg_names_show(list, count, have, sizeof have);
     if (list == classes)
         return lg_fail(error, LG_FORMAT, "%s: /y: class '%s' is none of the classes %s",
                        lg_shown_path(h5->path), label, have);
-    show_list(classes, count, named, sizeof named);
+    lg_names_show(classes, count, named, sizeof named);
     return lg_fail(error, LG_FORMAT,
                    "%s: /y: label '%s' is none of %s, the labels of the classes %s (attribute class_labels)",
                    lg_shown_path(h5->path), label, have, named);

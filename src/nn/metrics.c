@@ -41,22 +41,30 @@ static class_metrics metrics_of_class(const uint64_t *confusion, uint32_t classe
     return (class_metrics){ratio(right, given), ratio(right, occurs), ratio(2.0 * right, occurs + given)};
 }
 
-lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes) {
+lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes, uint32_t healthy) {
     lg_metrics m = {.accuracy = 0.0};
     double all = 0.0, right = 0.0, normal = 0.0;
     for (uint32_t i = 0; i < classes; i++) {
         right += (double)confusion[(size_t)i * classes + i];
         for (uint32_t j = 0; j < classes; j++) all += (double)confusion[(size_t)i * classes + j];
     }
-    for (uint32_t j = 0; j < classes; j++) normal += (double)confusion[j];
     m.accuracy = ratio(right, all);
-    m.false_positive_rate = normal > 0.0 ? (normal - (double)confusion[0]) / normal : (double)NAN;
-    const uint32_t first = classes == 2 ? 1 : 0;
-    for (uint32_t k = first; k < classes; k++) {
+    m.false_positive_rate = (double)NAN;
+    if (healthy < classes) {
+        const uint64_t *row = confusion + (size_t)healthy * classes;
+        for (uint32_t j = 0; j < classes; j++) normal += (double)row[j];
+        if (normal > 0.0) m.false_positive_rate = (normal - (double)row[healthy]) / normal;
+    }
+    const uint32_t left_out = classes != 2   ? LG_NO_CLASS
+                              : healthy == 1 ? 1
+                                             : 0,
+                   count = classes == 2 ? 1 : classes;
+    for (uint32_t k = 0; k < classes; k++) {
+        if (k == left_out) continue;
         const class_metrics one = metrics_of_class(confusion, classes, k);
-        m.precision += one.precision / (classes - first);
-        m.recall += one.recall / (classes - first);
-        m.f1 += one.f1 / (classes - first);
+        m.precision += one.precision / count;
+        m.recall += one.recall / count;
+        m.f1 += one.f1 / count;
     }
     return m;
 }

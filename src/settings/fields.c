@@ -409,6 +409,13 @@ lg_status lg_field_set(const lg_field *row, const char *text, void *run, lg_erro
         return LG_OK;
     }
     if (row->type == LG_FIELD_STRING) return set_string(row, text, run, error);
+    if (row->type == LG_FIELD_TEXT) {
+        if (text[0] == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "the value is empty");
+        if (strlen(text) >= row->size)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "the text is longer than %zu bytes", row->size - 1);
+        memcpy((char *)run + row->offset, text, strlen(text) + 1);
+        return LG_OK;
+    }
     if (row->type == LG_FIELD_PHRASE) return row->parse(text, (char *)run + row->offset, error);
     if (!is_whole(row)) return lg_fail(error, LG_INVALID_ARGUMENT, "%s cannot be set", row->name);
     if (!take_whole(row, text, &whole)) return refuse_number(row, text, error);

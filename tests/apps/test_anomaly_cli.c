@@ -360,7 +360,8 @@ static void write_numbered(const char *name, uint32_t low, bool named) {
     for (size_t i = 0; i < data->series.count; i++) data->series.label[i] += low;
     hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT), set = H5Dopen2(file, "y", H5P_DEFAULT);
     assert_true(H5Dwrite(set, H5T_NATIVE_UINT32, H5S_ALL, H5S_ALL, H5P_DEFAULT, data->series.label) >= 0);
-    assert_true(H5Adelete(file, "classes") >= 0 && H5Adelete(file, "format") >= 0);
+    assert_true(H5Adelete(file, "classes") >= 0 && H5Adelete(file, "format") >= 0 &&
+                H5Adelete(file, "healthy") >= 0);
     assert_true(H5Dclose(set) >= 0 && H5Fclose(file) >= 0);
 }
 
@@ -585,6 +586,7 @@ static void write_strange(const char *name, const char *from, bool channels) {
         (void)snprintf(data->series.class_name[c], LG_SERIES_NAME, "%s", cli_strange_name(c));
     for (uint32_t c = 0; c < data->series.channels; c++)
         (void)snprintf(of_channel[c], LG_SERIES_NAME, "%s", cli_strange_name(c));
+    memcpy(data->healthy, data->series.class_name[0], sizeof data->healthy);
     if (channels) data->series.channel_name = of_channel;
     assert_ok(lg_series_write(NULL, cli_at(name), data, NULL));
     data->series.channel_name = usual;

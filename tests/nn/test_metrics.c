@@ -15,7 +15,7 @@ static void expect_golden(const uint32_t *truth, const uint32_t *given, const do
     }
     lg_metrics_confusion(truth, own, TABLE_WINDOWS, classes, counted);
     assert_memory_equal(counted, confusion, classes * classes * sizeof *counted);
-    const lg_metrics m = lg_metrics_of(counted, classes);
+    const lg_metrics m = lg_metrics_of(counted, classes, 0);
     assert_close(m.accuracy, metrics[0], 1e-14, 0);
     assert_close(m.precision, metrics[1], 1e-14, 0);
     assert_close(m.recall, metrics[2], 1e-14, 0);
@@ -106,17 +106,17 @@ TEST("the largest score wins; of equal scores the later of two classes, the firs
 TEST("empty classes count as zero or are left out") {
     /* Class 1 was never predicted; class 2 does not occur, but was predicted once. */
     const uint64_t confusion[] = {3, 0, 1, 2, 0, 0, 0, 0, 0};
-    const lg_metrics m = lg_metrics_of(confusion, 3);
+    const lg_metrics m = lg_metrics_of(confusion, 3, 0);
     assert_close(m.accuracy, 0.5, 1e-15, 0);
     assert_close(m.precision, (3.0 / 5) / 3, 1e-15, 0);
     assert_close(m.recall, (3.0 / 4) / 3, 1e-15, 0);
     assert_close(m.f1, (6.0 / 9) / 3, 1e-15, 0);
     assert_close(m.false_positive_rate, 0.25, 1e-15, 0);
     const uint64_t no_zero[] = {0, 0, 1, 4}, nothing[] = {0, 0, 0, 0};
-    assert_true(isnan(lg_metrics_of(no_zero, 2).false_positive_rate));
-    assert_close(lg_metrics_of(no_zero, 2).recall, 0.8, 1e-15, 0);
-    assert_close(lg_metrics_of(nothing, 2).accuracy, 0.0, 0, 0);
-    assert_close(lg_metrics_of(nothing, 2).f1, 0.0, 0, 0);
+    assert_true(isnan(lg_metrics_of(no_zero, 2, 0).false_positive_rate));
+    assert_close(lg_metrics_of(no_zero, 2, 0).recall, 0.8, 1e-15, 0);
+    assert_close(lg_metrics_of(nothing, 2, 0).accuracy, 0.0, 0, 0);
+    assert_close(lg_metrics_of(nothing, 2, 0).f1, 0.0, 0, 0);
     uint64_t counted[4] = {9, 9, 9, 9};
     const uint32_t truth[] = {0, 1, 5}, given[] = {1, 1, 0};
     lg_metrics_confusion(truth, given, 3, 2, counted);

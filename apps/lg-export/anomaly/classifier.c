@@ -483,6 +483,7 @@ static export_window window_of(const classifier_file *file) {
     return (export_window){.channels = c->features.channels,
                            .length = c->features.length,
                            .classes = c->classes,
+                           .healthy = file->healthy,
                            .rate = file->names.rate,
                            .class_name = file->names.class_name,
                            .channel_name = named ? file->names.channel_name : NULL,

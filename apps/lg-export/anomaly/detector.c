@@ -21,6 +21,7 @@ static void describe(const void *contents, export_window *out) {
     *out = (export_window){.channels = model->net.channels,
                            .length = model->net.length,
                            .classes = model->classes,
+                           .healthy = file->run.healthy,
                            .rate = file->rate,
                            .class_name = file->class_name,
                            .channel_name = file->channel_name,

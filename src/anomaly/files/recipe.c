@@ -216,6 +216,7 @@ static lg_status describe(lg_training *self, lg_error *error) {
     /* The windows are not cut yet; until then the stored number of windows, if any, is used. */
     run->windows = stored != NULL ? stored->windows : 0;
     memcpy(run->data_sha256, s->all.data.sha256, sizeof run->data_sha256);
+    LG_TRY(lg_detector_settle(self, error));
     run->window = s->all.data.series.length;
     run->hop = 0;
     LG_TRY(lg_detector_window(self, &run->window, &run->hop, error));
@@ -294,7 +295,8 @@ static lg_status judge_part(const lg_training *self, const lg_detector_plan *pla
     const lg_detector *model = &((const lg_detector_run *)self->run)->model;
     scoring user = {plan, out};
     LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes,
-                              model->net.plane == 2, out, error));
+                              ((const lg_detector_state *)self->state)->healthy, model->net.plane == 2, out,
+                              error));
     const lg_status status = lg_windows_each(self->context, &from->data.series, &from->windows, part,
                                              self->threads, lg_detector_work_size(plan), score, &user);
     return lg_judgement_end(out, true, status, error);
@@ -396,6 +398,7 @@ void lg_detector_tell_training(lg_training *self, const char *method, uint32_t c
     lg_result_open(self, "classes", '[');
     for (uint32_t c = 0; c < classes; c++) lg_result_text(self, NULL, class_name[c], NULL);
     lg_result_close(self, ']');
+    lg_result_text(self, "healthy", run->healthy[0] != '\0' ? run->healthy : NULL, NULL);
     lg_result_whole(self, "channels", series->channels, NULL);
     lg_result_whole(self, "window", run->window, "samples");
     lg_result_whole(self, "hop", run->hop, "samples");
@@ -474,6 +477,7 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     const lg_detector_file *file = from;
     const lg_detector_run *run = self->run;
     lg_detector_state *s = self->state;
+    LG_TRY(lg_detector_settle(self, error));
     LG_TRY(lg_windows_create(self->context, &s->all.data.series, run->model.net.length, (size_t)run->hop,
                              &s->all.windows, error));
     const bool same =

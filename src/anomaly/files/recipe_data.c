@@ -1,9 +1,11 @@
 /* Data for training a detector: reading, cutting into windows, splitting into parts. */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "anomaly/files/recipe.h"
 #include "core/lookup.h"
+#include "datasets/series_files.h"
 
 /* ---- reading ---- */
 
@@ -71,6 +73,46 @@ lg_status lg_series_read_like(const lg_context *context, const char *path, const
         lg_log_message(context, LG_LOG_WARNING,
                        "%s: has %g samples per second, but the model was trained on %g", path, series->rate,
                        like->rate);
+    return LG_OK;
+}
+
+/* ---- the healthy class ---- */
+
+lg_status lg_find_healthy(const lg_context *context, const lg_series *names, const char *data,
+                          char healthy[LG_SERIES_NAME], uint32_t *out, lg_error *error) {
+    const char *wanted = healthy[0] != '\0' ? healthy : data;
+    char list[160];
+    *out = lg_series_healthy(names, wanted);
+    lg_names_show(names->class_name, names->classes, list, sizeof list);
+    if (*out == LG_NO_CLASS && healthy[0] != '\0')
+        return lg_fail(error, LG_INVALID_ARGUMENT, "--healthy: '%s' is none of the classes %s", healthy,
+                       list);
+    if (*out != LG_NO_CLASS && wanted[0] == '\0')
+        lg_log_message(context, LG_LOG_WARNING,
+                       "class '%s' is taken as healthy because of its name: --healthy NAME says which of the "
+                       "classes %s means that all is well, or attribute healthy of the data",
+                       names->class_name[*out], list);
+    (void)snprintf(healthy, LG_SERIES_NAME, "%s", *out != LG_NO_CLASS ? names->class_name[*out] : "");
+    return LG_OK;
+}
+
+void lg_ask_healthy(const lg_series *names, char *text, size_t size) {
+    char list[160];
+    lg_names_show(names->class_name, names->classes, list, sizeof list);
+    (void)snprintf(text, size,
+                   "it is unknown which of the classes %s means that all is well: give --healthy NAME, or "
+                   "attribute healthy of the data",
+                   list);
+}
+
+lg_status lg_detector_settle(const lg_training *self, lg_error *error) {
+    lg_detector_state *s = self->state;
+    const lg_series *series = &s->all.data.series;
+    char text[320];
+    LG_TRY(lg_find_healthy(self->context, series, s->all.data.healthy,
+                           ((lg_detector_run *)self->run)->healthy, &s->healthy, error));
+    lg_ask_healthy(series, text, sizeof text);
+    if (s->healthy == LG_NO_CLASS) LG_WARN(self, "no false alarms are counted: %s", text);
     return LG_OK;
 }
 
