@@ -487,6 +487,53 @@ TEST("an input that jumps and returns is reported with file, line and column; st
     assert_says(result.err, "second.csv: line 72: column x: 40 is an outlier");
 }
 
+/* Copies a log of a cart with a pole, and adds `off` to vx in row `at`. */
+static void copy_with_spike(const char *from, const char *to, size_t at, double off) {
+    enum { SIZE = 1 << 20 };
+    char *text = lg_test_memory(SIZE), *copy = lg_test_memory(SIZE), *save = NULL;
+    size_t used = 0, row = 0;
+    (void)cli_read(from, text, SIZE);
+    for (char *line = strtok_r(text, "\n", &save); line != NULL; line = strtok_r(NULL, "\n", &save), row++) {
+        char *cell = line;
+        for (int k = 0; k < 3; k++) cell = strchr(cell, ',') + 1; /* t, run, x, vx, ... */
+        char *rest = strchr(cell, ',');
+        if (row == at + 1)
+            used += (size_t)snprintf(copy + used, SIZE - used, "%.*s%.17g%s\n", (int)(cell - line), line,
+                                     strtod(cell, NULL) + off, rest);
+        else
+            used += (size_t)snprintf(copy + used, SIZE - used, "%s\n", line);
+    }
+    cli_write(to, copy);
+}
+
+TEST("steps of an input in logs without noise are no outliers; a spike next to such a step is one") {
+    enum { SEEDS = 9, ROOM = 4096 };
+    static double u[ROOM];
+    cli_write("cart.yaml",
+              "columns: {time: t, run: run}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+              "  - {name: theta, kind: angle, velocity: vtheta}\ninputs: {columns: [u]}\n"
+              "system: cart-pole\nparameters: {cart: 1, pole: 0.3, length: 0.5, gravity: 9.81}\n"
+              "damping: {kind: known, values: [0.1, 0.02]}\n"
+              "input_map: {kind: known, values: [[1], [0]]}\n");
+    for (int seed = 1; seed <= SEEDS; seed++) {
+        cli_forget("cart.csv");
+        cli_run(identify,
+                "generate cart.yaml --inputs steps --amplitude 5 --t-end 5 --runs 4 --seed %d --out cart.csv",
+                seed);
+        cli_json(identify, "check cart.yaml cart.csv", "runs 4");
+        assert_null(strstr(result.err, "outlier"));
+        const size_t rows = csv_column("cart.csv", "u", u, ROOM);
+        size_t step = 20;
+        while (step + 20 < rows && u[step] == u[step - 1]) step++;
+        for (size_t at = step - 2; at <= step + 2; at++) {
+            copy_with_spike("cart.csv", "spiked.csv", at, at % 2 == 0 ? 1.5 : -1.2);
+            cli_json(identify, "check cart.yaml spiked.csv", "runs 4");
+            assert_says(result.err, test_text("line %zu: column vx", at + 2));
+            assert_says(result.err, "the first of 1 outliers");
+        }
+    }
+}
+
 TEST("every command refuses a cell so large that the others vanish in its rounding, with file, line and "
      "column") {
     static const char *const commands[] = {"check input.yaml first.csv second.csv",

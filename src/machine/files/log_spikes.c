@@ -4,7 +4,8 @@
  * Each value is compared with a cubic polynomial through four neighbours, two on each side (near the end of a
  * part, one neighbour on one side and three on the other). A value is an outlier if two conditions hold: the
  * value is far from the polynomial, and without the value the neighbours are close to their own polynomials.
- * At a kink or a step the neighbours stay far from their polynomials, so the value is kept. */
+ * At a kink or a step the neighbours stay far from their polynomials, so the value is kept. So is a value that
+ * the values of one side alone predict: a force that sets in at this row bends the motion there. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -17,6 +18,8 @@ static const double steps = 6;          /* least distance of an outlier, in the 
 /* Without the outlier, the neighbours' distances from their polynomials are at most this part of the
  * outlier's distance. */
 static const double small = 0.125;
+/* Next to a step of an input a value is kept that one side predicts within this part of its distance. */
+static const double bent = 0.5;
 static const double most = 0.05; /* share of a part's values: more of them are no outliers */
 
 /* One column of one part of the log. previous and next link the rows that have a value; n stands for none. */
@@ -27,6 +30,7 @@ typedef struct trace {
     size_t *previous, *next; /* (n) */
     double *off, *work;      /* (n) */
     bool *out;               /* (n) rows that are left out */
+    bool *stepped;           /* (n) an input steps in this row, the next or one of the AROUND before */
 } trace;
 
 static double value(const trace *x, size_t i) {
@@ -62,6 +66,19 @@ static void put_back(trace *x, size_t i) {
     if (x->next[i] < x->n) x->previous[x->next[i]] = i;
 }
 
+/* Value i minus the polynomial through the values of `count` other rows. */
+static double off_polynomial(const trace *x, size_t i, const size_t *at, int count) {
+    double sum = 0;
+    for (int k = 0; k < count; k++) {
+        double weight = 1;
+        for (int j = 0; j < count; j++)
+            if (j != k)
+                weight *= (time_of(x, i) - time_of(x, at[j])) / (time_of(x, at[k]) - time_of(x, at[j]));
+        sum += weight * value(x, at[k]);
+    }
+    return value(x, i) - sum;
+}
+
 /* Value i minus the cubic polynomial through four neighbours. `before` and `after` are the nearest neighbours
  * on the two sides. NaN: one side has no neighbour, or there are fewer than four neighbours. */
 static double difference(const trace *x, size_t i, size_t before, size_t after) {
@@ -70,15 +87,7 @@ static double difference(const trace *x, size_t i, size_t before, size_t after) 
     if (at[0] >= x->n && at[3] < x->n) at[0] = x->next[at[3]];
     if (at[3] >= x->n && at[0] < x->n) at[3] = x->previous[at[0]];
     if (at[0] >= x->n || at[3] >= x->n) return (double)NAN;
-    double sum = 0;
-    for (int k = 0; k < 4; k++) {
-        double weight = 1;
-        for (int j = 0; j < 4; j++)
-            if (j != k)
-                weight *= (time_of(x, i) - time_of(x, at[j])) / (time_of(x, at[k]) - time_of(x, at[j]));
-        sum += weight * value(x, at[k]);
-    }
-    return value(x, i) - sum;
+    return off_polynomial(x, i, at, 4);
 }
 
 static double difference_at(const trace *x, size_t i) {
@@ -131,14 +140,34 @@ static double rest_beside(const trace *x, size_t i) {
     return rest;
 }
 
+/* The least distance of value i, which is left out, from the parabola through the three and the cubic through
+ * the four nearest values of one side. */
+static double one_sided(const trace *x, size_t i) {
+    double least = INFINITY;
+    for (int side = 0; side < 2; side++) {
+        const size_t *way = side == 0 ? x->previous : x->next;
+        size_t at[4];
+        int count = 0;
+        for (size_t j = way[i]; j < x->n && count < 4; j = way[j]) {
+            if (x->out[j]) continue;
+            at[count++] = j;
+            if (count >= 3) least = fmin(least, fabs(off_polynomial(x, i, at, count)));
+        }
+    }
+    return least;
+}
+
 /* Whether rows i and j (i alone if j is i) are outliers by more than `distance`. Then they are left out. */
 static bool try_outliers(trace *x, size_t i, size_t j, double distance, double deviation) {
     leave_out(x, i);
     if (j != i) leave_out(x, j);
     double least = fmin(fabs(difference_of(x, i)), fabs(difference_of(x, j)));
     if (isnan(difference_of(x, i)) || isnan(difference_of(x, j))) least = 0;
-    const double rest = fmax(rest_beside(x, i), rest_beside(x, j));
-    if (least > distance && rest <= fmax(small * least, near * deviation)) return true;
+    const double rest = fmax(rest_beside(x, i), rest_beside(x, j)),
+                 alone = fmin(one_sided(x, i), one_sided(x, j)),
+                 tolerated = fmax(small * least, near * deviation),
+                 bend = x->stepped[i] || x->stepped[j] ? fmax(bent * least, tolerated) : tolerated;
+    if (least > distance && rest <= tolerated && alone > bend) return true;
     if (j != i) put_back(x, j);
     put_back(x, i);
     return false;
@@ -192,6 +221,26 @@ static size_t find_outliers(trace *x, candidate *all) {
     return count;
 }
 
+/* ---- steps of inputs ---- */
+
+/* Marks rows next to a change of an input that mostly keeps its value. */
+static void mark_steps(trace *x) {
+    for (size_t i = 0; i < x->n; i++) x->stepped[i] = false;
+    for (uint32_t c = 0; c < x->table->columns; c++) {
+        size_t still = 0;
+        if (x->table->machine->columns[c].role != LG_LOG_INPUT) continue;
+        for (size_t i = 1; i < x->n; i++) {
+            const double *now = lg_log_row(x->table, x->first + i) + c;
+            still += *now == now[-(ptrdiff_t)x->table->columns];
+        }
+        for (size_t i = 1; i < x->n && 2 * still >= x->n; i++) {
+            const double *now = lg_log_row(x->table, x->first + i) + c;
+            if (*now == now[-(ptrdiff_t)x->table->columns]) continue;
+            for (size_t k = i - 1; k < x->n && k <= i + AROUND; k++) x->stepped[k] = true;
+        }
+    }
+}
+
 /* ---- columns ---- */
 
 /* Positions of lines and angles, and velocities. An acceleration jumps and comes back where bodies touch. */
@@ -236,6 +285,7 @@ static lg_status mend_column(lg_log_table *t, trace *x, candidate *all) {
     for (size_t part = 0; part < t->parts; part++) {
         x->first = t->first[part];
         x->n = t->first[part + 1] - x->first;
+        mark_steps(x);
         const bool few = (double)find_outliers(x, all) <= most * (double)x->values;
         take(x, few, few ? &out : &kept);
     }
@@ -263,11 +313,12 @@ lg_status lg_log_leave_out_spikes(lg_log_table *t) {
     candidate *all = lg_alloc(t->context, longest, sizeof *all);
     x.previous = lg_alloc(t->context, 2 * longest, sizeof *x.previous);
     x.off = lg_alloc(t->context, 2 * longest, sizeof *x.off);
-    x.out = lg_alloc(t->context, longest, sizeof *x.out);
+    x.out = lg_alloc(t->context, 2 * longest, sizeof *x.out);
     lg_status status = LG_OUT_OF_MEMORY;
     if (all != NULL && x.previous != NULL && x.off != NULL && x.out != NULL) {
         x.next = x.previous + longest;
         x.work = x.off + longest;
+        x.stepped = x.out + longest;
         status = LG_OK;
         for (x.column = 0; x.column < t->columns && status == LG_OK; x.column++)
             if (is_continuous(t, x.column)) status = mend_column(t, &x, all);
