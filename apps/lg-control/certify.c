@@ -199,8 +199,10 @@ static lg_policy *read_policy(const app *self, const double *gains) {
         return policy;
     }
     lg_policy_task task;
-    APP_FREE char *text = NULL;
+    APP_FREE char *text = NULL, *source = control_plant_path(self, path);
+    APP_CLEAN(control_machine_destroy) control_machine machine;
     lg_program *plant = control_read_task(self, path, &task, &text);
+    (void)control_soften(self, source, &machine, &task);
     task.search = needs_regulator(self, &task);
     if (gains != NULL) {
         task.gain_count = task.input_count * (uint32_t)name_states(&task).n;

@@ -10,6 +10,7 @@ extern const app_command demo_command, train_command, evaluate_command, certify_
 
 /* The machine in a file (plant.c), of which plants are made. */
 typedef struct control_machine {
+    const app *self;
     lg_machine_model_file model; /* of a model of lg-identify */
     lg_machine_file file;
     lg_machine machine; /* may be changed before control_machine_plant */
@@ -20,6 +21,8 @@ typedef struct control_machine {
 /* false: the file is a program. */
 bool control_open_machine(const app *self, const char *path, control_machine *out);
 void control_machine_destroy(control_machine *machine);
+/* Opens the machine and gives the task its soft friction; `keep` must live as long as the task's policy. */
+bool control_soften(const app *self, const char *path, control_machine *keep, lg_policy_task *task);
 /* The machine as a plant; `lagged`: as in control_load_plant. */
 lg_program *control_machine_plant(const app *self, const control_machine *machine, bool lagged);
 
@@ -53,6 +56,13 @@ void control_draw_error(const app *self, lg_policy *policy, const char *plant, b
 /* Runs the policy along the set points of a file (reference.c), with the columns t, the tracked coordinates
  * and, if they are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
 void control_follow(const app *self, const lg_policy *policy, const char *path, app_json *out);
+
+/* Lagged inputs among the coordinates of a task, or what lg_policy_create adds to a task. */
+uint32_t control_count_lagged(const lg_policy_task *task, bool remembered);
+/* Prints and writes, as `robustness`, the success of a policy if a number of its machine changes by a factor
+ * (robustness.c). machine->scheme NULL: the plant is a program, which has no numbers. */
+void control_tell_robustness(const app *self, const lg_policy *policy, control_machine *machine,
+                             uint64_t starts, app_json *out);
 
 /* ---- what runs did (runs.c, pictures.c) ---- */
 

@@ -28,29 +28,19 @@ static const lg_field options[] = {
 
 static evaluate_values values;
 
-/* Lagged inputs, or what lg_policy_create adds to a task. */
-static uint32_t count_lagged(const lg_policy_task *task, bool remembered) {
-    uint32_t n = 0;
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
-        n += remembered ? c->ago > 0 || c->integrates > 0 : c->follows > 0 && c->ago == 0;
-    }
-    return n;
-}
-
 static lg_policy *other_plant(const app *self, lg_policy *policy) {
     const lg_policy_task *own = lg_policy_task_of(policy);
     lg_policy_task names = {.period = own->period};
     lg_policy *other = NULL;
-    const uint32_t lagged = count_lagged(own, false), remembered = count_lagged(own, true);
+    const uint32_t lagged = control_count_lagged(own, false), remembered = control_count_lagged(own, true);
     if (own->coordinate[0].velocity[0] == '\0') {
         names = *own; /* the file of a program does not name its states */
         names.coordinate_count -= remembered;
     }
     lg_program *plant = control_load_plant(self, values.plant, lagged > 0, &names);
-    if (count_lagged(&names, false) != lagged)
+    if (control_count_lagged(&names, false) != lagged)
         app_stop(self, LG_SHAPE, "%s: the plant has %u lagged inputs, but the policy knows %u", values.plant,
-                 count_lagged(&names, false), lagged);
+                 control_count_lagged(&names, false), lagged);
     bool same =
         names.coordinate_count + remembered == own->coordinate_count && names.input_count == own->input_count;
     for (uint32_t i = 0; same && i < names.coordinate_count; i++)
@@ -63,6 +53,13 @@ static lg_policy *other_plant(const app *self, lg_policy *policy) {
     APP_MUST(self, lg_policy_transplant_late(policy, plant, names.dead_time, &other, &error));
     lg_policy_destroy(policy);
     return other;
+}
+
+static lg_policy *refined(const app *self, lg_policy *policy) {
+    lg_policy *out = NULL;
+    APP_MUST(self, lg_policy_refine(policy, &out, &error));
+    lg_policy_destroy(policy);
+    return out;
 }
 
 /* Draws come from the model --plant, or else from the plant of the task. */
@@ -121,7 +118,7 @@ static int run(app *self) {
     app_json out;
     APP_MUST_FILE(self, self->arguments[0],
                   lg_policy_load(self->context, self->arguments[0], NULL, &policy, NULL, &error));
-    if (values.plant != NULL) policy = other_plant(self, policy);
+    policy = values.plant != NULL ? other_plant(self, policy) : refined(self, policy);
     APP_CLEAN(control_runs_destroy) control_runs runs;
     control_runs_begin(policy, values.starts, told(), &runs);
     APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_NOMINAL, values.starts, self->seed,

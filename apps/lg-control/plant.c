@@ -47,6 +47,15 @@ static void name_lagged(const app *self, const char *path, const lg_machine *mac
     }
 }
 
+uint32_t control_count_lagged(const lg_policy_task *task, bool remembered) {
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        n += remembered ? c->ago > 0 || c->integrates > 0 : c->follows > 0 && c->ago == 0;
+    }
+    return n;
+}
+
 static void name_coordinates(const app *self, const char *path, const lg_machine_file *file,
                              lg_policy_task *task) {
     static const int motions[LG_COORDINATE_KIND_COUNT] = {[LG_COORDINATE_LINE] = LG_POLICY_LINE,
@@ -145,6 +154,38 @@ lg_program *control_machine_plant(const app *self, const control_machine *m, boo
     APP_MUST(self, (lagged ? lg_machine_plant : lg_machine_program)(
                        self->context, &m->machine, m->model.theta, m->scheme, &program, &error));
     return program;
+}
+
+/* Widths of friction are at least `speed`, or so large that none is left. */
+static lg_status soften(void *user, const double *speed, lg_program **out, lg_error *error) {
+    control_machine *m = user;
+    APP_FREE lg_machine *kept = app_alloc(1, sizeof *kept);
+    lg_machine *machine = &m->machine;
+    bool any = false;
+    *kept = *machine;
+    for (uint32_t i = 0; i < machine->term_count; i++) {
+        lg_machine_term *term = &machine->terms[i];
+        if ((lg_term_kind_options(term->kind) & LG_TERM_WIDTH) == 0) continue;
+        double least = INFINITY, own = 0;
+        for (uint32_t k = 0; k < machine->velocities; k++) {
+            own = fmax(own, lg_machine_width(machine, term, k));
+            least = fmin(least, speed != NULL ? speed[k] : INFINITY);
+        }
+        term->width = speed != NULL ? fmax(own, least) : 1e9 * own;
+        any = true;
+    }
+    *out = NULL;
+    const lg_status status =
+        any ? lg_machine_plant(m->self->context, machine, m->model.theta, m->scheme, out, error) : LG_OK;
+    *machine = *kept;
+    return status;
+}
+
+bool control_soften(const app *self, const char *path, control_machine *keep, lg_policy_task *task) {
+    if (!control_open_machine(self, path, keep)) return false;
+    keep->self = self;
+    task->soften = soften, task->soften_user = keep;
+    return true;
 }
 
 static lg_program *load_machine(const app *self, const char *path, const control_machine *m, bool lagged,

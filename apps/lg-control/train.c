@@ -8,7 +8,7 @@
 typedef struct train_values {
     const char *out, *resume;
     double seconds;
-    uint64_t seeds, starts, race, finish, polish;
+    uint64_t seeds, starts, race, finish, polish, robustness;
 } train_values;
 
 static const lg_field options[] = {
@@ -25,6 +25,9 @@ static const lg_field options[] = {
               .value = "450"),
     LG_OPTION(train_values, finish, U64, "n", "Steps of Adam of the winner", .high = 1e6, .value = "1000"),
     LG_OPTION(train_values, polish, U64, "n", "Steps of L-BFGS of the winner", .high = 1e6, .value = "100"),
+    LG_OPTION(train_values, robustness, U64, "n",
+              "Starts of each test with a number of the plant off by 10 and 20 %; 0: no test", .high = 1e6,
+              .value = "100"),
     LG_FIELD_END};
 
 static train_values values;
@@ -106,19 +109,23 @@ static void warn_of_failures(const app *self, const lg_policy *policy, const lg_
                  task->substeps);
 }
 
-static void report(const app *self, const lg_policy *policy, const lg_policy_train_result *result) {
+/* Success is that on the plant as its file says, with fine steps of the integrator. */
+static void report(const app *self, const lg_policy *trained, control_machine *machine,
+                   const lg_policy_train_result *result) {
     lg_policy_outcome held, regulator, rough;
+    lg_policy *policy = NULL;
     app_json out;
     const uint64_t seed = self->seed ^ UINT64_C(0x9e3779b97f4a7c15);
+    APP_MUST(self, lg_policy_refine(trained, &policy, &error));
     APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 500, seed, (int)self->threads, &held, NULL,
                                       &error));
     APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_REGULATED, 500, seed, (int)self->threads, &regulator,
                                       NULL, &error));
     const bool disturbed = lg_policy_is_disturbed(lg_policy_task_of(policy));
     if (disturbed)
-        APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_DISTURBED, 512, seed, (int)self->threads, &rough,
+        APP_MUST(self, lg_policy_evaluate(trained, LG_POLICY_DISTURBED, 512, seed, (int)self->threads, &rough,
                                           NULL, &error));
-    warn_of_failures(self, policy, &held, result);
+    warn_of_failures(self, trained, &held, result);
     app_result_begin(&out, self);
     app_result_real(&out, "cost", held.cost_mean, "mean over 500 held-out starts");
     app_result_real(&out, "success", (double)held.succeeded / (double)held.starts, "share of these starts");
@@ -133,11 +140,13 @@ static void report(const app *self, const lg_policy *policy, const lg_policy_tra
         app_json_close(&out, '}');
     }
     app_result_size(&out, "parameters", lg_policy_parameters(policy), NULL);
-    app_result_size(&out, "substeps", lg_policy_task_of(policy)->substeps, "of the integrator in a period");
+    app_result_size(&out, "substeps", lg_policy_task_of(trained)->substeps, "of the integrator in a period");
     app_result_real(&out, "seconds", result->seconds, NULL);
     app_result_size(&out, "seed", self->seed, NULL);
     app_result_size(&out, "winner", result->seed, "of the race");
     app_result_text(&out, "out", values.out, NULL);
+    control_tell_robustness(self, policy, machine, values.robustness, &out);
+    lg_policy_destroy(policy);
     app_json_warnings(&out, self);
     app_json_end(&out);
 }
@@ -150,14 +159,15 @@ static void warn(const app *self, const lg_policy *policy) {
 
 /* Called by rank 0 after the training. */
 static void store(const app *self, const lg_policy *policy, const lg_policy_trainer *trainer,
-                  const char *text, const lg_policy_train_result *result, bool stopped) {
+                  control_machine *machine, const char *text, const lg_policy_train_result *result,
+                  bool stopped) {
     const lg_provenance provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out,
                   lg_policy_save(self->context, values.out, policy, text, &provenance, &error));
     if (stopped)
         save_state(self, trainer);
     else
-        report(self, policy, result);
+        report(self, policy, machine, result);
 }
 
 /* --resume and --checkpoint may name the same file. */
@@ -181,9 +191,11 @@ static int run(app *self) {
     const int code = check_checkpoint(self);
     if (code != APP_EXIT_OK) return code;
     lg_program *plant = control_read_task(self, self->arguments[0], &task, &text);
+    APP_FREE char *source = control_plant_path(self, self->arguments[0]);
+    APP_CLEAN(control_machine_destroy) control_machine machine;
+    (void)control_soften(self, source, &machine, &task);
     APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
     warn(self, policy);
-    APP_FREE char *source = control_plant_path(self, self->arguments[0]);
     control_add_draws(self, policy, source);
     APP_MUST(self, lg_policy_trainer_create(policy, &settings, &trainer, &error));
     if (values.resume != NULL) load_state(self, trainer);
@@ -193,7 +205,7 @@ static int run(app *self) {
     app_progress_end(&progress);
     if (status != LG_CANCELLED) app_must(self, status, &why);
     app_end_exchanges(self);
-    if (self->rank == 0) store(self, policy, trainer, text, &result, status == LG_CANCELLED);
+    if (self->rank == 0) store(self, policy, trainer, &machine, text, &result, status == LG_CANCELLED);
     lg_policy_trainer_destroy(trainer);
     lg_policy_destroy(policy);
     return status == LG_CANCELLED ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;

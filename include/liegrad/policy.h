@@ -136,6 +136,10 @@ typedef struct lg_policy_input {
     double weight;    /* > 0 */
 } lg_policy_input;
 
+/* Makes a plant with softer dry friction: over speeds (velocities) of this size, or none if `speed` is NULL.
+ * *out NULL: the plant has no dry friction. The caller destroys *out. */
+typedef lg_status (*lg_policy_soften)(void *user, const double *speed, lg_program **out, lg_error *error);
+
 typedef struct lg_policy_task {
     size_t size; /* sizeof(lg_policy_task) */
     uint32_t coordinate_count, input_count;
@@ -152,6 +156,11 @@ typedef struct lg_policy_task {
     uint32_t gain_count;
     double gains[LG_POLICY_GAINS];
     double dead_time[LG_POLICY_INPUTS]; /* seconds by which an input acts later than it is given, >= 0 */
+    /* NULL, or for plants with dry friction. The regulator is designed without dry friction, because at rest
+     * it looks like a huge damping. Training begins with soft friction; its last steps, and all evaluations,
+     * are on the plant itself. */
+    lg_policy_soften soften;
+    void *soften_user;
     /* Default true. false: no weights of a regulator are tried, so that lg_policy_create is fast; P and W are
      * 0, c is 1, and K is 0 unless it is given. For certificates; a network with a gate needs true. */
     bool search;
@@ -349,6 +358,10 @@ LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant
  * velocities). */
 LG_API lg_status lg_policy_transplant_late(const lg_policy *policy, lg_program *plant,
                                            const double *dead_time, lg_policy **out, lg_error *error);
+
+/* The same policy on its own plant, with as many steps of the integrator as lg_policy_transplant takes. Errors:
+ * those of lg_policy_create. */
+LG_API lg_status lg_policy_refine(const lg_policy *policy, lg_policy **out, lg_error *error);
 
 typedef struct lg_policy_outcome {
     uint64_t starts, succeeded;

@@ -144,7 +144,7 @@ typedef struct demand {
 /* `plant`: the plant, or the policy's program. */
 static lg_status check_plant(lg_policy *p, const lg_program *plant, lg_error *error) {
     const lg_policy_layout *l = &p->layout;
-    const bool own = plant == p->program;
+    const bool own = numbers_of(plant, "plant_step", false, 0) > 0;
     const uint32_t positions = p->memory.positions;
     p->memory.plant = (uint32_t)numbers_of(plant, own ? lg_policy_plant_name(p, "step") : "step", false, 0);
     p->state = p->memory.plant + p->memory.count;
@@ -334,6 +334,18 @@ static lg_status add_functions(lg_policy *p, lg_error *error) {
     return set_theta(p);
 }
 
+/* The policy on friction that is soft over a tenth of the speeds of the starts. */
+static lg_status make_warm(lg_policy *p, lg_error *error) {
+    double size[LG_POLICY_ERRORS], speed[3 * LG_POLICY_COORDINATES];
+    lg_policy_find_sizes(p, size);
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++)
+        for (uint32_t k = 0; p->task.coordinate[i].velocity[0] != '\0' &&
+                             k < lg_policy_row_of(&p->task.coordinate[i])->velocity;
+             k++)
+            speed[p->layout.at[i].velocity + k] = 0.1 * size[p->layout.at[i].rate];
+    return lg_policy_make_soft(p, speed, false, &p->warm, error);
+}
+
 static lg_status build(lg_policy *p, const lg_context *context, const lg_policy_task *task,
                        const lg_program *plant, uint64_t seed, lg_error *error) {
     p->context = context, p->task = *task;
@@ -346,7 +358,10 @@ static lg_status build(lg_policy *p, const lg_context *context, const lg_policy_
     LG_TRY(add_motion(p, plant, error));
     LG_TRY(lg_policy_check_shifts(p, true, seed, error));
     LG_TRY(lg_policy_find_regulator(p, seed, error));
-    return add_functions(p, error);
+    LG_TRY(add_functions(p, error));
+    const lg_status status = p->parameters > 0 ? make_warm(p, error) : LG_OK;
+    p->task.soften = NULL;
+    return status;
 }
 
 static bool has(const lg_policy *p, const char *function) {
@@ -380,11 +395,15 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
     return LG_OK;
 }
 
+/* What a policy on another plant is for: runs of training; evaluation, where the integrator takes finer steps
+ * and the controller keeps what it believes; training on soft friction; the design of the regulator. */
+typedef enum purpose { DRAWN, JUDGED, WARM, DESIGN } purpose;
+
 static lg_status rebuild(lg_policy *p, const lg_policy *policy, const lg_program *plant,
-                         const double *dead_time, bool judge, lg_error *error) {
+                         const double *dead_time, purpose is, lg_error *error) {
     p->context = policy->context, p->task = policy->task;
     LG_TRY(lg_policy_prepare(p, error));
-    if (judge) p->believes = policy;
+    if (is == JUDGED) p->believes = policy;
     lg_policy_lay_out_memory(p, dead_time != NULL ? dead_time : p->task.dead_time);
     LG_TRY(check_plant(p, plant, error));
     if (p->layout.velocities == 0 && p->state != p->layout.positions)
@@ -394,27 +413,49 @@ static lg_status rebuild(lg_policy *p, const lg_policy *policy, const lg_program
     memcpy(p->G, policy->G, sizeof p->G);
     memcpy(p->theta, policy->theta, p->parameters * sizeof *p->theta);
     LG_TRY(lg_policy_begin(p, plant, error));
-    if (judge) LG_TRY(choose_substeps(p, judging_error, 1, error));
-    if (p->task.substeps < policy->task.substeps) p->task.substeps = policy->task.substeps;
+    if (is == JUDGED || is == WARM) {
+        const lg_status status = choose_substeps(p, is == JUDGED ? judging_error : training_error, 1, error);
+        if (status == LG_CHECK_FAILED && plant == policy->program)
+            p->task.substeps = policy->task.substeps;
+        else if (status != LG_OK)
+            return status;
+    }
+    if (is == JUDGED && p->task.substeps < policy->task.substeps) p->task.substeps = policy->task.substeps;
     LG_TRY(lg_policy_add_motion(p, error));
+    if (is == DESIGN) return LG_OK;
     LG_TRY(lg_policy_check_shifts(p, false, 1, error));
     LG_TRY(lg_policy_add_regulated(p, error));
     p->believes = NULL;
     return add_functions(p, error);
 }
 
-/* `judge`: the integrator's steps are chosen for this plant, and the controller keeps what it believes. */
-static lg_status transplant(const lg_policy *policy, lg_program *plant, const double *dead_time, bool judge,
-                            lg_policy **out, lg_error *error) {
+static lg_status transplant(const lg_policy *policy, const lg_program *plant, const double *dead_time,
+                            purpose is, lg_policy **out, lg_error *error) {
     lg_policy *p = lg_alloc(policy->context, 1, sizeof *p);
     const lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy")
-                                       : rebuild(p, policy, plant, dead_time, judge, error);
-    lg_program_destroy(plant);
+                                       : rebuild(p, policy, plant, dead_time, is, error);
     if (status == LG_OK)
         *out = p;
     else
         lg_policy_destroy(p);
     return status;
+}
+
+lg_status lg_policy_make_soft(const lg_policy *policy, const double *speed, bool motion, lg_policy **out,
+                              lg_error *error) {
+    lg_program *plant = NULL;
+    *out = NULL;
+    if (policy->task.soften == NULL) return LG_OK;
+    LG_TRY(policy->task.soften(policy->task.soften_user, speed, &plant, error));
+    if (plant == NULL) return LG_OK;
+    const lg_status status = transplant(policy, plant, NULL, motion ? DESIGN : WARM, out, error);
+    lg_program_destroy(plant);
+    return status;
+}
+
+lg_status lg_policy_refine(const lg_policy *policy, lg_policy **out, lg_error *error) {
+    LG_NEEDS(error, policy, out);
+    return transplant(policy, policy->program, NULL, JUDGED, out, error);
 }
 
 lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out, lg_error *error) {
@@ -423,10 +464,12 @@ lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_po
 
 lg_status lg_policy_transplant_late(const lg_policy *policy, lg_program *plant, const double *dead_time,
                                     lg_policy **out, lg_error *error) {
-    if (policy != NULL && plant != NULL && out != NULL)
-        return transplant(policy, plant, dead_time, true, out, error);
+    const lg_status status =
+        policy != NULL && plant != NULL && out != NULL
+            ? transplant(policy, plant, dead_time, JUDGED, out, error)
+            : lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: policy, plant, out");
     lg_program_destroy(plant);
-    return lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: policy, plant, out");
+    return status;
 }
 
 lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *error) {
@@ -437,7 +480,9 @@ lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *err
                        policy == NULL || plant == NULL ? "one of these arguments is NULL: policy, plant"
                                                        : "the policy's task has no disturbances");
     }
-    LG_TRY(transplant(policy, plant, NULL, false, &drawn, error));
+    const lg_status status = transplant(policy, plant, NULL, DRAWN, &drawn, error);
+    lg_program_destroy(plant);
+    if (status != LG_OK) return status;
     lg_policy **draws = lg_alloc(policy->context, policy->draw_count + 1, sizeof *draws);
     if (draws == NULL) {
         lg_policy_destroy(drawn);
@@ -488,6 +533,7 @@ lg_status lg_policy_create(const lg_context *context, const lg_policy_task *task
 void lg_policy_destroy(lg_policy *p) {
     if (p == NULL) return;
     for (size_t i = 0; i < p->draw_count; i++) lg_policy_destroy(p->draws[i]);
+    lg_policy_destroy(p->warm);
     lg_free(p->context, p->draws);
     lg_program_destroy(p->program);
     lg_free(p->context, p->theta);

@@ -77,6 +77,7 @@ struct lg_policy {
     lg_program *program;
     uint32_t state, inputs; /* numbers in x and u */
     lg_policy_memory memory;
+    lg_policy *warm;           /* on the plant with soft friction, where training begins; NULL: none */
     const lg_policy *believes; /* while a transplanted policy is made: whose lags the controller computes */
     lg_policy_regulator regulator;
     double scale[LG_POLICY_ERRORS]; /* of the features of a network, by error */
@@ -96,6 +97,10 @@ LG_API lg_status lg_policy_prepare(lg_policy *policy, lg_error *error);
 LG_API lg_status lg_policy_adopt(lg_policy *policy, lg_error *error);
 /* Writes random parameters. */
 void lg_policy_initialise(const lg_policy *policy, uint64_t seed, double *theta);
+/* The policy on a plant with softer friction (lg_policy_soften). *out NULL: there is no dry friction. `motion`:
+ * only the functions of motion are made. */
+lg_status lg_policy_make_soft(const lg_policy *policy, const double *speed, bool motion, lg_policy **out,
+                              lg_error *error);
 /* Makes theta the policy's parameters. */
 lg_status lg_policy_take(lg_policy *policy, const double *theta);
 
@@ -180,6 +185,8 @@ size_t lg_policy_periods(const lg_policy *policy, double seconds);
 
 /* Finds u0, K, P, c, and what depends on them: scales of features, the map G, the terminal weight. */
 lg_status lg_policy_find_regulator(lg_policy *policy, uint64_t seed, lg_error *error);
+/* Sizes of the errors (errors). */
+void lg_policy_find_sizes(const lg_policy *policy, double *size);
 /* The regulator's u0 alone. It does not depend on the goals of lagged inputs. */
 lg_status lg_policy_find_rest(lg_policy *policy, lg_error *error);
 

@@ -1,5 +1,6 @@
 /* Policies: the functions of the closed loop as programs. */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
@@ -8,10 +9,21 @@
 
 enum { MOST_PORTS = 4 };
 
+/* Whether the functions of a policy begin here, in a program that is a policy's. */
+static bool is_own(const lg_program *program, const char *name) {
+    char plant[32];
+    size_t found;
+    (void)snprintf(plant, sizeof plant, "plant_%.20s", name);
+    return strcmp(name, "errors") == 0 || strcmp(name, "period") == 0 ||
+           lg_program_find(program, plant, &found, NULL) == LG_OK;
+}
+
+/* Copies the plant's functions; `plant` may be the program of a policy. */
 static lg_status copy_functions(const lg_policy *policy, const lg_program *plant, lg_error *error) {
     lg_status status = LG_OK;
     for (size_t f = 0; f < lg_program_functions(plant) && status == LG_OK; f++) {
         lg_function_image *image;
+        if (is_own(plant, lg_program_function_name(plant, f))) break;
         status = lg_function_image_create(plant, f, &image);
         if (status != LG_OK) return lg_fail(error, status, "no memory for a copy of the plant's functions");
         image->name = lg_policy_plant_name(policy, image->name);
@@ -22,7 +34,9 @@ static lg_status copy_functions(const lg_policy *policy, const lg_program *plant
 }
 
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error) {
-    const size_t own = policy->parameters > 0 ? 1 : 0, count = lg_program_parameters(plant) + own;
+    const size_t own = policy->parameters > 0 ? 1 : 0;
+    size_t count = lg_program_parameters(plant) + own;
+    if (own && count > 1 && strcmp(lg_program_parameter(plant, count - 2).name, "policy") == 0) count--;
     lg_parameter_spec *parameters = lg_alloc(policy->context, count, sizeof *parameters);
     lg_program_spec spec;
     if (parameters == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");

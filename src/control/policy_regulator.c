@@ -11,9 +11,9 @@
 #include "liegrad/minimise.h"
 
 typedef struct design {
-    lg_policy *policy;
-    uint32_t n, m; /* errors, inputs */
-    double *A, *B; /* z+ = A z + B (u - u0) */
+    lg_policy *policy, *sliding; /* sliding: without dry friction; NULL: the plant has none */
+    uint32_t n, m;               /* errors, inputs */
+    double *A, *B;               /* z+ = A z + B (u - u0) */
     /* (errors, inputs): how the change of z in a period depends on u where the lagged inputs equal u */
     double *rest;
     double size[LG_POLICY_ERRORS]; /* of the errors: of starts, or of unforced motion */
@@ -25,8 +25,8 @@ typedef struct design {
 
 enum { SAMPLES = 128 };
 
-static double half_range(const design *d, uint32_t l) {
-    return 0.5 * (d->policy->task.input[l].high - d->policy->task.input[l].low);
+static double half_range(const lg_policy *p, uint32_t l) {
+    return 0.5 * (p->task.input[l].high - p->task.input[l].low);
 }
 
 /* ---- the equilibrium ---- */
@@ -34,7 +34,7 @@ static double half_range(const design *d, uint32_t l) {
 /* Computes A, B and `rest` at the goal, where the lagged inputs equal u. `change` becomes the change of z in
  * a period. */
 static lg_status linearise(const design *d, const double *u, double *change, lg_error *error) {
-    const lg_policy *p = d->policy;
+    const lg_policy *p = d->sliding != NULL ? d->sliding : d->policy;
     double z[LG_POLICY_ERRORS] = {0};
     const double *const in[2] = {z, u};
     for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
@@ -146,27 +146,26 @@ static lg_status find_equilibrium(design *d) {
 
 /* Of each error the largest of the starts; where these are all 0, the bound of success, or that of the
  * unforced motion. Of a lagged input half the range of the input. */
-static void find_sizes(design *d) {
-    const lg_policy *p = d->policy;
+void lg_policy_find_sizes(const lg_policy *p, double *sizes) {
     for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
         const lg_policy_coordinate *c = &p->task.coordinate[k];
         const lg_policy_motion_row *row = lg_policy_row_of(c);
         const double far = fmax(fabs(c->start[0]), fabs(c->start[1])),
                      fast = fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1]));
         const double size = far > 0                ? far
-                            : c->follows > 0       ? half_range(d, c->follows - 1)
+                            : c->follows > 0       ? half_range(p, c->follows - 1)
                             : isfinite(c->success) ? c->success
                                                    : 1.0,
                      rate = fast > 0                        ? fast
                             : isfinite(c->success_velocity) ? c->success_velocity
                                                             : size / (10.0 * p->task.period);
-        for (uint32_t i = 0; i < row->errors; i++) d->size[p->layout.at[k].error + i] = size;
+        for (uint32_t i = 0; i < row->errors; i++) sizes[p->layout.at[k].error + i] = size;
         /* An integral grows for a tenth of the horizon. */
         if (c->integrates > 0)
-            d->size[p->layout.at[k].error] =
-                0.1 * p->task.horizon * d->size[p->layout.at[c->integrates - 1].error];
+            sizes[p->layout.at[k].error] =
+                0.1 * p->task.horizon * sizes[p->layout.at[c->integrates - 1].error];
         for (uint32_t i = 0; c->velocity[0] != '\0' && i < row->rates; i++)
-            d->size[p->layout.at[k].rate + i] = rate;
+            sizes[p->layout.at[k].rate + i] = rate;
     }
 }
 
@@ -198,7 +197,8 @@ static void fill_weights(const design *d, const weights *w, double *Q, double *R
     for (uint32_t i = 0; w == NULL && i < d->n; i++) Q[i * (d->n + 1)] *= d->size[i] * d->size[i];
     for (uint32_t l = 0; l < d->m; l++)
         R[l * (d->m + 1)] =
-            w != NULL ? w->input : p->task.input[l].weight * half_range(d, l) * half_range(d, l);
+            w != NULL ? w->input
+                      : p->task.input[l].weight * half_range(d->policy, l) * half_range(d->policy, l);
 }
 
 /* The equation of scaled errors and inputs is solved, so that units do not matter; K and P are in the
@@ -216,14 +216,15 @@ static lg_status solve(const design *d, const weights *w, double *K, double *P, 
     if (A != NULL && work != NULL) {
         for (uint32_t i = 0; i < n; i++) {
             for (uint32_t j = 0; j < n; j++) A[i * n + j] = d->A[i * n + j] * d->size[j] / d->size[i];
-            for (uint32_t l = 0; l < m; l++) B[i * m + l] = d->B[i * m + l] * half_range(d, l) / d->size[i];
+            for (uint32_t l = 0; l < m; l++)
+                B[i * m + l] = d->B[i * m + l] * half_range(d->policy, l) / d->size[i];
         }
         fill_weights(d, w, Q, R);
         const lg_riccati equation = {sizeof equation, n, m, A, B, Q, R, NULL};
         status = lg_dare(&equation, P, K, NULL, &result, work, bytes, error);
     }
     for (uint32_t i = 0; i < n && status == LG_OK; i++) {
-        for (uint32_t l = 0; l < m; l++) K[l * n + i] *= half_range(d, l) / d->size[i];
+        for (uint32_t l = 0; l < m; l++) K[l * n + i] *= half_range(d->policy, l) / d->size[i];
         for (uint32_t j = 0; j < n; j++) P[i * n + j] /= d->size[i] * d->size[j];
     }
     *radius = 1.0 - result.margin;
@@ -509,7 +510,7 @@ static lg_status input_rates(const design *d, double *out) {
     for (uint32_t r = 0; r < rows; r++) {
         h[r] = step;
         for (uint32_t l = 0; l < d->m; l++)
-            u[r * d->m + l] = p->regulator.u0[l] + (r == l + 1 ? half_range(d, l) : 0.0);
+            u[r * d->m + l] = p->regulator.u0[l] + (r == l + 1 ? half_range(d->policy, l) : 0.0);
     }
     lg_status status = lg_policy_states(p, z, rows, x, d->error);
     if (status == LG_OK)
@@ -520,7 +521,7 @@ static lg_status input_rates(const design *d, double *out) {
                                  (double *const[]){after}, d->error);
     for (uint32_t i = 0; i < n && status == LG_OK; i++)
         for (uint32_t l = 0; l < d->m; l++)
-            out[i * d->m + l] = (after[(l + 1) * n + i] - after[i]) / (half_range(d, l) * step);
+            out[i * d->m + l] = (after[(l + 1) * n + i] - after[i]) / (half_range(d->policy, l) * step);
     lg_free(p->context, z);
     return status;
 }
@@ -570,11 +571,13 @@ static lg_status begin(design *d, lg_policy *p, uint64_t seed, lg_error *error) 
     d->held = lg_alloc(p->context, SAMPLES, sizeof *d->held);
     if (d->A == NULL || d->held == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a regulator");
     d->B = d->A + n * n, d->rest = d->B + n * m, d->z = d->rest + n * m, d->x = d->z + SAMPLES * n;
-    find_sizes(d);
+    lg_policy_find_sizes(p, d->size);
+    LG_TRY(lg_policy_make_soft(p, NULL, true, &d->sliding, error));
     return find_equilibrium(d);
 }
 
 static void end(design *d) {
+    lg_policy_destroy(d->sliding);
     lg_free(d->policy->context, d->A);
     lg_free(d->policy->context, d->held);
 }

@@ -275,8 +275,9 @@ static lg_status adam_phase(training *t, size_t points, uint64_t steps) {
     const uint64_t every = steps / LOOKS + 1;
     judged found;
     if (t->batch.policy == NULL)
-        LG_TRY(lg_policy_batch_create(t->policy, LG_F32, points, starts_of(t), t->options.threads, &t->batch,
-                                      t->error));
+        LG_TRY(
+            lg_policy_batch_create(t->phase == RACE && t->policy->warm != NULL ? t->policy->warm : t->policy,
+                                   LG_F32, points, starts_of(t), t->options.threads, &t->batch, t->error));
     double done;
     t->batch.bound = 5.0 * t->policy->terminal;
     t->batch.points = t->phase == RACE ? t->racers : 1;

@@ -1,0 +1,181 @@
+/* lg-control train: what happens if the plant's numbers are not what the controller was trained with. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-control/control_app.h"
+
+/* A number of the machine: known values that change together, or an identified one, a function of theta. */
+typedef struct number {
+    char name[LG_IDENTIFIED_NAME];
+    double *at; /* NULL: identified */
+    uint32_t count;
+    size_t identified;
+    bool lag, width;
+} number;
+
+typedef struct table {
+    const app *self;
+    control_machine *machine;
+    number *rows;
+    size_t count, identified;
+} table;
+
+static number *add(table *t, const char *name) {
+    number *row = &t->rows[t->count++];
+    *row = (number){.count = 1};
+    (void)snprintf(row->name, sizeof row->name, "%s", name);
+    row->lag = strncmp(name, "lag", 3) == 0 || strncmp(name, "second_order_lag", 16) == 0;
+    return row;
+}
+
+static bool is_unknown(const lg_machine_term *term, uint32_t index) {
+    for (uint32_t k = 0; k < term->entry_count; k++)
+        if (term->entries[k].index == index) return true;
+    return false;
+}
+
+/* The known values of a term; a matrix of the velocities with numbers off its diagonal changes as a whole. */
+static void add_term(table *t, lg_machine_term *term) {
+    const uint32_t n = t->machine->machine.velocities, count = term->value_count;
+    const char *kind = lg_term_kind_name(term->kind);
+    APP_FREE char *part = strcmp(kind, "known") == 0 ? app_format("%s", lg_machine_part_name(term->part))
+                                                     : app_format("%s", kind);
+    bool whole = count == n * n && n > 1;
+    for (uint32_t k = 0; whole && k < count; k++) whole = !is_unknown(term, k);
+    for (uint32_t k = 0; k < count && !(whole && k > 0); k++) {
+        if (!whole && (term->values[k] == 0 || is_unknown(term, k))) continue;
+        APP_FREE char *name = whole || count == 1 ? app_format("%s", part) : app_format("%s.%u", part, k + 1);
+        number *row = add(t, name);
+        row->at = &term->values[k], row->count = whole ? count : 1;
+    }
+    if (!((lg_term_kind_options(term->kind) & LG_TERM_WIDTH) != 0 && term->width > 0)) return;
+    APP_FREE char *name = app_format("width of %s", part);
+    number *row = add(t, name);
+    row->at = &term->width, row->width = true;
+}
+
+static void list_numbers(table *t) {
+    lg_machine *machine = &t->machine->machine;
+    const double *theta = t->machine->model.theta;
+    uint32_t at = 0;
+    t->identified = theta != NULL ? lg_machine_numbers(machine, theta, 0, NULL) : 0;
+    t->rows = app_alloc(LG_MACHINE_PARAMETERS + LG_MACHINE_TERMS * (LG_MACHINE_VALUES + 1) + t->identified,
+                        sizeof *t->rows);
+    const lg_parameter_entry *entry =
+        machine->grey.system != NULL ? lg_grey_system_parameters(machine->grey.system) : NULL;
+    for (; entry != NULL && entry->key != NULL; entry++) {
+        const uint32_t count = entry->count > 0 ? (uint32_t)entry->count : machine->coordinate_count;
+        for (uint32_t k = 0; k < count && at < machine->grey.count; k++, at++) {
+            if (machine->grey.unknown[at] || machine->grey.start[at] == 0) continue;
+            APP_FREE char *name =
+                count == 1 ? app_format("%s", entry->key) : app_format("%s.%u", entry->key, k + 1);
+            add(t, name)->at = &machine->grey.start[at];
+        }
+    }
+    for (uint32_t i = 0; i < machine->term_count; i++) add_term(t, &machine->terms[i]);
+    APP_FREE lg_identified *found = app_alloc(t->identified + 1, sizeof *found);
+    if (t->identified > 0) (void)lg_machine_numbers(machine, theta, t->identified, found);
+    for (size_t k = 0; k < t->identified; k++)
+        if (found[k].value != 0 && isfinite(found[k].value)) add(t, found[k].name)->identified = k;
+}
+
+/* ---- changes ---- */
+
+static double value_of(const table *t, size_t index) {
+    APP_FREE lg_identified *found = app_alloc(t->identified, sizeof *found);
+    (void)lg_machine_numbers(&t->machine->machine, t->machine->model.theta, t->identified, found);
+    return found[index].value;
+}
+
+/* Changes the entry of theta that the number depends on most, by the secant method. */
+static bool change_identified(const table *t, size_t index, double factor) {
+    static const double step = 1e-4;
+    const lg_machine *machine = &t->machine->machine;
+    double *theta = t->machine->model.theta, most = 0, was = value_of(t, index), now = was;
+    size_t best = 0;
+    const double wanted = factor * was;
+    for (size_t i = machine->weights; i < machine->parameters; i++) {
+        theta[i] += step;
+        const double slope = fabs(value_of(t, index) - was);
+        theta[i] -= step;
+        if (slope > most) most = slope, best = i;
+    }
+    double by = step;
+    for (int k = 0; k < 50 && most > 0 && fabs(now - wanted) > 1e-9 * fabs(wanted); k++) {
+        theta[best] += by;
+        now = value_of(t, index);
+        if (now == was || !isfinite(now)) return false;
+        by *= (wanted - now) / (now - was);
+        was = now;
+    }
+    return fabs(now - wanted) <= 1e-6 * fabs(wanted);
+}
+
+/* The success on the plant as it is now; NaN: it could not be simulated. */
+static double success_of(const table *t, const lg_policy *policy, uint64_t starts) {
+    const app *self = t->self;
+    const control_machine *m = t->machine;
+    lg_policy *other = NULL;
+    lg_policy_outcome outcome;
+    lg_program *plant = NULL;
+    const bool lagged = control_count_lagged(lg_policy_task_of(policy), false) > 0;
+    lg_status status = (lagged ? lg_machine_plant : lg_machine_program)(
+        self->context, &m->machine, m->model.theta, m->scheme, &plant, NULL);
+    if (status == LG_OK) status = lg_policy_transplant(policy, plant, &other, NULL);
+    if (status == LG_OK)
+        status = lg_policy_evaluate(other, LG_POLICY_NOMINAL, starts, self->seed, (int)self->threads,
+                                    &outcome, NULL, NULL);
+    lg_policy_destroy(other);
+    return status == LG_OK ? (double)outcome.succeeded / (double)outcome.starts : NAN;
+}
+
+static double changed_success(const table *t, const number *row, double factor, const lg_policy *policy,
+                              uint64_t starts) {
+    control_machine *m = t->machine;
+    const size_t n = m->model.parameters;
+    APP_FREE lg_machine *machine = app_alloc(1, sizeof *machine);
+    APP_FREE double *theta = app_alloc(n + 1, sizeof *theta);
+    *machine = m->machine;
+    if (n > 0) memcpy(theta, m->model.theta, n * sizeof *theta);
+    for (uint32_t k = 0; row->at != NULL && k < row->count; k++) row->at[k] *= factor;
+    const bool good = row->at != NULL || change_identified(t, row->identified, factor);
+    const double success = good ? success_of(t, policy, starts) : NAN;
+    m->machine = *machine;
+    if (n > 0) memcpy(m->model.theta, theta, n * sizeof *theta);
+    return success;
+}
+
+static void put_row(const table *t, const number *row, const lg_policy *policy, uint64_t starts,
+                    app_json *out) {
+    static const double usual[] = {0.8, 0.9, 1.1, 1.2, 4.0 / 3, 5.0 / 3}, tenth[] = {0.1};
+    const double *factors = row->width ? tenth : usual;
+    const size_t count = row->width ? LG_COUNT(tenth) : LG_COUNT(usual) - (row->lag ? 0 : 2);
+    for (size_t k = 0; k < count; k++) {
+        const double success = changed_success(t, row, factors[k], policy, starts);
+        app_json_open(out, NULL, '{');
+        app_json_text(out, "name", row->name);
+        app_json_real(out, "factor", factors[k]);
+        app_json_real(out, "success", success);
+        app_json_close(out, '}');
+        if (row->width && success < 0.9)
+            app_warn(
+                t->self,
+                "with a tenth of the %s only %.3g %% of the starts succeed: wide friction hides sticking; "
+                "give the machine's own width",
+                row->name, 100 * success);
+    }
+}
+
+void control_tell_robustness(const app *self, const lg_policy *policy, control_machine *machine,
+                             uint64_t starts, app_json *out) {
+    table t = {.self = self, .machine = machine};
+    if (starts > 0 && machine->scheme != NULL) list_numbers(&t);
+    if (t.count > 0)
+        app_result_line(out, "from %llu starts, if a number of the plant is off by a factor:",
+                        (unsigned long long)starts);
+    app_result_rows(out, "robustness");
+    for (size_t i = 0; i < t.count; i++) put_row(&t, &t.rows[i], policy, starts, out);
+    app_result_rows_end(out);
+    free(t.rows);
+}
