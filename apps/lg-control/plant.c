@@ -122,6 +122,22 @@ static void check_known(const app *self, const char *path, const lg_machine *mac
                  path);
 }
 
+static bool has_width(const lg_machine_term *term) {
+    return (lg_term_kind_options(term->kind) & LG_TERM_WIDTH) != 0;
+}
+
+/* Dry friction sticks, whatever its width in the file, where steps can do that (lines and angles). */
+static void stick(const app *self, control_machine *m) {
+    APP_FREE lg_machine *kept = app_alloc(1, sizeof *kept);
+    *kept = m->machine;
+    for (uint32_t i = 0; i < m->machine.term_count; i++) {
+        m->width[i] = m->machine.terms[i].width;
+        if (has_width(&m->machine.terms[i])) m->machine.terms[i].width = 0;
+    }
+    APP_MUST(self, lg_machine_init(&m->machine, &error));
+    if (m->machine.sticks == 0) m->machine = *kept;
+}
+
 bool control_open_machine(const app *self, const char *path, control_machine *out) {
     *out = (control_machine){.model = {.theta = NULL}};
     if (is_hdf5(self, path) && !is_model(self, path)) return false;
@@ -133,6 +149,7 @@ bool control_open_machine(const app *self, const char *path, control_machine *ou
             lg_machine_file_parse(self->context, path, run->text, strlen(run->text), &out->file, &error));
         out->machine = run->machine, out->scheme = scheme_of(run->scheme), out->row = run->dt;
         memcpy(out->delay, run->delay, sizeof out->delay);
+        stick(self, out);
         return true;
     }
     APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &out->file, &error));
@@ -146,6 +163,7 @@ bool control_open_machine(const app *self, const char *path, control_machine *ou
                      "lg-identify and name the model",
                      path, out->machine.inputs[l]);
     }
+    stick(self, out);
     return true;
 }
 
@@ -158,27 +176,24 @@ lg_program *control_machine_plant(const app *self, const control_machine *m, boo
 
 /* Widths of friction are at least `speed`, or so large that none is left. */
 static lg_status soften(void *user, const double *speed, lg_program **out, lg_error *error) {
-    control_machine *m = user;
-    APP_FREE lg_machine *kept = app_alloc(1, sizeof *kept);
-    lg_machine *machine = &m->machine;
+    const control_machine *m = user;
+    APP_FREE lg_machine *soft = app_alloc(1, sizeof *soft);
     bool any = false;
-    *kept = *machine;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        lg_machine_term *term = &machine->terms[i];
-        if ((lg_term_kind_options(term->kind) & LG_TERM_WIDTH) == 0) continue;
-        double least = INFINITY, own = 0;
-        for (uint32_t k = 0; k < machine->velocities; k++) {
-            own = fmax(own, lg_machine_width(machine, term, k));
+    *soft = m->machine;
+    *out = NULL;
+    for (uint32_t i = 0; i < soft->term_count; i++) {
+        if (!has_width(&soft->terms[i])) continue;
+        double own = m->width[i], least = INFINITY;
+        for (uint32_t k = 0; k < soft->velocities; k++) {
+            own = fmax(own, lg_machine_width(soft, &soft->terms[i], k));
             least = fmin(least, speed != NULL ? speed[k] : INFINITY);
         }
-        term->width = speed != NULL ? fmax(own, least) : 1e9 * own;
+        soft->terms[i].width = speed != NULL ? fmax(own, least) : 1e9 * own;
         any = true;
     }
-    *out = NULL;
-    const lg_status status =
-        any ? lg_machine_plant(m->self->context, machine, m->model.theta, m->scheme, out, error) : LG_OK;
-    *machine = *kept;
-    return status;
+    if (!any) return LG_OK;
+    LG_TRY(lg_machine_init(soft, error));
+    return lg_machine_plant(m->self->context, soft, m->model.theta, m->scheme, out, error);
 }
 
 bool control_soften(const app *self, const char *path, control_machine *keep, lg_policy_task *task) {
@@ -235,28 +250,28 @@ static void draw_theta(const lg_machine_model_file *model, double spread, const 
 
 void control_draw_plants(const app *self, const char *path, double spread, size_t draws, const char *why,
                          lg_program **out) {
-    APP_CLEAN(lg_machine_model_file_destroy) lg_machine_model_file model = {.theta = NULL};
+    APP_CLEAN(control_machine_destroy) control_machine m;
     lg_rng rng;
     if (!is_model(self, path))
         app_stop(self, LG_FORMAT,
                  "%s: %s needs a model of lg-identify, whose covariance tells what else the machine may be",
                  path, why);
-    APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &model, &error));
-    if (model.spread == NULL && !(spread > 0))
+    (void)control_open_machine(self, path, &m);
+    const lg_machine_model_file *const model = &m.model;
+    if (model->spread == NULL && !(spread > 0))
         app_stop(self, LG_FORMAT, "%s: the model has no covariance of its numbers; give %s", path,
                  "robust.spread, or a number for --model-error");
-    const lg_machine *machine = &model.run.machine;
-    const size_t count = lg_machine_numbers(machine, model.theta, 0, NULL);
+    const lg_machine *machine = &m.machine;
+    const size_t count = lg_machine_numbers(machine, model->theta, 0, NULL);
     APP_FREE lg_identified *numbers = app_alloc(2 * count + 1, sizeof *numbers);
-    APP_FREE double *theta = app_alloc(2 * model.parameters, sizeof *theta);
-    double *slope = theta + model.parameters;
-    for (size_t i = machine->weights; i < model.parameters; i++)
-        slope[i] = slope_of(machine, model.theta, i, count, numbers);
+    APP_FREE double *theta = app_alloc(2 * model->parameters, sizeof *theta);
+    double *slope = theta + model->parameters;
+    for (size_t i = machine->weights; i < model->parameters; i++)
+        slope[i] = slope_of(machine, model->theta, i, count, numbers);
     lg_rng_seed(&rng, self->seed, 1);
     for (size_t k = 0; k < draws; k++) {
-        draw_theta(&model, spread, slope, &rng, theta);
-        APP_MUST(self, lg_machine_plant(self->context, machine, theta, scheme_of(model.run.scheme), &out[k],
-                                        &error));
+        draw_theta(model, spread, slope, &rng, theta);
+        APP_MUST(self, lg_machine_plant(self->context, machine, theta, m.scheme, &out[k], &error));
     }
 }
 

@@ -11,7 +11,7 @@ typedef struct number {
     double *at; /* NULL: identified */
     uint32_t count;
     size_t identified;
-    bool lag, width;
+    bool lag;
 } number;
 
 typedef struct table {
@@ -49,10 +49,6 @@ static void add_term(table *t, lg_machine_term *term) {
         number *row = add(t, name);
         row->at = &term->values[k], row->count = whole ? count : 1;
     }
-    if (!((lg_term_kind_options(term->kind) & LG_TERM_WIDTH) != 0 && term->width > 0)) return;
-    APP_FREE char *name = app_format("width of %s", part);
-    number *row = add(t, name);
-    row->at = &term->width, row->width = true;
 }
 
 static void list_numbers(table *t) {
@@ -148,22 +144,15 @@ static double changed_success(const table *t, const number *row, double factor, 
 
 static void put_row(const table *t, const number *row, const lg_policy *policy, uint64_t starts,
                     app_json *out) {
-    static const double usual[] = {0.8, 0.9, 1.1, 1.2, 4.0 / 3, 5.0 / 3}, tenth[] = {0.1};
-    const double *factors = row->width ? tenth : usual;
-    const size_t count = row->width ? LG_COUNT(tenth) : LG_COUNT(usual) - (row->lag ? 0 : 2);
+    static const double usual[] = {0.8, 0.9, 1.1, 1.2, 4.0 / 3, 5.0 / 3}; /* the last two of lags */
+    const size_t count = LG_COUNT(usual) - (row->lag ? 0 : 2);
     for (size_t k = 0; k < count; k++) {
-        const double success = changed_success(t, row, factors[k], policy, starts);
+        const double success = changed_success(t, row, usual[k], policy, starts);
         app_json_open(out, NULL, '{');
         app_json_text(out, "name", row->name);
-        app_json_real(out, "factor", factors[k]);
+        app_json_real(out, "factor", usual[k]);
         app_json_real(out, "success", success);
         app_json_close(out, '}');
-        if (row->width && success < 0.9)
-            app_warn(
-                t->self,
-                "with a tenth of the %s only %.3g %% of the starts succeed: wide friction hides sticking; "
-                "give the machine's own width",
-                row->name, 100 * success);
     }
 }
 
