@@ -388,7 +388,7 @@ typedef struct lg_surrogate_preset {
     bool boundary;
     bool merged;                /* the data have curves of both families */
     double fraction;            /* part of the data that is used for training */
-    const char *source;         /* where the settings are from: "table 5.3", ..., or "ours" */
+    const char *source;         /* where the settings are from, and how they differ from the text; "ours" */
     lg_surrogate_options model; /* model.modes is an upper limit, for lg_surrogate_count_modes */
     lg_fit_settings training;
     uint64_t most_curves; /* largest number of curves to learn from; 0: the whole training part */

@@ -52,7 +52,7 @@
  * shard. */
 #define DISCRETE(name, merged, fraction, source, layers, hidden, act, normalise, mirror, gamma, ...)         \
     {                                                                                                        \
-        name, LG_SURROGATE_DISCRETE, false, merged, fraction, source,                                        \
+        name, LG_SURROGATE_DISCRETE, false, merged, fraction, source "; penalty of the published program",   \
             MODEL(LG_SURROGATE_DISCRETE, LG_NET_MLP, 0, layers, hidden, act, normalise, mirror, false,       \
                   false, 0, LG_SURROGATE_MSE, gamma),                                                        \
             TRAINING(__VA_ARGS__), 0                                                                         \
@@ -61,7 +61,8 @@
 #define CONTINUOUS(name, merged, fraction, source, kind, layers, hidden, act, normalise, mirror, between,    \
                    gamma, ...)                                                                               \
     {                                                                                                        \
-        name, LG_SURROGATE_CONTINUOUS, false, merged, fraction, source,                                      \
+        name, LG_SURROGATE_CONTINUOUS, false, merged, fraction,                                              \
+            source "; network and gamma of the published program, not of the text",                          \
             MODEL(LG_SURROGATE_CONTINUOUS, LG_NET_##kind, hidden, layers, hidden, act, normalise, mirror,    \
                   false, between, 0, LG_SURROGATE_MSE, gamma),                                               \
             TRAINING(__VA_ARGS__), 0                                                                         \
@@ -69,7 +70,8 @@
 /* The same kind of network, of the end angles and s. A batch of 20 curves has about 1000 points. */
 #define ANGLE(name, boundary, merged, fraction, source, kind, layers, hidden, act, mirror, ...)              \
     {                                                                                                        \
-        name, LG_SURROGATE_ANGLE, boundary, merged, fraction, source,                                        \
+        name, LG_SURROGATE_ANGLE, boundary, merged, fraction,                                                \
+            source "; network of the published program, not of the text",                                    \
             MODEL(LG_SURROGATE_ANGLE, LG_NET_##kind, hidden, layers, hidden, act, false, mirror, boundary,   \
                   false, 0, LG_SURROGATE_MSE, 0.0),                                                          \
             TRAINING(__VA_ARGS__), 0                                                                         \

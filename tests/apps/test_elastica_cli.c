@@ -241,10 +241,12 @@ TEST("a network is trained, and evaluate prints the same errors of the parts as 
 TEST("--preset takes the published settings for the data and the network, except for options that are "
      "given") {
     static const char *const rows[][2] = {
-        {"train data.h5 --preset thesis", "hidden 879, layers 4, source \"table 5.3\", preset \"thesis\""},
+        {"train data.h5 --preset thesis",
+         "hidden 879, layers 4, source \"table 5.3; penalty of the published program\", preset \"thesis\""},
         {"train data.h5 --preset thesis --hidden 5 --layers 2 --activation swish",
          "hidden 5, activation \"swish\""},
-        {"train both.h5 --preset thesis --hidden 4", "source \"table 5.5\", activation \"leaky-relu\""},
+        {"train both.h5 --preset thesis --hidden 4",
+         "source \"table 5.5; penalty of the published program\", activation \"leaky-relu\""},
         {"train both.h5 --hidden 4", "preset \"best\""},
         {"train right.h5 --hidden 4", "preset \"best\""},
         {"train data.h5 --most-curves 1 --modes 0 --hidden 4", "learned_curves 1"},
