@@ -3,14 +3,12 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "core/rounding.h"
 #include "datasets/series_files.h"
 
 /* Rounding error of a channel, relative to its standard deviation, above which there is a warning or a
  * failure. */
 static const double worth_a_warning = 0.01, lost = 0.5;
-/* A standard deviation below this fraction of the largest value is rounding error of the doubles
- * themselves. */
-static const double constant = 1e-13;
 /* Halfway between the largest float and 2^128. Numbers from here on round to infinity. */
 static const double beyond = 0x1.ffffffp127;
 
@@ -84,7 +82,7 @@ static double part_lost(const channel_sums *sums, double n) {
     if (!(scale > 0) || sums->errors.scale == 0) return 0;
     const double mean = sums->deviation / n / scale, variance = sums->deviations.sum / n - mean * mean;
     const double deviation = sqrt(fmax(variance, 0));
-    if (!(deviation > 0) || deviation * (scale / sums->largest) < constant) return 0;
+    if (!(deviation > 0) || lg_is_rounding(deviation * scale, sums->largest)) return 0;
     return sums->errors.scale / scale * sqrt(sums->errors.sum / n) / deviation;
 }
 

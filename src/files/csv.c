@@ -323,10 +323,9 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, b
     if (status == LG_UNSUPPORTED)
         return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: %s is beyond 2^53 and " LG_ROUNDED,
                        c->shown, c->number, column, show);
-    return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: '%s' is not a %snumber; %s", c->shown,
-                   c->number, column, lg_tamed(show), status == LG_NOT_FINITE ? "finite " : "",
-                   strchr(cell, ',') != NULL ? "write decimals with a point"
-                                             : "leave cells without a value empty");
+    return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: '%s' is not a %snumber%s", c->shown, c->number,
+                   column, lg_tamed(show), status == LG_NOT_FINITE ? "finite " : "",
+                   strchr(cell, ',') != NULL ? "; write decimals with a point" : LG_CSV_EMPTY);
 }
 
 /* ---- the file ---- */

@@ -55,6 +55,8 @@ lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error);
  * double equals is LG_FORMAT unless it `may_round`. `column` is named in error messages. */
 lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, bool may_round, double *out,
                         lg_error *error);
+#define LG_CSV_EMPTY                                                                                         \
+    "; leave cells without a value empty" /* ends messages about text in a column of numbers */
 bool lg_csv_missing(const char *cell);
 /* Fails with the message "FILE: line N: `what`". */
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what);

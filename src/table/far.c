@@ -36,8 +36,33 @@ bool lg_table_is_far(const lg_table_far *far, double x) {
     return half_distance(x, far->median) > far->limit;
 }
 
-/* Cells beyond the limit count as far only if they have more than half of the sum of squared distances. */
-static void count_far(const double *values, size_t stride, size_t rows, lg_table_far *far) {
+/* Raises the limit such that few cells are beyond it, unless these are a code such as -9999: most of them
+ * equal, and at most a tenth of the cells. Returns the part of the sum of squares that far cells must have. x
+ * (rows): work space. */
+static double raise_limit(const double *values, size_t stride, size_t rows, double *x, lg_table_far *far) {
+    enum { PERCENT = 100, LEAST = 2, MOST = 5, PER_MILLE = 1000, CODE = 10 };
+    static const double USUAL = 0.5, RAISED = 0.8;
+    const size_t percent = rows / PERCENT, per_mille = rows / PER_MILLE;
+    const size_t few = per_mille > MOST  ? per_mille
+                       : percent > MOST  ? MOST
+                       : percent > LEAST ? percent
+                                         : LEAST;
+    size_t beyond = 0, equal = 0;
+    for (size_t i = 0; i < rows; i++)
+        if (lg_table_is_far(far, values[i * stride])) x[beyond++] = values[i * stride];
+    far->single = beyond <= few;
+    if (far->single) return USUAL;
+    const double code = element_of(x, beyond, beyond / 2);
+    for (size_t i = 0; i < beyond; i++) equal += x[i] == code;
+    if (2 * equal > beyond && beyond <= rows / CODE) return USUAL;
+    for (size_t i = 0; i < rows; i++) x[i] = half_distance(values[i * stride], far->median);
+    far->limit = element_of(x, rows, rows - 1 - few);
+    return RAISED;
+}
+
+/* Cells beyond the limit count as far only if they have more than this part of the sum of squared distances. */
+static void count_far(const double *values, size_t stride, size_t rows, double part_of_all,
+                      lg_table_far *far) {
     double largest = 0.0, all = 0.0, beyond = 0.0;
     for (size_t i = 0; i < rows; i++) {
         const double distance = half_distance(values[i * stride], far->median);
@@ -50,7 +75,7 @@ static void count_far(const double *values, size_t stride, size_t rows, lg_table
         beyond += part * part;
         far->count++;
     }
-    if (beyond > 0.5 * all) return;
+    if (beyond > part_of_all * all) return;
     far->count = 0;
     far->limit = INFINITY;
 }
@@ -70,7 +95,7 @@ lg_status lg_table_find_far(const lg_context *context, const double *values, siz
         if (distance > 0.0) x[moved++] = distance;
     }
     if (moved > 0) made.limit = TIMES * element_of(x, moved, moved / 2);
-    count_far(values, stride, rows, &made);
+    count_far(values, stride, rows, raise_limit(values, stride, rows, x, &made), &made);
     lg_free(context, x);
     *out = made;
     return LG_OK;

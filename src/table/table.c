@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "core/rounding.h"
 #include "table/internal.h"
 
 static const char *const task_names[LG_TABLE_TASK_COUNT] = {"regression", "classification"};
@@ -77,28 +78,30 @@ void lg_table_initialise(const lg_table *model, lg_rng *rng, double *theta) {
 
 /* ---- scaling ---- */
 
-/* A deviation below this part of the largest absolute value is the rounding error of a constant column. */
-static const double CONSTANT = 1e-13;
-
-/* Mean and deviation in two passes, in units of the largest absolute value, because squares may overflow. */
+/* Mean and deviation in two passes, about the first value, so that a large offset costs no digits, and in
+ * units of half the range, because squares may overflow. */
 static lg_status fit_column(const double *values, uint32_t columns, const uint32_t *chosen, size_t count,
                             double *mean, double *scale) {
-    double largest = 0, sum = 0, squares = 0;
+    const double first = values[(chosen != NULL ? chosen[0] : 0) * columns];
+    double low = first, high = first, sum = 0, squares = 0;
     for (size_t i = 0; i < count; i++) {
         const double value = values[(chosen != NULL ? chosen[i] : i) * columns];
         if (!isfinite(value)) return LG_NOT_FINITE;
-        largest = fmax(largest, fabs(value));
+        low = fmin(low, value);
+        high = fmax(high, value);
     }
-    const double unit = largest > 0 ? largest : 1.0;
-    for (size_t i = 0; i < count; i++) sum += values[(chosen != NULL ? chosen[i] : i) * columns] / unit;
+    const double unit = 0.5 * high - 0.5 * low, size = fmax(fabs(low), fabs(high));
+    for (size_t i = 0; i < count && unit > 0; i++)
+        sum += (0.5 * values[(chosen != NULL ? chosen[i] : i) * columns] - 0.5 * first) / unit;
     sum /= (double)count;
-    for (size_t i = 0; i < count; i++) {
-        const double off = values[(chosen != NULL ? chosen[i] : i) * columns] / unit - sum;
+    for (size_t i = 0; i < count && unit > 0; i++) {
+        const double off =
+            (0.5 * values[(chosen != NULL ? chosen[i] : i) * columns] - 0.5 * first) / unit - sum;
         squares += off * off;
     }
-    const double deviation = sqrt(squares / (double)count);
-    *mean = sum * unit;
-    *scale = deviation > CONSTANT && deviation * unit >= DBL_MIN ? deviation * unit : 1.0;
+    const double deviation = 2.0 * (sqrt(squares / (double)count) * unit);
+    *mean = 2.0 * (0.5 * first + sum * unit);
+    *scale = !lg_is_rounding(unit, 0.5 * size) && deviation >= DBL_MIN ? deviation : 1.0;
     return LG_OK;
 }
 

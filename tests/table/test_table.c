@@ -164,6 +164,36 @@ static double codes_cell(lg_rng *rng, size_t row) {
     return row % 10 == MARKED % 10 ? -9999.0 - (row == MARKED) : lg_rng_normal(rng);
 }
 
+static double heavy_cell(lg_rng *rng,
+                         size_t row) { /* Cauchy: the farthest cells, not the 2 % beyond the limit */
+    return tan(3.14159265358979 * (lg_rng_uniform(rng) - 0.5));
+}
+/* A quiet sensor that an event moves in a part of the rows, to one place or in all directions. */
+#define MODE(name, part, low, moved)                                                                         \
+    static double name(lg_rng *rng, size_t row) {                                                            \
+        const double n = lg_rng_normal(rng);                                                                 \
+        return row % 1000 < (part)*1000 ? (moved) : (low) + 3e-4 * n;                                        \
+    }
+MODE(half_cell, 0.5, 0.03, 1.0 + 1e-2 * n)
+MODE(event_cell, 0.3, 0.03, 0.5 * n)
+MODE(tenth_cell, 0.1, 0.03, 1.0 + 1e-2 * n)
+MODE(rare_event_cell, 0.03, 0.03, 0.5 * n)
+MODE(rare_mode_cell, 0.02, 0.03, 1.0 + 1e-2 * n)
+MODE(percent_cell, 0.01, 0.03, 1.0 + 1e-2 * n)
+MODE(level_cell, 0.3, 0.03, 1.0)
+static double inflated_cell(lg_rng *rng, size_t row) {
+    return row % 10 != 0 ? 0.0 : exp(1.5 * lg_rng_normal(rng));
+}
+static double one_hot_cell(lg_rng *rng, size_t row) {
+    return row % 33 == 0;
+}
+static double whole_cell(lg_rng *rng, size_t row) {
+    return (double)(row % 7 * (row % 7));
+}
+static double few_codes_cell(lg_rng *rng, size_t row) {
+    return row % 250 == MARKED ? -9999.0 - (row == MARKED) : lg_rng_normal(rng);
+}
+
 static const column columns[] = {{"normal", normal_cell, 0},
                                  {"lognormal", skew_cell, 0},
                                  {"one 1 among zeros", rare_cell, 0},
@@ -171,7 +201,18 @@ static const column columns[] = {{"normal", normal_cell, 0},
                                  {"two values", pair_cell, 0},
                                  {"one far", one_far_cell, 1},
                                  {"one that is seven deviations of all", hidden_cell, 1},
-                                 {"codes of missing cells", codes_cell, 100}};
+                                 {"codes of missing cells", codes_cell, 100},
+                                 {"four codes", few_codes_cell, 4},
+                                 {"two modes", half_cell, 0},
+                                 {"30 % moved", event_cell, 0},
+                                 {"10 % at another place", tenth_cell, 0},
+                                 {"3 % moved", rare_event_cell, 0},
+                                 {"2 % at another place", rare_mode_cell, 0},
+                                 {"1 % at another place", percent_cell, 0},
+                                 {"30 % at one value", level_cell, 0},
+                                 {"90 % zeros", inflated_cell, 0},
+                                 {"one in 33", one_hot_cell, 0},
+                                 {"squares", whole_cell, 0}};
 
 TEST("cells far from all others are found in any units, and merely unusual columns have none") {
     static const double units[] = {1.0, -1.0, 1e-9, 1e9, 1e-300, 1e300};
@@ -191,6 +232,17 @@ TEST("cells far from all others are found in any units, and merely unusual colum
             }
             if (far.count > 0) assert_int_equal(far.farthest, MARKED);
         }
+}
+
+TEST("of heavy tails only few cells are far, and scaling without them keeps the others apart") {
+    double x[CELLS];
+    lg_table_far far;
+    for (uint64_t seed = 0; seed < 9; seed++) {
+        lg_rng rng = test_rng(13, seed);
+        for (size_t i = 0; i < CELLS; i++) x[i] = heavy_cell(&rng, i);
+        assert_ok(lg_table_find_far(NULL, x, 1, CELLS, &far));
+        assert_true(far.count <= 5 && !far.single);
+    }
 }
 
 TEST("the median used for far cells agrees with a sorted column, and the largest numbers do not overflow") {
@@ -230,6 +282,26 @@ TEST("the work of a model grows linearly with its inputs, not quadratically") {
     assert_ok(test_table_model(NULL, &model, &in, &out, parameters(&model, &rng), &handle, NULL));
     assert_true(lg_model_work_size(handle) < (size_t)100 * INPUTS * sizeof(double));
     lg_model_destroy(handle);
+}
+
+TEST("a column is scaled by its deviation unless its numbers are equal up to rounding, at any offset") {
+    enum { N = 1000 };
+    static const double spreads[] = {1.0, 1e-5, 1e-9, 1e-12, 1e-13}, offsets[] = {0, 1, -3e5, 1e8, 1e300};
+    double x[N];
+    for (size_t k = 0; k < LG_COUNT(spreads) * LG_COUNT(offsets); k++) {
+        const double offset = offsets[k / LG_COUNT(spreads)],
+                     spread = spreads[k % LG_COUNT(spreads)] * (offset == 0 ? 1.0 : fabs(offset));
+        lg_scaler s;
+        for (size_t i = 0; i < N; i++) x[i] = offset + spread * (i % 2 == 0 ? 1.0 : -1.0);
+        assert_ok(lg_table_scaler_fit(NULL, x, 1, NULL, N, &s));
+        assert_close(s.mean[0], offset, 1e-15, 1e-16 * spread);
+        assert_close(s.scale[0], spread, 1e-2, 0);
+        lg_scaler_destroy(&s);
+        for (size_t i = 0; i < N; i++) x[i] = i % 2 == 0 ? offset : nextafter(offset, INFINITY);
+        assert_ok(lg_table_scaler_fit(NULL, x, 1, NULL, N, &s));
+        assert_close(s.scale[0], 1.0, 0, 0);
+        lg_scaler_destroy(&s);
+    }
 }
 
 TEST("a scaler is fit in two passes, so that offsets, constants and large numbers are harmless") {

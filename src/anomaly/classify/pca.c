@@ -6,6 +6,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/rounding.h"
 #include "kernels/lapack.h"
 
 /* ---- eigenvectors ---- */
@@ -63,20 +64,22 @@ lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, siz
 
 /* ---- standardisation ---- */
 
-/* Computes mean and scale of each column. A column that is constant up to rounding gets scale 1. */
+/* Computes mean and scale of each column, about its first value, so that a large offset costs no digits. A
+ * column that is constant up to rounding gets scale 1. */
 static lg_status measure(const double *x, size_t n, uint32_t d, lg_pca *p) {
     const double weight = 1.0 / (double)n;
     for (size_t i = 0; i < n; i++)
-        for (uint32_t j = 0; j < d; j++) p->mean[j] += weight * x[i * d + j];
+        for (uint32_t j = 0; j < d; j++) p->mean[j] += weight * (x[i * d + j] - x[j]);
+    for (uint32_t j = 0; j < d; j++) p->mean[j] += x[j];
     for (size_t i = 0; i < n; i++) /* second pass: p->scale first holds the variance */
         for (uint32_t j = 0; j < d; j++) {
             const double z = x[i * d + j] - p->mean[j];
             p->scale[j] += weight * z * z;
         }
     for (uint32_t j = 0; j < d; j++) {
-        const double rounding = (double)n * 0x1p-52 * p->mean[j];
         if (!isfinite(p->scale[j]) || !isfinite(p->mean[j])) return LG_NOT_FINITE;
-        p->scale[j] = p->scale[j] > rounding * rounding ? sqrt(p->scale[j]) : 1.0;
+        const double deviation = sqrt(p->scale[j]);
+        p->scale[j] = lg_is_rounding(deviation, p->mean[j]) ? 1.0 : deviation;
     }
     return LG_OK;
 }

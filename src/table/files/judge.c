@@ -47,7 +47,9 @@ static void sum_columns(const lg_table_file *file, lg_table_judgement *j) {
     for (uint32_t o = 0; o < outputs; o++) {
         const double *truth = j->truth + o, scale = file->outputs.scale[o];
         double mean = 0;
-        for (size_t i = 0; i < j->rows; i++) mean += truth[i * outputs] / (double)j->rows;
+        for (size_t i = 0; i < j->rows; i++)
+            mean += (0.5 * truth[i * outputs] - 0.5 * truth[0]) / (double)j->rows;
+        mean = 2.0 * (mean + 0.5 * truth[0]);
         const double spread = distance(truth, outputs, &mean, 0, j->rows);
         j->rmse[o] = distance(truth, outputs, j->prediction + o, outputs, j->rows);
         j->r2[o] = spread > 1e-12 * scale ? 1.0 - pow(j->rmse[o] / spread, 2) : (double)NAN;

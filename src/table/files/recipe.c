@@ -268,13 +268,13 @@ static void release(lg_training *self) {
 
 /* ---- the model ---- */
 
-/* Least and greatest value of each input in the training rows, without far cells. */
+/* Least and greatest value of each input in the training rows, without single far cells. */
 static void find_ranges(const lg_table_state *s, double *low, double *high) {
     for (uint32_t c = 0; c < s->inputs.count; c++) {
         low[c] = INFINITY, high[c] = -INFINITY;
         for (size_t i = 0; i < s->trained; i++) {
             const double value = lg_table_sheet_row(&s->table, s->order[i])[c];
-            if (lg_table_is_far(&s->far[c], value)) continue;
+            if (s->far[c].single && lg_table_is_far(&s->far[c], value)) continue;
             low[c] = fmin(low[c], value);
             high[c] = fmax(high[c], value);
         }

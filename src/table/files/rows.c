@@ -4,7 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/rounding.h"
 #include "datasets/table_names.h"
+#include "files/csv.h"
 #include "table/files/recipe.h"
 
 static const char *class_column(const lg_table_state *s) {
@@ -133,9 +135,11 @@ static lg_status fail_columns(lg_training *self, lg_error *error) {
     *error = was;
     lg_table_names_list(&bad, &list);
     if (list.data != NULL) lg_text_add_word(&word, list.data);
+    const char *empty = strstr(was.message, LG_CSV_EMPTY);
     if (word.data != NULL)
-        (void)lg_fail(error, was.status, "%.250s; --without %s leaves out columns that are not numbers",
-                      was.message, word.length <= MOST_SHOWN ? word.data : "A,B,...");
+        (void)lg_fail(error, was.status, "%.*s; --without %s leaves out columns that are not numbers%s",
+                      empty != NULL ? (int)(empty - was.message) : 250, was.message,
+                      word.length <= MOST_SHOWN ? word.data : "A,B,...", empty != NULL ? LG_CSV_EMPTY : "");
     lg_text_destroy(&word);
     lg_text_destroy(&list);
     return was.status;
@@ -193,8 +197,9 @@ static lg_status leave_constant(lg_training *self, lg_error *error) {
 /* ---- cells out of range ---- */
 
 /* Refuses a column whose values differ by so little (below the smallest normal number) that they cannot be
- * scaled. */
-static lg_status check_spread(const lg_table_state *s, uint32_t column, lg_error *error) {
+ * scaled, and warns of one whose values differ only by rounding. */
+static lg_status check_spread(lg_training *self, uint32_t column, lg_error *error) {
+    const lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
     const double *values = data->values + column;
     size_t low = 0, high = 0;
@@ -204,6 +209,13 @@ static lg_status check_spread(const lg_table_state *s, uint32_t column, lg_error
         if (values[i * data->columns] > values[high * data->columns]) high = i;
     }
     const double least = values[low * data->columns], largest = values[high * data->columns];
+    if (largest > least &&
+        lg_is_rounding(0.5 * largest - 0.5 * least, 0.5 * fmax(fabs(least), fabs(largest))))
+        LG_WARN(
+            self,
+            "%s: column %s: its values, near %.17g, differ only in their last digits, which are rounded: the "
+            "column is used as a constant; subtract its mean before the table is written",
+            s->table.path, lg_table_quote(column_name(s, column), quoted), least);
     if (largest == least || largest - least >= DBL_MIN * sqrt(2.0 * (double)data->rows)) return LG_OK;
     return lg_fail(error, LG_FORMAT,
                    "%s: column %s: its values, from %.3g in %s %zu to %.3g in %s %zu, differ by too little "
@@ -241,7 +253,7 @@ lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *she
 static lg_status check_cells(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     const lg_table_sheet *sheet = &s->table;
-    for (uint32_t c = 0; c < sheet->data.columns; c++) LG_TRY(check_spread(s, c, error));
+    for (uint32_t c = 0; c < sheet->data.columns; c++) LG_TRY(check_spread(self, c, error));
     LG_TRY(lg_table_warn_far(self->context, sheet, 0, s->inputs.name, s->inputs.count,
                              "the column is scaled without these cells, but the fit has to follow them",
                              error));
