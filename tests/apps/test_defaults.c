@@ -92,6 +92,17 @@ static bool read_promise(const lg_field *row, promise *out) {
     return true;
 }
 
+/* A page of docs. */
+static const char *page(const char *name) {
+    enum { SIZE = 1 << 20 };
+    char *text = lg_test_memory(SIZE);
+    FILE *file = fopen(test_text("%s/../docs/%s", LG_TEST_DIR, name), "r");
+    assert_non_null(file);
+    text[fread(text, 1, SIZE - 1, file)] = '\0';
+    assert_int_equal(fclose(file), 0);
+    return text;
+}
+
 static bool is_chosen(const char *text) {
     return strncmp(text, LG_CHOSEN, strlen(LG_CHOSEN)) == 0;
 }
@@ -151,6 +162,47 @@ TEST("a run without options has the defaults that help prints") {
                 fail_msg("%s: help says that data and model choose %s, all runs have %s", (*recipe)->name,
                          row->name, p->first);
     }
+}
+
+/* Compares the options in the first span of code of a line such as "| `best` | `--hidden 20,20 --prior 0.2`; ..."
+ * with a run of this preset. Returns how many options the span has. */
+static size_t compare_line(const char *line, const char *preset, const lg_recipe *recipe, const void *run) {
+    static char wanted[LG_FIELD_TEXT_SIZE], value[LG_FIELD_TEXT_SIZE];
+    size_t count = 0;
+    char *span = test_text("%.*s", (int)strcspn(line, "`"), line), *save = NULL;
+    for (char *word = strtok_r(span, " ", &save); word != NULL; word = strtok_r(NULL, " ", &save), count++) {
+        const lg_field *row = strncmp(word, "--", 2) == 0 ? lg_field_find(recipe->fields, word + 2) : NULL;
+        const char *text = strtok_r(NULL, " ", &save);
+        void *said = lg_test_memory(recipe->run_size);
+        if (row == NULL || text == NULL) fail_msg("preset %s: there is no option '%s'", preset, word);
+        assert_ok(lg_field_set(row, text, said, NULL));
+        lg_field_show(row, said, wanted, sizeof wanted);
+        lg_field_show(row, run, value, sizeof value);
+        if (strcmp(wanted, value) != 0)
+            fail_msg("docs: preset %s: %s %s; the run has %s", preset, word, text, value);
+    }
+    return count;
+}
+
+TEST("the tables of presets in docs have the values of runs") {
+    static const char *const pages[] = {"hamiltonians.md", "reports/accuracy.md"};
+    const lg_recipe *recipe = lg_recipe_find("hamiltonian");
+    size_t found = 0;
+    for (uint32_t i = 0; lg_preset_name(i) != NULL; i++) {
+        const char *preset = lg_preset_name(i), *begin = test_text("\n| `%s` | `--", preset);
+        lg_file_reader *reader;
+        void *run = lg_test_memory(recipe->run_size);
+        cli_forget("made.h5 made.h5.checkpoint");
+        cli_run("lg-hamiltonian", "train one.h5 --preset %s --stop-after 1 --out made.h5", preset);
+        assert_ok(lg_checkpoint_open(NULL, cli_at("made.h5.checkpoint"), NULL, recipe, run, &reader, NULL));
+        lg_file_reader_destroy(reader);
+        for (size_t k = 0; k < LG_COUNT(pages); k++) {
+            const char *text = page(pages[k]), *line = strstr(text, begin);
+            if (line == NULL) fail_msg("%s has no table of presets", pages[k]);
+            found += compare_line(line + strlen(begin) - 2, preset, recipe, run);
+        }
+    }
+    assert_true(found > 10);
 }
 
 TEST_GROUP(setup, cli_end)

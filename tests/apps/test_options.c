@@ -73,6 +73,7 @@ typedef struct option {
 } option;
 static option all[512];
 static size_t count;
+static char helps[1 << 19]; /* the lines of all options of all commands */
 
 /* Splits "Learning rate of Adam (above 0 to 1000; default 1e-2)" into its two parts. */
 static void split(const char *text, option *out) {
@@ -103,6 +104,8 @@ static void read_options(char *help) {
         option found = {.meanings = false};
         line += strspn(line, " ");
         if (strncmp(line, "--", 2) != 0) continue;
+        assert_true(strlen(helps) + strlen(line) + 2 < sizeof helps);
+        (void)strcat(strcat(helps, line), "\n");
         char *text = line + strcspn(line, " ");
         if (*text != '\0') *text++ = '\0';
         const size_t name = strcspn(line, "=");
@@ -154,6 +157,62 @@ TEST("an option has one unit and meaning in all commands, and one range and defa
     assert_int_equal(unsetenv("ARGP_HELP_FMT"), 0);
     expect_table("unit or meaning", meanings, LG_COUNT(meanings), true);
     expect_table("range or default", defaults, LG_COUNT(defaults), false);
+}
+
+/* Whether the help of some command says that this is the option's default. */
+static bool help_says(const char *name, const char *value) {
+    const char *head = test_text("--%s=", name);
+    for (const char *line = helps; *line != '\0'; line += strcspn(line, "\n") + 1) {
+        if (strncmp(line, head, strlen(head)) != 0) continue;
+        const char *own = test_text("%.*s", (int)strcspn(line, "\n"), line);
+        if (strstr(own, test_text("default %s", value)) || strstr(own, test_text("%s (default)", value)))
+            return true;
+    }
+    return false;
+}
+
+/* Checks "`--bridge` seconds (default 1)", "`--mirror true` (default in `best`)" and "`--features` ...: `cov`
+ * (default)": each "(default" whose option is in the text before it. Returns how many there are. */
+static size_t check_page(const char *name, const char *text) {
+    size_t found = 0;
+    for (const char *at = text; (at = strstr(at, "(default")) != NULL; at++) {
+        const char *named = NULL;
+        for (const char *back = at; back > text && at - back < 160 && *back != '|'; back--)
+            if (named == NULL && strncmp(back, "`--", 3) == 0) named = back + 3;
+        if (named == NULL) continue;
+        char value[128], word[64];
+        (void)snprintf(word, sizeof word, "%.*s", (int)strcspn(named, " `="), named);
+        const char *end = at - 1;
+        while (end > named && strchr("` \n", end[-1]) != NULL) end--;
+        const char *begin = end;
+        while (begin > named && strchr("` \n", begin[-1]) == NULL) begin--;
+        if (at[8] == ' ' && strncmp(at, "(default in", 11) != 0)
+            (void)snprintf(value, sizeof value, "%.*s", (int)strcspn(at + 9, ",;:)"), at + 9);
+        else
+            (void)snprintf(value, sizeof value, "%.*s", (int)(end - begin), begin);
+        if (!help_says(word, value)) fail_msg("%s: --%s: help does not say default %s", name, word, value);
+        found++;
+    }
+    return found;
+}
+
+TEST("defaults that docs state after an option are those that help prints") {
+    enum { SIZE = 1 << 20 };
+    const char *path = test_text("%s/../docs", LG_TEST_DIR);
+    char *text = lg_test_memory(SIZE);
+    size_t found = 0;
+    DIR *folder = opendir(path);
+    assert_non_null(folder);
+    for (struct dirent *entry; (entry = readdir(folder)) != NULL;) {
+        if (strstr(entry->d_name, ".md") == NULL) continue;
+        FILE *file = fopen(test_text("%s/%s", path, entry->d_name), "r");
+        assert_non_null(file);
+        text[fread(text, 1, SIZE - 1, file)] = '\0';
+        (void)fclose(file);
+        found += check_page(entry->d_name, text);
+    }
+    (void)closedir(folder);
+    assert_true(found > 5);
 }
 
 static int setup(void **state) {
