@@ -184,8 +184,8 @@ typedef enum lg_loss {
     LG_LOSS_MSE,   /* mean of w (y - t)^2 */
     LG_LOSS_MAE,   /* mean of w |y - t|; the derivative is w at y = t, and the second derivative 0 */
     LG_LOSS_HUBER, /* mean of w h(y - t); h(r) = r^2/2 and h'' = 1 for |r| <= 1, else |r| - 1/2 and 0 */
-    /* mean of w (log(1 + exp(y)) - y t), t in [0, 1]. The derivative is w (sigmoid(y) - t). y may be infinite:
-     * then the loss is 0 or infinite, and the derivative -t or 1 - t. */
+    /* mean of w (log(1 + exp(y)) - y t), t in [0, 1]. The derivative is w (sigmoid(y) - t). If y is infinite,
+     * the loss is 0 or infinite, and the derivative -t or 1 - t. */
     LG_LOSS_BCE_LOGITS,
     /* y (n, classes) are logits and t (n, classes) probabilities. The loss is -w sum_c t_c log softmax(y)_c,
      * averaged over the n samples. A class with y_c = -inf has the probability 0. If it is the target, the

@@ -12,6 +12,7 @@
 
 #include "kernels/act.inc"
 #include "kernels/dual.inc"
+#include "kernels/reduce.inc"
 #include "kernels/transpose.inc"
 
 #include "kernels/gemm.inc"
@@ -20,7 +21,6 @@
 
 #include "kernels/taps.inc"
 
-#include "kernels/reduce.inc"
 #include "kernels/geometry.inc"
 #include "kernels/lie.inc"
 #include "kernels/lie_maps.inc"

@@ -8,9 +8,9 @@
  *
  * All forms except the single row sum over the inner index in the same order and in the same blocks, so that
  * they agree to the last bit unless the product is added to C. All ways of splitting a product among threads
- * agree to the last bit. Without a crew, as in plans, nn is one call of the kernel with the whole inner sum.
- * OpenBLAS takes over large products, where its cache blocking outweighs its lock and its packing. The form
- * depends on the shapes and on what the tape has kept, never on threads.
+ * agree to the last bit. Without a crew, as in plans, nn in f64 is one call of the kernel with the whole
+ * inner sum. OpenBLAS takes over large products, where its cache blocking outweighs its lock and its packing.
+ * The form depends on the shapes and on what the tape has kept, never on threads.
  */
 #include "kernels/product.h"
 
@@ -125,7 +125,7 @@ size_t lg_product_scratch(const lg_kernels *k, const lg_product_size *s, const l
 
 void lg_product(const lg_kernels *k, const lg_crew *crew, const lg_product_size *s, const void *a,
                 const void *b, const void *transposed, void *c, bool accumulate, void *scratch) {
-    if (crew == NULL && s->variant == LG_NN) {
+    if (crew == NULL && s->variant == LG_NN && k->dtype == LG_F64) {
         k->gemm(s->m, s->n, s->k, a, s->k, 1, b, s->n, c, s->n, accumulate);
         return;
     }

@@ -1229,6 +1229,81 @@ TEST("a solve that fails is NaN in its row alone") {
     assert_all_close(x + 4, expected + 4, 2, 1e-15, 0);
 }
 
+/* ---- long sums ---- */
+
+enum { LONG_ROWS = 1 << 18 };
+
+/* Gradient of sum(f) in v, of one number per column. */
+static lg_var slope_in(lg_tape *t, lg_var f, lg_var v) {
+    lg_var g = LG_NONE;
+    (void)lg_grad(t, lg_sum(t, f), &v, 1, &g);
+    return g;
+}
+
+TEST("long reductions in f32 are as exact as their result") {
+    static const uint32_t widths[] = {1, 2, 7};
+    static uint32_t first[LONG_ROWS];
+    for (size_t w = 0; w < LG_COUNT(widths); w++) {
+        const uint32_t n = LONG_ROWS, k = widths[w];
+        lg_rng rng = test_rng(21, k);
+        double *x = TEST_ARRAY(double, (size_t)n *k), *z = TEST_ARRAY(double, (size_t)n *k);
+        double sum = 0, all = 0, squares = 0, products = 0;
+        for (size_t i = 0; i < (size_t)n * k; i++) {
+            x[i] = (double)(float)lg_rng_uniform_in(&rng, 250, 320);
+            z[i] = (double)(float)lg_rng_uniform_in(&rng, 1, 2);
+            all += x[i];
+            if (i % k != 0) continue;
+            sum += x[i];
+            squares += x[i] * x[i];
+            products += x[i] * z[i];
+        }
+        lg_tape *t = test_tape(LG_F32);
+        const lg_shape series = lg_shape3(1, n, k), matrix = lg_shape2(n, k);
+        const lg_var X = lg_input_f64(t, matrix, x), Z = lg_input_f64(t, matrix, z);
+        const lg_var XT = lg_transpose(t, X), ZT = lg_transpose(t, Z), X3 = lg_reshape(t, X, series);
+        const lg_var one = lg_full(t, lg_shape2(1, k), 1.0), bias = lg_full(t, lg_shape1(k), 0.0);
+        const lg_var ones = lg_full(t, lg_shape2(n, 1), 1.0), taps = lg_full(t, lg_shape3(1, 1, k), 1.0);
+        const lg_var dense = lg_dense(t, ones, one, bias, LG_IDENTITY);
+        const lg_var conv =
+            lg_conv1d_dense(t, lg_reshape(t, ones, lg_shape3(1, n, 1)), taps, bias, 1, 0, LG_IDENTITY);
+        const struct {
+            const char *name;
+            lg_var y; /* its first number is compared */
+            double right;
+        } rows[] = {
+            {"sum", lg_sum(t, X), all},
+            {"mean", lg_mean(t, X), all / n / k},
+            {"loss", lg_loss_record(t, LG_LOSS_MAE, X, lg_scale(t, X, 0.0), LG_NONE), all / n / k},
+            {"sum_axis 0", lg_sum_axis(t, X, 0, false), sum},
+            {"mean_axis 0", lg_mean_axis(t, X, 0, true), sum / n},
+            {"sum_axis in the middle", lg_sum_axis(t, X3, 1, false), sum},
+            {"sum_axis 1", lg_sum_axis(t, XT, 1, false), sum},
+            {"sum_to", lg_sum_to(t, X, lg_shape1(k)), sum},
+            {"rownorm2", lg_rownorm2(t, XT), squares},
+            {"rowdot", lg_rowdot(t, XT, ZT), products},
+            {"matmul", lg_matmul(t, XT, Z), products},
+            {"matmul_nt", lg_matmul_nt(t, XT, ZT), products},
+            {"matmul_tn", lg_matmul_tn(t, X, Z), products},
+            {"scatter", lg_scatter(t, X, first, n, 3), sum},
+            {"avg_pool1d", lg_avg_pool1d(t, X3, n, 1), sum / n},
+            {"gradient of a gather", slope_in(t, lg_mul(t, lg_gather(t, one, first, n), X), one), sum},
+            {"gradient of a broadcast", slope_in(t, lg_mul(t, lg_broadcast_to(t, one, matrix), X), one), sum},
+            {"gradient of a bias", slope_in(t, lg_mul(t, dense, X), bias), sum},
+            {"gradient of a weight", slope_in(t, lg_mul(t, dense, X), one), sum},
+            {"gradient of a bias of a convolution", slope_in(t, lg_mul(t, conv, X3), bias), sum},
+            {"gradient of a kernel", slope_in(t, lg_mul(t, conv, X3), taps), sum},
+        };
+        for (size_t i = 0; i < LG_COUNT(rows); i++) {
+            double y[64];
+            const size_t count = lg_shape_count(lg_var_shape(t, rows[i].y));
+            if (lg_read(t, rows[i].y, count, y) != LG_OK)
+                fail_msg("%s: %s", rows[i].name, lg_tape_message(t));
+            if (!(fabs(y[0] - rows[i].right) <= 2e-6 * rows[i].right))
+                fail_msg("%s of %u columns: relative error %.3g", rows[i].name, k, y[0] / rows[i].right - 1);
+        }
+    }
+}
+
 /* ---- losses ---- */
 
 TEST("losses agree with those computed by hand, with and without weights") {

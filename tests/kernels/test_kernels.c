@@ -653,6 +653,25 @@ TEST_EVERY_TABLE("transposed matrices are right", k) {
 
 /* ---- reductions ---- */
 
+/* Compares y with the sum of n numbers of x that are `step` apart, plus `start`: with the sum in the order of
+ * the numbers, or with the exact sum if this sum in f32 is so long that it is accumulated in double. */
+static void check_sum(const lg_kernels *k, double y, size_t n, const void *x, size_t step, double start,
+                      bool in_order) {
+    void *one = numbers(k, 1);
+    double exact = start, size = fabs(start);
+    set(k, one, 0, 0);
+    for (size_t i = 0; i < n; i++) {
+        k->binary[LG_K_ADD](1, one, (const char *)x + i * step * k->size, one);
+        exact += get(k, x, i * step);
+        size += fabs(get(k, x, i * step));
+    }
+    if (start != 0) k->unary[LG_K_SHIFT](1, start, one, one);
+    if (in_order || k->dtype == LG_F64)
+        assert_close(y, get(k, one, 0), 0, 0);
+    else
+        assert_close(y, exact, 0, 0.5 * epsilon(k) * size);
+}
+
 TEST_EVERY_TABLE("sums and dot products have the same bits on every instruction set", k) {
     lg_rng rng = test_rng(7, 0);
     for (size_t n = 0; n < 300; n += n < 70 ? 1 : 41) {
@@ -669,27 +688,28 @@ TEST_EVERY_TABLE("sums and dot products have the same bits on every instruction 
         assert_true(k->sum(n, x) == base->sum(n, x));
         assert_true(k->dot(n, x, y) == base->dot(n, x, y));
     }
-    static const size_t shapes[][2] = {{1, 1}, {5, 3}, {8, 100}, {13, 300}, {50, 1}, {3, 700}};
+    static const size_t shapes[][2] = {{1, 1},   {5, 3},   {8, 100}, {13, 300}, {50, 1},
+                                       {3, 700}, {300, 3}, {65, 40}, {7, 32},   {9, 33}};
     for (size_t s = 0; s < LG_COUNT(shapes); s++) {
-        const size_t rows = shapes[s][0], cols = shapes[s][1];
-        void *x = random_numbers(k, &rng, rows * cols, -1, 1), *y = numbers(k, rows > cols ? rows : cols),
-             *one = numbers(k, 1);
+        const size_t rows = shapes[s][0], cols = shapes[s][1], most = rows > cols ? rows : cols;
+        const lg_kernels *base = lg_kernels_of(k->dtype, LG_ISA_BASELINE);
+        void *x = random_numbers(k, &rng, rows * cols, -1, 1), *y = numbers(k, most), *z = numbers(k, most);
         for (int accumulate = 0; accumulate < 2; accumulate++) {
-            for (size_t j = 0; j < cols; j++) set(k, y, j, 2.0);
-            k->sum_rows(rows, cols, x, y, accumulate);
             for (size_t j = 0; j < cols; j++) {
-                set(k, one, 0, 0);
-                for (size_t i = 0; i < rows; i++) k->binary[LG_K_ADD](1, one, at(k, x, i * cols + j), one);
-                if (accumulate) k->unary[LG_K_SHIFT](1, 2.0, one, one);
-                assert_close(get(k, y, j), get(k, one, 0), 0, 0);
+                set(k, y, j, 2.0);
+                set(k, z, j, 2.0);
             }
+            k->sum_rows(rows, cols, x, y, accumulate);
+            base->sum_rows(rows, cols, x, z, accumulate);
+            assert_memory_equal(y, z, cols * k->size);
+            for (size_t j = 0; j < cols; j++)
+                check_sum(k, get(k, y, j), rows, at(k, x, j), cols, 2.0 * accumulate, rows <= 64);
         }
         k->sum_cols(rows, cols, x, y);
-        for (size_t i = 0; i < rows; i++) {
-            set(k, one, 0, 0);
-            for (size_t j = 0; j < cols; j++) k->binary[LG_K_ADD](1, one, at(k, x, i * cols + j), one);
-            assert_close(get(k, y, i), get(k, one, 0), 0, 0);
-        }
+        base->sum_cols(rows, cols, x, z);
+        assert_memory_equal(y, z, rows * k->size);
+        for (size_t i = 0; i < rows; i++)
+            check_sum(k, get(k, y, i), cols, at(k, x, i * cols), 1, 0, cols <= 32);
     }
 }
 

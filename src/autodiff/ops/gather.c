@@ -38,9 +38,28 @@ static lg_status gather_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+/* In f32, sums that may have more than 32 terms are computed in double. */
+static size_t scatter_scratch(const lg_evaluation *e) {
+    return e->k->dtype == LG_F32 && e->attr->i[0] > 32 ? e->count * sizeof(double) : 0;
+}
+
+static void scatter_in_double(lg_evaluation *e, size_t length) {
+    const uint32_t *indices = e->attr->pointer;
+    const float *x = e->x[0];
+    double *sum = e->scratch;
+    memset(sum, 0, e->count * sizeof *sum);
+    for (size_t i = 0; i < e->attr->i[0]; i++)
+        for (size_t j = 0; j < length; j++) sum[indices[i] * length + j] += (double)x[i * length + j];
+    e->k->convert_in(e->count, sum, e->y);
+}
+
 static lg_status scatter_forward(lg_evaluation *e) {
     const uint32_t *indices = e->attr->pointer;
     size_t length = row_length(e->in[0]), bytes = length * e->k->size;
+    if (scatter_scratch(e) > 0) {
+        scatter_in_double(e, length);
+        return LG_OK;
+    }
     e->k->fill(e->count, 0.0, e->y);
     for (size_t i = 0; i < e->attr->i[0]; i++)
         e->k->axpy(length, 1.0, (const unsigned char *)e->x[0] + i * bytes,
@@ -117,7 +136,8 @@ static lg_var scatter_jvp(const lg_forward *f) {
 }
 const lg_op lg_op_scatter = {
     LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, scatter_jvp),
-    .payload = LG_PAYLOAD_INDICES, .write_c = scatter_c, .expand = scatter_expand};
+    .payload = LG_PAYLOAD_INDICES, .write_c = scatter_c, .expand = scatter_expand,
+    .scratch = scatter_scratch};
 
 static lg_var index_rows(lg_tape *tape, const lg_op *op, lg_var x, const uint32_t *indices, uint32_t n,
                          uint32_t rows) {

@@ -91,8 +91,33 @@ static const lg_c_fragment c_sum_axis = {
         }
     })};
 
+static const lg_c_fragment c_sum_long = {
+    .comment =
+        "sum_axis with many terms: sums of 64 terms are added with compensation (Kahan), so that rounding "
+        "errors do not grow with their number.",
+    .text = LG_C(static NOINLINE void sum_long(int outer, int length, int inner, const real *RESTRICT x,
+                                               real *RESTRICT y) {
+        for (int o = 0; o < outer; o++, x += length * inner, y += inner)
+            for (int i = 0; i < inner; i++) {
+                real total = REAL(0.0), lost = REAL(0.0);
+                for (int l = 0; l < length;) {
+                    const int end = length - l > 64 ? l + 64 : length;
+                    real term = -lost;
+                    for (; l < end; l++) term += x[l * inner + i];
+                    const real next = total + term;
+                    lost = (next - total) - term;
+                    total = next;
+                }
+                y[i] = total;
+            }
+    })};
+
 static void reduce_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
+    if (e->k->dtype == LG_F32 && size[1] > 64) {
+        lg_c_call(c, &c_sum_long, "sum_long(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+        return;
+    }
     lg_c_call(c, &c_sum_axis, "sum_axis(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
 }
 
