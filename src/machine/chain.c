@@ -111,10 +111,10 @@ static lg_status record_point(lg_tape *tape, const lg_chain *c, const lg_machine
     return lg_tape_status(tape);
 }
 
-lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
+/* Records the interval from point j, and sweeps back for its derivatives. */
+static lg_status tape_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
     const lg_machine *machine = c->problem->machine;
     const uint32_t n = c->axes.numbers, rows = (uint32_t)c->count;
-    const size_t d = c->axes.count;
     lg_machine_vars vars;
     lg_var theta, from, parts[LG_TAPED_MAX_PARTS];
     lg_tape_reset(tape);
@@ -125,7 +125,14 @@ lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t 
     LG_TRY(lg_machine_record_interval(tape, &flow, &c->problem->log, at, rows, parts));
     const lg_var to = joined(tape, &vars, parts);
     LG_TRY(lg_read(tape, to, c->count * n, c->next));
-    for (uint32_t i = 0; i < d; i++) LG_TRY(sweep_interval(tape, c, i, from, theta, to));
+    for (uint32_t i = 0; i < c->axes.count; i++) LG_TRY(sweep_interval(tape, c, i, from, theta, to));
+    return LG_OK;
+}
+
+lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
+    const uint32_t n = c->axes.numbers;
+    const size_t d = c->axes.count;
+    if (!lg_chain_plan_interval(tape, c, j)) LG_TRY(tape_interval(tape, c, j, at));
     if (j > 0 || c->own > 0)
         for (size_t s = 0; s < c->count; s++)
             tape->k->gemm(d, c->columns, d, c->A + s * d * d, d, 1, c->S + s * d * c->columns, c->columns,

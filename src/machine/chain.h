@@ -1,5 +1,5 @@
-/* Residuals of windows and their Jacobian, interval by interval: row_axes.c, chain.c, long_windows.c,
- * jacobian.c.
+/* Residuals of windows and their Jacobian, interval by interval: row_axes.c, chain.c, interval_plan.c,
+ * long_windows.c, jacobian.c.
  *
  * z = (positions, velocities) of a row, in the order of logs. An interval maps z of one row to z of the
  * next row, z' = F(z, theta). A change of z has d components along axes: one for each place and velocity,
@@ -79,6 +79,9 @@ size_t lg_chain_row(const lg_chain *c, size_t sample, uint32_t point);
 lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c);
 /* Moves z and S over the interval from point j to point j + 1. at: LG_FIT_CHUNK numbers of memory. */
 lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at);
+/* The part of it that recordings take: fills `next`, A and the derivatives by theta in the first columns of
+ * `moved` by a plan (interval_plan.c). False: the machine has none. */
+bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c, uint32_t j);
 /* Writes the rows of point j of all windows: the residual along each axis, and S times the weight. */
 void lg_chain_put_rows(const lg_kernels *k, lg_chain *c, uint32_t j);
 /* All points of all windows. */

@@ -398,6 +398,10 @@ typedef struct lg_machine_flow {
 /* Moves `parts` over one interval of the log: row i of the batch from row at[i] to the next one. */
 lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
                                      const size_t *at, uint32_t count, lg_var *parts);
+/* The same without lags, with the coefficients u[k] (B, inputs) of the inputs (LG_NONE: 0) and the length h
+ * (B, 1) of each row's interval, all in scaled units. */
+lg_status lg_machine_record_interval_of(lg_tape *tape, const lg_machine_flow *flow, const lg_var *u, lg_var h,
+                                        lg_var *parts);
 /* The inputs (B, inputs) right after rows at[0..count-1], after their lags; LG_NONE: no inputs. */
 lg_status lg_machine_record_inputs(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
                                    const size_t *at, uint32_t count, lg_var *u);

@@ -246,6 +246,12 @@ lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow,
     return status;
 }
 
+lg_status lg_machine_record_interval_of(lg_tape *tape, const lg_machine_flow *flow, const lg_var *u, lg_var h,
+                                        lg_var *parts) {
+    interval over = {.vars = flow->vars, .length = 1.0, .h = h, .u = {u[0], u[1], u[2], u[3]}};
+    return steps_of(tape, flow, &over, parts);
+}
+
 lg_status lg_machine_record_inputs(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
                                    const size_t *at, uint32_t count, lg_var *u) {
     interval over = {.vars = vars, .log = log, .at = at, .count = count};

@@ -133,6 +133,36 @@ TEST("the Jacobian of windows agrees with the tape, with every kind of term") {
     }
 }
 
+/* A line and an angle with a mass that depends on the angle, an input, and friction of one kind. */
+static lg_machine rubbing(const lg_term_kind *kind, double width) {
+    lg_machine machine = empty_machine();
+    add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+    add_coordinate(&machine, "a", LG_COORDINATE_ANGLE);
+    add_input(&machine, "u");
+    odd_scales(&machine);
+    assert_told(lg_machine_set_system(&machine, "cart-pole", &told));
+    add_feature(add_term(&machine, LG_MACHINE_POTENTIAL, "quadratic"), LG_FEATURE_POSITION, 0);
+    add_values(add_term(&machine, LG_MACHINE_INPUT_MAP, "known"), 2, (double[]){1, 0.5});
+    lg_machine_term *term = add_term(&machine, LG_MACHINE_DAMPING, lg_term_kind_name(kind));
+    const uint32_t options = lg_term_kind_options(kind);
+    if ((options & LG_TERM_INPUTS) != 0) add_feature(term, LG_FEATURE_INPUT, 0);
+    if ((options & LG_TERM_OF) != 0) add_feature(term, LG_FEATURE_POSITION, 0);
+    term->width = width;
+    assert_machine(&machine);
+    return machine;
+}
+
+TEST("the Jacobian of machines whose friction sticks, by plans, agrees with the tape") {
+    const lg_term_kind *kind;
+    for (size_t i = 0; (kind = lg_term_kind_at(LG_MACHINE_DAMPING, i)) != NULL; i++) {
+        if ((lg_term_kind_options(kind) & LG_TERM_WIDTH) == 0) continue;
+        const lg_machine machine = rubbing(kind, 0.0);
+        assert_true(machine.sticks == 3);
+        assert_jacobian(&machine, LG_MACHINE_STARTS_MEASURED, "cf4", NULL);
+        assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
+    }
+}
+
 TEST("the Jacobian has the derivatives by the starts, each start in its own columns") {
     const lg_machine machine = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
     assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);

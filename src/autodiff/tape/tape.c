@@ -41,6 +41,7 @@ lg_status lg_tape_create(const lg_context *context, const lg_tape_options *optio
 
 void lg_tape_destroy(lg_tape *tape) {
     if (tape == NULL) return;
+    if (tape->kept != NULL) tape->release(tape->kept);
     lg_thread_pool_destroy(tape->workers);
     lg_arena_destroy(tape, &tape->arena);
     lg_arena_destroy(tape, &tape->pool.arena);

@@ -103,6 +103,9 @@ struct lg_tape {
     char watched[160];
     /* Set while a function of a program is recorded (program_call.h), otherwise NULL. */
     struct lg_calls *calls;
+    /* What users of the tape keep from one recording to the next; NULL, or released with the tape. */
+    void *kept;
+    void (*release)(void *kept);
     /* The planted error: replaces the derivatives of one operation (lg_exchange). */
     lg_exchange exchange;
 };

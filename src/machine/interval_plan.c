@@ -1,0 +1,193 @@
+/* Machines whose friction sticks: intervals between rows and their derivatives by a plan. Such an interval has
+ * thousands of operations, and recording them for each interval of each evaluation takes far longer than the
+ * numbers themselves. So the interval and its derivatives are recorded once, and the tape of the fit keeps the
+ * plan for the machine, the substeps and the hold. */
+#include <string.h>
+
+#include "autodiff/tape/tape_internal.h"
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "machine/chain.h"
+
+enum { ROWS = 32, COLUMNS = 64 }; /* rows of the plan; most derivatives of an interval */
+
+typedef struct interval_plan {
+    const lg_context *context;
+    lg_machine machine;
+    uint32_t substeps, powers; /* powers of the time in the inputs: 1, or 4 */
+    uint32_t numbers, columns; /* of z; derivatives, by z and by theta */
+    lg_plan *plan;             /* NULL: it cannot be made */
+    void *work;
+    double *z, *u, *h, *next, *slopes;
+} interval_plan;
+
+static void release(void *kept) {
+    interval_plan *p = kept;
+    if (p == NULL) return;
+    lg_plan_destroy(p->plan);
+    lg_free(p->context, p->work);
+    lg_free(p->context, p->z);
+    lg_free(p->context, p);
+}
+
+/* ---- recording ---- */
+
+/* Appends the derivatives of `next` along the unit vectors of x, whose last axis is that of its numbers. */
+static lg_status differentiate(lg_tape *tape, lg_var next, lg_var x, lg_var *columns) {
+    const lg_shape shape = lg_var_shape(tape, x);
+    const uint32_t n = shape.dims[shape.rank - 1];
+    double e[COLUMNS];
+    for (uint32_t j = 0; j < n; j++) {
+        memset(e, 0, sizeof e);
+        e[j] = 1.0;
+        const lg_var along = lg_broadcast_to(tape, lg_input_f64(tape, lg_shape1(n), e), shape);
+        LG_TRY(lg_jvp(tape, &next, 1, &x, &along, 1, &columns[j]));
+    }
+    return lg_tape_status(tape);
+}
+
+/* Inputs z, h, u if there are inputs, theta if there are parameters; outputs next z and its derivatives. */
+static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, const lg_var *in, lg_var *out) {
+    const interval_plan *p = user;
+    const lg_machine *machine = &p->machine;
+    const uint32_t m = machine->input_count, n = p->numbers;
+    const lg_var theta = machine->parameters > 0 ? in[m > 0 ? 3 : 2] : LG_NONE;
+    lg_machine_vars vars;
+    lg_machine_flow flow = {.vars = &vars, .scheme = lg_scheme_find("cf4"), .substeps = p->substeps};
+    lg_var u[4] = {LG_NONE, LG_NONE, LG_NONE, LG_NONE}, parts[LG_TAPED_MAX_PARTS], columns[COLUMNS];
+    (void)parameters;
+    LG_TRY(lg_machine_bind(tape, machine, theta, &vars));
+    LG_TRY(lg_machine_space(machine, &flow.space));
+    LG_TRY(lg_machine_record_state(tape, &vars, lg_machine_columns(tape, in[0], 0, machine->positions),
+                                   lg_machine_columns(tape, in[0], machine->positions, machine->velocities),
+                                   parts));
+    for (uint32_t k = 0; k < p->powers && m > 0; k++) u[k] = lg_machine_columns(tape, in[2], k * m, m);
+    LG_TRY(lg_machine_record_interval_of(tape, &flow, u, in[1], parts));
+    const lg_var both[2] = {lg_machine_record_positions(tape, &vars, parts),
+                            lg_machine_record_velocities(tape, &vars, parts)};
+    out[0] = lg_concat(tape, both, 2, 1);
+    LG_TRY(differentiate(tape, out[0], in[0], columns));
+    if (p->columns > n) LG_TRY(differentiate(tape, out[0], theta, columns + n));
+    out[1] = lg_concat(tape, columns, p->columns, 1);
+    return lg_tape_status(tape);
+}
+
+static lg_status make(interval_plan *p) {
+    const lg_machine *machine = &p->machine;
+    const uint32_t width = machine->input_count * p->powers;
+    lg_port in[4] = {{.name = "z", .shape = lg_shape1(p->numbers), .low = -1, .high = 1},
+                     {.name = "h", .shape = lg_shape1(1), .low = 0.01, .high = 0.1}};
+    const lg_port out[2] = {{.name = "next"}, {.name = "slopes"}};
+    size_t count = 2;
+    if (width > 0) in[count++] = (lg_port){.name = "u", .shape = lg_shape1(width), .low = -1, .high = 1};
+    if (machine->parameters > 0)
+        in[count++] = (lg_port){.name = "theta",
+                                .shape = lg_shape1((uint32_t)machine->parameters),
+                                .shared = true,
+                                .low = 0.1,
+                                .high = 1};
+    const lg_function_spec function = {"interval", in, count, out, 2, record, p};
+    lg_program_spec spec;
+    lg_plan_options options;
+    lg_program *program;
+    lg_program_spec_init(&spec);
+    spec.functions = &function;
+    spec.function_count = 1;
+    LG_TRY(lg_program_build(p->context, &spec, &program, NULL));
+    lg_plan_options_init(&options);
+    options.rows = ROWS;
+    lg_status status = lg_plan_create(program, 0, &options, &p->plan, NULL);
+    lg_program_destroy(program);
+    if (status != LG_OK) return status;
+    p->work = lg_alloc(p->context, lg_plan_work_size(p->plan), 1);
+    p->z = lg_alloc(p->context, (size_t)ROWS * (p->numbers * (2 + p->columns) + width + 1), sizeof(double));
+    if (p->work == NULL || p->z == NULL) return LG_OUT_OF_MEMORY;
+    p->next = p->z + (size_t)ROWS * p->numbers;
+    p->slopes = p->next + (size_t)ROWS * p->numbers;
+    p->u = p->slopes + (size_t)ROWS * p->numbers * p->columns;
+    p->h = p->u + (size_t)ROWS * width;
+    return LG_OK;
+}
+
+/* ---- the plan that the tape keeps ---- */
+
+static uint32_t powers_of(const lg_machine_log *log, uint32_t m) {
+    for (size_t row = 0; row < log->rows && m > 0; row++)
+        for (uint32_t i = m; i < 4 * m; i++)
+            if (log->u[row * 4 * m + i] != 0.0) return 4;
+    return 1;
+}
+
+/* The plan for the chain's machine, made if the tape does not have it; NULL: there is none. */
+static const interval_plan *plan_of(lg_tape *tape, const lg_chain *c) {
+    const lg_machine_problem *problem = c->problem;
+    const lg_machine *machine = problem->machine;
+    const uint32_t n = machine->positions + machine->velocities,
+                   powers = powers_of(&problem->log, machine->input_count);
+    interval_plan *p = tape->kept;
+    if (machine->sticks == 0 || machine->lags > 0 || machine->bristles > 0 || n + c->shared > COLUMNS ||
+        problem->scheme->kind == LG_SCHEME_VARIATIONAL)
+        return NULL;
+    if (p != NULL && p->substeps == problem->substeps && p->powers == powers && p->columns == n + c->shared &&
+        memcmp(&p->machine, machine, sizeof *machine) == 0)
+        return p->plan != NULL ? p : NULL;
+    release(tape->kept);
+    tape->kept = p = lg_alloc(tape->context, 1, sizeof *p);
+    tape->release = release;
+    if (p == NULL) return NULL;
+    *p = (interval_plan){.context = tape->context,
+                         .substeps = problem->substeps,
+                         .powers = powers,
+                         .numbers = n,
+                         .columns = n + (uint32_t)c->shared};
+    memcpy(&p->machine, machine, sizeof *machine);
+    if (make(p) == LG_OK) return p;
+    lg_plan_destroy(p->plan);
+    p->plan = NULL;
+    return NULL;
+}
+
+/* ---- evaluation ---- */
+
+/* Fills row `to` of the plan's inputs with window s at its row of the log. */
+static void fill(const interval_plan *p, const lg_chain *c, size_t s, size_t row, size_t to) {
+    const lg_machine *machine = &p->machine;
+    const lg_machine_log *log = &c->problem->log;
+    const uint32_t m = machine->input_count;
+    memcpy(p->z + to * p->numbers, c->z + s * p->numbers, p->numbers * sizeof *p->z);
+    p->h[to] = (log->t[row + 1] - log->t[row]) / machine->scales.time;
+    for (uint32_t i = 0; i < p->powers * m; i++)
+        p->u[to * p->powers * m + i] = log->u[row * 4 * m + i] / machine->scales.input[i % m];
+}
+
+/* Takes row `from` of the plan's outputs for window s. */
+static void take(const interval_plan *p, lg_chain *c, size_t from, size_t s) {
+    const size_t d = c->axes.count, n = p->numbers;
+    const double *slopes = p->slopes + from * n * p->columns;
+    memcpy(c->next + s * n, p->next + from * n, n * sizeof *c->next);
+    for (size_t i = 0; i < d; i++) {
+        double *out = c->moved + (s * d + i) * c->columns;
+        const size_t at = c->axes.each[i].first;
+        for (size_t j = 0; j < d; j++) c->A[(s * d + i) * d + j] = slopes[c->axes.each[j].first * n + at];
+        for (size_t j = 0; j < c->shared; j++) out[j] = slopes[(n + j) * n + at];
+        memset(out + c->shared, 0, c->own * sizeof *out);
+    }
+}
+
+bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c, uint32_t j) {
+    const interval_plan *p = plan_of(tape, c);
+    if (p == NULL) return false;
+    const double *theta = c->shared > 0 ? c->theta : c->problem->theta;
+    const bool driven = p->machine.input_count > 0;
+    const void *in[4] = {p->z, p->h, driven ? p->u : theta, theta};
+    for (size_t first = 0; first < c->count; first += ROWS) {
+        const size_t left = c->count - first, count = left < ROWS ? left : ROWS;
+        for (size_t i = 0; i < ROWS; i++) {
+            const size_t s = first + (i < count ? i : 0);
+            fill(p, c, s, lg_chain_row(c, s, j), i);
+        }
+        lg_plan_eval(p->plan, in, (void *const[]){p->next, p->slopes}, p->work);
+        for (size_t i = 0; i < count; i++) take(p, c, i, first + i);
+    }
+    return true;
+}
