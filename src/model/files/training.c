@@ -3,10 +3,7 @@
 
 #include <math.h>
 #include <stdint.h>
-#include <stdio.h>
 #include <string.h>
-
-#include "settings/training.h"
 
 static bool none_given(const lg_training *self, const char *option) {
     (void)self, (void)option;
@@ -102,52 +99,6 @@ const char *lg_preset_name(uint32_t value) {
 const char *lg_training_preset(const lg_training *self) {
     if (self->preset != NULL) return self->preset;
     return lg_preset_name(asks_adam(self) ? 0 : 1);
-}
-
-/* ---- defaults in help texts ---- */
-
-enum { SHOWN = 256 /* bytes of a default */ };
-
-/* Writes the value that all cases of the preset have, or LG_CHOSEN if they differ. */
-static void usual_value(lg_training *self, const lg_field *row, const char *preset, char out[SHOWN]) {
-    const lg_trainer *trainer = self->recipe->trainer;
-    char value[LG_FIELD_TEXT_SIZE];
-    self->preset = preset;
-    for (uint32_t at = 0; at == 0 || trainer->usual != NULL; at++) {
-        memset(self->run, 0, self->recipe->run_size);
-        lg_fields_default(self->recipe->fields, self->run);
-        if (trainer->usual != NULL && !trainer->usual(self, at)) return;
-        lg_field_show(row, self->run, value, sizeof value);
-        const bool differs = at > 0 && strcmp(out, value) != 0;
-        (void)snprintf(out, SHOWN, "%.200s", differs ? LG_CHOSEN : value);
-        if (differs) return;
-    }
-}
-
-static const lg_recipe *recipe_of(const lg_field *row) {
-    for (const lg_recipe *const *recipe = lg_recipes; *recipe != NULL; recipe++)
-        for (const lg_field *own = (*recipe)->fields; own->name != NULL; own++)
-            if (own == row) return *recipe;
-    return NULL;
-}
-
-int lg_training_describe_field(const lg_field *row, char *text, size_t size) {
-    char usual[SHOWN], thesis[SHOWN], both[2 * SHOWN + 16];
-    const lg_recipe *recipe = recipe_of(row);
-    const bool of_preset =
-        row->otherwise == NULL || strncmp(row->otherwise, LG_OF_PRESET, sizeof LG_OF_PRESET - 1) == 0;
-    void *run = recipe != NULL && of_preset ? lg_alloc(NULL, 1, recipe->run_size) : NULL;
-    if (run == NULL) return lg_field_describe(row, text, size);
-    lg_field shown = *row;
-    lg_training training = lg_training_of(NULL, recipe, run, NULL);
-    const bool presets = recipe->trainer->presets;
-    usual_value(&training, row, lg_preset_name(presets && row->adam ? 0 : 1), usual);
-    usual_value(&training, row, lg_preset_name(presets ? 0 : 1), thesis);
-    const bool two = !row->adam && strcmp(thesis, usual) != 0;
-    (void)snprintf(both, sizeof both, "%s%s%s", usual, two ? "; thesis: " : "", two ? thesis : "");
-    shown.otherwise = both;
-    lg_free(NULL, run);
-    return lg_field_describe(&shown, text, size);
 }
 
 /* ---- results ---- */
