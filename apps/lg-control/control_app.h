@@ -13,7 +13,7 @@ typedef struct control_machine {
     const app *self;
     lg_machine_model_file model; /* of a model of lg-identify */
     lg_machine_file file;
-    lg_machine machine; /* may be changed before control_machine_plant; its dry friction sticks */
+    lg_machine machine;             /* may be changed before control_machine_plant; its dry friction sticks */
     double width[LG_MACHINE_TERMS]; /* of friction in the file */
     const lg_scheme *scheme;
     double row;                        /* seconds between the rows of the log; 0: no log, then a period */

@@ -187,6 +187,7 @@ static void fill_weights(const design *d, const weights *w, double *Q, double *R
         const uint32_t at = p->layout.at[k].error, rate = p->layout.at[k].rate;
         const double bound = row->errors > 0 ? c->success : c->success_velocity,
                      factor = w == NULL         ? c->weight
+                              : c->ago > 0      ? 0.0
                               : isfinite(bound) ? 1.0
                                                 : w->loose,
                      of_rate = w == NULL ? c->weight_velocity : factor * w->rate;
@@ -329,15 +330,30 @@ static double far_level(const design *d, const double *P) {
     return top;
 }
 
-/* The mean of log(V/c) over starts: how far the region is from them. d->x are states of starts. */
-static lg_status distance(const design *d, const double *P, double c, double *out) {
+/* Of a controller of kind lqr, which must bring every start to the goal itself, 100 times the share of the starts
+ * that fail; 0 of others. d->x are states of starts. */
+static lg_status find_failures(const design *d, const double *K, double *out) {
+    const lg_policy *p = d->policy;
+    const lg_policy_trial trial = {
+        .gain = K, .disturbed = lg_policy_is_disturbed(&p->task), .seed = d->seed, .threads = 1};
+    lg_policy_runs runs = {
+        .count = SAMPLES, .steps = lg_policy_periods(p, p->task.within), .x = d->x, .succeeded = d->held};
+    *out = 0.0;
+    if (p->task.kind != LG_POLICY_LQR) return LG_OK;
+    LG_TRY(lg_policy_run(p, &trial, &runs, d->error));
+    for (size_t s = 0; s < SAMPLES; s++) *out += d->held[s] ? 0.0 : 100.0 / SAMPLES;
+    return LG_OK;
+}
+
+/* The failures, and the mean of log(V/c) over starts: how far the region is from them. */
+static lg_status distance(const design *d, const double *K, const double *P, double c, double *out) {
     const lg_policy *p = d->policy;
     lg_rng rng;
     double V[SAMPLES];
     lg_rng_seed(&rng, d->seed, 6);
     for (size_t s = 0; s < SAMPLES; s++) lg_policy_draw(&p->task, &p->layout, &rng, d->z + s * d->n);
     LG_TRY(measure(d, P, V));
-    *out = 0.0;
+    LG_TRY(find_failures(d, K, out));
     for (size_t s = 0; s < SAMPLES; s++) *out += log(1e-6 + V[s] / c) / SAMPLES;
     return LG_OK;
 }
@@ -354,7 +370,7 @@ static lg_status try_weights(const design *d, weights w, double least, lg_policy
     for (int look = 0; look < 2; look++) {
         LG_TRY(find_level(d, out->K, out->P, &top, &out->c));
         if (out->c == 0.0) return LG_OK;
-        LG_TRY(distance(d, out->P, out->c, far));
+        LG_TRY(distance(d, out->K, out->P, out->c, far));
         if (*far > least + 1.0) return LG_OK;
     }
     return LG_OK;

@@ -185,3 +185,43 @@ TEST("a file keeps the memory, and certificates say that they do not cover it") 
     assert_status(lg_policy_add_rate(p, &program, &error), LG_UNSUPPORTED);
     assert_says(error.message, "does not cover the integrals");
 }
+
+/* The program of `own` with one function of `other`. */
+static lg_program *mixed(const lg_program *own, const lg_program *other, const char *function) {
+    lg_program_spec spec;
+    lg_program *out;
+    lg_program_spec_init(&spec);
+    assert_ok(lg_program_begin(NULL, &spec, &out, NULL));
+    for (size_t f = 0; f < lg_program_functions(own); f++) {
+        const bool taken = strcmp(lg_program_function_name(own, f), function) == 0;
+        lg_function_image *image;
+        assert_ok(lg_function_image_create(taken ? other : own, f, &image));
+        assert_ok(lg_program_add_image(out, image, NULL));
+        lg_function_image_destroy(image);
+    }
+    return out;
+}
+
+TEST("a file in which one of the functions was changed is not accepted") {
+    static const char *const changed[] = {"control", "policy", "closed", "period", "regulated"};
+    static const char task[] =
+        "plant: cart\nperiod: 0.1\nhorizon: 3\nstarts: {x: [-0.5, 0.5]}\nlimits: {u: [-3, 1], w: 2}\n"
+        "cost: {x: 1}\nsuccess: {x: 0.1, hold: 1, within: 8}\ncontroller: {kind: lqr}\nintegral: [x]\n";
+    const char *const path = "test_policy_changed.h5";
+    const double late[INPUTS] = {1.5, 0};
+    lg_policy_task wider = cart_with(late, true);
+    wider.input[0].low = -2.9, wider.substeps = 1;
+    for (size_t i = 0; i < LG_COUNT(changed); i++) {
+        lg_policy *p = make_cart(late, true), *other, *read;
+        lg_error error = {LG_OK, ""};
+        assert_ok(lg_policy_create(NULL, &wider, machine_program(test_text(cart, 0.4)), 2, &other, &error));
+        lg_test_owns(other, release_policy);
+        lg_program *own = p->program;
+        p->program = mixed(own, other->program, changed[i]);
+        assert_ok(lg_policy_save(NULL, path, p, task, NULL, NULL));
+        lg_program_destroy(p->program);
+        p->program = own;
+        assert_status(lg_policy_load(NULL, path, NULL, &read, NULL, &error), LG_FORMAT);
+        assert_says(error.message, "one of them was changed");
+    }
+}

@@ -8,11 +8,15 @@
 /* ---- words ---- */
 
 static void add_names(const lg_policy_task *task, bool velocities, text *to) {
-    bool lagged = false;
+    const char *before = ""; /* what no sensor measures */
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
-        if (c->follows > 0 && !velocities && !lagged) lg_text_add(to, ", lagged inputs");
-        lagged = lagged || c->follows > 0;
+        const char *kept = c->ago > 0          ? ", past inputs"
+                           : c->follows > 0    ? ", lagged inputs"
+                           : c->integrates > 0 ? ", integrals"
+                                               : "";
+        if (!velocities && strcmp(kept, before) != 0) lg_text_add(to, "%s", kept);
+        before = kept;
         const lg_policy_motion_row *row = lg_policy_motion_row_of(c->motion);
         const uint32_t count = velocities ? row->velocity : row->given;
         const char *name = velocities ? c->velocity : c->name;
@@ -211,7 +215,8 @@ static int write_policy(export_policy_job *j, const char *path) {
     tell(j);
     int code = export_policy_loop(j);
     if (code == APP_EXIT_OK) code = add_around(j, &functions);
-    static const char *const besides[] = {"track", "lagged"}; /* By default, if the policy has them. */
+    static const char *const besides[] = {"track", "lagged", "remember",
+                                          "reset"}; /* By default, if the policy has them. */
     size_t found;
     for (size_t i = 0; i < LG_COUNT(besides); i++)
         if (code == APP_EXIT_OK && strcmp(source->options->functions, "control") == 0 &&
