@@ -38,14 +38,14 @@ void well_set_up(const well_setup *setup, lg_riser_parameters *parameters);
 /* ---- models (model.c) ---- */
 
 #define HEALTHY_HELP                                                                                         \
-    "Name or label of the class that means that all is well (text; default the model's, attribute healthy "  \
-    "of "                                                                                                    \
-    "the data, or the only class whose name says so)"
+    "Name or label of the class that means that all is well (text; default the model's, attribute "          \
+    "healthy of the data, or the only class whose name says so)"
 
 typedef enum well_sort {
     WELL_NETWORK,   /* file of kind "detector" */
     WELL_CLASSICAL, /* file of kind "classifier" */
-    WELL_NOVELTY /* file of kind "classifier", method "novelty": tells the healthy class, number 0, from everything unlike it */
+    /* File of kind "classifier", method "novelty": separates the healthy class, number 0, from all else. */
+    WELL_NOVELTY
 } well_sort;
 
 /* A model that is ready to judge windows. */
@@ -74,7 +74,8 @@ typedef struct well_model {
 void well_model_load(const app *app, const char *path, well_model *out);
 /* Sets the healthy class, if it is unknown, by lg_find_healthy: from `given` or the model's own. */
 void well_model_settle(const app *app, well_model *model, const char *given, const char *data);
-/* Ends the command with the sentence "WHAT: it is unknown which class ..." if the healthy class is unknown. */
+/* Ends the command with the sentence "WHAT: it is unknown which class ..." if the healthy class is unknown.
+ * */
 void well_model_need_healthy(const app *app, const well_model *model, const char *what);
 void well_model_destroy(well_model *model); /* a zeroed model is allowed */
 /* Number of bytes of work memory that well_model_score needs. */
@@ -84,9 +85,9 @@ size_t well_model_work(const well_model *model);
  * WELL_NOVELTY model gives the scores 1 and the distance of lg_novelty_eval. `work` is aligned to 64
  * bytes. Allocates nothing. */
 lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane, void *work);
-/* A single score for "not healthy"; the healthy class must be known. Two classes: the score of the other class.
- * More classes: 1 minus the probability of the healthy class, or without probabilities the best other score
- * minus the score of the healthy class. */
+/* A single score for "not healthy"; the healthy class must be known. Two classes: the score of the other
+ * class. More classes: 1 minus the probability of the healthy class, or without probabilities the best other
+ * score minus the score of the healthy class. */
 double well_model_alarm(const well_model *model, const double *score);
 
 /* Writes a file of kind "classifier": the group /run from `model`, the group /classifier from
@@ -99,8 +100,8 @@ lg_status well_model_save(const app *app, const char *path, const well_model *mo
 /* Reads data whose classes and channels must be the model's. A novelty model accepts any classes and merges
  * them (merge_classes). */
 void read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
-/* Sets the labels to 0 for the class named `healthy` and to 1 for all others. The series then has two classes,
- * or one if all windows are of class `healthy`. */
+/* Sets the labels to 0 for the class named `healthy` and to 1 for all others. The series then has two
+ * classes, or one if all windows are of class `healthy`. */
 void merge_classes(lg_series *series, const char *healthy);
 
 /* ---- judging (judge.c) ---- */

@@ -143,16 +143,21 @@ void sweep_run(const app *app, const sweep_values *values, const lg_elastica_opt
 
 /* ---- learned curves (learned.c) ---- */
 
-/* `count`: number of curves whose boundary conditions are farther from the trained ones than twice the reach
- * of the trained ones (lg_surrogate_reach). `reach` and `largest` are NaN if the model file has no boundary
- * conditions of its training part. */
+/* `count`: number of curves whose boundary conditions are outside the range of the trained ones, as
+ * liegrad/elastica.h defines it. All distances are NaN if the model file has no boundary conditions of its
+ * training part. */
 typedef struct outside {
     double reach, largest; /* largest: largest distance of a curve */
+    double spread, off;    /* off: largest distance of a curve from the family */
     size_t count;
 } outside;
 /* `chosen` (count): the rows of `boundary` to count; NULL: the first `count` rows. */
 outside count_outside(const lg_surrogate_file *file, const double *boundary, const uint32_t *chosen,
                       size_t count);
+
+/* The beam of the data that a model was trained on, without its end angles. *known: the file has its
+ * stiffness. */
+lg_elastica beam_of_model(const lg_surrogate_file *file, bool *known);
 
 /* A network that is ready to compute its curves at up to `points` points at a time. */
 typedef struct learned {

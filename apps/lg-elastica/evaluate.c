@@ -60,6 +60,8 @@ static void report(const app *self, const evaluation *e) {
     app_result_size(&out, "outside", e->beyond.count, "curves beyond the training range");
     app_json_real(&out, "reach", e->beyond.reach);
     app_json_real(&out, "largest_distance", e->beyond.largest);
+    app_json_real(&out, "spread", e->beyond.spread);
+    app_json_real(&out, "largest_off_family", e->beyond.off);
     app_json_text(&out, "network", lg_surrogate_kind_name(e->file.run.model.options.kind));
     app_json_real(&out, "seconds", e->seconds);
     app_json_end(&out);
@@ -113,11 +115,13 @@ static void choose(const app *self, evaluation *e) {
 static void warn_of_range(const app *self, const evaluation *e) {
     const bool trained = e->file.run.continuous, given = e->data.curves.continuous;
     if (e->beyond.count > 0)
-        app_warn(self,
-                 "%zu of %zu curves lie outside the training range of %s (their boundary conditions are up "
-                 "to %.3g away from the training part, whose boundary conditions are at most %.3g apart): "
-                 "expect large errors there",
-                 e->beyond.count, e->count, self->arguments[0], e->beyond.largest, e->beyond.reach);
+        app_warn(
+            self,
+            "%zu of %zu curves lie outside the training range of %s (their boundary conditions are up "
+            "to %.3g away from the training part, whose boundary conditions are at most %.3g apart, and up "
+            "to %.3g off its family, which itself spreads by %.3g): expect large errors there",
+            e->beyond.count, e->count, self->arguments[0], e->beyond.largest, e->beyond.reach, e->beyond.off,
+            e->beyond.spread);
     if (trained != given)
         app_warn(self,
                  "%s was trained on %s values, but %s holds %s ones: the errors include their difference",
@@ -167,7 +171,8 @@ const app_command evaluate_command = {
     .details =
         "The mean squared error is over curves, nodes and components: 4(N - 1) inner ones for the discrete "
         "network, all 4(N + 1) for the others. Boundary conditions lie outside the training range if they "
-        "are farther from those of the training part than twice the largest gap among these. The command "
-        "counts them.",
+        "are farther from those of the training part than twice the largest gap among these, or farther off "
+        "the "
+        "lines through neighbours. The command counts them.",
     .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
     .run = run};

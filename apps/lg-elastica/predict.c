@@ -41,6 +41,7 @@ typedef struct prediction {
     beam_curve curve; /* the learned curve at the requested points */
     outside beyond;
     double seconds;
+    bool stiff;       /* the stiffness of the beam is known */
     beam_curve truth; /* the solution; only with --solve */
     double max_error, mse, solve_seconds;
 } prediction;
@@ -50,14 +51,12 @@ typedef struct prediction {
 static void read_where(const app *self, prediction *p) {
     const lg_surrogate_file *file = &p->file;
     const lg_elastica_families known = lg_elastica_families_of(file->trained, file->trained_count);
-    lg_elastica problem;
-    lg_elastica_init(&problem);
-    problem.length = file->run.model.length;
-    problem.intervals = file->run.model.intervals;
-    if (file->trained_count > 0) {
-        memcpy(problem.q0, file->trained, sizeof problem.q0);
-        memcpy(problem.qN, file->trained + 4, sizeof problem.qN);
-    }
+    const lg_elastica problem = beam_of_model(file, &p->stiff);
+    if (values.solve && !p->stiff)
+        app_warn(self,
+                 "%s: the file does not say the stiffness of the beam, so the energy is unknown: train the "
+                 "model again",
+                 self->arguments[0]);
     boundary_read(self, &values.where, &problem,
                   known.right_end && !known.both_ends ? LG_ELASTICA_RIGHT_END : LG_ELASTICA_BOTH_ENDS,
                   &p->where);
@@ -134,12 +133,14 @@ static void report(const app *self, const prediction *p) {
     app_json_reals(&out, "boundary", p->x, 8);
     app_result_real(&out, "distance", p->beyond.largest, "from the nearest boundary conditions trained on");
     app_result_real(&out, "reach", p->beyond.reach, "largest distance among these");
+    app_result_real(&out, "off_family", p->beyond.off, "from the family of boundary conditions trained on");
+    app_result_real(&out, "spread", p->beyond.spread, "largest such distance among these");
     app_json_bool(&out, "inside", p->beyond.count == 0);
     app_result_real(&out, "seconds", p->seconds, NULL);
     if (values.solve) {
         app_result_real(&out, "max_error", p->max_error, "largest difference at the nodes");
         app_result_real(&out, "mse", p->mse, NULL);
-        app_result_real(&out, "energy", p->truth.solution.energy, NULL);
+        app_result_real(&out, "energy", p->stiff ? p->truth.solution.energy : (double)NAN, NULL);
         app_result_real(&out, "rotation", p->truth.problem.rotation, NULL);
         app_result_real(&out, "solve_seconds", p->solve_seconds, NULL);
     }
@@ -167,8 +168,9 @@ static int run(app *self) {
         app_warn(
             self,
             "outside the training range: the nearest boundary conditions of the training part are %.3g away, "
-            "but neighbours in the training part are at most %.3g apart; the curve may be meaningless",
-            p.beyond.largest, p.beyond.reach);
+            "where neighbours in the training part are at most %.3g apart, and the query lies %.3g off their "
+            "family, where they themselves lie at most %.3g off; the curve may be meaningless",
+            p.beyond.largest, p.beyond.reach, p.beyond.off, p.beyond.spread);
     compute(self, &p);
     if (values.solve) compare(self, &p);
     write_curves(self, values.out, &p.curve, 1, false);
@@ -183,8 +185,11 @@ const app_command predict_command = {
     .summary = "Compute the learned curve for given boundary conditions",
     .details =
         "`distance` is the distance of the boundary conditions from the nearest ones of the training part. "
-        "`reach` is the largest such distance among the training part itself. A query farther than twice "
-        "the reach is not `inside`, and there is a warning. `seconds`: the median of a few evaluations in "
+        "`reach` is the largest such distance among the training part itself. `off_family` and `spread` are "
+        "the "
+        "same for the distance from the lines through neighbours. A query farther than twice the reach or "
+        "twice "
+        "the spread is not `inside`, and there is a warning. `seconds`: the median of a few evaluations in "
         "double precision.",
     .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
     .run = run};

@@ -8,8 +8,8 @@
 
 typedef struct export_window {
     uint32_t channels, length, classes;
-    /* Name of the class that means "all is well", as stored with the model; "" if unknown. NULL: the classes of
-     * the model have no such meaning. */
+    /* Name of the class that means "all is well", as stored with the model; "" if unknown. NULL: the classes
+     * of the model have no such meaning. */
     const char *healthy;
     double rate;                          /* Samples per second; 0: unknown. */
     char (*class_name)[LG_SERIES_NAME];   /* (classes) */

@@ -492,9 +492,12 @@ LG_API lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surro
 /* ---- trained range ----
  *
  * The curve that a network gives is meaningless outside the boundary conditions that it was trained on. The
- * two functions below measure this. `trained` (n, 8) has the boundary conditions of the training part. The
- * distance of two boundary conditions is the Euclidean distance of (v0, qN - q0, vN). A query is outside the
- * trained range if its lg_surrogate_distance is more than twice the lg_surrogate_reach. */
+ * functions below measure this. `trained` (n, 8) has the boundary conditions of the training part. The
+ * distance of two boundary conditions is the Euclidean distance of (v0, (qN - q0)/u, vN), where u is the
+ * largest |qN - q0| in `trained` (or the model's length if all are 0). A query is outside the trained range
+ * if its lg_surrogate_distance is more than twice the lg_surrogate_reach, or its lg_surrogate_off_family more
+ * than twice the lg_surrogate_spread. The second test finds a query next to a family of conditions but not of
+ * it, such as other end angles between those of a family with theta(L) = -theta(0). */
 
 /* Returns the reach of the trained boundary conditions: each of them has a distance from its nearest trained
  * neighbour. The n/100 largest of these distances (at most 32) are left out, because a few conditions may
@@ -504,6 +507,14 @@ LG_API double lg_surrogate_reach(const double *trained, size_t n);
  * smaller of the distances of x and of its mirror image. Infinite for n = 0 or a NaN in x. */
 LG_API double lg_surrogate_distance(const lg_surrogate *model, const double *trained, size_t n,
                                     const double *x);
+/* Returns the distance of x (8) from the family of the trained boundary conditions: the distance from the
+ * nearest line through two of the six nearest ones, extended at both ends by the distance of the two. Mirror
+ * images, n = 0 and a NaN: as for lg_surrogate_distance. */
+LG_API double lg_surrogate_off_family(const lg_surrogate *model, const double *trained, size_t n,
+                                      const double *x);
+/* Returns the spread of the trained boundary conditions: the largest distance of one of them from the family
+ * of the others, without the n/100 largest ones, but at least 2 % of the reach. */
+LG_API double lg_surrogate_spread(const double *trained, size_t n);
 
 /* ---- files of curves (library liegrad_io from here on) ---- */
 
@@ -551,6 +562,7 @@ typedef struct lg_surrogate_run {
     uint64_t most_curves; /* largest number of curves of the training part to learn from; 0: all */
     uint64_t curves;      /* number of curves in the data, before the split */
     bool continuous;      /* the data are continuous solutions */
+    double stiffness;     /* EI of the data; 0 if unknown (files of earlier versions) */
     char data_sha256[LG_SHA256_TEXT];
 } lg_surrogate_run;
 /* The fields of lg_surrogate_run, ended by a row whose name is NULL (liegrad/settings.h). Bit k of

@@ -405,6 +405,21 @@ LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg
 LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
                                                    const lg_hamiltonian_problem *problem, const double *theta,
                                                    double *out, lg_error *error);
+/* How much the momentum that a symmetry conserves moves along trajectories. All is 0 for a symmetry without a
+ * momentum, such as LG_SYMMETRY_EVEN. */
+typedef struct lg_momentum_motion {
+    /* moved: root mean square, over the trajectories, of the change from the first point to the point where it
+     * is largest; size: root mean square over all points of |pi| + sum |q| |p|, a bound on the momentum. */
+    double moved, size;
+    /* The momentum moves more than noise and a decay explain. Noise changes all points equally; a decay makes
+     * the momentum smaller by the same factor in all trajectories, as damping does. */
+    bool moves;
+} lg_momentum_motion;
+/* Measures this for the trajectories and the symmetry of the model (docs/hamiltonians.md has the momenta).
+ * Errors: those of lg_hamiltonian_problem_check, LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_hamiltonian_momentum_motion(const lg_context *context,
+                                                const lg_hamiltonian_problem *problem,
+                                                lg_momentum_motion *out);
 /* Writes how much the data change the first integral G of the penalty: the mean over the trajectories of
  * (G(y_j) - G(y_1))^2 for j = `point` in 2..M, or of G(y_1)^2 for point 1, in double precision. It grows
  * with j where G is not conserved; noise alone does not make it grow. Errors: those of

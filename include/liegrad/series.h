@@ -57,9 +57,9 @@ LG_API void lg_series_destroy(lg_series *series);
 #define LG_NO_CLASS UINT32_MAX /* no class; the class is not known */
 /* Returns the number of the class that means "all is well", or LG_NO_CLASS if there is none. `name` is its
  * name in class_name or its label in class_label. With `name` NULL or "" the class is guessed from the words
- * of the names, without regard to case: the names that say so are 0, none, "no fault" and the like, or contain
- * one of the words healthy, normal, ok, good, intact, baseline and their synonyms without a negation. There is
- * none if several names say so. Only classes, class_name and class_label of the series are used. */
+ * of the names, without regard to case: the names that say so are 0, none, "no fault" and the like, or
+ * contain one of the words healthy, normal, ok, good, intact, baseline and their synonyms without a negation.
+ * There is none if several names say so. Only classes, class_name and class_label of the series are used. */
 LG_API uint32_t lg_series_healthy(const lg_series *series, const char *name);
 
 /* ---- windows ---- */
@@ -199,15 +199,16 @@ LG_API uint32_t lg_metrics_class(const double *score, uint32_t classes);
 LG_API void lg_metrics_confusion(const uint32_t *truth, const uint32_t *given, size_t n, uint32_t classes,
                                  uint64_t *confusion);
 
-/* With two classes, precision, recall and f1 are computed for the class that is not healthy, or for class 1 if
- * the healthy class is not known. With more classes they are means over all classes ("macro"). A class that was never given has precision 0. A class that does not occur has recall
- * 0. With precision p and recall r, f1 = 2 p r/(p + r), and 0 if p = r = 0. */
+/* With two classes, precision, recall and f1 are computed for the class that is not healthy, or for class 1
+ * if the healthy class is not known. With more classes they are means over all classes ("macro"). A class
+ * that was never given has precision 0. A class that does not occur has recall 0. With precision p and recall
+ * r, f1 = 2 p r/(p + r), and 0 if p = r = 0. */
 typedef struct lg_metrics {
     double accuracy, precision, recall, f1;
     double false_positive_rate; /* part of the healthy class that was given another class; NaN without it */
 } lg_metrics;
-/* Computes the metrics from a confusion matrix of lg_metrics_confusion. `healthy` is the class that means "all
- * is well", or LG_NO_CLASS. */
+/* Computes the metrics from a confusion matrix of lg_metrics_confusion. `healthy` is the class that means
+ * "all is well", or LG_NO_CLASS. */
 LG_API lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes, uint32_t healthy);
 
 /* Computes the receiver operating characteristic for class `positive` against all other classes; truth and

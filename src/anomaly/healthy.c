@@ -5,8 +5,8 @@
 #include "core/core.h"
 #include "liegrad/series.h"
 
-/* Names that say so as a whole, words that say so anywhere in a name, and words that deny it. All have a blank
- * on both sides, as spaced() makes them. */
+/* Names that say so as a whole, words that say so anywhere in a name, and words that deny it. All have a
+ * blank on both sides, as spaced() makes them. */
 static const char *const whole[] = {
     " 0 ",           " none ",        " nofault ",    " no fault ",      " no faults ",     " no damage ",
     " no defect ",   " no failure ",  " no anomaly ", " no crack ",      " fault free ",    " damage free ",

@@ -233,48 +233,129 @@ lg_status lg_surrogate_split(size_t n, double train_fraction, double test_fracti
 
 /* ---- trained range ---- */
 
-/* (v0, qN - q0, vN), mirrored for sign = -1. */
-static void relative(const double *x, double sign, double *out) {
+/* n boundary conditions; lengths are divided by `unit`. */
+typedef struct trained_set {
+    const double *x; /* (n, 8) */
+    size_t n;
+    double unit;
+} trained_set;
+
+/* The unit of length is the largest distance of q0 and qN in the set, or `length` if all ends coincide. */
+static trained_set set_of(const double *trained, size_t n, double length) {
+    trained_set out = {trained, n, 0.0};
+    for (size_t i = 0; i < n; i++)
+        out.unit = fmax(out.unit,
+                        hypot(trained[8 * i + 4] - trained[8 * i], trained[8 * i + 5] - trained[8 * i + 1]));
+    if (!(out.unit > 0.0)) out.unit = length > 0.0 ? length : 1.0;
+    return out;
+}
+
+/* (v0, (qN - q0)/unit, vN), mirrored for sign = -1. */
+static void relative(const trained_set *set, const double *x, double sign, double *out) {
     for (size_t c = 0; c < 6; c++) {
-        const double from = c == 2 || c == 3 ? x[c - 2] : 0.0;
-        out[c] = (c % 2 == 1 ? sign : 1.0) * (x[c + 2] - from);
+        const bool end = c == 2 || c == 3;
+        const double value = end ? (x[c + 2] - x[c - 2]) / set->unit : x[c + 2];
+        out[c] = (c % 2 == 1 ? sign : 1.0) * value;
     }
 }
 
-/* Squared distance of x, mirrored for sign = -1, from the nearest trained boundary condition other than
- * number `but`. */
-static double nearest(const double *trained, size_t n, size_t but, const double *x, double sign) {
-    double least = INFINITY, here[6], there[6];
-    relative(x, sign, here);
-    for (size_t i = 0; i < n; i++) {
-        double sum = 0.0;
-        relative(trained + 8 * i, 1.0, there);
-        for (size_t c = 0; c < 6; c++) sum += (there[c] - here[c]) * (there[c] - here[c]);
-        if (i != but && sum < least) least = sum;
+static double product(const double *a, const double *b) {
+    double sum = 0.0;
+    for (size_t c = 0; c < 6; c++) sum += a[c] * b[c];
+    return sum;
+}
+
+enum { NEAR = 6 };
+
+/* Finds the conditions, other than number `but`, that are nearest to x, mirrored for sign = -1: near (NEAR,
+ * 6) becomes their differences from x, square (NEAR) the squares of their distances, in rising order. Returns
+ * how many there are. */
+static size_t find_near(const trained_set *set, size_t but, const double *x, double sign,
+                        double near[NEAR][6], double *square) {
+    double here[6], there[6];
+    size_t count = 0;
+    relative(set, x, sign, here);
+    for (size_t i = 0; i < set->n; i++) {
+        relative(set, set->x + 8 * i, 1.0, there);
+        for (size_t c = 0; c < 6; c++) there[c] -= here[c];
+        const double distance = product(there, there);
+        if (i == but || !(count < NEAR || distance < square[NEAR - 1]) || isnan(distance)) continue;
+        size_t at = count < NEAR ? count++ : NEAR - 1;
+        for (; at > 0 && square[at - 1] > distance; at--) {
+            square[at] = square[at - 1];
+            memcpy(near[at], near[at - 1], sizeof near[at]);
+        }
+        square[at] = distance;
+        memcpy(near[at], there, sizeof there);
     }
+    return count;
+}
+
+/* Squared distance from the nearest condition. */
+static double nearest(const trained_set *set, size_t but, const double *x, double sign) {
+    double near[NEAR][6], square[NEAR];
+    return find_near(set, but, x, sign, near, square) > 0 ? square[0] : (double)INFINITY;
+}
+
+/* Squared distance from the family: from the lines through two of the nearest conditions, each line extended
+ * at both ends by the distance of the two. */
+static double off_family(const trained_set *set, size_t but, const double *x, double sign) {
+    double near[NEAR][6], square[NEAR];
+    const size_t count = find_near(set, but, x, sign, near, square);
+    double least = count > 0 ? square[0] : (double)INFINITY;
+    for (size_t i = 0; i < count; i++)
+        for (size_t j = 0; j < i; j++) {
+            double way[6], foot[6];
+            for (size_t c = 0; c < 6; c++) way[c] = near[i][c] - near[j][c];
+            const double length = product(way, way);
+            if (!(length > 0.0)) continue;
+            const double t = fmin(fmax(-product(near[j], way) / length, -1.0), 2.0);
+            for (size_t c = 0; c < 6; c++) foot[c] = near[j][c] + t * way[c];
+            least = fmin(least, product(foot, foot));
+        }
     return least;
 }
 
-/* lg_surrogate_reach leaves out at most this many of the largest distances. It keeps these and one more in a
- * list, in decreasing order. */
+typedef double measure(const trained_set *set, size_t but, const double *x, double sign);
+
+/* `largest` leaves out at most this many of the largest distances. It keeps these and one more in a list, in
+ * decreasing order. */
 enum { LONERS = 32 };
 
-double lg_surrogate_reach(const double *trained, size_t n) {
+/* The largest distance of a trained condition from the others, without the n/100 largest ones. */
+static double largest(const double *trained, size_t n, measure *of) {
     const size_t loners = n / 100 < LONERS ? n / 100 : LONERS;
-    double largest[LONERS + 1] = {0.0};
+    const trained_set set = set_of(trained, n, 0.0);
+    double list[LONERS + 1] = {0.0};
     for (size_t i = 0; n > 1 && i < n; i++) {
-        const double distance = nearest(trained, n, i, trained + 8 * i, 1.0);
+        const double distance = of(&set, i, trained + 8 * i, 1.0);
         size_t at = loners + 1;
-        for (; at > 0 && largest[at - 1] < distance; at--)
-            if (at <= loners) largest[at] = largest[at - 1];
-        if (at <= loners) largest[at] = distance;
+        for (; at > 0 && list[at - 1] < distance; at--)
+            if (at <= loners) list[at] = list[at - 1];
+        if (at <= loners) list[at] = distance;
     }
-    return sqrt(largest[loners]);
+    return sqrt(list[loners]);
+}
+
+static double smallest(const lg_surrogate *model, const double *trained, size_t n, const double *x,
+                       measure *of) {
+    const trained_set set = set_of(trained, n, model->length);
+    const double here = of(&set, SIZE_MAX, x, 1.0);
+    return sqrt(model->options.mirror ? fmin(here, of(&set, SIZE_MAX, x, -1.0)) : here);
+}
+
+double lg_surrogate_reach(const double *trained, size_t n) {
+    return largest(trained, n, nearest);
+}
+
+double lg_surrogate_spread(const double *trained, size_t n) {
+    return fmax(largest(trained, n, off_family), 0.02 * lg_surrogate_reach(trained, n));
 }
 
 double lg_surrogate_distance(const lg_surrogate *model, const double *trained, size_t n, const double *x) {
-    const double here = nearest(trained, n, SIZE_MAX, x, 1.0);
-    if (!model->options.mirror) return sqrt(here);
-    const double image = nearest(trained, n, SIZE_MAX, x, -1.0);
-    return sqrt(image < here ? image : here);
+    return smallest(model, trained, n, x, nearest);
+}
+
+double lg_surrogate_off_family(const lg_surrogate *model, const double *trained, size_t n, const double *x) {
+    return smallest(model, trained, n, x, off_family);
 }

@@ -71,6 +71,7 @@ typedef struct measuring {
     course *courses;    /* (trajectories): one per different trajectory */
     size_t *different;  /* (trajectories): indices of different trajectories; the first `differ` are used */
     size_t differ;
+    bool has_momentum; /* the model's symmetry conserves a momentum, and the data conserve it */
 } measuring;
 
 static double energy(const measuring *m, const double *state) {
@@ -240,6 +241,14 @@ static double error_correlation(const measuring *m) {
     return product / fmax(square, DBL_MIN);
 }
 
+/* A symmetry that conserves no momentum, such as a mirror, cannot be tested by the data alone. So it is named as
+ * a possible cause. */
+static const char *symmetry_first(const measuring *m) {
+    return m->problem->model->symmetry != LG_SYMMETRY_NONE && !m->has_momentum
+               ? "the potential may not have the symmetry of --symmetry (none is without it), or "
+               : "";
+}
+
 /* The energy of a conservative model does not change with motion, whatever the noise. A scheme with large
  * steps can change it; then the energy falls either relative to the run of the scheme or relative to a
  * constant, but not both. So both must agree. */
@@ -247,10 +256,10 @@ static bool warn_of_cost(const measuring *m) {
     const cost found = measure(m, false), beside = measure(m, true);
     if (!is_told(&found) || !is_told(&beside) || !(found.change * beside.change > 0.0)) return false;
     lg_log_message(m->context, LG_LOG_WARNING,
-                   "the data are not conservative: along a trajectory the learned energy %s by %.2g on "
+                   "%sthe data are not conservative: along a trajectory the learned energy %s by %.2g on "
                    "average (standard error %.1g; energies spread by %.2g), which cannot happen in a "
                    "Hamiltonian system; lg-identify learns damped and driven machines",
-                   found.change < 0 ? "falls" : "rises", fabs(found.change),
+                   symmetry_first(m), found.change < 0 ? "falls" : "rises", fabs(found.change),
                    fabs(found.change * found.error / found.slope), found.spread);
     return true;
 }
@@ -266,12 +275,12 @@ static void warn_of_misfit(const measuring *m, double loss) {
     const double correlation = error_correlation(m);
     if (correlation > alike)
         lg_log_message(m->context, LG_LOG_WARNING,
-                       "the model does not explain the data: its error is %.2g %% of the motion (root mean "
+                       "%sthe model does not explain the data: its error is %.2g %% of the motion (root mean "
                        "square), and the errors of neighbouring steps are correlated (%.2f), as with a "
                        "missing force, not as with noise; possible causes: damping or driving forces "
                        "(lg-identify learns such machines), a network that is too small, a training that is "
                        "too short, or steps that are too long (--substeps)",
-                       100.0 * sqrt(left), correlation);
+                       symmetry_first(m), 100.0 * sqrt(left), correlation);
 }
 
 lg_status lg_hamiltonian_warn_of_drift(const lg_context *context, const lg_hamiltonian_problem *problem,
@@ -281,8 +290,12 @@ lg_status lg_hamiltonian_warn_of_drift(const lg_context *context, const lg_hamil
     const bool learned = is_learned(fit, problem, loss);
     const bool misfit = !lg_is_near_floor(loss, floor) && (has_settled(fit, slow) || has_come_to_rest(fit));
     measuring m;
+    lg_momentum_motion motion;
     if (!learned && !misfit) return LG_OK;
+    LG_TRY(lg_hamiltonian_momentum_motion(context, problem, &motion));
+    if (motion.moves) return LG_OK;
     const lg_status status = measuring_begin(context, problem, theta, &m, error);
+    m.has_momentum = motion.size > 0.0;
     const bool told = status == LG_OK && learned && warn_of_cost(&m);
     if (status == LG_OK && !told && misfit) warn_of_misfit(&m, loss);
     measuring_end(&m);

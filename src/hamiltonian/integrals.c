@@ -26,30 +26,17 @@ static lg_var anharmonic(void *user, lg_tape *tape, const lg_hamiltonian_vars *v
     return lg_add(tape, oscillator(user, tape, vars, j, y), lg_scale(tape, quartic, 0.25));
 }
 
-/* q_1 p_2 - q_2 p_1 */
+/* The momenta of symmetries: q_1 p_2 - q_2 p_1, and sum e3.pi + sum_i e3.(q_i x p_i). */
 static lg_var planar_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
                               const lg_var *y) {
-    (void)user, (void)vars, (void)j;
-    lg_var first = lg_mul(tape, column(tape, y[0], 0), column(tape, y[1], 1));
-    return lg_sub(tape, first, lg_mul(tape, column(tape, y[0], 1), column(tape, y[1], 0)));
+    (void)user, (void)j;
+    return lg_symmetry_row_of(LG_SYMMETRY_SPHERICAL)->momentum(tape, vars->model, y);
 }
 
-/* The sum of the third components of x (B, k, 3). */
-static lg_var third(lg_tape *tape, lg_var x) {
-    return lg_sum_axis(tape, lg_slice(tape, x, 2, 2, 1), 1, false);
-}
-
-/* sum e3.pi + sum_i e3.(q_i x p_i), with pi (B, 3 c) and q and p (B, k, 3) */
 static lg_var vertical_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
                                 const lg_var *y) {
-    const lg_hamiltonian_family *family = vars->model->family;
-    const uint32_t turned = vars->model->n * family->bodies.rotations;
     (void)user, (void)j;
-    if (turned == 0) return third(tape, lg_cross(tape, y[0], y[1]));
-    const lg_shape shape = lg_shape3(lg_var_shape(tape, y[1]).dims[0], turned, 3);
-    const lg_var spin = third(tape, lg_reshape(tape, y[1], shape));
-    return family->bodies.directions == 0 ? spin
-                                          : lg_add(tape, spin, third(tape, lg_cross(tape, y[2], y[3])));
+    return lg_symmetry_row_of(LG_SYMMETRY_AXIAL)->momentum(tape, vars->model, y);
 }
 
 static const lg_first_integral integrals[] = {

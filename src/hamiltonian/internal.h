@@ -127,6 +127,8 @@ typedef struct lg_symmetry_row {
     lg_var (*record)(lg_tape *tape, const lg_hamiltonian *model, lg_var x);
     int degree; /* an invariant is multiplied by s^degree if x is multiplied by s; directions have s = 1 */
     bool isotropic; /* the group has all rotations of R^n */
+    /* What the flow of a symmetric potential conserves, from the parts of states: (B, k). NULL: nothing. */
+    lg_var (*momentum)(lg_tape *tape, const lg_hamiltonian *model, const lg_var *y);
 } lg_symmetry_row;
 const lg_symmetry_row *lg_symmetry_row_of(lg_symmetry symmetry); /* NULL: unknown symmetry */
 /* How many vectors of R^3 the positions consist of: columns of rotations, then directions; 0 if there are

@@ -114,6 +114,19 @@ lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_ha
     return LG_OK;
 }
 
+lg_status lg_hamiltonian_warn_of_symmetry(const lg_context *context, const lg_hamiltonian_problem *problem) {
+    const lg_field *row = lg_field_find(lg_hamiltonian_fields, "symmetry");
+    lg_momentum_motion motion;
+    LG_TRY(lg_hamiltonian_momentum_motion(context, problem, &motion));
+    if (motion.moves)
+        WARN("the data do not have the symmetry %s: the momentum that it conserves changes by up to %.2g "
+             "along "
+             "the trajectories, and its size is at most %.2g (root mean squares); --symmetry none is without "
+             "this assumption",
+             lg_field_name(row, (uint32_t)problem->model->symmetry), motion.moved, motion.size);
+    return LG_OK;
+}
+
 /* ---- the data ---- */
 
 void lg_warn_of_inputs(const lg_context *context, const char *path, const lg_trajectories *data) {

@@ -24,8 +24,11 @@ void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonia
 /* Warns if the data do not conserve the first integral of the penalty. */
 lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_hamiltonian_problem *problem,
                                           const double *theta, lg_error *error);
+/* Warns if the data do not conserve the momentum of the model's symmetry. */
+lg_status lg_hamiltonian_warn_of_symmetry(const lg_context *context, const lg_hamiltonian_problem *problem);
 /* Warns if the learned energy changes along the data in a way that no conservative system allows; or if
- * training has converged, but the errors of the model are not noise. */
+ * training has converged, but the errors of the model are not noise. Says nothing if the data do not conserve
+ * the momentum of the model's symmetry, because then the model must be wrong. */
 lg_status lg_hamiltonian_warn_of_drift(const lg_context *context, const lg_hamiltonian_problem *problem,
                                        const lg_fit *fit, const double *theta, double loss, double floor,
                                        lg_error *error);

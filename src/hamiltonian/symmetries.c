@@ -99,13 +99,37 @@ static lg_var spherical(lg_tape *tape, const lg_hamiltonian *model, lg_var x) {
     return inner(tape, q);
 }
 
+/* sum pi + sum_i q_i x p_i, (B, 3) */
+static lg_var total_momentum(lg_tape *tape, const lg_hamiltonian *model, const lg_var *y) {
+    const uint32_t turned = rotations_of(model);
+    if (turned == 0) return lg_sum_axis(tape, lg_cross(tape, y[0], y[1]), 1, false);
+    const lg_shape shape = lg_shape3(lg_var_shape(tape, y[1]).dims[0], turned, 3);
+    const lg_var spin = lg_sum_axis(tape, lg_reshape(tape, y[1], shape), 1, false);
+    return directions_of(model) == 0
+               ? spin
+               : lg_add(tape, spin, lg_sum_axis(tape, lg_cross(tape, y[2], y[3]), 1, false));
+}
+
+static lg_var axial_momentum(lg_tape *tape, const lg_hamiltonian *model, const lg_var *y) {
+    return lg_slice(tape, total_momentum(tape, model, y), 1, 2, 1);
+}
+
+/* Of one vector of R^n: all q_i p_j - q_j p_i, i < j. */
+static lg_var spherical_momentum(lg_tape *tape, const lg_hamiltonian *model, const lg_var *y) {
+    if (!has_vector(model->family)) return total_momentum(tape, model, y);
+    return lg_sub(tape, lg_hamiltonian_pairs(tape, y[0], y[1]), lg_hamiltonian_pairs(tape, y[1], y[0]));
+}
+
 static const lg_symmetry_row rows[LG_SYMMETRY_COUNT] = {
     [LG_SYMMETRY_NONE] = {.sign = 0.0},
     [LG_SYMMETRY_EVEN] = {.sign = 1.0},
     [LG_SYMMETRY_ODD] = {.sign = -1.0},
-    [LG_SYMMETRY_AXIAL] = {.count = axial_count, .record = axial, .degree = 1},
-    [LG_SYMMETRY_SPHERICAL] = {
-        .count = spherical_count, .record = spherical, .degree = 2, .isotropic = true}};
+    [LG_SYMMETRY_AXIAL] = {.count = axial_count, .record = axial, .degree = 1, .momentum = axial_momentum},
+    [LG_SYMMETRY_SPHERICAL] = {.count = spherical_count,
+                               .record = spherical,
+                               .degree = 2,
+                               .isotropic = true,
+                               .momentum = spherical_momentum}};
 
 const lg_symmetry_row *lg_symmetry_row_of(lg_symmetry symmetry) {
     return (unsigned)symmetry < LG_SYMMETRY_COUNT ? &rows[symmetry] : NULL;

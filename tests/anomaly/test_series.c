@@ -263,6 +263,45 @@ TEST("invalid fractions, missing units and empty parts are refused") {
     for (size_t i = 0; i < 6; i++) assert_int_equal(parts[i], 9);
 }
 
+/* ---- the healthy class ---- */
+
+TEST("a class is healthy by its name or label, or else by the words of exactly one name") {
+    static const struct {
+        const char *name;
+        bool healthy;
+    } rows[] = {
+        {"healthy", true},       {"Normal", true},     {"OK", true},          {"good bearing", true},
+        {"intact", true},        {"Baseline_2", true}, {"none", true},        {"No Fault", true},
+        {"undamaged", true},     {"0", true},          {"fault-free", true},  {"state: ok", true},
+        {"not damaged", true},   {"unhealthy", false}, {"abnormal", false},   {"nok", false},
+        {"not ok", false},       {"no good", false},   {"non-normal", false}, {"broken", false},
+        {"normal fault", false}, {"10", false},        {"0.007", false},      {"none of these", false},
+        {"goodness", false},     {"bearing", false},   {"", false},           {"nearly intact", false},
+        {"booking", false},      {"\xc3\xb6k", false}, {"damage", false},     {"fault", false}};
+    char name[3][LG_SERIES_NAME] = {"", "worn", "cracked"}, label[3][LG_SERIES_NAME] = {"5", "6", "worn"};
+    lg_series series = {.classes = 3, .class_name = name};
+    for (uint32_t place = 0; place < 3; place++)
+        for (size_t i = 0; i < LG_COUNT(rows); i++) {
+            for (uint32_t c = 0; c < 3; c++) (void)snprintf(name[c], LG_SERIES_NAME, "worn %u", c + 1);
+            (void)snprintf(name[place], LG_SERIES_NAME, "%s", rows[i].name);
+            if (lg_series_healthy(&series, NULL) != (rows[i].healthy ? place : LG_NO_CLASS))
+                fail_msg("'%s' is %s", rows[i].name, rows[i].healthy ? "not healthy" : "healthy");
+            (void)snprintf(name[(place + 1) % 3], LG_SERIES_NAME, "Nominal");
+            if (rows[i].healthy)
+                assert_int_equal(lg_series_healthy(&series, ""), LG_NO_CLASS); /* two say so */
+            if (rows[i].name[0] != '\0') assert_int_equal(lg_series_healthy(&series, rows[i].name), place);
+        }
+    (void)snprintf(name[1], LG_SERIES_NAME, "worn");
+    assert_int_equal(lg_series_healthy(&series, "6"), LG_NO_CLASS);
+    series.class_label = label;
+    assert_int_equal(lg_series_healthy(&series, "6"), 1);
+    assert_int_equal(lg_series_healthy(&series, "worn"), 1); /* a name comes before a label */
+    assert_int_equal(lg_series_healthy(&series, "NORMAL"), LG_NO_CLASS);
+    assert_int_equal(lg_series_healthy(NULL, "worn"), LG_NO_CLASS);
+    memset(name[0], 'x', LG_SERIES_NAME - 1); /* the longest name */
+    assert_int_equal(lg_series_healthy(&series, name[0]), 0);
+}
+
 TEST("splits have their names") {
     ASSERT_NAMED(lg_split, lg_split, LG_SPLIT_COUNT);
 }

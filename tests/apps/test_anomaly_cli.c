@@ -470,6 +470,100 @@ TEST("votes give the alarm and its delay") {
     json("evaluate logistic.h5 data.h5 fresh.h5 --votes 3,5", "files *");
 }
 
+/* ---- the healthy class ---- */
+
+/* Writes the windows of `from` (classes 0 and 1) with these names of their classes, as texts or with swapped
+ * numbers. `healthy` becomes the attribute of the file, if it is not "". */
+static void write_named(const char *name, const char *from, const char *first, const char *second,
+                        bool swapped, const char *healthy) {
+    lg_series_data *data = read_back(from);
+    lg_series *series = &data->series;
+    (void)snprintf(series->class_name[swapped], LG_SERIES_NAME, "%s", first);
+    (void)snprintf(series->class_name[!swapped], LG_SERIES_NAME, "%s", second);
+    for (size_t i = 0; i < series->count && swapped; i++) series->label[i] = 1 - series->label[i];
+    (void)snprintf(data->healthy, sizeof data->healthy, "%s", healthy);
+    assert_ok(lg_series_write(NULL, cli_at(name), data, NULL));
+}
+
+/* The rate of false positives that the confusion matrix of the JSON gives. */
+static double expected_rate(bool swapped) {
+    double confusion[4];
+    const char *at = json_find(result.out, "confusion");
+    assert_int_equal(
+        sscanf(at, "[[%lf, %lf], [%lf, %lf]]", &confusion[0], &confusion[1], &confusion[2], &confusion[3]),
+        4);
+    const double *row = confusion + (swapped ? 2 : 0);
+    return row[!swapped] / (row[0] + row[1]);
+}
+
+TEST(
+    "no method takes the first class for the healthy one: all results agree for both orders of the classes") {
+    write_named("sound-0.h5", "data.h5", "sound", "at fault", false, "sound");
+    write_named("sound-1.h5", "data.h5", "sound", "at fault", true, "sound");
+    for (size_t i = 0; i < LG_COUNT(methods); i++) {
+        double recall[2], rate[2];
+        for (int swapped = 0; swapped < 2; swapped++) {
+            json(test_text("train sound-%d.h5 %s --out sound.model.h5", swapped, methods[i]),
+                 "healthy \"sound\"");
+            const bool alone = strstr(methods[i], "novelty") != NULL;
+            rate[swapped] = json_number(result.out, "false_positive_rate");
+            assert_close(rate[swapped], expected_rate(swapped && !alone), 1e-12, 1e-12);
+            recall[swapped] = json_number(result.out, "recall");
+            assert_string_equal(result.err, "");
+            json("evaluate sound.model.h5 data.h5 --healthy sound", "");
+        }
+        /* Rounding depends on the order of the classes, so a window near the border may change its class. */
+        assert_close(rate[0], rate[1], 0, strstr(methods[i], "epochs") != NULL ? 1 : 0.1);
+        assert_close(recall[0], recall[1], 0, strstr(methods[i], "epochs") != NULL ? 1 : 0.1);
+    }
+}
+
+TEST("the healthy class is the one given, or that of the data, or one whose name says so, with a warning") {
+    write_named("plain.h5", "data.h5", "left", "right", false, "");
+    write_named("marked.h5", "data.h5", "left", "right", false, "right");
+    write_named("word.h5", "data.h5", "Normal", "Ball fault", true, "");
+    static const struct {
+        const char *data, *option, *healthy, *warning;
+    } rows[] = {
+        {"plain.h5", "", "null", "which of the classes left|right means that all is well: give --healthy"},
+        {"plain.h5", "--healthy right", "\"right\"", ""},
+        {"marked.h5", "", "\"right\"", ""},
+        {"marked.h5", "--healthy left", "\"left\"", ""},
+        {"word.h5", "", "\"Normal\"", "class 'Normal' is taken as healthy because of its name: --healthy"},
+        {"word.h5", "--healthy 'Ball fault'", "\"Ball fault\"", ""}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        json(test_text("train %s %s --method tree --out h.h5", rows[i].data, rows[i].option),
+             test_text("healthy %s, false_alarms_per_day %s", rows[i].healthy, i == 0 ? "null" : "*"));
+        if (rows[i].warning[0] == '\0') assert_string_equal(result.err, "");
+        assert_says(result.err, rows[i].warning);
+        json(test_text("evaluate h.h5 %s", rows[i].data), test_text("healthy %s", rows[i].healthy));
+        assert_string_equal(result.err, "");
+        cli_expect("lg-export", "h.h5 --out exported --name m", 0, "");
+        char header[16384];
+        (void)cli_read("exported/m.h", header, sizeof header);
+        assert_says(header, i == 0 ? "It is unknown which class means" : "(healthy)");
+        if (i > 0) assert_says(header, i == 1 || i == 2 ? "#define m_HEALTHY 1" : "#define m_HEALTHY 0");
+        if (i == 0) assert_null(strstr(header, "m_HEALTHY"));
+    }
+    cli_expect(lg, "train plain.h5 --healthy up --method tree --out h.h5", 2,
+               "'up' is none of the classes left|right");
+    cli_expect(lg, "train plain.h5 --method novelty --out h.h5", 2, "--method novelty: it is unknown which");
+    cli_run(lg, "train plain.h5 --healthy left --method novelty --out n.h5");
+    cli_expect(lg, "evaluate n.h5 plain.h5 --healthy unlike", 2, "'unlike' is none of the classes left");
+    cli_run(lg, "train plain.h5 --method tree --out h.h5");
+    cli_expect(lg, "watch h.h5 --input /dev/null", 2, "h.h5: it is unknown which of the classes left|right");
+    cli_expect(lg, "watch h.h5 --healthy left --input /dev/null", 0, "# healthy: left");
+    json("watch h.h5 --healthy right --input /dev/null", "healthy \"right\"");
+    cli_expect(lg, "evaluate h.h5 plain.h5 --votes 2,3", 2, "--votes: it is unknown which");
+    json("evaluate h.h5 plain.h5 --votes 2,3 --healthy left", "healthy \"left\", votes *");
+    json("evaluate h.h5 marked.h5", "healthy \"right\"");
+    json("evaluate h.h5 plain.h5 marked.h5", "files *");
+    hid_t file = H5Fopen(cli_at("marked.h5"), H5F_ACC_RDWR, H5P_DEFAULT);
+    assert_true(H5Arename(file, "classes", "names") >= 0 && H5Fclose(file) >= 0);
+    cli_expect(lg, "train marked.h5 --method tree --out h.h5", 3,
+               "marked.h5: attribute healthy: expected the name of one of the classes, 0|1");
+}
+
 /* With a large learning rate the best epoch is not the last one. */
 TEST("a network that is no better than the most frequent class ends with exit code 4") {
     cli_expect(lg, "train data.h5 --lr 1000 --epochs 10 --out wild.h5 --json", 4, "the most frequent class");

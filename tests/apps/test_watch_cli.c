@@ -503,6 +503,47 @@ TEST("channels are found by their names; a feed without one of them is refused")
                "no column of the feed has the name of a channel");
 }
 
+TEST("columns with other names are left out, whatever they hold, with one warning that names them") {
+    static const struct {
+        const char *columns,
+            *left_out; /* `columns` of an awk program; c1: name or cell of the first of them */
+        bool timed;
+    } rows[] = {
+        {"$1, $2, $3, $4, $5, $6, $7, NR == 1 ? \"label\" : \"0\"", "label", true},
+        {"NR == 1 ? \"\\\"run, site\\\"\" : \"x7\", $2, $3, NR == 1 ? \"note\" : \"\\\"#so, so\\\"\", $4, "
+         "$5, "
+         "$6, $7",
+         "run, site", false},
+        {"$1, NR == 1 ? \"a\" : \"\", $2, $3, $4, $5, $6, $7, NR == 1 ? \"b\" : \"ok\", NR == 1 ? \"c\" : "
+         "\"\"",
+         "a, b, c", true},
+        {"$2, $3, $4, $5, $6, $7, NR == 1 ? \"uptime\" : NR", "uptime", false},
+    };
+    static cli straight[2];
+    cli_expect("lg-anomaly", "generate --noise 10 --runs 6 --hours 0.1 --out well.h5", 0, "");
+    cli_expect("lg-anomaly", "train well.h5 --method logistic --out named.h5", 0, "");
+    cli_expect("lg-anomaly", "feed --noise 10 --hours 0.2 --seed 5", 0, "");
+    cli_write("feed.csv", result.out);
+    reorder("$2, $3, $4, $5, $6, $7", "plain.csv");
+    for (int timed = 0; timed < 2; timed++) {
+        cli_expect("lg-anomaly", test_text("watch named.h5 --input %s.csv", timed ? "feed" : "plain"), 0, "");
+        straight[timed] = result;
+    }
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        reorder(rows[i].columns, "more.csv");
+        cli_expect("lg-anomaly", "watch named.h5 --input more.csv", 0, "# windows");
+        assert_says(result.err, "not channels of the model are left out: ");
+        assert_says(result.err, rows[i].left_out);
+        assert_int_equal(count_lines(result.err), 1);
+        const char *expected = straight[rows[i].timed].out;
+        const size_t verdicts = (size_t)(strstr(expected, "# windows") - expected);
+        assert_true(verdicts > 100);
+        if (strncmp(expected, result.out, verdicts) != 0) fail_msg("%s:\n%s", rows[i].columns, result.out);
+    }
+    reorder("$1, $2, $3, $4, $5, $6, NR == 1 ? \"x\" : 1, NR == 1 ? \"y\" : 2", "cut.csv");
+    cli_expect("lg-anomaly", "watch named.h5 --input cut.csv", 3, "there is no column moment_y");
+}
+
 /* Writes spoilt.csv: the feed with an awk expression in one field of every sample. */
 static void spoil(const char *field, const char *expression) {
     change(test_text("NR > 1 { $%s = %s } { print }", field, expression), "spoilt.csv");

@@ -217,6 +217,75 @@ TEST("the learned flow conserves the momenta that belong to the symmetry, to the
     }
 }
 
+/* ---- whether data have the symmetry ---- */
+
+enum { PATHS = 6, PATH_POINTS = 12 };
+
+/* Trajectories of a random model with this symmetry. `damping` multiplies all momenta by exp(-damping dt)
+ * after each step, `noise` is added to all numbers but those of the first points, all times `units`. */
+static lg_momentum_motion motion_of(const struct symmetric_row *row, lg_symmetry symmetry, double damping,
+                                    double noise, double units) {
+    const built b = build_row(row, LG_POTENTIAL_MLP, symmetry, 3.0);
+    const size_t d = lg_model_inputs(b.model);
+    double *data = room(PATHS * PATH_POINTS * d), times[2] = {0.0, 0.2}, pair[2 * MOST_STATE];
+    char space[LG_SPACE_TEXT];
+    lg_momentum_motion out;
+    lg_ode ode;
+    lg_model_user user;
+    lg_rng rng = test_rng(37, row->n);
+    lg_space_text(lg_model_space(b.model), space);
+    assert_ok(lg_model_ode(b.model, &ode, &user, b.work));
+    for (size_t i = 0; i < PATHS; i++) {
+        double *path = data + i * PATH_POINTS * d;
+        draw_state(&b, &rng, path);
+        for (size_t j = 1; j < PATH_POINTS; j++) {
+            assert_ok(lg_ode_solve(NULL, space, ode.field, ode.user, 1e-10, times, 2, path + (j - 1) * d,
+                                   pair, NULL));
+            for (size_t k = 0; k < d; k++)
+                path[j * d + k] = pair[d + k] * (is_momentum(row, k, d) ? exp(-damping * times[1]) : 1.0);
+        }
+    }
+    for (size_t i = 0; i < PATHS * PATH_POINTS; i++)
+        for (size_t k = 0; k < d; k++) {
+            const bool momentum = is_momentum(row, k, d);
+            if (i % PATH_POINTS > 0) data[i * d + k] += noise * lg_rng_normal(&rng);
+            if (momentum) data[i * d + k] *= units;
+        }
+    lg_hamiltonian model = b.hamiltonian;
+    model.symmetry = row->symmetry; /* what the user claims */
+    const lg_hamiltonian_problem problem = {.model = &model,
+                                            .trajectories = PATHS,
+                                            .points = PATH_POINTS,
+                                            .dt = 0.2,
+                                            .data = data,
+                                            .scheme = lg_scheme_find("rkmk4"),
+                                            .substeps = 1};
+    assert_ok(lg_hamiltonian_momentum_motion(NULL, &problem, &out));
+    return out;
+}
+
+TEST("the momentum of a symmetry moves along data without it, and not along data with it, damped or noisy") {
+    static const double units[] = {1.0, 1e-9, 1e9};
+    for (size_t r = 0; r < LG_COUNT(rows); r++) {
+        if (block_of(&rows[r]) == 1) continue;
+        for (size_t u = 0; u < LG_COUNT(units); u++) {
+            const lg_momentum_motion with = motion_of(&rows[r], rows[r].symmetry, 0.0, 0.0, units[u]),
+                                     damped = motion_of(&rows[r], rows[r].symmetry, 0.3, 0.0, units[u]),
+                                     noisy = motion_of(&rows[r], rows[r].symmetry, 0.0, 0.02, units[u]),
+                                     without = motion_of(&rows[r], LG_SYMMETRY_NONE, 0.0, 0.0, units[u]);
+            print_message("  %-18s n = %u: %.1e with, %.1e damped, %.1e without, of %.1e\n",
+                          rows[r].family->name, rows[r].n, with.moved, damped.moved, without.moved,
+                          without.size);
+            assert_false(with.moves);
+            assert_false(damped.moves);
+            assert_false(noisy.moves);
+            assert_true(without.moves);
+            assert_true(with.moved < 1e-7 * with.size);
+            assert_true(damped.moved > 5e-3 * with.size);
+        }
+    }
+}
+
 /* V = sin |q|^2 with |q| in the units of the data: the scale of |q|^2 is the square of the scale of q. */
 TEST("angles of a dictionary of |q|^2 are in the units of the data") {
     lg_hamiltonian model;

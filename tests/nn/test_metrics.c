@@ -103,6 +103,23 @@ TEST("the largest score wins; of equal scores the later of two classes, the firs
     assert_int_equal(lg_metrics_class(unknown, 2), 0);
 }
 
+TEST("metrics do not depend on which number the healthy class has") {
+    /* Three classes; row c, column d: windows of class c that were given class d. */
+    const uint64_t three[3][3] = {{50, 3, 1}, {2, 70, 9}, {4, 5, 60}};
+    const double false_positive[] = {4.0 / 54, 11.0 / 81, 9.0 / 69};
+    for (uint32_t h = 0; h < 3; h++)
+        assert_close(lg_metrics_of(three[0], 3, h).false_positive_rate, false_positive[h], 1e-15, 0);
+    assert_true(isnan(lg_metrics_of(three[0], 3, LG_NO_CLASS).false_positive_rate));
+    /* The same two classes in both orders. */
+    const uint64_t first[] = {40, 2, 7, 30}, second[] = {30, 7, 2, 40};
+    const lg_metrics a = lg_metrics_of(first, 2, 0), b = lg_metrics_of(second, 2, 1),
+                     unknown = lg_metrics_of(second, 2, LG_NO_CLASS);
+    assert_memory_equal(&a, &b, sizeof a);
+    assert_close(a.recall, 30.0 / 37, 1e-15, 0);
+    assert_close(unknown.recall, 40.0 / 42, 1e-15, 0);
+    assert_true(isnan(unknown.false_positive_rate));
+}
+
 TEST("empty classes count as zero or are left out") {
     /* Class 1 was never predicted; class 2 does not occur, but was predicted once. */
     const uint64_t confusion[] = {3, 0, 1, 2, 0, 0, 0, 0, 0};

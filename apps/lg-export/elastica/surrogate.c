@@ -134,8 +134,12 @@ static void add_range(text *to, const lg_surrogate_file *file) {
         lg_text_add(to, "  %-4s  %.6g to %.6g\n", boundary_names[c], least, largest);
     }
     if (file->run.model.options.mirror) lg_text_add(to, "  or their mirror images (all y -> -y)\n");
-    lg_text_add(to, "  Distance of (qN - q0, v0, vN) from the nearest trained ones: at most about %.3g.\n\n",
-                2 * lg_surrogate_reach(file->trained, file->trained_count));
+    lg_text_add(
+        to,
+        "  Distance of (qN - q0, v0, vN) from the nearest trained ones: at most about %.3g, from the lines\n"
+        "  through neighbours %.3g; the largest |qN - q0| is the unit of length.\n\n",
+        2 * lg_surrogate_reach(file->trained, file->trained_count),
+        2 * lg_surrogate_spread(file->trained, file->trained_count));
 }
 
 static void add_options(text *to, const lg_surrogate *model) {

@@ -49,10 +49,10 @@ const lg_cut_series *lg_detector_tested(const lg_detector_state *state);
  * is 0, any classes are allowed. Warns if channel names or the rate differ from the model's. */
 lg_status lg_series_read_like(const lg_context *context, const char *path, const lg_series *like,
                               lg_series_data *out, lg_error *error);
-/* Finds the class that means "all is well", or LG_NO_CLASS, from the first of these that is known: `healthy`, a
- * name or label that the user gave or a model has stored; `data`, the attribute of a data file, or ""; the words
- * of the names, with a warning. `names` needs classes, class_name and class_label. `healthy` becomes the name of
- * the class, or "". Fails with LG_INVALID_ARGUMENT if `healthy` is the name of no class. */
+/* Finds the class that means "all is well", or LG_NO_CLASS, from the first of these that is known: `healthy`,
+ * a name or label that the user gave or a model has stored; `data`, the attribute of a data file, or ""; the
+ * words of the names, with a warning. `names` needs classes, class_name and class_label. `healthy` becomes
+ * the name of the class, or "". Fails with LG_INVALID_ARGUMENT if `healthy` is the name of no class. */
 lg_status lg_find_healthy(const lg_context *context, const lg_series *names, const char *data,
                           char healthy[LG_SERIES_NAME], uint32_t *out, lg_error *error);
 /* Writes the sentence that says how the healthy class can be given. */

@@ -223,6 +223,7 @@ static lg_status describe(lg_training *self, lg_error *error) {
     run->curves = curves->count;
     if (self->stored == NULL) LG_TRY(adopt_preset(self, error));
     run->continuous = curves->continuous;
+    run->stiffness = curves->stiffness;
     memcpy(run->data_sha256, s->data.sha256, sizeof run->data_sha256);
     const lg_surrogate_options options = run->model.options;
     return lg_surrogate_init(&run->model, &options, curves->intervals, curves->length, centre_of(curves),

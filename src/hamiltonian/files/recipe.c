@@ -287,6 +287,8 @@ static lg_status draw_weights(lg_training *self, lg_error *error) {
 
 static lg_status warn_of_data(lg_training *self, const lg_hamiltonian_problem *problem, lg_error *error) {
     LG_TRY(lg_hamiltonian_warn_of_data(self->context, problem, self->paths[0]));
+    const lg_status status = lg_hamiltonian_warn_of_symmetry(self->context, problem);
+    if (status != LG_OK) return lg_fail(error, status, "symmetry: %s", lg_status_sentence(status));
     return lg_hamiltonian_warn_of_integral(self->context, problem, self->theta, error);
 }
 
