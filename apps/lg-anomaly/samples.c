@@ -434,6 +434,18 @@ static bool take_names(sample_reader *reader, const char *from, const char *to) 
     return fits;
 }
 
+/* The same for a comment before the first sample, which numpy.savetxt writes. It is a comment only, unless it
+ * names all channels. */
+static bool take_comment(sample_reader *reader, const char *from, const char *to) {
+    uint32_t columns, found;
+    if (reader->names == NULL || reader->named) return true;
+    APP_FREE uint32_t *column = app_alloc(reader->channels, sizeof *column);
+    from = skip_blanks(from);
+    if (*from == ',' || *from == ';') from++;
+    if (!find_columns(reader, from, to, column, &columns, &found) || found < reader->channels) return true;
+    return set_places(reader, column, columns);
+}
+
 /* ---- reading lines from the file ---- */
 
 /* Waits for more data. False: end of file, Ctrl-C or an error. */
@@ -581,6 +593,8 @@ sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
             return SAMPLE_MALFORMED;
         }
         from = text_of(reader->line == 1, from, to);
+        const bool comment = from < to && *from == '#' && reader->lines == 0;
+        if (comment && !take_comment(reader, from + 1, to)) return SAMPLE_REFUSED;
         if (is_empty(from, to)) continue;
         const sample_kind kind = take_line(reader, from, to, sample, time);
         if (kind == SAMPLE_MALFORMED && reader->words && is_header(reader, from, to)) {

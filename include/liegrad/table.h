@@ -69,8 +69,8 @@ LG_API void lg_table_initialise(const lg_table *model, lg_rng *rng, double *thet
 /* Computes mean and standard deviation (divisor: the number of rows) of each column of values (rows,
  * columns). It uses the rows with the indices chosen (count), or the first `count` rows if `chosen` is NULL.
  * A column gets scale 1 if it is constant up to the rounding of doubles (its range is at most 2^-48 of its
- * largest absolute value), or if its deviation is below the smallest normal number. Free *out with lg_scaler_destroy.
- * Errors: LG_INVALID_ARGUMENT (no rows), LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
+ * largest absolute value), or if its deviation is below the smallest normal number. Free *out with
+ * lg_scaler_destroy. Errors: LG_INVALID_ARGUMENT (no rows), LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
 LG_API lg_status lg_table_scaler_fit(const lg_context *context, const double *values, uint32_t columns,
                                      const uint32_t *chosen, size_t count, lg_scaler *out);
 
@@ -79,10 +79,10 @@ LG_API lg_status lg_table_scaler_fit(const lg_context *context, const double *va
  * with |x - m| > 30 D are far if together they make up more than half of the sum of (x - m)^2 over the
  * column. One such cell may be enough. The rule does not depend on the unit of the column, and it works for
  * columns in which nearly all cells are equal.
- * Far cells are few: at most 1 % of the column, but 2 are allowed and at most 5, or 0.1 % if this is more. If
- * more cells lie beyond 30 D, most of them are one value (a code such as -9999) and they are at most a tenth of
- * the column, then they are far too. Otherwise they are no errors but a second mode or a heavy tail: only the
- * few farthest ones can be far, if they make up 0.8 of the sum. */
+ * Far cells are few: 2 to 5 of them (1 % of the column), or 0.1 % if this is more. If more cells lie beyond
+ * 30 D, they are far only if most of them are one value (a code such as -9999) and they are at most a tenth
+ * of the column. Otherwise they are no errors but a second mode or a heavy tail: only the few farthest ones
+ * can be far, if they make up 0.8 of the sum. */
 typedef struct lg_table_far {
     double median, limit;   /* a cell x is far if |x - median|/2 > limit; INFINITY: no cell is far */
     size_t count, farthest; /* number of far cells; row of the cell that is farthest from the median */

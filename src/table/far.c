@@ -60,7 +60,8 @@ static double raise_limit(const double *values, size_t stride, size_t rows, doub
     return RAISED;
 }
 
-/* Cells beyond the limit count as far only if they have more than this part of the sum of squared distances. */
+/* Cells beyond the limit count as far only if they have more than this part of the sum of squared
+ * distances. */
 static void count_far(const double *values, size_t stride, size_t rows, double part_of_all,
                       lg_table_far *far) {
     double largest = 0.0, all = 0.0, beyond = 0.0;

@@ -242,6 +242,119 @@ TEST("a given width learns as well as the width that is chosen by default") {
     }
 }
 
+static const lg_table_file *model_of(const char *name) {
+    lg_table_file file;
+    assert_ok(lg_table_load(NULL, cli_at(name), NULL, &file, NULL));
+    return own_lg_table_file(file);
+}
+
+TEST("a table that determines nearly all parameters of one layer gets two layers, and others do not") {
+    for (size_t seed = 0; seed < 3; seed++) {
+        sheet *s = TEST_ARRAY(sheet, 1);
+        put(s, "a,b,c,y\n");
+        for (size_t i = 4000 * seed; i < 4000 * seed + 1200; i++) {
+            const double a = 0.6 * noise(3 * i), b = 0.6 * noise(3 * i + 1), c = 0.6 * noise(3 * i + 2);
+            put(s, "%.9g,%.9g,%.9g,%.9g\n", 1e9 * a, b, c,
+                sin(4 * a + 3 * sin(4 * b)) + exp(-4 * pow(c - sin(3 * a), 2)));
+        }
+        cli_write("hard.csv", s->text);
+        cli_json(fit, "train hard.csv --hidden 16 --out one.h5", "inputs 3");
+        const double one = inner(result.out, "rmse", "y");
+        cli_json(fit, "train hard.csv --out two.h5", "inputs 3");
+        assert_says(result.out, "\"hidden\": [16, 16]");
+        const double two = inner(result.out, "rmse", "y");
+        print_message("one layer: %.3g, two layers: %.3g\n", one, two);
+        assert_true(two < 0.5 * one);
+    }
+    write_smooth("easy.csv", 0, 800, 0.1);
+    cli_json(fit, "train easy.csv --inputs a,b,c,d --outputs y --out easy.h5", "effective_parameters <60");
+    assert_int_equal(model_of("easy.h5")->run.model.options.hidden_count, 1);
+}
+
+/* Events 0 and 1 change x. Event 2, a share of the rows, moves the quiet sensor s, whose noise is `quiet`. */
+static void write_events(const char *name, size_t first, double share, double quiet, double unit,
+                         double place) {
+    sheet *s = TEST_ARRAY(sheet, 1);
+    put(s, "x,s,event\n");
+    for (size_t i = first; i < first + 2000; i++) {
+        const double normal = (noise(8 * i) + noise(8 * i + 1) + noise(8 * i + 2)) / sqrt(3),
+                     other = (noise(8 * i + 3) + noise(8 * i + 4) + noise(8 * i + 5)) / sqrt(3);
+        const bool moved = noise(8 * i + 6) < sqrt(12) * (share - 0.5);
+        const int event = moved ? 2 : noise(8 * i + 7) > 0;
+        put(s, "%.7g,%.7g,%d\n", normal + (event == 1 ? 2.5 : 0.0),
+            unit * (moved ? place + 0.5 * other : 0.03 + quiet * other), event);
+    }
+    cli_write(name, s->text);
+}
+
+static int rising(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+TEST("a second mode of an input is no error: it is learned, in any unit, and the stored range has it") {
+    static const double shares[] = {0.5, 0.3, 0.1, 0.03}, units[] = {1, 1e9, 1e-9, 1},
+                        places[] = {0, 0, 3, 3};
+    for (size_t k = 0; k < LG_COUNT(shares); k++) {
+        double accuracy[9];
+        for (size_t seed = 0; seed < LG_COUNT(accuracy); seed++) {
+            write_events("events.csv", 20000 * seed, shares[k], 3e-4, units[k], places[k]);
+            write_events("later.csv", 20000 * seed + 10000, shares[k], 0.02, units[k], places[k]);
+            cli_json(
+                fit,
+                test_text("train events.csv --class event --test later.csv --seed %zu --out e.h5", seed + 1),
+                "inputs 2");
+            assert_null(strstr(result.out, "far from all"));
+            accuracy[seed] = json_number(result.out, "accuracy");
+            assert_true(json_number(result.out, "outside") < 100);
+            assert_true(model_of("e.h5")->high[1] > 0.8 * units[k]);
+        }
+        qsort(accuracy, LG_COUNT(accuracy), sizeof *accuracy, rising);
+        print_message("share %g: accuracy %.3f to %.3f\n", shares[k], accuracy[0], accuracy[8]);
+        assert_true(accuracy[0] > 0.75 && accuracy[4] > 0.8);
+    }
+}
+
+TEST("a large offset costs a column no digits, and one of rounded digits alone is reported") {
+    static const double offsets[] = {1e8, -1e8, 1e17, 0}, sizes[] = {1e-5, 1e-6, 1e4, 1e-9};
+    for (size_t k = 0; k < LG_COUNT(offsets); k++) {
+        sheet *s = TEST_ARRAY(sheet, 1);
+        put(s, "a,b,y\n");
+        for (size_t i = 0; i < 300; i++) {
+            const double a = noise(2 * i), b = noise(2 * i + 1);
+            put(s, "%.17g,%.17g,%.17g\n", offsets[k] + sizes[k] * a, b,
+                offsets[k] + sizes[k] * (a + 0.1 * b));
+        }
+        cli_write("offset.csv", s->text);
+        cli_json(fit, "train offset.csv --hidden 4 --out o.h5", "warnings []");
+        if (!(inner(result.out, "r2", "y") > 0.99)) fail_msg("%g: %s", offsets[k], result.out);
+    }
+    sheet *s = TEST_ARRAY(sheet, 1);
+    put(s, "a,b,y\n");
+    for (size_t i = 0; i < 300; i++)
+        put(s, "%.17g,%.17g,%.17g\n", noise(2 * i) > 0 ? 0.3 : 0.1 + 0.2, noise(2 * i + 1), noise(2 * i + 1));
+    cli_write("rounded.csv", s->text);
+    cli_json(fit, "train rounded.csv --hidden 2 --out o.h5", "inputs 2");
+    assert_says(result.out, "column a: its values, near 0.29999999999999999, differ only");
+}
+
+TEST("labels of 16 digits and more stay as they are written, from the table to the predictions") {
+    static const char *const labels[] = {"1234567890123456", "1234567890123457", "123456789012345678901234"};
+    sheet *s = TEST_ARRAY(sheet, 1);
+    put(s, "a,b,c\n");
+    for (size_t i = 0; i < 150; i++)
+        put(s, "%.9g,%.9g,%s\n", (double)(i % 3) + 0.1 * noise(i), noise(i + 500), labels[i % 3]);
+    cli_write("long16.csv", s->text);
+    for (int k = 0; k < 2; k++) {
+        cli_json(fit,
+                 k == 0 ? "train long16.csv --class c --hidden 4 --epochs 60 --out l.h5"
+                        : "evaluate l.h5 long16.csv",
+                 "accuracy 1");
+        assert_says(result.out, "[\"1234567890123456\", \"1234567890123457\", \"123456789012345678901234\"]");
+    }
+    cli_expect(fit, "predict l.h5 long16.csv", 0, "probability_1234567890123457");
+}
+
 TEST("two outputs, all networks and methods are trained") {
     static const char *const lines[] = {"--network resnet --hidden 12,12 --epochs 30",
                                         "--network mult --hidden 10 --epochs 30",
@@ -271,12 +384,6 @@ TEST("--size auto chooses a width") {
 }
 
 /* ---- equal bits ---- */
-
-static const lg_table_file *model_of(const char *name) {
-    lg_table_file file;
-    assert_ok(lg_table_load(NULL, cli_at(name), NULL, &file, NULL));
-    return own_lg_table_file(file);
-}
 
 TEST("resumed training gives the bits of training that never stopped, with any number of threads") {
     static const char *const methods[] = {"", "--method lbfgs --epochs 40", "--method adam --epochs 6"};

@@ -492,6 +492,10 @@ TEST("channels are found by their names; a feed without one of them is refused")
     cli_expect("lg-anomaly", "watch named.h5 --input swapped.csv", 0, "# windows");
     const size_t verdicts = (size_t)(strstr(straight.out, "# samples") - straight.out);
     assert_true(verdicts > 100 && strncmp(straight.out, result.out, verdicts) == 0);
+    reorder("(NR == 1 ? \"# \" : \"\") $1, $7, $6, $5, $4, $3, $2",
+            "comment.csv"); /* as numpy.savetxt writes */
+    cli_expect("lg-anomaly", "watch named.h5 --input comment.csv", 0, "# windows");
+    assert_true(strncmp(straight.out, result.out, verdicts) == 0);
     reorder("$1, $2, $3, $4, $5, $6", "cut.csv");
     cli_expect("lg-anomaly", "watch named.h5 --input cut.csv", 3, "there is no column");
     reorder("$1, $2, $3, $4, $5, $6, $2", "twice.csv");

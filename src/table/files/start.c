@@ -148,21 +148,25 @@ static lg_status choose_width(lg_training *self, size_t rows, lg_error *error) {
 
 /* ---- priors ---- */
 
-/* Finds the priors of the run's model on as many rows as its weights need. */
-static lg_status find_priors(lg_training *self, bool go_on, double least_rows, lg_error *error) {
+/* How many rows find the priors: as many as the weights need. */
+static size_t rows_for(const lg_table_run *run, size_t least, size_t trained) {
     static const double FOR_WEIGHTS = 3.0;
+    const double weights = (double)lg_table_parameters(&run->model);
+    return (size_t)fmin(fmax(FOR_WEIGHTS * weights / run->model.net.outputs, (double)least), (double)trained);
+}
+
+/* Finds the priors of the run's model. */
+static lg_status find_priors(lg_training *self, bool go_on, size_t least_rows, lg_error *error) {
     lg_table_state *s = self->state;
     lg_table_run *run = self->run;
     lg_table_evidence_options options;
     const uint32_t before = s->evidence.evaluations;
-    const double weights = (double)lg_table_parameters(&run->model);
-    const double rows =
-        fmin(fmax(FOR_WEIGHTS * weights / run->model.net.outputs, least_rows), (double)s->trained);
     run->decay.count = lg_table_slices(&run->model);
     lg_table_evidence_options_init(&options);
-    options.rows = (size_t)rows;
+    options.rows = rows_for(run, least_rows, s->trained);
     const double work = go_on ? EVIDENCE_WORK : GIVEN_WORK, most = options.evaluations;
-    options.evaluations = (uint32_t)fmin(fmax(work / lg_table_work(&run->model, rows), 12.0), most);
+    options.evaluations =
+        (uint32_t)fmin(fmax(work / lg_table_work(&run->model, (double)options.rows), 12.0), most);
     options.go_on = go_on;
     const lg_status status = lg_table_evidence(self->context, &s->problem, &options, self->theta,
                                                run->decay.value, &s->evidence, error);
@@ -176,10 +180,49 @@ static lg_status find_priors(lg_training *self, bool go_on, double least_rows, l
     return status;
 }
 
+/* Tries two hidden layers of WIDTH units if the data determine nearly all parameters of the model, since they
+ * may determine more. The rows must be more than the parameters, and the work limited. Keeps the two layers
+ * if their evidence, on the same rows, is higher. */
+static lg_status widen(lg_training *self, size_t least_rows, lg_error *error) {
+    enum { WIDTH = 16, EVALUATIONS = 200, MOST_ROWS = 5000 };
+    static const double NEARLY_ALL = 0.8, WORK = 8e10;
+    lg_table_state *s = self->state;
+    lg_table_run *run = self->run;
+    const size_t numbers = lg_table_parameters(&run->model);
+    if (s->trained > MOST_ROWS || s->evidence.effective < NEARLY_ALL * (double)numbers) return LG_OK;
+    const lg_table_run narrow = *run;
+    const lg_table_evidence_result kept = s->evidence;
+    lg_table_run wide = *run;
+    double *theta;
+    lg_table_options two = run->model.options;
+    two.hidden_count = 2;
+    two.hidden[0] = two.hidden[1] = WIDTH;
+    LG_TRY(lg_table_init(&wide.model, &two, run->model.net.inputs, run->model.net.outputs, error));
+    const size_t rows = rows_for(&wide, least_rows, s->trained);
+    if (rows * run->model.net.outputs <= lg_table_parameters(&wide.model) ||
+        EVALUATIONS * lg_table_work(&wide.model, (double)rows) > WORK)
+        return LG_OK;
+    LG_TRAINING_ARRAY(self, theta, numbers, error);
+    memcpy(theta, self->theta, numbers * sizeof *theta);
+    LG_TRY(find_priors(self, true, rows, error)); /* the evidence of the narrow model on these rows */
+    const double least = s->evidence.evidence;
+    *run = wide;
+    LG_TRY(lg_table_first_parameters(self, &self->theta, error));
+    const lg_status status = find_priors(self, false, rows, error);
+    if (status == LG_OK && s->evidence.evidence > least) return LG_OK;
+    const uint32_t evaluations = s->evidence.evaluations;
+    *run = narrow;
+    self->theta = theta;
+    s->evidence = kept;
+    s->evidence.evaluations = evaluations;
+    return status == LG_NOT_FINITE ? LG_OK : status;
+}
+
 lg_status lg_table_find_start(lg_training *self, bool any_width, lg_error *error) {
-    static const double LEAST_ROWS = 1000.0;
-    const size_t rows = (size_t)fmin(LEAST_ROWS, (double)((lg_table_state *)self->state)->trained);
-    LG_TRY(any_width ? choose_width(self, rows, error)
+    enum { LEAST_ROWS = 1000 };
+    const size_t trained = ((lg_table_state *)self->state)->trained;
+    LG_TRY(any_width ? choose_width(self, trained < LEAST_ROWS ? trained : LEAST_ROWS, error)
                      : lg_table_first_parameters(self, &self->theta, error));
-    return find_priors(self, any_width, LEAST_ROWS, error);
+    LG_TRY(find_priors(self, any_width, LEAST_ROWS, error));
+    return any_width ? widen(self, LEAST_ROWS, error) : LG_OK;
 }
