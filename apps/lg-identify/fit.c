@@ -2,6 +2,7 @@
 #include "common/train.h"
 #include "lg-identify/identify.h"
 
+#include <math.h>
 #include <string.h>
 
 static lg_machine_state state;
@@ -36,7 +37,8 @@ static void show_identified(const lg_machine_verdict *what) {
     app_table_row(&table, "identified\tvalue\tstandard error");
     for (size_t i = 0; i < what->count; i++) {
         const lg_identified *number = &what->identified.numbers[i];
-        app_table_row(&table, "%s\t%.6g\t%.2g", number->name, number->value, number->error);
+        app_table_row(&table, isnan(number->error) ? "%s\t%.6g\t-" : "%s\t%.6g\t%.2g", number->name,
+                      number->value, number->error);
     }
     app_table_end(&table, stdout);
     if (what->identified.block > 0.0)

@@ -164,7 +164,7 @@ static int run(app *self) {
     if (values.bands && p.given.file.spread == NULL)
         app_stop(self, LG_UNSUPPORTED,
                  "%s: has no covariance of its parameters, which --bands needs: the model has more than %d "
-                 "parameters, it was adapted, or the logs determine none of them",
+                 "parameters, its fit did not converge, it was adapted, or the logs determine none of them",
                  self->arguments[0], LG_MACHINE_MOST_SPREAD);
     find_starts(self, &p);
     predict(self, &p);

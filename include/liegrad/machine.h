@@ -620,6 +620,11 @@ typedef struct lg_identification {
     /* Residuals that are correlated in time: seconds of the blocks from which the errors (and correlations,
      * open directions and W) were computed. 0: the residuals are white. */
     double block;
+    /* Input: standard deviation of the prior with which weights of networks were fitted; 0: none. */
+    double prior;
+    /* The largest change of a number by another Gauss-Newton step, in units of its error. Above 1 the fit has
+     * not converged. 0 if a number is at the end of its range. */
+    double step;
 } lg_identification;
 /* Fills `out`. `theta` has the parameters of the fit, with the starts if they are estimated;
  * problem->theta must be NULL. Errors: LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */

@@ -49,6 +49,8 @@ typedef struct normal {
      * wanted. `neighbours`: sum of the products of residuals of neighbouring rows. */
     double *scores;
     size_t stretches;
+    double *slope;    /* (n): J^T r of all windows, with their priors; set with `scores` */
+    double deviation; /* of weights of networks before any data */
     double neighbours;
     const double *unmoved; /* parameters at which the residuals are taken; NULL: theta */
 } normal;
@@ -116,6 +118,7 @@ static void add_lagged(normal *s, size_t count) {
 static void add_scores(normal *s, size_t first, size_t count) {
     const size_t each = s->rows / count, logged = each - s->priors,
                  d = lg_machine_start_numbers(s->problem->machine), m = s->stretches;
+    for (size_t j = 0; j < s->n; j++) s->slope[j] += dot(s->columns + j * s->rows, s->residuals, s->rows);
     for (size_t w = 0; w < count; w++) {
         const double *r = s->residuals + w * each;
         s->neighbours += dot(r, r + d, logged - d);
@@ -178,11 +181,11 @@ static lg_status add_all(normal *s, lg_tape *tape) {
     return LG_OK;
 }
 
-/* Standard deviation of parameter i before any data. With `prior` it is 1 for the weights of networks;
- * otherwise it is so large that it hardly matters. */
+/* Standard deviation of parameter i before any data. With `prior` it is s->deviation for the weights of
+ * networks; otherwise it is so large that it hardly matters. */
 static double bound(const normal *s, size_t i, bool prior) {
     const bool weight = i < s->problem->machine->weights;
-    return !prior ? 1e6 : weight ? 1.0 : 1e4;
+    return !prior ? 1e6 : weight ? s->deviation : 1e4;
 }
 
 /* Variance s^2 of a residual. */
@@ -369,6 +372,41 @@ static lg_status colour(const normal *s, bool prior, double *W, double *block) {
     return status;
 }
 
+/* changes (count): what a Gauss-Newton step would change of the numbers. `gradient` (count, n): their
+ * derivatives. */
+static lg_status find_changes(normal *s, size_t count, const double *gradient, double prior, double *work,
+                              int *order, double *changes) {
+    const size_t n = s->n;
+    double *W = lg_alloc(s->context, (n + 2) * n, sizeof *W);
+    if (W == NULL) return LG_OUT_OF_MEMORY;
+    double *slope = W + n * n, *step = slope + n;
+    s->deviation = prior > 0.0 ? prior : 1e6;
+    const bool room = invert(s, true, work, order, W);
+    for (size_t j = 0; j < n && room; j++) {
+        const double b = bound(s, j, true), scale = (double)s->windows / (double)s->used / variance_of(s);
+        slope[j] = s->slope[j] * scale + (j < s->problem->machine->weights ? s->theta[j] / (b * b) : 0.0);
+    }
+    for (size_t k = 0; k < n && room; k++) {
+        const double along = dot(W + k * n, slope, n);
+        for (size_t j = 0; j < n; j++) step[j] -= along * W[k * n + j];
+    }
+    for (size_t i = 0; i < count && room; i++) changes[i] = dot(gradient + i * n, step, n);
+    s->deviation = 1.0;
+    lg_free(s->context, W);
+    return room ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+/* The largest of the changes in units of the errors. */
+static double largest_change(size_t count, const double *changes, const lg_identified *numbers,
+                             const double *units) {
+    static const double rounding = 1e-6;
+    double largest = 0.0;
+    for (size_t i = 0; i < count; i++)
+        if (isfinite(numbers[i].error))
+            largest = fmax(largest, fabs(changes[i]) / (numbers[i].error + rounding * units[i]));
+    return largest;
+}
+
 /* Computes the results from R. Errors and open directions come from the data alone, because a prior would
  * hide that a number is not determined. */
 static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_identified *moved,
@@ -376,11 +414,15 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
     const size_t n = s->n;
     double *W = work, *theta = W + n * n, *gradient = theta + n, *units = gradient + count * n,
            *covariance = units + count, *more = covariance + count * count;
-    lg_status status = invert(s, false, more, order, W) ? colour(s, false, W, &out->block) : LG_OUT_OF_MEMORY;
+    memcpy(theta, s->theta, n * sizeof *theta);
+    differentiate(s, theta, count, moved, gradient);
+    /* `units` and the covariance are set later */
+    lg_status status = find_changes(s, count, gradient, out->prior, more, order, covariance);
+    if (status == LG_OK)
+        status = invert(s, false, more, order, W) ? colour(s, false, W, &out->block) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
-        memcpy(theta, s->theta, n * sizeof *theta);
-        differentiate(s, theta, count, moved, gradient);
         propagate(s, W, count, gradient, theta, out->numbers, units);
+        if (s->unmoved == NULL) out->step = largest_change(count, covariance, out->numbers, units);
         mark_lost(s, count, gradient, theta, moved, out->numbers, units);
         multiply(s, count, gradient, units, out->numbers, covariance);
         status = lg_machine_relate(s->context, count, covariance, out);
@@ -405,7 +447,8 @@ static lg_status allocate_scores(normal *s) {
                  wanted = (FEW + s->used - 1) / s->used;
     s->stretches = wanted < rows ? wanted : rows;
     s->runs = true;
-    s->scores = lg_alloc(s->context, s->used * s->stretches * s->n, sizeof *s->scores);
+    s->scores = lg_alloc(s->context, (s->used * s->stretches + 1) * s->n, sizeof *s->scores);
+    s->slope = s->scores + s->used * s->stretches * s->n;
     return s->scores != NULL ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
@@ -437,13 +480,17 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     const lg_machine *machine = problem->machine;
     const size_t count = lg_machine_numbers(machine, theta, 0, NULL);
     lg_status missing = LG_OK;
-    normal s = {.context = context, .problem = problem, .n = machine->parameters, .missing = &missing};
+    normal s = {.context = context,
+                .problem = problem,
+                .n = machine->parameters,
+                .missing = &missing,
+                .deviation = 1.0};
     double squares = 0.0;
     lg_tape *tape = NULL;
     (void)lg_machine_mass_at(problem, s.at);
     (void)lg_machine_numbers_at(machine, theta, s.at, count, out->numbers, &missing);
     out->open_count = 0;
-    out->block = 0.0;
+    out->block = out->step = 0.0;
     for (size_t i = 0; out->spread != NULL && i < s.n * s.n; i++) out->spread[i] = 0.0;
     for (size_t i = 0; out->correlations != NULL && i < count * count; i++) out->correlations[i] = 0.0;
     if (count == 0) return LG_OK;

@@ -519,6 +519,40 @@ TEST("the rows that estimate a start follow disturbance and noise, and all machi
     cli_expect(identify, "evaluate unit.h5 train.csv --start-rows 9", 2, "no start is estimated");
 }
 
+TEST("numbers have errors only if the fit has converged, whatever ended it") {
+    static const struct {
+        const char *machine, *options;
+        bool converged;
+    } fits[] = {{"machine.yaml", "", true},
+                {"machine.yaml", "--epochs 1", false},
+                {"machine.yaml", "--seconds 1e-6", false},
+                {"machine.yaml", "--method lbfgs --epochs 3", false},
+                {"place.yaml", "", true},
+                {"place.yaml", "--epochs 1", false},
+                {"place.yaml", "--method ssbroyden --epochs 2", false},
+                {"spring.yaml", "--epochs 1", false},
+                {"spring.yaml", "--method adam --epochs 3", false}};
+    cli_forget("train.csv");
+    cli_write("place.yaml", "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n"
+                            "  - {name: x, kind: line}\ninputs: {columns: [u]}\nmass: diagonal\n"
+                            "potential: {kind: quadratic, of: x}\ndamping: diagonal\n"
+                            "input_map: {kind: known, values: [[1]]}\n");
+    cli_write("spring.yaml", oscillator_network);
+    cli_run(identify, "generate scene.yaml --runs 3 --t-end 4 --noise 0.01,0.01 --seed 5 --out train.csv");
+    for (size_t i = 0; i < LG_COUNT(fits); i++) {
+        cli_json(identify, test_text("fit %s train.csv --out m.h5 %s", fits[i].machine, fits[i].options),
+                 "errors *");
+        const char *mass = json_find(json_find(result.out, "identified"), "mass.1.1");
+        json_expect(mass, fits[i].converged ? "error >0" : "error null");
+        assert_int_equal(strstr(result.err, "the fit has not converged") != NULL, !fits[i].converged);
+        assert_int_equal(strstr(json_find(result.out, "errors"), "has not converged") != NULL,
+                         !fits[i].converged);
+        assert_int_equal(cli_machine_model("m.h5")->spread != NULL, fits[i].converged);
+    }
+    cli_expect(identify, "fit spring.yaml train.csv --out m.h5 --epochs 1", 0, "  -\n");
+    cli_expect(identify, "predict m.h5 train.csv --out bands.csv --bands", 3, "has no covariance");
+}
+
 TEST("a model that is no better than a simple guess causes a warning") {
     cli_forget("train.csv test.csv p.csv log.csv");
     cli_write(

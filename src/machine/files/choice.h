@@ -11,6 +11,8 @@
 
 /* Greatest delay of the inputs, in rows, that is tried. Windows begin so many rows after a part's first. */
 #define LG_HELD_OUT_DELAY 5
+/* Fewer windows show nothing by their signs: all of 8 are better by chance once in 256 times. */
+#define LG_HELD_OUT_WINDOWS 8
 
 /* Windows of a log on which machines are judged and not trained. Window i predicts the rows start[i] + 1
  * .. start[i] + steps from row start[i]. If starts are estimated, each is estimated from
@@ -26,8 +28,8 @@ struct lg_held_out {
 typedef struct lg_held_out lg_held_out;
 
 /* Spreads windows over the log, `part` of its rows. They last ten times the time in which positions change
- * by their size, at least 100 rows, but not so long that there are fewer than 8. count 0: the log is too
- * short. */
+ * by their size, at least 100 rows, but not so long that there are fewer than 8, or 40 times `part`. count 0:
+ * the log is too short. */
 lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
                            double part, bool estimated, lg_held_out *out, lg_error *error);
 void lg_held_out_destroy(lg_held_out *held);
@@ -43,7 +45,7 @@ lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *m
                             const lg_machine_log *log, double *square, lg_error *error);
 /* Compares errors of the same windows: `ratio` of the root mean squares, and whether `square` is smaller
  * by more than chance explains: the mean of the logarithms' differences against their spread (Student, one
- * in 200). */
+ * in 200), or of few windows their signs (one in 200). */
 typedef struct lg_held_out_ratio {
     double ratio;
     bool better;
@@ -136,6 +138,8 @@ extern const lg_candidate lg_candidates[]; /* ends with a name NULL */
  * leaves least of the error is taken, if it is more than chance. The machine in the training's state
  * becomes the suggested one. */
 lg_status lg_machine_suggest(lg_training *self, lg_error *error);
+/* After the fit: says why no further term was taken. `explained`: the model explains the logs. */
+void lg_machine_conclude_suggestion(const lg_training *self, bool explained);
 void lg_machine_tell_suggestion(lg_training *self);
 
 /* ---- free runs that choose widths and the epoch (select.c) ---- */

@@ -79,9 +79,10 @@ static size_t rows_of_change(const lg_machine *machine, const lg_machine_log *lo
 
 static size_t choose_steps(const lg_machine *machine, const lg_machine_log *log, double part,
                            bool estimated) {
-    enum { WINDOWS = 8, TIMES = 10, LEAST = 100 };
+    enum { TIMES = 10, LEAST = 100, PER_LOG = 40 };
     const size_t before = rows_before(machine, estimated), typical = log->rows / log->parts;
-    size_t most = (size_t)(part * (double)log->rows / WINDOWS), slowest = 1;
+    const double windows = fmax(LG_HELD_OUT_WINDOWS, PER_LOG * part);
+    size_t most = (size_t)(part * (double)log->rows / windows), slowest = 1;
     if (typical < before + LG_HELD_OUT_DELAY + 2) return 0;
     if (most > typical - before - LG_HELD_OUT_DELAY - 1) most = typical - before - LG_HELD_OUT_DELAY - 1;
     for (size_t i = 0; i < machine->positions + machine->velocities; i++) {
@@ -94,16 +95,18 @@ static size_t choose_steps(const lg_machine *machine, const lg_machine_log *log,
 
 /* ---- the plan ---- */
 
-/* Every `every`-th of the tiles of `steps` rows into which the parts are cut. Tiles begin at complete
+/* One in `every` of the tiles of `steps` rows into which the parts are cut. Tiles begin at complete
  * rows. */
-static void place_windows(const lg_machine *machine, const lg_machine_log *log, size_t every,
+static void place_windows(const lg_machine *machine, const lg_machine_log *log, double every,
                           lg_held_out *out) {
     const size_t before = out->before;
-    size_t tile = every / 2;
+    double tile = floor(every / 2);
+    out->count = 0;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p] + before + LG_HELD_OUT_DELAY; row + out->steps < log->first[p + 1];
              row += out->steps) {
-            if (tile++ % every != 0 || !lg_machine_log_complete(machine, log, row - before, out->estimated))
+            if (fmod(tile++, every) >= 1 ||
+                !lg_machine_log_complete(machine, log, row - before, out->estimated))
                 continue;
             out->start[out->count++] = row;
         }
@@ -136,9 +139,12 @@ lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine,
         (lg_held_out){.estimated = estimated, .before = rows_before(machine, estimated), .context = context};
     out->steps = choose_steps(machine, log, part, estimated);
     if (out->steps < LEAST_STEPS) return LG_OK;
-    out->start = lg_alloc(context, log->rows / out->steps + 1, sizeof *out->start);
+    out->start = lg_alloc(context, log->rows / LEAST_STEPS + 1, sizeof *out->start);
     if (out->start == NULL) return no_memory(error);
-    place_windows(machine, log, (size_t)fmax(1.0, round(1 / part)), out);
+    for (;; out->steps -= (out->steps + 7) / 8) { /* ends of parts may have no room for a window */
+        place_windows(machine, log, fmax(1.0, 1 / part), out);
+        if (out->count >= LG_HELD_OUT_WINDOWS || out->steps <= LEAST_STEPS + 1) break;
+    }
     if (out->count < LEAST_WINDOWS) out->count = 0;
     find_weights(machine, log, out);
     return LG_OK;
@@ -256,21 +262,32 @@ static double student(size_t count) {
     return 2.6 * (1.0 + 4.0 / (double)(count - 1));
 }
 
+/* The probability of at least `wins` heads in n throws of a coin. */
+static double sign_test(double n, double wins) {
+    double sum = 0;
+    for (double k = wins; k <= n; k++)
+        sum += exp(lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1) - n * log(2));
+    return sum;
+}
+
 lg_held_out_ratio lg_held_out_compare(size_t count, const double *square, const double *than) {
-    static const double least = 1e-300;
-    double sums[2] = {0, 0}, mean = 0, spread = 0, used = 0;
+    static const double least = 1e-300, few = 24, rare = 0.005;
+    double sums[2] = {0, 0}, mean = 0, spread = 0, used = 0, wins = 0;
     for (size_t i = 0; i < count; i++) {
         if (isnan(square[i]) || isnan(than[i])) continue;
         const double d = log(fmax(square[i], least)) - log(fmax(than[i], least)), step = d - mean;
         sums[0] += square[i];
         sums[1] += than[i];
         used++;
+        wins += d < 0;
         mean += step / used;
         spread += step * (d - mean);
     }
     lg_held_out_ratio out = {.ratio = sqrt(sums[0] / sums[1])};
     if (used < 2 || !isfinite(sums[0])) return out;
+    /* Gains of very different sizes have a large spread; of few windows the signs then say more. */
     out.better = !isfinite(sums[1]) ||
-                 (out.ratio < 1 && -mean > student((size_t)used) * sqrt(spread / (used - 1) / used));
+                 (out.ratio < 1 && (-mean > student((size_t)used) * sqrt(spread / (used - 1) / used) ||
+                                    (used < few && sign_test(used, wins) < rare)));
     return out;
 }

@@ -87,6 +87,31 @@ static bool is_open(const lg_identification *of, size_t count, size_t i) {
     return false;
 }
 
+/* Whether the fit has gone as far as the errors of its numbers claim: its method has ended, or a further step
+ * would change no number by more than its error. Few evaluations are no evidence of it. */
+static bool has_converged(const lg_training *self, const lg_machine_verdict *what) {
+    enum { FEW = 5 };
+    const lg_fit_end end = lg_fit_why_finished(self->fit);
+    if (end == LG_FIT_END_MINIMISER || end == LG_FIT_END_PATIENCE) return true;
+    return lg_fit_epochs_done(self->fit) >= FEW && what->identified.step <= 1.0;
+}
+
+/* Numbers of a fit that has not converged have no errors. */
+static void drop_errors(const lg_training *self, lg_machine_verdict *what) {
+    lg_identification *of = &what->identified;
+    if (what->converged || what->count == 0) return;
+    LG_WARN(
+        self,
+        "the fit has not converged (%s): a further step would change a number by %.2g times what would be "
+        "its standard error, so none is given; give more epochs or seconds",
+        lg_fit_end_sentence(self->fit), of->step);
+    for (size_t i = 0; i < what->count; i++) of->numbers[i].error = (double)NAN;
+    for (size_t i = 0; i < what->count * what->count; i++) of->correlations[i] = 0.0;
+    of->spread = NULL;
+    of->open_count = 0;
+    of->block = 0.0;
+}
+
 static void warn_of_open(const lg_training *self, const lg_identification *of, size_t count) {
     char text[512];
     for (size_t k = 0; k < of->open_count; k++) {
@@ -116,7 +141,9 @@ static void warn_of_numbers(const lg_training *self, const lg_machine_verdict *w
     const bool zeros = ((const lg_machine_model_run *)self->run)->machine.accelerations;
     for (size_t i = 0; i < count; i++) {
         const double error = numbers[i].error;
-        if (error <= fabs(numbers[i].value) || error < nothing * largest_alike(numbers, count, i)) continue;
+        if (isnan(error) || error <= fabs(numbers[i].value) ||
+            error < nothing * largest_alike(numbers, count, i))
+            continue;
         if (is_open(of, count, i)) continue;
         const bool told = what->placed && strncmp(numbers[i].name, "mass.", strlen("mass.")) == 0;
         LG_WARN(self,
@@ -167,7 +194,8 @@ static bool are_missing(const lg_machine_verdict *what, double floor) {
     return missing->ratio > chance && missing->loss > fmax(floor, least * least * what->forces);
 }
 
-static void warn_of_misfit(const lg_training *self, const lg_machine_verdict *what) {
+/* Returns whether the model explains the logs. */
+static bool warn_of_misfit(const lg_training *self, const lg_machine_verdict *what) {
     const lg_machine_model_run *run = self->run;
     const double floor = self->floor;
     /* The loss may exceed the expected loss by half and by four standard deviations of its random
@@ -196,10 +224,12 @@ static void warn_of_misfit(const lg_training *self, const lg_machine_verdict *wh
                 "the model does not explain the logs: %s%s%s%s. Train "
                 "more epochs if the loss still falls; otherwise a term is missing%s",
                 size, large && missing ? "; " : "", forces,
-                what->identified.block > 0.0 ? "" : "; the standard errors are too small then",
+                what->identified.block > 0.0 || !what->converged ? ""
+                                                                 : "; the standard errors are too small then",
                 large ? ", or the logs are wrong: check the sign, order and delay of the inputs, and whether "
                         "all sensors have one clock"
                       : "");
+    return !large && !missing;
 }
 
 /* Near the floor more training fits the error of the steps, and not the machine. A floor below
@@ -233,6 +263,10 @@ static void tell_numbers(lg_training *self, const lg_machine_verdict *what) {
 
 /* Writes whether the standard errors are those of white residuals. */
 static void tell_errors(lg_training *self, const lg_machine_verdict *what) {
+    if (!what->converged) {
+        if (what->count > 0) lg_result_text(self, "errors", "the fit has not converged", NULL);
+        return;
+    }
     const bool white = !(what->identified.block > 0.0);
     if (what->count > 0)
         lg_result_text(self, "errors", white ? "white" : "corrected for correlation",
@@ -327,9 +361,11 @@ static lg_status find_numbers(lg_training *self, const double *theta, lg_machine
     LG_TRAINING_ARRAY(self, of->correlations, count * count + 1, error);
     LG_TRAINING_ARRAY(self, of->open, count * count + 1, error);
     if (n <= LG_MACHINE_MOST_SPREAD) LG_TRAINING_ARRAY(self, of->spread, n * n + 1, error);
+    of->prior = ((const lg_machine_model_run *)self->run)->training.prior;
     LG_TRY(lg_machine_identify(self->context, problem, theta, of, error));
     LG_TRY(lg_machine_widen(self, theta, count, of, error));
     keep_several(of, count);
+    out->converged = has_converged(self, out);
     return LG_OK;
 }
 
@@ -359,8 +395,9 @@ lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {
     find_place(&s->problem, what);
     LG_TRY(find_numbers(self, theta, what, error));
     LG_TRY(find_states(self, theta, error));
+    drop_errors(self, what);
     warn_of_gauge(self, machine);
-    warn_of_misfit(self, what);
+    lg_machine_conclude_suggestion(self, warn_of_misfit(self, what));
     warn_of_floor(self, what);
     warn_of_open(self, &what->identified, what->count);
     warn_of_numbers(self, what);

@@ -223,6 +223,7 @@ typedef struct lg_machine_verdict {
     lg_machine_missing missing;
     lg_identification identified; /* memory of the lg_training */
     size_t count;                 /* number of identified numbers */
+    bool converged;               /* false: the numbers have no errors (NaN) */
     /* A network mass is reported at `positions`; `place` has them as text: "at x 1.2, theta 3.1". */
     bool placed;
     double positions[LG_MACHINE_POSITIONS];
@@ -267,6 +268,7 @@ typedef struct lg_suggestion {
     lg_suggested row[LG_SUGGEST_ROWS];
     double seconds; /* of a free run */
     size_t windows;
+    bool ended; /* nothing more was taken; else the rounds were used up */
 } lg_suggestion;
 
 struct lg_held_out;

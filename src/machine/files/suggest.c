@@ -19,6 +19,8 @@ typedef struct candidate {
 } candidate;
 
 enum { MOST = LG_SUGGEST_ROWS / LG_SUGGEST_ROUNDS };
+#define LG_SUGGEST_MOST  0.97 /* a candidate leaves less than this */
+#define LG_SUGGEST_CLEAR 0.8  /* a gain so large is worth more data, if it may be chance */
 
 /* Puts names into a text. `line`: the coordinate that %P stands for. */
 static void fill_in(const lg_machine *machine, const char *text, uint32_t line, char *out, size_t size) {
@@ -105,6 +107,7 @@ typedef struct search {
     candidate list[MOST];     /* candidates of the round */
     size_t count;
     uint32_t round;
+    size_t first; /* the round's first row of the suggestion */
 } search;
 
 static lg_status try_candidate(search *s, candidate *c, lg_error *error) {
@@ -131,18 +134,32 @@ static bool beats(const search *s, const candidate *a, const candidate *b) {
     return found.better && found.ratio < less;
 }
 
-/* The candidate that leaves least and gains more than chance and 3 %, or one with fewer numbers, or
- * earlier in the table, that this one does not beat. NULL: there is none. */
+/* Whether a candidate of the round, taken or not, has fewer parameters and leaves less. */
+static bool is_dominated(const search *s, const candidate *c) {
+    const lg_suggestion *all = &((const lg_machine_state *)s->self->state)->suggestion;
+    const size_t parameters = c->trial.learned.machine.parameters;
+    for (size_t i = s->first; i < all->count; i++)
+        if (all->row[i].ratio > 0 && all->row[i].ratio < c->ratio && all->row[i].parameters < parameters)
+            return true;
+    return false;
+}
+
+/* The gain of a candidate is more than chance and 3 %, and no smaller one has a larger gain. */
+static bool is_possible(const search *s, const candidate *c) {
+    return c->better && c->ratio < LG_SUGGEST_MOST && !is_dominated(s, c);
+}
+
+/* The possible candidate that leaves least, or one with fewer numbers, or earlier in the table, that this one
+ * does not beat. NULL: there is none. */
 static candidate *find_best(search *s) {
-    static const double most = 0.97;
     candidate *best = NULL, *simplest = NULL;
     for (size_t i = 0; i < s->count; i++) {
         candidate *c = &s->list[i];
-        if (c->better && c->ratio < most && (best == NULL || c->ratio < best->ratio)) best = c;
+        if (is_possible(s, c) && (best == NULL || c->ratio < best->ratio)) best = c;
     }
     for (size_t i = 0; i < s->count && best != NULL; i++) {
         candidate *c = &s->list[i];
-        if (!c->better || c->ratio >= most || beats(s, best, c)) continue;
+        if (!is_possible(s, c) || beats(s, best, c)) continue;
         if (simplest == NULL ||
             c->trial.learned.machine.parameters < simplest->trial.learned.machine.parameters)
             simplest = c;
@@ -156,19 +173,23 @@ static int compare_ratios(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-static void note_round(const search *s, const candidate *taken) {
+static void note_round(const search *s) {
     lg_suggestion *out = &((lg_machine_state *)s->self->state)->suggestion;
-    const uint32_t first = out->count;
     for (size_t i = 0; i < s->count && out->count < LG_SUGGEST_ROWS; i++) {
         const candidate *c = &s->list[i];
         lg_suggested *row = &out->row[out->count++];
         *row = (lg_suggested){.round = s->round,
                               .ratio = c->ratio,
-                              .taken = c == taken,
                               .chance = !c->better,
                               .parameters = c->trial.learned.machine.parameters};
         (void)snprintf(row->name, sizeof row->name, "%s", c->name);
     }
+}
+
+/* Marks the row of the candidate that is taken, which may be NULL, and sorts the rows of this kind. */
+static void close_round(const search *s, const candidate *taken, uint32_t first) {
+    lg_suggestion *out = &((lg_machine_state *)s->self->state)->suggestion;
+    if (taken != NULL) out->row[first + (size_t)(taken - s->list)].taken = true;
     qsort(out->row + first, out->count - first, sizeof *out->row, compare_ratios);
 }
 
@@ -177,9 +198,20 @@ static lg_status try_all(search *s, const lg_machine_file *file, bool last, cand
                          lg_error *error) {
     s->count = list_candidates(file, last, s->list);
     for (size_t i = 0; i < s->count; i++) LG_TRY(try_candidate(s, &s->list[i], error));
+    const uint32_t first = ((const lg_machine_state *)s->self->state)->suggestion.count;
+    note_round(s);
     *taken = find_best(s);
-    note_round(s, *taken);
+    close_round(s, *taken, first);
     return LG_OK;
+}
+
+/* Whether runs of the present machine go off by more than a hundredth of the motion. */
+static bool goes_off(const search *s) {
+    static const double small = 0.01;
+    double sum = 0, count = 0;
+    for (size_t i = 0; i < s->choosing.held.count; i++)
+        if (!isnan(s->present.square[i])) sum += s->present.square[i], count++;
+    return !(sum <= small * small * count);
 }
 
 static void drop_round(search *s) {
@@ -191,10 +223,11 @@ static void drop_round(search *s) {
 static lg_status play_round(search *s, bool *more, lg_error *error) {
     lg_machine_file file;
     candidate *taken = NULL;
+    s->first = ((const lg_machine_state *)s->self->state)->suggestion.count;
     LG_TRY(lg_machine_file_parse(s->choosing.quiet, s->self->paths[0], s->present.text,
                                  strlen(s->present.text), &file, error));
     lg_status status = try_all(s, &file, false, &taken, error);
-    if (status == LG_OK && taken == NULL) {
+    if (status == LG_OK && taken == NULL && goes_off(s)) {
         drop_round(s);
         status = try_all(s, &file, true, &taken, error);
     }
@@ -226,10 +259,7 @@ static lg_status search_all(search *s, lg_error *error) {
         drop_round(s);
         if (status != LG_OK) return status;
     }
-    if (s->round == 2)
-        LG_WARN(
-            s->self,
-            "the log asks for no further term: no candidate leaves less of the error than chance explains");
+    ((lg_machine_state *)s->self->state)->suggestion.ended = !more;
     return LG_OK;
 }
 
@@ -252,13 +282,17 @@ static lg_status write_machine(lg_training *self, lg_error *error) {
 }
 
 lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
-    enum { MOST_WINDOWS = 150 };
-    static const double part = 0.2;
+    enum { MOST_WINDOWS = 150, ENOUGH = 2 * LG_HELD_OUT_WINDOWS };
+    static const double part = 0.2, larger = 0.4;
     lg_machine_state *state = self->state;
     search *s = lg_alloc(self->context, 1, sizeof *s);
     if (s == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
     s->self = self;
     lg_status status = lg_choosing_begin(&s->choosing, self, part, error);
+    if (status == LG_OK && s->choosing.held.count < ENOUGH) {
+        lg_choosing_end(&s->choosing);
+        status = lg_choosing_begin(&s->choosing, self, larger, error);
+    }
     s->choosing.most_windows = MOST_WINDOWS;
     state->suggestion.windows = s->choosing.held.count;
     state->suggestion.seconds = (double)s->choosing.held.steps * state->data.logs.dt_median;
@@ -272,6 +306,30 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     lg_choosing_end(&s->choosing);
     lg_free(self->context, s);
     return status;
+}
+
+void lg_machine_conclude_suggestion(const lg_training *self, bool explained) {
+    const lg_machine_state *state = self->state;
+    const lg_suggestion *what = &state->suggestion;
+    const lg_suggested *best = NULL;
+    if (state->suggest == NULL || !what->ended || what->count == 0) return;
+    const uint32_t last = what->row[what->count - 1].round;
+    for (uint32_t i = 0; i < what->count; i++) {
+        const lg_suggested *row = &what->row[i];
+        if (row->round == last && row->ratio > 0 && (best == NULL || row->ratio < best->ratio)) best = row;
+    }
+    if (best != NULL && best->ratio < LG_SUGGEST_CLEAR && !explained)
+        LG_WARN(self,
+                "too few data to decide on a further term: %s leaves %.2g of the error, which %zu windows do "
+                "not distinguish from chance; give longer logs, or more of them",
+                best->name, best->ratio, what->windows);
+    else if (!explained)
+        LG_WARN(self,
+                "no further candidate leaves less of the error than chance explains, but the model does "
+                "not explain the logs: what it lacks is none of the candidates");
+    else
+        LG_WARN(self, "the log asks for no further term: no candidate leaves less of the error than chance "
+                      "explains");
 }
 
 void lg_machine_tell_suggestion(lg_training *self) {
