@@ -42,11 +42,9 @@ const app_command train_command = {
         "are written; `running_loss` is the last epoch's mean over its batches. `floor` is the part of this "
         "error that the integrator's steps make, estimated by steps of half the size.\n\nIf an option of "
         "Adam is given, the defaults are those of --preset thesis, else of --preset best. --preset thesis "
-        "has the published "
-        "settings but for Adam's eps and bound on the gradient (published: --adam-eps 1e-8 --clip 0). "
-        "docs/reports/accuracy.md has the table of both; --json prints the values of a run.\n\nCtrl-C saves "
-        "a checkpoint and ends with exit code 130; --resume "
-        "continues to the same bits.",
+        "has the published settings but for Adam's eps and bound on the gradient (published: --adam-eps 1e-8 "
+        "--clip 0). docs/reports/accuracy.md has the table of both; --json prints the values of a run.\n\n"
+        "Ctrl-C saves a checkpoint and ends with exit code 130; --resume continues to the same bits.",
     .settings = settings,
     .run = run_train,
     .together = APP_RANKS};

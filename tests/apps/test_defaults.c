@@ -164,8 +164,8 @@ TEST("a run without options has the defaults that help prints") {
     }
 }
 
-/* Compares the options in the first span of code of a line such as "| `best` | `--hidden 20,20 --prior 0.2`; ..."
- * with a run of this preset. Returns how many options the span has. */
+/* Compares the options in the first span of code of a line such as "| `best` | `--hidden 20,20`; ..." with a
+ * run of this preset. Returns how many options the span has. */
 static size_t compare_line(const char *line, const char *preset, const lg_recipe *recipe, const void *run) {
     static char wanted[LG_FIELD_TEXT_SIZE], value[LG_FIELD_TEXT_SIZE];
     size_t count = 0;

@@ -4,8 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "settings/training.h"
-
 /* ---- options ---- */
 
 enum { NETWORK = 1, DEFAULT_LENGTH = 4096 };
@@ -16,19 +14,16 @@ static const char *pooling_name(uint32_t value) {
 
 #define ROW(name, type, member, ...) LG_FIELD(lg_detector_state, "", name, type, member, __VA_ARGS__)
 const lg_field lg_detector_options[] = {
-    ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS",
-        .otherwise = LG_CHOSEN ": as stored; baseline: 600 s",
+    ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS", .otherwise = "as stored; baseline: 600 s",
         .meaning = "Length of a window; in samples if the sampling rate of the data is unknown"),
-    ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS",
-        .otherwise = LG_CHOSEN ": the window; baseline: 60 s",
+    ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS", .otherwise = "the window; baseline: 60 s",
         .meaning = "Distance from one window to the next"),
     ROW("preset", NAME, preset, .value_name = lg_preset_name, .value = "best", .methods = NETWORK,
         .meaning = "cnn: where options that are not given come from: the published settings or ours"),
     ROW("filters", WHOLES, filters, .low = 1, .high = 1 << 20, .most = LG_CNN_MAX_BLOCKS, .unit = "n,n,...",
         .methods = NETWORK,
-        .otherwise =
-            LG_CHOSEN ": 2, 4, 8 times the channels of the data; fewer blocks if windows are too short for "
-                      "three",
+        .otherwise = "2, 4, 8 times the channels of the data; fewer blocks if windows are too short for "
+                     "three",
         .meaning = "cnn: channels of each block"),
     ROW("kernel", U64, kernel, .low = 1, .high = 1 << 20, .value = "5", .unit = "n", .methods = NETWORK,
         .meaning = "cnn: samples of a kernel"),

@@ -90,9 +90,9 @@ typedef struct lg_trainer {
     /* Completes the run by what the data determine and, without `stored`, by what a preset says
      * (lg_training_adopt). The hyperparameters of a stored run are in the run already. */
     lg_status (*describe)(lg_training *self, lg_error *error);
-    /* For help texts: sets a run with the defaults of the fields to what describe makes of it in case `at`, by
-     * self->preset. The cases are the kinds of data and models; self->state is NULL. Returns false beyond
-     * the last case. NULL: describe keeps the defaults. */
+    /* For help texts: sets a run that has the defaults of the fields to what describe makes of it in case
+     * `at`, by self->preset. The cases are the kinds of data and models; self->state is NULL. Returns false
+     * beyond the last case. NULL: describe keeps the defaults. */
     bool (*usual)(lg_training *self, uint32_t at);
     /* prepare splits the data into training and test part. hold_out is for a search: it holds out `part` of
      * the training part. What they find out about the data goes into the run. prepare may be NULL. */
@@ -138,9 +138,9 @@ void lg_training_adopt(lg_training *self, const void *from, bool preset);
  * single precision; else "best". */
 const char *lg_training_preset(const lg_training *self);
 const char *lg_preset_name(uint32_t value); /* NULL beyond the last preset */
-/* As lg_field_describe. For a field of a recipe, shows the default that a run without options has: its value, or
- * that data and model choose it. If the preset "thesis" has another value, "; thesis: " and this value follow.
- * Fields that only Adam uses have the defaults of "thesis". */
+/* As lg_field_describe. For a field of a recipe, shows the default of a run without options: its value, or
+ * that data and model choose it. If the preset "thesis" has another value, "; thesis: " and this value
+ * follow. Fields that only Adam uses have the defaults of "thesis". */
 int lg_training_describe_field(const lg_field *row, char *text, size_t size);
 /* Append a result; results are shown in the order of these calls. */
 void lg_result_real(lg_training *self, const char *name, double value, const char *label);

@@ -37,7 +37,7 @@ static uint32_t width_of(const lg_table_state *s) {
     return (uint32_t)fmin(fmax(width, LEAST), MOST);
 }
 
-enum { FEWEST_EVALUATIONS = 5, MOST_EVALUATIONS = 60, OTHER_EVALUATIONS = 300 };
+enum { FEWEST = 5, MANY = 60, OTHERS = 300 }; /* evaluations of the loss */
 
 /* The settings where the command line gives none. tested: --test is given. */
 static lg_table_run usual_run(bool regression, bool tested, uint32_t width) {
@@ -62,7 +62,7 @@ static lg_table_run usual_run(bool regression, bool tested, uint32_t width) {
 /* Small regressions, large ones, classifications. */
 static bool usual(lg_training *self, uint32_t at) {
     lg_table_run from = usual_run(at < 2, false, 1);
-    if (at == 0) from.training.epochs = MOST_EVALUATIONS;
+    if (at == 0) from.training.epochs = MANY;
     if (at == 1) from.training.plan.phase[0].method = LG_FIT_LBFGS;
     lg_training_adopt(self, &from, true);
     return at < 3;
@@ -241,9 +241,7 @@ static void choose_method(lg_training *self) {
     if (large) run->training.plan.phase[0].method = LG_FIT_LBFGS;
     if (!self->given(self, "epochs") && !self->given(self, "seconds")) {
         const double evaluations = WORK / lg_table_work(&run->model, (double)s->trained);
-        run->training.epochs = large
-                                   ? OTHER_EVALUATIONS
-                                   : (uint64_t)fmin(fmax(evaluations, FEWEST_EVALUATIONS), MOST_EVALUATIONS);
+        run->training.epochs = large ? OTHERS : (uint64_t)fmin(fmax(evaluations, FEWEST), MANY);
         self->options.epochs = run->training.epochs;
     }
     self->options.plan = run->training.plan;
