@@ -23,7 +23,8 @@ extern const lg_field search_options[];
 #define SEARCH_DETAILS                                                                                       \
     "The file has `ranges`, options of train each with one of {uniform: [a, b]}, {log-uniform: [a, b]}, "    \
     "{integer: [a, b]}, {choice: [a, ...]}, and `fixed`, options with a value; an option that is in "        \
-    "neither has the preset's value. A trial depends on the seed and its number alone. A trial that fails "  \
+    "neither has the default of train. A trial depends on the seed and its number alone. A trial that "      \
+    "fails "                                                                                                 \
     "stays in the table as failed; the exit code is 4 if no trial was finished. Ctrl-C keeps the finished "  \
     "trials and ends with exit code 130; --resume "                                                          \
     "continues to the same table."

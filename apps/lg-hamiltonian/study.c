@@ -227,7 +227,8 @@ const app_command study_command = {.name = "study",
                                               "starts, noise and test trajectories. The command prints "
                                               "medians over the repeats of each cell and geometric means "
                                               "over all runs of an integrator. The default seed is the "
-                                              "grid's.",
+                                              "grid's; other keys that it lacks have the values of train "
+                                              "--preset thesis.",
                                    .settings = APP_SETTINGS(APP_GIVEN(picture_options, values), STUDY_SHARED),
                                    .run = run,
                                    .together = APP_WORKERS};

@@ -184,7 +184,21 @@ static size_t compare_line(const char *line, const char *preset, const lg_recipe
     return count;
 }
 
-TEST("the tables of presets in docs have the values of runs") {
+/* The defaults of the fields, which grids of studies take, are those of a run by --preset thesis. */
+static void compare_fields(const lg_recipe *recipe, const void *run) {
+    char wanted[LG_FIELD_TEXT_SIZE], value[LG_FIELD_TEXT_SIZE];
+    void *fields = lg_test_memory(recipe->run_size);
+    lg_fields_default(recipe->fields, fields);
+    for (const lg_field *row = recipe->fields; row->name != NULL; row++) {
+        if (row->value == NULL) continue;
+        lg_field_show(row, fields, wanted, sizeof wanted);
+        lg_field_show(row, run, value, sizeof value);
+        if (strcmp(wanted, value) != 0)
+            fail_msg("%s: --preset thesis has %s, the field %s", row->name, value, wanted);
+    }
+}
+
+TEST("the tables of presets in docs have the values of runs, and grids those of thesis") {
     static const char *const pages[] = {"hamiltonians.md", "reports/accuracy.md"};
     const lg_recipe *recipe = lg_recipe_find("hamiltonian");
     size_t found = 0;
@@ -196,6 +210,7 @@ TEST("the tables of presets in docs have the values of runs") {
         cli_run("lg-hamiltonian", "train one.h5 --preset %s --stop-after 1 --out made.h5", preset);
         assert_ok(lg_checkpoint_open(NULL, cli_at("made.h5.checkpoint"), NULL, recipe, run, &reader, NULL));
         lg_file_reader_destroy(reader);
+        if (strcmp(preset, "thesis") == 0) compare_fields(recipe, run);
         for (size_t k = 0; k < LG_COUNT(pages); k++) {
             const char *text = page(pages[k]), *line = strstr(text, begin);
             if (line == NULL) fail_msg("%s has no table of presets", pages[k]);
