@@ -28,6 +28,23 @@ static const lg_field options[] = {
 
 static evaluate_values values;
 
+/* Warns if the lagged inputs of two plants differ under u = 1. */
+static void warn_of_other_lag(const app *self, const lg_policy *policy, const lg_program *plant) {
+    double a[2][LG_POLICY_COORDINATES] = {{0}}, u[LG_POLICY_INPUTS];
+    const double h = lg_policy_task_of(policy)->period, none[LG_POLICY_COORDINATES] = {0};
+    const uint32_t n = control_count_lagged(lg_policy_task_of(policy), false);
+    for (uint32_t l = 0; l < LG_POLICY_INPUTS; l++) u[l] = 1;
+    for (int i = 0; i < 2 && n > 0; i++)
+        APP_MUST(self,
+                 lg_program_eval(self->context, i == 0 ? lg_policy_program(policy) : plant, "lag", 1,
+                                 (const double *const[]){none, u, &h}, (double *const[]){a[i]}, &error));
+    if (memcmp(a[0], a[1], n * sizeof **a) != 0)
+        app_warn(
+            self,
+            "%s has another lag; the controller computes lagged inputs by the lag that it was trained with",
+            values.plant);
+}
+
 static lg_policy *other_plant(const app *self, lg_policy *policy) {
     const lg_policy_task *own = lg_policy_task_of(policy);
     lg_policy_task names = {.period = own->period};
@@ -50,6 +67,7 @@ static lg_policy *other_plant(const app *self, lg_policy *policy) {
         same = strcmp(names.input[l].name, own->input[l].name) == 0;
     if (!same)
         app_stop(self, LG_SHAPE, "%s: its coordinates or inputs are not those of the policy", values.plant);
+    warn_of_other_lag(self, policy, plant);
     APP_MUST(self, lg_policy_transplant_late(policy, plant, names.dead_time, &other, &error));
     lg_policy_destroy(policy);
     return other;

@@ -156,11 +156,14 @@ typedef struct lg_policy_task {
     uint32_t gain_count;
     double gains[LG_POLICY_GAINS];
     double dead_time[LG_POLICY_INPUTS]; /* seconds by which an input acts later than it is given, >= 0 */
+    /* kinds lqr and network: the regulator is u0 + r + k tanh(r/w) with r = -K z, k and w trained, of each input:
+     * against dry friction, which holds the machine where r is small. */
+    bool compensate;
     /* NULL, or for plants with dry friction. The regulator is designed without dry friction, because at rest
      * it looks like a huge damping. Training begins with soft friction; its last steps, and all evaluations,
      * are on the plant itself. */
     lg_policy_soften soften;
-    void *soften_user;
+    void *soften_user; /* its first argument; both are used by lg_policy_create alone */
     /* Default true. false: no weights of a regulator are tried, so that lg_policy_create is fast; P and W are
      * 0, c is 1, and K is 0 unless it is given. For certificates; a network with a gate needs true. */
     bool search;

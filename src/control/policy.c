@@ -112,6 +112,11 @@ static lg_status check_task(const lg_policy_task *t, lg_error *error) {
                            in->name);
     }
     LG_TRY(check_gains(t, error));
+    if (t->compensate &&
+        (t->kind == LG_POLICY_ENERGY || !t->search || (t->kind == LG_POLICY_NETWORK && !t->gate)))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "compensate needs the regulator of kind lqr, or of the gate of a "
+                       "network");
     if (!t->search && t->kind == LG_POLICY_NETWORK && t->gate)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the gate of a network needs the search for a regulator");
     if (!(t->delay >= 0.0 && t->delay <= 1.0 && t->spread >= 0.0 && isfinite(t->spread)))
@@ -264,6 +269,7 @@ static lg_status init_parameters(lg_policy *p, lg_error *error) {
         p->parameters = lg_mlp_parameters(&p->net);
     }
     if (p->task.kind == LG_POLICY_ENERGY && p->task.gain_count == 0) p->parameters = 2 * (size_t)p->inputs;
+    if (p->task.compensate) p->parameters += 2 * (size_t)p->inputs;
     p->theta = lg_alloc(p->context, p->parameters + 1, sizeof *p->theta);
     if (p->theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
     return LG_OK;
@@ -273,6 +279,8 @@ void lg_policy_initialise(const lg_policy *p, uint64_t seed, double *theta) {
     lg_rng rng;
     lg_rng_seed(&rng, seed, 1);
     if (p->task.kind == LG_POLICY_NETWORK) lg_mlp_initialise(&p->net, &rng, theta);
+    const size_t n = p->task.compensate ? 2 * (size_t)p->inputs : 0;
+    if (n > 0) memcpy(theta + p->parameters - n, p->first, n * sizeof *theta);
 }
 
 static lg_status set_theta(lg_policy *p) {
@@ -353,12 +361,12 @@ static lg_status build(lg_policy *p, const lg_context *context, const lg_policy_
     LG_TRY(lg_policy_extend_task(&p->task, error));
     LG_TRY(lg_policy_prepare(p, error));
     LG_TRY(check_plant(p, plant, error));
-    lg_policy_initialise(p, seed, p->theta);
     LG_TRY(lg_policy_begin(p, plant, error));
     if (p->task.substeps == 0) LG_TRY(choose_substeps(p, training_error, seed, error));
     LG_TRY(add_motion(p, plant, error));
     LG_TRY(lg_policy_check_shifts(p, true, seed, error));
     LG_TRY(lg_policy_find_regulator(p, seed, error));
+    lg_policy_initialise(p, seed, p->theta);
     LG_TRY(add_functions(p, error));
     const lg_status status = p->parameters > 0 ? make_warm(p, error) : LG_OK;
     p->task.soften = NULL;

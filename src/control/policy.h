@@ -82,8 +82,9 @@ struct lg_policy {
     lg_policy_regulator regulator;
     double scale[LG_POLICY_ERRORS]; /* of the features of a network, by error */
     double G[LG_POLICY_INPUTS *
-             LG_POLICY_ERRORS]; /* energy: (inputs, errors) of positions, then of velocities */
-    double terminal;            /* w of W */
+             LG_POLICY_ERRORS];         /* energy: (inputs, errors) of positions, then of velocities */
+    double terminal;                    /* w of W */
+    double first[2 * LG_POLICY_INPUTS]; /* where training of compensation begins: log k, then log w */
     lg_mlp net;
     size_t parameters;
     double *theta;     /* (parameters); the program's parameter `policy` */

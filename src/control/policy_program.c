@@ -131,8 +131,17 @@ static lg_var feedback(lg_tape *tape, const lg_policy *p, lg_var z, lg_var K) {
 
 /* ---- policies: a row for each kind ---- */
 
-static lg_var regulator_of(lg_tape *tape, const lg_policy *p, lg_var z, const double *K) {
-    return feedback(tape, p, z, lg_input_f64(tape, lg_shape2(p->inputs, p->layout.errors), K));
+/* With compensation k tanh(r/w) is added to r = -K z; the last weights are log k and log w. */
+static lg_var regulator_of(lg_tape *tape, const lg_policy *p, lg_var z, const double *K, lg_var weights) {
+    const uint32_t m = p->inputs, from = (uint32_t)p->parameters - 2 * m;
+    const lg_var gain = lg_input_f64(tape, lg_shape2(m, p->layout.errors), K);
+    if (!p->task.compensate) return feedback(tape, p, z, gain);
+    const lg_var flat = lg_reshape(tape, weights, lg_shape2(1, (uint32_t)p->parameters)),
+                 k = lg_exp(tape, lg_slice(tape, flat, 1, from, m)),
+                 w = lg_exp(tape, lg_neg(tape, lg_slice(tape, flat, 1, from + m, m))),
+                 r = lg_neg(tape, lg_matmul_nt(tape, z, gain)),
+                 more = lg_mul(tape, lg_act(tape, lg_mul(tape, r, w), LG_TANH), k);
+    return saturated(tape, p, lg_add(tape, row_of(tape, p->regulator.u0, m), lg_add(tape, r, more)));
 }
 
 /* V/c (B, 1). Opposite to the goal, where an error is 0 by its formula, V is that of its full length. */
@@ -152,8 +161,8 @@ static lg_var level_of(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, l
 }
 
 static lg_var record_lqr(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z, lg_var weights) {
-    (void)seen, (void)weights;
-    return regulator_of(tape, p, z, p->regulator.K);
+    (void)seen;
+    return regulator_of(tape, p, z, p->regulator.K, weights);
 }
 
 /* Centre + half range tanh(y). */
@@ -174,7 +183,8 @@ static lg_var record_network(lg_tape *tape, const lg_policy *p, lg_policy_seen s
     const lg_var u = limited(tape, p, lg_mlp_record(tape, &p->net, weights, 0, features));
     if (!p->task.gate) return u;
     const lg_var by = lg_add_scalar(tape, lg_scale(tape, level_of(tape, p, seen, z), -steepness), steepness);
-    const lg_var gate = lg_act(tape, by, LG_SIGMOID), held = regulator_of(tape, p, z, p->regulator.near);
+    const lg_var gate = lg_act(tape, by, LG_SIGMOID),
+                 held = regulator_of(tape, p, z, p->regulator.near, weights);
     return lg_add(tape, u, lg_mul(tape, gate, lg_sub(tape, held, u)));
 }
 

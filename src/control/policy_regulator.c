@@ -512,11 +512,10 @@ static lg_status learn_from_unforced(design *d) {
     return status;
 }
 
-/* Rates of the errors of velocity by the inputs, at the goal at rest: what inputs at half their range
- * change in a step of a millionth of a period, (errors, inputs). Over a whole period the motion would have
- * answered. */
-static lg_status input_rates(const design *d, double *out) {
-    const lg_policy *p = d->policy;
+/* Rates of the errors of velocity by the inputs of plant p, at the goal at rest: what inputs at half their range,
+ * lagged ones too, change in a step of a millionth of a period, (errors, inputs). Over a whole period the motion
+ * would have answered. */
+static lg_status input_rates(const design *d, const lg_policy *p, double *out) {
     const uint32_t n = d->n, rows = d->m + 1;
     const double step = 1e-6 * p->task.period;
     double *z = lg_alloc(p->context, (size_t)rows * (2 * n + 2 * p->state + d->m + 1), sizeof *z);
@@ -527,6 +526,9 @@ static lg_status input_rates(const design *d, double *out) {
         h[r] = step;
         for (uint32_t l = 0; l < d->m; l++)
             u[r * d->m + l] = p->regulator.u0[l] + (r == l + 1 ? half_range(d->policy, l) : 0.0);
+        for (uint32_t i = 0; i < p->task.coordinate_count; i++)
+            if (r > 0 && p->task.coordinate[i].follows == r)
+                z[r * n + p->layout.at[i].error] = half_range(p, r - 1);
     }
     lg_status status = lg_policy_states(p, z, rows, x, d->error);
     if (status == LG_OK)
@@ -560,7 +562,7 @@ static lg_status set_map(design *d) {
     if (status == LG_OK)
         status = lg_program_eval(p->context, p->program, "value", rows, (const double *const[]){x},
                                  (double *const[]){H}, d->error);
-    if (status == LG_OK) status = input_rates(d, B);
+    if (status == LG_OK) status = input_rates(d, p, B);
     for (uint32_t i = 0; i < k * k && status == LG_OK; i++)
         M[i] = (H[2 * i] - H[2 * i + 1]) / (2.0 * d->size[first + i / k] * d->size[first + i % k]);
     for (uint32_t l = 0; l < d->m && status == LG_OK; l++)
@@ -574,6 +576,33 @@ static lg_status set_map(design *d) {
             memcpy(p->G + l * d->n + p->layout.at[i].error, p->G + l * d->n + p->layout.at[i].rate,
                    lg_policy_row_of(&p->task.coordinate[i])->errors * sizeof *p->G);
     lg_free(p->context, z);
+    return status;
+}
+
+/* Compensation begins with k = the input that dry friction takes at the goal: h (1 - a/s), where an input of half
+ * its range h gives the acceleration a, and s without dry friction. w is half of |K z| at the bounds of success. */
+static lg_status begin_compensation(const design *d) {
+    lg_policy *p = d->policy;
+    const uint32_t n = d->n, m = d->m, rates = p->layout.at[0].rate;
+    double *a = lg_alloc(p->context, 2 * (size_t)n * m, sizeof *a), *s = a + (size_t)n * m;
+    if (a == NULL) return lg_fail(d->error, LG_OUT_OF_MEMORY, "no memory for a regulator");
+    lg_status status = input_rates(d, p, a);
+    if (status == LG_OK) status = input_rates(d, d->sliding != NULL ? d->sliding : p, s);
+    for (uint32_t l = 0; l < m && status == LG_OK; l++) {
+        uint32_t most = rates;
+        for (uint32_t i = rates; i < n; i++)
+            if (fabs(s[i * m + l]) / d->size[i] > fabs(s[most * m + l]) / d->size[most]) most = i;
+        double square = 0.0;
+        for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+            const double bound = p->task.coordinate[i].success,
+                         K = p->regulator.K[l * n + p->layout.at[i].error];
+            if (isfinite(bound)) square += K * K * bound * bound;
+        }
+        const double half = half_range(p, l), part = most < n ? 1.0 - a[most * m + l] / s[most * m + l] : 0.0;
+        p->first[l] = log(half * fmin(fmax(part, 1e-3), 1.0));
+        p->first[m + l] = log(fmin(fmax(0.5 * sqrt(square), 1e-3 * half), half));
+    }
+    lg_free(p->context, a);
     return status;
 }
 
@@ -613,6 +642,7 @@ lg_status lg_policy_find_regulator(lg_policy *p, uint64_t seed, lg_error *error)
     if (status == LG_OK) set_scales(&d);
     if (status == LG_OK && p->task.search) status = learn_from_unforced(&d);
     if (status == LG_OK && p->task.kind == LG_POLICY_ENERGY) status = set_map(&d);
+    if (status == LG_OK && p->task.compensate) status = begin_compensation(&d);
     end(&d);
     return status;
 }

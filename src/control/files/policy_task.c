@@ -43,6 +43,7 @@ enum {
     KEY_TRACK,
     KEY_FREE,
     KEY_INTEGRAL,
+    KEY_COMPENSATE,
     KEY_COUNT
 };
 
@@ -115,6 +116,7 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_TRACK] = {.name = "track", .type = LG_FIELD_NODE},
     [KEY_FREE] = {.name = "free", .type = LG_FIELD_NODE},
     [KEY_INTEGRAL] = {.name = "integral", .type = LG_FIELD_NODE},
+    [KEY_COMPENSATE] = FIELD("compensate", NAME, compensate, LG_NAMES("false", "true")),
 };
 
 /* ---- mappings from names to numbers ---- */
