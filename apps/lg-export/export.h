@@ -282,9 +282,12 @@ int export_load_scene(const app *self, const char *path, bool tunable, export_so
 /* Returns the inputs or outputs of a function of a program; NULL, with *count 0, if there is no such
  * function. */
 const lg_port *export_ports(const lg_program *program, const char *function, bool outputs, size_t *count);
+/* Whether a function is left out of exports because training alone needs it (lg_program_is_fitted) and the
+ * program has other functions. */
+bool export_trains_only(const lg_program *program, size_t function);
 /* Returns the functions that a target exports, as a list with commas, to be freed: the names given with
  * --functions; otherwise the names of `usual` (ends with NULL) that the program has; if it has none of these,
- * all functions but derivatives. NULL: a message has been printed. */
+ * all functions but derivatives and those that training alone needs. NULL: a message has been printed. */
 char *export_choose(const app *self, const export_options *options, const lg_program *program,
                     const char *const *usual);
 /* Returns the name of a derivative of a function, to be freed. Adds the derivative to the program if the

@@ -88,6 +88,13 @@ static bool is_derivative(const char *name) {
     return is;
 }
 
+bool export_trains_only(const lg_program *program, size_t function) {
+    bool others = false;
+    for (size_t i = 0; i < lg_program_functions(program); i++)
+        others = others || !lg_program_is_fitted(program, i);
+    return others && lg_program_is_fitted(program, function);
+}
+
 /* Returns whether a list with commas holds the name. */
 static bool is_listed(const char *list, const char *name) {
     const size_t length = strlen(name);
@@ -125,7 +132,7 @@ static void add_usual(const lg_program *program, const char *const *usual, text 
     const bool all = list->length == 0;
     for (size_t i = 0; all && i < lg_program_functions(program); i++) {
         const char *name = lg_program_function_name(program, i);
-        if (!is_derivative(name)) add_name(list, name);
+        if (!is_derivative(name) && !export_trains_only(program, i)) add_name(list, name);
     }
 }
 

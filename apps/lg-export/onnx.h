@@ -79,6 +79,10 @@ typedef struct onnx_operation {
     const char *out;
 } onnx_operation;
 
+/* 1 where x is NaN, else 0; and y, but NaN where the largest such number `any` is 1. The maxima of
+ * onnxruntime leave NaN out; those of the library do not. */
+onnx_name onnx_not_a_number(onnx_job *j, onnx_name x);
+onnx_name onnx_keep(onnx_job *j, onnx_name any, onnx_name y);
 /* Gives `result` the name of the operation's result. Returns true. */
 bool onnx_give(const onnx_operation *o, onnx_name result);
 uint32_t onnx_rank_of(const onnx_operation *o, uint32_t input);

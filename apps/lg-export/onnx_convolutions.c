@@ -45,7 +45,8 @@ bool onnx_average_pool(const onnx_operation *o) {
 
 bool onnx_max_pool(const onnx_operation *o) {
     if (o->op->inputs[0] != o->op->inputs[1]) return false;
-    const onnx_name y =
-        pooled(o->j, "MaxPool", channels_first(o->j, o->x[0]), o->op->whole[0].base, o->op->whole[1].base);
-    return onnx_give(o, channels_first(o->j, y));
+    const int64_t size = o->op->whole[0].base, stride = o->op->whole[1].base;
+    const onnx_name x = channels_first(o->j, o->x[0]), not = onnx_not_a_number(o->j, x);
+    const onnx_name any = pooled(o->j, "MaxPool", not, size, stride);
+    return onnx_give(o, channels_first(o->j, onnx_keep(o->j, any, pooled(o->j, "MaxPool", x, size, stride))));
 }

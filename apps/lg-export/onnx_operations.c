@@ -22,11 +22,12 @@ static bool at_least(const onnx_operation *o) {
     return onnx_give(o, onnx_cast(o->j, truth, onnx_real_type(o->j)));
 }
 
-/* Sign of x, but 1 at zero, where ONNX's Sign is 0. */
+/* Sign of x, but 1 at zero, where ONNX's Sign is 0. NaN stays. */
 static bool sign(const onnx_operation *o) {
     onnx_job *j = o->j;
     const onnx_name zero = onnx_number(j, 0), one = onnx_number(j, 1), minus = onnx_number(j, -1);
-    return onnx_give(o, onnx_where(j, onnx_binary(j, "GreaterOrEqual", o->x[0], zero), one, minus));
+    const onnx_name below = onnx_where(j, onnx_binary(j, "Less", o->x[0], zero), minus, o->x[0]);
+    return onnx_give(o, onnx_where(j, onnx_binary(j, "GreaterOrEqual", o->x[0], zero), one, below));
 }
 
 static bool choice(const onnx_operation *o) {
@@ -66,7 +67,8 @@ static onnx_name negative(onnx_job *j, onnx_name x) {
 }
 
 /* The quotient of the smaller and the larger absolute value gives an angle from 0 to pi/4, which is then
- * mirrored. At the origin the larger one is replaced by 1: the angle is 0 or pi, as in C. */
+ * mirrored. At the origin the larger one is replaced by 1: the angle is 0 or pi, as in C. If both are
+ * infinite, the quotient is 1. */
 static bool angle(const onnx_operation *o) {
     onnx_job *j = o->j;
     const onnx_name y = onnx_unary(j, "Abs", o->x[0]), x = onnx_unary(j, "Abs", o->x[1]);
@@ -74,7 +76,9 @@ static bool angle(const onnx_operation *o) {
                     whole = onnx_number(j, acos(-1.0));
     const onnx_name steep = onnx_binary(j, "Greater", y, x), large = onnx_where(j, steep, y, x);
     const onnx_name by = onnx_where(j, onnx_binary(j, "Equal", large, zero), onnx_number(j, 1), large);
-    onnx_name turn = onnx_unary(j, "Atan", onnx_binary(j, "Div", onnx_where(j, steep, x, y), by));
+    const onnx_name small = onnx_where(j, steep, x, y), equal = onnx_binary(j, "Equal", small, by);
+    const onnx_name ratio = onnx_where(j, equal, onnx_number(j, 1), onnx_binary(j, "Div", small, by));
+    onnx_name turn = onnx_unary(j, "Atan", ratio);
     turn = onnx_where(j, steep, onnx_binary(j, "Sub", half, turn), turn);
     turn = onnx_where(j, negative(j, o->x[1]), onnx_binary(j, "Sub", whole, turn), turn);
     return onnx_give(o, onnx_where(j, negative(j, o->x[0]), onnx_unary(j, "Neg", turn), turn));
@@ -199,6 +203,14 @@ static bool crossed(const onnx_operation *o) {
 
 /* ---- shapes ---- */
 
+onnx_name onnx_not_a_number(onnx_job *j, onnx_name x) {
+    return onnx_cast(j, onnx_unary(j, "IsNaN", x), onnx_real_type(j));
+}
+onnx_name onnx_keep(onnx_job *j, onnx_name any, onnx_name y) {
+    const onnx_name nan = onnx_unary(j, "Sqrt", onnx_unary(j, "Neg", any));
+    return onnx_where(j, onnx_cast(j, any, ONNX_BOOL), nan, y);
+}
+
 /* Reductions over the middle axis of x seen as (i0, i1, i2). In opset 13 the axes of a sum are an input, the
  * axes of a maximum are an attribute. */
 static bool summed(const onnx_operation *o) {
@@ -209,8 +221,9 @@ static bool summed(const onnx_operation *o) {
 static bool maximum(const onnx_operation *o) {
     const onnx_attribute axes = {.name = "axes", .type = ONNX_INTS, .i = {1}, .count = 1};
     const onnx_name x = onnx_reshape(o->j, o->x[0], o->op->whole, 3);
-    const onnx_name y = onnx_emit(o->j, "ReduceMax", &x, 1, &axes);
-    return onnx_give(o, onnx_reshape(o->j, y, o->op->shape, o->op->rank));
+    const onnx_name not = onnx_not_a_number(o->j, x), y = onnx_emit(o->j, "ReduceMax", &x, 1, &axes);
+    const onnx_name kept = onnx_keep(o->j, onnx_emit(o->j, "ReduceMax", &not, 1, &axes), y);
+    return onnx_give(o, onnx_reshape(o->j, kept, o->op->shape, o->op->rank));
 }
 
 /* Adds a first axis to x, and copies x to each row of the batch. */

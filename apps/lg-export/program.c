@@ -345,8 +345,9 @@ static int write_code(job *j, const char *functions) {
     how.compact = j->source->options->compact;
     how.functions = chosen;
     how.hidden = hidden;
-    for (size_t i = 0; i < all; i++) chosen[i] = i;
-    how.function_count = all;
+    how.function_count = 0;
+    for (size_t i = 0; i < all; i++)
+        if (!export_trains_only(j->program, i)) chosen[how.function_count++] = i;
     if (functions != NULL) code = choose(j, functions, chosen, &how.function_count);
     j->visible = how.function_count;
     if (code == APP_EXIT_OK && j->source->hidden.length > 0)

@@ -138,6 +138,12 @@ LG_API const char *lg_program_function_name(const lg_program *program, size_t fu
  * the functions of the program), LG_INVALID_ARGUMENT (NULL). */
 LG_API lg_status lg_program_find(const lg_program *program, const char *name, size_t *function,
                                  lg_error *error);
+/* Whether the function is marked as one that training alone needs, such as a loss. lg_program_fit
+ * (liegrad/fit.h) marks the function that it made small, and files keep the mark. lg-export leaves marked
+ * functions out, unless --functions names them. Reading returns false for NULL and for a number that is too
+ * large. Error of setting: LG_INVALID_ARGUMENT (NULL, the number is too large). */
+LG_API bool lg_program_is_fitted(const lg_program *program, size_t function);
+LG_API lg_status lg_program_set_fitted(lg_program *program, size_t function, bool fitted);
 /* Return the ports of a function and set *count to their number; NULL and 0 for a number that is too
  * large. */
 LG_API const lg_port *lg_program_inputs(const lg_program *program, size_t function, size_t *count);

@@ -296,6 +296,7 @@ lg_status lg_program_fit(const lg_context *context, lg_program *program, const c
                        "the number of starts is 0 or there is no function that draws them");
     lg_status status = fit(&t, context, options, starts, &made, error);
     if (status == LG_OK) status = give_parameters(program, t.theta);
+    if (status == LG_OK) status = lg_program_set_fitted(program, t.function, true);
     if (status == LG_OK && result != NULL) *result = made;
     lg_free(context, t.theta);
     lg_free(context, t.best);

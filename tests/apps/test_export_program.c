@@ -3,6 +3,8 @@
  * ctest-labels: slow apps/lg-export src/autodiff */
 #include "export_support.h"
 
+#include "liegrad/fit.h"
+#include "liegrad/ops.h"
 #include "liegrad/program.h"
 
 #include "export_program.h"
@@ -53,6 +55,60 @@ TEST("--functions exports only the named functions") {
     assert_int_equal(export_shell("grep -q 'void some_value(' some/some.h", out), 0);
     assert_int_equal(export_shell("grep -q 'void some_jac_value(' some/some.h", out), 0);
     assert_int_not_equal(export_shell("grep -q 'void some_many(' some/some.h", out), 0);
+}
+
+static lg_status record_use(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    (void)user;
+    out[0] = lg_mul(tape, in[0], theta[0]);
+    return lg_tape_status(tape);
+}
+static lg_status record_gap(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    (void)user;
+    out[0] = lg_sub(tape, lg_mul(tape, in[0], theta[0]), in[1]);
+    return lg_tape_status(tape);
+}
+
+/* Whether functions are marked as training functions; what a fit marks and a file keeps. */
+static void save_fitted(const char *name, bool both) {
+    static const double x[8] = {1, 2, 3, 4, 5, 6, 7, 8}, wanted[8] = {2, 4, 6, 8, 10, 12, 14, 16}, start = 1;
+    const lg_port in[] = {{.name = "x"}, {.name = "y"}}, out = {.name = "z"};
+    const lg_parameter_spec theta = {"theta", lg_shape1(1), &start};
+    const lg_function_spec functions[] = {{"use", in, 1, &out, 1, record_use, NULL},
+                                          {"training_gap", in, 2, &out, 1, record_gap, NULL}};
+    lg_program_spec spec;
+    lg_program *program, *read;
+    lg_program_spec_init(&spec);
+    spec.parameters = &theta;
+    spec.parameter_count = 1;
+    spec.functions = functions;
+    spec.function_count = 2;
+    assert_told(lg_program_build(NULL, &spec, &program, &told));
+    assert_told(lg_program_fit(NULL, program, "training_gap", (const double *const[]){x, wanted}, 8, NULL,
+                               NULL, NULL, &told));
+    assert_true(lg_program_is_fitted(program, 1) && !lg_program_is_fitted(program, 0));
+    assert_true(!lg_program_is_fitted(program, 2) && !lg_program_is_fitted(NULL, 0));
+    assert_status(lg_program_set_fitted(program, 2, true), LG_INVALID_ARGUMENT);
+    if (both) assert_ok(lg_program_set_fitted(program, 0, true));
+    assert_told(lg_program_save(NULL, cli_at(test_text("%s.h5", name)), program, NULL, &told));
+    assert_told(lg_program_load(NULL, cli_at(test_text("%s.h5", name)), NULL, &read, &told));
+    assert_true(lg_program_is_fitted(read, 1) && lg_program_is_fitted(read, 0) == both);
+    lg_program_destroy(read);
+    lg_program_destroy(program);
+}
+
+TEST("a function that a fit minimised is left out of every export, unless it is named or is all there is") {
+    static const char *const targets[] = {"c", "package", "casadi", "fmu2", "fmu3", "simulink", "onnx"};
+    save_fitted("line", false);
+    for (size_t i = 0; i < LG_COUNT(targets); i++) {
+        export_run(test_text("line.h5 --out line_%s --name line --target %s", targets[i], targets[i]));
+        export_expect(
+            test_text("! grep -rqa training_gap line_%s && grep -rqaw z line_%s", targets[i], targets[i]));
+    }
+    export_run("line.h5 --out named --name line --functions training_gap,use");
+    export_expect("grep -q 'void line_training_gap(' named/line.h && grep -q 'void line_use(' named/line.h");
+    save_fitted("all", true);
+    export_run("all.h5 --out all --name line");
+    export_expect("grep -q 'void line_training_gap(' all/line.h && grep -q 'void line_use(' all/line.h");
 }
 
 TEST("a file of an unknown kind that holds functions is exported as a program") {

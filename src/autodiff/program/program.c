@@ -249,6 +249,16 @@ const char *lg_program_function_name(const lg_program *p, size_t function) {
     return function < p->functions ? p->function[function].name : NULL;
 }
 
+bool lg_program_is_fitted(const lg_program *p, size_t function) {
+    return p != NULL && function < p->functions && p->function[function].fitted;
+}
+
+lg_status lg_program_set_fitted(lg_program *p, size_t function, bool fitted) {
+    if (p == NULL || function >= p->functions) return LG_INVALID_ARGUMENT;
+    p->function[function].fitted = fitted;
+    return LG_OK;
+}
+
 static lg_status refuse_name(const lg_program *p, const char *name, lg_error *error) {
     char names[160] = "none";
     for (size_t i = 0, used = 0; i < p->functions && used < sizeof names; i++)

@@ -61,6 +61,7 @@ typedef struct lg_function {
      * (times, shape...). */
     uint32_t *path;
     size_t paths;
+    bool fitted; /* lg_program_is_fitted */
 } lg_function;
 
 typedef struct lg_program_parameter_own {

@@ -110,6 +110,12 @@ static lg_status get_function(lg_program_reading *r, const char *name) {
     lg_status status =
         lg_program_as_format(r, lg_h5_get(r->h5, at.text, LG_ELEMENT_U8, 1, dims, bytes, r->error));
     if (status == LG_OK) status = unpack(r, at.text, name, bytes, (size_t)dims[0]);
+    int64_t fitted = 0;
+    if (status == LG_OK && lg_h5_has_attribute(r->h5, at.text, "fitted"))
+        status = lg_program_as_format(
+            r, lg_h5_number(r->h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, r->error));
+    if (status == LG_OK && fitted != 0)
+        status = lg_program_set_fitted(r->program, lg_program_functions(r->program) - 1, true);
     lg_free(r->h5->context, bytes);
     return status;
 }

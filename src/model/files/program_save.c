@@ -32,7 +32,11 @@ static lg_status put_bytes(lg_h5 *h5, const lg_function_image *image, lg_error *
 static lg_status put_function(lg_h5 *h5, const lg_program *program, size_t function, lg_error *error) {
     lg_function_image *image;
     if (lg_function_image_create(program, function, &image) != LG_OK) return lg_program_no_memory(h5, error);
-    const lg_status status = put_bytes(h5, image, error);
+    lg_status status = put_bytes(h5, image, error);
+    const lg_program_key at = lg_program_below("functions", lg_program_function_name(program, function));
+    const int64_t fitted = 1;
+    if (status == LG_OK && lg_program_is_fitted(program, function))
+        status = lg_h5_put_number(h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, error);
     lg_function_image_destroy(image);
     return status;
 }
