@@ -665,6 +665,128 @@ TEST("ONNX: input names are complete; the sign of zero is 1 as in the library, u
     export_expect("grep -qa GreaterOrEqual signs/m.onnx && ! grep -qaw Sign signs/m.onnx");
 }
 
+/* Elementwise operations of numbers x and y; output i of a program is OUTPUT_LIST's entry i. */
+#define OUTPUT_LIST(X)                                                                                       \
+    X(lg_add(t, x, y))                                                                                       \
+    X(lg_sub(t, x, y))                                                                                       \
+    X(lg_mul(t, x, y))                                                                                       \
+    X(lg_div(t, x, y))                                                                                       \
+    X(lg_max(t, x, y))                                                                                       \
+    X(lg_ge(t, x, y))                                                                                        \
+    X(lg_atan2(t, x, y))                                                                                     \
+    X(lg_select(t, x, y, lg_neg(t, y)))                                                                      \
+    X(lg_lerp(t, x, y, x))                                                                                   \
+    X(lg_linear_combination(t, (const lg_var[]){x, y}, (const double[]){2, -1}, 2))                          \
+    X(lg_scale(t, x, 2.5))                                                                                   \
+    X(lg_add_scalar(t, x, 1.5))                                                                              \
+    X(lg_sqrt(t, x))                                                                                         \
+    X(lg_exp(t, x))                                                                                          \
+    X(lg_log(t, x))                                                                                          \
+    X(lg_sin(t, x))                                                                                          \
+    X(lg_cos(t, x))                                                                                          \
+    X(lg_abs(t, x))                                                                                          \
+    X(lg_sign(t, x))                                                                                         \
+    X(lg_pow(t, x, 0))                                                                                       \
+    X(lg_pow(t, x, 2))                                                                                       \
+    X(lg_pow(t, x, 3))                                                                                       \
+    X(lg_pow(t, x, 0.5))                                                                                     \
+    X(lg_pow(t, x, -1))                                                                                      \
+    X(lg_pow(t, x, -2))                                                                                      \
+    X(lg_pow(t, x, -0.5))                                                                                    \
+    X(lg_stop_gradient(t, x))                                                                                \
+    X(lg_act_derivative(t, x, LG_TANH, 1))                                                                   \
+    X(lg_act_derivative(t, x, LG_SIGMOID, 1))                                                                \
+    X(lg_act_derivative(t, x, LG_SWISH, 1))                                                                  \
+    X(lg_act_derivative(t, x, LG_SINE, 1))
+#define COUNT_OUTPUT(expression) +1
+enum { OUTPUTS = OUTPUT_LIST(COUNT_OUTPUT) + LG_ACTIVATION_COUNT };
+
+static lg_status record_all(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_var x = in[0], y = in[1];
+    (void)user;
+    (void)theta;
+#define PUT_OUTPUT(expression) *out++ = expression;
+    OUTPUT_LIST(PUT_OUTPUT)
+    for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++) *out++ = lg_act(t, x, (lg_activation)kind);
+    return lg_tape_status(t);
+}
+static lg_status make_all(lg_program **out, training *t, lg_error *error) {
+    static char names[OUTPUTS][8];
+    const lg_port in[2] = {{.name = "x", .low = 0.1, .high = 2}, {.name = "y", .low = 0.1, .high = 2}};
+    lg_port ports[OUTPUTS] = {{.name = NULL}};
+    for (size_t i = 0; i < OUTPUTS; i++) {
+        (void)snprintf(names[i], sizeof names[i], "r%zu", i);
+        ports[i].name = names[i];
+    }
+    const lg_function_spec value = {"value", in, 2, ports, OUTPUTS, record_all, NULL};
+    lg_program_spec spec;
+    (void)t;
+    lg_program_spec_init(&spec);
+    spec.functions = &value;
+    spec.function_count = 1;
+    return lg_program_build(NULL, &spec, out, error);
+}
+
+static const double special[] = {0,
+                                 -0.0,
+                                 1,
+                                 -1,
+                                 0.75,
+                                 -2.5,
+                                 5e-324,
+                                 -5e-324,
+                                 1e-310,
+                                 1e308,
+                                 -1e308,
+                                 800,
+                                 -800,
+                                 (double)INFINITY,
+                                 -(double)INFINITY,
+                                 (double)NAN};
+enum { SPECIAL = LG_COUNT(special), POINTS = SPECIAL * SPECIAL };
+
+static bool same_number(double a, double b) {
+    if (isnan(a) || isnan(b)) return isnan(a) && isnan(b);
+    return a == b || fabs(a - b) <= 1e-13 * fmax(1, fabs(b));
+}
+
+TEST(
+    "ONNX: every elementwise operation is as in the program at zeros, denormal numbers, infinities and NaN") {
+    double x[POINTS], y[POINTS], r[OUTPUTS][POINTS], got;
+    const double *in[2] = {x, y};
+    double *out[OUTPUTS];
+    for (size_t i = 0; i < OUTPUTS; i++) out[i] = r[i];
+    make_model("all", make_all);
+    export_run("all.h5 --out all --name m --target onnx --dtype f64");
+    FILE *file = fopen(cli_at("points.txt"), "w");
+    assert_non_null(file);
+    for (size_t i = 0; i < POINTS; i++) {
+        x[i] = special[i / SPECIAL];
+        y[i] = special[i % SPECIAL];
+        assert_true(fprintf(file, "%.17g %.17g\n", x[i], y[i]) > 0);
+    }
+    assert_int_equal(fclose(file), 0);
+    export_expect("python3 " LG_TEST_DIR "/apps/onnx_values.py all/m.onnx < points.txt > values.txt");
+    lg_plan_options options;
+    lg_plan *plan;
+    lg_plan_options_init(&options);
+    options.rows = POINTS;
+    assert_told(lg_plan_create(program, 0, &options, &plan, &told));
+    void *work = aligned_alloc(64, (lg_plan_work_size(plan) + 63) / 64 * 64);
+    lg_plan_eval(plan, (const void *const *)in, (void *const *)out, work);
+    free(work);
+    lg_plan_destroy(plan);
+    file = fopen(cli_at("values.txt"), "r");
+    assert_non_null(file);
+    for (size_t i = 0; i < POINTS; i++)
+        for (size_t o = 0; o < OUTPUTS; o++) {
+            assert_int_equal(fscanf(file, "%lf", &got), 1);
+            if (!same_number(got, r[o][i]))
+                fail_msg("output %zu at (%g, %g): ONNX %.17g, program %.17g", o, x[i], y[i], got, r[o][i]);
+        }
+    assert_int_equal(fclose(file), 0);
+}
+
 enum { LAYERS = 70 };
 
 static double weight_of(size_t layer) {

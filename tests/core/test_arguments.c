@@ -137,6 +137,7 @@ TEST("functions of programs refuse NULL") {
     REFUSES(lg_program_build(NULL, NEEDED(&whole), NEEDED(&made), NULL));
     REFUSES(lg_program_begin(NULL, NEEDED(&begun), NEEDED(&made), NULL));
     REFUSES(lg_program_find(NEEDED(program), NEEDED("f"), NEEDED(&index), NULL));
+    REFUSES(lg_program_set_fitted(NEEDED(program), 0, false));
     REFUSES(lg_program_set_parameter(NEEDED(program), 0, NEEDED(&number)));
     REFUSES(lg_program_record(NEEDED(tape), NEEDED(program), 0, NULL, NEEDED(&x), NEEDED(&y)));
     REFUSES(lg_program_derive(NEEDED(program), NEEDED(&what), NULL));
