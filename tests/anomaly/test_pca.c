@@ -95,6 +95,13 @@ TEST("scaled features, constant features and constant tables work") {
     p = fit(x, 30, 3, 3);
     assert_close(p->scale[1], 1.0, 0, 0);
     assert_close(p->variance[2], 0.0, 0, 1e-14);
+    for (int i = 0; i < 30; i++) { /* constant to rounding; a large offset and little spread */
+        x[3 * i + 1] = i % 2 == 0 ? 0.3 : 0.1 + 0.2;
+        x[3 * i + 2] = 1e8 + 1e-5 * (i % 2);
+    }
+    p = fit(x, 30, 3, 0);
+    assert_close(p->scale[1], 1.0, 0, 0);
+    assert_close(p->scale[2], 0.5e-5, 1e-2, 0);
     for (int i = 0; i < 90; i++) x[i] = 5.0; /* all constant, and d > n: still orthonormal */
     p = fit(x, 3, 30, 3);
     check_components(x, 3, 30, p);

@@ -670,6 +670,7 @@ TEST("functions of tables and files refuse NULL") {
     lg_grid grid;
     lg_machine_file machine;
     char kind[64];
+    REFUSES(lg_file_is_h5(NEEDED(path), NEEDED(&ours), NULL));
     REFUSES(lg_file_is_ours(NULL, NEEDED(path), NEEDED(&ours), NULL));
     REFUSES(lg_file_write(NULL, NEEDED(path), NEEDED(text), sizeof text, NULL));
     REFUSES(lg_temporary_create(NULL, NEEDED(path), false, NEEDED(&temporary), NULL));
