@@ -443,7 +443,7 @@ static bool take_comment(sample_reader *reader, const char *from, const char *to
     from = skip_blanks(from);
     if (*from == ',' || *from == ';') from++;
     if (!find_columns(reader, from, to, column, &columns, &found) || found < reader->channels) return true;
-    return set_places(reader, column, columns);
+    return set_places(reader, from, to, column, columns);
 }
 
 /* ---- reading lines from the file ---- */
