@@ -35,7 +35,8 @@ const lg_field lg_detector_fields[] = {
                         "states); windows of one recording resemble each other, so random gives too good "
                         "figures"),
     DETECTOR("run", "healthy", TEXT, healthy, .optional = true, .unit = "NAME", .form = "text",
-             .otherwise = "the model's, attribute healthy of the data, or the only class whose name says so",
+             .otherwise = LG_CHOSEN
+             ": the model's, attribute healthy of the data, or the only class whose name says so",
              .meaning = "Name or label of the class that means that all is well"),
     DETECTOR("run", "test_fraction", REAL, test_fraction, .high = 0.95, .value = "0.2", .unit = "F",
              .meaning = "Part of the windows for testing"),
