@@ -226,18 +226,18 @@ static lg_status keep_comment(lg_csv *c, lg_error *error) {
 
 /* Makes the comment the header if it has one name for each cell of the first row, which is the current line.
  * Blanks may separate the names too, and a separator may follow the #. */
-static bool take_comment(lg_csv *c, size_t *names) {
+static bool take_comment(lg_csv *c) {
     bool open, counting;
     char *text = c->comment;
-    text[strcspn(text, "\r")] = '\0';
     if (strchr(text, c->separator) == NULL) join_blanks(text, c->separator);
     const size_t skip = strspn(text, " ");
-    *names = count_cells(text, c->separator, &open);
-    if (text[skip] == c->separator && *names == c->cells + 1) {
+    size_t names = count_cells(text, c->separator, &open);
+    if (text[skip] == c->separator && names == c->cells + 1) {
         memmove(text, text + skip + 1, strlen(text + skip));
-        --*names;
+        names--;
     }
-    if (open || *names != c->cells || count_numbers(text, c->separator, &counting) > 0) return false;
+    if (open || text[0] == '\0' || names != c->cells || count_numbers(text, c->separator, &counting) > 0)
+        return false;
     c->row = c->line, c->row_room = c->room, c->row_number = c->number;
     c->line = text, c->room = strlen(text) + 1, c->number = c->comment_number;
     c->comment = NULL;
@@ -259,11 +259,10 @@ static lg_status split_blanks(lg_csv *c, lg_error *error) {
 
 static lg_status check_header(lg_csv *c, lg_error *error) {
     bool counting;
-    size_t names = 0;
     const size_t numbers = count_numbers(c->line, c->separator, &counting);
     const bool named = numbers == 0 || counting || (numbers == 1 && c->cells > 2);
     if (named && !(counting && c->cells > 1)) return LG_OK;
-    if ((c->comment != NULL && take_comment(c, &names)) || named) return LG_OK;
+    if ((c->comment != NULL && take_comment(c)) || named) return LG_OK;
     if (c->comment == NULL)
         return lg_csv_fail(c, error,
                            "has numbers where the names of the columns are expected: there is no header");

@@ -85,6 +85,9 @@ TEST("a header in a comment is read if it has a name for each column, as numpy w
         {"\xef\xbb\xbf# t,x\n0,nan\n", "1:[t][x]2:[0][nan]"},
         {"# \"t, s\",x\n0,1\n", "1:[t, s][x]2:[0][1]"},
         {"# t\n5.5\n", "1:[t]2:[5.5]"},
+        {"#\n5.5\n",
+         "failed: @: line 2: has numbers where the names of the columns are expected: there is no header, "
+         "and the comment in line 1 has not one name for each of the 1 columns"},
         {"# a note\nt,x\n0,1\n", "2:[t][x]3:[0][1]"},
         {"# 7,8\n0,1\n5,6\n", "2:[0][1]3:[5][6]"}, /* columns 0, 1, 2, ... */
         {"# wind speed\n0\n5\n", "2:[0]3:[5]"},
