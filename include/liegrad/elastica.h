@@ -513,7 +513,8 @@ LG_API double lg_surrogate_distance(const lg_surrogate *model, const double *tra
 LG_API double lg_surrogate_off_family(const lg_surrogate *model, const double *trained, size_t n,
                                       const double *x);
 /* Returns the spread of the trained boundary conditions: the largest distance of one of them from the family
- * of the others, without the n/100 largest ones, but at least 2 % of the reach. */
+ * of the others, without the n/100 largest ones; but at least r^2/2 and 2 % of r for the reach r. r^2/2 is
+ * the height of an arc of unit curvature above a chord of 2 r. */
 LG_API double lg_surrogate_spread(const double *trained, size_t n);
 
 /* ---- files of curves (library liegrad_io from here on) ---- */

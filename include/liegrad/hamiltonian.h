@@ -416,7 +416,7 @@ typedef struct lg_momentum_motion {
     bool moves;
 } lg_momentum_motion;
 /* Measures this for the trajectories and the symmetry of the model (docs/hamiltonians.md has the momenta).
- * Errors: those of lg_hamiltonian_problem_check, LG_OUT_OF_MEMORY. */
+ * Errors: LG_INVALID_ARGUMENT (no model or data), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_hamiltonian_momentum_motion(const lg_context *context,
                                                 const lg_hamiltonian_problem *problem,
                                                 lg_momentum_motion *out);

@@ -349,7 +349,8 @@ double lg_surrogate_reach(const double *trained, size_t n) {
 }
 
 double lg_surrogate_spread(const double *trained, size_t n) {
-    return fmax(largest(trained, n, off_family), 0.02 * lg_surrogate_reach(trained, n));
+    const double reach = lg_surrogate_reach(trained, n);
+    return fmax(largest(trained, n, off_family), fmax(0.02 * reach, 0.5 * reach * reach));
 }
 
 double lg_surrogate_distance(const lg_surrogate *model, const double *trained, size_t n, const double *x) {

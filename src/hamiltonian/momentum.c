@@ -6,25 +6,20 @@
 #include "liegrad/ops.h"
 #include "liegrad/taped.h"
 
-/* The momenta of all points, and a bound on each. */
+/* The momenta of all points, and the squared lengths of the parts of the states. */
 typedef struct momenta {
-    size_t n, points, k; /* trajectories, points of each, components */
-    double *J, *bound;   /* (n, points, k), (n, points) */
+    size_t n, points, k, parts; /* trajectories, points of each, components, parts of a state */
+    double *J, *square;         /* (n, points, k), (n, points, parts) */
 } momenta;
 
-/* sum_i |y_i| |y_(i+1)| over the pairs of parts, (B, 1) */
-static lg_var bound_of(lg_tape *tape, const lg_var *y, size_t parts, uint32_t rows) {
-    lg_var sum = LG_NONE;
-    for (size_t i = 0; i + 1 < parts; i += 2) {
-        lg_var square[2];
-        for (size_t s = 0; s < 2; s++) {
-            const uint32_t each = (uint32_t)(lg_shape_count(lg_var_shape(tape, y[i + s])) / rows);
-            square[s] = lg_rownorm2(tape, lg_reshape(tape, y[i + s], lg_shape2(rows, each)));
-        }
-        const lg_var both = lg_sqrt(tape, lg_mul(tape, square[0], square[1]));
-        sum = i == 0 ? both : lg_add(tape, sum, both);
+/* The squared lengths of the parts y of `rows` states, (rows, parts). */
+static lg_var squares_of(lg_tape *tape, const lg_var *y, size_t parts, uint32_t rows) {
+    lg_var square[LG_HAMILTONIAN_MAX_PARTS];
+    for (size_t i = 0; i < parts; i++) {
+        const uint32_t each = (uint32_t)(lg_shape_count(lg_var_shape(tape, y[i])) / rows);
+        square[i] = lg_rownorm2(tape, lg_reshape(tape, y[i], lg_shape2(rows, each)));
     }
-    return sum;
+    return lg_concat(tape, square, parts, 1);
 }
 
 static lg_status take_trajectory(lg_tape *tape, const lg_hamiltonian_problem *problem, size_t i,
@@ -37,13 +32,13 @@ static lg_status take_trajectory(lg_tape *tape, const lg_hamiltonian_problem *pr
     const lg_var x = lg_input(tape, lg_shape2(rows, d), problem->data + i * rows * d);
     (void)lg_taped_split(tape, &space, x, y);
     const lg_var J = lg_symmetry_row_of(model->symmetry)->momentum(tape, model, y),
-                 bound = bound_of(tape, y, lg_taped_parts(&space), rows);
+                 square = squares_of(tape, y, out->parts, rows);
     LG_TRY(lg_tape_status(tape));
     out->k = lg_var_shape(tape, J).dims[1];
     if (out->J == NULL) out->J = lg_alloc(context, out->n * rows * out->k, sizeof *out->J);
     if (out->J == NULL) return LG_OUT_OF_MEMORY;
     LG_TRY(lg_read(tape, J, rows * out->k, out->J + i * rows * out->k));
-    LG_TRY(lg_read(tape, bound, rows, out->bound + i * rows));
+    LG_TRY(lg_read(tape, square, rows * out->parts, out->square + i * rows * out->parts));
     return lg_tape_rewind(tape, mark);
 }
 
@@ -65,41 +60,80 @@ static void change_at(const momenta *m, size_t j, double *moved, double *left) {
     *moved = sqrt(change / (double)m->n), *left = sqrt(rest / (double)m->n);
 }
 
-/* Noise changes the momentum equally at every point, except for the scatter of a mean over the trajectories.
- * So the momentum moves if it changes by more at a later point than at the second one. */
+/* Mean square of part k at point j. */
+static double part_at(const momenta *m, size_t j, size_t k) {
+    double sum = 0.0;
+    for (size_t i = 0; i < m->n; i++) sum += m->square[(i * m->points + j) * m->parts + k] / (double)m->n;
+    return sum;
+}
+
+/* The factor by which equal noise in the states can change the momentum more at point j than at point 1. */
+static double noise_growth(const momenta *m, size_t j) {
+    double growth = 1.0;
+    for (size_t k = 0; k < m->parts; k++) growth = fmax(growth, sqrt(part_at(m, j, k) / part_at(m, 1, k)));
+    return growth;
+}
+
+static double size_of(const momenta *m) {
+    double sum = 0.0;
+    for (size_t i = 0; i < m->n * m->points; i++) {
+        const double *square = m->square + i * m->parts;
+        double bound = 0.0;
+        for (size_t k = 0; k + 1 < m->parts; k += 2) bound += sqrt(square[k]) * sqrt(square[k + 1]);
+        sum += bound * bound / (double)(m->n * m->points);
+    }
+    return sqrt(sum);
+}
+
+/* The change of the momentum by noise, from second differences in time, which are small where the momentum
+ * moves smoothly: those of equal noise have 3 times the mean square of a change. Infinite for fewer than
+ * three points. */
+static double noise_of(const momenta *m) {
+    const size_t j = m->points > 3 ? 1 : 0; /* often the first point alone has no noise */
+    double sum = 0.0;
+    if (m->points < 3) return (double)INFINITY;
+    for (size_t i = 0; i < m->n; i++)
+        for (size_t c = 0; c < m->k; c++) {
+            const double *at = m->J + (i * m->points + j) * m->k + c;
+            sum += pow(at[0] - 2.0 * at[m->k] + at[2 * m->k], 2.0);
+        }
+    return sqrt(sum / (3.0 * (double)m->n));
+}
+
+/* The momentum moves if it changes by more than the noise at that point can explain, with a margin for the
+ * scatter of a mean over the trajectories. */
 static void compare(const momenta *m, lg_momentum_motion *out) {
     static const double scatter = 4.0, least = 1e-3, most = 0.5;
-    double second = 0.0, largest = 0.0;
-    for (size_t i = 0; i < m->n * m->points; i++)
-        out->size += m->bound[i] * m->bound[i] / (double)(m->n * m->points);
-    out->size = sqrt(out->size);
+    const double grown = 1.0 + scatter / sqrt((double)m->n);
+    const double noise = noise_of(m);
+    out->size = size_of(m);
     for (size_t j = 1; j < m->points; j++) {
         double moved, left;
         change_at(m, j, &moved, &left);
-        if (j == 1) second = left;
-        if (left > most * moved) largest = fmax(largest, left);
         out->moved = fmax(out->moved, moved);
+        out->moves = out->moves || (left > most * moved && left > least * out->size &&
+                                    left > grown * noise * noise_growth(m, j));
     }
-    out->moves = largest > (1.0 + scatter / sqrt((double)m->n)) * second && largest > least * out->size;
 }
 
 lg_status lg_hamiltonian_momentum_motion(const lg_context *context, const lg_hamiltonian_problem *problem,
                                          lg_momentum_motion *out) {
     LG_NEEDS(NULL, problem, out);
-    LG_TRY(lg_hamiltonian_problem_check(problem, NULL));
+    LG_NEEDS(NULL, problem->model, problem->model->family, problem->data);
     const lg_symmetry_row *row = lg_symmetry_row_of(problem->model->symmetry);
-    momenta m = {.n = problem->trajectories, .points = problem->points};
+    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
+    momenta m = {.n = problem->trajectories, .points = problem->points, .parts = lg_taped_parts(&space)};
     lg_tape *tape = NULL;
     *out = (lg_momentum_motion){0.0, 0.0, false};
     if (row == NULL || row->momentum == NULL || row->count(problem->model) == 0) return LG_OK;
     if (row->isotropic && problem->model->family->inputs * problem->model->n < 2) return LG_OK;
-    m.bound = lg_alloc(context, m.n * m.points, sizeof *m.bound);
-    lg_status status = m.bound != NULL ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
+    m.square = lg_alloc(context, m.n * m.points * m.parts, sizeof *m.square);
+    lg_status status = m.square != NULL ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
     for (size_t i = 0; i < m.n && status == LG_OK; i++)
         status = take_trajectory(tape, problem, i, context, &m);
     if (status == LG_OK) compare(&m, out);
     lg_tape_destroy(tape);
     lg_free(context, m.J);
-    lg_free(context, m.bound);
+    lg_free(context, m.square);
     return status;
 }

@@ -3,6 +3,8 @@
  * ctest-labels: apps/lg-elastica src/elastica */
 #include "cli_support.h"
 
+#include <hdf5.h>
+
 #include "liegrad/elastica.h"
 
 static const char lg[] = "lg-elastica";
@@ -318,6 +320,30 @@ TEST("a prediction is printed with its distance to the training range, the reach
     json("predict model.h5 --theta0 1 --thetaN -1", "inside true"); /* angles instead of a case */
     cli_run(lg, "predict model.h5 --x 1 --solve");
     assert_says(result.out, "largest difference");
+}
+
+TEST("the beam that a model was trained on is solved with its own length and stiffness") {
+    static const struct {
+        const char *beam;
+        double scale;
+    } rows[] = {{"--length 0.42 --stiffness 0.04375 --qN 0.36,0", 1},
+                {"--length 420e6 --stiffness 0.04375e27 --qN 360e6,0", 1e18}}; /* EI/L has the factor 1e18 */
+    double energy[2], first = 0;
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        cli_run(lg, test_text("generate %s --count 40 --intervals 10 --out beam.h5", rows[i].beam));
+        cli_run(lg, "train beam.h5 --epochs 20 --out beam-model.h5");
+        energy[0] = number("predict beam-model.h5 --x 0.7 --solve", "energy");
+        energy[1] = number(test_text("solve %s --x 0.7 --intervals 10", rows[i].beam), "energy");
+        assert_close(energy[0], energy[1], 1e-12, 0);
+        if (i == 0) first = energy[0];
+        assert_close(energy[0], first * rows[i].scale, 1e-9, 0);
+    }
+    cli_run(lg, "predict beam-model.h5 --theta0 .6 --thetaN -.2");
+    assert_says(result.err, "off their family");
+    hid_t file = H5Fopen(cli_at("beam-model.h5"), H5F_ACC_RDWR, H5P_DEFAULT);
+    assert_true(H5Adelete_by_name(file, "run", "stiffness", H5P_DEFAULT) >= 0 && H5Fclose(file) >= 0);
+    json("predict beam-model.h5 --x 0.7 --solve", "energy null, max_error *");
+    assert_says(result.err, "does not say the stiffness");
 }
 
 TEST("the error of a network of modes is its loss plus its truncation; the curves determine the number "

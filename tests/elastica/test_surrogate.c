@@ -245,6 +245,73 @@ TEST("one isolated curve in a hundred does not extend the range, two do") {
     assert_close(lg_surrogate_reach(many, MANY), 100.0, 1e-3, 0.0);
 }
 
+static void set_angles(double *x, double theta0, double thetaN, double unit) {
+    const double values[8] = {unit,     2 * unit,   cos(theta0), sin(theta0),
+                              4 * unit, 2.5 * unit, cos(thetaN), sin(thetaN)};
+    memcpy(x, values, sizeof values);
+}
+
+/* The end angles of a family for a parameter t in [0, 1] (the second one, u, for families of two parameters).
+ * */
+static void angles_of(int family, double t, double u, double *theta0, double *thetaN) {
+    const double x = 2 * 3.14159265358979323846 * t;
+    *theta0 = family == 0 || (family == 2 && u < 0.5) ? x : family == 3 ? t : family == 4 ? 2 * t : 0.0;
+    *thetaN = family <= 2 ? -x : family == 3 ? u : t * t - 1;
+}
+
+static bool is_outside(const lg_surrogate *model, const double *trained, size_t n, const double *x) {
+    return lg_surrogate_distance(model, trained, n, x) > 2 * lg_surrogate_reach(trained, n) ||
+           lg_surrogate_off_family(model, trained, n, x) > 2 * lg_surrogate_spread(trained, n);
+}
+
+/* Families: both ends, right end, both of these, all pairs of angles in a square, and a curve of pairs. */
+TEST("queries of the training family are inside, other ends next to it are outside, whatever the unit of "
+     "length") {
+    enum { FAMILIES = 5, TRAINED = 150, SEEDS = 6, QUERIES = 200 };
+    static const double units[] = {1.0, 1e-9, 1e9};
+    double *trained = TEST_ARRAY(double, 8 * TRAINED), x[8], theta0, thetaN;
+    for (int family = 0; family < FAMILIES; family++)
+        for (uint64_t seed = 1; seed <= SEEDS; seed++) {
+            size_t wrong[LG_COUNT(units)] = {0}, missed[LG_COUNT(units)] = {0};
+            for (size_t u = 0; u < LG_COUNT(units); u++) {
+                const lg_surrogate model = {.length = 4 * units[u]};
+                lg_rng rng = test_rng(seed, (uint64_t)family);
+                for (size_t i = 0; i < TRAINED; i++) {
+                    /* Without large gaps: one condition in each of TRAINED equal parts. */
+                    const double part = ((double)i + lg_rng_uniform(&rng)) / TRAINED;
+                    const double other = family == 2 ? (double)(i % 2) : lg_rng_uniform(&rng);
+                    angles_of(family, part, other, &theta0, &thetaN);
+                    set_angles(trained + 8 * i, theta0, thetaN, units[u]);
+                }
+                for (size_t i = 0; i < QUERIES; i++) {
+                    const double t = 0.02 + 0.96 * lg_rng_uniform(&rng), v = lg_rng_uniform(&rng);
+                    angles_of(family, t, v, &theta0, &thetaN);
+                    set_angles(x, theta0, thetaN, units[u]);
+                    wrong[u] += is_outside(&model, trained, TRAINED, x);
+                    /* Off the square all of [0, 1]^2 is near; off a curve a small change of one angle is far.
+                     * */
+                    if (family == 3)
+                        set_angles(x, theta0, thetaN + 2.0, units[u]);
+                    else
+                        set_angles(x, theta0 + 0.25, thetaN - 0.1, units[u]);
+                    missed[u] += !is_outside(&model, trained, TRAINED, x);
+                    set_angles(x, theta0, thetaN, units[u]);
+                    x[5] += 0.5 * units[u]; /* another end of the beam */
+                    missed[u] += !is_outside(&model, trained, TRAINED, x);
+                }
+            }
+            print_message("  family %d, seed %d: %zu of %d inside called outside, %zu of %d outside missed\n",
+                          family, (int)seed, wrong[0], QUERIES, missed[0], 2 * QUERIES);
+            assert_true(wrong[0] <= QUERIES / 100);
+            /* Where two families cross, conditions between them are near both. */
+            assert_true(missed[0] <= (family == 2 ? QUERIES / 10 : QUERIES / 50));
+            for (size_t u = 1; u < LG_COUNT(units); u++) {
+                assert_int_equal(wrong[u], wrong[0]);
+                assert_int_equal(missed[u], missed[0]);
+            }
+        }
+}
+
 /* ---- curves ---- */
 
 /* The network's input for a row, as the header defines it, and the network's output. */

@@ -47,11 +47,13 @@ static void minimise(learned *l, const char *method) {
     l->loss = lg_fit_history(l->fit, LG_FIT_LOSS)[lg_fit_epochs_done(l->fit) - 1];
 }
 
-static void learn(double damping, const char *scheme, const char *method, learned *l) {
+static void learn_with(lg_symmetry symmetry, double damping, const char *scheme, const char *method,
+                       learned *l) {
     lg_rng rng = test_rng(4, 0);
     oscillate(damping, l->data);
     assert_ok(lg_hamiltonian_init(&l->model, lg_hamiltonian_family_find("separable"), 1,
                                   LG_POTENTIAL_DICTIONARY, NULL, 0, LG_TANH));
+    assert_ok(lg_hamiltonian_set_symmetry(&l->model, symmetry));
     l->problem = (lg_hamiltonian_problem){.model = &l->model,
                                           .scheme = lg_scheme_find(scheme),
                                           .substeps = 1,
@@ -62,6 +64,10 @@ static void learn(double damping, const char *scheme, const char *method, learne
     l->theta = TEST_ARRAY(double, lg_hamiltonian_parameters(&l->model));
     lg_hamiltonian_initialise(&l->model, &rng, l->theta);
     minimise(l, method);
+}
+
+static void learn(double damping, const char *scheme, const char *method, learned *l) {
+    learn_with(LG_SYMMETRY_NONE, damping, scheme, method, l);
 }
 
 static void keep(void *user, lg_log_level level, const char *message) {
@@ -104,6 +110,26 @@ TEST("the energy of damped oscillators falls, backward in time it rises; free os
     assert_string_equal(warning(l, &one, l->loss), "");
     learn(0.0, "stormer-verlet", "lbfgs", calm);
     assert_string_equal(warning(calm, &calm->problem, calm->loss), "");
+}
+
+/* The oscillator's V = q^2/2 is even. */
+TEST("with a mirror symmetry a warning names the symmetry first, and a right symmetry causes none") {
+    static const struct {
+        lg_symmetry symmetry;
+        double damping;
+        const char *begins;
+    } rows[] = {{LG_SYMMETRY_EVEN, 0.0, ""},
+                {LG_SYMMETRY_ODD, 0.0, "the potential may not have the symmetry"},
+                {LG_SYMMETRY_EVEN, 0.03, "the potential may not have the symmetry"},
+                {LG_SYMMETRY_ODD, 0.03, "the potential may not have the symmetry"},
+                {LG_SYMMETRY_NONE, 0.03, "the data are not conservative"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        learned *l = TEST_ARRAY(learned, 1);
+        learn_with(rows[i].symmetry, rows[i].damping, "stormer-verlet", "lbfgs", l);
+        const char *said = warning(l, &l->problem, l->loss);
+        if (strncmp(said, rows[i].begins, strlen(rows[i].begins)) != 0 || (i == 0) != (said[0] == '\0'))
+            fail_msg("row %zu: %s", i, said);
+    }
 }
 
 TEST("energy that only the error of the scheme costs causes no warning") {
