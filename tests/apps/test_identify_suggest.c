@@ -124,6 +124,55 @@ TEST("--suggest names the unknown kind of term for 18 of 20 machines") {
     assert_true(good >= 18);
 }
 
+/* Appends one run of a drive: u - b v - c tanh(v/.3) + d |v| - f, with a torque ripple that is forgotten after
+ * 20 ms, an encoder of 10000 counts and rounded velocities. */
+static void write_drive(FILE *file, int run, bool asymmetric, const double *levels, lg_rng *rng) {
+    enum { ROWS = 1000, STEPS = 20 };
+    const double count = 2 * 3.14159265358979 / 10000, step = 0.628, h = interval / STEPS;
+    double x = 0, v = 0, ripple = 0;
+    for (int k = 0; k < ROWS; k++) {
+        const double u = levels[k >= ROWS / 2];
+        (void)fprintf(file, "%.9g,%d,%.9g,%.9g,%.9g\n", k * interval, run, round(x / count) * count,
+                      round(v / step) * step, u);
+        for (int i = 0; i < STEPS; i++) {
+            ripple += -h / 0.02 * ripple + 1.9e-4 * lg_rng_normal(rng);
+            const double own = asymmetric ? 0.0197 * tanh(v / 0.3) - 3.9e-5 * fabs(v) + 0.0159 : 0;
+            v += h * (u - 1.37e-4 * v - own + ripple) / 1.58e-4;
+            x += h * v;
+        }
+    }
+}
+
+TEST("of a drive whose friction differs by direction the true term is taken, not a network; a viscous drive "
+     "asks "
+     "for none") {
+    static const double levels[][2] = {{0.05, 0.065}, {-0.03, -0.045}};
+    static const double truth[] = {1.58e-4, 1.37e-4, 0.0197, -3.9e-5, -0.0159};
+    static const char *const numbers[] = {"mass.1.1", "damping.x", "coulomb.x", "asymmetric.x", "offset.x"};
+    for (uint64_t seed = 0; seed < 3; seed++) {
+        lg_rng rng = test_rng(37, seed);
+        const bool asymmetric = seed < 2;
+        FILE *file = fopen(cli_at("drive.csv"), "w");
+        assert_non_null(file);
+        (void)fprintf(file, "t,run,x,vx,u\n");
+        for (int run = 0; run < 2; run++) write_drive(file, run, asymmetric, levels[run], &rng);
+        assert_int_equal(fclose(file), 0);
+        cli_write("drive.yaml",
+                  test_text("columns: {time: t, run: run}\ncoordinates:\n"
+                            "  - {name: x, kind: line, velocity: vx}\ninputs: {columns: [u]}\n"
+                            "mass: diagonal\ndamping: %s\ninput_map: {kind: known, values: [[1]]}\n",
+                            asymmetric ? "[diagonal, coulomb]" : "diagonal"));
+        cli_json(identify, "fit drive.yaml drive.csv --out m.h5 --suggest -", "loss *");
+        assert_non_null(
+            strstr(result.out, asymmetric ? "\"suggested\": [\"asymmetric\"]" : "\"suggested\": []"));
+        for (size_t i = 0; i < LG_COUNT(numbers) && asymmetric; i++)
+            assert_close(json_number(json_find(json_find(result.out, "identified"), numbers[i]), "value"),
+                         truth[i], 0.03, 0);
+        const bool explained = strstr(result.err, "does not explain the logs: ") == NULL;
+        assert_int_equal(strstr(result.err, "asks for no further term") != NULL, explained);
+    }
+}
+
 static int setup(void **state) {
     (void)state;
     return cli_begin();

@@ -49,7 +49,8 @@ RELEASES(release_held, lg_held_out_destroy)
 
 static lg_held_out *plan(const swinging *s, double part, bool estimated) {
     lg_held_out *held = TEST_ARRAY(lg_held_out, 1);
-    assert_ok(lg_held_out_plan(NULL, &s->machine, &s->logs.log, part, estimated, held, NULL));
+    assert_ok(
+        lg_held_out_plan(NULL, &s->machine, &s->logs.log, part, LG_HELD_OUT_WINDOWS, estimated, held, NULL));
     lg_test_owns(held, release_held);
     return held;
 }
@@ -180,6 +181,15 @@ TEST("errors of windows are compared by the mean of their logarithms; missing er
     for (size_t i = 0; i < N; i++) a[i] = 1, b[i] = 2;
     b[5] = INFINITY;
     assert_true(lg_held_out_compare(N, a, b).better && !lg_held_out_compare(N, b, a).better);
+}
+
+TEST("gains of very different sizes count by their signs, if there are 8 windows or more") {
+    double a[12], b[12];
+    for (size_t i = 0; i < 12; i++) b[i] = 1, a[i] = exp(i == 3 ? -30 : -0.1);
+    assert_true(lg_held_out_compare(12, a, b).better && lg_held_out_compare(8, a, b).better);
+    assert_false(lg_held_out_compare(7, a, b).better);
+    for (size_t i = 4; i < 12; i += 3) a[i] = 1.01;
+    assert_false(lg_held_out_compare(12, a, b).better); /* 9 of 12 */
 }
 
 /* ---- errors of free runs ---- */

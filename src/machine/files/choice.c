@@ -5,12 +5,13 @@
 
 /* ---- what trials share ---- */
 
-lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, lg_error *error) {
+lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, size_t windows,
+                            lg_error *error) {
     const lg_machine_state *s = self->state;
     *out = (lg_choosing){.self = self};
     if (lg_context_quiet(self->context, &out->quiet) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
-    return lg_held_out_plan(self->context, &s->data.file.machine, &s->data.training, part,
+    return lg_held_out_plan(self->context, &s->data.file.machine, &s->data.training, part, windows,
                             s->estimated || s->noisy, &out->held, error);
 }
 

@@ -28,10 +28,10 @@ struct lg_held_out {
 typedef struct lg_held_out lg_held_out;
 
 /* Spreads windows over the log, `part` of its rows. They last ten times the time in which positions change
- * by their size, at least 100 rows, but not so long that there are fewer than 8, or 40 times `part`. count 0:
- * the log is too short. */
+ * by their size, at least 100 rows, but not so long that there are fewer than `windows` (LG_HELD_OUT_WINDOWS
+ * or more). count 0: the log is too short. */
 lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
-                           double part, bool estimated, lg_held_out *out, lg_error *error);
+                           double part, size_t windows, bool estimated, lg_held_out *out, lg_error *error);
 void lg_held_out_destroy(lg_held_out *held);
 /* The same windows, by their times, in the logs `to`, which were read with other holds or delays. Errors:
  * LG_FORMAT (one is missing). `out` must be destroyed even after an error. */
@@ -80,8 +80,10 @@ typedef struct lg_choosing {
     size_t most_windows;
 } lg_choosing;
 
-/* Begins a choice for the machine and logs in the training's state, with `part` of the rows held out. */
-lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, lg_error *error);
+/* Begins a choice for the machine and logs in the training's state, with `part` of the rows held out in
+ * `windows` windows or more. */
+lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, size_t windows,
+                            lg_error *error);
 void lg_choosing_end(lg_choosing *choosing);
 /* Learns the machine `text`, which is copied, from the parameters of `from` (may be NULL), and judges it.
  * Fails only without memory or if cancelled; a machine that cannot be learned has a status. */

@@ -77,12 +77,11 @@ static size_t rows_of_change(const lg_machine *machine, const lg_machine_log *lo
     return lag < most ? lag : most;
 }
 
-static size_t choose_steps(const lg_machine *machine, const lg_machine_log *log, double part,
+static size_t choose_steps(const lg_machine *machine, const lg_machine_log *log, double part, size_t windows,
                            bool estimated) {
-    enum { TIMES = 10, LEAST = 100, PER_LOG = 40 };
+    enum { TIMES = 10, LEAST = 100 };
     const size_t before = rows_before(machine, estimated), typical = log->rows / log->parts;
-    const double windows = fmax(LG_HELD_OUT_WINDOWS, PER_LOG * part);
-    size_t most = (size_t)(part * (double)log->rows / windows), slowest = 1;
+    size_t most = (size_t)(part * (double)log->rows / (double)windows), slowest = 1;
     if (typical < before + LG_HELD_OUT_DELAY + 2) return 0;
     if (most > typical - before - LG_HELD_OUT_DELAY - 1) most = typical - before - LG_HELD_OUT_DELAY - 1;
     for (size_t i = 0; i < machine->positions + machine->velocities; i++) {
@@ -133,11 +132,11 @@ static void find_weights(const lg_machine *machine, const lg_machine_log *log, l
 }
 
 lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
-                           double part, bool estimated, lg_held_out *out, lg_error *error) {
+                           double part, size_t windows, bool estimated, lg_held_out *out, lg_error *error) {
     enum { LEAST_STEPS = 5, LEAST_WINDOWS = 4 };
     *out =
         (lg_held_out){.estimated = estimated, .before = rows_before(machine, estimated), .context = context};
-    out->steps = choose_steps(machine, log, part, estimated);
+    out->steps = choose_steps(machine, log, part, windows, estimated);
     if (out->steps < LEAST_STEPS) return LG_OK;
     out->start = lg_alloc(context, log->rows / LEAST_STEPS + 1, sizeof *out->start);
     if (out->start == NULL) return no_memory(error);

@@ -273,7 +273,7 @@ static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) 
     static const double part = 0.2;
     const lg_machine_state *s = self->state;
     lg_choosing c;
-    lg_status status = lg_choosing_begin(&c, self, part, error);
+    lg_status status = lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, error);
     c.most_windows = MOST_WINDOWS;
     if (status == LG_OK && c.held.count == 0 && tell && (g->delays > 1 || s->data.file.hold_given))
         LG_WARN(self, "the log is too short to choose how the inputs act: hold zero and no delay are taken");

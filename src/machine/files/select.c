@@ -168,7 +168,7 @@ static lg_status choose_widths(lg_training *self, double part, char **text, lg_e
     lg_machine_trial trials[LG_COUNT(widths)] = {{.text = NULL}};
     lg_choosing c;
     size_t winner = 0;
-    lg_status status = lg_choosing_begin(&c, self, part, error);
+    lg_status status = lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, error);
     c.most_windows = MOST_WINDOWS;
     if (status == LG_OK && c.held.count > 0) status = race(self, &c, trials, &winner, error);
     if (status == LG_OK && c.held.count > 0) tell_race(self, &c, trials, winner);
@@ -207,7 +207,7 @@ lg_status lg_machine_select(lg_training *self, lg_error *error) {
     if (s == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
     run->training.validation = 0;
     LG_TRY(lg_held_out_plan(self->context, &state->data.file.machine, &state->data.training, part,
-                            state->estimated || state->noisy, &s->held, error));
+                            LG_HELD_OUT_WINDOWS, state->estimated || state->noisy, &s->held, error));
     state->held = &s->held;
     if (s->held.count > 0) return LG_OK;
     return lg_fail(error, LG_FORMAT, "%s: the log is too short to hold out windows for --select free-run",

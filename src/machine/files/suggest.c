@@ -288,10 +288,10 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     search *s = lg_alloc(self->context, 1, sizeof *s);
     if (s == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
     s->self = self;
-    lg_status status = lg_choosing_begin(&s->choosing, self, part, error);
+    lg_status status = lg_choosing_begin(&s->choosing, self, part, LG_HELD_OUT_WINDOWS, error);
     if (status == LG_OK && s->choosing.held.count < ENOUGH) {
         lg_choosing_end(&s->choosing);
-        status = lg_choosing_begin(&s->choosing, self, larger, error);
+        status = lg_choosing_begin(&s->choosing, self, larger, ENOUGH, error);
     }
     s->choosing.most_windows = MOST_WINDOWS;
     state->suggestion.windows = s->choosing.held.count;
