@@ -307,7 +307,18 @@ static void next_phase(training *t) {
     t->phase_begun = lg_seconds();
 }
 
+/* The regulator without compensation, k = e^-100, is kept if training finds nothing better. */
+static lg_status try_plain(training *t) {
+    const lg_policy *p = t->policy;
+    judged found;
+    if (!p->task.compensate || p->task.kind != LG_POLICY_LQR || t->step > 0) return LG_OK;
+    memcpy(t->gradient, t->theta, t->n * sizeof *t->theta);
+    for (uint32_t l = 0; l < p->inputs; l++) t->gradient[l] = -100.0;
+    return look(t, t->gradient, &found);
+}
+
 static lg_status race(training *t) {
+    LG_TRY(try_plain(t));
     LG_TRY(adam_phase(t, t->seeds, t->options.race));
     LG_TRY(judge_racers(t));
     if (!isfinite(t->of_best.cost))

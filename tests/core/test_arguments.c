@@ -1097,6 +1097,8 @@ TEST("policies refuse NULL") {
     assert_ok(lg_policy_create(NULL, &task, spring(), 1, &policy, &error));
     REFUSES(lg_policy_create(NULL, NEEDED(&task), NEEDED(spring()), 1, NEEDED(&other), NULL));
     REFUSES(lg_policy_transplant(NEEDED(policy), NEEDED(spring()), NEEDED(&other), NULL));
+    REFUSES(lg_policy_transplant_late(NEEDED(policy), NEEDED(spring()), NULL, NEEDED(&other), NULL));
+    REFUSES(lg_policy_refine(NEEDED(policy), NEEDED(&other), NULL));
     REFUSES(lg_policy_add_rate(NEEDED(policy), NEEDED(&program), NULL));
     assert_status(lg_policy_fill_rotation(NULL, &turn, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_policy_fill_rotation(policy, NULL, NULL), LG_INVALID_ARGUMENT);
