@@ -100,8 +100,8 @@ struct lg_term_kind {
      * numbers per velocity it has besides coefficients. */
     const char *base;
     uint32_t blocks;
-    /* Friction with the force -c S, S the sign of the velocity or tanh(v/w): c (B or 1, velocities). Of a term
-     * that changes its base, what it adds to the c of the base. NULL: the force has another form. */
+    /* Friction with the force -c S, S the sign of the velocity or tanh(v/w): c (B or 1, velocities). Of a
+     * term that changes its base, what it adds to the c of the base. NULL: the force has another form. */
     lg_var (*limit)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen);
     bool bristles; /* the term has the state z */
     /* The reason why the term's values are wrong, or NULL. NULL: all values are right. */

@@ -1,7 +1,7 @@
-/* Machines whose friction sticks: intervals between rows and their derivatives by a plan. Such an interval has
- * thousands of operations, and recording them for each interval of each evaluation takes far longer than the
- * numbers themselves. So the interval and its derivatives are recorded once, and the tape of the fit keeps the
- * plan for the machine, the substeps and the hold. */
+/* Machines whose friction sticks: intervals between rows and their derivatives by a plan. Such an interval
+ * has thousands of operations, and recording them for each interval of each evaluation takes far longer than
+ * the numbers themselves. So the interval and its derivatives are recorded once, and the tape of the fit
+ * keeps the plan for the machine, the substeps and the hold. */
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"

@@ -38,8 +38,8 @@ static void fill(const lg_machine *machine, const lg_machine_log *log, const siz
         }
 }
 
-/* Reads the velocities after an impulse over the unit of time: what the damping's force gains from v to 2 v, so
- * that friction without a width, which is no matter of the step's length, does not count. `bent`: from
+/* Reads the velocities after an impulse over the unit of time: what the damping's force gains from v to 2 v,
+ * so that friction without a width, which is no matter of the step's length, does not count. `bent`: from
  * bristles that the velocity bent for this time, else from straight ones. */
 static lg_status push(lg_tape *tape, const lg_machine *machine, const double *theta, bool bent,
                       const probe *p) {

@@ -1,18 +1,19 @@
 /* Machines of lines and angles: a step with friction that sticks.
  *
  * On the velocity k acts the friction -c_k s_k, c_k >= 0, s_k the sign of v_k; where v_k = 0, |s_k| <= 1 is
- * such that v_k stays 0 if that is possible. In a mode, all s_k are constant or v_k = 0 ("stuck"). A step goes
- * through segments, each with one mode:
+ * such that v_k stays 0 if that is possible. In a mode, all s_k are constant or v_k = 0 ("stuck"). A step
+ * goes through segments, each with one mode:
  *   mode    s_k = sign(v_k); where v_k = 0, from the forces of friction that would hold v_k (a linear
- *           complementarity problem, by projected Gauss-Seidel sweeps; one velocity: exactly)
- *   motion  classical Runge-Kutta steps of M v' = F in q and v, without the rows and columns of M that are stuck
+ *           complementarity problem, by projected Gauss-Seidel sweeps from the forces that hold all of them;
+ *           if these are within the limits, or for one velocity, it is exact)
+ *   motion  a classical Runge-Kutta step of M v' = F in q and v, without the stuck rows and columns of M
  *   events  a velocity stops at the root of its cubic Hermite polynomial; a stuck one breaks away where the
- *           parabola through the force that holds it, at the first, third and last stage, reaches the limit. At
- *           the first event the segment ends: q and v are those of the Hermite polynomials, and a stopped
+ *           parabola through the force that holds it, at the first, third and last stage, reaches the limit.
+ *           At the first event the segment ends: q and v are those of the Hermite polynomials, and a stopped
  *           velocity is exactly 0.
- * There are as many segments as friction needs; after the last one, a velocity that still changes its sign is 0.
- * All of this is recorded without branches: a step without events has segments of length 0. The signs are
- * constants of the derivatives, the times of events are not. */
+ * There are as many segments as friction needs; after the last one, a velocity that still changes its sign
+ * is 0. All of this is recorded without branches: a step without events has segments of length 0. The signs
+ * are constants of the derivatives, the times of events are not. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -162,32 +163,38 @@ static lg_var selection(const sticking *k) {
     return lg_input_f64(k->tape, lg_shape2(k->count, k->n), e);
 }
 
+/* Sweeps over the velocities at rest for the forces r of friction on them, which begin with those that hold
+ * all of them; s becomes the signs, 0 where |r| <= c. */
+static void sweep(const sticking *k, const lg_machine_motion *at, lg_var zero, lg_var *r, lg_var *s) {
+    lg_tape *t = k->tape;
+    const uint32_t m = k->count;
+    const lg_var E =
+        lg_broadcast_to(t, lg_reshape(t, selection(k), lg_shape3(1, m, k->n)), lg_shape3(k->rows, m, k->n));
+    const lg_var all = lg_concat(t, (lg_var[]){lg_transpose(t, E), column(k, at->F)}, 2, 2);
+    /* E^T M^-1 [E, F] */
+    const lg_var both = lg_reshape(t, lg_matmul(t, E, solve(k, at->M, all)), lg_shape2(k->rows, m * (m + 1)));
+    for (uint32_t i = 0; i < SWEEPS * m; i++) {
+        const uint32_t own = i % m, first = own * (m + 1);
+        const lg_var c = lg_slice(t, at->c, 1, k->at[own], 1);
+        lg_var a = lg_slice(t, both, 1, first + m, 1);
+        for (uint32_t j = 0; j < m; j++) a = plus(k, a, r[j], lg_slice(t, both, 1, first + j, 1));
+        const lg_var wanted = lg_sub(t, r[own], lg_div(t, a, lg_slice(t, both, 1, first + own, 1)));
+        r[own] = lg_mul(t, lg_slice(t, zero, 1, k->at[own], 1), lg_max(t, least(k, wanted, c), lg_neg(t, c)));
+        s[own] = lg_sub(t, below(k, wanted, lg_neg(t, c)), below(k, c, wanted));
+    }
+}
+
 /* The signs (B, n) of the velocities with zero = 1, 0 where they stay at rest. */
 static lg_var leaving(const sticking *k, const lg_machine_motion *at, lg_var zero) {
     lg_tape *t = k->tape;
-    const uint32_t m = k->count;
-    const lg_var E = selection(k),
-                 units = lg_broadcast_to(t, lg_reshape(t, lg_transpose(t, E), lg_shape3(1, k->n, m)),
-                                         lg_shape3(k->rows, k->n, m));
-    const lg_var rhs = lg_concat(t, (lg_var[]){units, column(k, at->F)}, 2, 2);
-    /* [E^T M^-1 E, E^T M^-1 F] */
-    const lg_var both =
-        lg_reshape(t, lg_matmul(t, lg_reshape(t, E, lg_shape3(1, m, k->n)), solve(k, at->M, rhs)),
-                   lg_shape2(k->rows, m * (m + 1)));
     lg_var r[LG_MACHINE_VELOCITIES], s[LG_MACHINE_VELOCITIES];
-    for (uint32_t i = 0; i < m; i++) r[i] = k->none;
-    for (uint32_t sweep = 0; sweep < (m == 1 ? 1 : SWEEPS); sweep++)
-        for (uint32_t i = 0; i < m; i++) {
-            lg_var a = lg_slice(t, both, 1, i * (m + 1) + m, 1);
-            for (uint32_t j = 0; j < m; j++)
-                if (sweep > 0 || j < i) a = plus(k, a, r[j], lg_slice(t, both, 1, i * (m + 1) + j, 1));
-            const lg_var c = lg_slice(t, at->c, 1, k->at[i], 1),
-                         wanted = lg_sub(t, r[i], lg_div(t, a, lg_slice(t, both, 1, i * (m + 1) + i, 1)));
-            r[i] = lg_mul(t, lg_slice(t, zero, 1, k->at[i], 1), lg_max(t, least(k, wanted, c), lg_neg(t, c)));
-            s[i] = lg_sub(t, below(k, wanted, lg_neg(t, c)), below(k, c, wanted));
-        }
-    const lg_var all = m == 1 ? s[0] : lg_concat(t, s, m, 1);
-    return lg_stop_gradient(t, lg_mul(t, zero, lg_matmul(t, all, E)));
+    const lg_var held = held_force(k, at, accelerate(k, at, opposite(k, zero))), down = lg_neg(t, at->c);
+    if (k->count == 1)
+        return lg_stop_gradient(t, lg_mul(t, zero, lg_sub(t, below(k, at->c, held), below(k, held, down))));
+    const lg_var first = lg_mul(t, zero, lg_max(t, least(k, lg_neg(t, held), at->c), down));
+    for (uint32_t i = 0; i < k->count; i++) r[i] = lg_slice(t, first, 1, k->at[i], 1);
+    sweep(k, at, zero, r, s);
+    return lg_stop_gradient(t, lg_mul(t, zero, lg_matmul(t, lg_concat(t, s, k->count, 1), selection(k))));
 }
 
 /* A mode: the signs, and 1 where a velocity is not stuck. at->F is that of the mode on return. */

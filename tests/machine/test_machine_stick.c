@@ -1,6 +1,6 @@
-/* Friction without a width: steps in which a machine sticks, slides and breaks away. They are compared with an
- * event-driven integrator that this file has for itself: small steps of rk4 in one mode, ends of modes found by
- * bisection. */
+/* Friction without a width: steps in which a machine sticks, slides and breaks away. They are compared with
+ * an event-driven integrator that this file has for itself: small steps of rk4 in one mode, ends of modes
+ * found by bisection. */
 #include <float.h>
 
 #include "autodiff/compiled.h"
@@ -199,8 +199,8 @@ static double input_of(const rig *r, int piece) {
     return r->drive * (sin(0.37 * piece) + (piece / 7 % 3 == 1 ? -0.8 : 0.3));
 }
 
-/* The same motion by `each` steps for each piece: root mean square of the errors of q over the ends of pieces,
- * in which `exact` (PIECES + 1, N) is right. */
+/* The same motion by `each` steps for each piece: root mean square of the errors of q over the ends of
+ * pieces, in which `exact` (PIECES + 1, N) is right. */
 static double error_of(const rig *r, const double (*exact)[N], size_t each) {
     const size_t rows = PIECES * each + 1;
     double *t = TEST_ARRAY(double, rows), *q = TEST_ARRAY(double, rows *N), *v = TEST_ARRAY(double, rows *N),
@@ -306,6 +306,18 @@ TEST("at the limit of friction a body stays; a thousandth beyond it slides, and 
     assert_true(x[0] == 0 && x[1] < 1.2); /* the load swings, the trolley holds */
     step_all(trolley, 1, 2, 20, 0, 0.05, x);
     assert_true(x[0] != 0); /* until it pulls by more than the friction */
+}
+
+TEST("of two joints at rest one slides where the forces exceed its friction by a hundredth") {
+    const lg_program *arm = program_of(arm_yaml);
+    const double q[N] = {0.01402703706, -0.01534118211}, v[N] = {0, 0};
+    double x[4];
+    to_states(arm, 1, q, v, x);
+    step_all(arm, 1, N, 5, -1.4041, 0.01, x);
+    assert_true(x[0] < q[0] && x[1] == q[1]);
+    to_states(arm, 1, q, v, x);
+    step_all(arm, 1, N, 5, -1.37, 0.01, x);
+    assert_true(x[0] == q[0] && x[1] == q[1]);
 }
 
 TEST("friction that sticks gives no energy without an input, in steps of 50 ms") {
@@ -463,4 +475,76 @@ TEST("gradients and Hessians by the start converge to those of the reference") {
             assert_true(error[0] < rows[k].gradient && error[1] < rows[k].hessian);
         }
     }
+}
+
+/* ---- inputs that change within a step, and lags ---- */
+
+/* The end of a run of 2 s in `each` steps for each of 40 intervals, over which the input is the cubic c. */
+static void run_driven(const lg_machine *machine, const double (*c)[4], size_t each, double *end) {
+    enum { INTERVALS = 40 };
+    const size_t rows = INTERVALS * each + 1, start = 0, first[2] = {0, rows};
+    double *t = TEST_ARRAY(double, rows), *q = TEST_ARRAY(double, rows *N), *v = TEST_ARRAY(double, rows *N),
+           *u = TEST_ARRAY(double, rows * 4), *out = TEST_ARRAY(double, rows *N);
+    for (size_t i = 0; i < rows; i++) {
+        const double *p = c[i / each], a = (double)(i % each) / (double)each, s = 1 / (double)each;
+        t[i] = 0.05 * (double)i / (double)each;
+        q[2 * i] = 0.1, q[2 * i + 1] = 0.6, v[2 * i] = 0.7, v[2 * i + 1] = -0.4;
+        u[4 * i] = p[0] + a * (p[1] + a * (p[2] + a * p[3]));
+        u[4 * i + 1] = s * (p[1] + a * (2 * p[2] + 3 * a * p[3]));
+        u[4 * i + 2] = s * s * (p[2] + 3 * a * p[3]);
+        u[4 * i + 3] = s * s * s * p[3];
+    }
+    const lg_machine_log log = {.rows = rows, .parts = 1, .first = first, .t = t, .q = q, .v = v, .u = u};
+    assert_told(lg_machine_free_run(NULL, machine, NULL, lg_scheme_find("cf4"), 1, &log, &start, 1, rows - 1,
+                                    out, NULL, &told));
+    memcpy(end, out + (rows - 1) * N, N * sizeof *end);
+}
+
+TEST("inputs that change within a step, and lags, act in steps of 12.5 ms as in steps of 1.25 ms") {
+    for (int lag = 0; lag < 2; lag++)
+        for (int powers = 1; powers <= 4; powers++) {
+            double c[41][4] = {{0}}, coarse[N], fine[N];
+            lg_machine machine;
+            read_machine(trolley_yaml, &machine);
+            if (lag == 1) {
+                static const double tau = 0.08;
+                lg_machine_term *term = add_term(&machine, LG_MACHINE_ACTUATOR, "lag");
+                add_feature(term, LG_FEATURE_INPUT, 0);
+                add_values(term, 1, &tau);
+                assert_machine(&machine);
+            }
+            const double *random = test_numbers(3, 41 * 4, -9, 9);
+            for (int i = 0; i < 41; i++)
+                for (int k = 0; k < powers; k++) c[i][k] = random[4 * i + k];
+            run_driven(&machine, (const double(*)[4])c, 4, coarse);
+            run_driven(&machine, (const double(*)[4])c, 40, fine);
+            for (int k = 0; k < N; k++) assert_close(coarse[k], fine[k], 0, 5e-5);
+        }
+}
+
+TEST("a step of the program moves lagged inputs and the machine as a run does") {
+    static const double tau = 0.08;
+    double c[41][4] = {{0}}, end[N], x[5], u, next[5];
+    lg_machine machine;
+    lg_program *program = NULL;
+    read_machine(trolley_yaml, &machine);
+    lg_machine_term *term = add_term(&machine, LG_MACHINE_ACTUATOR, "lag");
+    add_feature(term, LG_FEATURE_INPUT, 0);
+    add_values(term, 1, &tau);
+    odd_scales(&machine);
+    assert_machine(&machine);
+    for (int i = 0; i < 41; i++) c[i][0] = 12 * sin(i);
+    run_driven(&machine, (const double(*)[4])c, 1, end);
+    assert_told(lg_machine_program(NULL, &machine, NULL, NULL, &program, &told));
+    lg_test_owns(program, release_program);
+    const ready momenta = make_ready(program, "momenta", 1, LG_F64),
+                step = make_ready(program, "step", 1, LG_F64);
+    const double q[N] = {0.1, 0.6}, v[N] = {0.7, -0.4}, h = 0.05;
+    lg_plan_eval(momenta.plan, (const void *const[]){q, v}, (void *const[]){x}, momenta.work);
+    for (int i = 0; i < 40; i++) {
+        u = c[i][0];
+        lg_plan_eval(step.plan, (const void *const[]){x, &u, &h}, (void *const[]){next}, step.work);
+        memcpy(x, next, sizeof x);
+    }
+    for (int k = 0; k < N; k++) assert_close(x[k], end[k], 1e-9, 1e-9);
 }
