@@ -408,8 +408,9 @@ LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
 /* How much the momentum that a symmetry conserves moves along trajectories. All is 0 for a symmetry without a
  * momentum, such as LG_SYMMETRY_EVEN. */
 typedef struct lg_momentum_motion {
-    /* moved: root mean square, over the trajectories, of the change from the first point to the point where it
-     * is largest; size: root mean square over all points of |pi| + sum |q| |p|, a bound on the momentum. */
+    /* moved: root mean square, over the trajectories, of the change from the first point to the point where
+     * it is largest; size: root mean square over all points of |pi| + sum |q| |p|, a bound on the momentum.
+     * */
     double moved, size;
     /* The momentum moves more than noise and a decay explain. Noise changes all points equally; a decay makes
      * the momentum smaller by the same factor in all trajectories, as damping does. */

@@ -241,8 +241,8 @@ static double error_correlation(const measuring *m) {
     return product / fmax(square, DBL_MIN);
 }
 
-/* A symmetry that conserves no momentum, such as a mirror, cannot be tested by the data alone. So it is named as
- * a possible cause. */
+/* A symmetry that conserves no momentum, such as a mirror, cannot be tested by the data alone. So it is named
+ * as a possible cause. */
 static const char *symmetry_first(const measuring *m) {
     return m->problem->model->symmetry != LG_SYMMETRY_NONE && !m->has_momentum
                ? "the potential may not have the symmetry of --symmetry (none is without it), or "
