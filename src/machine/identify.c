@@ -396,21 +396,11 @@ static lg_status find_changes(normal *s, size_t count, const double *gradient, d
     return room ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* The largest of the changes in units of the errors. */
-static double largest_change(size_t count, const double *changes, const lg_identified *numbers,
-                             const double *units) {
-    static const double rounding = 1e-6;
-    double largest = 0.0;
-    for (size_t i = 0; i < count; i++)
-        if (isfinite(numbers[i].error))
-            largest = fmax(largest, fabs(changes[i]) / (numbers[i].error + rounding * units[i]));
-    return largest;
-}
-
 /* Computes the results from R. Errors and open directions come from the data alone, because a prior would
  * hide that a number is not determined. */
 static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_identified *moved,
                           lg_identification *out) {
+    static const double rounding = 1e-6;
     const size_t n = s->n;
     double *W = work, *theta = W + n * n, *gradient = theta + n, *units = gradient + count * n,
            *covariance = units + count, *more = covariance + count * count;
@@ -422,7 +412,10 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
         status = invert(s, false, more, order, W) ? colour(s, false, W, &out->block) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
         propagate(s, W, count, gradient, theta, out->numbers, units);
-        if (s->unmoved == NULL) out->step = largest_change(count, covariance, out->numbers, units);
+        for (size_t i = 0; i < count && s->unmoved == NULL; i++)
+            if (isfinite(out->numbers[i].error))
+                out->step =
+                    fmax(out->step, fabs(covariance[i]) / (out->numbers[i].error + rounding * units[i]));
         mark_lost(s, count, gradient, theta, moved, out->numbers, units);
         multiply(s, count, gradient, units, out->numbers, covariance);
         status = lg_machine_relate(s->context, count, covariance, out);

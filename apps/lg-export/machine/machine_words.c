@@ -89,6 +89,14 @@ static void tell_state(export_source *source, const lg_machine *machine) {
 
 /* ---- the range ---- */
 
+static void tell_number(text *about, const char *what, const char *name, const lg_machine_range *range,
+                        uint32_t i) {
+    if (range->low[i] <= range->high[i])
+        lg_text_add(about, "  %-11s %s %g to %g\n", what, name, range->low[i], range->high[i]);
+    else
+        lg_text_add(about, "  %-11s %s unknown\n", what, name);
+}
+
 /* Describes the range of the training data. Positions of directions and rotations are left out: they may be
  * anywhere. */
 static void tell_range(text *about, const lg_machine_model_run *run) {
@@ -99,14 +107,12 @@ static void tell_range(text *about, const lg_machine_model_run *run) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_machine_coordinate *c = &machine->coordinates[i];
         const lg_coordinate_row *row = lg_coordinate_row_of(c->kind);
-        for (uint32_t k = 0; k < row->places; k++)
-            lg_text_add(about, "  position    %s %g to %g\n", c->name, range->low[q + k], range->high[q + k]);
-        for (uint32_t k = 0; k < row->velocities; k++, v++)
-            lg_text_add(about, "  velocity    %s %g to %g\n", c->name, range->low[v], range->high[v]);
+        for (uint32_t k = 0; k < row->places; k++) tell_number(about, "position", c->name, range, q + k);
+        for (uint32_t k = 0; k < row->velocities; k++) tell_number(about, "velocity", c->name, range, v++);
         q += lg_coordinate_positions(c->kind);
     }
-    for (uint32_t i = 0; i < machine->input_count; i++, v++)
-        lg_text_add(about, "  input       %s %g to %g\n", machine->inputs[i], range->low[v], range->high[v]);
+    for (uint32_t i = 0; i < machine->input_count; i++)
+        tell_number(about, "input", machine->inputs[i], range, v++);
 }
 
 /* ---- inputs ---- */

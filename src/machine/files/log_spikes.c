@@ -223,21 +223,19 @@ static size_t find_outliers(trace *x, candidate *all) {
 
 /* ---- steps of inputs ---- */
 
+static bool keeps(const trace *x, size_t i, uint32_t column) {
+    return lg_log_row(x->table, x->first + i)[column] == lg_log_row(x->table, x->first + i - 1)[column];
+}
+
 /* Marks rows next to a change of an input that mostly keeps its value. */
 static void mark_steps(trace *x) {
     for (size_t i = 0; i < x->n; i++) x->stepped[i] = false;
     for (uint32_t c = 0; c < x->table->columns; c++) {
         size_t still = 0;
         if (x->table->machine->columns[c].role != LG_LOG_INPUT) continue;
-        for (size_t i = 1; i < x->n; i++) {
-            const double *now = lg_log_row(x->table, x->first + i) + c;
-            still += *now == now[-(ptrdiff_t)x->table->columns];
-        }
-        for (size_t i = 1; i < x->n && 2 * still >= x->n; i++) {
-            const double *now = lg_log_row(x->table, x->first + i) + c;
-            if (*now == now[-(ptrdiff_t)x->table->columns]) continue;
-            for (size_t k = i - 1; k < x->n && k <= i + AROUND; k++) x->stepped[k] = true;
-        }
+        for (size_t i = 1; i < x->n; i++) still += keeps(x, i, c);
+        for (size_t i = 1; i < x->n && 2 * still >= x->n; i++)
+            for (size_t k = i - 1; k < x->n && k <= i + AROUND && !keeps(x, i, c); k++) x->stepped[k] = true;
     }
 }
 

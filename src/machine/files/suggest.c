@@ -323,13 +323,10 @@ void lg_machine_conclude_suggestion(const lg_training *self, bool explained) {
                 "too few data to decide on a further term: %s leaves %.2g of the error, which %zu windows do "
                 "not distinguish from chance; give longer logs, or more of them",
                 best->name, best->ratio, what->windows);
-    else if (!explained)
-        LG_WARN(self,
-                "no further candidate leaves less of the error than chance explains, but the model does "
-                "not explain the logs: what it lacks is none of the candidates");
     else
-        LG_WARN(self, "the log asks for no further term: no candidate leaves less of the error than chance "
-                      "explains");
+        LG_WARN(self, "%s no candidate leaves less of the error than chance explains",
+                explained ? "the log asks for no further term:"
+                          : "what the model lacks is none of the candidates:");
 }
 
 void lg_machine_tell_suggestion(lg_training *self) {
