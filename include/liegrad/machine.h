@@ -49,6 +49,12 @@
  * moves z exactly with v constant, z+ = zs + (z - zs) e^(-s0 |v| h/g), zs = sign(v) g/s0, for h/2 before
  * and for h/2 after the rest of the state moves with z constant: an error of order h^2.
  *
+ * Friction without a width (Coulomb, asymmetric, Stribeck, by load or position) of lines and angles is
+ * -c s with s = sign(v), and any s in [-1, 1] at v = 0: the one that keeps v = 0 if there is one. A step of
+ * length h is a classical Runge-Kutta step with s constant, or v = 0. It is divided where a velocity reaches
+ * 0 (cubic Hermite polynomial) and where the force that holds v = 0 exceeds c (parabola), up to three times.
+ * The scheme does not matter. The field has s = 0 at v = 0.
+ *
  * Scaled units. Internally all quantities are divided by the scales of the machine: times by T
  * (scales.time), positions and velocities of lines and of places of poses by L and L/T (L = 1 for angles,
  * directions and rotations), inputs by U, energies by E. Parameters are then numbers around 1. Everything
@@ -190,7 +196,8 @@ typedef struct lg_machine_term {
     uint32_t hidden_layers, hidden[LG_MACHINE_HIDDEN];
     lg_activation activation;
     uint32_t degree; /* Degree of a polynomial. */
-    /* Friction near rest: the velocity w in f tanh(v/w), in the units of the log. 0: lg_machine_width. */
+    /* Friction near rest: the velocity w in f tanh(v/w), in the units of the log. 0: the friction sticks
+     * (lg_machine.sticks); in machines with other coordinates than lines and angles, lg_machine_width. */
     double width;
     uint32_t value_count;             /* Values are in the units of the log. */
     double values[LG_MACHINE_VALUES]; /* Matrices are row-major; mass and damping may also be a diagonal. */
@@ -286,7 +293,7 @@ typedef struct lg_machine {
 LG_API const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term);
 LG_API void lg_machine_scales_init(lg_machine_scales *scales);
 /* The width of a friction term at one velocity: that of the term or, if this is 0, a thousandth of the
- * largest speed in the log. */
+ * largest speed in the log. Friction that sticks has this width in LG_SCHEME_VARIATIONAL alone. */
 LG_API double lg_machine_width(const lg_machine *machine, const lg_machine_term *term, uint32_t velocity);
 /* Checks a machine and fills its other members. Errors: LG_INVALID_ARGUMENT (no or too many coordinates, a
  * term that does not fit its part or the coordinates, a wrong number of values, features or widths, names
@@ -714,7 +721,8 @@ LG_API lg_status lg_machine_estimate_states(const lg_context *context, const lg_
  *   momenta    (q, v) -> x        the state, from positions and velocities in the order of logs
  *   velocities (x) -> v           the velocities of a state
  *   positions  (x) -> q           the positions of a state
- *   step       (x, u, h) -> next  one step of `scheme` (explicit; NULL: cf4), u constant, not projected
+ *   step       (x, u, h) -> next  one step of `scheme` (explicit; NULL: cf4), u constant, not projected; of
+ *                                 a machine whose friction sticks, the step of this friction
  * with x (state of lg_machine_full_space), u (inputs; absent without inputs), h (1), q (positions), v
  * (velocities), all in the units of the log. `momenta` sets the lagged inputs, the last numbers of x, to 0;
  * `step` moves them exactly, and bristles as said above. Momenta have the unit of dL/dv. Scales are

@@ -117,14 +117,15 @@ static lg_status look(const sticking *k, lg_var q, lg_var v, lg_var time, lg_var
     return lg_machine_record_motion(k->tape, k->vars, &seen, out);
 }
 
-static lg_var constant_mass(const sticking *k, lg_var of) {
-    return lg_reshape(k->tape, of, lg_shape3(1, k->n, k->n));
+/* M, where it is constant (1, n, n). */
+static lg_var mass(const sticking *k, lg_var M) {
+    return lg_is_none(M) ? lg_reshape(k->tape, k->vars->mass, lg_shape3(1, k->n, k->n)) : M;
 }
 
 /* M^-1 X for X (B, n, m). */
 static lg_var solve(const sticking *k, lg_var M, lg_var X) {
-    if (lg_is_none(M)) return lg_matmul(k->tape, constant_mass(k, k->vars->inverse), X);
-    return k->n == 1 ? lg_div(k->tape, X, M) : lg_spd_solve(k->tape, M, X);
+    if (!lg_is_none(M)) return lg_spd_solve(k->tape, M, X);
+    return lg_matmul(k->tape, lg_reshape(k->tape, k->vars->inverse, lg_shape3(1, k->n, k->n)), X);
 }
 
 static lg_var column(const sticking *k, lg_var x) {
@@ -139,19 +140,15 @@ static lg_var row(const sticking *k, lg_var x) {
 /* v' where the velocities with keep = 0 stay as they are. */
 static lg_var accelerate(const sticking *k, const lg_machine_motion *at, lg_var keep) {
     const lg_var F = lg_mul(k->tape, keep, at->F);
-    const lg_var M = lg_is_none(at->M) ? constant_mass(k, k->vars->mass) : at->M;
-    if (k->n == 1)
-        return lg_div(k->tape, F, lg_reshape(k->tape, M, lg_shape2(lg_var_shape(k->tape, M).dims[0], 1)));
     const lg_var down = column(k, keep), across = lg_reshape(k->tape, down, lg_shape3(k->rows, 1, k->n)),
                  unit = lg_mul(k->tape, lg_machine_unit_matrix(k->tape, k->n), opposite(k, across));
-    const lg_var held = lg_add(k->tape, lg_mul(k->tape, lg_mul(k->tape, M, down), across), unit);
+    const lg_var held = lg_add(k->tape, lg_mul(k->tape, lg_mul(k->tape, mass(k, at->M), down), across), unit);
     return row(k, lg_spd_solve(k->tape, held, column(k, F)));
 }
 
 /* F - M v': the force that friction takes from stuck velocities. */
 static lg_var held_force(const sticking *k, const lg_machine_motion *at, lg_var a) {
-    const lg_var M = lg_is_none(at->M) ? constant_mass(k, k->vars->mass) : at->M;
-    return lg_sub(k->tape, at->F, row(k, lg_matmul(k->tape, M, column(k, a))));
+    return lg_sub(k->tape, at->F, row(k, lg_matmul(k->tape, mass(k, at->M), column(k, a))));
 }
 
 /* ---- modes ---- */
@@ -222,40 +219,37 @@ typedef struct segment {
     lg_var h, q, v, a[2], q1, v1, held[3], limit[3];
 } segment;
 
-/* The cubic Hermite polynomial of y with the slopes d at part x of its way. */
-static lg_var hermite(const sticking *k, lg_var y0, lg_var d0, lg_var y1, lg_var d1, lg_var x) {
-    lg_tape *t = k->tape;
-    const lg_var rise = lg_sub(t, y1, y0);
-    const lg_var bend =
-                     lg_linear_combination(t, (lg_var[]){rise, d0, d1}, (const double[]){3.0, -2.0, -1.0}, 3),
-                 twist =
-                     lg_linear_combination(t, (lg_var[]){rise, d0, d1}, (const double[]){-2.0, 1.0, 1.0}, 3);
-    return plus(k, y0, x, plus(k, d0, x, plus(k, bend, x, twist)));
+/* The coefficients y of the cubic Hermite polynomial from y0 to y1 with the slopes d0 and d1, over [0, 1]. */
+static void cubic(lg_tape *t, lg_var y0, lg_var d0, lg_var y1, lg_var d1, lg_var *y) {
+    const lg_var all[3] = {lg_sub(t, y1, y0), d0, d1};
+    y[0] = y0;
+    y[1] = d0;
+    y[2] = lg_linear_combination(t, all, (const double[]){3.0, -2.0, -1.0}, 3);
+    y[3] = lg_linear_combination(t, all, (const double[]){-2.0, 1.0, 1.0}, 3);
 }
 
-/* One step of Newton's method, kept in [0, 1], for y0 + x (y1 + x (y2 + x y3)) = 0 where the condition holds;
- * `slope` in place of the polynomial's slope where the signs of both differ. */
+static lg_var value(const sticking *k, const lg_var *y, lg_var x) {
+    return plus(k, y[0], x, plus(k, y[1], x, plus(k, y[2], x, y[3])));
+}
+
+/* One step of Newton's method, kept in [0, 1], for the root of the polynomial y; `slope` in place of its
+ * slope where the signs of both differ. */
 static lg_var newton(const sticking *k, const lg_var *y, lg_var slope, lg_var x) {
     lg_tape *t = k->tape;
-    const lg_var value = plus(k, y[0], x, plus(k, y[1], x, plus(k, y[2], x, y[3])));
     const lg_var found = plus(k, y[1], x, plus(k, lg_scale(t, y[2], 2.0), x, lg_scale(t, y[3], 3.0)));
     const lg_var usable = below(k, k->none, lg_mul(t, found, slope));
-    const lg_var next = lg_sub(t, x, lg_div(t, value, choose(k, usable, found, slope)));
+    const lg_var next = lg_sub(t, x, lg_div(t, value(k, y, x), choose(k, usable, found, slope)));
     return lg_max(t, least(k, next, k->one), k->none);
 }
 
-/* Parts of the way at which velocities stop; `cross`: those that do. */
-static lg_var stops(const sticking *k, const segment *g, lg_var cross) {
+/* Parts of the way at which velocities, with the polynomial y, stop; `cross`: those that do. A velocity that
+ * begins at 0 and returns has the other root. */
+static lg_var stops(const sticking *k, const segment *g, const lg_var *y, lg_var cross) {
     lg_tape *t = k->tape;
-    const lg_var rise = lg_sub(t, g->v1, g->v), d0 = lg_mul(t, g->h, g->a[0]), d1 = lg_mul(t, g->h, g->a[1]);
-    const lg_var slope = choose(k, cross, rise, k->one);
-    const lg_var all[3] = {rise, d0, d1};
-    const lg_var y[4] = {g->v, d0, lg_linear_combination(t, all, (const double[]){3.0, -2.0, -1.0}, 3),
-                         lg_linear_combination(t, all, (const double[]){-2.0, 1.0, 1.0}, 3)};
-    /* A velocity that begins at 0 and returns: the other root. */
-    const lg_var fresh = opposite(k, lg_square(t, sign3(k, g->v)));
-    const lg_var first = choose(k, fresh, k->one, lg_neg(t, lg_div(t, g->v, slope)));
-    const lg_var x = newton(k, y, slope, first);
+    const lg_var slope = choose(k, cross, lg_sub(t, g->v1, g->v), k->one),
+                 fresh = opposite(k, lg_square(t, sign3(k, g->v))),
+                 secant = lg_neg(t, lg_div(t, g->v, slope));
+    const lg_var x = newton(k, y, slope, choose(k, fresh, k->one, secant));
     const lg_var early = lg_mul(t, fresh, lg_ge(t, lg_full(t, lg_shape2(1, 1), 1e-9), x));
     return choose(k, early, k->one, x);
 }
@@ -283,19 +277,18 @@ static lg_var least_of(const sticking *k, lg_var x) {
 /* Goes to the first event of the segment, or to its end. */
 static void go(const sticking *k, const segment *g, const mode *in, lg_var cross, instant *now) {
     lg_tape *t = k->tape;
-    lg_var breaks, s;
+    lg_var breaks, s, of_q[4], of_v[4];
     const lg_var going = below(k, k->none, now->left);
+    cubic(t, g->q, lg_mul(t, g->h, g->v), g->q1, lg_mul(t, g->h, g->v1), of_q);
+    cubic(t, g->v, lg_mul(t, g->h, g->a[0]), g->v1, lg_mul(t, g->h, g->a[1]), of_v);
     cross = lg_mul(t, cross, going);
-    const lg_var stop = stops(k, g, cross), away = breakaways(k, g, in, &s, &breaks);
+    const lg_var stop = stops(k, g, of_v, cross), away = breakaways(k, g, in, &s, &breaks);
     breaks = lg_mul(t, breaks, going);
-    const lg_var event = lg_add(t, cross, breaks);
     const lg_var when = choose(k, cross, stop, choose(k, breaks, away, lg_scale(t, k->one, 2.0)));
-    const lg_var first = least_of(k, when), part = least(k, first, k->one);
-    const lg_var hit = lg_mul(t, event, lg_ge(t, first, when));
-    const lg_var rest = lg_mul(t, in->keep, opposite(k, hit)), hv = lg_mul(t, g->h, g->v);
-    now->q = hermite(k, g->q, hv, g->q1, lg_mul(t, g->h, g->v1), part);
-    now->v = choose(
-        k, rest, hermite(k, g->v, lg_mul(t, g->h, g->a[0]), g->v1, lg_mul(t, g->h, g->a[1]), part), k->none);
+    const lg_var first = least_of(k, when), part = least(k, first, k->one),
+                 hit = lg_mul(t, lg_add(t, cross, breaks), lg_ge(t, first, when));
+    now->q = value(k, of_q, part);
+    now->v = choose(k, lg_mul(t, in->keep, opposite(k, hit)), value(k, of_v, part), k->none);
     now->force = lg_mul(t, lg_mul(t, hit, breaks), s);
     now->time = plus(k, now->time, now->left, part);
     now->left = lg_mul(t, now->left, lg_sub(t, k->one, part));
@@ -355,11 +348,9 @@ static lg_var velocities_of(const sticking *k, lg_var M) {
     const lg_machine *machine = k->vars->machine;
     const lg_var p = k->parts[lg_machine_parts(machine).m];
     const lg_var v = row(k, solve(k, M, column(k, p)));
-    if (k->n == 1) return v;
     const lg_var unit = lg_broadcast_to(t, lg_machine_unit_matrix(t, k->n), lg_shape3(k->rows, k->n, k->n));
     const lg_var W = lg_stop_gradient(t, solve(k, M, unit)),
-                 size = lg_matmul(t, lg_abs(t, lg_is_none(M) ? constant_mass(k, k->vars->mass) : M),
-                                  lg_abs(t, column(k, v)));
+                 size = lg_matmul(t, lg_abs(t, mass(k, M)), lg_abs(t, column(k, v)));
     const lg_var noise = lg_scale(t, row(k, lg_matmul(t, lg_abs(t, W), size)), 8.0 * DBL_EPSILON);
     return choose(k, lg_ge(t, lg_stop_gradient(t, noise), lg_abs(t, v)), k->none, v);
 }
@@ -386,9 +377,7 @@ lg_status lg_machine_stick_step(lg_tape *tape, const lg_machine_vars *vars, cons
     const uint32_t events = k.count + 1 < EVENTS ? k.count + 1 : EVENTS;
     for (uint32_t i = 0; i <= events; i++) LG_TRY(run_segment(&k, &now, i == events));
     parts[k.x] = now.q;
-    const lg_var M = mass_at(&k, parts);
-    const lg_var v = column(&k, now.v);
-    parts[m] = row(&k, lg_matmul(tape, lg_is_none(M) ? constant_mass(&k, vars->mass) : M, v));
+    parts[m] = row(&k, lg_matmul(tape, mass(&k, mass_at(&k, parts)), column(&k, now.v)));
     return lg_tape_status(tape);
 }
 

@@ -367,7 +367,10 @@ lg_status lg_machine_warm_up(lg_training *self, double *theta, lg_error *error) 
     LG_TRAINING_ARRAY(self, own, machine->parameters + starts + 1, error);
     LG_TRY(make_plain(machine, plain, error));
     copy_parameters(machine, plain, theta, own, true);
+    const uint32_t sticks = plain->machine.sticks;
+    plain->machine.sticks = 0; /* at first friction has a width: parameters may be far off */
     if (plain->machine.parameters > 0) LG_TRY(fit_windows(self, &plain->machine, own, error));
+    plain->machine.sticks = sticks;
     LG_TRY(find_substeps(self, &plain->machine, own, error));
     copy_parameters(machine, plain, theta, own, false);
     memcpy(theta + machine->parameters, own + plain->machine.parameters, starts * sizeof *own);
