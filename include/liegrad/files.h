@@ -46,9 +46,8 @@
 
 LG_BEGIN_DECLS
 
-/* The newest major version of the file format, the integer attribute `format_version`. Files with functions
- * (programs and models) are written with this version, data files with version 1. Older versions can be
- * read. */
+/* The major version of the file format, the integer attribute `format_version`, of files with functions:
+ * programs and models. Data files and checkpoints have version 1. Other versions are rejected. */
 #define LG_FORMAT_VERSION 2
 
 /* For executables, before the first file: stops HDF5 from running its clean-up when the process ends. That

@@ -779,9 +779,9 @@ static const refusal learn[] = {
 
 TEST("lg-learn refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
-    cli_link(LG_TEST_DIR "/format_1/chain.h5", "model.h5");
-    cli_link(LG_TEST_DIR "/format_1/program.h5", "program.h5");
-    cli_link(LG_TEST_DIR "/format_1/table.h5", "still.h5");
+    cli_link(LG_TEST_DIR "/models/chain.h5", "model.h5");
+    cli_link(LG_TEST_DIR "/models/program.h5", "program.h5");
+    cli_link(LG_TEST_DIR "/models/table.h5", "still.h5");
     RUN("lg-hamiltonian",
         "generate " LG_TEST_DIR "/../scenes/pendulum.yaml --trajectories 4 --points 2 --out data.h5");
     REFUSE("lg-learn", learn);
@@ -828,7 +828,7 @@ static const refusal export[] = {
     {"odd.h5 --out o", 3,
      "'poem', expected hamiltonian, surrogate, detector, table, machine_model or any kind with functions: "
      "its kind is unknown"},
-    {"hollow-program.h5 --out o", 3, "hollow-program.h5: has no "},
+    {"hollow-program.h5 --out o", 3, "hollow-program.h5: attribute format_version is 1"},
     {"pendulum.h5 --out foreign.h5", 3, "foreign.h5: cannot be written: Not a directory"},
     {"pendulum.h5 --out nowhere/o", 3, "there is no folder nowhere"},
     {"pendulum.h5 --out pendulum.h5/o", 3, "Not a directory"},
@@ -862,9 +862,9 @@ TEST("lg-export refuses wrong command lines and files with exit code and message
     make_kind("hollow-classifier.h5", "classifier");
     make_kind("hollow-program.h5", "program");
     cli_link("nothing/there", "dangling");
-    cli_link(LG_TEST_DIR "/format_1/separable.h5", "flat.h5");
-    cli_link(LG_TEST_DIR "/format_1/machine.h5", "machine.h5");
-    cli_link(LG_TEST_DIR "/format_1/program.h5", "program.h5");
+    cli_link(LG_TEST_DIR "/models/separable.h5", "flat.h5");
+    cli_link(LG_TEST_DIR "/models/machine.h5", "machine.h5");
+    cli_link(LG_TEST_DIR "/models/program.h5", "program.h5");
     REFUSE("lg-export", export);
 }
 

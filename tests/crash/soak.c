@@ -56,7 +56,7 @@ static void use_model(const lg_context *context, const char *name) {
     static _Alignas(64) char work[BYTES], memory[BYTES];
     char path[PATH + 64];
     lg_model_file file;
-    (void)snprintf(path, sizeof path, "%s/format_1/%s.h5", tests, name);
+    (void)snprintf(path, sizeof path, "%s/models/%s.h5", tests, name);
     OK(lg_model_load(context, path, NULL, &file, &error));
     const size_t in = lg_model_inputs(file.model), out = lg_model_outputs(file.model);
     const size_t step = lg_model_stepper_size(file.model, lg_scheme_find("cf4"));

@@ -124,7 +124,7 @@ TEST("files of every kind that x86-64 wrote give the same numbers") {
                  {"machine", "02caf31a9ee42b3b8d66d6258a46d59e35b2731e3100c4790c5bd61a0111d83c"},
                  {"table-classes", "141f699aeebb975a4c20527b9ee608c4ba57ba9c5d86cfa4de922db080364bbb"}};
     for (size_t i = 0; i < LG_COUNT(files); i++) {
-        const char *path = test_text("%s/format_1/%s.h5", LG_TEST_DIR, files[i].name);
+        const char *path = test_text("%s/models/%s.h5", LG_TEST_DIR, files[i].name);
         lg_model_file file;
         lg_slice_info slice;
         const double *values;
@@ -160,7 +160,7 @@ TEST("programs that x86-64 wrote have the same functions and numbers, packed int
         lg_program *program;
         lg_sha256 sha;
         lg_sha256_init(&sha);
-        assert_told(lg_program_load(NULL, test_text("%s/format_1/%s.h5", LG_TEST_DIR, files[i].name), NULL,
+        assert_told(lg_program_load(NULL, test_text("%s/models/%s.h5", LG_TEST_DIR, files[i].name), NULL,
                                     &program, &told));
         for (size_t k = 0; k < lg_program_functions(program); k++) hash_function(&sha, program, k);
         for (size_t k = 0; k < lg_program_parameters(program); k++) {
@@ -180,7 +180,7 @@ TEST("the numbers of a program become the same C") {
     lg_sha256_init(&sha);
     lg_c_options_init(&options);
     options.name = "p";
-    assert_ok(lg_program_load(NULL, LG_TEST_DIR "/format_1/program.h5", NULL, &program, NULL));
+    assert_ok(lg_program_load(NULL, LG_TEST_DIR "/models/program.h5", NULL, &program, NULL));
     assert_told(lg_program_write_c(program, &options, &source, &told));
     lg_sha256_add(&sha, source->weights, strlen(source->weights));
     lg_c_source_destroy(source);

@@ -36,19 +36,6 @@ static inline void change_number(const char *path, const char *name, size_t at, 
     assert_true(H5Sclose(space) >= 0 && H5Tclose(type) >= 0 && H5Dclose(set) >= 0 && H5Fclose(file) >= 0);
 }
 
-static inline void change_text(const char *path, const char *name, size_t at, const char *value) {
-    hid_t file = open_for_change(path), set = H5Dopen2(file, name, H5P_DEFAULT);
-    hid_t type = H5Dget_type(set), space = H5Dget_space(set);
-    const size_t size = H5Tget_size(type), count = (size_t)H5Sget_simple_extent_npoints(space);
-    char *all = calloc(count + 1, size);
-    assert_true(all != NULL && H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, all) >= 0);
-    memset(all + at * size, 0, size);
-    memcpy(all + at * size, value, strlen(value) < size ? strlen(value) : size - 1);
-    assert_true(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, all) >= 0);
-    free(all);
-    assert_true(H5Sclose(space) >= 0 && H5Tclose(type) >= 0 && H5Dclose(set) >= 0 && H5Fclose(file) >= 0);
-}
-
 /* ---- running mutants ---- */
 
 typedef struct tally {
@@ -539,9 +526,10 @@ static inline void read_mutant(const char *path, bool probe, tally *t, size_t nu
     note_time(t, begun, number);
 }
 
-/* A file with the network, also one of format 1, or a file with a registered operation. */
+/* A file with the network, also one that was written on another machine, or a file with a registered
+ * operation. */
 static inline const char *file_to_mutate(size_t number, lg_rng *rng) {
-    if (number % 4 == 0) return LG_TEST_DIR "/format_1/program.h5";
+    if (number % 4 == 0) return LG_TEST_DIR "/models/program.h5";
     size_t rows = 0;
     while (lg_gradcheck_operation(rows) != NULL) rows++;
     const size_t row = number % 2 == 0 ? rows : below_n(rng, rows);
@@ -568,7 +556,7 @@ static inline herr_t note_set(hid_t root, const char *name, const H5O_info_t *in
     return 0;
 }
 
-/* Changes one element of an array or text, or the length of an array. */
+/* Changes one element of an array, or its length. */
 static inline void change_set(const char *path, lg_rng *rng) {
     static sets s;
     s.count = 0;
@@ -576,7 +564,7 @@ static inline void change_set(const char *path, lg_rng *rng) {
     assert_true(H5Ovisit(file, H5_INDEX_NAME, H5_ITER_NATIVE, note_set, &s) >= 0);
     const char *name = s.name[below_n(rng, s.count)];
     hid_t set = H5Dopen2(file, name, H5P_DEFAULT), type = H5Dget_type(set), space = H5Dget_space(set);
-    const bool text = H5Tget_class(type) == H5T_STRING, real = H5Tget_class(type) == H5T_FLOAT;
+    const bool real = H5Tget_class(type) == H5T_FLOAT;
     const size_t count = (size_t)H5Sget_simple_extent_npoints(space);
     assert_true(H5Sclose(space) >= 0 && H5Tclose(type) >= 0 && H5Dclose(set) >= 0 && H5Fclose(file) >= 0);
     if (below_n(rng, 10) == 0) {
@@ -585,9 +573,6 @@ static inline void change_set(const char *path, lg_rng *rng) {
         for (size_t i = 0; i < LG_COUNT(data); i++) data[i] = (double)below_n(rng, 5);
         replace_dataset(path, name, real ? H5T_IEEE_F64LE : H5T_STD_U32LE, H5T_NATIVE_DOUBLE,
                         1 + (int)below_n(rng, 2), dims, data);
-    } else if (count > 0 && text) {
-        change_text(path, name, below_n(rng, count),
-                    below_n(rng, 2) == 0 ? PICK(rng, odd_names) : PICK(rng, odd_operations));
     } else if (count > 0) {
         change_number(path, name, below_n(rng, count), real ? odd_real(rng) : (double)edge(rng, 2));
     }

@@ -204,6 +204,7 @@ TEST("parts that every kind of file has are refused by name if missing or wrong"
         {"@format", TEXT("other"), LG_FORMAT, "other"},
         {"@format_version", TEXT("two"), LG_FORMAT, "integer"},
         {"@format_version", WHOLE(LG_FORMAT_VERSION + 1), LG_VERSION, ""},
+        {"@format_version", WHOLE(1), LG_VERSION, "in format 2 only"},
         {"@format_version", WHOLE(0), LG_FORMAT, ""},
         {"model", GONE, LG_FORMAT, ""},
         {"train/history/rate", ARRAY(1, EPOCHS + 1), LG_FORMAT, "epoch"},

@@ -94,26 +94,40 @@ static void assert_space(const char *path, const char *expected) {
     lg_h5_close(h5);
 }
 
-/* Files in tests/format_1. test_format_1 checks their numbers. */
-static const char *const of_before[][2] = {
+TEST("a model of format 1 is refused with the version that wrote it and what to do") {
+    for (int kind = 0; kind < KIND_COUNT; kind++) {
+        const char *path = fresh((model_kind)kind);
+        replace_integer(path, "/", "format_version", 1);
+        replace_text(path, "/", "liegrad_version", "1.0.0");
+        assert_refused(read_any, path, LG_VERSION, "format_version is 1: liegrad 1.0.0 wrote this file",
+                       "train the model or build the program again with liegrad");
+        delete_attribute(path, "/", "liegrad_version");
+        assert_refused(read_any, path, LG_VERSION, "liegrad 1 wrote this file", "");
+        delete_link(path, "functions"); /* files of format 1 have none, or others */
+        assert_refused(read_any, path, LG_VERSION, "in format 2 only", "");
+        delete_attribute(path, "/", "format_version"); /* as if it were written by hand */
+        assert_ok(read_any(NULL, path, NULL, NULL));
+    }
+}
+
+static const char *const spaces[][2] = {
     {"chain", "T*S^2"}, {"separable", "R^2, R^2"}, {"machine", "SO(3), R^3"}};
 
-TEST("files of version 1.0.0 have no space and can be loaded; saved again they have one") {
-    for (size_t i = 0; i < LG_COUNT(of_before); i++) {
+TEST("a model has a space, which must be the space of its kind; it may be left out") {
+    for (size_t i = 0; i < LG_COUNT(spaces); i++) {
         lg_model_file file;
         const char *again = scratch_path("again.h5");
-        const char *path = test_text("%s/format_1/%s.h5", LG_TEST_DIR, of_before[i][0]);
-        assert_space(path, "");
-        assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
+        assert_ok(
+            lg_model_load(NULL, test_text("%s/models/%s.h5", LG_TEST_DIR, spaces[i][0]), NULL, &file, NULL));
         assert_ok(file.recipe == &lg_recipe_machine_model
                       ? lg_machine_model_save(NULL, again, file.contents, NULL, NULL)
                       : lg_hamiltonian_save(NULL, again, file.contents, NULL, NULL));
-        assert_space(again, of_before[i][1]);
+        assert_space(again, spaces[i][1]);
         lg_model_file_destroy(&file);
         assert_ok(read_any(NULL, again, NULL, NULL));
         replace_text(again, "model", "space", "SO(3) x 2, R^1");
         assert_refused(read_any, again, LG_FORMAT, "/model: attribute space: is 'SO(3) x 2, R^1'",
-                       of_before[i][1]);
+                       spaces[i][1]);
         replace_text(again, "model", "space", "SO(3)\nR^1");
         assert_refused(read_any, again, LG_FORMAT, "found 'SO(3)?R^1'", "or remove the attribute space");
         delete_attribute(again, "model", "space");

@@ -156,6 +156,7 @@ TEST("wrong or missing parts of a file are refused by name") {
         /* texts from the file are not printed to the terminal unchanged */
         {"@format", TEXT("\x1b[2J\n"), LG_FORMAT, "?[2J?"},
         {"@format_version", WHOLE(3), LG_VERSION, "up to 2"},
+        {"@format_version", WHOLE(1), LG_VERSION, "in format 2 only"},
     };
     refuse_damage(read_program, fresh, rows, LG_COUNT(rows));
 }
@@ -311,80 +312,6 @@ TEST("an image takes no more memory than allowed") {
     free(bytes);
     lg_function_image_destroy(image);
     lg_program_destroy(program);
-}
-
-/* ---- format 1 ---- */
-
-static const char *fresh_1(void) {
-    const char *path = scratch_path("program_1.h5");
-    copy_file(LG_TEST_DIR "/format_1/program.h5", path);
-    return path;
-}
-
-TEST("wrong or missing parts of a file of format 1 are refused by name") {
-    static const damage rows[] = {
-        {"operations", GONE, LG_FORMAT, ""},
-        {"function_names", GONE, LG_FORMAT, ""},
-        {"parameters/theta", GONE, LG_FORMAT, ""},
-        {"functions/value", GONE, LG_FORMAT, ""},
-        {"functions/value/inputs/name", GONE, LG_FORMAT, ""},
-        {"functions/value/inputs/unit", GONE, LG_FORMAT, ""},
-        {"functions/value/outputs/range", GONE, LG_FORMAT, ""},
-        {"functions/value/operations/whole", GONE, LG_FORMAT, ""},
-        {"functions/value/edges", GONE, LG_FORMAT, ""},
-        {"functions/value/reals", GONE, LG_FORMAT, ""},
-        {"functions/value/results", GONE, LG_FORMAT, ""},
-        {"functions/ten_steps/carry", GONE, LG_FORMAT, ""},
-        {"parameters/theta", ARRAY(1, 5), LG_FORMAT, "~functions/value"},
-        {"parameters/scale", SCALAR(NAN), LG_NOT_FINITE, "~NaN"},
-        {"functions/value/operations/real", ARRAY(1, 3), LG_FORMAT, "~expected"},
-        {"functions/value/inputs/range", ARRAY(NAN, 1, 2), LG_FORMAT, "~low and high"},
-        {"functions/value/inputs/range", ARRAY(0, 2, 2), LG_FORMAT, "~expected"},
-        {"functions/value/reals", ARRAY(0, 100), LG_FORMAT, "~length"},
-        {"functions/ten_steps@calls", TEXT("ten_steps"), LG_FORMAT, "before"},
-        {"functions/ten_steps@calls", TEXT("no such"), LG_FORMAT, "before"},
-        {"functions/ten_steps@times", TEXT("ten"), LG_FORMAT, "integer"},
-        {"functions/ten_steps@times", WHOLE(0), LG_FORMAT, ""},
-        {"functions/ten_steps@times", WHOLE(-1), LG_FORMAT, ""},
-        {"functions/ten_steps@times", WHOLE((int64_t)1 << 31), LG_FORMAT, ""},
-    };
-    refuse_damage(read_program, fresh_1, rows, LG_COUNT(rows));
-    const char *path = fresh_1();
-    delete_link(path, "revisions"); /* without it, all operations have the first revision */
-    assert_ok(read_program(NULL, path, NULL, NULL));
-}
-
-TEST("names in files of format 1 are checked") {
-    static const struct {
-        const char *path, *name, *word;
-    } cases[] = {
-        {"operations", "no_such_operation", "no_such_operation"},
-        {"operations", "bad\x01\x1b[31m", "bad??[31m"},
-        {"operations", "custom", "custom operation"},
-        {"functions/value/inputs/name", "int", "word of C"},
-        {"functions/value/inputs/name", "x; system(\"id\");", "identifier"},
-        {"functions/value/inputs/name", "__x", "begin"},
-        {"functions/value/inputs/name", "", "empty"},
-        {"functions/value/inputs/unit", "*/ int evil; /*", "comment"},
-        {"functions/value/inputs/unit", "m\\", "comment"},
-        {"function_names", "../parameters", "function_names"},
-        {"function_names", "loss", "loss"},
-        {"parameter_names", "a b", "parameter_names"},
-    };
-    for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        const char *path = fresh_1();
-        change_text(path, cases[i].path, 0, cases[i].name);
-        assert_refused(read_program, path, LG_FORMAT, cases[i].word, "");
-    }
-}
-
-TEST("a file of format 1 with a newer revision is refused") {
-    const char *path = fresh_1();
-    change_number(path, "revisions", 0, 2.0);
-    assert_refused(read_program, path, LG_VERSION, "revision", "");
-    path = fresh_1();
-    change_number(path, "revisions", 0, 0.0);
-    assert_refused(read_program, path, LG_FORMAT, "revision", "");
 }
 
 TEST("a file beyond the limits is refused") {

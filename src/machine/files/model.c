@@ -51,11 +51,7 @@ lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name,
 
 /* ---- fields of the run ---- */
 
-/* Files of liegrad 1 do not have the last numbers, the speeds. */
-enum {
-    SCALES = 3 + LG_MACHINE_POSITIONS + 2 * LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS,
-    FORMER_SCALES = SCALES - LG_MACHINE_VELOCITIES
-};
+enum { SCALES = 3 + LG_MACHINE_POSITIONS + 2 * LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS };
 _Static_assert(offsetof(lg_machine_scales, lag) == SCALES * sizeof(double),
                "scales before lag are numbers one after the other; a file stores lag in another attribute");
 _Static_assert(SCALES <= LG_FIELD_LIST_MAX && 2 * LG_MACHINE_RANGE <= LG_FIELD_LIST_MAX,
@@ -64,13 +60,6 @@ _Static_assert(SCALES <= LG_FIELD_LIST_MAX && 2 * LG_MACHINE_RANGE <= LG_FIELD_L
 static uint32_t get_scales(const void *member, double *values) {
     memcpy(values, member, SCALES * sizeof *values);
     return SCALES;
-}
-
-/* A list of another length leaves the scales at 0, and the reader refuses scales of 0. */
-static void put_scales(void *member, const double *values, uint32_t count) {
-    if (count != SCALES && count != FORMER_SCALES) return;
-    lg_machine_scales_init(member);
-    memcpy(member, values, count * sizeof *values);
 }
 
 static uint32_t get_range(const void *member, double *values) {
@@ -93,8 +82,8 @@ static uint32_t get_coordinates(const void *member, double *values) {
     LG_FACT(lg_machine_model_run, group, name, type, member, __VA_ARGS__)
 static const lg_field facts[] = {
     FACT("model", "machine", TEXT, text, .low = 0),
-    FACT("model", "scales", REALS, scales, .low = 0, .get = get_scales, .put = put_scales,
-         .least = FORMER_SCALES, .most = SCALES),
+    FACT("model", "scales", REALS, scales, .low = 0, .get = get_scales, .put = put_numbers, .least = SCALES,
+         .most = SCALES),
     FACT("run", "range", REALS, range, .low = -1e300, .get = get_range, .put = put_numbers,
          .least = 2 * LG_MACHINE_RANGE, .most = 2 * LG_MACHINE_RANGE),
     FACT("run", "position_scale", REALS, position_scale, .low = 0, .get = get_coordinates, .put = put_numbers,

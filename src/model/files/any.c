@@ -91,7 +91,7 @@ static lg_status read_model(void *user, lg_h5 *h5, lg_error *error) {
     return functions ? lg_program_get(h5, &r->program, error) : LG_OK;
 }
 
-/* Files of format version 1 have no functions; there the recipe makes the program. */
+/* A model that was written by hand may have no functions; then the recipe makes the program. */
 static lg_status make_model(reading *r, const char *path, lg_error *error) {
     lg_model_file *made = &r->made;
     lg_error why = {LG_OK, ""};

@@ -261,7 +261,7 @@ static lg_status get_history(lg_h5 *h5, const model_view *view, lg_error *error)
     return LG_OK;
 }
 
-/* The attribute is for readers that do not know the kind; older files do not have it. */
+/* The attribute is for readers that do not know the kind; models that were written by hand may lack it. */
 static lg_status check_space(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
     lg_space space, found;
     lg_error reason = {LG_OK, ""};
@@ -291,6 +291,7 @@ lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *va
 lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error) {
     const model_view view = view_of(kind, file);
     LG_TRY(lg_h5_check_format(h5, kind->name, false, error));
+    LG_TRY(lg_program_check_version(h5, error));
     LG_TRY(lg_run_get(h5, kind, false, view.run, error));
     LG_TRY(get_weights(h5, kind, &view, error));
     LG_TRY(check_space(h5, kind, view.run, error));

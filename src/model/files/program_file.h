@@ -53,10 +53,6 @@ lg_status lg_program_bad(const lg_program_reading *r, const char *path, const ch
 lg_status lg_program_as_format(const lg_program_reading *r, lg_status status);
 /* Allocates memory, as far as r->left allows. */
 lg_status lg_program_take(lg_program_reading *r, const char *path, uint64_t count, size_t size, void **out);
-/* Reads at most `most` texts: of the data set `path`, or, if `attribute` is not NULL, of this attribute of
- * the group `path`. The caller frees out->text, which is NULL after a failure. */
-lg_status lg_program_get_texts(lg_program_reading *r, const char *path, const char *attribute, size_t most,
-                               lg_program_texts *out);
 /* Adds the function `image` to the program; `path` is for the sentence of an error. */
 lg_status lg_program_add(lg_program_reading *r, const char *path, const lg_function_image *image);
 
@@ -70,7 +66,7 @@ lg_status lg_program_put_space(lg_h5 *h5, const lg_space *space, lg_error *error
 /* Reads the program of an open file of any kind. */
 lg_status lg_program_get(lg_h5 *h5, lg_program **out, lg_error *error);
 
-/* Reads the functions of a file of format 1. */
-lg_status lg_program_get_functions_1(lg_program_reading *r);
+/* Fails for a model or program of format 1. */
+lg_status lg_program_check_version(lg_h5 *h5, lg_error *error);
 
 #endif

@@ -31,31 +31,30 @@ lg_status lg_program_take(lg_program_reading *r, const char *path, uint64_t coun
 typedef struct listing {
     lg_program_reading *r;
     const char *path;
-    size_t most;
     lg_program_texts *out;
 } listing;
 
 static lg_status keep_text(void *user, uint64_t index, const char *text, lg_error *error) {
     const listing *l = user;
     (void)error;
-    if (index >= l->most) return lg_program_bad(l->r, l->path, "has too many entries");
+    if (index >= LG_PROGRAM_MOST_NAMES) return lg_program_bad(l->r, l->path, "has too many entries");
     if (strlen(text) >= LG_PROGRAM_NAME) return lg_program_bad(l->r, l->path, "has a text that is too long");
     (void)snprintf(l->out->text[index], LG_PROGRAM_NAME, "%s", text);
     l->out->count = (size_t)index + 1;
     return LG_OK;
 }
 
-lg_status lg_program_get_texts(lg_program_reading *r, const char *path, const char *attribute, size_t most,
-                               lg_program_texts *out) {
-    listing l = {r, path, most, out};
+/* Reads at most LG_PROGRAM_MOST_NAMES texts of this attribute of the group `path`. The caller frees out->text,
+ * which is NULL after a failure. */
+static lg_status get_texts(lg_program_reading *r, const char *path, const char *attribute,
+                           lg_program_texts *out) {
+    listing l = {r, path, out};
     bool words = true;
-    out->text = lg_alloc(r->h5->context, most, sizeof *out->text);
+    out->text = lg_alloc(r->h5->context, LG_PROGRAM_MOST_NAMES, sizeof *out->text);
     if (out->text == NULL) return lg_program_no_memory(r->h5, r->error);
-    lg_status status = attribute == NULL ? lg_h5_each_text(r->h5, path, keep_text, &l, r->error)
-                                         : lg_h5_each_attribute_text(r->h5, path, attribute, &words,
-                                                                     keep_text, &l, r->error);
+    lg_status status = lg_h5_each_attribute_text(r->h5, path, attribute, &words, keep_text, &l, r->error);
     char what[LG_PROGRAM_NAME + 32];
-    (void)snprintf(what, sizeof what, "has no attribute %s with names", attribute != NULL ? attribute : "");
+    (void)snprintf(what, sizeof what, "has no attribute %s with names", attribute);
     if (!words) status = lg_program_bad(r, path, what);
     if (status == LG_OK) return LG_OK;
     lg_free(r->h5->context, out->text);
@@ -63,17 +62,14 @@ lg_status lg_program_get_texts(lg_program_reading *r, const char *path, const ch
     return lg_program_as_format(r, status);
 }
 
-/* Reads the names of parameters or functions: attribute `order` of the group, or in format 1 the texts at
- * path_1. A name becomes part of a path, so it must be a plain word that cannot lead elsewhere in the
- * file. */
-static lg_status get_names(lg_program_reading *r, bool format_1, const char *group, const char *path_1,
-                           lg_program_texts *out) {
-    const char *path = format_1 ? path_1 : group;
-    LG_TRY(lg_program_get_texts(r, path, format_1 ? NULL : "order", LG_PROGRAM_MOST_NAMES, out));
+/* Reads the names of parameters or functions. A name becomes part of a path, so it must be a plain word that
+ * cannot lead elsewhere in the file. */
+static lg_status get_names(lg_program_reading *r, const char *group, lg_program_texts *out) {
+    LG_TRY(get_texts(r, group, "order", out));
     for (size_t i = 0; i < out->count; i++)
         if (!lg_is_word(out->text[i]))
             return lg_program_bad(
-                r, path, "an entry of the order is not a plain name (letters, digits and underscores)");
+                r, group, "an entry of the order is not a plain name (letters, digits and underscores)");
     return LG_OK;
 }
 
@@ -174,7 +170,7 @@ static lg_status get_place(lg_program_reading *r, const char *place, double **va
 static lg_status get_places(lg_program_reading *r, const char *name, lg_shape *shape, double **values) {
     lg_program_texts places = {NULL, 0};
     size_t count = 0;
-    lg_status status = lg_program_get_texts(r, "parameters", name, LG_PROGRAM_MOST_NAMES, &places);
+    lg_status status = get_texts(r, "parameters", name, &places);
     for (size_t i = 0; i < places.count && status == LG_OK; i++)
         status = get_place(r, places.text[i], values, &count);
     lg_free(r->h5->context, places.text);
@@ -231,20 +227,25 @@ static lg_status get_parameters(lg_program_reading *r) {
 
 /* ---- the file ---- */
 
-/* Files written by hand may lack the attribute format_version. */
-static bool is_format_1(lg_h5 *h5) {
+lg_status lg_program_check_version(lg_h5 *h5, lg_error *error) {
     int64_t version;
-    const lg_status status = lg_h5_number(h5, "", "format_version", LG_ELEMENT_I64, &version, NULL);
-    return status == LG_OK ? version == 1 : lg_h5_has(h5, "function_names");
+    lg_provenance from;
+    if (lg_h5_number(h5, "", "format_version", LG_ELEMENT_I64, &version, NULL) != LG_OK || version != 1)
+        return LG_OK;
+    lg_h5_provenance(h5, &from);
+    return lg_fail(
+        error, LG_VERSION,
+        "%s: attribute format_version is 1: liegrad %s wrote this file, but models and programs are read in "
+        "format %d only; train the model or build the program again with liegrad %s",
+        lg_shown_path(h5->path), from.liegrad_version[0] != '\0' ? lg_tamed(from.liegrad_version) : "1",
+        LG_FORMAT_VERSION, lg_version());
 }
 
 static lg_status get_program(lg_program_reading *r) {
-    const bool format_1 = is_format_1(r->h5);
-    if (!format_1 || lg_h5_has(r->h5, "parameter_names"))
-        LG_TRY(get_names(r, format_1, "parameters", "parameter_names", &r->parameters));
-    LG_TRY(get_names(r, format_1, "functions", "function_names", &r->functions));
+    LG_TRY(lg_program_check_version(r->h5, r->error));
+    LG_TRY(get_names(r, "parameters", &r->parameters));
+    LG_TRY(get_names(r, "functions", &r->functions));
     LG_TRY(get_parameters(r));
-    if (format_1) return lg_program_get_functions_1(r);
     for (size_t i = 0; i < r->functions.count; i++) LG_TRY(get_function(r, r->functions.text[i]));
     return LG_OK;
 }
