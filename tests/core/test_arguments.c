@@ -489,6 +489,8 @@ TEST("functions of Hamiltonians, models and control refuse NULL") {
     REFUSES(lg_hamiltonian_weigh(NEEDED(&problem), none));
     REFUSES(lg_hamiltonian_mean_squared_error(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
     REFUSES(lg_hamiltonian_integral_change(NULL, NEEDED(&problem), NEEDED(theta), 2, NEEDED(others), none));
+    lg_momentum_motion motion;
+    REFUSES(lg_hamiltonian_momentum_motion(NULL, NEEDED(&problem), NEEDED(&motion)));
     REFUSES(lg_hamiltonian_integral_unit(NULL, NEEDED(&problem), NEEDED(others), none));
     REFUSES(lg_hamiltonian_floor(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
     REFUSES(lg_hamiltonian_scale(NULL, NEEDED(&problem), NEEDED(changed), NULL));
