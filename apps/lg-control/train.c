@@ -96,7 +96,9 @@ static void warn_of_failures(const app *self, const lg_policy *policy, const lg_
     const lg_policy_task *task = lg_policy_task_of(policy);
     const bool trained = lg_policy_parameters(policy) > 0,
                short_of_time = values.seconds > 0 && result->seconds > cut * values.seconds;
-    const char *advice = "take nearer starts, or a controller of kind network";
+    const char *advice =
+        "take nearer starts, a controller of kind network or, where friction sticks, the keys "
+        "integral and compensate";
     if (trained) advice = "try another --seed, a wider network, a longer horizon, more steps (--finish)";
     if (trained && short_of_time) advice = "--seconds cut the training short: allow more";
     if (held->succeeded >= enough * (double)held->starts) return;
@@ -105,7 +107,7 @@ static void warn_of_failures(const app *self, const lg_policy *policy, const lg_
     if (trained && task->substeps > 2)
         app_warn(self,
                  "the machine needs %u integrator steps in a period, so training is as many times slower; "
-                 "friction that is steep near rest is a common cause (the key width of the machine file)",
+                 "a short lag or a steep force is a common cause",
                  task->substeps);
 }
 

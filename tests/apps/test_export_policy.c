@@ -142,6 +142,23 @@ TEST("a controller of a body takes quaternions") {
     export_expect("grep -q 'b (quaternion w x y z, 4), then velocities vb (3)' body/body.h");
 }
 
+TEST("a controller with late inputs, a lag, an integral and compensation passes its own test as C") {
+    cli_write("late.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\ninputs: "
+                           "{columns: [u], lag: 0.2, delay: 2}\nmass: {kind: known, values: [2]}\n"
+                           "damping: [{kind: known, values: [0.5]}, {kind: coulomb, values: [0.4]}]\n"
+                           "input_map: {kind: known, values: [3]}\n");
+    train("late",
+          "plant: late.yaml\nperiod: 0.1\nhorizon: 3\nstarts: {x: [-1, 1], v: [-1, 1]}\nlimits: {u: "
+          "2}\ncost: {x: 1, v: 0.1, u: 0.01}\nsuccess: {x: 0.05, hold: 1, within: 10}\nintegral: [x]\n"
+          "compensate: true\ncontroller: {kind: network, hidden: [8]}\n");
+    export_run("late.h5 --out late --name late");
+    export_check_each("late", "late", few, LG_COUNT(few));
+    export_expect(
+        "grep -q 'x, lagged inputs lagged.u, past inputs past.u.1 past.u.2, integrals integral.x, then' "
+        "late/late.h");
+    export_expect("grep -q 'late_remember(const' late/late.h && grep -q 'late_reset(const' late/late.h");
+}
+
 TEST("control and the lagged input that the C computes follow the plant for 100 periods") {
     cli_write("slow.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\ninputs: "
                            "{columns: [u], lag: {order: 2, value: 0.3}}\nmass: {kind: known, values: [2]}\n"
