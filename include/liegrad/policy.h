@@ -104,9 +104,9 @@ typedef struct lg_policy_coordinate {
     /* 0, or 1 + the number of an input: this line without velocity is that input as it acts, behind a lag
      * (lg_machine_plant). lg_policy_create sets its goal, the input that holds the machine at the goal. */
     uint32_t follows;
-    /* Of coordinates that lg_policy_create adds (liegrad/policy.h, Memory), 0 in others. With `follows`: the
-     * line is the input of `ago` periods ago. integrates: 1 + the number of a coordinate, whose error this line
-     * integrates. */
+    /* Of coordinates that lg_policy_create adds (liegrad/policy.h, Memory), 0 in others. With `follows`:
+     * the line is the input of `ago` periods ago. integrates: 1 + the number of a coordinate, whose error
+     * this line integrates. */
     uint32_t ago, integrates;
     bool integral; /* the error of this line or angle is integrated */
     double goal[9];
@@ -156,8 +156,8 @@ typedef struct lg_policy_task {
     uint32_t gain_count;
     double gains[LG_POLICY_GAINS];
     double dead_time[LG_POLICY_INPUTS]; /* seconds by which an input acts later than it is given, >= 0 */
-    /* kinds lqr and network: the regulator is u0 + r + k tanh(r/w) with r = -K z, k and w trained, of each input:
-     * against dry friction, which holds the machine where r is small. */
+    /* kinds lqr and network: the regulator is u0 + r + k tanh(r/w) with r = -K z, k and w trained, of each
+     * input: against dry friction, which holds the machine where r is small. */
     bool compensate;
     /* NULL, or for plants with dry friction. The regulator is designed without dry friction, because at rest
      * it looks like a huge damping. Training begins with soft friction; its last steps, and all evaluations,
@@ -362,8 +362,8 @@ LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant
 LG_API lg_status lg_policy_transplant_late(const lg_policy *policy, lg_program *plant,
                                            const double *dead_time, lg_policy **out, lg_error *error);
 
-/* The same policy on its own plant, with as many steps of the integrator as lg_policy_transplant takes. Errors:
- * those of lg_policy_create. */
+/* The same policy on its own plant, with as many steps of the integrator as lg_policy_transplant takes.
+ * Errors: those of lg_policy_create. */
 LG_API lg_status lg_policy_refine(const lg_policy *policy, lg_policy **out, lg_error *error);
 
 typedef struct lg_policy_outcome {

@@ -98,8 +98,8 @@ LG_API lg_status lg_policy_prepare(lg_policy *policy, lg_error *error);
 LG_API lg_status lg_policy_adopt(lg_policy *policy, lg_error *error);
 /* Writes random parameters. */
 void lg_policy_initialise(const lg_policy *policy, uint64_t seed, double *theta);
-/* The policy on a plant with softer friction (lg_policy_soften). *out NULL: there is no dry friction. `motion`:
- * only the functions of motion are made. */
+/* The policy on a plant with softer friction (lg_policy_soften). *out NULL: there is no dry friction.
+ * `motion`: only the functions of motion are made. */
 lg_status lg_policy_make_soft(const lg_policy *policy, const double *speed, bool motion, lg_policy **out,
                               lg_error *error);
 /* Makes theta the policy's parameters. */
@@ -115,8 +115,9 @@ void lg_policy_lay_out_memory(lg_policy *policy, const double *dead_time);
  * memory; lg_policy_add_memory then adds functions of these names for states with a memory. */
 const char *lg_policy_plant_name(const lg_policy *policy, const char *function);
 lg_status lg_policy_add_memory(lg_policy *policy, lg_error *error);
-/* Records the state after a period in which the controller gives u. late (B, 1): share by which the inputs act
- * a further period late, and `dropped` (B, inputs): the inputs before the oldest ones in x; LG_NONE: none. */
+/* Records the state after a period in which the controller gives u. late (B, 1): share by which the inputs
+ * act a further period late, and `dropped` (B, inputs): the inputs before the oldest ones in x; LG_NONE:
+ * none. */
 lg_var lg_policy_record_period(lg_tape *tape, const lg_policy *policy, lg_var x, lg_var u, lg_var dropped,
                                lg_var late);
 /* The inputs that the memory drops in this period. */

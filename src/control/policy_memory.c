@@ -1,5 +1,5 @@
-/* Policies: what the controller or the plant remembers between periods. Functions of the plant get states with
- * a memory, and a period moves the memory. */
+/* Policies: what the controller or the plant remembers between periods. Functions of the plant get states
+ * with a memory, and a period moves the memory. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

@@ -330,8 +330,8 @@ static double far_level(const design *d, const double *P) {
     return top;
 }
 
-/* Of a controller of kind lqr, which must bring every start to the goal itself, 100 times the share of the starts
- * that fail; 0 of others. d->x are states of starts. */
+/* Of a controller of kind lqr, which must bring every start to the goal itself, 100 times the share of the
+ * starts that fail; 0 of others. d->x are states of starts. */
 static lg_status find_failures(const design *d, const double *K, double *out) {
     const lg_policy *p = d->policy;
     const lg_policy_trial trial = {
@@ -512,9 +512,9 @@ static lg_status learn_from_unforced(design *d) {
     return status;
 }
 
-/* Rates of the errors of velocity by the inputs of plant p, at the goal at rest: what inputs at half their range,
- * lagged ones too, change in a step of a millionth of a period, (errors, inputs). Over a whole period the motion
- * would have answered. */
+/* Rates of the errors of velocity by the inputs of plant p, at the goal at rest: what inputs at half their
+ * range, lagged ones too, change in a step of a millionth of a period, (errors, inputs). Over a whole
+ * period the motion would have answered. */
 static lg_status input_rates(const design *d, const lg_policy *p, double *out) {
     const uint32_t n = d->n, rows = d->m + 1;
     const double step = 1e-6 * p->task.period;
@@ -579,8 +579,9 @@ static lg_status set_map(design *d) {
     return status;
 }
 
-/* Compensation begins with k = the input that dry friction takes at the goal: h (1 - a/s), where an input of half
- * its range h gives the acceleration a, and s without dry friction. w is half of |K z| at the bounds of success. */
+/* Compensation begins with k = the input that dry friction takes at the goal: h (1 - a/s), where an input
+ * of half its range h gives the acceleration a, and s without dry friction. w is half of |K z| at the
+ * bounds of success. */
 static lg_status begin_compensation(const design *d) {
     lg_policy *p = d->policy;
     const uint32_t n = d->n, m = d->m, rates = p->layout.at[0].rate;

@@ -74,7 +74,8 @@ static void move(world *w, int period, double h) {
     }
 }
 
-/* Runs the policy's control and remember in the world, and the library's closed loop of `plant` next to it. */
+/* Runs the policy's control and remember in the world, and the library's closed loop of `plant` next to
+ * it. */
 static void compare_runs(const lg_policy *policy, const lg_policy *plant, world *w) {
     const lg_program *own = lg_policy_program(policy), *other = lg_policy_program(plant);
     const lg_policy_layout *l = &policy->layout;

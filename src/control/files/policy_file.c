@@ -41,10 +41,11 @@ enum { LINE = 3 * LG_POLICY_NAME };
 
 static const char lagged[] = "lagged", integral[] = "integral";
 
-/* Each coordinate has a line of three words: its name, its kind, and the name of its velocity (- if it has no
- * velocity). A lagged or past input has a line, too: its name, the word "lagged", the number of its input, and
- * of a past input how many periods ago it was given. A line of an integral has its name, the word "integral",
- * and the number of the coordinate. Tabs separate the words. Older files have blanks in place of tabs. */
+/* Each coordinate has a line of three words: its name, its kind, and the name of its velocity (- if it has
+ * no velocity). A lagged or past input has a line, too: its name, the word "lagged", the number of its
+ * input, and of a past input how many periods ago it was given. A line of an integral has its name, the
+ * word "integral", and the number of the coordinate. Tabs separate the words. Older files have blanks in
+ * place of tabs. */
 static lg_status put_names(lg_h5 *h5, const lg_policy *p, lg_error *error) {
     char lines[LG_POLICY_COORDINATES][LINE], inputs[LG_POLICY_INPUTS][LG_POLICY_NAME];
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
