@@ -124,8 +124,8 @@ TEST("--suggest names the unknown kind of term for 18 of 20 machines") {
     assert_true(good >= 18);
 }
 
-/* Appends one run of a drive: u - b v - c tanh(v/.3) + d |v| - f, with a torque ripple that is forgotten after
- * 20 ms, an encoder of 10000 counts and rounded velocities. */
+/* Appends one run of a drive: u - b v - c tanh(v/.3) + d |v| - f, with a torque ripple that is forgotten
+ * after 20 ms, an encoder of 10000 counts and rounded velocities. */
 static void write_drive(FILE *file, int run, bool asymmetric, const double *levels, lg_rng *rng) {
     enum { ROWS = 1000, STEPS = 20 };
     const double count = 2 * 3.14159265358979 / 10000, step = 0.628, h = interval / STEPS;

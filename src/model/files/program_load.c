@@ -44,8 +44,8 @@ static lg_status keep_text(void *user, uint64_t index, const char *text, lg_erro
     return LG_OK;
 }
 
-/* Reads at most LG_PROGRAM_MOST_NAMES texts of this attribute of the group `path`. The caller frees out->text,
- * which is NULL after a failure. */
+/* Reads at most LG_PROGRAM_MOST_NAMES texts of this attribute of the group `path`. The caller frees
+ * out->text, which is NULL after a failure. */
 static lg_status get_texts(lg_program_reading *r, const char *path, const char *attribute,
                            lg_program_texts *out) {
     listing l = {r, path, out};
