@@ -5,8 +5,8 @@
  * a part, one neighbour on one side and three on the other). A value is an outlier if two conditions hold:
  * the value is far from the polynomial, and without the value the neighbours are close to their own
  * polynomials.
- * At a kink or a step the neighbours stay far from their polynomials, so the value is kept. So is a value that
- * the values of one side alone predict: a force that sets in at this row bends the motion there. */
+ * At a kink or a step the neighbours stay far from their polynomials, so the value is kept. So is a value
+ * that the values of one side alone predict: a force that sets in at this row bends the motion there. */
 #include <math.h>
 #include <stdlib.h>
 
