@@ -38,8 +38,8 @@ void well_set_up(const well_setup *setup, lg_riser_parameters *parameters);
 /* ---- models (model.c) ---- */
 
 #define HEALTHY_HELP                                                                                         \
-    "Name or label of the class that means that all is well (text; default the model's, attribute "          \
-    "healthy of the data, or the only class whose name says so)"
+    "Name or label of the class that means that all is well (text; default chosen by data and model: the "   \
+    "model's, attribute healthy of the data, or the only class whose name says so)"
 
 typedef enum well_sort {
     WELL_NETWORK,   /* file of kind "detector" */

@@ -393,6 +393,8 @@ static void print_json_summary(const watching *self, const totals *all, bool int
 
 static void print_summary(const watching *self, const totals *all) {
     const tally *t = &self->tally;
+    app_put(stdout, "# healthy: %s; windows of other classes vote for the alarm\n",
+            self->bench.model->cut.healthy);
     app_put(stdout,
             "# samples %llu (%.6g days): received %llu, absent %llu, not finite %llu, malformed %llu, "
             "repeated %llu\n",
@@ -566,8 +568,6 @@ static void watch_with(const app *self, const well_model *model, int file) {
                   .tally = {.first_alarm = NAN, .first_unlike = NAN, .detection = NAN}};
     lg_monitor_options options;
     set_options(self, model, &w, &options);
-    if (!self->json && !values.quiet)
-        app_put(stdout, "# healthy: %s; windows of other classes vote for the alarm\n", model->cut.healthy);
     watch_log_open(&w.log, self, values.log, self->json ? json_begin : text_begin);
     const size_t bytes = lg_monitor_size(&options);
     APP_FREE void *memory = app_alloc(bytes, 1);
