@@ -174,11 +174,6 @@ lg-fit predict table.h5 table.csv --out predictions.csv
 printf 'ranges:\n  hidden: {integer: [4, 12]}\nfixed: {epochs: 20}\n' > ranges.yaml
 lg-fit search ranges.yaml table.csv --trials 2 --out trials.csv
 
-#: lg-fit import
-# The weights of a network that was trained elsewhere; here they come from the model of a beam.
-lg-export beam.h5 --target safetensors --name beam --out tensors
-lg-fit import tensors/beam.safetensors --activation tanh --out imported.h5
-
 #: lg-control
 # A cart and pole whose numbers are known, a task, a policy that swings it up, and its C.
 printf '%s\n' 'columns: {time: t}' 'coordinates: [{name: x, kind: line, velocity: vx}, {name: theta, kind: angle, velocity: w}]' 'inputs: {columns: [u]}' 'system: cart-pole' 'parameters: {cart: 1, pole: 0.1, length: 1, gravity: 9.81}' 'input_map: {kind: known, values: [[1], [0]]}' > cart.yaml

@@ -5,7 +5,7 @@
 #include "common/search.h"
 #include "table/files/recipe.h"
 
-extern const app_command train_command, evaluate_command, predict_command, search_command, import_command;
+extern const app_command train_command, evaluate_command, predict_command, search_command;
 
 /* The outcome of judging a model: draw_judgement draws predicted against true values, or the confusion
  * matrix; judgement_print prints the errors. */

@@ -2,8 +2,8 @@
 #include "lg-fit/fit.h"
 
 int main(int argc, char **argv) {
-    const app_command commands[] = {train_command,  evaluate_command, predict_command,
-                                    search_command, import_command,   {.run = NULL}};
+    const app_command commands[] = {
+        train_command, evaluate_command, predict_command, search_command, {.run = NULL}};
     return app_main(
         argc, argv, "lg-fit",
         "Networks that learn a table: regression of its columns, or the class of a row. Tables are CSV, "

@@ -221,7 +221,7 @@ ROWS = [
     ("lg-export", "policy.h5 --out {out}.dir --target package", None),
     ("lg-export", "tree.h5 --out {out}.dir", None),
 ]
-NOT_RUN = {"lg-bench": "reads no names", "lg-gradcheck": "reads no names", "demo": "reads no file", "import": "see the example",
+NOT_RUN = {"lg-bench": "reads no names", "lg-gradcheck": "reads no names", "demo": "reads no file",
            "merge": "reads parts that it wrote"}
 
 

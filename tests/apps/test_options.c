@@ -15,7 +15,6 @@ static const char *const meanings[][2] = {
     {"hidden", "one width for all layers, or a list"},
     {"hours", "of a recording, of a feed"},
     {"inputs", "columns to learn from, or what the inputs of a machine do"},
-    {"layers", "a number, or the layers of an import by name"},
     {"loss", "the losses of detectors and surrogates"},
     {"method", "of training, of classification, of integration"},
     {"metric", "over trajectories, over parts"},

@@ -707,7 +707,6 @@ static const refusal fit[] = {
      "train: other.csv: line 3: the model does not know class 'z'"},
     {"evaluate foreign.h5 foreign.h5", 3, "foreign.h5"},
     {"predict gone.h5 foreign.h5", 3, "gone.h5"},
-    {"import x.csv", 2, "--out MODEL.h5 is missing"},
 };
 
 TEST("lg-fit refuses wrong command lines and files with exit code and message, and writes nothing") {
