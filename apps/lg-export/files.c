@@ -202,7 +202,7 @@ static void add_test(const export_source *source, text *to) {
         return;
     }
     export_golden_write(source, to);
-    lg_text_add(to, "%s\n", or_nothing(&source->test));
+    lg_text_add(to, "%s\n%s\n", or_nothing(&source->test), export_fragment_text("test_norms"));
     lg_text_add_named(to, name, export_fragment_text("test_check"));
     lg_text_add(to, "\n");
     lg_text_add_named(to, name, export_fragment_text(source->outputs > 0 ? "test_main" : "test_extra"));

@@ -29,8 +29,8 @@ static void add_source(job *j) {
     if (j->version > 2) block_add_adjoint(&j->b, to); /* FMI 2.0 has no adjoint derivatives. */
     block_add_step(&j->b, to);
     lg_text_add(to, "#define HAS_STATES %d\n", j->b.rate);
-    lg_text_add(to, "%s\n%s", export_fragment_text("fmu_core"),
-                export_fragment_text(j->version == 2 ? "fmi2" : "fmi3"));
+    lg_text_add(to, "%s\n%s\n%s", export_fragment_text("fmu_core"),
+                export_fragment_text(j->version == 2 ? "fmi2" : "fmi3"), export_fragment_text("fmu_calls"));
 }
 
 /* ---- XML ---- */

@@ -238,9 +238,9 @@ static int add_test(job *j) {
     text table = app_text(), *to = &j->source->test;
     size_t largest = 1;
     int code = APP_EXIT_OK;
-    /* The fragment's types go before the tables, the code that uses them (from `fill` on) goes after them. */
+    /* The fragment's types go before the tables, the code that uses them (from `mean_norm` on) goes after them. */
     char *fragment = app_format("%s", export_fragment_text("test_program")),
-         *rest = strstr(fragment, "static void fill");
+         *rest = strstr(fragment, "static double mean_norm");
     *rest = '\0';
     lg_text_add(to, "enum { GOLDEN = %llu };\n#define EPSILON %s\n\n%s",
                 (unsigned long long)j->source->options->golden,
@@ -254,6 +254,7 @@ static int add_test(job *j) {
                     table.data != NULL ? table.data : "", largest);
         char *main = strstr(rest + 1, "int main");
         *rest = 's', *main = '\0';
+        lg_text_add(to, "%s\n", export_fragment_text("test_norms"));
         lg_text_add_named(to, j->source->options->name, rest);
         if (j->source->further_test.length > 0)
             lg_text_add(to, "%s\n#define FURTHER\n\n", j->source->further_test.data);

@@ -58,10 +58,6 @@ void lg_tridiagonal_solve(size_t k, const double *d, const double *e, const doub
     tridiagonal_solve_of(k, d, e, b, x);
 }
 
-void lg_chain_apply_w(const lg_chain *chain, const double *x, size_t stride, double *out) {
-    apply_w_of(chain, x, stride, out);
-}
-
 /* Applies the factors of m = D U diag(m_l) U^T D from right to left: the first loop computes the momentum of
  * each mass, the second one sums the momenta of all masses below each joint. */
 void lg_chain_apply_m(const lg_chain *chain, const double *x, double *out) {

@@ -64,8 +64,6 @@ lg_status lg_tridiagonal_factor(size_t k, double *d, double *e);
 /* Solves for x with the factors d, e; x may be b. */
 void lg_tridiagonal_solve(size_t k, const double *d, const double *e, const double *b, double *x);
 
-/* out_i = sum_j W_ij x_j, (k, 3) contiguous. x_j is the 3-vector at x + stride j. out must not overlap x. */
-void lg_chain_apply_w(const lg_chain *chain, const double *x, size_t stride, double *out);
 /* out_i = sum_j m_ij x_j; out and x are (k, 3) and must not overlap. */
 void lg_chain_apply_m(const lg_chain *chain, const double *x, double *out);
 

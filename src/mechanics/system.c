@@ -176,15 +176,6 @@ static size_t parameter_offset(const lg_system_row *row, size_t links, size_t in
     return at;
 }
 
-const double *lg_system_parameter(const lg_system *system, size_t index) {
-    return system->parameters + parameter_offset(system->row, system->links, index);
-}
-
-lg_var lg_system_taped_parameter(const lg_system *system, lg_tape *tape, lg_var parameters, size_t index) {
-    return lg_slice(tape, parameters, 0, (uint32_t)parameter_offset(system->row, system->links, index),
-                    (uint32_t)lg_parameter_numbers(&system->row->parameters[index], system->links));
-}
-
 void lg_parameter_label(const lg_parameter_entry *table, size_t links, size_t index, char *text) {
     const lg_parameter_entry *p = table;
     while (p->key && index >= lg_parameter_numbers(p, links)) index -= lg_parameter_numbers(p++, links);

@@ -79,11 +79,6 @@ struct lg_system {
 
 size_t lg_system_constants(const lg_system *system);
 
-/* The values of the parameter at `index` in the row's table. */
-const double *lg_system_parameter(const lg_system *system, size_t index);
-/* The same on a tape: the slice of the variable `parameters` with these values. */
-lg_var lg_system_taped_parameter(const lg_system *system, lg_tape *tape, lg_var parameters, size_t index);
-
 /* ---- tables of parameters, which end with a NULL key ---- */
 
 /* How many values the parameter has. */

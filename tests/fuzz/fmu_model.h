@@ -66,5 +66,6 @@ static void take_step(const double *r, double h, double *next, double *work) {
 #else
 #include "../../apps/lg-export/code/fmu/fmi3.c"
 #endif
+#include "../../apps/lg-export/code/fmu/fmu_calls.c"
 
 #endif

@@ -29,6 +29,18 @@ typedef struct {
 #define FMI2(name, ...)                                                                                      \
     EXPORTED fmi2Status fmi2##name(__VA_ARGS__);                                                             \
     EXPORTED fmi2Status fmi2##name(__VA_ARGS__)
+#define FMI(name, ...)  FMI2(name, __VA_ARGS__)
+#define FMU_OK          fmi2OK
+#define FMU_ERROR       fmi2Error
+#define GET_STATE       GetFMUstate
+#define SET_STATE       SetFMUstate
+#define FREE_STATE      FreeFMUstate
+#define STATE_SIZE      SerializedFMUstateSize
+#define WRITE_STATE     SerializeFMUstate
+#define READ_STATE      DeSerializeFMUstate
+#define GET_DERIVATIVES GetDerivatives
+typedef fmi2Boolean fmuBoolean;
+typedef fmi2Byte fmuByte;
 
 EXPORTED const char *fmi2GetTypesPlatform(void);
 EXPORTED const char *fmi2GetTypesPlatform(void) {
@@ -44,22 +56,6 @@ static fmi2Status refuse(fmi2Component c, const char *why) {
     if (i != NULL && i->logger != NULL)
         ((fmi2CallbackLogger)i->logger)(i->environment, "", fmi2Error, "error", "%s", why);
     return fmi2Error;
-}
-
-/* Ends a function that the instance's mode does not allow, or that has wrong arguments. */
-#define ALLOW(modes)                                                                                         \
-    do {                                                                                                     \
-        if (!allowed((instance *)c, modes)) return refuse(c, misplaced);                                     \
-    } while (0)
-#define NEED(fits)                                                                                           \
-    do {                                                                                                     \
-        if (!(fits)) return refuse(c, unfitting);                                                            \
-    } while (0)
-
-FMI2(SetDebugLogging, fmi2Component c, fmi2Boolean on, size_t n, const fmi2String names[]) {
-    (void)on, (void)n, (void)names;
-    ALLOW(ANY);
-    return fmi2OK;
 }
 
 EXPORTED fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
@@ -94,18 +90,9 @@ FMI2(SetupExperiment, fmi2Component c, fmi2Boolean tolerance, fmi2Real t, fmi2Re
     ((instance *)c)->m.time = start;
     return fmi2OK;
 }
-#define FMI2_MODE(name, from, to)                                                                            \
-    FMI2(name, fmi2Component c) {                                                                            \
-        return take_mode((instance *)c, from, to) ? fmi2OK : refuse(c, misplaced);                           \
-    }
-FMI2_MODE(EnterInitializationMode, INSTANTIATED, INITIALIZATION)
-FMI2_MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
-FMI2_MODE(Terminate, RUNNING, TERMINATED)
-FMI2(Reset, fmi2Component c) {
-    ALLOW(ANY);
-    reset((instance *)c);
-    return fmi2OK;
-}
+MODE(EnterInitializationMode, INSTANTIATED, INITIALIZATION)
+MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
+MODE(Terminate, RUNNING, TERMINATED)
 
 /* ---- values ---- */
 
@@ -148,50 +135,6 @@ FMI2_NONE(Integer, fmi2Integer)
 FMI2_NONE(Boolean, fmi2Boolean)
 FMI2_NONE(String, fmi2String)
 
-/* ---- states of the instance ---- */
-
-FMI2(GetFMUstate, fmi2Component c, fmi2FMUstate *state) {
-    ALLOW(ANY);
-    NEED(state != NULL);
-    if (*state == NULL) *state = malloc(sizeof(memory));
-    if (*state == NULL) return fmi2Error;
-    memcpy(*state, &((instance *)c)->m, sizeof(memory));
-    return fmi2OK;
-}
-FMI2(SetFMUstate, fmi2Component c, fmi2FMUstate state) {
-    ALLOW(ANY);
-    NEED(restore((instance *)c, (const memory *)state));
-    return fmi2OK;
-}
-FMI2(FreeFMUstate, fmi2Component c, fmi2FMUstate *state) {
-    ALLOW(ANY);
-    if (state == NULL) return fmi2OK;
-    free(*state);
-    *state = NULL;
-    return fmi2OK;
-}
-FMI2(SerializedFMUstateSize, fmi2Component c, fmi2FMUstate state, size_t *size) {
-    ALLOW(ANY);
-    NEED(state != NULL && size != NULL);
-    *size = sizeof(image);
-    return fmi2OK;
-}
-FMI2(SerializeFMUstate, fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
-    ALLOW(ANY);
-    NEED(state != NULL && bytes != NULL && size >= sizeof(image));
-    write_image((const memory *)state, bytes);
-    return fmi2OK;
-}
-FMI2(DeSerializeFMUstate, fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
-    memory m;
-    ALLOW(ANY);
-    NEED(state != NULL && read_image((const instance *)c, bytes, size, &m));
-    if (*state == NULL) *state = malloc(sizeof m);
-    if (*state == NULL) return fmi2Error;
-    memcpy(*state, &m, sizeof m);
-    return fmi2OK;
-}
-
 /* ---- derivatives ---- */
 
 FMI2(GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference unknown[], size_t unknowns,
@@ -215,58 +158,12 @@ FMI2(GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference unknown
 
 /* ---- model exchange ---- */
 
-FMI2_MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
-FMI2_MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
+MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
+MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
 FMI2(NewDiscreteStates, fmi2Component c, fmi2EventInfo *info) {
     ALLOW(EVENT);
     NEED(info != NULL);
     memset(info, 0, sizeof *info);
-    return fmi2OK;
-}
-FMI2(CompletedIntegratorStep, fmi2Component c, fmi2Boolean final, fmi2Boolean *event,
-     fmi2Boolean *terminate) {
-    (void) final;
-    ALLOW(CONTINUOUS);
-    NEED(event != NULL && terminate != NULL);
-    *event = *terminate = 0;
-    return fmi2OK;
-}
-FMI2(SetTime, fmi2Component c, fmi2Real time) {
-    ALLOW(EVENT | CONTINUOUS);
-    NEED(is_finite(time));
-    ((instance *)c)->m.time = time;
-    return fmi2OK;
-}
-FMI2(SetContinuousStates, fmi2Component c, const fmi2Real x[], size_t n) {
-    ALLOW(CONTINUOUS);
-    NEED(n == STATES && is_given(n, x, x));
-    memcpy(((instance *)c)->m.values, x, n * sizeof *x);
-    ((instance *)c)->stale = 1;
-    return fmi2OK;
-}
-FMI2(GetContinuousStates, fmi2Component c, fmi2Real x[], size_t n) {
-    ALLOW(EXCHANGED);
-    NEED(n == STATES && is_given(n, x, x));
-    memcpy(x, ((instance *)c)->m.values, n * sizeof *x);
-    return fmi2OK;
-}
-FMI2(GetDerivatives, fmi2Component c, fmi2Real x[], size_t n) {
-    ALLOW(EXCHANGED);
-    NEED(n == STATES && is_given(n, x, x));
-    refresh((instance *)c);
-    memcpy(x, ((instance *)c)->m.values + DERIVATIVE_AT, n * sizeof *x);
-    return fmi2OK;
-}
-FMI2(GetEventIndicators, fmi2Component c, fmi2Real x[], size_t n) {
-    (void)x;
-    ALLOW(EXCHANGED);
-    return n == 0 ? fmi2OK : fmi2Error;
-}
-FMI2(GetNominalsOfContinuousStates, fmi2Component c, fmi2Real x[], size_t n) {
-    size_t k;
-    ALLOW(INSTANTIATED | EXCHANGED);
-    NEED(n == STATES && is_given(n, x, x));
-    for (k = 0; k < n; k++) x[k] = 1.0;
     return fmi2OK;
 }
 

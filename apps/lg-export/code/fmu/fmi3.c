@@ -17,6 +17,18 @@ typedef void (*fmi3Callback)(void);
 #define FMI3(name, ...)                                                                                      \
     EXPORTED fmi3Status fmi3##name(__VA_ARGS__);                                                             \
     EXPORTED fmi3Status fmi3##name(__VA_ARGS__)
+#define FMI(name, ...)  FMI3(name, __VA_ARGS__)
+#define FMU_OK          fmi3OK
+#define FMU_ERROR       fmi3Error
+#define GET_STATE       GetFMUState
+#define SET_STATE       SetFMUState
+#define FREE_STATE      FreeFMUState
+#define STATE_SIZE      SerializedFMUStateSize
+#define WRITE_STATE     SerializeFMUState
+#define READ_STATE      DeserializeFMUState
+#define GET_DERIVATIVES GetContinuousStateDerivatives
+typedef fmi3Boolean fmuBoolean;
+typedef fmi3Byte fmuByte;
 
 EXPORTED const char *fmi3GetVersion(void);
 EXPORTED const char *fmi3GetVersion(void) {
@@ -28,22 +40,6 @@ static fmi3Status refuse(fmi3Instance c, const char *why) {
     if (i != NULL && i->logger != NULL)
         ((fmi3LogMessageCallback)i->logger)(i->environment, fmi3Error, "error", why);
     return fmi3Error;
-}
-
-/* Ends a function that the instance's mode does not allow, or that has wrong arguments. */
-#define ALLOW(modes)                                                                                         \
-    do {                                                                                                     \
-        if (!allowed((instance *)c, modes)) return refuse(c, misplaced);                                     \
-    } while (0)
-#define NEED(fits)                                                                                           \
-    do {                                                                                                     \
-        if (!(fits)) return refuse(c, unfitting);                                                            \
-    } while (0)
-
-FMI3(SetDebugLogging, fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String names[]) {
-    (void)on, (void)n, (void)names;
-    ALLOW(ANY);
-    return fmi3OK;
 }
 
 static fmi3Instance instantiate(int exchange, fmi3String token, fmi3InstanceEnvironment environment,
@@ -112,25 +108,16 @@ FMI3(EnterInitializationMode, fmi3Instance c, fmi3Boolean tolerance, fmi3Float64
     ((instance *)c)->m.mode = INITIALIZATION;
     return fmi3OK;
 }
-#define FMI3_MODE(name, from, to)                                                                            \
-    FMI3(name, fmi3Instance c) {                                                                             \
-        return take_mode((instance *)c, from, to) ? fmi3OK : refuse(c, misplaced);                           \
-    }
-FMI3_MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
-FMI3_MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
-FMI3_MODE(Terminate, RUNNING, TERMINATED)
-FMI3_MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
+MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
+MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
+MODE(Terminate, RUNNING, TERMINATED)
+MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
 /* There are no structural parameters to configure, and no events in co-simulation. */
-FMI3_MODE(EnterConfigurationMode, NEVER, ANY)
-FMI3_MODE(ExitConfigurationMode, NEVER, ANY)
-FMI3_MODE(EnterStepMode, NEVER, ANY)
+MODE(EnterConfigurationMode, NEVER, ANY)
+MODE(ExitConfigurationMode, NEVER, ANY)
+MODE(EnterStepMode, NEVER, ANY)
 FMI3(EvaluateDiscreteStates, fmi3Instance c) {
     ALLOW(INITIALIZATION | EVENT);
-    return fmi3OK;
-}
-FMI3(Reset, fmi3Instance c) {
-    ALLOW(ANY);
-    reset((instance *)c);
     return fmi3OK;
 }
 
@@ -215,50 +202,6 @@ FMI3(GetVariableDependencies, fmi3Instance c, fmi3ValueReference dependent, size
      fmi3ValueReference of[], size_t at_of[], fmi3DependencyKind kinds[], size_t n) {
     (void)c, (void)dependent, (void)at, (void)of, (void)at_of, (void)kinds, (void)n;
     return fmi3Error;
-}
-
-/* ---- states of the instance ---- */
-
-FMI3(GetFMUState, fmi3Instance c, fmi3FMUState *state) {
-    ALLOW(ANY);
-    NEED(state != NULL);
-    if (*state == NULL) *state = malloc(sizeof(memory));
-    if (*state == NULL) return fmi3Error;
-    memcpy(*state, &((instance *)c)->m, sizeof(memory));
-    return fmi3OK;
-}
-FMI3(SetFMUState, fmi3Instance c, fmi3FMUState state) {
-    ALLOW(ANY);
-    NEED(restore((instance *)c, (const memory *)state));
-    return fmi3OK;
-}
-FMI3(FreeFMUState, fmi3Instance c, fmi3FMUState *state) {
-    ALLOW(ANY);
-    if (state == NULL) return fmi3OK;
-    free(*state);
-    *state = NULL;
-    return fmi3OK;
-}
-FMI3(SerializedFMUStateSize, fmi3Instance c, fmi3FMUState state, size_t *size) {
-    ALLOW(ANY);
-    NEED(state != NULL && size != NULL);
-    *size = sizeof(image);
-    return fmi3OK;
-}
-FMI3(SerializeFMUState, fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
-    ALLOW(ANY);
-    NEED(state != NULL && bytes != NULL && size >= sizeof(image));
-    write_image((const memory *)state, bytes);
-    return fmi3OK;
-}
-FMI3(DeserializeFMUState, fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
-    memory m;
-    ALLOW(ANY);
-    NEED(state != NULL && read_image((const instance *)c, bytes, size, &m));
-    if (*state == NULL) *state = malloc(sizeof m);
-    if (*state == NULL) return fmi3Error;
-    memcpy(*state, &m, sizeof m);
-    return fmi3OK;
 }
 
 /* ---- derivatives ---- */
@@ -371,51 +314,6 @@ FMI3(UpdateDiscreteStates, fmi3Instance c, fmi3Boolean *again, fmi3Boolean *term
 
 /* ---- model exchange ---- */
 
-FMI3(CompletedIntegratorStep, fmi3Instance c, fmi3Boolean final, fmi3Boolean *event, fmi3Boolean *terminate) {
-    (void) final;
-    ALLOW(CONTINUOUS);
-    NEED(event != NULL && terminate != NULL);
-    *event = *terminate = false;
-    return fmi3OK;
-}
-FMI3(SetTime, fmi3Instance c, fmi3Float64 time) {
-    ALLOW(EVENT | CONTINUOUS);
-    NEED(is_finite(time));
-    ((instance *)c)->m.time = time;
-    return fmi3OK;
-}
-FMI3(SetContinuousStates, fmi3Instance c, const fmi3Float64 x[], size_t n) {
-    ALLOW(CONTINUOUS);
-    NEED(n == STATES && is_given(n, x, x));
-    memcpy(((instance *)c)->m.values, x, n * sizeof *x);
-    ((instance *)c)->stale = 1;
-    return fmi3OK;
-}
-FMI3(GetContinuousStates, fmi3Instance c, fmi3Float64 x[], size_t n) {
-    ALLOW(EXCHANGED);
-    NEED(n == STATES && is_given(n, x, x));
-    memcpy(x, ((instance *)c)->m.values, n * sizeof *x);
-    return fmi3OK;
-}
-FMI3(GetContinuousStateDerivatives, fmi3Instance c, fmi3Float64 x[], size_t n) {
-    ALLOW(EXCHANGED);
-    NEED(n == STATES && is_given(n, x, x));
-    refresh((instance *)c);
-    memcpy(x, ((instance *)c)->m.values + DERIVATIVE_AT, n * sizeof *x);
-    return fmi3OK;
-}
-FMI3(GetEventIndicators, fmi3Instance c, fmi3Float64 x[], size_t n) {
-    (void)x;
-    ALLOW(EXCHANGED);
-    return n == 0 ? fmi3OK : fmi3Error;
-}
-FMI3(GetNominalsOfContinuousStates, fmi3Instance c, fmi3Float64 x[], size_t n) {
-    size_t k;
-    ALLOW(INSTANTIATED | EXCHANGED);
-    NEED(n == STATES && is_given(n, x, x));
-    for (k = 0; k < n; k++) x[k] = 1.0;
-    return fmi3OK;
-}
 FMI3(GetNumberOfEventIndicators, fmi3Instance c, size_t *n) {
     ALLOW(ANY);
     NEED(n != NULL);

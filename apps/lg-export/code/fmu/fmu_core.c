@@ -218,3 +218,19 @@ static const char *advance(instance *i, double length) {
     return NULL;
 }
 #endif
+
+/* ---- for the functions of both versions ---- */
+
+/* Ends a function that the instance's mode does not allow, or that has wrong arguments. */
+#define ALLOW(modes)                                                                                         \
+    do {                                                                                                     \
+        if (!allowed((instance *)c, modes)) return refuse(c, misplaced);                                     \
+    } while (0)
+#define NEED(fits)                                                                                           \
+    do {                                                                                                     \
+        if (!(fits)) return refuse(c, unfitting);                                                            \
+    } while (0)
+#define MODE(name, from, to)                                                                                 \
+    FMI(name, void *c) {                                                                                     \
+        return take_mode((instance *)c, from, to) ? FMU_OK : refuse(c, misplaced);                           \
+    }
