@@ -20,7 +20,6 @@ machine/friction machine/record
 machine/files/log_csv machine/files/log_h5 machine/files/log_table
 machine/files/machine machine/files/terms
 machine/files/model machine/files/recipe
-model/files/program_load model/files/program_load_1
 '
 # Reads lines "from to" and prints each node that lies on a circle.
 on_a_circle() {

@@ -8,24 +8,12 @@
 #include "fmu_model.h"
 
 #if FUZZ_FMI == 2
-#define FMI(name)                      fmi2##name
-#define GET_STATE                      fmi2GetFMUstate
-#define SET_STATE                      fmi2SetFMUstate
-#define FREE_STATE                     fmi2FreeFMUstate
-#define STATE_SIZE                     fmi2SerializedFMUstateSize
-#define SERIALISE(...)                 fmi2SerializeFMUstate(__VA_ARGS__)
-#define RESTORE(c, bytes, size, state) fmi2DeSerializeFMUstate(c, (const fmi2Byte *)(bytes), size, state)
-typedef fmi2Byte byte;
+#define NAMED(name) fmi2##name
 #else
-#define FMI(name)                      fmi3##name
-#define GET_STATE                      fmi3GetFMUState
-#define SET_STATE                      fmi3SetFMUState
-#define FREE_STATE                     fmi3FreeFMUState
-#define STATE_SIZE                     fmi3SerializedFMUStateSize
-#define SERIALISE(...)                 fmi3SerializeFMUState(__VA_ARGS__)
-#define RESTORE(c, bytes, size, state) fmi3DeserializeFMUState(c, bytes, size, state)
-typedef fmi3Byte byte;
+#define NAMED(name) fmi3##name
 #endif
+#define CALL(name) NAMED(name)
+typedef fmuByte byte;
 
 /* ---- calls ---- */
 
@@ -50,7 +38,7 @@ static void restore_bytes(void *c, input *in, bool repaired, void **state) {
     image bytes;
     const size_t have = (size_t)(in->end - in->at), size = have < sizeof bytes ? have : sizeof bytes;
     if (!repaired) {
-        (void)RESTORE(c, in->at, size, state);
+        (void)CALL(READ_STATE)(c, (const byte *)in->at, size, state);
         in->at += size;
         return;
     }
@@ -60,7 +48,7 @@ static void restore_bytes(void *c, input *in, bool repaired, void **state) {
     const uint64_t model = sum_of(TOKEN, sizeof TOKEN), sum = sum_of(bytes.m, sizeof bytes.m);
     put_words(bytes.model, &model, sizeof model);
     put_words(bytes.sum, &sum, sizeof sum);
-    (void)RESTORE(c, (const byte *)&bytes, sizeof bytes, state);
+    (void)CALL(READ_STATE)(c, (const byte *)&bytes, sizeof bytes, state);
 }
 
 /* A state that was serialised must be restored as the same bytes, or be refused because it is not finite. */
@@ -68,12 +56,12 @@ static void there_and_back(void *c, void *state) {
     image bytes, again;
     size_t size = 0;
     void *copy = NULL;
-    (void)STATE_SIZE(c, state, &size);
-    if (size != sizeof bytes || (int)SERIALISE(c, state, (byte *)&bytes, sizeof bytes) != 0) abort();
-    if ((int)RESTORE(c, (const byte *)&bytes, size, &copy) != 0) return;
-    (void)SERIALISE(c, copy, (byte *)&again, sizeof again);
+    (void)CALL(STATE_SIZE)(c, state, &size);
+    if (size != sizeof bytes || (int)CALL(WRITE_STATE)(c, state, (byte *)&bytes, sizeof bytes) != 0) abort();
+    if ((int)CALL(READ_STATE)(c, (const byte *)&bytes, size, &copy) != 0) return;
+    (void)CALL(WRITE_STATE)(c, copy, (byte *)&again, sizeof again);
     if (memcmp(&bytes, &again, sizeof bytes) != 0) abort();
-    (void)FREE_STATE(c, &copy);
+    (void)CALL(FREE_STATE)(c, &copy);
 }
 
 /* Steps of co-simulation are bounded, so that no input takes a second. */
@@ -112,15 +100,15 @@ static void access(void *c, input *in, uint8_t what) {
 
 static void exchange(void *c, input *in) {
     double x[STATES] = {take_real(in), take_real(in)}, d[STATES];
-    (void)FMI(SetTime)(c, take_real(in));
-    (void)FMI(SetContinuousStates)(c, x, STATES);
+    (void)CALL(SetTime)(c, take_real(in));
+    (void)CALL(SetContinuousStates)(c, x, STATES);
 #if FUZZ_FMI == 2
     (void)fmi2GetDerivatives(c, d, STATES);
 #else
     (void)fmi3GetContinuousStateDerivatives(c, d, STATES);
 #endif
-    (void)FMI(GetContinuousStates)(c, x, STATES);
-    (void)FMI(GetNominalsOfContinuousStates)(c, d, STATES);
+    (void)CALL(GetContinuousStates)(c, x, STATES);
+    (void)CALL(GetNominalsOfContinuousStates)(c, d, STATES);
 }
 
 #if FUZZ_FMI == 2
@@ -155,10 +143,10 @@ static void change_mode(void *c, uint8_t to) {
 #else
     if (to == ENTER) (void)fmi3EnterInitializationMode(c, false, 0, 0, false, 0);
 #endif
-    if (to == EXIT) (void)FMI(ExitInitializationMode)(c);
-    if (to == EVENTS) (void)FMI(EnterEventMode)(c);
-    if (to == CONTINUES) (void)FMI(EnterContinuousTimeMode)(c);
-    if (to == TERMINATES) (void)FMI(Terminate)(c);
+    if (to == EXIT) (void)CALL(ExitInitializationMode)(c);
+    if (to == EVENTS) (void)CALL(EnterEventMode)(c);
+    if (to == CONTINUES) (void)CALL(EnterContinuousTimeMode)(c);
+    if (to == TERMINATES) (void)CALL(Terminate)(c);
 }
 
 #if FUZZ_FMI == 2
@@ -181,13 +169,13 @@ void fuzz_fmu(const uint8_t *data, size_t size) {
         void **state = &slot[call >> 7];
         switch (call % 16) {
         case 0:
-            (void)GET_STATE(c, state);
+            (void)CALL(GET_STATE)(c, state);
             break;
         case 1:
-            if (*state != NULL) (void)SET_STATE(c, *state);
+            if (*state != NULL) (void)CALL(SET_STATE)(c, *state);
             break;
         case 2:
-            (void)FREE_STATE(c, state);
+            (void)CALL(FREE_STATE)(c, state);
             break;
         case 3:
             restore_bytes(c, &in, false, state);
@@ -200,7 +188,7 @@ void fuzz_fmu(const uint8_t *data, size_t size) {
             if (*state != NULL) there_and_back(c, *state);
             break;
         case 7:
-            (void)FMI(Reset)(c);
+            (void)CALL(Reset)(c);
             break;
         case 8:
         case 9:
@@ -216,6 +204,6 @@ void fuzz_fmu(const uint8_t *data, size_t size) {
             access(c, &in, call % 4);
         }
     }
-    for (int i = 0; i < SLOTS; i++) (void)FREE_STATE(c, &slot[i]);
-    FMI(FreeInstance)(c);
+    for (int i = 0; i < SLOTS; i++) (void)CALL(FREE_STATE)(c, &slot[i]);
+    CALL(FreeInstance)(c);
 }
