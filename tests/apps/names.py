@@ -279,6 +279,7 @@ class Names:
         h5 = H5()
         h5.attribute(os.path.join(self.base, "series.h5"), "channels", "|".join(self.name(k) for k in range(12, 18)))
         h5.attribute(os.path.join(self.base, "series.h5"), "classes", "|".join(self.name(k) for k in range(18, 20)))
+        h5.attribute(os.path.join(self.base, "series.h5"), "healthy", self.name(18))
         self.must("lg-anomaly train series.h5 --method logistic --out detector.h5")
         self.must("lg-anomaly train series.h5 --method tree --out tree.h5")
 

@@ -57,7 +57,7 @@ quoted=\"$bad\"
 run lg-fit train "table$bad.csv" --without "\"c$bad\"" --epochs 2 --out "fit$bad.h5"
 run lg-fit train "table$bad.csv" --class "\"c$bad\"" --inputs "\"a$bad\",\"b$bad\"" --epochs 3 --hidden 4 --out "class$bad.h5"
 "$LG_BIN_DIR/lg-anomaly" generate --noise 10 --runs 4 --hours 1 --out series.h5 >out
-sed 's/intact|broken/\x1b[31m\n|\xc2\x9b\x07\x1b[m/; s/acc_lower_x|acc_lower_y/\x1b[31mower_x|\n\xe2\x80\xaeFORGED_/' series.h5 >"series$bad.h5"
+sed 's/intact|broken/\x1b[31m\n|\xc2\x9b\x07\x1b[m/; s/intact/\x1b[31m\n/; s/acc_lower_x|acc_lower_y/\x1b[31mower_x|\n\xe2\x80\xaeFORGED_/' series.h5 >"series$bad.h5"
 run lg-anomaly train "series$bad.h5" --method logistic --out "detector$bad.h5"
 cat >scene.yaml <<'END'
 {system: pendulum-chain, form: hamiltonian, gravity: 1, masses: [1], lengths: [1], t_end: 0.1, starts: {kind: thesis}}
