@@ -238,7 +238,8 @@ static int add_test(job *j) {
     text table = app_text(), *to = &j->source->test;
     size_t largest = 1;
     int code = APP_EXIT_OK;
-    /* The fragment's types go before the tables, the code that uses them (from `mean_norm` on) goes after them. */
+    /* The fragment's types go before the tables, the code that uses them (from `mean_norm` on) goes after
+     * them. */
     char *fragment = app_format("%s", export_fragment_text("test_program")),
          *rest = strstr(fragment, "static double mean_norm");
     *rest = '\0';

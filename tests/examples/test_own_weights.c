@@ -13,7 +13,8 @@ int own_weights(int argc, char **argv);
 #include "../../examples/own_weights/own_weights.c"
 #undef main
 
-/* y = [1, 2] tanh([[.5, -1], [2, .25]] x + [.1, -.2]) + .3; the weights are (out, in), or turned (in, out). */
+/* y = [1, 2] tanh([[.5, -1], [2, .25]] x + [.1, -.2]) + .3; the weights are (out, in), or turned (in,
+ * out). */
 static const double weight1[4] = {0.5, -1, 2, 0.25}, turned1[4] = {0.5, 2, -1, 0.25}, bias1[2] = {0.1, -0.2},
                     weight2[2] = {1, 2}, bias2[1] = {0.3};
 

@@ -1,5 +1,5 @@
-/* Functions that FMI 2.0 and 3.0 share. The version before this part names its status FMU_OK and FMU_ERROR, its types
- * and what it calls differently; FMI(name, ...) begins its function `name`. */
+/* Functions that FMI 2.0 and 3.0 share. fmi2.c and fmi3.c define the status (FMU_OK, FMU_ERROR), the types
+ * and the names that differ; FMI(name, ...) begins the function `name` of their version. */
 
 FMI(SetDebugLogging, void *c, fmuBoolean on, size_t n, const char *const names[]) {
     (void)on, (void)n, (void)names;
