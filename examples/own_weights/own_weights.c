@@ -1,4 +1,4 @@
-/* own_weights: makes a program of the weights of a network that was trained elsewhere, for example by PyTorch.
+/* own_weights: makes a program of the weights of a network that was trained elsewhere, such as by PyTorch.
  * The program has the function `value` (x) -> y, which lg-export, lg_program_load and lg_model_load take.
  *   own_weights MODEL.h5 NET.safetensors net.0 net.2      the layers in order: net.0.weight, net.0.bias, ...
  *   own_weights MODEL.h5 W1.npy b1.npy W2.npy b2.npy      the weight and the bias of each layer in order
