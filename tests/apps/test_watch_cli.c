@@ -481,9 +481,9 @@ TEST("the order of the classes changes neither alarms nor scores") {
             double score[2];
             char name[2][64];
             now = result, result = straight;
-            assert_int_equal(sscanf(line_of(line + 2), "%*f %63s %lf", name[0], &score[0]), 2);
+            assert_int_equal(sscanf(line_of(line + 1), "%*f %63s %lf", name[0], &score[0]), 2);
             result = now;
-            assert_int_equal(sscanf(line_of(line + 2), "%*f %63s %lf", name[1], &score[1]), 2);
+            assert_int_equal(sscanf(line_of(line + 1), "%*f %63s %lf", name[1], &score[1]), 2);
             assert_string_equal(name[0], name[1]);
             assert_close(score[0], score[1], 0.02, 0.02); /* the svm stops at a tolerance */
         }
@@ -497,7 +497,7 @@ TEST("overlapping windows vote as --votes says") {
     add_samples(true, 0, 4 * WINDOW, 2 * WINDOW);
     watch_words("--hop 1.6 --votes 1,1", 0, "# windows 16:");
     watch_words("--hop 0.2 --quiet --votes 40,64", 0, "# windows 121:");
-    assert_int_equal(count_lines(result.out), 5); /* one change, four lines of summary */
+    assert_int_equal(count_lines(result.out), 6); /* one change, five lines of summary */
     watch_words("--rate 10 --hop 4", 0, "# windows 7: judged 0");
     assert_says(result.err, "trained at 5 Hz, not 10 Hz");
 }
