@@ -325,11 +325,22 @@ static bool set_goals(lg_policy *p) {
     return any;
 }
 
+/* Finds the regulator, or u0 alone (`rest`). */
+static lg_status design(lg_policy *p, bool rest, uint64_t seed, lg_error *error) {
+    lg_policy *sliding;
+    p->regulator.errors = p->layout.errors, p->regulator.inputs = p->inputs;
+    LG_TRY(lg_policy_make_soft(p, NULL, true, &sliding, error));
+    const lg_status status =
+        rest ? lg_policy_find_rest(p, sliding, error) : lg_policy_find_regulator(p, sliding, seed, error);
+    lg_policy_destroy(sliding);
+    return status;
+}
+
 /* The functions of motion contain the goals, so they are recorded again once these are known. */
 static lg_status add_motion(lg_policy *p, const lg_program *plant, lg_error *error) {
     LG_TRY(lg_policy_add_motion(p, error));
     if (!set_goals(p)) return LG_OK;
-    LG_TRY(lg_policy_find_rest(p, error));
+    LG_TRY(design(p, true, 0, error));
     (void)set_goals(p);
     lg_program_destroy(p->program);
     p->program = NULL;
@@ -365,7 +376,7 @@ static lg_status build(lg_policy *p, const lg_context *context, const lg_policy_
     if (p->task.substeps == 0) LG_TRY(choose_substeps(p, training_error, seed, error));
     LG_TRY(add_motion(p, plant, error));
     LG_TRY(lg_policy_check_shifts(p, true, seed, error));
-    LG_TRY(lg_policy_find_regulator(p, seed, error));
+    LG_TRY(design(p, false, seed, error));
     lg_policy_initialise(p, seed, p->theta);
     LG_TRY(add_functions(p, error));
     const lg_status status = p->parameters > 0 ? make_warm(p, error) : LG_OK;

@@ -185,11 +185,12 @@ size_t lg_policy_periods(const lg_policy *policy, double seconds);
 
 /* ---- the regulator (policy_regulator.c) ---- */
 
-/* Finds u0, K, P, c, and what depends on them: scales of features, the map G, the terminal weight. */
-lg_status lg_policy_find_regulator(lg_policy *policy, uint64_t seed, lg_error *error);
+/* Finds u0, K, P, c, and what depends on them: scales of features, the map G, the terminal weight. `sliding`:
+ * the policy on the plant without dry friction, or NULL if the plant has none. */
+lg_status lg_policy_find_regulator(lg_policy *policy, lg_policy *sliding, uint64_t seed, lg_error *error);
 /* Sizes of the errors (errors). */
 void lg_policy_find_sizes(const lg_policy *policy, double *size);
 /* The regulator's u0 alone. It does not depend on the goals of lagged inputs. */
-lg_status lg_policy_find_rest(lg_policy *policy, lg_error *error);
+lg_status lg_policy_find_rest(lg_policy *policy, lg_policy *sliding, lg_error *error);
 
 #endif

@@ -609,35 +609,32 @@ static lg_status begin_compensation(const design *d) {
 
 /* ---- */
 
-static lg_status begin(design *d, lg_policy *p, uint64_t seed, lg_error *error) {
-    *d = (design){.policy = p, .n = p->layout.errors, .m = p->inputs, .seed = seed, .error = error};
+static lg_status begin(design *d, lg_policy *p, lg_policy *sliding, uint64_t seed, lg_error *error) {
+    *d = (design){p, sliding, .n = p->layout.errors, .m = p->inputs, .seed = seed, .error = error};
     const size_t n = d->n, m = d->m, numbers = n * (n + 2 * m) + SAMPLES * (n + p->state);
-    p->regulator.errors = d->n, p->regulator.inputs = d->m;
     d->A = lg_alloc(p->context, numbers, sizeof *d->A);
     d->held = lg_alloc(p->context, SAMPLES, sizeof *d->held);
     if (d->A == NULL || d->held == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a regulator");
     d->B = d->A + n * n, d->rest = d->B + n * m, d->z = d->rest + n * m, d->x = d->z + SAMPLES * n;
     lg_policy_find_sizes(p, d->size);
-    LG_TRY(lg_policy_make_soft(p, NULL, true, &d->sliding, error));
     return find_equilibrium(d);
 }
 
 static void end(design *d) {
-    lg_policy_destroy(d->sliding);
     lg_free(d->policy->context, d->A);
     lg_free(d->policy->context, d->held);
 }
 
-lg_status lg_policy_find_rest(lg_policy *p, lg_error *error) {
+lg_status lg_policy_find_rest(lg_policy *p, lg_policy *sliding, lg_error *error) {
     design d;
-    const lg_status status = begin(&d, p, 0, error);
+    const lg_status status = begin(&d, p, sliding, 0, error);
     end(&d);
     return status;
 }
 
-lg_status lg_policy_find_regulator(lg_policy *p, uint64_t seed, lg_error *error) {
+lg_status lg_policy_find_regulator(lg_policy *p, lg_policy *sliding, uint64_t seed, lg_error *error) {
     design d;
-    lg_status status = begin(&d, p, seed, error);
+    lg_status status = begin(&d, p, sliding, seed, error);
     if (status == LG_OK) status = lg_policy_add_regulated(p, error);
     if (status == LG_OK) status = choose_regulator(&d);
     if (status == LG_OK) set_scales(&d);

@@ -89,10 +89,6 @@ static lg_status bind(lg_tape *tape, const lg_chain *c, lg_var *theta, lg_machin
     return lg_machine_bind(tape, machine, *theta, vars);
 }
 
-size_t lg_chain_row(const lg_chain *c, size_t sample, uint32_t point) {
-    return c->problem->start[c->samples[sample]] + point;
-}
-
 /* The state of point j of all windows, from z; `at` gets its rows of the log. */
 static lg_status record_point(lg_tape *tape, const lg_chain *c, const lg_machine_vars *vars, uint32_t j,
                               size_t *at, lg_var *from, lg_var *parts) {

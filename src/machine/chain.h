@@ -74,7 +74,9 @@ void lg_chain_place(lg_chain *c, double *memory);
 /* The first point of a window that has residuals: 0 if starts are estimated, else 1. */
 uint32_t lg_chain_first(const lg_machine_problem *problem);
 /* The log's row of a point of a sample. */
-size_t lg_chain_row(const lg_chain *c, size_t sample, uint32_t point);
+static inline size_t lg_chain_row(const lg_chain *c, size_t sample, uint32_t point) {
+    return c->problem->start[c->samples[sample]] + point;
+}
 /* Sets z and S at the first points of all windows. */
 lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c);
 /* Moves z and S over the interval from point j to point j + 1. at: LG_FIT_CHUNK numbers of memory. */

@@ -186,3 +186,23 @@ double lg_machine_prior_weight(const lg_machine_problem *problem, size_t batch) 
     const double residual = problem->residual > 0.0 ? problem->residual : 1.0;
     return residual / sqrt(points * windows * (double)batch);
 }
+
+/* ---- coefficients of damping ---- */
+
+/* theta^2, (1, velocities). */
+static lg_var squares(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
+    return lg_reshape(tape, lg_square(tape, vars->theta[term]), lg_shape2(1, vars->machine->velocities));
+}
+
+lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_term *own = &machine->terms[term];
+    uint32_t index[LG_MACHINE_VELOCITIES];
+    double factor[LG_MACHINE_VELOCITIES];
+    if (own->value_count == 0) return squares(tape, vars, term);
+    for (uint32_t i = 0; i < machine->velocities; i++) {
+        index[i] = i;
+        factor[i] = 1.0 / lg_machine_drag_unit(machine, i, i, power);
+    }
+    return lg_machine_record_entries(tape, vars, term, machine->velocities, index, factor);
+}

@@ -71,11 +71,6 @@ static void damping_entry(const lg_machine *machine, const lg_machine_term *term
     (void)snprintf(out->name, sizeof out->name, "damping.%s", name);
 }
 
-/* theta^2, (1, velocities). */
-static lg_var squares(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
-    return lg_reshape(tape, lg_square(tape, vars->theta[term]), lg_shape2(1, vars->machine->velocities));
-}
-
 static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                        const lg_machine_seen *seen) {
     return drag(tape, lg_machine_record_drag(tape, vars, term, 1), seen->v);
@@ -117,19 +112,6 @@ static lg_var damping_network(lg_tape *tape, const lg_machine_vars *vars, uint32
     const lg_var v = lg_reshape(tape, seen->v, lg_shape3(rows, n, 1));
     const lg_var f = lg_matmul(tape, L, lg_matmul_tn(tape, L, v));
     return lg_neg(tape, lg_reshape(tape, f, lg_shape2(rows, n)));
-}
-
-lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power) {
-    const lg_machine *machine = vars->machine;
-    const lg_machine_term *own = &machine->terms[term];
-    uint32_t index[LG_MACHINE_VELOCITIES];
-    double factor[LG_MACHINE_VELOCITIES];
-    if (own->value_count == 0) return squares(tape, vars, term);
-    for (uint32_t i = 0; i < machine->velocities; i++) {
-        index[i] = i;
-        factor[i] = 1.0 / lg_machine_drag_unit(machine, i, i, power);
-    }
-    return lg_machine_record_entries(tape, vars, term, machine->velocities, index, factor);
 }
 
 static void drag_entry(const lg_machine *machine, const char *what, int power, uint32_t index,

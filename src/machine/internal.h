@@ -406,9 +406,9 @@ lg_status lg_machine_record_interval_of(lg_tape *tape, const lg_machine_flow *fl
 lg_status lg_machine_record_inputs(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
                                    const size_t *at, uint32_t count, lg_var *u);
 /* Accelerations v' (B, velocities) of the states `parts` with the inputs u, plus the biases of their sensors;
- * lines and angles only. */
+ * lines and angles only. `stuck`: v' of a machine that sticks, else LG_NONE. */
 lg_var lg_machine_record_accelerations(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,
-                                       lg_var u);
+                                       lg_var u, lg_var stuck);
 /* What rows at[0..count-1] of a log show of the velocities: the velocities or the accelerations. */
 lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
                                const size_t *at, uint32_t count, const lg_var *parts);

@@ -596,14 +596,12 @@ static lg_var along_field(lg_tape *tape, const lg_machine_vars *vars, const lg_v
 }
 
 lg_var lg_machine_record_accelerations(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,
-                                       lg_var u) {
+                                       lg_var u, lg_var stuck) {
     lg_var algebra[LG_TAPED_MAX_PARTS];
     lg_space space;
-    lg_var a = LG_NONE;
-    if (vars->machine->sticks != 0)
-        a = lg_machine_stick_accelerations(tape, vars, parts, u);
-    else if (lg_machine_record_field(tape, vars, parts, u, algebra) == LG_OK &&
-             lg_machine_space(vars->machine, &space) == LG_OK)
+    lg_var a = stuck;
+    if (lg_is_none(a) && lg_machine_record_field(tape, vars, parts, u, algebra) == LG_OK &&
+        lg_machine_space(vars->machine, &space) == LG_OK)
         a = along_field(tape, vars, parts, algebra, lg_taped_parts(&space));
     const lg_var bias = bias_of(tape, vars, true);
     return lg_is_none(bias) || lg_is_none(a) ? a : lg_add(tape, a, bias);

@@ -269,5 +269,7 @@ lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const
     lg_var u;
     if (!vars->machine->accelerations) return lg_machine_record_velocities(tape, vars, parts);
     if (lg_machine_record_inputs(tape, vars, log, at, count, &u) != LG_OK) return LG_NONE;
-    return lg_machine_record_accelerations(tape, vars, parts, u);
+    const lg_var stuck =
+        vars->machine->sticks != 0 ? lg_machine_stick_accelerations(tape, vars, parts, u) : LG_NONE;
+    return lg_machine_record_accelerations(tape, vars, parts, u, stuck);
 }

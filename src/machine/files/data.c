@@ -175,3 +175,27 @@ void lg_machine_look(lg_machine_state *s) {
     s->estimated = s->positions || s->data.file.machine.accelerations;
     s->noisy = lg_machine_data_noise(&s->data, &s->noise);
 }
+
+/* ---- ranges ---- */
+
+static void widen(lg_machine_range *range, size_t at, const double *values, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        if (isnan(values[i])) continue;
+        range->low[at + i] = fmin(range->low[at + i], values[i]);
+        range->high[at + i] = fmax(range->high[at + i], values[i]);
+    }
+}
+
+void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log, lg_machine_range *out) {
+    const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
+    for (size_t i = 0; i < LG_MACHINE_RANGE; i++) {
+        const bool used = i < nq + nv + m;
+        out->low[i] = used ? 1e300 : 0.0;
+        out->high[i] = used ? -1e300 : 0.0;
+    }
+    for (size_t row = 0; row < log->rows; row++) {
+        if (!machine->accelerations) widen(out, 0, log->q + row * nq, nq);
+        if (!machine->accelerations) widen(out, nq, log->v + row * nv, nv);
+        if (m > 0) widen(out, nq + nv, log->u + row * 4 * m, m);
+    }
+}
