@@ -255,7 +255,7 @@ done
 
 # ---- signals ----
 
-long="$train --epochs 1000000 --checkpoint-every 1000000 --checkpoint w/check --out w/out"
+long="$train --method adam --epochs 1000000 --checkpoint-every 1000000 --checkpoint w/check --out w/out"
 # catching PID: waits until a child of this process catches SIGINT, as all programs do once they work, however slow the machine is.
 catching() {
     local mask
