@@ -110,7 +110,7 @@ void app_json_field(app_json *json, const lg_field *row, const void *run) {
         break;
     default:
         lg_field_show(row, run, text, sizeof text);
-        app_json_text(json, key, text);
+        app_json_text(json, key, text[0] != '\0' ? text : NULL);
     }
 }
 

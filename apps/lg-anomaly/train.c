@@ -46,6 +46,7 @@ well_model trained_model(well_sort sort, const char *method) {
 void json_trained(app_json *json, const well_model *model) {
     lg_training *training = &network_recipe.training;
     lg_detector_tell_training(training, model->method, model->classes, model->class_name);
+    lg_result_text(training, "healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL);
     train_put_results(json, training, 0, training->result_count);
 }
 

@@ -226,7 +226,7 @@ LG_API void lg_novelty_options_init(lg_novelty_options *options);
 LG_API lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *options,
                                 const lg_series *series, const lg_windows *windows, const uint32_t *chosen,
                                 size_t count, int threads, lg_novelty *out, lg_error *error);
-LG_API void lg_novelty_destroy(lg_novelty *novelty); /* a zeroed structure is fine */
+LG_API void lg_novelty_destroy(lg_novelty *novelty); /* NULL and a zeroed structure are fine */
 
 /* ---- evaluation of novelty ---- */
 

@@ -178,7 +178,7 @@ LG_API uint32_t lg_spectrum_bands(uint32_t length, uint32_t wanted);
  * lg_spectrum_bands. Free *out with lg_spectrum_destroy. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_spectrum_create(const lg_context *context, uint32_t length, uint32_t bands,
                                     lg_spectrum *out, lg_error *error);
-LG_API void lg_spectrum_destroy(lg_spectrum *spectrum); /* a zeroed structure is fine */
+LG_API void lg_spectrum_destroy(lg_spectrum *spectrum); /* NULL and a zeroed structure are fine */
 /* Number of doubles of work memory for the two functions below. */
 LG_API size_t lg_spectrum_work(const lg_spectrum *spectrum);
 /* Computes power (bands) of the series z (length). */

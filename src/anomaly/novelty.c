@@ -82,6 +82,7 @@ lg_status lg_novelty_allocate(const lg_context *context, uint32_t channels, uint
 }
 
 void lg_novelty_destroy(lg_novelty *v) {
+    if (v == NULL) return;
     double *const arrays[] = {v->mean,   v->scale,  v->still,     v->extreme, v->windows,
                               v->centre, v->spread, v->precision, v->limit,   v->block};
     for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(v->context, arrays[i]);

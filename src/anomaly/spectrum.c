@@ -65,6 +65,7 @@ lg_status lg_spectrum_create(const lg_context *context, uint32_t length, uint32_
 }
 
 void lg_spectrum_destroy(lg_spectrum *spectrum) {
+    if (spectrum == NULL) return;
     lg_free(spectrum->context, spectrum->wave);
     *spectrum = (lg_spectrum){.length = 0};
 }

@@ -393,7 +393,6 @@ void lg_detector_tell_training(lg_training *self, const char *method, uint32_t c
     lg_result_open(self, "classes", '[');
     for (uint32_t c = 0; c < classes; c++) lg_result_text(self, NULL, class_name[c], NULL);
     lg_result_close(self, ']');
-    lg_result_text(self, "healthy", run->healthy[0] != '\0' ? run->healthy : NULL, NULL);
     lg_result_whole(self, "channels", series->channels, NULL);
     lg_result_whole(self, "window", run->window, "samples");
     lg_result_whole(self, "hop", run->hop, "samples");
