@@ -575,9 +575,8 @@ TEST("votes, delays and groups do not depend on the order of the classes") {
         for (int k = 0; k < 2; k++) {
             cli_run(
                 lg,
-                test_text("train %s-%d.h5 --method tree --max-depth 1 --features std --test-fraction 0 --out "
-                          "order.h5",
-                          data[k], swapped));
+                "train %s-%d.h5 --method tree --max-depth 1 --features std --test-fraction 0 --out order.h5",
+                data[k], swapped);
             json(test_text("evaluate order.h5 %s-%d.h5 --votes 2,3", data[k], swapped), "");
             const char *at = json_find(result.out, names[k]);
             (void)snprintf(members[swapped][k], sizeof members[0][0], "%.*s",

@@ -330,7 +330,7 @@ TEST("the beam that a model was trained on is solved with its own length and sti
                 {"--length 420e6 --stiffness 0.04375e27 --qN 360e6,0", 1e18}}; /* EI/L has the factor 1e18 */
     double energy[2], first = 0;
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        cli_run(lg, test_text("generate %s --count 40 --intervals 10 --out beam.h5", rows[i].beam));
+        cli_run(lg, "generate %s --count 40 --intervals 10 --out beam.h5", rows[i].beam);
         cli_run(lg, "train beam.h5 --epochs 20 --out beam-model.h5");
         energy[0] = number("predict beam-model.h5 --x 0.7 --solve", "energy");
         energy[1] = number(test_text("solve %s --x 0.7 --intervals 10", rows[i].beam), "energy");

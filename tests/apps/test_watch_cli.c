@@ -470,8 +470,8 @@ TEST("the order of the classes changes neither alarms nor scores") {
     cli_write("feed.csv", text);
     for (size_t i = 0; i < LG_COUNT(methods); i++) {
         for (int swapped = 0; swapped < 2; swapped++) {
-            cli_run("lg-anomaly", test_text("train %s.h5 --method %s --test-fraction 0 --out order.h5",
-                                            swapped ? "swapped" : "data", methods[i]));
+            cli_run("lg-anomaly", "train %s.h5 --method %s --test-fraction 0 --out order.h5",
+                    swapped ? "swapped" : "data", methods[i]);
             cli_expect("lg-anomaly", "watch order.h5 --crack-at 96 --unlike 0 --input feed.csv", 0, "ALARM");
             if (swapped == 0) straight = result;
         }
