@@ -31,9 +31,11 @@ typedef struct network {
     lg_parameter_spec parameter[2 * MOST];
     char name[2 * MOST][16];
     size_t count, layers;
-    bool in_out, has_bias[MOST]; /* in_out: the weights are (in, out), else (out, in) */
-    uint32_t in, out;            /* of the network that is made of the layers so far */
-    lg_tensors tensors;          /* what a safetensors file holds */
+    bool in_out, has_bias[MOST];   /* in_out: the weights are (in, out), else (out, in) */
+    uint32_t in, out;              /* of the network that is made of the layers so far */
+    lg_tensors tensors;            /* what a safetensors file holds */
+    lg_table_data table[2 * MOST]; /* what numpy files hold */
+    size_t tables;
 } network;
 
 static lg_status record(void *user, lg_tape *tape, const lg_var *w, const lg_var *x, lg_var *y) {
@@ -89,14 +91,17 @@ static void take_tensors(network *n, const char *path, char **stems) {
 }
 
 /* Reads all columns of a numpy file. */
-static lg_table_data array_of(const char *path) {
+static const lg_table_data *array_of(network *n, const char *path) {
     lg_table_names names;
-    lg_table_data data;
+    if (n->tables == 2 * MOST) stop(path, "there are too many layers");
+    lg_table_data *data = &n->table[n->tables];
     need(lg_table_names_read(NULL, path, NULL, &names, &error));
     const char **columns = calloc(names.count, sizeof *columns);
     if (columns == NULL) stop(path, "no memory");
     for (uint32_t i = 0; i < names.count; i++) columns[i] = names.name[i];
-    need(lg_table_read(NULL, path, columns, names.count, NULL, NULL, &data, &error));
+    need(lg_table_read(NULL, path, columns, names.count, NULL, NULL, data, &error));
+    n->tables++;
+    lg_table_names_destroy(&names);
     free(columns);
     return data;
 }
@@ -105,8 +110,8 @@ static void take_arrays(network *n, char **paths) {
     n->in_out = numpy_in_out;
     for (; paths[0] != NULL; paths += 2) {
         if (paths[1] == NULL) stop(paths[0], "the file of the bias is missing");
-        const lg_table_data w = array_of(paths[0]), b = array_of(paths[1]);
-        add_layer(n, paths[0], w.rows, w.columns, w.values, b.values, b.rows * b.columns);
+        const lg_table_data *w = array_of(n, paths[0]), *b = array_of(n, paths[1]);
+        add_layer(n, paths[0], w->rows, w->columns, w->values, b->values, b->rows * b->columns);
     }
 }
 
@@ -132,5 +137,6 @@ int main(int argc, char **argv) {
     printf("%zu layers, %u inputs, %u outputs\n", n.layers, n.in, n.out);
     lg_program_destroy(program);
     lg_tensors_destroy(&n.tensors);
-    return 0; /* the process ends and frees the arrays of numpy files */
+    for (size_t i = 0; i < n.tables; i++) lg_table_data_destroy(&n.table[i]);
+    return 0;
 }

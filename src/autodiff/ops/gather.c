@@ -147,7 +147,7 @@ static lg_var index_rows(lg_tape *tape, const lg_op *op, lg_var x, const uint32_
                                 "an index is not less than the number of rows");
     uint32_t *kept = lg_payload_allocate(tape, (size_t)n * sizeof *kept);
     if (kept == NULL) return LG_NONE;
-    memcpy(kept, indices, (size_t)n * sizeof *kept);
+    if (n > 0) memcpy(kept, indices, (size_t)n * sizeof *kept);
     lg_attr attr = {.i = {n, rows, 0, 0}, .pointer = kept};
     return record_indexed(tape, op, x, &attr);
 }
