@@ -422,7 +422,7 @@ static bool set_places(sample_reader *reader, const char *from, const char *to, 
 }
 
 /* Processes a line of words before the first sample. Returns false if it names only some of the channels, or
- * names one twice. If it names no channel, it returns true, and the feed may be refused at the first
+ * names one twice. If it names no channel, it returns true, and the feed may be rejected at the first
  * sample. */
 static bool take_names(sample_reader *reader, const char *from, const char *to) {
     uint32_t columns, found;

@@ -15,7 +15,7 @@ typedef struct interval_plan {
     const lg_context *context;
     lg_machine machine;
     uint32_t substeps, powers; /* powers of the time in the inputs: 1, or 4 */
-    uint32_t numbers, columns; /* of z; derivatives, by z and by theta */
+    uint32_t numbers, columns; /* the length of z; the derivatives by z and theta */
     lg_plan *plan;             /* NULL: it cannot be made */
     void *work;
     double *z, *u, *h, *next, *slopes;

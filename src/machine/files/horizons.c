@@ -409,7 +409,7 @@ lg_status lg_machine_widen_range(const lg_context *context, const lg_learned_mac
         status = lg_machine_free_run(context, &states, model->theta, model->scheme, model->substeps,
                                      &begun.log, start, count, rows - 1, q, v, error);
     lg_machine_log shown = {.rows = count * rows, .q = q, .v = v};
-    if (states.accelerations) /* a run has accelerations in the place of velocities */
+    if (states.accelerations) /* v of a run has accelerations */
         shown.rows = begun.log.rows, shown.q = begun.q, shown.v = begun.v;
     states.accelerations = false, states.input_count = 0;
     if (status == LG_OK) lg_machine_find_range(&states, &shown, &found);

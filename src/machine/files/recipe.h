@@ -97,7 +97,7 @@ typedef struct lg_learned_machine {
 static inline size_t lg_start_rows(const lg_machine *machine) {
     return machine->accelerations ? 200 : 50;
 }
-/* lg_learned_machine.start_rows of a model file whose logs do (`estimated`) or do not need estimates. */
+/* lg_learned_machine.start_rows of a model. `estimated`: its logs do not show the states at starts. */
 static inline uint32_t lg_model_start_rows(const lg_machine_model_run *run, bool estimated) {
     const uint32_t rows = run->start_rows > 0 ? run->start_rows : (uint32_t)lg_start_rows(&run->machine);
     return estimated ? rows : 0;
