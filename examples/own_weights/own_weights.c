@@ -71,19 +71,18 @@ static void add_layer(network *n, const char *name, uint64_t rows, uint64_t colu
     n->has_bias[n->layers++] = bias != NULL;
 }
 
-static const lg_tensor *tensor_of(const lg_tensors *all, const char *stem, const char *what) {
+static const lg_tensor *tensor_of(const network *n, const char *stem, const char *what) {
     const size_t length = strlen(stem);
-    for (const lg_tensor *t = all->tensor; t < all->tensor + all->count; t++)
+    for (const lg_tensor *t = n->tensors.tensor; t < n->tensors.tensor + n->tensors.count; t++)
         if (strncmp(t->name, stem, length) == 0 && strcmp(t->name + length, what) == 0) return t;
     return NULL;
 }
 
 static void take_tensors(network *n, const char *path, char **stems) {
-    const lg_tensors *all = &n->tensors;
     need(lg_tensors_read(NULL, path, &n->tensors, &error));
-    n->in_out = all->inputs_first;
+    n->in_out = n->tensors.inputs_first;
     for (; *stems != NULL; stems++) {
-        const lg_tensor *w = tensor_of(all, *stems, ".weight"), *b = tensor_of(all, *stems, ".bias");
+        const lg_tensor *w = tensor_of(n, *stems, ".weight"), *b = tensor_of(n, *stems, ".bias");
         if (w == NULL || w->rank != 2) stop(*stems, "has no tensor .weight of rank 2 in the file");
         add_layer(n, *stems, w->dims[0], w->dims[1], w->values, b != NULL ? b->values : NULL,
                   b != NULL ? b->count : 0);
@@ -94,13 +93,12 @@ static void take_tensors(network *n, const char *path, char **stems) {
 static const lg_table_data *array_of(network *n, const char *path) {
     lg_table_names names;
     if (n->tables == 2 * MOST) stop(path, "there are too many layers");
-    lg_table_data *data = &n->table[n->tables];
+    lg_table_data *data = &n->table[n->tables++];
     need(lg_table_names_read(NULL, path, NULL, &names, &error));
     const char **columns = calloc(names.count, sizeof *columns);
     if (columns == NULL) stop(path, "no memory");
     for (uint32_t i = 0; i < names.count; i++) columns[i] = names.name[i];
     need(lg_table_read(NULL, path, columns, names.count, NULL, NULL, data, &error));
-    n->tables++;
     lg_table_names_destroy(&names);
     free(columns);
     return data;
