@@ -303,8 +303,9 @@ static void creep(void) {
         double x[2] = {rigs[INCLINE].q[0], 0};
         open_model(&rigs[INCLINE], widths[i], &m);
         steps(&m, x, 0.9 * 2, 100, 2000 * (i == 0 ? 1 : 32));
-        printf("creep,incline,%s%.4g,%.3g\n", i == 0 ? "sticks " : "tanh ", widths[i],
-               x[0] - rigs[INCLINE].q[0]);
+        printf("creep,incline,");
+        printf(i == 0 ? "sticks" : "tanh %.4g", widths[i]);
+        printf(",%.3g\n", x[0] - rigs[INCLINE].q[0]);
         close_model(&m);
     }
 }

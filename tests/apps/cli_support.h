@@ -243,6 +243,7 @@ static inline void cli_shows_names(const char *picture, const char *before, size
  * is none ---- */
 
 static inline const char *json_value(const char *s);
+static inline const char *json_key(const char *text, const char *quoted, size_t length);
 
 static inline const char *json_space(const char *s) {
     while (*s == ' ' || *s == '\n' || *s == '\t' || *s == '\r') s++;
@@ -283,13 +284,17 @@ static inline const char *json_number_end(const char *s) {
     return s;
 }
 
-static inline const char *json_members(const char *s, char close, bool keys) {
-    s = json_space(s);
+/* The members behind the bracket `first`. An object has no key twice. */
+static inline const char *json_members(const char *first, char close, bool keys) {
+    const char *s = json_space(first + 1);
     if (*s == close) return s + 1;
     for (;;) {
         if (keys) {
-            s = json_string(json_space(s));
+            const char *key = json_space(s);
+            s = json_string(key);
             if (s == NULL) return NULL;
+            const char *before = json_key(first, key, (size_t)(s - key));
+            if (before != NULL && before < key) return NULL;
             s = json_space(s);
             if (*s++ != ':') return NULL;
         }
@@ -304,8 +309,8 @@ static inline const char *json_members(const char *s, char close, bool keys) {
 static inline const char *json_value(const char *s) {
     static const char *const words[] = {"true", "false", "null"};
     s = json_space(s);
-    if (*s == '{') return json_members(s + 1, '}', true);
-    if (*s == '[') return json_members(s + 1, ']', false);
+    if (*s == '{') return json_members(s, '}', true);
+    if (*s == '[') return json_members(s, ']', false);
     if (*s == '"') return json_string(s);
     for (size_t i = 0; i < 3; i++)
         if (strncmp(s, words[i], strlen(words[i])) == 0) return s + strlen(words[i]);
@@ -319,20 +324,25 @@ static inline bool json_is_object(const char *text) {
     return end != NULL && *json_space(end) == '\0';
 }
 
-/* Where the value of a key of the outermost object begins; NULL if the key is missing. */
-static inline const char *json_find(const char *text, const char *key) {
+/* Where a member of the outermost object begins; NULL if it is missing. */
+static inline const char *json_key(const char *text, const char *quoted, size_t length) {
     const char *s = json_space(text) + 1;
     for (;;) {
         s = json_space(s);
         const char *end = json_string(s);
         if (end == NULL) return NULL;
-        const bool found = (size_t)(end - s) == strlen(key) + 2 && strncmp(s + 1, key, strlen(key)) == 0;
+        if ((size_t)(end - s) == length && strncmp(s, quoted, length) == 0) return s;
         s = json_space(json_space(end) + 1);
-        if (found) return s;
         s = json_value(s);
         if (s == NULL || *(s = json_space(s)) != ',') return NULL;
         s++;
     }
+}
+
+/* Where its value begins. */
+static inline const char *json_find(const char *text, const char *key) {
+    const char *quoted = test_text("\"%s\"", key), *s = json_key(text, quoted, strlen(quoted));
+    return s == NULL ? NULL : json_space(json_space(json_string(s)) + 1);
 }
 
 static inline double json_number(const char *text, const char *key) {

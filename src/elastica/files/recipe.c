@@ -317,7 +317,7 @@ static void tell(lg_training *self, const lg_surrogate_errors *train, const lg_s
     const lg_surrogate_preset *preset = s->preset;
     lg_result_real(self, "train_mse", train->mse, "mean squared error of the training part");
     lg_result_real(self, "test_mse", test->mse, "of the test part");
-    lg_result_real(self, "loss", lg_fit_loss(self->fit), "the last epoch's mean over its batches");
+    lg_result_real(self, "training_loss", lg_fit_loss(self->fit), "the last epoch's mean over its batches");
     lg_result_real(self, "truncation", s->truncation, "what the modes leave out");
     lg_result_whole(self, "parameters", self->problem.parameters, NULL);
     self->first_count = self->result_count;
