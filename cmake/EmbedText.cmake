@@ -1,16 +1,17 @@
-# C files and gnuplot scripts (.gp) as text in one generated C file: a table of {name, text}, a row for each file below some folders,
-# and a last row of NULL. As a script: cmake -DFOLDERS=... -DOUT=... -DHEADER=... -DTABLE=... -P EmbedText.cmake. Included: embed_text.
+# Files as text in one generated C file: a table of {name, text}, a row for each file below some folders, and a last row of NULL.
+# C files and gnuplot scripts (.gp) are named without their ending, shell scripts (.sh) and YAML files (.yaml) with it. As a script: cmake -DFOLDERS=... -DOUT=... -DHEADER=... -DTABLE=... -P EmbedText.cmake. Included: embed_text.
 #
 # embed_text(out header table folder...): the generated file's path into `out`; made again when a file below a folder
 # changes, comes or goes. `header` declares `table`, an array such as "const export_fragment export_fragments[]".
 if(CMAKE_SCRIPT_MODE_FILE)
   string(REPLACE "|" ";" FOLDERS "${FOLDERS}")
-  list(TRANSFORM FOLDERS APPEND "/*.[cg]*")
+  list(TRANSFORM FOLDERS APPEND "/*.[cgsy]*")
   file(GLOB_RECURSE files ${FOLDERS})
   list(SORT files)
   set(rows "")
   foreach(file IN LISTS files)
-    get_filename_component(name ${file} NAME_WE)
+    get_filename_component(name ${file} NAME)
+    string(REGEX REPLACE "\\.(c|gp)$" "" name ${name})
     file(READ ${file} text)
     string(REPLACE "\\" "\\\\" text "${text}")
     string(REPLACE "\"" "\\\"" text "${text}")
@@ -25,7 +26,7 @@ endif()
 set(EMBED_TEXT_SCRIPT ${CMAKE_CURRENT_LIST_FILE})
 function(embed_text out header table)
   set(patterns ${ARGN})
-  list(TRANSFORM patterns APPEND "/*.[cg]*")
+  list(TRANSFORM patterns APPEND "/*.[cgsy]*")
   file(GLOB_RECURSE files CONFIGURE_DEPENDS ${patterns})
   list(JOIN ARGN "|" folders)
   set(generated ${CMAKE_CURRENT_BINARY_DIR}/${out}.c)

@@ -334,16 +334,17 @@ void app_check_text(const app *self, const char *path, const char *text) {
     APP_MUST_FILE(self, path, may_write(self, path, text, strlen(text), false, false, &error));
 }
 
-void app_write_texts(const app *self, const char *folder, const app_named_text *texts, size_t count) {
+void app_write_texts(const app *self, const char *folder, const app_named_text *texts) {
     for (int writing = 0; writing < 2; writing++)
-        for (size_t i = 0; i < count; i++) {
+        for (const app_named_text *at = texts; at->name != NULL; at++) {
             app_file file;
-            APP_FREE char *path = app_format("%s/%s", folder, texts[i].name);
-            const char *text = texts[i].text;
+            APP_FREE char *path = app_format("%s/%s", folder, at->name);
+            const char *text = at->text;
+            if (strstr(at->name, ".sh") != NULL) continue;
             APP_MUST_FILE(self, path, may_write(self, path, text, strlen(text), true, false, &error));
             if (!writing || output_of(path)->inode != 0) continue; /* inode: the text is there */
             app_file_begin(&file, path);
-            (void)fputs(texts[i].text, file.stream);
+            (void)fputs(text, file.stream);
             APP_MUST_FILE(self, path, app_file_end(&file, &error));
         }
 }

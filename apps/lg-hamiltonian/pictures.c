@@ -1,8 +1,6 @@
 /* The pictures of lg-hamiltonian. */
 #include "lg-hamiltonian/training.h"
 
-#include <math.h>
-
 enum { PANELS_IN_ROW = 3, TITLE_HEIGHT = 30 };
 
 static bool on_spheres(const lg_hamiltonian *model) {
@@ -41,15 +39,5 @@ lg_status draw_trajectories(const app *self, const char *picture, const char *ti
     app_plot_text(&plot, "%zu", panels);
     app_plot_text(&plot, "%zu", truth != NULL ? put_blocks(&plot, model, t, truth, n, points) : 0);
     app_plot_text(&plot, "%zu", put_blocks(&plot, model, t, predicted, n, points));
-    return app_plot_end(self, &plot, error);
-}
-
-lg_status draw_energy(const app *self, const char *picture, const double *t, const double *true_energy,
-                      const double *learned_energy, size_t count, lg_error *error) {
-    app_plot plot;
-    app_plot_begin(&plot, "learned_energy", picture, 800, 500);
-    for (size_t i = 1; i < count; i++)
-        (void)fprintf(plot.data, "%.9g %.9g %.9g\n", t[i], fabs(learned_energy[i] - learned_energy[0]),
-                      fabs(true_energy[i] - true_energy[0]));
     return app_plot_end(self, &plot, error);
 }

@@ -81,8 +81,5 @@ enum { SHOWN_TRAJECTORIES = 10 }; /* default number of trajectories in the pictu
 lg_status draw_trajectories(const app *app, const char *picture, const char *title,
                             const lg_hamiltonian *model, const double *t, const double *truth,
                             const double *predicted, size_t n, size_t points, lg_error *error);
-/* Draws |H - H(0)| along one prediction, for the true and the learned energy, in units with m = L = g = 1. */
-lg_status draw_energy(const app *app, const char *picture, const double *t, const double *true_energy,
-                      const double *learned_energy, size_t count, lg_error *error);
 
 #endif

@@ -1,0 +1,77 @@
+/* The demo of a program: a bash script that runs commands as a user would. */
+#include <ctype.h>
+#include <errno.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "common/app.h"
+
+/* Sets LG_NAME for the script. An option that has no default and is not given is empty. */
+static void set_variable(const char *option, const char *value) {
+    APP_FREE char *name = app_format("LG_%s", option);
+    for (char *c = name; *c != '\0'; c++) *c = (char)(*c == '-' ? '_' : toupper((unsigned char)*c));
+    if (setenv(name, value, 1) != 0) app_out_of_memory();
+}
+
+static void set_variables(const app *self) {
+    char text[LG_FIELD_TEXT_SIZE];
+    for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++) {
+        lg_field_show(slot->row, slot->values, text, sizeof text);
+        set_variable(slot->name, slot->given || slot->row->value != NULL ? text : "");
+    }
+    APP_FREE char *seed = app_format("%llu", (unsigned long long)self->seed);
+    APP_FREE char *threads = app_format("%llu", (unsigned long long)self->threads);
+    set_variable("seed", seed);
+    set_variable("threads", threads);
+    set_variable("json", self->json ? "1" : "");
+}
+
+/* The folder of this program becomes the first of PATH. An empty entry of PATH would be the demo's folder. */
+static void find_programs(const app *self) {
+    char own[4096];
+    const ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
+    if (length <= 0) app_stop(self, LG_FILE, "/proc/self/exe: %s", strerror(errno));
+    own[length] = '\0';
+    *strrchr(own, '/') = '\0';
+    const char *path = getenv("PATH");
+    APP_FREE char *with = app_format("%s:%s", own, path != NULL && *path != '\0' ? path : "/usr/bin:/bin");
+    if (setenv("PATH", with, 1) != 0) app_out_of_memory();
+}
+
+/* Waits for the script, and passes a signal on to it. Returns its exit code. */
+static int wait_for(pid_t child) {
+    static const struct timespec pause = {0, 20000000};
+    int status = 0;
+    for (bool passed = false; waitpid(child, &status, WNOHANG) == 0; (void)nanosleep(&pause, NULL))
+        if (app_interrupted() && !passed) passed = kill(child, SIGTERM) == 0;
+    if (app_interrupted()) return APP_EXIT_INTERRUPTED;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+static const char *text_of(const app_named_text *texts, const char *name) {
+    while (strcmp(texts->name, name) != 0) texts++;
+    return texts->text;
+}
+
+int app_demo(app *self, const char *folder, const app_named_text *texts) {
+    extern char **environ;
+    pid_t child;
+    APP_MUST_FILE(self, folder, app_make_folder(folder, &error));
+    APP_MUST_FILE(self, folder, app_claim(self, folder, &error));
+    app_write_texts(self, folder, texts);
+    find_programs(self);
+    set_variables(self);
+    if (chdir(folder) != 0) app_stop(self, LG_FILE, "%s: %s", folder, strerror(errno));
+    APP_FREE char *commands = app_format("%s%s", text_of(texts, "begin.sh"), text_of(texts, "demo.sh"));
+    char *words[] = {"bash", "-peu", "-c", commands, self->title, NULL};
+    const int failed = posix_spawnp(&child, words[0], NULL, NULL, words, environ);
+    if (failed != 0)
+        app_stop(self, LG_FILE, "the demo is a bash script, and bash cannot be started: %s",
+                 strerror(failed));
+    return wait_for(child);
+}
