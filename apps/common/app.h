@@ -425,15 +425,15 @@ void app_reads(const app *app, const char *path);
 void app_read_options(const app *app);
 /* Says that the command adds to this file, which it has checked, so it replaces no earlier result. */
 void app_continue(const char *path);
-/* Writes texts into a folder, except the scripts NAME.sh; the last row is NULL. If a file of such a name holds
- * anything else, the command ends before the first text is written. */
+/* Writes texts into a folder, except the scripts NAME.sh; the last row is NULL. If a file of such a name
+ * holds anything else, the command ends before the first text is written. */
 typedef struct app_named_text {
     const char *name, *text;
 } app_named_text;
 void app_write_texts(const app *app, const char *folder, const app_named_text *texts);
-/* Runs the demo of a program in `folder` (demo.c): writes `texts`, the files below apps/PROGRAM/demo, and runs
- * demo.sh with bash. Its variables are LG_JSON, LG_SEED, LG_THREADS and the options of the command, such as
- * LG_T_END. Returns the exit code of the first command that fails, otherwise 0. */
+/* Runs the demo of a program in `folder` (demo.c): writes `texts`, the files below apps/PROGRAM/demo, and
+ * runs demo.sh with bash. Its variables are LG_JSON, LG_SEED, LG_THREADS and the options of the command, such
+ * as LG_T_END. Returns the exit code of the first command that fails, otherwise 0. */
 int app_demo(app *app, const char *folder, const app_named_text *texts);
 extern const app_named_text app_demo_texts[]; /* in each program with a folder demo */
 /* Prints that an earlier result is replaced. */

@@ -44,7 +44,7 @@ static void find_programs(const app *self) {
 }
 
 /* Waits for the script, and passes a signal on to it. Returns its exit code. */
-static int wait_for(pid_t child) {
+static int wait_for_script(pid_t child) {
     static const struct timespec pause = {0, 20000000};
     int status = 0;
     for (bool passed = false; waitpid(child, &status, WNOHANG) == 0; (void)nanosleep(&pause, NULL))
@@ -73,5 +73,5 @@ int app_demo(app *self, const char *folder, const app_named_text *texts) {
     if (failed != 0)
         app_stop(self, LG_FILE, "the demo is a bash script, and bash cannot be started: %s",
                  strerror(failed));
-    return wait_for(child);
+    return wait_for_script(child);
 }

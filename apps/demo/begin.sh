@@ -11,6 +11,6 @@ run() {
     [ $code = 0 ] || fail $code "'$*' ended with exit code $code"
 }
 result() { [ -z "$LG_JSON" ] || set -- "$@" --json; to=3 run "$@"; }
-trap 'kill $child || :' INT TERM
+trap 'trap "" INT TERM; kill "${child-}" 2>/dev/null || exit 130' INT TERM
 exec 3>&1
 [ -z "$LG_JSON" ] || exec >/dev/null

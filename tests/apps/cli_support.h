@@ -400,6 +400,13 @@ static inline void cli_json(const char *program, const char *arguments, const ch
     json_expect(result.out, members);
 }
 
+/* A demo runs the programs of its own folder, which cannot run there without the emulator. */
+static inline void cli_needs_programs(void) {
+#ifdef LG_CROSS
+    skip();
+#endif
+}
+
 /* ---- for programs with several commands ---- */
 
 /* Makes a folder for the group of tests, with an empty file and a file that is not HDF5. */

@@ -354,7 +354,8 @@ TEST("a folder that cannot be written is reported before the evaluation; root ca
 }
 
 TEST("the demonstration records the errors that it prints") {
-    cli_json(lg, "demo --epochs 1 --t-end 1 --out demo", "E1 *");
+    cli_needs_programs();
+    cli_json(lg, "demo --epochs 1 --t-end 1 --out demo", "E1 *, E2 *, trajectories 100, recorded true");
     const lg_hamiltonian_file *file = cli_hamiltonian("demo/model.h5");
     assert_true(file->has_e1 && file->has_e2 && file->test.trajectories == 100 && file->test.points == 15);
     assert_close(file->e1, json_number(result.out, "E1"), 0, 0);

@@ -2,6 +2,9 @@
  * Runs lg-identify fit: estimated numbers and their errors, equal bits, resumption, Ctrl-C, parameters that
  * the logs do not determine, the demo. */
 #include "identify_support.h"
+#include "liegrad/geometry.h"
+
+OWNED(lg_machine_file, lg_machine_file_destroy)
 
 static int setup(void **state) {
     if (cli_begin() != 0) return -1;
@@ -791,17 +794,74 @@ TEST("an oscillator of 5 mg is learned from starting values of 1 for masses and 
 
 /* ---- the demo ---- */
 
-TEST("the demo learns a body from a log and controls the true body with the model") {
-    cli_run(identify, "demo --out shown --seconds 600 --epochs 40 --json");
-    json_expect(result.out, "starts 20, arrived 20, potential <0.1");
-    const char *numbers = json_find(result.out, "identified");
-    static const char *const names[] = {"mass.1.1", "mass.2.2", "mass.3.3", "damping.body.1"};
-    for (size_t i = 0; i < LG_COUNT(names); i++) {
-        const char *number = json_find(numbers, names[i]);
-        assert_close(json_number(number, "value"), json_number(number, "truth"), 0.05, 0);
+static void record_energies(const lg_machine *machine, const double *theta, const double *q, uint32_t count,
+                            double *out) {
+    lg_tape *tape = test_tape(LG_F64);
+    lg_machine_vars vars;
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    const double *still = TEST_ARRAY(double, 3 * count);
+    const uint32_t n = (uint32_t)machine->parameters;
+    assert_ok(
+        lg_machine_bind(tape, machine, n > 0 ? lg_parameter(tape, lg_shape1(n), theta) : LG_NONE, &vars));
+    assert_ok(lg_machine_record_state(tape, &vars, lg_input_f64(tape, lg_shape2(count, 9), q),
+                                      lg_input_f64(tape, lg_shape2(count, 3), still), parts));
+    assert_ok(lg_read(tape, lg_machine_record_energy(tape, &vars, parts), count, out));
+    for (uint32_t i = 0; i < count; i++) out[i] *= machine->scales.energy;
+}
+
+static double spread(const double *x, size_t count) {
+    double mean = 0, sum = 0;
+    for (size_t i = 0; i < count; i++) mean += x[i] / (double)count;
+    for (size_t i = 0; i < count; i++) sum += (x[i] - mean) * (x[i] - mean);
+    return sqrt(sum / (double)count);
+}
+
+/* Standard deviation of the potentials' difference over random attitudes, relative to the true
+ * potential's. */
+static double potential_error(const lg_machine *learned, const double *theta, const lg_machine *truth) {
+    enum { ATTITUDES = 400 };
+    double q[9 * ATTITUDES], a[ATTITUDES], b[ATTITUDES];
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 7);
+    for (size_t i = 0; i < ATTITUDES; i++) {
+        double turn[3];
+        for (int k = 0; k < 3; k++) turn[k] = 2 * lg_rng_normal(&rng);
+        lg_so3_exp(turn, q + 9 * i);
     }
-    static const char *const files[] = {"machine.yaml", "train.csv", "model.h5", "learned.svg",
-                                        "predicted.csv"};
+    record_energies(learned, theta, q, ATTITUDES, a);
+    record_energies(truth, NULL, q, ATTITUDES, b);
+    for (size_t i = 0; i < ATTITUDES; i++) a[i] -= b[i];
+    return spread(a, ATTITUDES) / spread(b, ATTITUDES);
+}
+
+TEST("the demo learns a body from a log and controls the true body with the model") {
+    static const struct {
+        const char *name;
+        lg_machine_part part;
+        size_t at;
+    } numbers[] = {{"mass.1.1", LG_MACHINE_MASS, 0},
+                   {"mass.2.2", LG_MACHINE_MASS, 1},
+                   {"mass.3.3", LG_MACHINE_MASS, 2},
+                   {"damping.body.1", LG_MACHINE_DAMPING, 0}};
+    cli_needs_programs();
+    cli_json(identify, "demo --out shown --seconds 600 --epochs 40", "starts 500, succeeded 500");
+    const lg_machine_model_file *model = cli_machine_model("shown/model.h5");
+    lg_machine_file file;
+    assert_ok(lg_machine_file_read(NULL, cli_at("shown/truth.yaml"), &file, NULL));
+    const lg_machine_file *truth = own_lg_machine_file(file);
+    lg_identified found[16];
+    const size_t count = lg_machine_numbers(&model->run.machine, model->theta, LG_COUNT(found), found);
+    for (size_t i = 0; i < LG_COUNT(numbers); i++) {
+        const lg_machine_term *term = truth->machine.terms;
+        size_t k = 0;
+        while (term->part != numbers[i].part) term++;
+        while (k < count && strcmp(found[k].name, numbers[i].name) != 0) k++;
+        if (k == count) fail_msg("%s is not identified", numbers[i].name);
+        assert_close(found[k].value, term->values[numbers[i].at], 0.05, 0);
+    }
+    assert_true(potential_error(&model->run.machine, model->theta, &truth->machine) < 0.1);
+    static const char *const files[] = {"machine.yaml", "train.csv",     "model.h5",
+                                        "learned.svg",  "predicted.csv", "policy.h5"};
     for (size_t i = 0; i < LG_COUNT(files); i++) {
         const char *path = test_text("shown/%s", files[i]);
         if (!cli_exists(path)) fail_msg("%s is not there", path);
@@ -810,8 +870,8 @@ TEST("the demo learns a body from a log and controls the true body with the mode
 }
 
 static int finish(void **state) {
-    static const char *const names[] = {"truth.yaml", "machine.yaml", "train.csv",
-                                        "test.csv",   "model.h5",     "predicted.csv"};
+    static const char *const names[] = {"truth.yaml", "machine.yaml",  "train.csv", "test.csv",
+                                        "model.h5",   "predicted.csv", "task.yaml", "policy.h5"};
     static const char *const pictures[] = {"log", "fit", "learned", "predicted"};
     static const char *const endings[] = {"svg", "dat", "gp"};
     char path[1024], name[64];
