@@ -214,25 +214,19 @@ static const double training_error = 1e-4, judging_error = 1e-6;
 /* The number of steps, 1, 2, 4, ..., at which halving the steps changes the next state by at most `wanted` of
  * its change. */
 static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_error *error) {
-    const size_t n = p->layout.errors, x = (size_t)TRIALS * p->state;
+    const size_t x = (size_t)TRIALS * p->state;
     lg_plan *step = NULL;
     lg_rng rng;
     LG_TRY(lg_policy_plan(p, "step", LG_F64, TRIALS, &step, error));
-    const size_t numbers = TRIALS * n + 4 * x + TRIALS * (p->inputs + 1);
-    double *z = lg_alloc(p->context, numbers, sizeof *z);
+    double *start = lg_alloc(p->context, 4 * x + TRIALS * (p->inputs + 1), sizeof *start);
     void *work = lg_alloc(p->context, lg_plan_work_size(step), 1);
     lg_status status =
-        z != NULL && work != NULL ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for steps");
+        start != NULL && work != NULL ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for steps");
     if (status == LG_OK) {
-        double *start = z + TRIALS * n, *coarse = start + x, *fine = coarse + x, *next = fine + x,
-               *u = next + x, *h = u + TRIALS * p->inputs;
+        double *coarse = start + x, *fine = coarse + x, *next = fine + x, *u = next + x,
+               *h = u + TRIALS * p->inputs;
         lg_rng_seed(&rng, seed, 5);
-        for (size_t i = 0; i < TRIALS; i++) {
-            lg_policy_draw(&p->task, &p->layout, &rng, z + i * n);
-            for (uint32_t l = 0; l < p->inputs; l++)
-                u[i * p->inputs + l] = lg_rng_uniform_in(&rng, p->task.input[l].low, p->task.input[l].high);
-        }
-        status = lg_policy_states(p, z, TRIALS, start, error);
+        status = lg_policy_starts(p, &rng, TRIALS, start, u, error);
         double off = INFINITY;
         size_t lag;
         const bool lagged = lg_program_find(p->program, "lag", &lag, NULL) == LG_OK;
@@ -252,7 +246,7 @@ static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_
                 MOST_STEPS, p->task.period, off,
                 lagged ? ", or leave out a lag that is much shorter than the period" : "");
     }
-    lg_free(p->context, z);
+    lg_free(p->context, start);
     lg_free(p->context, work);
     lg_plan_destroy(step);
     return status;

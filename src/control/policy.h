@@ -165,6 +165,9 @@ lg_status lg_policy_check_shifts(const lg_policy *policy, bool tracked, uint64_t
 /* States (count, state) from errors z (count, errors), by the retraction and the plant's `momenta`. */
 lg_status lg_policy_states(const lg_policy *policy, const double *z, size_t count, double *x,
                            lg_error *error);
+/* Draws the states (count, state) of starts and, unless u is NULL, inputs (count, inputs) in their limits. */
+LG_API lg_status lg_policy_starts(const lg_policy *policy, lg_rng *rng, size_t count, double *x, double *u,
+                                  lg_error *error);
 
 typedef struct lg_policy_trial {
     const double *gain;  /* the shared input K of `regulated`; NULL: runs of the policy with theta */

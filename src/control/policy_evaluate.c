@@ -46,24 +46,23 @@ lg_status lg_policy_evaluate(const lg_policy *p, lg_policy_test test, uint64_t s
                                    .disturbed = test == LG_POLICY_DISTURBED,
                                    .seed = seed,
                                    .threads = threads};
-    const size_t n = (size_t)starts, errors = p->layout.errors;
-    double *memory = lg_alloc(p->context, n * (errors + p->state + 3), sizeof *memory);
+    const size_t n = (size_t)starts;
+    double *memory = lg_alloc(p->context, n * (p->state + 3), sizeof *memory);
     bool *held = lg_alloc(p->context, n, sizeof *held);
     lg_policy_runs runs = {.count = n, .steps = lg_policy_periods(p, p->task.within)};
     lg_status status = LG_OK;
     if (memory == NULL || held == NULL)
         status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu runs", n);
     if (status == LG_OK) {
-        double *z = memory, *sorted = z + n * errors + n * p->state + 2 * n;
+        double *sorted = memory + n * p->state + 2 * n;
         lg_rng rng;
         if (wanted != NULL)
             runs.path = wanted->path, runs.input = wanted->input, runs.costs = wanted->costs,
             runs.motion = wanted->motion;
-        runs.x = z + n * errors, runs.cost = runs.x + n * p->state, runs.saturated = runs.cost + n;
+        runs.x = memory, runs.cost = runs.x + n * p->state, runs.saturated = runs.cost + n;
         runs.succeeded = held;
         lg_rng_seed(&rng, seed, 0);
-        for (size_t i = 0; i < n; i++) lg_policy_draw(&p->task, &p->layout, &rng, z + i * errors);
-        status = lg_policy_states(p, z, n, runs.x, error);
+        status = lg_policy_starts(p, &rng, n, runs.x, NULL, error);
         if (status == LG_OK) status = lg_policy_run(p, &trial, &runs, error);
         if (status == LG_OK) summarise(&runs, sorted, out);
         if (status == LG_OK && wanted != NULL) {

@@ -498,10 +498,9 @@ static lg_status learn_from_unforced(design *d) {
     lg_rng rng;
     if (path == NULL) return lg_fail(d->error, LG_OUT_OF_MEMORY, "no memory for the unforced motion");
     lg_rng_seed(&rng, d->seed, 8);
-    for (size_t s = 0; s < SAMPLES; s++) lg_policy_draw(&p->task, &p->layout, &rng, d->z + s * d->n);
     lg_policy_runs runs = {
         .count = SAMPLES, .steps = steps, .x = d->x, .cost = cost, .path = path, .succeeded = d->held};
-    lg_status status = lg_policy_states(p, d->z, SAMPLES, d->x, d->error);
+    lg_status status = lg_policy_starts(p, &rng, SAMPLES, d->x, NULL, d->error);
     if (status == LG_OK)
         status = lg_policy_run(p, &(lg_policy_trial){.gain = zero, .threads = 1}, &runs, d->error);
     if (status == LG_OK) {

@@ -28,6 +28,20 @@ lg_status lg_policy_states(const lg_policy *p, const double *z, size_t count, do
     return status;
 }
 
+lg_status lg_policy_starts(const lg_policy *p, lg_rng *rng, size_t count, double *x, double *u,
+                           lg_error *error) {
+    double *z = lg_alloc(p->context, count * p->layout.errors, sizeof *z);
+    if (z == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for starts");
+    for (size_t i = 0; i < count; i++) {
+        lg_policy_draw(&p->task, &p->layout, rng, z + i * p->layout.errors);
+        for (uint32_t l = 0; u != NULL && l < p->inputs; l++)
+            *u++ = lg_rng_uniform_in(rng, p->task.input[l].low, p->task.input[l].high);
+    }
+    const lg_status status = lg_policy_states(p, z, count, x, error);
+    lg_free(p->context, z);
+    return status;
+}
+
 const lg_policy *lg_policy_drawn(const lg_policy *p, uint64_t piece) {
     return p->draw_count > 0 ? p->draws[piece % p->draw_count] : p;
 }

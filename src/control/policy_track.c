@@ -111,18 +111,13 @@ static lg_status compare(const lg_policy *p, uint32_t k, const double *seen, con
 
 /* Random states: starts, with free positions from their range. */
 static lg_status draw(const lg_policy *p, uint64_t seed, double *seen, double *u, lg_error *error) {
-    const uint32_t n = p->layout.errors, nq = p->layout.positions, nv = p->layout.velocities;
-    double *z = lg_alloc(p->context, TRIALS * (n + p->state + nq + nv), sizeof *z);
-    if (z == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
-    double *x = z + TRIALS * n, *q = x + TRIALS * p->state, *v = q + TRIALS * nq;
+    const uint32_t nq = p->layout.positions, nv = p->layout.velocities;
+    double *x = lg_alloc(p->context, TRIALS * (p->state + nq + nv), sizeof *x);
+    if (x == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
+    double *q = x + TRIALS * p->state, *v = q + TRIALS * nq;
     lg_rng rng;
     lg_rng_seed(&rng, seed, 9);
-    for (size_t i = 0; i < TRIALS; i++) {
-        lg_policy_draw(&p->task, &p->layout, &rng, z + i * n);
-        for (uint32_t l = 0; l < p->inputs; l++)
-            u[i * p->inputs + l] = lg_rng_uniform_in(&rng, p->task.input[l].low, p->task.input[l].high);
-    }
-    lg_status status = lg_policy_states(p, z, TRIALS, x, error);
+    lg_status status = lg_policy_starts(p, &rng, TRIALS, x, u, error);
     if (status == LG_OK) status = see(p, x, q, v, seen, error);
     for (uint32_t k = 0; k < p->task.coordinate_count && status == LG_OK; k++) {
         const lg_policy_coordinate *c = &p->task.coordinate[k];
@@ -130,7 +125,7 @@ static lg_status draw(const lg_policy *p, uint64_t seed, double *seen, double *u
             seen[i * (nq + nv) + p->layout.at[k].position] +=
                 lg_rng_uniform_in(&rng, c->start[0], c->start[1]);
     }
-    lg_free(p->context, z);
+    lg_free(p->context, x);
     return status;
 }
 

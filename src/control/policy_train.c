@@ -63,15 +63,9 @@ static lg_status check_options(const lg_policy_train_options *o, lg_error *error
 /* ---- starts and judgements ---- */
 
 static lg_status draw_starts(const training *t, uint64_t stream, size_t count, double *x) {
-    const lg_policy *p = t->policy;
-    double *z = lg_alloc(p->context, count * p->layout.errors, sizeof *z);
     lg_rng rng;
-    if (z == NULL) return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for starts");
     lg_rng_seed(&rng, t->options.seed, stream);
-    for (size_t i = 0; i < count; i++) lg_policy_draw(&p->task, &p->layout, &rng, z + i * p->layout.errors);
-    const lg_status status = lg_policy_states(p, z, count, x, t->error);
-    lg_free(p->context, z);
-    return status;
+    return lg_policy_starts(t->policy, &rng, count, x, NULL, t->error);
 }
 
 static lg_status judge(const training *t, const double *theta, judged *out) {

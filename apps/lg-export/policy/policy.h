@@ -2,8 +2,8 @@
 #ifndef LG_EXPORT_POLICY_H
 #define LG_EXPORT_POLICY_H
 
+#include "control/policy.h"
 #include "lg-export/export.h"
-#include "liegrad/policy.h"
 
 /* A controller that is being exported. */
 typedef struct export_policy_job {
@@ -33,8 +33,6 @@ void export_loop_close(export_loop *loop);
 /* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the policy computes
  * in single precision; the plant computes in double precision. */
 void export_loop_step(export_loop *loop, bool single, double *x, double *u);
-/* Draws a start as the task says. x is the plant's state. */
-lg_status export_loop_start(const export_policy_job *job, lg_rng *rng, double *x, lg_error *error);
 
 /* Adds the closed loop to the self-test. */
 int export_policy_loop(export_policy_job *job);

@@ -108,7 +108,7 @@ static lg_status run(export_loop *l, const adaptation *a, bool kick, golden *g, 
     double *x = app_alloc(j->state, sizeof *x);
     lg_rng rng;
     lg_rng_seed(&rng, j->source->options->seed, ADAPT_STREAM);
-    lg_status status = export_loop_start(j, &rng, x, error);
+    lg_status status = lg_policy_starts(j->policy, &rng, 1, x, NULL, error);
     for (size_t k = 0; status == LG_OK && k <= g->periods; k++) {
         double u[LG_POLICY_INPUTS];
         export_loop_step(l, false, x, u);

@@ -57,55 +57,6 @@ void export_loop_step(export_loop *l, bool single, double *x, double *u) {
     memcpy(x, l->row, j->state * sizeof *x);
 }
 
-/* ---- starts ---- */
-
-/* A random axis, of the length `angle`; for a direction it is across the goal. */
-static void draw_axis(lg_rng *rng, const double *across, double angle, double *axis) {
-    double along = 0, square = 0;
-    for (int k = 0; k < 3; k++) axis[k] = lg_rng_normal(rng);
-    for (int k = 0; k < 3 && across != NULL; k++) along += axis[k] * across[k];
-    for (int k = 0; k < 3; k++) {
-        axis[k] -= across != NULL ? along * across[k] : 0;
-        square += axis[k] * axis[k];
-    }
-    for (int k = 0; k < 3; k++) axis[k] *= angle / sqrt(square);
-}
-
-static void draw_position(const lg_policy_coordinate *c, lg_rng *rng, double *q) {
-    const double far = lg_rng_uniform_in(rng, c->start[0], c->start[1]);
-    double axis[3];
-    if (c->motion == LG_POLICY_DIRECTION) {
-        draw_axis(rng, c->goal, far, axis);
-        lg_so3_exp_act(axis, c->goal, q);
-    } else if (c->motion == LG_POLICY_ROTATION) {
-        draw_axis(rng, NULL, far, axis);
-        lg_so3_exp_multiply(axis, c->goal, q);
-    } else {
-        q[0] = c->goal[0] + far;
-    }
-}
-
-lg_status export_loop_start(const export_policy_job *j, lg_rng *rng, double *x, lg_error *error) {
-    double *const row = app_alloc(j->positions + j->velocities, sizeof *row);
-    double *q = row, *v = row + j->positions;
-    lg_status status = LG_OK;
-    for (uint32_t i = 0; i < j->task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &j->task->coordinate[i];
-        const lg_policy_motion_row *sizes = lg_policy_motion_row_of(c->motion);
-        draw_position(c, rng, q);
-        for (uint32_t k = 0; c->velocity[0] != '\0' && k < sizes->velocity; k++)
-            *v++ = lg_rng_uniform_in(rng, c->start_velocity[0], c->start_velocity[1]);
-        q += sizes->position;
-    }
-    if (j->velocities == 0)
-        memcpy(x, row, j->state * sizeof *x);
-    else
-        status = lg_program_eval(j->self->context, j->program, "momenta", 1,
-                                 (const double *const[]){row, row + j->positions}, &x, error);
-    free(row);
-    return status;
-}
-
 /* ---- golden paths ---- */
 
 typedef struct golden {
@@ -128,7 +79,7 @@ static lg_status run_library(export_loop *l, golden *g, lg_error *error) {
     lg_rng_seed(&rng, l->job->source->options->seed, LOOP_STREAM);
     for (size_t r = 0; r < RUNS; r++) {
         double *x = g->path + r * (g->steps + 1) * n;
-        LG_TRY(export_loop_start(l->job, &rng, x, error));
+        LG_TRY(lg_policy_starts(l->job->policy, &rng, 1, x, NULL, error));
         for (size_t k = 0; k <= g->steps; k++, x += n) {
             const double size = export_norm(x, NULL, n);
             if (!(size < 1e6)) break;
