@@ -1,8 +1,6 @@
 /* Errors, memory, numbers, clocks and threads. */
 #include "common/app.h"
 
-#include <errno.h>
-#include <math.h>
 #include <pthread.h>
 #include <stdarg.h>
 #include <stdlib.h>

@@ -1,7 +1,6 @@
 /* JSON, tables, progress. */
 #include "common/app.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>

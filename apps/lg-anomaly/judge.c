@@ -1,7 +1,6 @@
 /* Scores windows by a model, finds windows that are unlike the training data, and prints both results. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "common/train.h"
 #include "lg-anomaly/anomaly.h"

@@ -1,7 +1,6 @@
 /* Pictures of points, lines and recordings. */
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "lg-anomaly/anomaly.h"
 

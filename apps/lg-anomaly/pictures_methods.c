@@ -1,6 +1,4 @@
 /* Pictures of methods: explained variance, pruning, trees and ROC curves. */
-#include <math.h>
-
 #include "lg-anomaly/anomaly.h"
 
 enum { SHOWN_DEPTH = 6, SHOWN_VARIANCES = 30 };

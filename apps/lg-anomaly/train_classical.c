@@ -1,7 +1,6 @@
 /* lg-anomaly train with a classical method on features. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lg-anomaly/train.h"
 

@@ -3,7 +3,6 @@
  * the median time has passed, which shows what interrupts do to calls of this length. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 #include <time.h>
 
 #include "lg-bench/bench.h"

@@ -4,7 +4,6 @@
  * layer of one. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "kernels/conv.h"
 #include "lg-bench/bench.h"

@@ -1,5 +1,4 @@
 /* Surrogates of the elastica: seconds per epoch of training, one row per architecture. */
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,9 +1,7 @@
 /* RKMK(5,4) on chains of pendulums in Lagrangian form: time against error for smaller and smaller tolerances,
  * then the cost of one step for 1 to 10^4 links. Every link starts at (q, omega) = (sqrt(1/2), 0, sqrt(1/2),
  * 0, 1, 0). Masses and lengths are 1, g = 9.81; time runs from 0 to 3. */
-#include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lg-bench/bench.h"
 #include "liegrad/integrators.h"

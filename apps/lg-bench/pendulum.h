@@ -8,7 +8,6 @@
 #define LG_BENCH_PENDULUM_H
 
 #include <math.h>
-#include <string.h>
 
 enum { STAGES = 4 };
 static const double gravity = 9.81, step = 0.01;

@@ -1,6 +1,5 @@
 /* Scalar code: the planar double pendulum (pendulum.h) with the classical Runge-Kutta scheme, 100 steps of
  * 0.01. J is the sum of the last state's numbers; the gradient is dJ/d(start). */
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,5 +1,4 @@
 /* lg-control evaluate: judges a policy by runs. */
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,7 +1,6 @@
 /* lg-control evaluate --plot: the motion of some runs, the starts of all, the inputs of some. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lg-control/control_app.h"
 

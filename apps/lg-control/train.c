@@ -1,5 +1,4 @@
 /* lg-control train: learns a policy. */
-#include <math.h>
 #include <stdlib.h>
 
 #include "common/train.h"

@@ -1,5 +1,4 @@
 /* Equilibria: solves, collects, compares and writes them. */
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

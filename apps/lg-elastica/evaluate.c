@@ -1,5 +1,4 @@
 /* lg-elastica evaluate: the errors of a model on curves. */
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

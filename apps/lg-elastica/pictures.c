@@ -1,5 +1,4 @@
 /* The pictures of lg-elastica. */
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 

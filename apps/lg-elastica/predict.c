@@ -1,6 +1,5 @@
 /* lg-elastica predict: computes the learned curve for given boundary conditions. */
 #include <math.h>
-#include <string.h>
 
 #include "elastica/files/recipe.h"
 #include "lg-elastica/beam.h"

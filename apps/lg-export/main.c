@@ -1,5 +1,4 @@
 /* lg-export: writes a trained model as C sources for control code. */
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 

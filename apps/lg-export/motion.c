@@ -3,7 +3,6 @@
  * around these functions. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lg-export/faces.h"
 

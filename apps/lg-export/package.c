@@ -2,7 +2,6 @@
  * package.xml says that it is plain CMake. */
 #include <ctype.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lg-export/export.h"
 

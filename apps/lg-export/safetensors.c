@@ -3,7 +3,6 @@
  * the names of the model's file with points instead of slashes; parameters of a program keep their names. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "core/bytes.h"
 #include "liegrad/model.h"

@@ -1,7 +1,6 @@
 /* Classes: what detectors, classifications of tables and classical classifiers report about a window or a
  * row. */
 #include <math.h>
-#include <string.h>
 
 #include "lg-export/faces.h"
 #include "liegrad/series.h"

@@ -4,7 +4,6 @@
 #include "common/pieces.h"
 
 #include <stdio.h>
-#include <string.h>
 
 typedef struct generate_values {
     const char *out;

@@ -1,7 +1,6 @@
 /* lg-identify evaluate: compares free runs of a model with logs. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lg-identify/identify.h"
 

@@ -2,7 +2,6 @@
 #include "lg-simulate/ensemble.h"
 
 #include <errno.h>
-#include <float.h>
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>

@@ -3,7 +3,6 @@
 #include "common/train.h"
 #include "lg-simulate/ensemble.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

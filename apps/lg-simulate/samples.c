@@ -4,7 +4,6 @@
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Default numbers of points: POINTS, or POINTS_OF_STEPS for equal steps; fewer if the states of all
  * points would have more than NUMBERS numbers. */

@@ -1,7 +1,6 @@
 /* The scene: system, start, final time, and the names of the state's numbers. */
 #include "lg-simulate/simulate.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,6 +1,5 @@
 /* Detectors: check of the description, scaling of windows, evaluation by a plan. */
 #include <inttypes.h>
-#include <math.h>
 #include <string.h>
 
 #include "kernels/kernels.h"

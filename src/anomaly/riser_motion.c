@@ -3,7 +3,6 @@
  * at predicted velocities. The foundation's true force laws differ from the linear springs; this difference
  * depends on four numbers, the offsets and rotations in x and y. It is evaluated at predicted offsets and
  * rotations, which two fixed-point rounds correct. */
-#include <float.h>
 #include <math.h>
 #include <string.h>
 

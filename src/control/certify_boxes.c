@@ -1,6 +1,5 @@
 /* Branch and bound on a stack of boxes. Boxes are taken from the top in batches, and what is found is used
  * in their order, so the result does not depend on threads. */
-#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

@@ -1,7 +1,6 @@
 /* Torque-limited pendulums: checks in one dimension. */
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "core/core.h"
 #include "liegrad/certify.h"

@@ -1,6 +1,5 @@
 /* Policies: how far a quadratic set reaches into the gate of a network. */
 #include <math.h>
-#include <string.h>
 
 #include "control/policy.h"
 #include "kernels/lapack.h"

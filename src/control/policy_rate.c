@@ -1,7 +1,6 @@
 /* Policies: the closed loop as certificates need it. z = (positions - goal, velocities), angles counted; free
  * positions are no part of z. */
 #include <math.h>
-#include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
 #include "control/policy.h"

@@ -1,7 +1,6 @@
 #define _DEFAULT_SOURCE /* for madvise */
 #include "core/core.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>

@@ -1,7 +1,5 @@
 #include "core/core.h"
 
-#include <stdio.h>
-
 const char *lg_status_name(lg_status status) {
     switch (status) {
 #define X(code, value, sentence)                                                                             \

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "settings/names.h"
 #include "datasets/series_files.h"
 
 void lg_series_data_destroy(lg_series_data *data) {

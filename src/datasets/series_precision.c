@@ -1,5 +1,4 @@
 /* Converts samples to single precision and measures how much each channel loses by rounding. */
-#include <float.h>
 #include <math.h>
 #include <stdio.h>
 

@@ -2,7 +2,6 @@
  * header (a Python dictionary as text) and the numbers
  * (https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html). */
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,7 +1,6 @@
 /* Reads tables of numbers: the common part for names, rows and classes. */
 #include "core/lookup.h"
 #include "files/csv.h"
-#include "settings/names.h"
 #include "files/read_file.h"
 #include "datasets/table_names.h"
 #include "datasets/table_reading.h"

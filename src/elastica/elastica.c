@@ -2,7 +2,6 @@
  * Euler-Lagrange equations. */
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "elastica/elastica.h"
 

@@ -1,6 +1,5 @@
 /* Generation of sets of curves over families of boundary conditions. */
 #include <math.h>
-#include <string.h>
 
 #include "elastica/elastica.h"
 

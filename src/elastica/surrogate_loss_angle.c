@@ -1,7 +1,4 @@
 /* Training loss of the angle network, whose curve is the integral of (cos, sin) of the angle. */
-#include <math.h>
-#include <string.h>
-
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "elastica/surrogate_loss.h"

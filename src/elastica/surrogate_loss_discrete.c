@@ -1,6 +1,5 @@
 /* Training loss of the discrete network: values at the nodes, or coefficients of modes. */
 #include <math.h>
-#include <string.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"

@@ -1,8 +1,5 @@
 /* Training problems of the surrogates. Mirroring and normalisation are applied to the numbers of a batch
  * before they enter the tape. */
-#include <math.h>
-#include <string.h>
-
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "elastica/surrogate_loss.h"

@@ -1,6 +1,5 @@
 /* Reading attributes, and checking the file's own attributes: format, version, kind and provenance. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "files/h5_internal.h"

@@ -1,10 +1,7 @@
 /* Writes a file completely or not at all: writes a temporary file, then lg_temporary_publish renames it. */
 #define _XOPEN_SOURCE 700 /* for realpath */
 #include <errno.h>
-#include <fcntl.h>
-#include <limits.h>
 #include <signal.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>

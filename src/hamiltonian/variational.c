@@ -11,8 +11,6 @@
  * momenta of the state are invariant under multiples of C^T at z1, so the second multiplier of RATTLE is not
  * needed: pi = sum_j r_j x P_j, p = P - q (q.P), and the components of P for lines. Momenta that belong to
  * a symmetry of V under rotations and shifts are conserved to rounding. */
-#include <string.h>
-
 #include "core/core.h"
 #include "hamiltonian/internal.h"
 #include "integrators/taped_internal.h"

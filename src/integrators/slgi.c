@@ -9,7 +9,6 @@
  * and on R^m, with (x, n) = h f: stage = (q0 + theta x, p0 + (1 - theta) n), end = (q0 + x, p0 + n).
  */
 #include <math.h>
-#include <string.h>
 
 #include "integrators/stepper.h"
 #include "liegrad/geometry.h"

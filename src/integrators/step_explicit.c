@@ -1,7 +1,6 @@
 /* Explicit and variational steps: one short interpreter of the scheme's data per kind. */
 #include "integrators/stepper.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "kernels/kernels.h"

@@ -1,6 +1,5 @@
 /* Machines: damping, input maps and residuals. Learned damping coefficients are squares of parameters,
  * learned matrices D are L L^T, so that v.f <= 0. */
-#include <math.h>
 #include <stdio.h>
 
 #include "core/core.h"

@@ -5,7 +5,6 @@
  * term has coefficients of its own. Parameters and values are blocks of one number per velocity, first the
  * block of its own coefficients, if there is one. All forces have v.f <= 0 for any parameters: each for
  * itself, or together with the base. */
-#include <float.h>
 #include <math.h>
 #include <string.h>
 

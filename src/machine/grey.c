@@ -1,6 +1,5 @@
 /* Machines of a named system: the system's parameters, and the two terms that it adds. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "core/core.h"

@@ -1,6 +1,5 @@
 /* Machines: kinds of mass. Masses are positive: exp of a parameter, or L L^T where the diagonal of L is exp
  * of parameters. */
-#include <math.h>
 #include <stdio.h>
 
 #include "core/core.h"

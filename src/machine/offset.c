@@ -1,6 +1,5 @@
 /* Machines: constant forces. `of` lists coordinates; without it there is one force for each velocity. */
 #include <stdio.h>
-#include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
 #include "core/core.h"

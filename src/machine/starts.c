@@ -1,6 +1,5 @@
 /* Machines: starts of windows as unknowns of the fit. */
 #include <math.h>
-#include <string.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"

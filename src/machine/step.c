@@ -1,9 +1,7 @@
 /* Machines: steps over the intervals between rows of logs. */
 #include <math.h>
-#include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 

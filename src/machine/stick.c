@@ -15,7 +15,6 @@
  * is 0. All of this is recorded without branches: a step without events has segments of length 0. The signs
  * are constants of the derivatives, the times of events are not. */
 #include <float.h>
-#include <math.h>
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"

@@ -7,7 +7,6 @@
  *   J J^T = 4 [C o DD^T, C o DU^T; C o UD^T, C o (DD^T + UU^T)].
  */
 #include <math.h>
-#include <string.h>
 
 #include "mechanics/chain.h"
 

@@ -2,7 +2,6 @@
 #include "model/record.h"
 
 #include "kernels/kernels.h"
-#include "core/core.h"
 
 lg_var lg_record_copies(lg_tape *tape, lg_var x, uint32_t copies) {
     const lg_shape shape = lg_var_shape(tape, x);

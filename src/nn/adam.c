@@ -1,6 +1,5 @@
 /* Adam, gradient clipping, learning rate schedules. */
 #include <math.h>
-#include <string.h>
 
 #include "nn/fit_internal.h"
 

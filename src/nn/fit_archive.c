@@ -1,7 +1,6 @@
 /* Saving and loading the state of a training run. One list names what is stored, for both. */
 #include <inttypes.h>
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "nn/fit_internal.h"

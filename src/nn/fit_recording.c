@@ -2,8 +2,6 @@
  * made a plan. For further chunks the loss is recorded again on the same tape, which computes nothing and
  * only brings the new samples' data, and the plan runs. Chunks whose recordings differ have plans of their
  * own, so that the bits of a chunk do not depend on which chunks came before. */
-#include <string.h>
-
 #include "autodiff/program/program_tape.h"
 #include "autodiff/tape/tape_internal.h"
 #include "nn/fit_internal.h"

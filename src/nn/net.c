@@ -2,7 +2,6 @@
 #include "nn/net.h"
 
 #include <stdio.h>
-#include <string.h>
 
 #include "core/core.h"
 

@@ -1,7 +1,6 @@
 /* Learned machines: golden states like the training data, and the description in NAME.h. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lg-export/faces.h"
 #include "liegrad/machine.h"

@@ -3,7 +3,6 @@
 #include "anomaly/classify/classify_internal.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #define ROOT "classifier/"

@@ -2,7 +2,6 @@
 #include "anomaly/classify/features.h"
 
 #include <math.h>
-#include <stdio.h>
 
 /* Layout of `work`: numbers that compute_spectrum keeps for the derivative, and temporary numbers. */
 typedef struct kept {

@@ -5,7 +5,6 @@
 
 #include "liegrad/anomaly.h"
 
-#include "settings/names.h"
 #include "model/files/program_file.h"
 #include "model/files/recipe.h"
 #include "datasets/series_files.h"

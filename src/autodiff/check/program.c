@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "autodiff/check/internal.h"
-#include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan.h"
 #include "autodiff/program/program.h"
 #include "liegrad/core.h"

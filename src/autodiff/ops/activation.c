@@ -9,8 +9,6 @@
 #include "autodiff/tape/tape_internal.h"
 #include "kernels/act_zeros.h"
 
-#include <string.h>
-
 static const char *const names[LG_ACTIVATION_COUNT] = {"identity", "tanh",       "sigmoid", "swish",
                                                        "relu",     "leaky-relu", "sine"};
 

@@ -1,5 +1,4 @@
 /* Chooses instructions and registers for the interval evaluation of scalar code. */
-#include <float.h>
 #include <math.h>
 #include <string.h>
 

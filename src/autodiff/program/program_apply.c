@@ -1,5 +1,4 @@
 /* Records functions of a program on a tape. */
-#include <stdio.h>
 #include <string.h>
 
 #include "autodiff/ops/op_rows.h"

@@ -5,7 +5,6 @@
  * constant or the reciprocal of an affine number (a mean); a constant must be the same everywhere, or consist
  * of equal rows. Only nodes that the outputs need are compared and kept. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "autodiff/ops/op_rows.h"

@@ -3,7 +3,6 @@
 #include "autodiff/ops/op_table.h"
 #include "liegrad/program.h"
 
-#include <stdio.h>
 #include <string.h>
 
 #include "autodiff/program/program_call.h"

@@ -3,8 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "kernels/stumpff.h"
-
 uint32_t lg_scalar_instructions(lg_scalar_op op) {
     static const uint8_t count[LG_SCALAR_OPS] = {
 #define X(name, instructions, all) [LG_S_##name] = instructions,

@@ -1,7 +1,5 @@
 #include "autodiff/tape/heap.h"
 
-#include <string.h>
-
 struct lg_heap_block {
     struct lg_heap_block *before;
 };

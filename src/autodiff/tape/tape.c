@@ -1,7 +1,6 @@
 /* The tape: creation, handles, marks, recording and readers. */
 #include "autodiff/tape/tape_internal.h"
 
-#include <stdio.h>
 #include <string.h>
 
 /* ---- creation and destruction ---- */

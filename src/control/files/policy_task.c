@@ -1,6 +1,5 @@
 /* Reads the task of a policy from YAML. Coordinates and inputs are known from the plant; the file names
  * them. */
-#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,7 +8,6 @@
 
 #include "control/policy.h"
 #include "settings/files/yaml.h"
-#include "settings/names.h"
 
 typedef struct reading {
     lg_yaml *yaml;

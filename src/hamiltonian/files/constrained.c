@@ -1,7 +1,6 @@
 #include "hamiltonian/files/constrained.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "model/files/program_file.h"
 

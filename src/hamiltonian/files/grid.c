@@ -1,13 +1,10 @@
 /* Reads grids of runs: the keys of a study, which stand beside the keys of a scene. */
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "liegrad/hamiltonian.h"
 
 #include "files/h5.h"
 #include "settings/names.h"
-#include "settings/settings.h"
 #include "mechanics/files/scene.h"
 
 #define LISTS LG_GRID_VALUES

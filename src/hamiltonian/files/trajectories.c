@@ -1,5 +1,4 @@
 /* Trajectory data sets: /t (M), /trajectories (N, M, d), /hamiltonian (N), /inputs (N, M-1, m). */
-#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

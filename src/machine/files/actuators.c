@@ -6,7 +6,6 @@
 
 #include "machine/files/reading.h"
 #include "machine/files/recipe.h"
-#include "settings/names.h"
 
 typedef lg_machine_reading reading;
 

@@ -1,6 +1,5 @@
 /* A few numbers of a learned machine for a new log: which numbers there are, the directions in which they
  * move the machine's parameters, and the text of the machine that has them. */
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 

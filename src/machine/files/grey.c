@@ -1,6 +1,5 @@
 /* Reads the system of a machine and its parameters from YAML. */
 #include <float.h>
-#include <math.h>
 #include <string.h>
 #include <yaml.h>
 

@@ -1,6 +1,5 @@
 /* Windows of a log that judge machines and do not train them. */
 #include <math.h>
-#include <string.h>
 
 #include "machine/files/choice.h"
 

@@ -1,5 +1,4 @@
 /* What a fit says of the lags that it learned. */
-#include <stdio.h>
 #include <string.h>
 
 #include "machine/files/choice.h"

@@ -1,7 +1,6 @@
 /* Cleans the logs' columns: normalises attitudes, makes angles continuous, brings velocities to the machine's
  * frames. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "files/h5.h"

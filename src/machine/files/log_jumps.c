@@ -2,7 +2,6 @@
  * values are lost in rounding. */
 #include <float.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "core/median.h"

@@ -1,7 +1,6 @@
 /* The noise of columns, and splines through inputs. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "core/median.h"
 #include "machine/files/log_table.h"

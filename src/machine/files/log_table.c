@@ -1,6 +1,5 @@
 /* The table that logs are read into. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "files/h5.h"

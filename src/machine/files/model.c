@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "settings/names.h"
 #include "files/h5.h"
 #include "model/files/recipe.h"
 #include "settings/files/attributes.h"

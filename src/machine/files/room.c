@@ -1,7 +1,6 @@
 /* Whether a fit of long windows fits into memory. The bytes of a row are measured in windows of a hundred
  * rows or two, with a context that counts. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

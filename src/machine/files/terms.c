@@ -1,6 +1,5 @@
 /* Reads the terms of a machine from YAML. */
 #include <float.h>
-#include <stdio.h>
 #include <string.h>
 #include <yaml.h>
 

@@ -3,7 +3,6 @@
 #include "model/files/recipe.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "settings/files/attributes.h"

@@ -1,6 +1,5 @@
 #include "settings/files/yaml_edit.h"
 
-#include <stdio.h>
 #include <string.h>
 #include <yaml.h>
 

@@ -3,7 +3,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "settings/names.h"
 #include "model/files/program_file.h"
 #include "model/files/recipe.h"
 #include "table/files/recipe.h"
