@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/median.h"
 #include "kernels/kernels.h"
 #include "kernels/lapack.h"
 #include "anomaly/novelty_internal.h"
@@ -189,11 +190,6 @@ static lg_status fit_classes(const fitting *f, uint32_t left_out, lg_error *erro
 
 /* ---- limits ---- */
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Computes the distance of each row of a fold to its own class, which was fitted on the other folds. Skips
  * rows whose class occurs in this fold only. Returns `measured` plus the number of distances computed
  * here. */
@@ -213,7 +209,7 @@ static void set_limits(const fitting *f, size_t measured) {
     const size_t rank = (size_t)ceil(f->options->quantile * (double)measured);
     for (uint32_t g = 0; g < groups; g++) {
         for (size_t i = 0; i < measured; i++) sorted[i] = f->square[i * groups + g];
-        qsort(sorted, measured, sizeof *sorted, compare);
+        qsort(sorted, measured, sizeof *sorted, lg_compare_doubles);
         f->v->limit[g] =
             f->options->margin * fmax(sorted[rank > 0 ? rank - 1 : 0], lg_novelty_group(f->v, g).count);
     }

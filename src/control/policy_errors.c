@@ -5,7 +5,7 @@
 
 #include "control/policy.h"
 #include "liegrad/geometry.h"
-#include "liegrad/ops.h"
+#include "model/record.h"
 
 typedef struct motion {
     lg_policy_motion_row sizes;
@@ -281,17 +281,9 @@ uint32_t lg_policy_tracked(const lg_policy_task *task) {
 
 /* ---- recordings ---- */
 
-static lg_var part(lg_tape *tape, lg_var x, uint32_t from, uint32_t count) {
-    return lg_slice(tape, x, 1, from, count);
-}
-
 /* Whether the position has errors. */
 static bool held(const lg_policy_coordinate *c) {
     return lg_policy_row_of(c)->errors > 0;
-}
-
-static lg_var joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
-    return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
 }
 
 /* cos(a/2)^2 = (1 + cos a)/2, kept above 0 by 1e-6, also in single precision: the errors are finite on
@@ -310,7 +302,7 @@ static lg_var errors_of(lg_tape *tape, const lg_policy_task *task, lg_policy_see
         const lg_policy_coordinate *c = &task->coordinate[i];
         const motion *m = counted && c->motion == LG_POLICY_ANGLE ? &motions[LG_POLICY_LINE] : motion_of(c);
         if (!held(c)) continue;
-        const lg_var q = part(tape, seen.q, layout.at[i].position, m->sizes.position);
+        const lg_var q = lg_columns(tape, seen.q, layout.at[i].position, m->sizes.position);
         parts[n] = m->sine(tape, c->goal, layout.basis[i], q);
         if (m->cosine != NULL)
             parts[n] = lg_div(tape, parts[n], half_cosine(tape, m->cosine(tape, c->goal, q)));
@@ -319,12 +311,12 @@ static lg_var errors_of(lg_tape *tape, const lg_policy_task *task, lg_policy_see
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &task->coordinate[i];
         if (!moves(c)) continue;
-        parts[n] = part(tape, seen.v, layout.at[i].velocity, lg_policy_row_of(c)->velocity);
+        parts[n] = lg_columns(tape, seen.v, layout.at[i].velocity, lg_policy_row_of(c)->velocity);
         if (c->motion == LG_POLICY_DIRECTION)
             parts[n] = direction_sine(tape, c->goal, layout.basis[i], parts[n]);
         n++;
     }
-    return joined(tape, parts, n);
+    return lg_joined(tape, parts, n);
 }
 
 lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {
@@ -354,9 +346,10 @@ lg_var lg_policy_record_lost(lg_tape *tape, const lg_policy_task *task, lg_polic
         const motion *m = motion_of(c);
         if (m->cosine == NULL) continue;
         weights[n] = factors[i];
-        terms[n++] = position_cost(tape, c, part(tape, seen.q, layout.at[i].position, m->sizes.position));
+        terms[n++] =
+            position_cost(tape, c, lg_columns(tape, seen.q, layout.at[i].position, m->sizes.position));
         weights[n] = -factors[i];
-        terms[n++] = lg_rownorm2(tape, part(tape, z, layout.at[i].error, m->sizes.errors));
+        terms[n++] = lg_rownorm2(tape, lg_columns(tape, z, layout.at[i].error, m->sizes.errors));
     }
     return n == 0 ? LG_NONE : lg_linear_combination(tape, terms, weights, n);
 }
@@ -372,11 +365,12 @@ lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_poli
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
         if (c->weight > 0.0) {
             weights[n] = c->weight;
-            terms[n++] = position_cost(tape, c, part(tape, seen.q, layout.at[i].position, sizes->position));
+            terms[n++] =
+                position_cost(tape, c, lg_columns(tape, seen.q, layout.at[i].position, sizes->position));
         }
         if (c->weight_velocity > 0.0 && moves(c)) {
             weights[n] = c->weight_velocity;
-            terms[n++] = lg_rownorm2(tape, part(tape, seen.v, layout.at[i].velocity, sizes->velocity));
+            terms[n++] = lg_rownorm2(tape, lg_columns(tape, seen.v, layout.at[i].velocity, sizes->velocity));
         }
     }
     return lg_linear_combination(tape, terms, weights, n);
@@ -403,15 +397,16 @@ lg_var lg_policy_record_features(lg_tape *tape, const lg_policy_task *task, cons
         const motion *m = motion_of(c);
         const lg_policy_place *at = &layout.at[i];
         if (held(c)) {
-            parts[n] = m->features_of(tape, c->goal, part(tape, seen.q, at->position, m->sizes.position));
+            parts[n] =
+                m->features_of(tape, c->goal, lg_columns(tape, seen.q, at->position, m->sizes.position));
             if (m->cosine == NULL) parts[n] = lg_scale(tape, parts[n], 1.0 / scales[at->error]);
             n++;
         }
         if (moves(c))
-            parts[n++] =
-                lg_scale(tape, part(tape, seen.v, at->velocity, m->sizes.velocity), 1.0 / scales[at->rate]);
+            parts[n++] = lg_scale(tape, lg_columns(tape, seen.v, at->velocity, m->sizes.velocity),
+                                  1.0 / scales[at->rate]);
     }
-    return joined(tape, parts, n);
+    return lg_joined(tape, parts, n);
 }
 
 uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes) {
@@ -433,12 +428,12 @@ lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy_task *task,
     lg_policy_lay_out(task, &layout);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const motion *m = motion_of(&task->coordinate[i]);
-        parts[i] = m->noisy(tape, part(tape, seen.q, layout.at[i].position, m->sizes.position),
-                            part(tape, noise, at, m->sizes.velocity));
+        parts[i] = m->noisy(tape, lg_columns(tape, seen.q, layout.at[i].position, m->sizes.position),
+                            lg_columns(tape, noise, at, m->sizes.velocity));
         at += m->sizes.velocity;
     }
-    seen.q = joined(tape, parts, task->coordinate_count);
-    if (layout.velocities > 0) seen.v = lg_add(tape, seen.v, part(tape, noise, at, layout.velocities));
+    seen.q = lg_joined(tape, parts, task->coordinate_count);
+    if (layout.velocities > 0) seen.v = lg_add(tape, seen.v, lg_columns(tape, noise, at, layout.velocities));
     return seen;
 }
 
@@ -448,10 +443,10 @@ lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_
     lg_policy_lay_out(task, &layout);
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         const motion *m = motion_of(&task->coordinate[i]);
-        parts[i] = part(tape, given, layout.at[i].given, m->sizes.given);
+        parts[i] = lg_columns(tape, given, layout.at[i].given, m->sizes.given);
         if (m->given != NULL) parts[i] = m->given(tape, parts[i]);
     }
-    return joined(tape, parts, task->coordinate_count);
+    return lg_joined(tape, parts, task->coordinate_count);
 }
 
 /* ---- numbers ---- */

@@ -1,14 +1,9 @@
 /* Policies: runs from random starts, and what they show. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "control/policy.h"
-
-static int by_size(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
+#include "core/median.h"
 
 /* Wilson's interval for k of n, 95 %. */
 static void interval(uint64_t k, uint64_t n, double *low, double *high) {
@@ -30,8 +25,7 @@ static void summarise(const lg_policy_runs *runs, double *sorted, lg_policy_outc
         sorted[i] = cost;
         if (cost > out->worst) out->worst = cost, out->worst_start = i;
     }
-    qsort(sorted, n, sizeof *sorted, by_size);
-    out->cost_median = 0.5 * (sorted[n / 2] + sorted[(n - 1) / 2]);
+    out->cost_median = lg_median(sorted, n);
     interval(out->succeeded, n, &out->success_low, &out->success_high);
 }
 

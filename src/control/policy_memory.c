@@ -6,7 +6,7 @@
 
 #include "autodiff/tape/tape_internal.h"
 #include "control/policy.h"
-#include "liegrad/ops.h"
+#include "model/record.h"
 
 /* Periods that are whole but for rounding count as whole. */
 static double periods_of(const lg_policy_task *task, double seconds) {
@@ -74,14 +74,6 @@ void lg_policy_lay_out_memory(lg_policy *p, const double *dead_time) {
 
 /* ---- parts of a state ---- */
 
-static lg_var part(lg_tape *tape, lg_var x, uint32_t from, uint32_t count) {
-    return lg_slice(tape, x, 1, from, count);
-}
-
-static lg_var joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
-    return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
-}
-
 /* Where the past inputs of an input are in x. */
 static uint32_t line_at(const lg_policy *p, uint32_t input) {
     uint32_t at = p->memory.plant;
@@ -90,7 +82,7 @@ static uint32_t line_at(const lg_policy *p, uint32_t input) {
 }
 
 static lg_var plant_part(lg_tape *tape, const lg_policy *p, lg_var x) {
-    return p->memory.count > 0 ? part(tape, x, 0, p->memory.plant) : x;
+    return p->memory.count > 0 ? lg_columns(tape, x, 0, p->memory.plant) : x;
 }
 
 lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value) {
@@ -127,13 +119,13 @@ static lg_status record_positions(void *user, lg_tape *tape, const lg_var *theta
     (void)theta;
     parts[n++] = lg_program_call(tape, "plant_positions", 0, &plant);
     if (m->believed > 0) {
-        parts[0] = part(tape, parts[0], 0, m->positions - m->lags);
-        parts[n++] = part(tape, in[0], p->state - m->believed, m->believed);
+        parts[0] = lg_columns(tape, parts[0], 0, m->positions - m->lags);
+        parts[n++] = lg_columns(tape, in[0], p->state - m->believed, m->believed);
     }
     for (uint32_t l = 0; l < p->inputs; l++)
-        if (m->known[l] > 0) parts[n++] = part(tape, in[0], line_at(p, l), m->known[l]);
-    if (m->integrals > 0) parts[n++] = part(tape, in[0], m->plant + m->lines, m->integrals);
-    out[0] = joined(tape, parts, n);
+        if (m->known[l] > 0) parts[n++] = lg_columns(tape, in[0], line_at(p, l), m->known[l]);
+    if (m->integrals > 0) parts[n++] = lg_columns(tape, in[0], m->plant + m->lines, m->integrals);
+    out[0] = lg_joined(tape, parts, n);
     return lg_tape_status(tape);
 }
 
@@ -157,19 +149,19 @@ static lg_status record_momenta(void *user, lg_tape *tape, const lg_var *theta, 
                                 lg_var *out) {
     const lg_policy *p = user;
     const lg_policy_memory *m = &p->memory;
-    const lg_var q = part(tape, in[0], 0, m->positions);
+    const lg_var q = lg_columns(tape, in[0], 0, m->positions);
     lg_var parts[2 * LG_POLICY_INPUTS + 3];
     uint32_t n = 0, at = m->positions;
     (void)theta;
     parts[n++] = lg_program_call(tape, "plant_momenta", 0, (const lg_var[]){q, in[1]});
     for (uint32_t l = 0; l < p->inputs; at += m->known[l++]) {
         const uint32_t hidden = m->line[l] - m->known[l];
-        if (m->known[l] > 0) parts[n++] = part(tape, in[0], at, m->known[l]);
+        if (m->known[l] > 0) parts[n++] = lg_columns(tape, in[0], at, m->known[l]);
         if (hidden > 0) parts[n++] = lg_policy_filled(tape, q, hidden, p->regulator.u0[l]);
     }
-    if (m->integrals > 0) parts[n++] = part(tape, in[0], at, m->integrals);
-    if (m->believed > 0) parts[n++] = part(tape, q, m->positions - m->lags, m->lags);
-    out[0] = joined(tape, parts, n);
+    if (m->integrals > 0) parts[n++] = lg_columns(tape, in[0], at, m->integrals);
+    if (m->believed > 0) parts[n++] = lg_columns(tape, q, m->positions - m->lags, m->lags);
+    out[0] = lg_joined(tape, parts, n);
     return lg_tape_status(tape);
 }
 
@@ -178,7 +170,7 @@ static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, con
     const lg_policy *p = user;
     const lg_var plant = plant_part(tape, p, in[0]);
     const lg_var parts[2] = {lg_program_call(tape, "plant_step", 0, (const lg_var[]){plant, in[1], in[2]}),
-                             part(tape, in[0], p->memory.plant, p->memory.count)};
+                             lg_columns(tape, in[0], p->memory.plant, p->memory.count)};
     (void)theta;
     out[0] = lg_concat(tape, parts, 2, 1);
     return lg_tape_status(tape);
@@ -226,9 +218,9 @@ static uint32_t cut_period(const double *late, uint32_t inputs, double at[LG_POL
 /* Input l, (B, 1), `ago` periods ago. */
 static lg_var input_of(lg_tape *tape, const lg_policy *p, lg_var x, lg_var u, lg_var dropped, uint32_t l,
                        uint32_t ago) {
-    if (ago == 0) return part(tape, u, l, 1);
-    if (ago <= p->memory.line[l]) return part(tape, x, line_at(p, l) + ago - 1, 1);
-    return part(tape, dropped, l, 1);
+    if (ago == 0) return lg_columns(tape, u, l, 1);
+    if (ago <= p->memory.line[l]) return lg_columns(tape, x, line_at(p, l) + ago - 1, 1);
+    return lg_columns(tape, dropped, l, 1);
 }
 
 /* The inputs that act after the part t of the period. */
@@ -245,13 +237,13 @@ static lg_var acting(lg_tape *tape, const lg_policy *p, const double *delay, dou
         const lg_var before = input_of(tape, p, x, u, dropped, l, ago + 1);
         each[l] = lg_add(tape, each[l], lg_mul(tape, lg_sub(tape, before, each[l]), late));
     }
-    return joined(tape, each, p->inputs);
+    return lg_joined(tape, each, p->inputs);
 }
 
 lg_var lg_policy_record_dropped(lg_tape *tape, const lg_policy *p, lg_var x, lg_var u) {
     lg_var each[LG_POLICY_INPUTS];
     for (uint32_t l = 0; l < p->inputs; l++) each[l] = input_of(tape, p, x, u, LG_NONE, l, p->memory.line[l]);
-    return joined(tape, each, p->inputs);
+    return lg_joined(tape, each, p->inputs);
 }
 
 /* The integrals after a period. */
@@ -269,12 +261,12 @@ static lg_var integrals_after(lg_tape *tape, const lg_policy *p, lg_var before, 
     for (int k = 0; k < 4; k++) s = lg_square(tape, s);
     s = lg_add_scalar(tape, lg_neg(tape, s), 1.0);
     for (uint32_t l = 0; l < p->inputs; l++)
-        free = l == 0 ? part(tape, s, 0, 1) : lg_mul(tape, free, part(tape, s, l, 1));
+        free = l == 0 ? lg_columns(tape, s, 0, 1) : lg_mul(tape, free, lg_columns(tape, s, l, 1));
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const uint32_t of = p->task.coordinate[i].integrates;
-        if (of > 0) each[n++] = part(tape, z, p->layout.at[of - 1].error, 1);
+        if (of > 0) each[n++] = lg_columns(tape, z, p->layout.at[of - 1].error, 1);
     }
-    const lg_var rate = lg_mul(tape, joined(tape, each, n), free);
+    const lg_var rate = lg_mul(tape, lg_joined(tape, each, n), free);
     return lg_add(tape, before, lg_scale(tape, rate, p->task.period));
 }
 
@@ -318,8 +310,8 @@ static uint32_t move_lines(lg_tape *tape, const lg_policy *p, bool seen, lg_var 
     uint32_t n = 0;
     for (uint32_t l = 0; l < p->inputs; l++) {
         const uint32_t count = seen ? p->memory.known[l] : p->memory.line[l];
-        if (count > 0) parts[n++] = part(tape, u, l, 1);
-        if (count > 1) parts[n++] = part(tape, x, line_at(p, l), count - 1);
+        if (count > 0) parts[n++] = lg_columns(tape, u, l, 1);
+        if (count > 1) parts[n++] = lg_columns(tape, x, line_at(p, l), count - 1);
     }
     return n;
 }
@@ -342,11 +334,11 @@ lg_var lg_policy_record_period(lg_tape *tape, const lg_policy *p, lg_var x, lg_v
     if (m->count == 0) return parts[0];
     n = 1 + move_lines(tape, p, false, x, u, parts + 1);
     if (m->integrals > 0)
-        parts[n++] = integrals_after(tape, p, part(tape, x, m->plant + m->lines, m->integrals),
+        parts[n++] = integrals_after(tape, p, lg_columns(tape, x, m->plant + m->lines, m->integrals),
                                      lg_program_call(tape, "errors", 0, &x), u);
     if (m->believed > 0)
-        parts[n++] = lags_after(tape, p, part(tape, x, p->state - m->believed, m->believed), x, u);
-    return joined(tape, parts, n);
+        parts[n++] = lags_after(tape, p, lg_columns(tape, x, p->state - m->believed, m->believed), x, u);
+    return lg_joined(tape, parts, n);
 }
 
 /* ---- the memory for the caller of `control` ---- */
@@ -361,19 +353,20 @@ static lg_status record_remember(void *user, lg_tape *tape, const lg_var *theta,
     uint32_t n = 0;
     (void)theta;
     /* A state whose plant part is not used. */
-    const lg_var kept = part(tape, in[0], given - behind, behind),
+    const lg_var kept = lg_columns(tape, in[0], given - behind, behind),
                  x = lg_concat(tape, (lg_var[]){lg_policy_filled(tape, in[0], m->plant, 0.0), kept}, 2, 1);
     if (m->lags > 0)
-        parts[n++] = lags_after(tape, p, part(tape, in[0], given - behind - m->lags, m->lags), x, in[1]);
+        parts[n++] =
+            lags_after(tape, p, lg_columns(tape, in[0], given - behind - m->lags, m->lags), x, in[1]);
     n += move_lines(tape, p, true, x, in[1], parts + n);
     if (m->integrals > 0) {
-        lg_policy_seen seen = {lg_policy_record_positions(tape, &p->task, part(tape, in[0], 0, given)),
+        lg_policy_seen seen = {lg_policy_record_positions(tape, &p->task, lg_columns(tape, in[0], 0, given)),
                                LG_NONE};
-        if (p->layout.velocities > 0) seen.v = part(tape, in[0], given, p->layout.velocities);
-        parts[n++] = integrals_after(tape, p, part(tape, kept, m->lines, m->integrals),
+        if (p->layout.velocities > 0) seen.v = lg_columns(tape, in[0], given, p->layout.velocities);
+        parts[n++] = integrals_after(tape, p, lg_columns(tape, kept, m->lines, m->integrals),
                                      lg_policy_record_errors(tape, &p->task, seen), in[1]);
     }
-    out[0] = joined(tape, parts, n);
+    out[0] = lg_joined(tape, parts, n);
     return lg_tape_status(tape);
 }
 

@@ -4,7 +4,7 @@
 
 #include "autodiff/tape/tape_internal.h"
 #include "control/policy.h"
-#include "liegrad/ops.h"
+#include "model/record.h"
 
 static bool moves(const lg_policy *p) {
     return p->layout.velocities > 0;
@@ -28,27 +28,16 @@ static uint32_t run_of(const lg_policy *p, uint32_t first) {
     return end - first;
 }
 
-static lg_var joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
-    return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
-}
-
-/* (B, count) with rows like z. */
-static lg_var zeros(lg_tape *tape, lg_var z, uint32_t count) {
-    const lg_var none = lg_full(tape, lg_shape2(lg_var_shape(tape, z).dims[0], count), 0.0);
-    lg_tape_mark_rows(tape, none);
-    return none;
-}
-
 /* A number for each coordinate (B, coordinates) from the numbers of z; 0 for a free coordinate. */
 static lg_var spread(const lg_policy *p, lg_tape *tape, lg_var z) {
     lg_var parts[LG_POLICY_COORDINATES];
     uint32_t n = 0;
     for (uint32_t i = 0, count; i < p->task.coordinate_count; i += count) {
         count = run_of(p, i);
-        parts[n++] =
-            is_free(p, i) ? zeros(tape, z, count) : lg_slice(tape, z, 1, p->layout.at[i].error, count);
+        parts[n++] = is_free(p, i) ? lg_policy_filled(tape, z, count, 0.0)
+                                   : lg_slice(tape, z, 1, p->layout.at[i].error, count);
     }
-    return joined(tape, parts, n);
+    return lg_joined(tape, parts, n);
 }
 
 /* The numbers of coordinates that are not free, from numbers of all coordinates. LG_NONE: all are free. */
@@ -60,7 +49,7 @@ static lg_var gathered(const lg_policy *p, lg_tape *tape, lg_var all) {
         if (!is_free(p, i))
             parts[n++] = count == p->layout.positions ? all : lg_slice(tape, all, 1, i, count);
     }
-    return n == 0 ? LG_NONE : joined(tape, parts, n);
+    return n == 0 ? LG_NONE : lg_joined(tape, parts, n);
 }
 
 /* Positions, velocities, the state x of the plant, and the input at z. */

@@ -35,10 +35,6 @@ static uint32_t rows_of(const drawing *d, lg_var x) {
     return lg_var_shape(d->tape, x).dims[0];
 }
 
-static lg_var columns(const drawing *d, lg_var x, uint32_t first, uint32_t count) {
-    return lg_slice(d->tape, x, 1, first, count);
-}
-
 static lg_var beside(const drawing *d, lg_var a, lg_var b) {
     const lg_var both[2] = {a, b};
     return lg_concat(d->tape, both, 2, 1);
@@ -69,8 +65,8 @@ static uint32_t places(const lg_surrogate *model) {
 static lg_var sign_of(const drawing *d, lg_var x) {
     lg_tape *t = d->tape;
     if (!d->model->options.mirror) return lg_full(t, lg_shape2(rows_of(d, x), 1), 1.0);
-    const lg_var v0 = columns(d, x, LG_AT_V0 + 1, 1), vn = columns(d, x, LG_AT_VN + 1, 1);
-    const lg_var q0 = columns(d, x, LG_AT_Q0 + 1, 1), qn = columns(d, x, LG_AT_QN + 1, 1);
+    const lg_var v0 = lg_columns(d->tape, x, LG_AT_V0 + 1, 1), vn = lg_columns(d->tape, x, LG_AT_VN + 1, 1);
+    const lg_var q0 = lg_columns(d->tape, x, LG_AT_Q0 + 1, 1), qn = lg_columns(d->tape, x, LG_AT_QN + 1, 1);
     const lg_var turn = lg_sub(t, v0, vn), rise = lg_sub(t, qn, q0);
     return lg_select(t, turn, lg_sign(t, turn), lg_select(t, v0, lg_sign(t, v0), lg_sign(t, rise)));
 }
@@ -107,7 +103,7 @@ static lg_var boundary_input(const drawing *d, lg_var x, lg_var sign) {
     static const double counted[BOUNDARY] = {1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0};
     lg_tape *t = d->tape;
     double centre[BOUNDARY], scale[BOUNDARY];
-    const lg_var q0 = columns(d, x, LG_AT_Q0, 2), twice = beside(d, q0, q0);
+    const lg_var q0 = lg_columns(d->tape, x, LG_AT_Q0, 2), twice = beside(d, q0, q0);
     const lg_var start = lg_mul(t, beside(d, twice, twice), row(d, counted, BOUNDARY));
     const lg_var seen = reflected(d, lg_sub(t, x, start), sign);
     if (!d->model->options.normalise) return seen;
@@ -146,9 +142,10 @@ static lg_var shares_of_ends(const drawing *d, lg_var s, bool slopes) {
 
 /* Combines q0, v0, qN and vN of x (B, 8), and y (B, 2), with the coefficients `shares` (B, 5): (B, 2). */
 static lg_var held(const drawing *d, lg_var shares, lg_var x, lg_var y) {
-    lg_var sum = lg_mul(d->tape, columns(d, shares, LG_HELD - 1, 1), y);
+    lg_var sum = lg_mul(d->tape, lg_columns(d->tape, shares, LG_HELD - 1, 1), y);
     for (uint32_t j = 0; j + 1 < LG_HELD; j++)
-        sum = lg_add(d->tape, sum, lg_mul(d->tape, columns(d, shares, j, 1), columns(d, x, 2 * j, 2)));
+        sum = lg_add(d->tape, sum,
+                     lg_mul(d->tape, lg_columns(d->tape, shares, j, 1), lg_columns(d->tape, x, 2 * j, 2)));
     return sum;
 }
 
@@ -159,10 +156,10 @@ static lg_var hand_over(const drawing *d, lg_var f, lg_var s, lg_var x, lg_var s
     const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model), rows = rows_of(d, f);
     const lg_var y = reflected(d, f, sign);
     if (is_held(d->model)) return held(d, shares_of_ends(d, s, false), x, y);
-    const lg_var pairs = lg_reshape(t, columns(d, y, 0, n), lg_shape3(rows, n / 2, 2));
-    const lg_var q0 = lg_reshape(t, columns(d, x, LG_AT_Q0, 2), lg_shape3(rows_of(d, x), 1, 2));
+    const lg_var pairs = lg_reshape(t, lg_columns(d->tape, y, 0, n), lg_shape3(rows, n / 2, 2));
+    const lg_var q0 = lg_reshape(t, lg_columns(d->tape, x, LG_AT_Q0, 2), lg_shape3(rows_of(d, x), 1, 2));
     const lg_var q = lg_reshape(t, lg_add(t, pairs, q0), lg_shape2(rows, n));
-    return n == outputs ? q : beside(d, q, columns(d, y, n, outputs - n));
+    return n == outputs ? q : beside(d, q, lg_columns(d->tape, y, n, outputs - n));
 }
 
 /* Program function `side`: x -> R and the network's input from the boundary conditions, (B, 9). */
@@ -176,14 +173,15 @@ static lg_status curve_side(void *user, lg_tape *t, const lg_var *theta, const l
 /* Calls `side`. Returns the network's input, with s/L in front if the network needs it, and sets R. */
 static lg_var called_input(const drawing *d, lg_var s, lg_var x, lg_var *sign) {
     const lg_var side = lg_program_call(d->tape, "side", 0, &x);
-    const lg_var ends = columns(d, side, 1, BOUNDARY);
-    *sign = columns(d, side, 0, 1);
+    const lg_var ends = lg_columns(d->tape, side, 1, BOUNDARY);
+    *sign = lg_columns(d->tape, side, 0, 1);
     return places(d->model) == 0 ? ends : beside(d, lg_scale(d->tape, s, 1.0 / d->model->length), ends);
 }
 
 static lg_status curve_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
-    const lg_var x = columns(&d, in[0], places(d.model), BOUNDARY), s = columns(&d, in[0], 0, 1);
+    const lg_var x = lg_columns(d.tape, in[0], places(d.model), BOUNDARY),
+                 s = lg_columns(d.tape, in[0], 0, 1);
     lg_var sign = LG_NONE, input = called_input(&d, s, x, &sign);
     y[0] = hand_over(&d, net(&d, input), s, x, sign);
     return lg_tape_status(t);
@@ -273,7 +271,7 @@ static lg_status held_gradient(void *user, lg_tape *t, const lg_var *theta, cons
     lg_var by[2] = {LG_NONE, LG_NONE};
     LG_TRY(curve_value(user, t, theta, in, y));
     for (uint32_t c = 0; c < 2; c++) {
-        LG_TRY(lg_grad(t, columns(&d, y[0], c, 1), in, 1, &by[c]));
+        LG_TRY(lg_grad(t, lg_columns(d.tape, y[0], c, 1), in, 1, &by[c]));
         by[c] = lg_reshape(t, by[c], row);
     }
     y[1] = lg_concat(t, by, 2, 1);
@@ -283,7 +281,7 @@ static lg_status held_gradient(void *user, lg_tape *t, const lg_var *theta, cons
 static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
     const uint32_t first = places(d.model), rows = rows_of(&d, in[0]);
-    const lg_var x = columns(&d, in[0], first, BOUNDARY), s = columns(&d, in[0], 0, 1);
+    const lg_var x = lg_columns(d.tape, in[0], first, BOUNDARY), s = lg_columns(d.tape, in[0], 0, 1);
     if (is_held(d.model)) return held_gradient(user, t, theta, in, y);
     lg_var sign = LG_NONE, input = called_input(&d, s, x, &sign);
     y[0] = hand_over(&d, net(&d, input), s, x, sign);
@@ -296,8 +294,8 @@ static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, con
 
 /* Angle of a tangent v (B, 2); of its mirror image for R = -1. */
 static lg_var angle_of(const drawing *d, lg_var v, lg_var sign) {
-    const lg_var y = lg_mul(d->tape, sign, columns(d, v, 1, 1));
-    return lg_surrogate_angle(d->tape, beside(d, columns(d, v, 0, 1), y));
+    const lg_var y = lg_mul(d->tape, sign, lg_columns(d->tape, v, 1, 1));
+    return lg_surrogate_angle(d->tape, beside(d, lg_columns(d->tape, v, 0, 1), y));
 }
 
 /* pi f at s (B, 1) for the end angles `angles` (B or 1, 2). */
@@ -327,8 +325,8 @@ enum { CURVE_SIGN, CURVE_ANGLES, CURVE_MISSING = 3, CURVE_NUMBERS = LG_SURROGATE
 /* Computes R, theta_0, theta_N: (B, 3). */
 static lg_var side_and_angles(const drawing *d, lg_var x) {
     const lg_var sign = sign_of(d, x);
-    const lg_var first = angle_of(d, columns(d, x, LG_AT_V0, 2), sign);
-    const lg_var last = angle_of(d, columns(d, x, LG_AT_VN, 2), sign);
+    const lg_var first = angle_of(d, lg_columns(d->tape, x, LG_AT_V0, 2), sign);
+    const lg_var last = angle_of(d, lg_columns(d->tape, x, LG_AT_VN, 2), sign);
     return beside(d, beside(d, sign, first), last);
 }
 
@@ -336,7 +334,7 @@ static lg_var side_and_angles(const drawing *d, lg_var x) {
 static lg_var net_angles(const drawing *d, lg_var s, lg_var curve) {
     const lg_shape shape = lg_var_shape(d->tape, s);
     const uint32_t n = shape.dims[1];
-    const lg_var angles = lg_record_copies(d->tape, columns(d, curve, CURVE_ANGLES, 2), n);
+    const lg_var angles = lg_record_copies(d->tape, lg_columns(d->tape, curve, CURVE_ANGLES, 2), n);
     return lg_reshape(d->tape, net_angle(d, lg_reshape(d->tape, s, lg_shape2(shape.dims[0] * n, 1)), angles),
                       shape);
 }
@@ -352,21 +350,22 @@ static lg_var hold_ends(const drawing *d, lg_var angle, lg_var s, lg_var curve, 
     lg_tape *t = d->tape;
     if (d->model->options.boundary) {
         const lg_var held = lg_mul(t, end_weights(d, s), missing);
-        angle = lg_add(t, angle, lg_add(t, columns(d, held, 0, 1), columns(d, held, 1, 1)));
+        angle = lg_add(t, angle, lg_add(t, lg_columns(d->tape, held, 0, 1), lg_columns(d->tape, held, 1, 1)));
     }
-    return d->model->options.mirror ? lg_mul(t, angle, columns(d, curve, CURVE_SIGN, 1)) : angle;
+    return d->model->options.mirror ? lg_mul(t, angle, lg_columns(d->tape, curve, CURVE_SIGN, 1)) : angle;
 }
 
 /* Program function `value` of the angle network. The network is evaluated at s and at both ends in one
  * batch. */
 static lg_status angle_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
-    const lg_var s = columns(&d, in[0], 0, 1), curve = side_and_angles(&d, columns(&d, in[0], 1, BOUNDARY));
+    const lg_var s = lg_columns(d.tape, in[0], 0, 1),
+                 curve = side_and_angles(&d, lg_columns(d.tape, in[0], 1, BOUNDARY));
     lg_var angle, missing = LG_NONE;
     if (d.model->options.boundary) {
         const lg_var all = net_angles(&d, beside(&d, s, both_ends(&d, rows_of(&d, s))), curve);
-        angle = columns(&d, all, 0, 1);
-        missing = lg_sub(t, columns(&d, curve, CURVE_ANGLES, 2), columns(&d, all, 1, 2));
+        angle = lg_columns(d.tape, all, 0, 1);
+        missing = lg_sub(t, lg_columns(d.tape, curve, CURVE_ANGLES, 2), lg_columns(d.tape, all, 1, 2));
     } else {
         angle = net_angles(&d, s, curve);
     }
@@ -401,7 +400,7 @@ static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const 
     y[0] = hand_over(&d, f, in[0], x, sign);
     y[1] = reflected(&d, slope, sign);
     if (!is_held(d.model)) return lg_tape_status(t);
-    const lg_var weight = columns(&d, shares_of_ends(&d, in[0], false), LG_HELD - 1, 1);
+    const lg_var weight = lg_columns(d.tape, shares_of_ends(&d, in[0], false), LG_HELD - 1, 1);
     y[1] = lg_add(t, lg_mul(t, weight, y[1]),
                   held(&d, shares_of_ends(&d, in[0], true), x, reflected(&d, f, sign)));
     return lg_tape_status(t);
@@ -422,7 +421,8 @@ static lg_status angle_ends(void *user, lg_tape *t, const lg_var *theta, const l
     const lg_var curve = side_and_angles(&d, in[0]);
     lg_var missing = lg_full(t, lg_shape2(rows, 2), 0.0);
     if (d.model->options.boundary)
-        missing = lg_sub(t, columns(&d, curve, CURVE_ANGLES, 2), net_angles(&d, both_ends(&d, rows), curve));
+        missing =
+            lg_sub(t, lg_columns(d.tape, curve, CURVE_ANGLES, 2), net_angles(&d, both_ends(&d, rows), curve));
     y[0] = beside(&d, curve, missing);
     return lg_tape_status(t);
 }
@@ -431,8 +431,8 @@ static lg_status angle_ends(void *user, lg_tape *t, const lg_var *theta, const l
 static lg_status angle_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
     const lg_var curve = lg_reshape(t, in[1], lg_shape2(1, CURVE_NUMBERS));
-    const lg_var angle = net_angle(&d, in[0], columns(&d, curve, CURVE_ANGLES, 2));
-    y[0] = hold_ends(&d, angle, in[0], curve, columns(&d, curve, CURVE_MISSING, 2));
+    const lg_var angle = net_angle(&d, in[0], lg_columns(d.tape, curve, CURVE_ANGLES, 2));
+    y[0] = hold_ends(&d, angle, in[0], curve, lg_columns(d.tape, curve, CURVE_MISSING, 2));
     return lg_tape_status(t);
 }
 

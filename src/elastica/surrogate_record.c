@@ -1,24 +1,20 @@
 /* Computes the numbers of a curve from the output of the discrete network: directly, from modes, or from
  * angles. */
 #include "core/core.h"
-#include "liegrad/ops.h"
 #include "elastica/surrogate_internal.h"
+#include "model/record.h"
 
 /* ---- angles ---- */
 
-static lg_var column(lg_tape *tape, lg_var x, uint32_t at, uint32_t count) {
-    return lg_slice(tape, x, 1, at, count);
-}
-
 /* Angle of the tangent v (B, 2). A y-component of -0 would give -pi instead of pi; lg_abs makes it 0. */
 lg_var lg_surrogate_angle(lg_tape *tape, lg_var v) {
-    const lg_var y = column(tape, v, 1, 1), zero = lg_full(tape, lg_var_shape(tape, y), 0.0);
+    const lg_var y = lg_columns(tape, v, 1, 1), zero = lg_full(tape, lg_var_shape(tape, y), 0.0);
     const lg_var upper = lg_select(tape, lg_ge(tape, y, zero), lg_abs(tape, y), y);
-    return lg_atan2(tape, upper, column(tape, v, 0, 1));
+    return lg_atan2(tape, upper, lg_columns(tape, v, 0, 1));
 }
 
 lg_var lg_surrogate_chord(lg_tape *tape, const lg_surrogate *model, lg_var x) {
-    const lg_var seen = column(tape, x, LG_AT_QN, 2);
+    const lg_var seen = lg_columns(tape, x, LG_AT_QN, 2);
     const double centre[2] = {model->centre, 0.0}, scale[2] = {model->centre, 1.0};
     if (!model->options.normalise) return seen;
     return lg_add(tape, lg_mul(tape, seen, lg_input_f64(tape, lg_shape2(1, 2), scale)),
@@ -42,8 +38,8 @@ static void put_shares(lg_tape *tape, uint32_t intervals, lg_var *rising, lg_var
 lg_var lg_surrogate_node_angles(lg_tape *tape, const lg_surrogate *model, lg_var theta, lg_var x) {
     lg_var rising = LG_NONE, falling = LG_NONE;
     put_shares(tape, model->intervals, &rising, &falling);
-    const lg_var first = lg_surrogate_angle(tape, column(tape, x, LG_AT_V0, 2));
-    const lg_var last = lg_surrogate_angle(tape, column(tape, x, LG_AT_VN, 2));
+    const lg_var first = lg_surrogate_angle(tape, lg_columns(tape, x, LG_AT_V0, 2));
+    const lg_var last = lg_surrogate_angle(tape, lg_columns(tape, x, LG_AT_VN, 2));
     const lg_var line = lg_add(tape, lg_mul(tape, first, falling), lg_mul(tape, last, rising));
     const lg_var f = lg_net_record(tape, &model->net, theta, 0, x);
     return lg_add(tape, line, lg_pad(tape, f, 1, 1, 1));
@@ -70,7 +66,7 @@ static lg_var curve_of_angles(lg_tape *tape, const lg_surrogate *model, lg_var a
     const lg_var sums = running_sums(tape, lg_scale(tape, pairs, 0.5 * model->length / n), n);
     const lg_var whole = lg_slice(tape, sums, 1, n - 1, 1);
     const lg_var r = lg_sub(tape, lg_reshape(tape, chord, lg_shape3(rows, 1, 2)), whole);
-    const lg_var shares = lg_reshape(tape, column(tape, rising, 1, n - 1), lg_shape3(1, n - 1, 1));
+    const lg_var shares = lg_reshape(tape, lg_columns(tape, rising, 1, n - 1), lg_shape3(1, n - 1, 1));
     const lg_var q = lg_add(tape, lg_slice(tape, sums, 1, 0, n - 1), lg_mul(tape, r, shares));
     const lg_var both[2] = {lg_reshape(tape, q, flat),
                             lg_reshape(tape, lg_slice(tape, v, 1, 1, n - 1), flat)};

@@ -170,22 +170,6 @@ void lg_csv_put(FILE *to, const char *before, const char *text, bool name) {
 
 /* ---- the header ---- */
 
-static char separator_of(const char *line) {
-    static const char candidates[] = {',', ';', '\t'};
-    size_t most = 0;
-    char best = ',';
-    for (size_t i = 0; i < sizeof candidates; i++) {
-        size_t count = 0;
-        bool quoted = false;
-        for (const char *at = line; *at != '\0'; at++) {
-            quoted ^= *at == '"';
-            count += !quoted && *at == candidates[i];
-        }
-        if (count > most) most = count, best = candidates[i];
-    }
-    return best;
-}
-
 static size_t count_cells(const char *line, char separator, bool *open) {
     size_t count = 1;
     bool quoted = false;
@@ -195,6 +179,18 @@ static size_t count_cells(const char *line, char separator, bool *open) {
     }
     *open = quoted;
     return count;
+}
+
+static char separator_of(const char *line) {
+    static const char candidates[] = {',', ';', '\t'};
+    size_t most = 1;
+    char best = ',';
+    bool open;
+    for (size_t i = 0; i < sizeof candidates; i++) {
+        const size_t count = count_cells(line, candidates[i], &open);
+        if (count > most) most = count, best = candidates[i];
+    }
+    return best;
 }
 
 /* Counts the cells that are numbers or missing numbers, without quotes. *counting: the cells are 0, 1, 2,
@@ -329,16 +325,12 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, b
 
 /* ---- the file ---- */
 
-static lg_status open_file(lg_csv *c, const char *what, lg_error *error) {
-    uint64_t bytes;
-    if (*c->path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", what);
-    return lg_read_open(c->path, &c->from, &bytes, error);
-}
-
 lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,
                       lg_error *error) {
+    uint64_t bytes;
     *c = (lg_csv){.context = context, .path = path, .shown = lg_shown_path(path), .room = FIRST_LINE};
-    LG_TRY(open_file(c, what, error));
+    if (*path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", what);
+    LG_TRY(lg_read_open(path, &c->from, &bytes, error));
     c->block = lg_alloc(context, BLOCK, 1);
     c->line = lg_alloc(context, FIRST_LINE, 1);
     return c->block == NULL || c->line == NULL ? lg_csv_no_memory(c, error) : LG_OK;

@@ -209,7 +209,7 @@ static void asymmetric_numbers(lg_number_list *l, const lg_machine *machine, con
     const uint32_t n = machine->velocities;
     const lg_machine_term *base = lg_machine_base(machine, term);
     const double *own = base == NULL ? theta + n : theta;
-    if (base == NULL) lg_numbers_drag(l, machine, "damping", 1, theta, exp);
+    if (base == NULL) lg_numbers_drag(l, machine, "damping", 1, theta);
     for (uint32_t k = 0; k < n; k++) {
         char name[48];
         lg_machine_velocity_name(machine, k, name, sizeof name);
@@ -274,7 +274,7 @@ static void stribeck_numbers(lg_number_list *l, const lg_machine *machine, const
     const lg_machine_term *base = lg_machine_base(machine, term);
     const double *own = base == NULL ? theta + n : theta;
     char name[48];
-    if (base == NULL) lg_numbers_drag(l, machine, "coulomb", 0, theta, exp);
+    if (base == NULL) lg_numbers_drag(l, machine, "coulomb", 0, theta);
     for (uint32_t k = 0; k < n; k++) {
         const double c = base == NULL ? exp(theta[k]) * unit_of(machine, k, 0)
                                       : lg_machine_drag_number(machine, base, theta - term->offset, k, 0);
@@ -390,7 +390,7 @@ static void lugre_numbers(lg_number_list *l, const lg_machine *machine, const lg
                            most_deflection(machine, k),
                        "bristle_stiffness.%s", name);
     }
-    lg_numbers_drag(l, machine, "bristle_damping", 1, theta + (size_t)4 * n, exp);
+    lg_numbers_drag(l, machine, "bristle_damping", 1, theta + (size_t)4 * n);
 }
 
 bool lg_machine_set_bristles(const lg_machine *machine, double part, double *theta) {
@@ -488,7 +488,7 @@ static void factor_numbers(lg_number_list *l, const lg_machine *machine, const l
     const double *own = whole ? theta + n : theta;
     double scales[LG_MACHINE_FEATURE_NUMBERS];
     const rubbing r = {.machine = machine, .term = term, .n = n};
-    if (whole) lg_numbers_drag(l, machine, "coulomb", 0, theta, exp);
+    if (whole) lg_numbers_drag(l, machine, "coulomb", 0, theta);
     if (term->of_count > 0) (void)lg_machine_feature_scales(machine, term, scales);
     for (uint32_t f = 0; f < count; f++)
         for (uint32_t k = 0; k < n; k++) {

@@ -43,9 +43,8 @@ typedef struct lg_number_list {
 } lg_number_list;
 typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, const lg_machine_term *term,
                              const double *theta);
-lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential,
-    lg_numbers_diagonal_damping, lg_numbers_constant_damping, lg_numbers_coulomb, lg_numbers_quadratic,
-    lg_numbers_cubic, lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey, lg_numbers_curve,
+lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential, lg_numbers_squares,
+    lg_numbers_constant_damping, lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey, lg_numbers_curve,
     lg_numbers_dead_zone, lg_numbers_lag;
 /* lg_term_kind.entry of potentials that are sums of monomials. */
 void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
@@ -54,9 +53,9 @@ void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term
 void __attribute__((format(printf, 3, 4)))
 lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
 
-/* Appends coefficients of drag shaped(theta_k), in scaled units a force divided by a speed to the power. */
+/* Appends coefficients of drag e^theta_k, in scaled units a force divided by a speed to the power. */
 void lg_numbers_drag(lg_number_list *list, const lg_machine *machine, const char *name, int power,
-                     const double *theta, double (*shaped)(double));
+                     const double *theta);
 /* Name of velocity k: "x", or "body.2" where its coordinate has several velocities. */
 void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size);
 /* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */

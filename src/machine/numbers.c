@@ -204,40 +204,21 @@ double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, i
 }
 
 void lg_numbers_drag(lg_number_list *l, const lg_machine *machine, const char *name, int power,
-                     const double *theta, double (*shaped)(double)) {
+                     const double *theta) {
     for (uint32_t i = 0; i < machine->velocities; i++) {
         char of[48];
         lg_machine_velocity_name(machine, i, of, sizeof of);
-        lg_numbers_put(l, shaped(theta[i]) * lg_machine_drag_unit(machine, i, i, power), "%s.%s", name, of);
+        lg_numbers_put(l, exp(theta[i]) * lg_machine_drag_unit(machine, i, i, power), "%s.%s", name, of);
     }
 }
 
-static double square(double x) {
-    return x * x;
-}
-
-void lg_numbers_diagonal_damping(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                                 const double *theta) {
-    (void)term;
-    lg_numbers_drag(l, machine, "damping", 1, theta, square);
-}
-
-void lg_numbers_coulomb(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+void lg_numbers_squares(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                         const double *theta) {
-    (void)term;
-    lg_numbers_drag(l, machine, "coulomb", 0, theta, square);
-}
-
-void lg_numbers_quadratic(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                          const double *theta) {
-    (void)term;
-    lg_numbers_drag(l, machine, "quadratic", 2, theta, square);
-}
-
-void lg_numbers_cubic(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                      const double *theta) {
-    (void)term;
-    lg_numbers_drag(l, machine, "cubic", 3, theta, square);
+    lg_entry_about about;
+    for (uint32_t i = 0; i < term->parameters; i++) {
+        term->kind->entry(machine, term, i, &about);
+        lg_numbers_put(l, theta[i] * theta[i] * about.unit, "%s", about.name);
+    }
 }
 
 void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,

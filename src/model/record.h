@@ -9,6 +9,11 @@ static inline lg_var lg_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_
     return lg_slice(tape, x, 1, first, count);
 }
 
+/* The arrays (B, ...) side by side. */
+static inline lg_var lg_joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
+    return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
+}
+
 /* Repeats each row of x `copies` times in succession: (B, ...) -> (B copies, ...). */
 lg_var lg_record_copies(lg_tape *tape, lg_var x, uint32_t copies);
 /* Unit vectors e_at[0], e_at[1], ... with n numbers (`at` NULL: e_0, e_1, ...), repeated for each of `rows`

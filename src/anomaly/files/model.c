@@ -168,15 +168,9 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
 
 /* ---- other arrays and numbers of the file ---- */
 
-typedef struct number {
-    const char *name;
-    size_t offset;
-} number;
-
 #define NUMBER(member)                                                                                       \
     { #member, offsetof(lg_detector_file, member) }
-/* NaN: not known, then not stored. */
-static const number numbers[] = {NUMBER(accuracy), NUMBER(f1), NUMBER(test_mse)};
+static const lg_model_number numbers[] = {NUMBER(accuracy), NUMBER(f1), NUMBER(test_mse), {NULL, 0}};
 
 static lg_sensing sensing_of(const lg_detector_file *file) {
     return (lg_sensing){.classes = file->run.model.classes,
@@ -246,16 +240,7 @@ static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *er
     LG_TRY(lg_sensing_check(h5->context, h5->path, &sensing, error));
     LG_TRY(lg_sensing_put(h5, &sensing, error));
     LG_TRY(put_novelty(h5, file, error));
-    for (size_t i = 0; i < LG_COUNT(numbers); i++) {
-        double value;
-        memcpy(&value, (const char *)file + numbers[i].offset, sizeof value);
-        if (isnan(value)) continue;
-        if (isinf(value))
-            return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path),
-                           numbers[i].name);
-        LG_TRY(lg_h5_put_number(h5, "", numbers[i].name, LG_ELEMENT_F64, &value, error));
-    }
-    return LG_OK;
+    return lg_model_put_numbers(h5, numbers, file, error);
 }
 
 static lg_status get_scaler(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
@@ -298,13 +283,7 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     file->rate = sensing.rate;
     LG_TRY(number_classes(h5, file, error));
     LG_TRY(get_novelty(h5, file, error));
-    for (size_t i = 0; i < LG_COUNT(numbers); i++) {
-        bool known;
-        double value = NAN;
-        LG_TRY(lg_model_get_number(h5, numbers[i].name, &known, &value, error));
-        memcpy((char *)file + numbers[i].offset, &value, sizeof value);
-    }
-    return LG_OK;
+    return lg_model_get_numbers(h5, numbers, file, error);
 }
 
 void lg_detector_file_destroy(lg_detector_file *file) {

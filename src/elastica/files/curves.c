@@ -6,6 +6,7 @@
 
 #include "liegrad/elastica.h"
 
+#include "core/median.h"
 #include "files/h5.h"
 #include "settings/names.h"
 
@@ -181,11 +182,6 @@ static double trapezoid_length(const double *q, const double *v, uint32_t interv
     return squares > 0 ? intervals * products / squares : (double)NAN;
 }
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Rounds to three significant digits, which changes the length by at most 0.5 %. This is meant to give the
  * value that was set in the program that wrote the file. */
 static double rounded(double x) {
@@ -206,7 +202,7 @@ static double agreed_length(const lg_elastica_curves *c, double *lengths) {
             if (isfinite(lengths[known])) known++;
         }
         if (known == 0) continue;
-        qsort(lengths, known, sizeof *lengths, compare);
+        qsort(lengths, known, sizeof *lengths, lg_compare_doubles);
         const double spread = lengths[(known - 1) * 9 / 10] - lengths[known / 10];
         if (!(spread < least)) continue;
         least = spread;

@@ -288,6 +288,29 @@ lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *va
     return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path), name);
 }
 
+lg_status lg_model_put_numbers(lg_h5 *h5, const lg_model_number *row, const void *file, lg_error *error) {
+    for (; row->name != NULL; row++) {
+        double value;
+        memcpy(&value, (const char *)file + row->offset, sizeof value);
+        if (isnan(value)) continue;
+        if (isinf(value))
+            return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path),
+                           row->name);
+        LG_TRY(lg_h5_put_number(h5, "", row->name, LG_ELEMENT_F64, &value, error));
+    }
+    return LG_OK;
+}
+
+lg_status lg_model_get_numbers(lg_h5 *h5, const lg_model_number *row, void *file, lg_error *error) {
+    for (; row->name != NULL; row++) {
+        bool known;
+        double value = NAN;
+        LG_TRY(lg_model_get_number(h5, row->name, &known, &value, error));
+        memcpy((char *)file + row->offset, &value, sizeof value);
+    }
+    return LG_OK;
+}
+
 lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error) {
     const model_view view = view_of(kind, file);
     LG_TRY(lg_h5_check_format(h5, kind->name, false, error));

@@ -78,6 +78,14 @@ lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error
 
 /* Reads an optional attribute of the root, which must be a finite number. */
 lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *value, lg_error *error);
+/* Members of a model's file that are attributes of the root; one that is NaN is unknown and not stored. The
+ * list ends with a row without name. */
+typedef struct lg_model_number {
+    const char *name;
+    size_t offset;
+} lg_model_number;
+lg_status lg_model_put_numbers(lg_h5 *h5, const lg_model_number *rows, const void *file, lg_error *error);
+lg_status lg_model_get_numbers(lg_h5 *h5, const lg_model_number *rows, void *file, lg_error *error);
 void lg_run_release(const lg_recipe *kind, void *file);
 void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]);
 

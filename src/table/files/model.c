@@ -72,10 +72,7 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
 
 #define NUMBER(member)                                                                                       \
     { #member, offsetof(lg_table_file, member) }
-static const struct number {
-    const char *name;
-    size_t offset;
-} numbers[] = {NUMBER(rmse), NUMBER(accuracy), NUMBER(f1)}; /* NaN: unknown, not in the file */
+static const lg_model_number numbers[] = {NUMBER(rmse), NUMBER(accuracy), NUMBER(f1), {NULL, 0}};
 
 static bool is_regression(const lg_table_file *file) {
     return file->run.model.options.task == LG_TABLE_REGRESSION;
@@ -118,19 +115,6 @@ static lg_status put_names(lg_h5 *h5, const char *name, char (*names)[LG_TABLE_N
     return names != NULL ? lg_h5_put_texts(h5, name, names[0], LG_TABLE_NAME, count, error) : LG_OK;
 }
 
-static lg_status put_numbers(lg_h5 *h5, const lg_table_file *file, lg_error *error) {
-    for (size_t i = 0; i < LG_COUNT(numbers); i++) {
-        double value;
-        memcpy(&value, (const char *)file + numbers[i].offset, sizeof value);
-        if (isnan(value)) continue;
-        if (isinf(value))
-            return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path),
-                           numbers[i].name);
-        LG_TRY(lg_h5_put_number(h5, "", numbers[i].name, LG_ELEMENT_F64, &value, error));
-    }
-    return LG_OK;
-}
-
 static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
     const lg_table_file *file = user;
     const lg_net *net = &file->run.model.net;
@@ -143,7 +127,7 @@ static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *er
     LG_TRY(put_names(h5, "names/outputs", file->output_name, net->outputs, error));
     if (file->class_column[0] != '\0')
         LG_TRY(lg_h5_put_text(h5, "", "class_column", file->class_column, error));
-    return put_numbers(h5, file, error);
+    return lg_model_put_numbers(h5, numbers, file, error);
 }
 
 /* ---- reading ---- */
@@ -221,13 +205,7 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     LG_TRY(get_names(h5, "names/outputs", is_regression(file) ? "y" : "class", net->outputs,
                      &file->output_name, error));
     LG_TRY(get_class_column(h5, file, error));
-    for (size_t i = 0; i < LG_COUNT(numbers); i++) {
-        bool known;
-        double value = NAN;
-        LG_TRY(lg_model_get_number(h5, numbers[i].name, &known, &value, error));
-        memcpy((char *)file + numbers[i].offset, &value, sizeof value);
-    }
-    return LG_OK;
+    return lg_model_get_numbers(h5, numbers, file, error);
 }
 
 void lg_table_file_destroy(lg_table_file *file) {
