@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "control/policy.h"
-#include "liegrad/geometry.h"
 
 const char *lg_policy_kind_name(lg_policy_kind kind) {
     static const char *const names[LG_POLICY_KIND_COUNT] = {"lqr", "network", "energy"};
@@ -383,111 +382,6 @@ static bool has(const lg_policy *p, const char *function) {
     return lg_program_find(p->program, function, &number, NULL) == LG_OK;
 }
 
-/* A position as controllers get it. */
-static void give(const lg_policy_coordinate *c, const double *q, double *given) {
-    double turn[3];
-    if (c->motion != LG_POLICY_ROTATION) {
-        memcpy(given, q, lg_policy_motion_row_of(c->motion)->given * sizeof *given);
-        return;
-    }
-    lg_so3_log(q, turn);
-    const double angle = sqrt(lg_dot3(turn, turn)), by = angle > 0.0 ? sin(0.5 * angle) / angle : 0.5;
-    given[0] = cos(0.5 * angle);
-    for (int k = 0; k < 3; k++) given[1 + k] = by * turn[k];
-}
-
-/* Whether two arrays of TRIALS rows are the same but for rounding; each column in its own unit. */
-static bool equal(const double *a, const double *b, size_t columns) {
-    for (size_t j = 0; j < columns; j++) {
-        double size = 0.0, off = 0.0;
-        for (size_t i = j; i < TRIALS * columns; i += columns) {
-            size = fmax(size, fabs(b[i]));
-            if (!(fabs(a[i] - b[i]) <= off)) off = fabs(a[i] - b[i]);
-        }
-        if (!(off <= 1e-7 * size)) return false;
-    }
-    return true;
-}
-
-/* Evaluations run `closed` and `regulated`, exported C calls `control`, and its self-test also `policy` and
- * `period`. If one of them was changed in a file, they differ at random states. */
-static lg_status compare_functions(const lg_policy *p, lg_error *error) {
-    const size_t n = p->layout.errors, m = p->inputs, nq = p->layout.positions, nv = p->layout.velocities,
-                 given = p->layout.given + nv,
-                 counts[] = {n, p->state, nq, nv, given, p->state, p->state, m, m, m, 1};
-    size_t sum = 0;
-    for (size_t i = 0; i < LG_COUNT(counts); i++) sum += TRIALS * counts[i];
-    double *memory = lg_alloc(p->context, sum, sizeof *memory), *at[LG_COUNT(counts)];
-    if (memory == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of functions");
-    sum = 0;
-    for (size_t i = 0; i < LG_COUNT(counts); i++) at[i] = memory + sum, sum += TRIALS * counts[i];
-    double *z = at[0], *x = at[1], *q = at[2], *v = at[3], *seen = at[4], *u = at[7], *other = at[8],
-           *regulated = at[9];
-    lg_rng rng;
-    lg_rng_seed(&rng, 1, 10);
-    for (size_t i = 0; i < TRIALS; i++) {
-        lg_policy_draw(&p->task, &p->layout, &rng, z + i * n);
-        lg_policy_retract(&p->task, &p->layout, z + i * n, q + i * nq, v + i * nv);
-        for (uint32_t k = 0; k < p->task.coordinate_count; k++)
-            give(&p->task.coordinate[k], q + i * nq + p->layout.at[k].position,
-                 seen + i * given + p->layout.at[k].given);
-        memcpy(seen + i * given + p->layout.given, v + i * nv, nv * sizeof *v);
-    }
-    const double *in_policy[3] = {q, nv > 0 ? v : p->theta, p->theta}, *in_closed[] = {x, p->theta};
-    const struct {
-        const char *name;
-        const double *const *in;
-        double *out[3];
-    } calls[] = {{"control", (const double *const[]){seen}, {u}},
-                 {"policy", in_policy, {other}},
-                 {"closed", in_closed, {at[5], at[10], regulated}},
-                 {"period", (const double *const[]){x, u}, {at[6]}}};
-    lg_status status = lg_policy_states(p, z, TRIALS, x, error);
-    for (size_t i = 0; i < LG_COUNT(calls) && status == LG_OK; i++)
-        status = lg_program_eval(p->context, p->program, calls[i].name, TRIALS, calls[i].in,
-                                 (double *const *)calls[i].out, error);
-    bool same = equal(u, regulated, m) && equal(other, regulated, m) && equal(at[6], at[5], p->state);
-    if (status == LG_OK && same && p->task.kind == LG_POLICY_LQR && p->parameters == 0 &&
-        has(p, "regulated")) {
-        status = lg_program_eval(p->context, p->program, "regulated", TRIALS,
-                                 (const double *const[]){x, p->regulator.K},
-                                 (double *const[]){at[6], at[10], other}, error);
-        same = equal(other, regulated, m) && equal(at[6], at[5], p->state);
-    }
-    lg_free(p->context, memory);
-    if (status != LG_OK || same) return status;
-    return lg_fail(
-        error, LG_FORMAT,
-        "the functions control, policy, closed and period of the file are not of one policy: one of "
-        "them was changed. Train the policy again");
-}
-
-lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
-    static const char *const needed[] = {"period", "errors",   "policy",      "control",
-                                         "closed", "terminal", "adj1_closed", "adj1_terminal"};
-    (void)set_goals(p);
-    for (uint32_t l = 0; l < p->inputs; l++)
-        if (!(p->task.dead_time[l] >= 0.0 && p->task.dead_time[l] <= LG_POLICY_COORDINATES * p->task.period))
-            return lg_fail(error, LG_FORMAT, "the dead time %g of input %s is out of range",
-                           p->task.dead_time[l], p->task.input[l].name);
-    lg_policy_lay_out_memory(p, p->task.dead_time);
-    if (memcmp(p->memory.line, p->memory.known, sizeof p->memory.line) != 0)
-        return lg_fail(error, LG_FORMAT, "the past inputs of the policy do not fit its dead times");
-    LG_TRY(check_plant(p, p->program, error));
-    for (size_t i = 0; i < LG_COUNT(needed); i++)
-        if (!has(p, needed[i]))
-            return lg_fail(error, LG_FORMAT, "the policy's program has no function %s", needed[i]);
-    if (p->parameters == 0) return compare_functions(p, error);
-    const size_t last = lg_program_parameters(p->program);
-    lg_parameter_spec stored = {.name = ""};
-    if (last > 0) stored = lg_program_parameter(p->program, last - 1);
-    if (stored.values == NULL || lg_shape_count(stored.shape) != p->parameters)
-        return lg_fail(error, LG_FORMAT,
-                       "the policy's program does not have the %zu parameters of its network", p->parameters);
-    memcpy(p->theta, stored.values, p->parameters * sizeof *p->theta);
-    return compare_functions(p, error);
-}
-
 /* What a policy on another plant is for: runs of training; evaluation, where the integrator takes finer steps
  * and the controller keeps what it believes; training on soft friction; the design of the regulator. */
 typedef enum purpose { DRAWN, JUDGED, WARM, DESIGN } purpose;
@@ -532,6 +426,74 @@ static lg_status transplant(const lg_policy *policy, const lg_program *plant, co
     else
         lg_policy_destroy(p);
     return status;
+}
+
+/* ---- policies of files ---- */
+
+/* The recording of a function, as files have it; freed with lg_free. */
+static lg_status pack(const lg_policy *p, size_t function, unsigned char **bytes, size_t *size,
+                      lg_error *error) {
+    lg_function_image *image;
+    *bytes = NULL;
+    lg_status status = lg_function_image_create(p->program, function, &image);
+    if (status == LG_OK) status = lg_function_pack(image, NULL, size, error);
+    if (status == LG_OK) *bytes = lg_alloc(p->context, *size, 1);
+    if (status == LG_OK)
+        status = *bytes != NULL ? lg_function_pack(image, *bytes, size, error) : LG_OUT_OF_MEMORY;
+    lg_function_image_destroy(image);
+    if (status == LG_OUT_OF_MEMORY) return lg_fail(error, status, "no memory for a comparison of functions");
+    return status;
+}
+
+static lg_status compare_function(const lg_policy *p, const lg_policy *again, size_t function,
+                                  lg_error *error) {
+    const char *name = lg_program_function_name(again->program, function);
+    unsigned char *bytes[2] = {NULL, NULL};
+    size_t size[2], stored;
+    if (lg_program_find(p->program, name, &stored, NULL) != LG_OK)
+        return lg_fail(error, LG_FORMAT, "the policy's program has no function %s", name);
+    lg_status status = pack(p, stored, &bytes[0], &size[0], error);
+    if (status == LG_OK) status = pack(again, function, &bytes[1], &size[1], error);
+    if (status == LG_OK && (size[0] != size[1] || memcmp(bytes[0], bytes[1], size[0]) != 0))
+        status = lg_fail(
+            error, LG_FORMAT,
+            "the functions control, policy, closed and period of the file are not of one policy: one of "
+            "them was changed. Train the policy again");
+    for (int i = 0; i < 2; i++) lg_free(p->context, bytes[i]);
+    return status;
+}
+
+/* Evaluations run `closed` and `regulated`, exported C calls `control`, and its self-test also `policy` and
+ * `period`. All of them must be what the task, the plant and the regulator give. */
+static lg_status compare_functions(const lg_policy *p, lg_error *error) {
+    lg_policy *again;
+    LG_TRY(transplant(p, p->program, NULL, DRAWN, &again, error));
+    lg_status status = LG_OK;
+    for (size_t i = 0; i < lg_program_functions(again->program) && status == LG_OK; i++)
+        status = compare_function(p, again, i, error);
+    lg_policy_destroy(again);
+    return status;
+}
+
+lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
+    (void)set_goals(p);
+    for (uint32_t l = 0; l < p->inputs; l++)
+        if (!(p->task.dead_time[l] >= 0.0 && p->task.dead_time[l] <= LG_POLICY_COORDINATES * p->task.period))
+            return lg_fail(error, LG_FORMAT, "the dead time %g of input %s is out of range",
+                           p->task.dead_time[l], p->task.input[l].name);
+    lg_policy_lay_out_memory(p, p->task.dead_time);
+    if (memcmp(p->memory.line, p->memory.known, sizeof p->memory.line) != 0)
+        return lg_fail(error, LG_FORMAT, "the past inputs of the policy do not fit its dead times");
+    LG_TRY(check_plant(p, p->program, error));
+    if (p->parameters == 0) return compare_functions(p, error);
+    const size_t last = lg_program_parameters(p->program);
+    lg_parameter_spec stored = {.name = ""};
+    if (last > 0) stored = lg_program_parameter(p->program, last - 1);
+    if (stored.values == NULL || lg_shape_count(stored.shape) != p->parameters)
+        return lg_fail(error, LG_FORMAT,
+                       "the policy's program does not have the %zu parameters of its network", p->parameters);
+    memcpy(p->theta, stored.values, p->parameters * sizeof *p->theta);
+    return compare_functions(p, error);
 }
 
 lg_status lg_policy_make_soft(const lg_policy *policy, const double *speed, bool motion, lg_policy **out,

@@ -174,7 +174,8 @@ TEST("a file keeps the memory, and certificates say that they do not cover it") 
     lg_error error;
     static const char task[] =
         "plant: cart\nperiod: 0.1\nhorizon: 3\nstarts: {x: [-0.5, 0.5]}\nlimits: {u: [-3, 1], w: 2}\n"
-        "cost: {x: 1}\nsuccess: {x: 0.1, hold: 1, within: 8}\ncontroller: {kind: lqr}\nintegral: [x]\n";
+        "cost: {x: 1, v: 0.1, u: 0.01, w: 0.01}\nsuccess: {x: 0.1, hold: 1, within: 8}\ncontroller: {kind: "
+        "lqr}\nintegral: [x]\n";
     assert_ok(lg_policy_save(NULL, path, p, task, NULL, NULL));
     if (lg_policy_load(NULL, path, NULL, &read, NULL, &error) != LG_OK) fail_msg("%s", error.message);
     lg_test_owns(read, release_policy);
@@ -235,7 +236,8 @@ TEST("a file in which one of the functions was changed is not accepted") {
     static const char *const changed[] = {"control", "policy", "closed", "regulated"};
     static const char task[] =
         "plant: cart\nperiod: 0.1\nhorizon: 3\nstarts: {x: [-0.5, 0.5]}\nlimits: {u: [-3, 1], w: 2}\n"
-        "cost: {x: 1}\nsuccess: {x: 0.1, hold: 1, within: 8}\ncontroller: {kind: lqr}\nintegral: [x]\n";
+        "cost: {x: 1, v: 0.1, u: 0.01, w: 0.01}\nsuccess: {x: 0.1, hold: 1, within: 8}\ncontroller: {kind: "
+        "lqr}\nintegral: [x]\n";
     const char *const path = "test_policy_changed.h5";
     const double late[INPUTS] = {1.5, 0};
     lg_policy_task wider = cart_with(late, true);
