@@ -44,12 +44,14 @@ static void find_programs(const app *self) {
 }
 
 /* Waits for the script, and passes a signal on to it. Returns its exit code. */
-static int wait_for_script(pid_t child) {
+static int wait_for_script(const app *self, pid_t child) {
     static const struct timespec pause = {0, 20000000};
     int status = 0;
-    for (bool passed = false; waitpid(child, &status, WNOHANG) == 0; (void)nanosleep(&pause, NULL))
+    pid_t ended;
+    for (bool passed = false; (ended = waitpid(child, &status, WNOHANG)) == 0; (void)nanosleep(&pause, NULL))
         if (app_interrupted() && !passed) passed = kill(child, SIGTERM) == 0;
     if (app_interrupted()) return APP_EXIT_INTERRUPTED;
+    if (ended < 0) app_stop(self, LG_FILE, "the demo's script: %s", strerror(errno));
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
@@ -73,5 +75,5 @@ int app_demo(app *self, const char *folder, const app_named_text *texts) {
     if (failed != 0)
         app_stop(self, LG_FILE, "the demo is a bash script, and bash cannot be started: %s",
                  strerror(failed));
-    return wait_for_script(child);
+    return wait_for_script(self, child);
 }
