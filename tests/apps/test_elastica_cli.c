@@ -228,7 +228,8 @@ TEST("interrupted generation ends at once") {
 TEST("a network is trained, and evaluate prints the same errors of the parts as train") {
     json("train data.h5 --method adam --modes 0 --hidden 12 --layers 1 --batch 8 --epochs 4 --out t.h5 "
          "--history t.csv --plot t.svg",
-         "seconds_per_epoch *, parameters 732, training_loss *, epochs 4, threads *, dtype *, seed *, source *, "
+         "seconds_per_epoch *, parameters 732, training_loss *, epochs 4, threads *, dtype *, seed *, source "
+         "*, "
          "train_curves 36, test_curves 4");
     const double train = json_number(result.out, "train_mse"), test = json_number(result.out, "test_mse");
     json("evaluate t.h5 data.h5 --part train", "curves 36");
@@ -351,7 +352,8 @@ TEST("the error of a network of modes is its loss plus its truncation; the curve
     json("train data.h5 --modes 3 --epochs 40 --seed 2 --out m3.h5",
          "modes 3, angles false, learned_curves 36");
     const double truncation = json_number(result.out, "truncation");
-    assert_close(json_number(result.out, "train_mse"), json_number(result.out, "training_loss") + truncation, 1e-9, 0);
+    assert_close(json_number(result.out, "train_mse"), json_number(result.out, "training_loss") + truncation,
+                 1e-9, 0);
     assert_true(truncation > 1e-12);
     json("train data.h5 --epochs 1 --out one.h5", "truncation <1e-13");
     const double one = json_number(result.out, "modes");

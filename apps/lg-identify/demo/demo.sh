@@ -1,7 +1,7 @@
 run lg-identify generate truth.yaml --out train.csv --runs 12 --t-end 6 --inputs multisine --amplitude 0.3
 run lg-identify generate truth.yaml --out test.csv --runs 4 --t-end 6 --inputs multisine --amplitude 0.25 --seed 2
 run lg-identify check machine.yaml train.csv --plot log.svg
-run lg-identify fit machine.yaml train.csv --out model.h5 --seconds "$LG_SECONDS" --epochs "${LG_EPOCHS:-3000}" --plot fit.svg \
+run lg-identify fit machine.yaml train.csv --out model.h5 --seconds "$LG_SECONDS" --epochs "${LG_EPOCHS:-300}" --plot fit.svg \
     --seed "$LG_SEED"
 echo 'The true machine: mass 0.05, 0.06, 0.03, damping 0.01, 0.012, 0.008'
 run lg-identify evaluate model.h5 test.csv --plot learned.svg
