@@ -81,8 +81,7 @@ lg_status lg_judgement_begin(const lg_context *context, const lg_series *series,
                           .auc = NAN,
                           .mse = NAN,
                           .context = context};
-    if (allocate(out, plane) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (allocate(out, plane) != LG_OK) return lg_no_memory(error);
     for (size_t i = 0; i < out->count; i++) {
         out->window[i] = part->list[i];
         out->truth[i] = series->label[windows->first[part->list[i]]];

@@ -65,6 +65,9 @@ void lg_log_message(const lg_context *context, lg_log_level level, const char *f
 /* Fills `error` (may be NULL) and returns `status`, so that a function can fail in one statement. */
 lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+static inline lg_status lg_no_memory(lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+}
 
 /* These are snprintf, vsnprintf and strtod with a decimal point in every locale. The library formats and
  * reads real numbers with them. */

@@ -21,10 +21,6 @@ void lg_labels_destroy(lg_labels *labels) {
     *labels = (lg_labels){.context = labels->context};
 }
 
-static lg_status no_memory(const lg_h5 *h5, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
-}
-
 static lg_status too_many(const lg_h5 *h5, const char *name, lg_error *error) {
     return lg_fail(error, LG_FORMAT, "%s: /%s: more than %u different labels", lg_shown_path(h5->path), name,
                    LG_SERIES_CLASSES);
@@ -50,7 +46,7 @@ static lg_status name_values(const lg_h5 *h5, lg_labels *labels, lg_error *error
     for (uint32_t i = 0; i < labels->distinct; i++) {
         char text[LG_SERIES_NAME];
         (void)snprintf(text, sizeof text, "%" PRId64, labels->value[i]);
-        if (lg_names_add(&labels->text, text) != LG_OK) return no_memory(h5, error);
+        if (lg_names_add(&labels->text, text) != LG_OK) return lg_h5_no_memory(h5, error);
     }
     return LG_OK;
 }
@@ -71,7 +67,7 @@ static lg_status read_whole(lg_h5 *h5, const char *name, const lg_h5_about *abou
                             lg_error *error) {
     int64_t *values = lg_alloc(h5->context, labels->count, sizeof *values);
     labels->value = lg_alloc(h5->context, labels->count, sizeof *labels->value);
-    lg_status status = values != NULL && labels->value != NULL ? LG_OK : no_memory(h5, error);
+    lg_status status = values != NULL && labels->value != NULL ? LG_OK : lg_h5_no_memory(h5, error);
     labels->whole = true;
     if (status == LG_OK) status = lg_h5_get_wholes(h5, name, about, values, error);
     if (status == LG_OK) number_values(values, labels);
@@ -95,7 +91,7 @@ static lg_status meet_text(void *user, uint64_t index, const char *text, lg_erro
         return lg_fail(error, LG_FORMAT, "%s: /%s: the text at index (%llu) is empty or longer than %d bytes",
                        shown, call->name, (unsigned long long)index, LG_SERIES_NAME - 1);
     const lg_status status = lg_names_meet(&call->labels->text, text, &call->labels->label[index], &known);
-    if (status == LG_OUT_OF_MEMORY) return no_memory(call->h5, error);
+    if (status == LG_OUT_OF_MEMORY) return lg_h5_no_memory(call->h5, error);
     return status == LG_OK ? LG_OK : too_many(call->h5, call->name, error);
 }
 
@@ -114,7 +110,7 @@ static lg_status sort_texts(const lg_h5 *h5, lg_labels *labels, lg_error *error)
     lg_free(h5->context, place);
     if (status != LG_OK) {
         lg_names_destroy(&sorted);
-        return no_memory(h5, error);
+        return lg_h5_no_memory(h5, error);
     }
     labels->distinct = text->count;
     lg_names_destroy(text);
@@ -157,7 +153,7 @@ lg_status lg_labels_read(lg_h5 *h5, const char *name, size_t count, lg_labels *l
     LG_TRY(check_shape(h5, name, &about, count, error));
     labels->count = count;
     labels->label = lg_alloc(h5->context, count, sizeof *labels->label);
-    if (labels->label == NULL) return no_memory(h5, error);
+    if (labels->label == NULL) return lg_h5_no_memory(h5, error);
     return about.kind == LG_H5_WORDS ? read_texts(h5, name, labels, error)
                                      : read_whole(h5, name, &about, labels, error);
 }
@@ -279,7 +275,7 @@ static lg_status number_from(const lg_h5 *h5, int64_t low, uint32_t count, lg_la
     for (uint32_t c = 0; c < count; c++) {
         char text[LG_SERIES_NAME];
         (void)snprintf(text, sizeof text, "%" PRId64, low + c);
-        if (lg_names_add(&labels->of_class, text) != LG_OK) return no_memory(h5, error);
+        if (lg_names_add(&labels->of_class, text) != LG_OK) return lg_h5_no_memory(h5, error);
     }
     return LG_OK;
 }
@@ -288,7 +284,7 @@ static lg_status copy_list(const lg_h5 *h5, char (*list)[LG_SERIES_NAME], uint32
                            lg_error *error) {
     lg_names_destroy(out);
     for (uint32_t c = 0; c < count; c++)
-        if (lg_names_add(out, list[c]) != LG_OK) return no_memory(h5, error);
+        if (lg_names_add(out, list[c]) != LG_OK) return lg_h5_no_memory(h5, error);
     return LG_OK;
 }
 
@@ -399,7 +395,7 @@ static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels 
 static lg_status choose_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels,
                                 lg_names *names, lg_error *error) {
     labels->class_of = lg_alloc(h5->context, labels->distinct, sizeof *labels->class_of);
-    if (labels->class_of == NULL) return no_memory(h5, error);
+    if (labels->class_of == NULL) return lg_h5_no_memory(h5, error);
     if (labels->distinct > LG_SERIES_CLASSES) return too_many(h5, "y", error);
     if (labels->whole) LG_TRY(name_values(h5, labels, error));
     LG_TRY(lg_names_get(h5, "classes", true, names, error));
@@ -424,5 +420,5 @@ static lg_status choose_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_
 lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels, lg_names *names,
                             lg_error *error) {
     const lg_status status = choose_classes(h5, ours, like, labels, names, error);
-    return labels->starved ? no_memory(h5, error) : status;
+    return labels->starved ? lg_h5_no_memory(h5, error) : status;
 }

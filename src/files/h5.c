@@ -63,6 +63,10 @@ lg_h5_name lg_h5_memory_name(const lg_h5 *h5) {
     return name;
 }
 
+lg_status lg_h5_no_memory(const lg_h5 *h5, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
+}
+
 void lg_h5_close(lg_h5 *h5) {
     if (h5 == NULL) return;
     lg_h5_quiet quiet = lg_quiet_begin();

@@ -47,6 +47,8 @@ static inline const char *lg_tamed(char *text) {
     return text;
 }
 
+lg_status lg_h5_no_memory(const lg_h5 *h5, lg_error *error);
+
 /* ---- composing; nothing touches the disk before lg_h5_commit ---- */
 lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);
 /* Writes an array, and creates missing groups of its path. `dims` has `rank` numbers. */
@@ -67,6 +69,8 @@ lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_e
 /* Returns LG_OK if the attribute did not exist. */
 lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name, lg_error *error);
 lg_status lg_h5_commit(lg_h5 *h5, lg_error *error);
+/* Commits the file if `status` is LG_OK, and closes it. Returns the first failure. */
+lg_status lg_h5_finish(lg_h5 *h5, lg_status status, lg_error *error);
 /* Loads an existing file into memory, to be read and changed. lg_h5_commit then replaces the file. */
 lg_status lg_h5_edit(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);
 

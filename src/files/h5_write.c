@@ -214,9 +214,14 @@ lg_status lg_h5_commit(lg_h5 *h5, lg_error *error) {
     void *image = bytes > 0 ? lg_alloc(h5->context, (size_t)bytes, 1) : NULL;
     bool copied = image != NULL && H5Fget_file_image(h5->file, image, (size_t)bytes) == bytes;
     lg_quiet_end(quiet);
-    lg_status status = copied
-                           ? lg_file_write(h5->context, h5->path, image, (size_t)bytes, error)
-                           : lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
+    lg_status status = copied ? lg_file_write(h5->context, h5->path, image, (size_t)bytes, error)
+                              : lg_h5_no_memory(h5, error);
     lg_free(h5->context, image);
+    return status;
+}
+
+lg_status lg_h5_finish(lg_h5 *h5, lg_status status, lg_error *error) {
+    if (status == LG_OK) status = lg_h5_commit(h5, error);
+    lg_h5_close(h5);
     return status;
 }

@@ -290,7 +290,7 @@ lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine
     memcpy(q, log->q, log->rows * machine->positions * sizeof *q);
     memcpy(v, log->v, log->rows * machine->velocities * sizeof *v);
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    if (start == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (start == NULL) return lg_no_memory(error);
     problem.windows = lg_machine_windows(machine, log, window, window - 1, true, start);
     problem.start = start;
     lg_machine_scale_loss(&problem);

@@ -85,7 +85,7 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
     const size_t n = machine->velocities, all = count * n;
     double *memory =
         lg_alloc(context, all * (machine->positions + 2 * n + machine->input_count), sizeof *memory);
-    if (memory == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (memory == NULL) return lg_no_memory(error);
     probe p = {.count = (uint32_t)all, .v = memory, .after = memory + all * n, .q = memory + 2 * all * n};
     p.u = p.q + all * machine->positions;
     fill(machine, log, rows, count, &p);

@@ -205,7 +205,7 @@ lg_status lg_machine_adapt(const lg_context *context, const lg_machine_restricti
     adapting a = {.context = context, .of = restriction};
     lg_machine_restricted_problem(restriction, &a.fit);
     a.x = lg_alloc(context, 2 * a.fit.parameters + 2 * n * n + n, sizeof *a.x);
-    if (a.x == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (a.x == NULL) return lg_no_memory(error);
     a.decay = a.x + a.fit.parameters;
     a.fit.decay = a.decay;
     a.found.W = a.decay + a.fit.parameters;

@@ -266,8 +266,7 @@ static lg_status number_classes(lg_h5 *h5, lg_detector_file *file, lg_error *err
     const uint32_t classes = file->run.model.classes;
     if (file->class_name != NULL) return LG_OK;
     file->class_name = lg_alloc(h5->context, classes, sizeof *file->class_name);
-    if (file->class_name == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
+    if (file->class_name == NULL) return lg_h5_no_memory(h5, error);
     for (uint32_t c = 0; c < classes; c++) (void)snprintf(file->class_name[c], LG_SERIES_NAME, "%u", c);
     return LG_OK;
 }

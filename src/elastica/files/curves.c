@@ -372,8 +372,5 @@ lg_status lg_elastica_data_write(const lg_context *context, const char *path, lg
     LG_TRY(check_written(path, &data->curves, error));
     LG_TRY(lg_h5_create(context, path, &h5, error));
     hash(data);
-    lg_status status = put_all(h5, data, error);
-    if (status == LG_OK) status = lg_h5_commit(h5, error);
-    lg_h5_close(h5);
-    return status;
+    return lg_h5_finish(h5, put_all(h5, data, error), error);
 }

@@ -103,8 +103,7 @@ static lg_status get_modes(lg_h5 *h5, lg_surrogate_file *file, lg_error *error) 
     const uint64_t n = 4 * ((uint64_t)model->intervals - 1), dims[2] = {model->options.modes, n};
     if (model->options.modes == 0) return LG_OK;
     file->modes = lg_alloc(h5->context, lg_surrogate_modes_size(model), sizeof *file->modes);
-    if (file->modes == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
+    if (file->modes == NULL) return lg_h5_no_memory(h5, error);
     model->modes = file->modes;
     LG_TRY(get_fixed(h5, "model/mean", 1, &n, file->modes, error));
     return get_fixed(h5, "model/modes", 2, dims, file->modes + n, error);

@@ -219,8 +219,7 @@ lg_status lg_adaptation_create(const lg_context *context, const char *path, cons
         LG_TRY(extend(context, path, &out->run, error));
     const size_t P = out->run.machine.parameters;
     out->theta = lg_alloc(context, (1 + LG_ADAPT_MOST) * P + 1, sizeof *out->theta);
-    if (out->theta == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (out->theta == NULL) return lg_no_memory(error);
     out->directions = out->theta + P;
     carry(before, file->theta, &out->run.machine, out->theta);
     return fill(names, force, out, error);

@@ -9,8 +9,7 @@ lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double pa
                             lg_error *error) {
     const lg_machine_state *s = self->state;
     *out = (lg_choosing){.self = self};
-    if (lg_context_quiet(self->context, &out->quiet) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (lg_context_quiet(self->context, &out->quiet) != LG_OK) return lg_no_memory(error);
     return lg_held_out_plan(self->context, &s->data.file.machine, &s->data.training, part, windows,
                             s->estimated || s->noisy, &out->held, error);
 }
@@ -83,9 +82,7 @@ static lg_status judge_fit(const trial_training *t, const lg_machine_problem *be
     lg_machine_problem one = *before;
     double *theta = lg_alloc(self->context, P + start + 1, sizeof *theta);
     out->left = lg_alloc(self->context, all, sizeof *out->left);
-    lg_status status = theta != NULL && out->left != NULL
-                           ? LG_OK
-                           : lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    lg_status status = theta != NULL && out->left != NULL ? LG_OK : lg_no_memory(error);
     one.substeps = t->run.substeps;
     one.windows = 1;
     one.validation = 0;
@@ -118,8 +115,7 @@ static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error
     lg_fit_parameters(self->fit, self->theta);
     out->learned.machine = t->run.machine;
     out->learned.theta = lg_alloc(self->context, t->run.machine.parameters + 1, sizeof *out->learned.theta);
-    if (out->learned.theta == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (out->learned.theta == NULL) return lg_no_memory(error);
     memcpy(out->learned.theta, self->theta, t->run.machine.parameters * sizeof *self->theta);
     return judge_fit(t, &before, out, error);
 }
@@ -128,8 +124,7 @@ static lg_status judge(const trial_training *t, lg_machine_trial *out, lg_error 
     const lg_learned_machine model = {&t->run.machine, out->learned.theta, t->run.scheme, t->run.substeps,
                                       lg_model_start_rows(&t->run, t->state.estimated)};
     out->square = lg_alloc(t->training.context, t->held.count, sizeof *out->square);
-    if (out->square == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (out->square == NULL) return lg_no_memory(error);
     const lg_status status = lg_held_out_judge(&t->held, &model, &t->state.data.training, out->square, error);
     if (status != LG_OK) {
         lg_free(t->training.context, out->square);
@@ -157,7 +152,7 @@ lg_status lg_machine_try(const lg_choosing *c, const char *text, const lg_machin
     trial_training *t = lg_alloc(c->quiet, 1, sizeof *t);
     if (out->text == NULL || t == NULL) {
         lg_free(c->quiet, t);
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+        return lg_no_memory(error);
     }
     begin_trial(c, from, t);
     out->status = read_trial(c, text, t, &out->why);

@@ -14,8 +14,7 @@ static lg_status list_paths(const lg_context *context, const lg_machine_sources 
     for (const char *at = more; *at != '\0'; at++) commas += *at == ',';
     out->paths = lg_alloc(context, from->count + commas + 1, sizeof *out->paths);
     out->list = lg_strdup(context, more);
-    if (out->paths == NULL || out->list == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (out->paths == NULL || out->list == NULL) return lg_no_memory(error);
     memcpy(out->paths, from->logs, from->count * sizeof *out->paths);
     out->path_count = from->count;
     char *save = NULL;

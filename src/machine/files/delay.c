@@ -98,7 +98,7 @@ lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *ma
     const size_t n = 1 + numbers + numbers * (numbers + 1) / 2, nv = machine->velocities;
     regression r = {.n = n, .nv = nv, .matrix = lg_alloc(context, n * (n + nv + 1), sizeof *r.matrix)};
     *out = (double)NAN;
-    if (r.matrix == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (r.matrix == NULL) return lg_no_memory(error);
     r.right = r.matrix + n * n;
     r.x = r.right + n * nv;
     pass(machine, log, &r);

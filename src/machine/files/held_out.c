@@ -3,10 +3,6 @@
 
 #include "machine/files/choice.h"
 
-static lg_status no_memory(lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
-}
-
 /* If starts are estimated, this many rows before a window are needed. */
 static size_t rows_before(const lg_machine *machine, bool estimated) {
     return estimated ? lg_start_rows(machine) - 1 : 0;
@@ -138,7 +134,7 @@ lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine,
     out->steps = choose_steps(machine, log, part, windows, estimated);
     if (out->steps < LEAST_STEPS) return LG_OK;
     out->start = lg_alloc(context, log->rows / LEAST_STEPS + 1, sizeof *out->start);
-    if (out->start == NULL) return no_memory(error);
+    if (out->start == NULL) return lg_no_memory(error);
     for (;; out->steps -= (out->steps + 7) / 8) { /* ends of parts may have no room for a window */
         place_windows(machine, log, fmax(1.0, 1 / part), out);
         if (out->count >= LG_HELD_OUT_WINDOWS || out->steps <= LEAST_STEPS + 1) break;
@@ -185,7 +181,7 @@ lg_status lg_held_out_match(const lg_held_out *held, const lg_logs *from, const 
     const size_t before = held->before;
     *out = *held;
     out->start = lg_alloc(held->context, held->count, sizeof *out->start);
-    if (out->start == NULL) return no_memory(error);
+    if (out->start == NULL) return lg_no_memory(error);
     for (size_t w = 0; w < held->count; w++) {
         const size_t row = same_row(from, held->start[w], to), rows = to->log.rows;
         const size_t part = row < rows ? lg_machine_log_part(&to->log, row) : 0;
@@ -245,7 +241,7 @@ lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *m
     const size_t nq = model->machine->positions, nv = model->machine->velocities;
     double *q = lg_alloc(held->context, points * (nq + nv), sizeof *q);
     size_t *from = lg_alloc(held->context, held->count, sizeof *from);
-    lg_status status = q != NULL && from != NULL ? LG_OK : no_memory(error);
+    lg_status status = q != NULL && from != NULL ? LG_OK : lg_no_memory(error);
     for (size_t w = 0; w < held->count && status == LG_OK; w++) from[w] = held->start[w] - before;
     if (status == LG_OK) status = run_windows(held, model, log, from, q, q + points * nq, square, error);
     lg_free(held->context, q);

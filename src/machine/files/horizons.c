@@ -12,10 +12,6 @@ const char *const lg_run_error_names[LG_RUN_ERRORS] = {
 
 /* ---- runs in memory ---- */
 
-static lg_status no_memory(lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
-}
-
 /* Predicted runs, which a function of type judge then compares with the log. */
 typedef struct runs {
     const lg_machine *machine;
@@ -30,7 +26,7 @@ static lg_status judge_runs(const lg_context *context, lg_runner *runner, void *
                             void *user, lg_error *error) {
     const size_t points = r->count * (r->steps + 1), nq = r->machine->positions;
     r->q = lg_alloc(context, points * (nq + r->machine->velocities), sizeof *r->q);
-    if (r->q == NULL) return no_memory(error);
+    if (r->q == NULL) return lg_no_memory(error);
     r->v = r->q + points * nq;
     const lg_status status = runner(model, r->from, r->start, r->count, r->steps, r->q, r->v, error);
     if (status == LG_OK) look(user, r);
@@ -178,7 +174,7 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
     horizon h = {out, lg_alloc(context, log->rows * LG_RUN_ERRORS, sizeof *h.own)};
-    lg_status status = start != NULL && h.own != NULL ? LG_OK : no_memory(error);
+    lg_status status = start != NULL && h.own != NULL ? LG_OK : lg_no_memory(error);
     runs r = {
         .machine = machine, .log = log, .from = from, .steps = most_steps(log, seconds), .start = start};
     if (status == LG_OK && r.steps > 0)
@@ -202,7 +198,7 @@ lg_status lg_started_log_create(const lg_context *context, const lg_learned_mach
     double *q = lg_alloc(context, count * (nq + nv), sizeof *q);
     if (out->q == NULL || q == NULL) {
         lg_free(context, q);
-        return no_memory(error);
+        return lg_no_memory(error);
     }
     double *v = q + count * nq;
     lg_machine_log guessed = *log;
@@ -260,7 +256,7 @@ static lg_status run_estimated(void *user, const lg_machine_log *marked, const s
     lg_started_log begun;
     size_t *from = lg_alloc(m->context, count, sizeof *from);
     (void)marked;
-    if (from == NULL) return no_memory(error);
+    if (from == NULL) return lg_no_memory(error);
     for (size_t i = 0; i < count; i++) from[i] = start[i] - before;
     lg_status status = lg_started_log_create(m->context, m->model, m->log, from, count, &begun, error);
     runs r = {m->model->machine, &begun.log, &begun.log, before + steps, count, from, NULL, NULL};
@@ -293,7 +289,7 @@ lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine
     if (model->start_rows == 0)
         return lg_horizon_of(context, machine, run_model, &runner, log, log, seconds, every, out, error);
     double *v = lg_alloc(context, log->rows * machine->velocities, sizeof *v);
-    if (v == NULL) return no_memory(error);
+    if (v == NULL) return lg_no_memory(error);
     mark_starts(machine, log, model->start_rows - 1, every, v);
     marked.v = v;
     const lg_status status =
@@ -311,7 +307,7 @@ lg_status lg_machine_states(const lg_context *context, const lg_learned_machine 
     out->log.q = out->q = lg_alloc(context, log->rows * n, sizeof *out->q);
     double *states = lg_alloc(context, log->rows * n, sizeof *states);
     size_t *start = lg_alloc(context, log->rows, sizeof *start), count = 0;
-    lg_status status = out->q != NULL && states != NULL && start != NULL ? LG_OK : no_memory(error);
+    lg_status status = out->q != NULL && states != NULL && start != NULL ? LG_OK : lg_no_memory(error);
     if (status == LG_OK) {
         out->log.v = out->v = out->q + log->rows * nq;
         memcpy(out->q, log->q, log->rows * nq * sizeof *out->q);
@@ -361,7 +357,7 @@ lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_mac
     lg_machine_log marked = *log;
     double *v = lg_alloc(context, log->rows * machine->velocities, sizeof *v), best = INFINITY;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    lg_status status = v != NULL && start != NULL ? LG_OK : no_memory(error);
+    lg_status status = v != NULL && start != NULL ? LG_OK : lg_no_memory(error);
     runs r = {.machine = machine, .log = log, .from = &marked, .steps = STEPS, .start = start};
     model->start_rows = (uint32_t)usual;
     if (status == LG_OK) {
@@ -399,7 +395,7 @@ lg_status lg_machine_widen_range(const lg_context *context, const lg_learned_mac
     lg_machine_range found;
     double *q = lg_alloc(context, count * rows * (nq + nv), sizeof *q), *v = q;
     size_t *start = lg_alloc(context, count, sizeof *start);
-    lg_status status = q != NULL && start != NULL ? LG_OK : no_memory(error);
+    lg_status status = q != NULL && start != NULL ? LG_OK : lg_no_memory(error);
     if (status == LG_OK) {
         v = q + count * rows * nq;
         for (size_t i = 0; i < count; i++) start[i] = problem->start[lg_spread(i, all, count)];
@@ -468,7 +464,7 @@ lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_mac
     model_runner runner = {context, model, log};
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
     *out = (double)NAN;
-    if (start == NULL) return no_memory(error);
+    if (start == NULL) return lg_no_memory(error);
     runs r = {.machine = model->machine, .log = log, .from = log, .steps = window - 1, .start = start};
     if (!model->machine->accelerations)
         r.count = lg_machine_windows(model->machine, log, window, 1, false, start);

@@ -85,10 +85,9 @@ static lg_status write_text(const lg_machine_data *data, const grid *g, uint32_t
     put_values(n, each[1], NULL, &text[1]);
     if (g->holds > 1) edits[count++] = (lg_yaml_edit){LG_YAML_SET, "inputs.hold", NULL, text[0].data};
     if (g->delays > 1) edits[count++] = (lg_yaml_edit){LG_YAML_SET, "inputs.delay", NULL, text[1].data};
-    const lg_status status =
-        text[0].failed || text[1].failed
-            ? lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY))
-            : lg_yaml_change(file->context, name, file->text, edits, count, out, error);
+    const lg_status status = text[0].failed || text[1].failed
+                                 ? lg_no_memory(error)
+                                 : lg_yaml_change(file->context, name, file->text, edits, count, out, error);
     lg_text_destroy(&text[0]);
     lg_text_destroy(&text[1]);
     return status;
@@ -308,7 +307,7 @@ lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
     const lg_machine *machine = &((const lg_machine_state *)self->state)->data.file.machine;
     if (machine->input_count == 0 || machine->parameters == 0) return LG_OK;
     grid *g = lg_alloc(self->context, 1, sizeof *g);
-    if (g == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (g == NULL) return lg_no_memory(error);
     const lg_status status = choose(self, g, error);
     lg_free(self->context, g);
     return status;

@@ -178,7 +178,7 @@ lg_status lg_machine_stuck(const lg_context *context, const lg_machine_data *dat
     *out = (lg_standstill){0, 0, 0};
     if (!find_number(data, coordinate, &n)) return LG_OK;
     double *sizes = lg_alloc(context, n.log->rows, sizeof *sizes);
-    if (sizes == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (sizes == NULL) return lg_no_memory(error);
     *out = longest_standstill(&n, usual_change(&n, sizes));
     lg_free(context, sizes);
     return LG_OK;

@@ -204,7 +204,7 @@ lg_status lg_machine_select(lg_training *self, lg_error *error) {
     LG_TRY(set_widths(self, part, error));
     if (!state->select) return LG_OK;
     selection *s = state->selection = lg_alloc(self->context, 1, sizeof *s);
-    if (s == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (s == NULL) return lg_no_memory(error);
     run->training.validation = 0;
     LG_TRY(lg_held_out_plan(self->context, &state->data.file.machine, &state->data.training, part,
                             LG_HELD_OUT_WINDOWS, state->estimated || state->noisy, &s->held, error));

@@ -272,7 +272,7 @@ static lg_status write_machine(lg_training *self, lg_error *error) {
     const size_t head = sizeof LG_SUGGEST_HEAD - 1, bytes = state->data.file.text_bytes,
                  known = strncmp(text, LG_SUGGEST_HEAD, head) == 0 ? head : 0;
     char *whole = lg_alloc(self->context, head + bytes - known, 1);
-    if (whole == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (whole == NULL) return lg_no_memory(error);
     memcpy(whole, LG_SUGGEST_HEAD, head);
     memcpy(whole + head, text + known, bytes - known);
     const lg_status status = lg_file_write(self->context, state->suggest, whole, head + bytes - known, error);
@@ -286,7 +286,7 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     static const double part = 0.2, larger = 0.4;
     lg_machine_state *state = self->state;
     search *s = lg_alloc(self->context, 1, sizeof *s);
-    if (s == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (s == NULL) return lg_no_memory(error);
     s->self = self;
     lg_status status = lg_choosing_begin(&s->choosing, self, part, LG_HELD_OUT_WINDOWS, error);
     if (status == LG_OK && s->choosing.held.count < ENOUGH) {

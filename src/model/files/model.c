@@ -42,10 +42,6 @@ static bool slice_at(const lg_recipe *kind, const void *run, uint32_t index, sli
     return true;
 }
 
-static lg_status no_memory(const lg_h5 *h5, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
-}
-
 static const char *const series_names[LG_FIT_SERIES_COUNT] = {
     [LG_FIT_LOSS] = "train/history/loss",
     [LG_FIT_VALIDATION] = "train/history/validation",
@@ -60,7 +56,7 @@ static lg_status put_slice(lg_h5 *h5, const slice *s, lg_dtype dtype, const doub
     if (dtype == LG_F64)
         return lg_h5_put(h5, s->name, LG_ELEMENT_F64, info->rank, info->dims, theta + info->offset, error);
     float *narrow = lg_alloc(h5->context, info->count, sizeof *narrow);
-    if (narrow == NULL) return no_memory(h5, error);
+    if (narrow == NULL) return lg_h5_no_memory(h5, error);
     for (size_t i = 0; i < info->count; i++) narrow[i] = (float)theta[info->offset + i];
     lg_status status = lg_h5_put(h5, s->name, LG_ELEMENT_F32, info->rank, info->dims, narrow, error);
     lg_free(h5->context, narrow);
@@ -101,7 +97,7 @@ static lg_status put_parameters(lg_h5 *h5, const lg_recipe *recipe, const void *
     enum { MOST = LG_PROGRAM_MOST_NAMES };
     lg_program_source places[MOST];
     char(*names)[LG_PROGRAM_PLACE] = lg_alloc(h5->context, MOST, sizeof *names);
-    if (names == NULL) return no_memory(h5, error);
+    if (names == NULL) return lg_h5_no_memory(h5, error);
     slice s;
     const size_t parameters = recipe->parameters(run);
     size_t count = 0, at = 0;
@@ -201,10 +197,7 @@ lg_status lg_run_save(const lg_context *context, const char *path, const lg_reci
     LG_TRY(check_saved(path, kind, file, error));
     lg_h5 *h5;
     LG_TRY(lg_h5_create(context, path, &h5, error));
-    lg_status status = put_model(h5, kind, file, fit, error);
-    if (status == LG_OK) status = lg_h5_commit(h5, error);
-    lg_h5_close(h5);
-    return status;
+    return lg_h5_finish(h5, put_model(h5, kind, file, fit, error), error);
 }
 
 /* ---- loading ---- */
@@ -230,7 +223,7 @@ static lg_status get_weights(lg_h5 *h5, const lg_recipe *kind, const model_view 
     LG_TRY(check_slices(h5, kind, view->run, error));
     *view->parameters = kind->parameters(view->run);
     double *theta = *view->theta = lg_alloc(h5->context, *view->parameters, sizeof *theta);
-    if (theta == NULL) return no_memory(h5, error);
+    if (theta == NULL) return lg_h5_no_memory(h5, error);
     for (uint32_t i = 0; slice_at(kind, view->run, i, &s); i++) {
         double *at = theta + s.info.offset;
         LG_TRY(
@@ -255,7 +248,7 @@ static lg_status get_history(lg_h5 *h5, const model_view *view, lg_error *error)
         first = false;
         *view->epochs_done = (size_t)dims[0];
         view->history[i] = lg_alloc(h5->context, *view->epochs_done, sizeof(double));
-        if (view->history[i] == NULL) return no_memory(h5, error);
+        if (view->history[i] == NULL) return lg_h5_no_memory(h5, error);
         LG_TRY(lg_as_format(lg_h5_get(h5, name, LG_ELEMENT_F64, 1, dims, view->history[i], error), error));
     }
     return LG_OK;

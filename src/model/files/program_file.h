@@ -24,7 +24,6 @@ typedef struct lg_program_key {
     char text[256];
 } lg_program_key;
 lg_program_key lg_program_below(const char *group, const char *name);
-lg_status lg_program_no_memory(const lg_h5 *h5, lg_error *error);
 /* One place of a parameter whose numbers are stored elsewhere in the file. */
 enum { LG_PROGRAM_PLACE = 64 };
 typedef struct lg_program_source {

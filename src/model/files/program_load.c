@@ -23,7 +23,7 @@ lg_status lg_program_take(lg_program_reading *r, const char *path, uint64_t coun
         return lg_program_bad(r, path, "declares more data than the file can hold or the limit allows");
     r->left -= (size_t)count * size;
     *out = lg_alloc(r->h5->context, (size_t)count, size);
-    return *out != NULL ? LG_OK : lg_program_no_memory(r->h5, r->error);
+    return *out != NULL ? LG_OK : lg_h5_no_memory(r->h5, r->error);
 }
 
 /* ---- texts ---- */
@@ -51,7 +51,7 @@ static lg_status get_texts(lg_program_reading *r, const char *path, const char *
     listing l = {r, path, out};
     bool words = true;
     out->text = lg_alloc(r->h5->context, LG_PROGRAM_MOST_NAMES, sizeof *out->text);
-    if (out->text == NULL) return lg_program_no_memory(r->h5, r->error);
+    if (out->text == NULL) return lg_h5_no_memory(r->h5, r->error);
     lg_status status = lg_h5_each_attribute_text(r->h5, path, attribute, &words, keep_text, &l, r->error);
     char what[LG_PROGRAM_NAME + 32];
     (void)snprintf(what, sizeof what, "has no attribute %s with names", attribute);
@@ -206,7 +206,7 @@ static lg_status get_parameters(lg_program_reading *r) {
     LG_TRY(get_description(r, description));
     lg_parameter_spec *made = lg_alloc(context, count, sizeof *made);
     double **values = lg_alloc(context, count, sizeof *values);
-    lg_status status = made != NULL && values != NULL ? LG_OK : lg_program_no_memory(r->h5, r->error);
+    lg_status status = made != NULL && values != NULL ? LG_OK : lg_h5_no_memory(r->h5, r->error);
     for (size_t i = 0; i < count && status == LG_OK; i++)
         status = get_parameter(r, r->parameters.text[i], &made[i], &values[i]);
     if (status == LG_OK) {

@@ -12,15 +12,11 @@ lg_program_key lg_program_below(const char *group, const char *name) {
     return k;
 }
 
-lg_status lg_program_no_memory(const lg_h5 *h5, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
-}
-
 static lg_status put_bytes(lg_h5 *h5, const lg_function_image *image, lg_error *error) {
     size_t size;
     LG_TRY(lg_function_pack(image, NULL, &size, error));
     void *bytes = lg_alloc(h5->context, size, 1);
-    if (bytes == NULL) return lg_program_no_memory(h5, error);
+    if (bytes == NULL) return lg_h5_no_memory(h5, error);
     lg_status status = lg_function_pack(image, bytes, &size, error);
     if (status == LG_OK)
         status = lg_h5_put(h5, lg_program_below("functions", image->name).text, LG_ELEMENT_U8, 1,
@@ -31,7 +27,7 @@ static lg_status put_bytes(lg_h5 *h5, const lg_function_image *image, lg_error *
 
 static lg_status put_function(lg_h5 *h5, const lg_program *program, size_t function, lg_error *error) {
     lg_function_image *image;
-    if (lg_function_image_create(program, function, &image) != LG_OK) return lg_program_no_memory(h5, error);
+    if (lg_function_image_create(program, function, &image) != LG_OK) return lg_h5_no_memory(h5, error);
     lg_status status = put_bytes(h5, image, error);
     const lg_program_key at = lg_program_below("functions", lg_program_function_name(program, function));
     const int64_t fitted = 1;
@@ -52,7 +48,7 @@ static lg_status put_parameter(lg_h5 *h5, const lg_parameter_spec *p, lg_error *
 static lg_status put_order(lg_h5 *h5, const lg_program *program, bool functions, lg_error *error) {
     const size_t count = functions ? lg_program_functions(program) : lg_program_parameters(program);
     char(*names)[LG_PROGRAM_NAME] = lg_alloc(h5->context, count, sizeof *names);
-    if (names == NULL) return lg_program_no_memory(h5, error);
+    if (names == NULL) return lg_h5_no_memory(h5, error);
     for (size_t i = 0; i < count; i++)
         (void)snprintf(names[i], sizeof names[i], "%s",
                        functions ? lg_program_function_name(program, i)
@@ -105,7 +101,7 @@ static bool put_places(lg_h5 *h5, const char *parameter, const lg_program_source
     if (n == 0) return false;
     char(*texts)[LG_PROGRAM_PLACE] = lg_alloc(h5->context, n, sizeof *texts);
     if (texts == NULL) {
-        *status = lg_program_no_memory(h5, error);
+        *status = lg_h5_no_memory(h5, error);
         return true;
     }
     for (size_t i = 0, at = 0; i < count; i++)
@@ -160,10 +156,7 @@ lg_status lg_model_save(const lg_context *context, const char *path, const char 
     if (path == NULL || kind == NULL || program == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, its kind or the program is NULL");
     LG_TRY(lg_h5_create(context, path, &h5, error));
-    lg_status status = put_model(h5, kind, program, space, provenance, error);
-    if (status == LG_OK) status = lg_h5_commit(h5, error);
-    lg_h5_close(h5);
-    return status;
+    return lg_h5_finish(h5, put_model(h5, kind, program, space, provenance, error), error);
 }
 
 lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,

@@ -84,7 +84,7 @@ static lg_status add_fragment(editing *e, const char *fragment, int *out) {
     const size_t length = strlen(fragment);
     lg_yaml *yaml = NULL;
     char *text = lg_alloc(e->context, sizeof key + length, 1);
-    if (text == NULL) return lg_fail(e->error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
+    if (text == NULL) return lg_no_memory(e->error);
     memcpy(text, key, sizeof key - 1);
     memcpy(text + sizeof key - 1, fragment, length);
     const lg_status status =

@@ -78,10 +78,6 @@ static bool is_regression(const lg_table_file *file) {
     return file->run.model.options.task == LG_TABLE_REGRESSION;
 }
 
-static lg_status no_memory(const lg_h5 *h5, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
-}
-
 static lg_status check_scales(const lg_h5 *h5, const char *name, const lg_scaler *scaler, lg_status status,
                               lg_error *error) {
     for (uint32_t c = 0; c < scaler->channels; c++)
@@ -176,7 +172,7 @@ static lg_status take_name(void *user, uint64_t index, const char *text, lg_erro
 static lg_status get_names(lg_h5 *h5, const char *name, const char *letter, uint32_t count,
                            char (**out)[LG_TABLE_NAME], lg_error *error) {
     *out = lg_alloc(h5->context, count, sizeof **out);
-    if (*out == NULL) return no_memory(h5, error);
+    if (*out == NULL) return lg_h5_no_memory(h5, error);
     names_call call = {h5, name, *out, count, 0};
     for (uint32_t i = 0; i < count; i++) (void)snprintf((*out)[i], LG_TABLE_NAME, "%s%u", letter, i + 1);
     if (!lg_h5_has(h5, name)) return LG_OK;
