@@ -91,17 +91,27 @@ static void show_horizons(FILE *stream, const verdict *v) {
     app_table_end(&table, stream);
 }
 
-/* Says for each horizon how the model compares with the linear model. */
+/* Says for each horizon how the model compares with the linear model, and whether a machine at rest beats
+ * both. */
 static void compare(app_json *out, const verdict *v) {
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < LG_RUN_ERRORS; e++) {
-            const double own = v->horizons[i].pooled[e], linear = v->linear[i].pooled[e];
-            char text[160];
+            const double own = v->horizons[i].pooled[e], linear = v->linear[i].pooled[e],
+                         rest = v->horizons[i].unchanged[e];
+            char text[192];
             if (!isfinite(own) || !isfinite(linear)) continue;
-            (void)snprintf(
-                text, sizeof text, "Runs of %g s, error of %s: the %s is better, %.3g against %.3g of the %s",
-                v->horizons[i].seconds, lg_run_error_names[e], own < linear ? "model" : "linear model",
-                fmin(own, linear), fmax(own, linear), own < linear ? "linear model" : "model");
+            if (rest < own && rest < linear)
+                (void)snprintf(
+                    text, sizeof text,
+                    "Runs of %g s, error of %s: a machine that stands still is better, %.3g against "
+                    "%.3g of the model and %.3g of the linear model",
+                    v->horizons[i].seconds, lg_run_error_names[e], rest, own, linear);
+            else
+                (void)snprintf(text, sizeof text,
+                               "Runs of %g s, error of %s: the %s is better, %.3g against %.3g of the %s",
+                               v->horizons[i].seconds, lg_run_error_names[e],
+                               own < linear ? "model" : "linear model", fmin(own, linear), fmax(own, linear),
+                               own < linear ? "linear model" : "model");
             app_result_line(out, "%s", text);
             break;
         }

@@ -569,6 +569,19 @@ TEST("a model that is no better than a simple guess causes a warning") {
     assert_null(strstr(result.err, "at 2 s"));
 }
 
+TEST("the sentence on a horizon names a machine that stands still where this one has the smallest error") {
+    cli_write("sticks.yaml",
+              OSCILLATOR_COLUMNS "mass: {kind: known, values: [2]}\ndamping: {kind: coulomb, values: [1.3]}\n"
+                                 "input_map: {kind: known, values: [[1]]}\n");
+    cli_run(identify,
+            "generate sticks.yaml --runs 8 --t-end 6 --inputs steps --amplitude 1.5 --start-spread 0.3,0 "
+            "--seed 3 --out sticks.csv");
+    cli_expect(identify, "evaluate m.h5 sticks.csv --horizons 1", 0,
+               "Runs of 1 s, error of line: a machine that stands still is better, ");
+    cli_expect(identify, "evaluate m.h5 train.csv --horizons 1", 0,
+               "Runs of 1 s, error of line: the model is better");
+}
+
 TEST("a free run that is not finite is reported, and none of its columns counts as white noise") {
     enum { SIZE = 1 << 15 };
     char *text = lg_test_memory(SIZE);
