@@ -774,6 +774,48 @@ TEST("generate and fit a heavy top by name: numbers with errors, undetermined pa
     cli_expect(identify, "fit known.yaml top.csv --out k.h5", 2, "everything is known");
 }
 
+/* A pendulum without friction, whose torque is switched with the sign of its velocity: 15 s in rows of
+ * 5 ms. */
+static void write_switched(uint64_t seed) {
+    enum { ROWS = 3000, STEPS = 10 };
+    const double interval = 5e-3, h = interval / STEPS, inertia = 0.3, weight = 6, torque = 0.9;
+    double q = 0, v = 0.01, u = torque, way = 1;
+    lg_rng rng = test_rng(63, seed);
+    FILE *file = fopen(cli_at("switched.csv"), "w");
+    assert_non_null(file);
+    (void)fprintf(file, "t,q,v,u\n");
+    for (int k = 0; k < ROWS; k++) {
+        const double energy = 0.5 * inertia * v * v - weight * cos(q);
+        if (energy > 5.5) way = -1;
+        if (energy < -4) way = 1;
+        if (fabs(v) > 0.3) u = copysign(torque, v) * way;
+        (void)fprintf(file, "%.9g,%.9g,%.9g,%.9g\n", k * interval, q + 8e-4 * lg_rng_normal(&rng),
+                      v + 0.1 * lg_rng_normal(&rng), u);
+        for (int i = 0; i < STEPS; i++) {
+            const double middle = v + 0.5 * h * (u - weight * sin(q)) / inertia;
+            v += h * (u - weight * sin(q + 0.5 * h * v)) / inertia;
+            q += h * middle;
+        }
+    }
+    assert_int_equal(fclose(file), 0);
+}
+
+TEST("friction that short windows take for 0 does not stop the fit, whatever the noise") {
+    cli_write("switched.yaml", "coordinates:\n  - {name: q, kind: angle, velocity: v}\n"
+                               "inputs: {columns: [u], hold: zero}\nmass: diagonal\n"
+                               "potential: {kind: gravity, of: q}\ndamping: [diagonal, coulomb]\n"
+                               "input_map: {kind: known, values: [[1]]}\n");
+    for (uint64_t seed = 0; seed < 8; seed++) {
+        write_switched(seed);
+        cli_json(identify, "fit switched.yaml switched.csv --out m.h5", "parameters 5");
+        const double loss = json_number(result.out, "loss"),
+                     expected = json_number(result.out, "expected_loss");
+        if (!(loss < 1.5 * expected)) fail_msg("seed %d: loss %g, of noise %g", (int)seed, loss, expected);
+        assert_close(json_number(json_find(json_find(result.out, "identified"), "mass.1.1"), "value"), 0.3,
+                     0.1, 0);
+    }
+}
+
 TEST("an oscillator of 5 mg is learned from starting values of 1 for masses and springs") {
     cli_write("tiny.yaml", OSCILLATOR_COLUMNS
               "system: oscillator\nparameters: {mass: 5.0e-6, stiffness: 2.0e-3}\n"

@@ -339,15 +339,20 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
     const lg_machine_problem *problem = &((const lg_machine_state *)self->state)->problem;
     lg_fit_options *options = &self->options;
     const double begin = lg_seconds();
+    double *initial;
     lg_rng rng;
     lg_machine_fit_problem(problem, &self->problem);
     LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
     lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
     lg_machine_initialise(&run->machine, &rng, self->theta);
     const struct lg_machine_warm *warm = ((const lg_machine_state *)self->state)->warm;
+    LG_TRAINING_ARRAY(self, initial, run->machine.parameters + 1, error);
+    memcpy(initial, self->theta, run->machine.parameters * sizeof *initial);
     if (warm != NULL) lg_machine_take_over(warm, &run->machine, self->theta);
+    lg_machine_revive(&run->machine, initial, self->theta);
     LG_TRY(lg_machine_check_room(self, error));
     if (self->stored == NULL) LG_TRY(lg_machine_warm_up(self, self->theta, error));
+    lg_machine_revive(&run->machine, initial, self->theta);
     /* The warm-up chose the substeps. */
     if (run->substeps > 1) LG_TRY(lg_machine_check_room(self, error));
     if (self->stored == NULL) LG_TRY(weigh_priors(self, self->theta, error));

@@ -65,6 +65,16 @@ static void lift(const lg_machine *machine, const double *initial, double *theta
     }
 }
 
+void lg_machine_revive(const lg_machine *machine, const double *initial, double *theta) {
+    static const double dead = 1e-4, alive = 0.1;
+    for (uint32_t t = 0; t < machine->term_count; t++) {
+        const lg_machine_term *term = &machine->terms[t];
+        for (size_t k = term->offset; k < term->offset + term->parameters; k++)
+            if (term->part == LG_MACHINE_DAMPING && initial[k] > 0.0 && fabs(theta[k]) < dead * initial[k])
+                theta[k] = alive * initial[k];
+    }
+}
+
 /* Scales down the last layers of spare networks, so that they begin near 0. */
 static void quieten(const lg_machine *machine, double *theta) {
     static const double quiet = 1e-2;
