@@ -485,6 +485,7 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
     if (memcmp(p->memory.line, p->memory.known, sizeof p->memory.line) != 0)
         return lg_fail(error, LG_FORMAT, "the past inputs of the policy do not fit its dead times");
     LG_TRY(check_plant(p, p->program, error));
+    if (!has(p, "period")) return lg_fail(error, LG_FORMAT, "the policy's program has no function period");
     if (p->parameters == 0) return compare_functions(p, error);
     const size_t last = lg_program_parameters(p->program);
     lg_parameter_spec stored = {.name = ""};

@@ -464,7 +464,7 @@ static void remove_file(void *name) {
     (void)unlink(name);
 }
 
-TEST("a policy is read with the names that older files have, and refused with names that no file has") {
+TEST("a policy is read with the names of its file, and refused with names that no file has") {
     static const char long_word[] =
         "a_name_of_more_than_sixty_three_letters_which_no_coordinate_of_a_policy_has";
     const struct {
@@ -473,7 +473,7 @@ TEST("a policy is read with the names that older files have, and refused with na
         const char *says;             /* NULL: it is read */
     } rows[] = {
         {"q\tline\tv", "u", 1, 1, NULL},
-        {"q line v", "u", 1, 1, NULL},
+        {"q line v", "u", 1, 1, "is no coordinate or input"},
         {"q line", "u", 1, 1, "is no coordinate or input"},
         {"q\tcurve\tv", "u", 1, 1, "is no coordinate or input"},
         {"q\tlagged\t0", "u", 1, 1, "is no coordinate or input"},

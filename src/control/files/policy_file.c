@@ -44,8 +44,7 @@ static const char lagged[] = "lagged", integral[] = "integral";
 /* Each coordinate has a line of three words: its name, its kind, and the name of its velocity (- if it has
  * no velocity). A lagged or past input has a line, too: its name, the word "lagged", the number of its
  * input, and of a past input how many periods ago it was given. A line of an integral has its name, the
- * word "integral", and the number of the coordinate. Tabs separate the words. Older files have blanks in
- * place of tabs. */
+ * word "integral", and the number of the coordinate. Tabs separate the words. */
 static lg_status put_names(lg_h5 *h5, const lg_policy *p, lg_error *error) {
     char lines[LG_POLICY_COORDINATES][LINE], inputs[LG_POLICY_INPUTS][LG_POLICY_NAME];
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
@@ -90,10 +89,7 @@ lg_status lg_policy_save(const lg_context *context, const char *path, const lg_p
                        "the task has %zu bytes, more than the %d that a policy's file keeps", strlen(text),
                        LG_H5_TEXT - 1);
     LG_TRY(lg_h5_create(context, path, &h5, error));
-    lg_status status = put_all(h5, (lg_policy *)(uintptr_t)policy, text, provenance, error);
-    if (status == LG_OK) status = lg_h5_commit(h5, error);
-    lg_h5_close(h5);
-    return status;
+    return lg_h5_finish(h5, put_all(h5, (lg_policy *)(uintptr_t)policy, text, provenance, error), error);
 }
 
 /* ---- loading ---- */
@@ -110,10 +106,9 @@ static lg_status bad_name(const char *text, lg_error *error) {
 static lg_status take_coordinate(void *user, uint64_t index, const char *text, lg_error *error) {
     lg_policy_task *task = user;
     char name[LINE], motion[LINE], velocity[LINE];
-    const char *form = strchr(text, '\t') != NULL ? "%[^\t]\t%[^\t]\t%[^\t]" : "%s %s %s";
     if (index >= LG_POLICY_COORDINATES || strlen(text) >= LINE ||
-        sscanf(text, form, name, motion, velocity) != 3 || strlen(name) >= LG_POLICY_NAME ||
-        strlen(velocity) >= LG_POLICY_NAME)
+        sscanf(text, "%[^\t]\t%[^\t]\t%[^\t]", name, motion, velocity) != 3 ||
+        strlen(name) >= LG_POLICY_NAME || strlen(velocity) >= LG_POLICY_NAME)
         return bad_name(text, error);
     lg_policy_coordinate *c = &task->coordinate[task->coordinate_count++];
     memcpy(c->name, name, strlen(name) + 1);
@@ -166,11 +161,7 @@ static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
     list_arrays(p, arrays);
     for (size_t i = 0; i < ARRAYS; i++) {
         const array *a = &arrays[i];
-        if (a->at == p->regulator.near && !lg_h5_has(h5, a->name)) /* older files have one gain */
-            memcpy(a->at, p->regulator.K, sizeof p->regulator.K);
-        else if (a->at != p->task.dead_time || lg_h5_has(h5, a->name)) /* and no dead times */
-            LG_TRY(
-                lg_as_format(lg_h5_get(h5, a->name, LG_ELEMENT_F64, a->rank, a->dims, a->at, error), error));
+        LG_TRY(lg_as_format(lg_h5_get(h5, a->name, LG_ELEMENT_F64, a->rank, a->dims, a->at, error), error));
     }
     LG_TRY(lg_program_get(h5, &p->program, error));
     return lg_as_format(lg_policy_adopt(p, error), error);
