@@ -433,7 +433,7 @@ static lg_status transplant(const lg_policy *policy, const lg_program *plant, co
 /* The recording of a function, as files have it; freed with lg_free. */
 static lg_status pack(const lg_policy *p, size_t function, unsigned char **bytes, size_t *size,
                       lg_error *error) {
-    lg_function_image *image;
+    lg_function_image *image = NULL;
     *bytes = NULL;
     lg_status status = lg_function_image_create(p->program, function, &image);
     if (status == LG_OK) status = lg_function_pack(image, NULL, size, error);
