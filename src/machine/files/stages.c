@@ -181,9 +181,8 @@ lg_status lg_machine_fit_candidates(lg_training *self, const lg_machine *machine
     s.compared.window = at_least(window / PART, 2);
     s.parameters = lg_machine_problem_parameters(&s.compared);
     const double good = expected(&s);
-    /* For a trial of --suggest the parameters of the machine that was learned before are the only candidate; for
-     * the fit of the machine that it chose they are one of all. */
-    size_t i = state->warm != NULL && state->suggestion.count == 0 ? LG_COUNT(candidates) - 1 : 0;
+    /* The parameters of a machine that was learned before are the only candidate. */
+    size_t i = state->warm != NULL ? LG_COUNT(candidates) - 1 : 0;
     for (; i < LG_COUNT(candidates) && (s.count == 0 || s.all[s.count - 1].loss > good); i++)
         LG_TRY(try_candidate(&s, theta, &candidates[i], error));
     qsort(s.all, s.count, sizeof *s.all, by_loss);

@@ -281,22 +281,6 @@ static lg_status write_machine(lg_training *self, lg_error *error) {
     return status;
 }
 
-/* The fit of a machine with new terms begins from the parameters that its trial found: its other ways to
- * first parameters may lead to a worse minimum, or to none. */
-static lg_status begin_from(lg_training *self, const lg_machine_trial *found, lg_error *error) {
-    lg_machine_state *state = self->state;
-    struct lg_machine_warm *warm;
-    bool taken = false;
-    for (uint32_t i = 0; i < state->suggestion.count; i++) taken = taken || state->suggestion.row[i].taken;
-    if (!taken) return LG_OK;
-    LG_TRAINING_ARRAY(self, warm, 1, error);
-    warm->machine = found->learned.machine;
-    LG_TRAINING_ARRAY(self, warm->theta, warm->machine.parameters + 1, error);
-    memcpy(warm->theta, found->learned.theta, warm->machine.parameters * sizeof *warm->theta);
-    state->warm = warm;
-    return LG_OK;
-}
-
 lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     enum { MOST_WINDOWS = 150, ENOUGH = 2 * LG_HELD_OUT_WINDOWS };
     static const double part = 0.2, larger = 0.4;
@@ -316,7 +300,6 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
         status = lg_fail(error, LG_FORMAT, "%s: the log is too short to hold out windows for --suggest",
                          lg_shown_path(state->data.paths[0]));
     if (status == LG_OK) status = search_all(s, error);
-    if (status == LG_OK) status = begin_from(self, &s->present, error);
     if (status == LG_OK) status = lg_machine_reread(self, s->present.text, error);
     if (status == LG_OK) status = write_machine(self, error);
     lg_machine_trial_destroy(&s->choosing, &s->present);
