@@ -137,7 +137,7 @@ lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine,
     if (out->start == NULL) return lg_no_memory(error);
     for (;; out->steps -= (out->steps + 7) / 8) { /* ends of parts may have no room for a window */
         place_windows(machine, log, fmax(1.0, 1 / part), out);
-        if (out->count >= LG_HELD_OUT_WINDOWS || out->steps <= LEAST_STEPS + 1) break;
+        if (out->count >= windows || out->steps <= LEAST_STEPS + 1) break;
     }
     if (out->count < LEAST_WINDOWS) out->count = 0;
     find_weights(machine, log, out);

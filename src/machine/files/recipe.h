@@ -255,7 +255,7 @@ typedef struct lg_input_changes {
 /* What `fit --suggest` tried: the candidates of each round, best first. `ratio`: root mean square of the
  * errors of free runs, divided by that of the machine before the round; 0: it could not be learned. */
 #define LG_SUGGEST_ROUNDS 4
-#define LG_SUGGEST_ROWS   128
+#define LG_SUGGEST_ROWS   384
 typedef struct lg_suggested {
     uint32_t round; /* from 1 */
     char name[64];
@@ -312,9 +312,9 @@ struct lg_training;
  * predicted. Also sets the scales of the loss, and the substeps unless they are given (warm_up.c). */
 lg_status lg_machine_warm_up(struct lg_training *self, double *theta, lg_error *error);
 
-/* Coefficients of friction are squares of parameters. Near 0 a parameter has next to no influence, so that its
- * first step leads far away, and a fit that begins there rejects all steps. Such parameters begin again at a
- * tenth of their initial values, which make a hundredth of the initial friction (warm_up.c). */
+/* Coefficients of friction are squares of parameters. Near 0 a parameter has next to no influence, so that
+ * its first step leads far away, and a fit that begins there rejects all steps. Such parameters begin again
+ * at a tenth of their initial values, which make a hundredth of the initial friction (warm_up.c). */
 void lg_machine_revive(const lg_machine *machine, const double *initial, double *theta);
 enum { LG_STAGE_EPOCHS = 50 };
 /* What a short fit may take: evaluations of Levenberg-Marquardt in each of up to 4 rounds; seconds, 0: no

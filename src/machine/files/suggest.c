@@ -16,9 +16,11 @@ typedef struct candidate {
     lg_machine_trial trial;
     double ratio;
     bool better, offset; /* offset: the machine gets an offset too */
+    const char *why;     /* why it does */
 } candidate;
 
-enum { MOST = LG_SUGGEST_ROWS / LG_SUGGEST_ROUNDS };
+/* A round has candidates, some of them with an offset, and last ones. */
+enum { MOST = LG_SUGGEST_ROWS / LG_SUGGEST_ROUNDS / 3 };
 #define LG_SUGGEST_MOST  0.97 /* a candidate leaves less than this */
 #define LG_SUGGEST_CLEAR 0.8  /* a gain so large is worth more data, if it may be chance */
 
@@ -78,7 +80,9 @@ static void add_candidate(const lg_machine *machine, const lg_candidate *row, ui
                           size_t *count) {
     if (*count == MOST) return;
     candidate *c = &out[(*count)++];
-    *c = (candidate){.row = row, .offset = row->offset && !has_part(machine, LG_MACHINE_OFFSET)};
+    *c = (candidate){.row = row,
+                     .offset = row->offset && !has_part(machine, LG_MACHINE_OFFSET),
+                     .why = ", because a log with a single speed cannot tell the two apart"};
     fill_in(machine, row->name, line, c->name, sizeof c->name);
     fill_in(machine, row->edit.fragment, line, c->fragment, sizeof c->fragment);
     fill_in(machine, row->asks, line, c->asks, sizeof c->asks);
@@ -193,10 +197,8 @@ static void close_round(const search *s, const candidate *taken, uint32_t first)
     qsort(out->row + first, out->count - first, sizeof *out->row, compare_ratios);
 }
 
-/* Tries the candidates of the table, `last` ones or the others. *taken: the best, or NULL. */
-static lg_status try_all(search *s, const lg_machine_file *file, bool last, candidate **taken,
-                         lg_error *error) {
-    s->count = list_candidates(file, last, s->list);
+/* Tries the candidates of the list. *taken: the best, or NULL. */
+static lg_status try_all(search *s, candidate **taken, lg_error *error) {
     for (size_t i = 0; i < s->count; i++) LG_TRY(try_candidate(s, &s->list[i], error));
     const uint32_t first = ((const lg_machine_state *)s->self->state)->suggestion.count;
     note_round(s);
@@ -219,6 +221,24 @@ static void drop_round(search *s) {
     s->count = 0;
 }
 
+/* Frictions that leave less, though by chance, stay, with an offset: a
+ * constant force spoils some of the runs without it. */
+static void keep_with_offset(search *s, const lg_machine *machine) {
+    const size_t tried = s->count;
+    const bool open = !has_part(machine, LG_MACHINE_OFFSET);
+    drop_round(s);
+    for (size_t i = 0; i < tried; i++) {
+        candidate *c = &s->list[s->count];
+        if (!open || s->list[i].offset || s->list[i].row->part != LG_MACHINE_DAMPING ||
+            !(s->list[i].ratio > 0 && s->list[i].ratio < LG_SUGGEST_MOST))
+            continue;
+        *c = s->list[i];
+        c->offset = true, c->why = "", c->ratio = 0;
+        lg_append(c->name, sizeof c->name, " with an offset");
+        s->count++;
+    }
+}
+
 /* One round. *more: a candidate was taken. */
 static lg_status play_round(search *s, bool *more, lg_error *error) {
     lg_machine_file file;
@@ -226,22 +246,25 @@ static lg_status play_round(search *s, bool *more, lg_error *error) {
     s->first = ((const lg_machine_state *)s->self->state)->suggestion.count;
     LG_TRY(lg_machine_file_parse(s->choosing.quiet, s->self->paths[0], s->present.text,
                                  strlen(s->present.text), &file, error));
-    lg_status status = try_all(s, &file, false, &taken, error);
+    s->count = list_candidates(&file, false, s->list);
+    lg_status status = try_all(s, &taken, error);
+    if (status == LG_OK && taken == NULL) {
+        keep_with_offset(s, &file.machine);
+        status = try_all(s, &taken, error);
+    }
     if (status == LG_OK && taken == NULL && goes_off(s)) {
         drop_round(s);
-        status = try_all(s, &file, true, &taken, error);
+        s->count = list_candidates(&file, true, s->list);
+        status = try_all(s, &taken, error);
     }
     lg_machine_file_destroy(&file);
     *more = status == LG_OK && taken != NULL;
     if (!*more) return status;
     LG_WARN(
         s->self,
-        "the log asks for %s%s: it leaves %.2g of the error (free runs of %.3g s that were not trained on)",
-        taken->asks,
-        taken->offset ? ", and for a constant force (an offset), because a log with a single speed cannot "
-                        "tell the two apart"
-                      : "",
-        taken->ratio,
+        "the log asks for %s%s%s: it leaves %.2g of the error (free runs of %.3g s that were not trained on)",
+        taken->asks, taken->offset ? ", and for a constant force (an offset)" : "",
+        taken->offset ? taken->why : "", taken->ratio,
         (double)s->choosing.held.steps * ((const lg_machine_state *)s->self->state)->data.logs.dt_median);
     lg_machine_trial_destroy(&s->choosing, &s->present);
     s->present = taken->trial;
