@@ -82,7 +82,7 @@ static void add_candidate(const lg_machine *machine, const lg_candidate *row, ui
     candidate *c = &out[(*count)++];
     *c = (candidate){.row = row,
                      .offset = row->offset && !has_part(machine, LG_MACHINE_OFFSET),
-                     .why = ", because a log with a single speed cannot tell the two apart"};
+                     .why = ", because at any single speed the two are the same"};
     fill_in(machine, row->name, line, c->name, sizeof c->name);
     fill_in(machine, row->edit.fragment, line, c->fragment, sizeof c->fragment);
     fill_in(machine, row->asks, line, c->asks, sizeof c->asks);
