@@ -19,7 +19,7 @@ typedef struct candidate {
     const char *why;     /* why it does */
 } candidate;
 
-/* A round has candidates, some of them with an offset, and last ones. */
+/* A round has candidates, some of them a second time with an offset, and last ones. */
 enum { MOST = LG_SUGGEST_ROWS / LG_SUGGEST_ROUNDS / 3 };
 #define LG_SUGGEST_MOST  0.97 /* a candidate leaves less than this */
 #define LG_SUGGEST_CLEAR 0.8  /* a gain so large is worth more data, if it may be chance */
@@ -108,7 +108,7 @@ typedef struct search {
     lg_training *self;
     lg_choosing choosing;
     lg_machine_trial present; /* the machine so far */
-    candidate list[MOST];     /* candidates of the round */
+    candidate list[2 * MOST]; /* candidates of the round */
     size_t count;
     uint32_t round;
     size_t first; /* the round's first row of the suggestion */
@@ -197,9 +197,29 @@ static void close_round(const search *s, const candidate *taken, uint32_t first)
     qsort(out->row + first, out->count - first, sizeof *out->row, compare_ratios);
 }
 
-/* Tries the candidates of the list. *taken: the best, or NULL. */
-static lg_status try_all(search *s, candidate **taken, lg_error *error) {
-    for (size_t i = 0; i < s->count; i++) LG_TRY(try_candidate(s, &s->list[i], error));
+/* Adds, with an offset, the frictions that leave less, though by no more than chance: without it a constant
+ * force spoils some of their runs. */
+static void add_with_offset(search *s, const lg_machine *machine) {
+    const size_t tried = has_part(machine, LG_MACHINE_OFFSET) ? 0 : s->count;
+    for (size_t i = 0; i < tried; i++) {
+        const candidate *from = &s->list[i];
+        if (from->offset || from->better || from->row->part != LG_MACHINE_DAMPING ||
+            !(from->ratio > 0 && from->ratio < LG_SUGGEST_MOST))
+            continue;
+        candidate *c = &s->list[s->count++];
+        *c = *from;
+        c->offset = true, c->why = "", c->ratio = 0, c->trial = (lg_machine_trial){.text = NULL};
+        lg_append(c->name, sizeof c->name, " with an offset");
+    }
+}
+
+/* Tries the candidates of the table, `last` ones or the others. *taken: the best, or NULL. */
+static lg_status try_all(search *s, const lg_machine_file *file, bool last, candidate **taken,
+                         lg_error *error) {
+    size_t done = s->count = list_candidates(file, last, s->list);
+    for (size_t i = 0; i < done; i++) LG_TRY(try_candidate(s, &s->list[i], error));
+    if (!last) add_with_offset(s, &file->machine);
+    for (; done < s->count; done++) LG_TRY(try_candidate(s, &s->list[done], error));
     const uint32_t first = ((const lg_machine_state *)s->self->state)->suggestion.count;
     note_round(s);
     *taken = find_best(s);
@@ -221,24 +241,6 @@ static void drop_round(search *s) {
     s->count = 0;
 }
 
-/* Frictions that leave less, though by chance, stay, with an offset: a
- * constant force spoils some of the runs without it. */
-static void keep_with_offset(search *s, const lg_machine *machine) {
-    const size_t tried = s->count;
-    const bool open = !has_part(machine, LG_MACHINE_OFFSET);
-    drop_round(s);
-    for (size_t i = 0; i < tried; i++) {
-        candidate *c = &s->list[s->count];
-        if (!open || s->list[i].offset || s->list[i].row->part != LG_MACHINE_DAMPING ||
-            !(s->list[i].ratio > 0 && s->list[i].ratio < LG_SUGGEST_MOST))
-            continue;
-        *c = s->list[i];
-        c->offset = true, c->why = "", c->ratio = 0;
-        lg_append(c->name, sizeof c->name, " with an offset");
-        s->count++;
-    }
-}
-
 /* One round. *more: a candidate was taken. */
 static lg_status play_round(search *s, bool *more, lg_error *error) {
     lg_machine_file file;
@@ -246,16 +248,10 @@ static lg_status play_round(search *s, bool *more, lg_error *error) {
     s->first = ((const lg_machine_state *)s->self->state)->suggestion.count;
     LG_TRY(lg_machine_file_parse(s->choosing.quiet, s->self->paths[0], s->present.text,
                                  strlen(s->present.text), &file, error));
-    s->count = list_candidates(&file, false, s->list);
-    lg_status status = try_all(s, &taken, error);
-    if (status == LG_OK && taken == NULL) {
-        keep_with_offset(s, &file.machine);
-        status = try_all(s, &taken, error);
-    }
+    lg_status status = try_all(s, &file, false, &taken, error);
     if (status == LG_OK && taken == NULL && goes_off(s)) {
         drop_round(s);
-        s->count = list_candidates(&file, true, s->list);
-        status = try_all(s, &taken, error);
+        status = try_all(s, &file, true, &taken, error);
     }
     lg_machine_file_destroy(&file);
     *more = status == LG_OK && taken != NULL;
