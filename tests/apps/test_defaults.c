@@ -121,8 +121,7 @@ static void compare(const struct learning *l, const lg_recipe *recipe, const cha
     for (const lg_field *row = recipe->fields; row->name != NULL; row++, p++) {
         const char *said = adam && p->adam[0] != '\0' ? p->adam : p->usual;
         lg_field_option(row, option, sizeof option);
-        if (said[0] == '\0' || strstr(words, test_text("--%s ", option)) != NULL || (row->adam && !adam))
-            continue;
+        if (said[0] == '\0' || strstr(words, test_text("--%s ", option)) != NULL) continue;
         lg_field_show(row, run, value, sizeof value);
         if (p->first[0] == '\0') (void)snprintf(p->first, sizeof p->first, "%s", value);
         p->varies = p->varies || strcmp(value, p->first) != 0;
@@ -151,6 +150,8 @@ TEST("a run without options has the defaults that help prints") {
                 compare(&own, *recipe, program, l->words, false);
                 if (l->adam != NULL)
                     compare(&own, *recipe, program, test_text("%s %s", l->words, l->adam), true);
+                if (l->adam != NULL && (*recipe)->trainer->presets)
+                    compare(&own, *recipe, program, test_text("%s --preset best --method adam", l->words), false);
                 found++;
             }
         if (found == 0) fail_msg("no run tests the recipe %s", (*recipe)->name);

@@ -39,10 +39,9 @@ int lg_training_describe_field(const lg_field *row, char *text, size_t size) {
     if (run == NULL) return lg_field_describe(row, text, size);
     lg_field shown = *row;
     lg_training training = lg_training_of(NULL, recipe, run, NULL);
-    const bool presets = recipe->trainer->presets;
-    usual_value(&training, row, lg_preset_name(presets && row->adam ? 0 : 1), usual);
-    usual_value(&training, row, lg_preset_name(presets ? 0 : 1), thesis);
-    const bool two = !row->adam && strcmp(thesis, usual) != 0;
+    usual_value(&training, row, lg_preset_name(1), usual);
+    usual_value(&training, row, lg_preset_name(recipe->trainer->presets ? 0 : 1), thesis);
+    const bool two = strcmp(thesis, usual) != 0;
     (void)snprintf(both, sizeof both, "%s%s%s", usual, two ? "; thesis: " : "", two ? thesis : "");
     shown.otherwise = both;
     lg_free(NULL, run);
