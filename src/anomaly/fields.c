@@ -4,8 +4,8 @@
 #include "settings/training.h"
 
 /* Value of .methods for fields that apply to the network only. The network's validation part is drawn by the
- * field validation_fraction, so that recordings and groups stay whole; therefore lg_fit's field `validation`
- * has no option and stays 0. */
+ * field validation_fraction, so that recordings and groups stay whole; therefore lg_fit's setting
+ * `validation` is no field and stays 0. */
 enum { NETWORK = 1 };
 
 static const char *name_split(uint32_t value) {
@@ -47,5 +47,4 @@ const lg_field lg_detector_fields[] = {
              .meaning = "cnn: how often at most a network that died (a layer is constant over all training "
                         "windows) is started again, with other weights from the same seed"),
     TRAINING_ROWS(lg_detector_run, "optimizer", any_loss, "cnn: windows", NETWORK, PRESET, PRESET),
-    TRAINING(lg_detector_run, validation, REAL, .value = "0", .option = "", VALIDATION),
     LG_FIELD_END};

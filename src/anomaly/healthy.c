@@ -5,43 +5,42 @@
 #include "core/core.h"
 #include "liegrad/series.h"
 
-/* Names that say so as a whole, words that say so anywhere in a name, and words that deny it. All have a
- * blank on both sides, as spaced() makes them. */
+/* Names that say so as a whole, with a blank on both sides and between words. */
 static const char *const whole[] = {
     " 0 ",           " none ",        " nofault ",    " no fault ",      " no faults ",     " no damage ",
     " no defect ",   " no failure ",  " no anomaly ", " no crack ",      " fault free ",    " damage free ",
     " defect free ", " not damaged ", " not broken ", " without fault ", " without damage "};
-static const char *const said[] = {" healthy ", " normal ",   " ok ",        " okay ",     " good ",
-                                   " intact ",  " baseline ", " undamaged ", " unbroken ", " nominal "};
-static const char *const denied[] = {" not ",    " no ",      " non ",    " un ",    " nor ",    " never ",
-                                     " almost ", " near ",    " nearly ", " fault ", " faulty ", " broken ",
-                                     " damage ", " damaged ", " defect ", " crack ", " bad ",    " unlike "};
+/* Words that say so if all other words of the name are numbers (which may have a unit) or neutral. Any other
+ * word may deny it, in some language, and so may any other punctuation mark. */
+static const char *const said[] = {"healthy", "normal",   "ok",        "okay",     "good",
+                                   "intact",  "baseline", "undamaged", "unbroken", "nominal"};
+static const char *const neutral[] = {"bearing", "case",  "class",     "condition", "data",  "label",  "machine",
+                                      "mode",    "motor", "operation", "run",       "state", "status", "time"};
+static const char separators[] = " \t_-.:,;/()[]#";
 
-/* Writes the words of a name in lower case, with a blank before, between and after them. */
-static void spaced(const char *name, char text[LG_SERIES_NAME + 2]) {
-    size_t n = 0;
-    text[n++] = ' ';
-    for (size_t i = 0; i < LG_SERIES_NAME && name[i] != '\0'; i++) {
-        const unsigned char c = (unsigned char)name[i];
-        const bool letter = isalnum(c) || c >= 0x80; /* bytes of UTF-8 are letters */
-        if (letter || text[n - 1] != ' ') text[n++] = (char)(letter ? tolower(c) : ' ');
-    }
-    if (text[n - 1] != ' ') text[n++] = ' ';
-    text[n] = '\0';
-}
-
-static bool has_word(const char *text, const char *const *words, size_t count) {
+static bool is_among(const char *word, const char *const *words, size_t count) {
     for (size_t i = 0; i < count; i++)
-        if (strstr(text, words[i]) != NULL) return true;
+        if (strcmp(word, words[i]) == 0) return true;
     return false;
 }
 
 static bool says_healthy(const char *name) {
-    char text[LG_SERIES_NAME + 2];
-    spaced(name, text);
-    for (size_t i = 0; i < LG_COUNT(whole); i++)
-        if (strcmp(text, whole[i]) == 0) return true;
-    return has_word(text, said, LG_COUNT(said)) && !has_word(text, denied, LG_COUNT(denied));
+    char lower[LG_SERIES_NAME], text[2 * LG_SERIES_NAME + 2] = " ";
+    size_t n = 0;
+    bool healthy = false, doubtful = false;
+    for (; n + 1 < LG_SERIES_NAME && name[n] != '\0'; n++) lower[n] = (char)tolower((unsigned char)name[n]);
+    lower[n] = '\0';
+    for (char *at = lower + strspn(lower, separators); *at != '\0'; at += strspn(at, separators)) {
+        char *word = at;
+        at += strcspn(at, separators);
+        if (*at != '\0') *at++ = '\0';
+        const bool says = is_among(word, said, LG_COUNT(said));
+        healthy = healthy || says;
+        doubtful = doubtful ||
+                   !(says || isdigit((unsigned char)*word) || is_among(word, neutral, LG_COUNT(neutral)));
+        (void)strcat(strcat(text, word), " ");
+    }
+    return is_among(text, whole, LG_COUNT(whole)) || (healthy && !doubtful);
 }
 
 uint32_t lg_series_healthy(const lg_series *series, const char *name) {

@@ -277,7 +277,12 @@ TEST("a class is healthy by its name or label, or else by the words of exactly o
         {"not ok", false},       {"no good", false},   {"non-normal", false}, {"broken", false},
         {"normal fault", false}, {"10", false},        {"0.007", false},      {"none of these", false},
         {"goodness", false},     {"bearing", false},   {"", false},           {"nearly intact", false},
-        {"booking", false},      {"\xc3\xb6k", false}, {"damage", false},     {"fault", false}};
+        {"booking", false},      {"\xc3\xb6k", false}, {"damage", false},     {"fault", false},
+        {"isn't normal", false}, {"ab-normal", false}, {"off-nominal", false}, {"n.ok.", false},
+        {"hardly healthy", false}, {"nicht ok", false}, {"hopefully ok", false}, {"good enough?", false},
+        {"normal_0", true}, {"Normal_1hp", true}, {"normal condition", true}, {"healthy state 3", true},
+        {"normal operation", true}, {"0 normal", true}, {"97_Normal_0", true}, {"!ok", false}, {"ok?", false},
+        {"presque normal", false}, {"un-damaged", false}};
     char name[3][LG_SERIES_NAME] = {"", "worn", "cracked"}, label[3][LG_SERIES_NAME] = {"5", "6", "worn"};
     lg_series series = {.classes = 3, .class_name = name};
     for (uint32_t place = 0; place < 3; place++)
