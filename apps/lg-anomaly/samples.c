@@ -12,6 +12,7 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "files/csv.h"
 #include "liegrad/settings.h"
 
 enum {
@@ -209,6 +210,20 @@ static bool split_line(sample_reader *reader, const char *p, const char *end, bo
     return true;
 }
 
+/* The same. If only its place makes the first column one of times, and the first sample has no number there,
+ * the column is left out. */
+static bool read_line(sample_reader *reader, const char *p, const char *end, bool *open) {
+    if (split_line(reader, p, end, open)) return true;
+    if (reader->guess[0] == '\0' || reader->lines > 0) return false;
+    reader->left_out[0] = true;
+    reader->left_out[0] = split_line(reader, p, end, open);
+    if (!reader->left_out[0]) return false;
+    (void)snprintf(reader->extra, sizeof reader->extra, "%s", reader->guess);
+    reader->guess[0] = '\0';
+    reader->layout = LAYOUT_VALUES;
+    return true;
+}
+
 static sample_kind refuse_count(sample_reader *reader) {
     const uint32_t c = reader->channels, timed = reader->layout == LAYOUT_TIMED;
     const bool more = reader->fields > c + 1;
@@ -248,7 +263,7 @@ static bool may_be_cut(const sample_reader *reader, const char *from, const char
 static sample_kind take_line(sample_reader *reader, const char *p, const char *end, float *sample,
                              double *time) {
     bool open;
-    if (!split_line(reader, p, end, &open)) return SAMPLE_MALFORMED;
+    if (!read_line(reader, p, end, &open)) return SAMPLE_MALFORMED;
     if (!fits_layout(reader, open)) return refuse_count(reader);
     const uint32_t timed = reader->layout == LAYOUT_TIMED;
     const bool cut = may_be_cut(reader, p, end);
@@ -362,28 +377,31 @@ static bool is_time(const char *name, size_t length) {
 }
 
 /* Marks the columns that are neither channels nor times as left out, and lists their names. *timed
- * becomes 1 if the first column is one of times. False: another column is one of times. */
+ * becomes 1 if a column before the channels is one of times. False: a column behind a channel is one. */
 static bool leave_out(sample_reader *reader, const char *from, const char *to, uint32_t columns,
                       uint32_t *timed) {
     const uint32_t others = columns - reader->channels;
     uint32_t used = 0;
+    bool behind = false;
     *timed = 0;
     reader->separator = separator_of(from, to);
     for (uint32_t i = 0; from < to; i++) {
         const char *name;
         size_t length;
         next_name(&from, to, reader->separator, &name, &length);
+        behind = behind || !reader->left_out[i];
         if (!reader->left_out[i]) continue;
         const bool times = is_time(name, length);
-        if (i == 0 && (others == 1 || times)) {
-            reader->left_out[0] = false;
+        if (*timed == 0 && !behind && (times || (i == 0 && others == 1))) {
+            reader->left_out[i] = false;
             *timed = 1;
+            if (!times) (void)snprintf(reader->guess, sizeof reader->guess, "%.*s", (int)length, name);
             continue;
         }
         if (times && *timed == 0) {
             (void)snprintf(reader->problem, sizeof reader->problem,
-                           "column %.*s is not the first; expected are the channels, alone or after a column "
-                           "of times",
+                           "column %.*s is behind a channel; expected are the channels, alone or after a "
+                           "column of times",
                            (int)(length < 32 ? length : 32), name);
             return false;
         }
@@ -413,8 +431,8 @@ static bool set_places(sample_reader *reader, const char *from, const char *to, 
     if (!leave_out(reader, from, to, columns, &timed)) return false;
     for (uint32_t c = 0; c < reader->channels; c++) {
         uint32_t place = 0;
-        for (uint32_t i = timed; i < column[c]; i++) place += !reader->left_out[i];
-        reader->place[c] = place;
+        for (uint32_t i = 0; i < column[c]; i++) place += !reader->left_out[i];
+        reader->place[c] = place - timed;
     }
     if (reader->extra[0] != '\0') reader->layout = timed == 1 ? LAYOUT_TIMED : LAYOUT_VALUES;
     reader->named = true;
@@ -519,7 +537,7 @@ static const char *text_of(bool first, const char *from, const char *to) {
 }
 
 static bool is_empty(const char *from, const char *to) {
-    return from >= to || *from == '#';
+    return from >= to || lg_csv_comment(from) > 0;
 }
 
 /* ---- finding the layout ---- */
@@ -593,8 +611,8 @@ sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
             return SAMPLE_MALFORMED;
         }
         from = text_of(reader->line == 1, from, to);
-        const bool comment = from < to && *from == '#' && reader->lines == 0;
-        if (comment && !take_comment(reader, from + 1, to)) return SAMPLE_REFUSED;
+        const size_t sign = from < to && reader->lines == 0 ? lg_csv_comment(from) : 0;
+        if (sign > 0 && !take_comment(reader, from + sign, to)) return SAMPLE_REFUSED;
         if (is_empty(from, to)) continue;
         const sample_kind kind = take_line(reader, from, to, sample, time);
         if (kind == SAMPLE_MALFORMED && reader->words && is_header(reader, from, to)) {

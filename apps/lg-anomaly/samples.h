@@ -19,7 +19,7 @@ typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sampl
 
 /* A line has C numbers, or a time in seconds and C numbers, separated by commas, semicolons or blanks. An
  * additional separator at its end, blanks around numbers, and a carriage return before the newline are
- * allowed. The reader skips blank lines, comments from # on, lines of words before the first sample (names,
+ * allowed. The reader skips blank lines, lines that begin with % or //, comments from # on, lines of words before the first sample (names,
  * units), and later repetitions of these lines.
  *
  * The first lines decide once and for all whether lines begin with a time: three lines of the same kind
@@ -28,8 +28,9 @@ typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sampl
  *
  * If the model's channels have names, a line of names before the first sample that has one of them says
  * which column is which channel. Other columns are left out, whatever their cells hold, and `extra` has their
- * names. The first column is one of times if it is the only other column, or if its name is that of a time;
- * a column with such a name further on is an error.
+ * names. A column of times is the first one before the channels whose name is that of a time, or the first
+ * column if it is the only other one and holds a number in the first sample; a column with the name of a time
+ * behind a channel is an error.
  * `unnamed`: there was a line of names, but without any channel of the model.
  *
  * The last line of a feed may lack its line end, and then its last number may be cut. Such a line is
@@ -55,6 +56,7 @@ typedef struct sample_reader {
     bool *left_out; /* (columns): columns that are left out; NULL if none is */
     uint32_t columns;
     char separator;  /* of the line of names */
+    char guess[64];  /* name of the first column while only its place makes it one of times; else "" */
     char extra[160]; /* names of the columns that are left out */
     int failure;
     char *buffer; /* (room + 1) */

@@ -500,9 +500,13 @@ static void read_feed(watching *self, sample_reader *reader, float *sample) {
     }
     watch_settle(self);
     if (self->refused) app_end(APP_EXIT_FILE);
-    if (!app_interrupted() && reader->layout == LAYOUT_UNKNOWN && reader->line > 0)
-        app_stop(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time", feed_name(),
-                 reader->channels, reader->channels + 1);
+    const tally *t = &self->tally;
+    const bool none = t->malformed > 0 && t->received + t->not_finite + t->repeated == 0;
+    if (!app_interrupted() && (none || (reader->layout == LAYOUT_UNKNOWN && reader->line > 0)))
+        app_stop(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time in seconds%s%s",
+                 feed_name(), reader->channels, reader->channels + 1,
+                 reader->problem[0] != '\0' ? "; the last line that could not be read: " : "",
+                 reader->problem);
 }
 
 static void on_idle(void *user) {

@@ -14,8 +14,9 @@ static const char *const whole[] = {
  * word may deny it, in some language, and so may any other punctuation mark. */
 static const char *const said[] = {"healthy", "normal",   "ok",        "okay",     "good",
                                    "intact",  "baseline", "undamaged", "unbroken", "nominal"};
-static const char *const neutral[] = {"bearing", "case",  "class",     "condition", "data",  "label",  "machine",
-                                      "mode",    "motor", "operation", "run",       "state", "status", "time"};
+static const char *const neutral[] = {"bearing", "case",    "class",  "condition", "data",
+                                      "label",   "machine", "mode",   "motor",     "operation",
+                                      "run",     "state",   "status", "time"};
 static const char separators[] = " \t_-.:,;/()[]#";
 
 static bool is_among(const char *word, const char *const *words, size_t count) {

@@ -51,6 +51,10 @@ static lg_status take_byte(lg_csv *c, int byte, bool quoted, lg_error *error) {
     return LG_OK;
 }
 
+size_t lg_csv_comment(const char *line) {
+    return line[0] == '#' || line[0] == '%' ? 1 : line[0] == '/' && line[1] == '/' ? 2 : 0;
+}
+
 /* Reads the next line without its line ending, and further lines as long as a quote is open; in a comment
  * quotes mean nothing. *more becomes false when there is no further line. */
 static lg_status next_line(lg_csv *c, bool *more, lg_error *error) {
@@ -61,7 +65,7 @@ static lg_status next_line(lg_csv *c, bool *more, lg_error *error) {
     c->number = ++c->lines;
     while ((byte = next_byte(c)) != EOF && (quoted || byte != '\n')) {
         LG_TRY(take_byte(c, byte, quoted, error));
-        quoted = quoted != (byte == '"' && c->line[0] != '#');
+        if (byte == '"') c->line[c->length] = '\0', quoted = quoted != (lg_csv_comment(c->line) == 0);
         c->lines += byte == '\n';
     }
     if (c->broken) return lg_fail(error, LG_FILE, "%s: cannot be read", c->shown);
@@ -75,7 +79,7 @@ static lg_status next_line(lg_csv *c, bool *more, lg_error *error) {
 
 /* True for blank lines and for comments. */
 static bool is_empty(const lg_csv *c) {
-    return c->line[0] == '#' || c->line[strspn(c->line, " \t\r")] == '\0';
+    return lg_csv_comment(c->line) > 0 || c->line[strspn(c->line, " \t\r")] == '\0';
 }
 
 /* Makes each stretch of blanks between words one separator. */
@@ -155,8 +159,8 @@ lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error) {
 
 void lg_csv_put(FILE *to, const char *before, const char *text, bool name) {
     const size_t length = strlen(text);
-    bool plain = !lg_csv_missing(text) && strpbrk(text, ",;\"#") == NULL && text[0] != ' ' &&
-                 text[length - 1] != ' ' && !(name && lg_is_decimal(text)) &&
+    bool plain = !lg_csv_missing(text) && strpbrk(text, ",;\"#") == NULL && lg_csv_comment(text) == 0 &&
+                 text[0] != ' ' && text[length - 1] != ' ' && !(name && lg_is_decimal(text)) &&
                  strncmp(text, "\xef\xbb\xbf", 3) != 0;
     for (const char *c = text; *c != '\0'; c++) plain = plain && (unsigned char)*c >= ' ';
     (void)fputs(before, to);
@@ -214,17 +218,19 @@ static size_t count_numbers(const char *line, char separator, bool *counting) {
 }
 
 static lg_status keep_comment(lg_csv *c, lg_error *error) {
-    lg_free(c->context, c->comment);
-    c->comment = lg_strdup(c->context, c->line + 1);
-    c->comment_number = c->number;
-    return c->comment != NULL ? LG_OK : lg_csv_no_memory(c, error);
+    if (c->comments == LG_COUNT(c->comment)) lg_free(c->context, c->comment[--c->comments].text);
+    char *text = lg_strdup(c->context, c->line + lg_csv_comment(c->line));
+    if (text == NULL) return lg_csv_no_memory(c, error);
+    c->comment[c->comments].text = text;
+    c->comment[c->comments++].number = c->number;
+    return LG_OK;
 }
 
-/* Makes the comment the header if it has one name for each cell of the first row, which is the current line.
- * Blanks may separate the names too, and a separator may follow the #. */
-static bool take_comment(lg_csv *c) {
+/* Makes comment i the header if it has one name for each cell of the first row, which is the current line.
+ * Blanks may separate the names too, and a separator may follow the sign of the comment. */
+static bool take_comment(lg_csv *c, size_t i) {
     bool open, counting;
-    char *text = c->comment;
+    char *text = c->comment[i].text;
     if (strchr(text, c->separator) == NULL) join_blanks(text, c->separator);
     const size_t skip = strspn(text, " ");
     size_t names = count_cells(text, c->separator, &open);
@@ -235,9 +241,18 @@ static bool take_comment(lg_csv *c) {
     if (open || text[0] == '\0' || names != c->cells || count_numbers(text, c->separator, &counting) > 0)
         return false;
     c->row = c->line, c->row_room = c->room, c->row_number = c->number;
-    c->line = text, c->room = strlen(text) + 1, c->number = c->comment_number;
-    c->comment = NULL;
+    c->line = text, c->room = strlen(text) + 1, c->number = c->comment[i].number;
+    c->comment[i].text = NULL;
     return true;
+}
+
+/* A line of units, or a note, may follow the names; a note of as many words may come before them. */
+static bool take_a_comment(lg_csv *c) {
+    for (size_t i = 0; i < c->comments; i++)
+        if (strchr(c->comment[i].text, c->separator) != NULL && take_comment(c, i)) return true;
+    for (size_t i = c->comments; i-- > 0;)
+        if (take_comment(c, i)) return true;
+    return false;
 }
 
 /* Finds blanks that separate numbers: `line` is a row of numbers if they become separators. */
@@ -258,15 +273,15 @@ static lg_status check_header(lg_csv *c, lg_error *error) {
     const size_t numbers = count_numbers(c->line, c->separator, &counting);
     const bool named = numbers == 0 || counting || (numbers == 1 && c->cells > 2);
     if (named && !(counting && c->cells > 1)) return LG_OK;
-    if ((c->comment != NULL && take_comment(c)) || named) return LG_OK;
-    if (c->comment == NULL)
+    if (take_a_comment(c) || named) return LG_OK;
+    if (c->comments == 0)
         return lg_csv_fail(c, error,
                            "has numbers where the names of the columns are expected: there is no header");
     return lg_fail(
         error, LG_FORMAT,
         "%s: line %zu: has numbers where the names of the columns are expected: there is no header, "
         "and the comment in line %zu has not one name for each of the %zu columns",
-        c->shown, c->number, c->comment_number, c->cells);
+        c->shown, c->number, c->comment[c->comments - 1].number, c->cells);
 }
 
 lg_status lg_csv_header(lg_csv *c, lg_error *error) {
@@ -275,13 +290,13 @@ lg_status lg_csv_header(lg_csv *c, lg_error *error) {
         LG_TRY(next_line(c, &more, error));
         if (!more)
             return lg_csv_fail(c, error, "is empty: a header with the names of the columns is expected");
-        if (c->line[0] == '#') LG_TRY(keep_comment(c, error));
+        if (lg_csv_comment(c->line) > 0) LG_TRY(keep_comment(c, error));
         if (!is_empty(c)) break;
     }
     c->separator = separator_of(c->line);
     c->cells = count_cells(c->line, c->separator, &open);
     if (open) return lg_csv_fail(c, error, "a quote is not closed");
-    if (c->cells == 1 && c->comment != NULL) LG_TRY(split_blanks(c, error));
+    if (c->cells == 1 && c->comments > 0) LG_TRY(split_blanks(c, error));
     return check_header(c, error);
 }
 
@@ -339,7 +354,8 @@ lg_status lg_csv_open(const lg_context *context, const char *path, const char *w
 void lg_csv_close(lg_csv *c) {
     lg_free(c->context, c->block);
     lg_free(c->context, c->line);
-    lg_free(c->context, c->comment);
+    for (size_t i = 0; i < c->comments; i++) lg_free(c->context, c->comment[i].text);
+    c->comments = 0;
     lg_free(c->context, c->row);
     if (c->from != NULL) (void)fclose(c->from);
     c->from = NULL;

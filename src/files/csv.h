@@ -1,6 +1,8 @@
 /* CSV files: a header line, then one row per line. Cells are separated by commas, semicolons or tabs. Blank
- * lines and lines that begin with # are skipped. If the first other line is a row of numbers, the comment
- * before it is the header, as numpy.savetxt writes it; in such a file blanks may separate cells. Quotes (RFC
+ * lines and comments, which are lines that begin with #, % or //, are skipped. If the first other line is a
+ * row of numbers, a comment before it is the header, as numpy.savetxt writes it: the first one that has the
+ * separator and one name for each column, else the last one whose words are as many as the columns. In such a
+ * file blanks may separate cells. Quotes (RFC
  * 4180: a cell in quotes may hold anything, also separators, newlines and doubled quotes), CRLF and a byte
  * order mark are understood. Error messages name the file and the line, which is the first one of a row that
  * has several. */
@@ -20,9 +22,13 @@ typedef struct lg_csv {
     size_t number, lines; /* number of the current line, from 1, and of the last one that was read */
     bool broken, closed;  /* broken: reading failed; closed: the line ended with a newline */
     bool quoted;          /* the last cell was in quotes */
-    /* comment: the last one before the header; NULL: none. row: the first row, while the comment is `line` */
-    char *comment, *row;
-    size_t comment_number, row_number, row_room;
+    struct {
+        char *text;
+        size_t number;
+    } comment[16]; /* those before the header; if there are more, the first 15 and the last one */
+    size_t comments;
+    char *row; /* the first row, while a comment is `line` */
+    size_t row_number, row_room;
     bool blanks; /* blanks separate the cells of the rows */
     char separator;
     size_t cells; /* number of cells of the header */
@@ -33,10 +39,12 @@ typedef struct lg_csv {
 lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,
                       lg_error *error);
 void lg_csv_close(lg_csv *c);
+/* Length of the sign (#, % or //) that makes a line a comment; 0 if it is none. */
+size_t lg_csv_comment(const char *line);
 /* Reads the next line that is neither blank nor a comment. *more becomes false when there is none. */
 lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error);
 /* Reads the header line and finds the separator. Fails if the line has numbers where names are expected and
- * the comment before it has not one name per column. The names may be 0, 1, 2, ..., and one of three or more
+ * no comment before it has one name per column. The names may be 0, 1, 2, ..., and one of three or more
  * may be a number. */
 lg_status lg_csv_header(lg_csv *c, lg_error *error);
 /* Returns in *cell the cell at *at, unquoted and terminated in place, and moves *at to the next cell, or to

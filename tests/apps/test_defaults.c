@@ -151,7 +151,8 @@ TEST("a run without options has the defaults that help prints") {
                 if (l->adam != NULL)
                     compare(&own, *recipe, program, test_text("%s %s", l->words, l->adam), true);
                 if (l->adam != NULL && (*recipe)->trainer->presets)
-                    compare(&own, *recipe, program, test_text("%s --preset best --method adam", l->words), false);
+                    compare(&own, *recipe, program, test_text("%s --preset best --method adam", l->words),
+                            false);
                 found++;
             }
         if (found == 0) fail_msg("no run tests the recipe %s", (*recipe)->name);

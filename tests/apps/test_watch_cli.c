@@ -555,6 +555,13 @@ TEST("columns with other names are left out, whatever they hold, with one warnin
          "\"\"",
          "a, b, c", true},
         {"$2, $3, $4, $5, $6, $7, NR == 1 ? \"uptime\" : NR", "uptime", false},
+        {"NR == 1 ? \"index\" : NR, $1, $2, $3, $4, $5, $6, $7", "index", true},
+        {"NR == 1 ? \"note\" : \"ok \" NR, $1, $2, $3, $4, $5, $6, $7, NR == 1 ? \"datetime\" : "
+         "\"2026-01-01\"",
+         "note, datetime", true},
+        {"NR == 1 ? \"note\" : \"so\", $2, $3, $4, $5, $6, $7", "note", false},
+        {"(NR == 1 ? \"% \" : \"\") $2, $3, $4, $5, $6, $7, NR == 1 ? \"uptime\" : NR", "uptime", false},
+        {"(NR == 1 ? \"// \" : \"\") $1, $2, $3, $4, $5, $6, $7, NR == 1 ? \"a\" : \"-\"", "a", true},
     };
     static cli straight[2];
     cli_expect("lg-anomaly", "generate --noise 10 --runs 6 --hours 0.1 --out well.h5", 0, "");
@@ -576,6 +583,15 @@ TEST("columns with other names are left out, whatever they hold, with one warnin
         const size_t verdicts = (size_t)(strstr(expected, "# windows") - expected);
         assert_true(verdicts > 100);
         if (strncmp(expected, result.out, verdicts) != 0) fail_msg("%s:\n%s", rows[i].columns, result.out);
+    }
+    change("{ gsub(\",\", \";\"); print (NR == 1 ? \"pressure\" : \"1,5\") \";\" $0 }", "comma.csv");
+    cli_expect("lg-anomaly", "watch named.h5 --input comma.csv", 0, "# windows");
+    for (int more = 0; more < 2; more++) {
+        reorder(test_text("NR == 1 ? \"timestamp\" : \"2026-01-01T00:00:00\", $2, $3, $4, $5, $6, $7%s",
+                          more ? ", NR == 1 ? \"note\" : \"a\"" : ""),
+                "iso.csv");
+        cli_expect("lg-anomaly", "watch named.h5 --input iso.csv", 3,
+                   "could not be read: \'2026-01-01T00:00:00\' is not a number");
     }
     reorder("$1, $2, $3, $4, $5, $6, NR == 1 ? \"x\" : 1, NR == 1 ? \"y\" : 2", "cut.csv");
     cli_expect("lg-anomaly", "watch named.h5 --input cut.csv", 3, "there is no column moment_y");
