@@ -327,6 +327,14 @@ static void write_vibrating(const char *name, size_t rows, double step, double s
     cli_write(name, text);
 }
 
+/* A machine of the angles a and b, whose rates are in columns wa and wb. */
+static void write_angles(const char *name, const char *wa, const char *wb, const char *scale) {
+    cli_write(name, test_text("columns: {time: t}\n%scoordinates:\n"
+                              "  - {name: a, kind: angle, velocity: %s}\n"
+                              "  - {name: b, kind: angle, velocity: %s}\nmass: diagonal\n",
+                              scale, wa, wb));
+}
+
 TEST("an angle that vibrates fits its rate over many rows; swapped rates and wrong units are still found") {
     static const char *const machines[] = {"right.yaml", "crossed.yaml", "negative.yaml", "doubled.yaml"};
     static const char *const rates[][2] = {{"wa", "wb"}, {"wb", "wa"}, {"wa", "wb"}, {"wa", "wb"}};
@@ -337,12 +345,10 @@ TEST("an angle that vibrates fits its rate over many rows; swapped rates and wro
     } logs[] = {{10000, 0.002, 0.03, 0},
                 {20000, 0.001, 0.1, 0.01},
                 {2000, 0.013, 0.05, 0.001},
-                {4000, 0.005, 0.03, 0.02}};
+                {4000, 0.005, 0.03, 0.02},
+                {4000, 0.001, 0.2, 0.01}};
     for (size_t k = 0; k < LG_COUNT(machines); k++)
-        cli_write(machines[k], test_text("columns: {time: t}\n%scoordinates:\n"
-                                         "  - {name: a, kind: angle, velocity: %s}\n"
-                                         "  - {name: b, kind: angle, velocity: %s}\nmass: diagonal\n",
-                                         scales[k], rates[k][0], rates[k][1]));
+        write_angles(machines[k], rates[k][0], rates[k][1], scales[k]);
     for (size_t i = 0; i < LG_COUNT(logs); i++) {
         write_vibrating("shaken.csv", logs[i].rows, logs[i].step, logs[i].size, logs[i].sd);
         cli_json(identify, "check right.yaml shaken.csv", "files 1");
@@ -351,6 +357,41 @@ TEST("an angle that vibrates fits its rate over many rows; swapped rates and wro
             cli_run_limited(identify, test_text("check %s shaken.csv", machines[k]), 0);
             if (result.code != 3) fail_msg("log %zu: %s is accepted", i, machines[k]);
         }
+    }
+}
+
+/* Angles a and b with a slow motion `common` times the same, a motion of each, and fast vibrations; the rates
+ * show the slow motions alone, with noise sd. */
+static void write_common(const char *name, double common, double period, double sd, uint64_t seed) {
+    enum { COUNT = 4000, ROOM = 120 * (COUNT + 1) };
+    char *text = TEST_ARRAY(char, ROOM);
+    size_t used = (size_t)snprintf(text, ROOM, "t,a,wa,b,wb\n");
+    lg_rng rng = test_rng(seed, 2);
+    for (size_t i = 0; i < COUNT; i++) {
+        const double t = 1e-3 * (double)i, trend = common * sin(1.1 * t), rate = common * 1.1 * cos(1.1 * t),
+                     f = 6.2832 / period;
+        used += (size_t)snprintf(text + used, ROOM - used, "%.12g,%.12g,%.12g,%.12g,%.12g\n", t,
+                                 trend + 0.1 * sin(f * t) + 0.03 * sin(565 * t),
+                                 rate + 0.1 * f * cos(f * t) + sd * lg_rng_normal(&rng),
+                                 trend + 0.1 * sin(1.4 * f * t + 1) + 0.03 * sin(480 * t),
+                                 rate + 0.14 * f * cos(1.4 * f * t + 1) + sd * lg_rng_normal(&rng));
+    }
+    cli_write(name, text);
+}
+
+TEST(
+    "columns that agree over long spans only are accepted, and a slow motion that two coordinates share does "
+    "not hide that their rates are swapped") {
+    static const double commons[] = {0, 0.5, 2}, periods[] = {0.7, 2.1}, noises[] = {0.01, 0.3};
+    write_angles("right.yaml", "wa", "wb", "");
+    write_angles("crossed.yaml", "wb", "wa", "");
+    for (size_t i = 0; i < 24; i++) {
+        write_common("shared.csv", commons[i % 3], periods[i / 3 % 2], noises[i / 6 % 2], i);
+        cli_run_limited(identify, "check right.yaml shared.csv", 0);
+        if (result.code != 0) fail_msg("log %zu: right columns: %s", i, result.err);
+        cli_run_limited(identify, "check crossed.yaml shared.csv", 0);
+        if (result.code != 3) fail_msg("log %zu: crossed columns are accepted: %s", i, result.err);
+        if (i % 3 > 0) assert_says(result.err, "Column w");
     }
 }
 

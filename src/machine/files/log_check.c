@@ -65,6 +65,7 @@ struct check {
     int count;                    /* numbers that are compared: 1 or 3 */
     bool turns;                   /* y is a rotation vector */
     bool steady;                  /* correlation and slope are about 0, not about the means */
+    bool overlap;                 /* a span begins every quarter of a span: long spans are few */
     uint32_t watched;             /* rows are left out of the comparison where this column ... */
     double jump;                  /* ... changes by more than this to the next row; 0: not used */
     double low, high;             /* ... or equals one of these; not used if low >= high */
@@ -133,7 +134,7 @@ static bool is_clipped(const check *c, size_t row) {
 /* Compares changes over `span` rows with integrals of the velocity. */
 static fit compare(const check *c, const way *w, size_t span) {
     const lg_log_table *table = c->table;
-    const size_t stride = table->rows / MOST_COMPARED + span;
+    const size_t stride = table->rows / MOST_COMPARED + (c->overlap ? (span + 3) / 4 : span);
     sums s = {.count = c->count};
     for (size_t part = c->begin; part < c->end; part++) {
         for (size_t row = table->first[part]; row + span < table->first[part + 1]; row += stride) {
@@ -431,23 +432,6 @@ static const way *better_way(const check *c, const way *ways, size_t count, size
     return best;
 }
 
-/* Looks for longer spans over which position and velocity belong together: vibration or noise of one sensor
- * hides the motion over a few rows, but not over many. *span and *f become those that fit best. False: there
- * is none. */
-static bool agree_longer(const check *c, const way *w, size_t *span, fit *f) {
-    bool agree = false;
-    for (size_t rows = 3 * *span;; rows *= 3) {
-        const fit longer = compare(c, w, rows);
-        const bool turned = c->turns && longer.y_variance * 3 > MOST_ANGLE * MOST_ANGLE;
-        if (longer.n < FEWEST || turned) return agree;
-        if (longer.correlation < FITS || !slope_is_right(&longer)) continue;
-        if (agree && longer.correlation < f->correlation) continue;
-        agree = true;
-        *span = rows;
-        *f = longer;
-    }
-}
-
 /* If the velocity of another line or angle fits better than `own` (a correlation, or 0), `hint` names it: "
  * Column vy fits"; else it is "". */
 static void other_velocity(const check *c, size_t span, double own, char *hint, size_t size) {
@@ -468,6 +452,27 @@ static void other_velocity(const check *c, size_t span, double own, char *hint, 
     }
 }
 
+/* Looks for longer spans, up to a third of a part, over which position and velocity belong together:
+ * vibration or noise of one sensor hides the motion over a few rows, but not over many. *span and *f become
+ * those that fit best. False: there is none, or `hint` names the velocity of another coordinate that fits
+ * better over one of the spans: over others a motion that both coordinates share may hide that columns are
+ * swapped. */
+static bool agree_longer(const check *c, const way *w, size_t *span, fit *f, char *hint, size_t size) {
+    bool agree = false;
+    for (size_t rows = 2 * *span;; rows += rows / 2) {
+        const fit longer = compare(c, w, rows);
+        const bool turned = c->turns && longer.y_variance * 3 > MOST_ANGLE * MOST_ANGLE;
+        if (longer.n < FEWEST || turned) return agree;
+        if (c->positions == 1) other_velocity(c, rows, fmax(longer.correlation, 0), hint, size);
+        if (hint[0] != '\0') return false;
+        if (longer.correlation < FITS || !slope_is_right(&longer)) continue;
+        if (agree && longer.correlation < f->correlation) continue;
+        agree = true;
+        *span = rows;
+        *f = longer;
+    }
+}
+
 static lg_status judge(check *c, const way *ways, size_t count, lg_error *error) {
     size_t span = 1;
     fit f = {0};
@@ -483,8 +488,11 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
     if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
     const way *better = better_way(c, ways, count, span, &f);
     const fit first = f;
-    const bool fits = fabs(f.correlation) > FITS,
-               agree = !fits && better == NULL && agree_longer(c, &ways[0], &span, &f);
+    const bool fits = fabs(f.correlation) > FITS;
+    if (!fits && c->positions == 1) other_velocity(c, span, 0, hint, sizeof hint);
+    c->overlap = true;
+    const bool agree =
+        !fits && better == NULL && hint[0] == '\0' && agree_longer(c, &ways[0], &span, &f, hint, sizeof hint);
     if (agree) better = better_way(c, ways, count, span, &f);
     lg_csv_names q, v;
     lg_log_names_of(c->table, c->position, c->positions, &q);
@@ -493,8 +501,7 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
         return lg_fail(error, LG_FORMAT, "%s: columns %s and %s: %s", path_of(c), q.text, v.text,
                        better->words);
     if (fits) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
-    if (c->positions == 1) other_velocity(c, span, agree ? f.correlation : 0, hint, sizeof hint);
-    if (agree && hint[0] == '\0')
+    if (agree)
         return lg_log_warn(c->table,
                            "%s: columns %s and %s agree over %zu rows (correlation %.2f), but not over fewer "
                            "(%.2f): one of them vibrates or is noisy",
