@@ -131,17 +131,17 @@ static lg_status check_shape(const lg_h5 *h5, const char *name, const lg_h5_abou
     const char *shown = lg_shown_path(h5->path);
     if (about->kind == LG_H5_OTHER)
         return lg_fail(error, LG_FORMAT, "%s: /%s: holds neither numbers nor texts", shown, name);
-    if (about->rank == 2 && about->dims[1] > 1 && about->dims[0] == count)
+    if (about->rank == 2 && about->dims[1] > 1 && about->dims[0] == count && about->count != count)
         return lg_fail(error, LG_FORMAT,
                        "%s: /%s: has %llu columns per window, expected one label: write the class, not one "
                        "column per class",
                        shown, name, (unsigned long long)about->dims[1]);
-    if (about->rank < 1 || about->rank > 2 || (about->rank == 2 && about->dims[1] != 1))
+    if (about->rank < 1 || about->rank > 2 || (!lg_h5_is_vector(about) && about->count != 1))
         return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected one number or text per window",
                        shown, name, about->rank);
-    if (about->dims[0] != count)
+    if (about->count != count)
         return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu entries, but /X has %zu windows", shown, name,
-                       (unsigned long long)about->dims[0], count);
+                       (unsigned long long)about->count, count);
     return LG_OK;
 }
 

@@ -10,6 +10,7 @@ typedef struct source {
     char name[LG_TABLE_NAME];
     lg_h5_about about; /* dims: (rows, columns), also if the data set is transposed */
     uint32_t first, columns;
+    bool matlab;     /* MATLAB wrote it, with its dimensions in reverse order */
     bool transposed; /* the data set is (columns, rows) */
 } source;
 
@@ -18,7 +19,8 @@ typedef struct read_call {
     source *sources;
     uint32_t count, room;
     uint64_t rows;
-    bool joined; /* names stand in one text, with commas between them */
+    bool joined;                 /* names stand in one text, with commas between them */
+    char skipped[LG_TABLE_NAME]; /* a single number that is left out of the columns, or "" */
     lg_error *error;
     lg_status status;
 } read_call;
@@ -82,51 +84,72 @@ static lg_status widen(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-/* Whether a data set is (columns, rows). MATLAB writes arrays so. Without its attribute a (1, N) array is a
- * column if another data set of the root has N rows or is (1, N) too. */
-static bool is_transposed(lg_h5 *h5, const links *all, const char *name, const lg_h5_about *about) {
-    lg_h5_about other;
-    if (about->rank != 2 || about->kind == LG_H5_WORDS) return false;
-    if (lg_h5_has_attribute(h5, name, "MATLAB_class")) return true;
-    if (about->dims[0] != 1 || about->dims[1] == 1 || lg_h5_has_attribute(h5, name, "columns")) return false;
-    for (uint32_t i = 0; i < all->count; i++) {
-        if (strcmp(all->name[i], name) == 0) continue;
-        if (lg_h5_look(h5, all->name[i], sizeof(double), &other, NULL) != LG_OK || other.rank < 1) continue;
-        if (other.dims[0] == about->dims[1] ||
-            (other.rank == 2 && other.dims[0] == 1 && other.dims[1] == about->dims[1]))
+/* Whether the vector s (rank 2) is a column although its file shows it as one row: another data set has as many
+ * rows, or the file has no other array and its name is wanted. */
+static bool is_column(const read_call *call, const source *s) {
+    const lg_table_reading *r = call->r;
+    uint32_t arrays = 0;
+    for (uint32_t i = 0; i < call->count; i++) {
+        const source *other = &call->sources[i];
+        const bool vector = lg_h5_is_vector(&other->about), words = other->about.kind == LG_H5_WORDS;
+        if (other == s) continue;
+        if (s->about.count == (vector && !words ? other->about.count : other->about.dims[other->matlab]))
             return true;
+        arrays += other->about.count > 1;
     }
+    for (uint32_t i = 0; i < r->count && arrays == 0; i++)
+        if (strcmp(r->names[i], s->name) == 0) return true;
     return false;
 }
 
-/* Adds the data set behind one link of the root. Objects that are not arrays of rows are skipped. `name` has
- * fewer than LG_TABLE_NAME bytes. */
-static lg_status add_source(read_call *call, lg_h5 *h5, const links *all, const char *name, lg_error *error) {
-    source s = {.first = call->r->all.count, .columns = 1};
-    (void)snprintf(s.name, sizeof s.name, "%s", name);
-    if (lg_h5_look(h5, name, sizeof(double), &s.about, error) != LG_OK) return LG_OK;
-    s.transposed = is_transposed(h5, all, name, &s.about);
-    if (s.transposed) {
-        const uint64_t rows = s.about.dims[1];
-        s.about.dims[1] = s.about.dims[0];
-        s.about.dims[0] = rows;
-    }
-    if (s.about.kind == LG_H5_OTHER || s.about.rank < 1 || s.about.rank > 2) return LG_OK;
-    if (s.about.kind == LG_H5_WORDS && s.about.count != s.about.dims[0]) return LG_OK;
-    if (s.about.rank == 2 && (s.about.dims[1] == 0 || s.about.dims[1] > LG_TABLE_MOST_COLUMNS)) return LG_OK;
-    if (call->count == call->room) LG_TRY(widen(call, error));
-    if (s.about.rank == 2 && s.about.kind != LG_H5_WORDS) s.columns = (uint32_t)s.about.dims[1];
-    call->sources[call->count++] = s;
-    if (s.about.rank == 2 && s.columns > 1) return name_columns(call, h5, &s, error);
-    return lg_table_add_name(call->r, name, error);
+/* Whether a data set is stored as (columns, rows). MATLAB stores arrays so. */
+static bool is_transposed(const read_call *call, lg_h5 *h5, const source *s) {
+    const lg_h5_about *about = &s->about;
+    if (about->rank != 2 || about->kind == LG_H5_WORDS) return false;
+    if (!lg_h5_is_vector(about) || about->dims[!s->matlab] == 1 ||
+        lg_h5_has_attribute(h5, s->name, "columns"))
+        return s->matlab;
+    return is_column(call, s) ? about->dims[0] == 1 : s->matlab;
 }
 
+/* Adds the data set behind one link of the root. Objects that are not arrays of rows are skipped. */
+static lg_status add_source(read_call *call, lg_h5 *h5, const char *name, lg_error *error) {
+    source s = {.columns = 1};
+    (void)snprintf(s.name, sizeof s.name, "%s", name);
+    if (lg_h5_look(h5, name, sizeof(double), &s.about, error) != LG_OK) return LG_OK;
+    if (s.about.kind == LG_H5_OTHER || s.about.rank < 1 || s.about.rank > 2) return LG_OK;
+    if (s.about.kind == LG_H5_WORDS && s.about.count != s.about.dims[0]) return LG_OK;
+    s.matlab = s.about.rank == 2 && lg_h5_has_attribute(h5, name, "MATLAB_class");
+    if (call->count == call->room) LG_TRY(widen(call, error));
+    call->sources[call->count++] = s;
+    return LG_OK;
+}
 static herr_t add_link(hid_t group, const char *name, const H5L_info_t *info, void *user) {
     links *all = user;
     (void)group, (void)info;
     if (all->count < all->room && strlen(name) < LG_TABLE_NAME)
         (void)snprintf(all->name[all->count++], LG_TABLE_NAME, "%s", name);
     return 0;
+}
+
+/* Sets the shape of a data set and adds the names of its columns. */
+static lg_status add_columns(read_call *call, lg_h5 *h5, source *s, lg_error *error) {
+    uint64_t *dims = s->about.dims;
+    s->first = call->r->all.count;
+    s->columns = 0;
+    if (s->transposed) {
+        const uint64_t rows = dims[1];
+        dims[1] = dims[0];
+        dims[0] = rows;
+    }
+    if (s->about.rank == 2 && (dims[1] == 0 || dims[1] > LG_TABLE_MOST_COLUMNS)) return LG_OK;
+    if (s->about.count == 1 && s->about.kind != LG_H5_WORDS && lg_table_names_only(call->r) &&
+        call->rows > 1) {
+        (void)snprintf(call->skipped, sizeof call->skipped, "%s", s->name);
+        return LG_OK;
+    }
+    s->columns = s->about.rank == 2 && s->about.kind != LG_H5_WORDS ? (uint32_t)dims[1] : 1;
+    return s->columns > 1 ? name_columns(call, h5, s, error) : lg_table_add_name(call->r, s->name, error);
 }
 
 static lg_status list_sources(read_call *call, lg_h5 *h5, lg_error *error) {
@@ -139,8 +162,15 @@ static lg_status list_sources(read_call *call, lg_h5 *h5, lg_error *error) {
         status = lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", call->r->shown);
     lg_quiet_end(quiet);
     for (uint32_t i = 0; i < all.count && status == LG_OK; i++)
-        status = add_source(call, h5, &all, all.name[i], error);
+        status = add_source(call, h5, all.name[i], error);
     lg_free(call->r->context, all.name);
+    for (uint32_t i = 0; i < call->count && status == LG_OK; i++) {
+        source *s = &call->sources[i];
+        s->transposed = is_transposed(call, h5, s);
+        if (s->about.dims[s->transposed] > call->rows) call->rows = s->about.dims[s->transposed];
+    }
+    for (uint32_t i = 0; i < call->count && status == LG_OK; i++)
+        status = add_columns(call, h5, &call->sources[i], error);
     if (status == LG_OK && call->r->all.count == 0)
         return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers",
                        call->r->shown);
@@ -200,6 +230,7 @@ static lg_status read_file(void *user, lg_h5 *h5, lg_error *error) {
     lg_table_reading *r = call->r;
     lg_table_reset(r);
     call->count = 0;
+    call->rows = 0;
     LG_TRY(list_sources(call, h5, error));
     LG_TRY(lg_table_find_columns(r, error));
     if (lg_table_names_only(r)) return LG_OK;
@@ -215,6 +246,9 @@ static lg_status read_file(void *user, lg_h5 *h5, lg_error *error) {
 lg_status lg_table_read_h5(lg_table_reading *r, lg_error *error) {
     read_call call = {.r = r};
     const lg_status status = lg_h5_read(r->context, r->path, r->options, read_file, &call, error);
+    if (status == LG_OK && call.skipped[0] != '\0')
+        lg_log_message(r->context, LG_LOG_WARNING,
+                       "%s: /%s: is a single number and is left out of the columns", r->shown, call.skipped);
     lg_free(r->context, call.sources);
     return status;
 }

@@ -106,6 +106,12 @@ typedef struct lg_h5_about {
     bool wide;
     char raw; /* i, u: integers above four bytes, which LG_H5_RAW gives as int64_t or uint64_t; else 0 */
 } lg_h5_about;
+/* Whether an array of numbers or texts is one row or one column: (n), (n, 1), (1, n), ..., not one number. */
+static inline bool lg_h5_is_vector(const lg_h5_about *about) {
+    uint32_t wide = 0;
+    for (uint32_t i = 0; i < about->rank; i++) wide += about->dims[i] != 1;
+    return wide == 1;
+}
 /* Describes a data set without reading its data. LG_NOT_FOUND if there is no such data set, LG_FORMAT if it
  * exceeds max_size at `bytes` bytes per element. */
 lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out, lg_error *error);

@@ -726,6 +726,50 @@ TEST("HDF5 files have a data set per column, or columns in a single data set") {
                "the columns are: kind, left, right, short, whole");
 }
 
+/* A log in HDF5 of five columns. Data set i has shape (rows), (rows, 1) or (1, rows). */
+static void write_layout(const char *name, const int *shape, bool matlab) {
+    enum { N = 120 };
+    static const char *const columns[] = {"t", "u", "v", "x", "y"};
+    double values[5][N];
+    lg_h5 *h5;
+    assert_ok(lg_h5_create(NULL, cli_at(name), &h5, NULL));
+    for (int i = 0; i < N; i++) {
+        const double t = 0.02 * i, all[] = {t, -sin(t), cos(t), sin(t), 3 * sin(t) - cos(t)};
+        for (int c = 0; c < 5; c++) values[c][i] = all[c];
+    }
+    for (int c = 0; c < 5; c++) {
+        const uint64_t dims[3][2] = {{N, 1}, {N, 1}, {1, N}}, *of = dims[shape[c % 3]];
+        assert_ok(lg_h5_put(h5, columns[c], LG_ELEMENT_F64, shape[c % 3] == 0 ? 1 : 2, of, values[c], NULL));
+        if (matlab) assert_ok(lg_h5_put_text(h5, columns[c], "MATLAB_class", "double", NULL));
+    }
+    assert_ok(lg_h5_commit(h5, NULL));
+    lg_h5_close(h5);
+}
+
+TEST("every program reads columns of an HDF5 file in every layout and writes the same") {
+    static const int shapes[][3] = {{0, 0, 0}, {1, 1, 1}, {2, 2, 2}, {0, 1, 2}, {2, 1, 1}, {1, 2, 0}};
+    static const char *const lines[][2] = {
+        {fit, "train w.mat --inputs u,v --outputs y --epochs 3 --hidden 3 --out w.h5 --json"},
+        {fit, "evaluate w.h5 w.mat"},
+        {fit, "predict w.h5 w.mat"},
+        {"lg-identify", "check w.yaml w.mat"},
+    };
+    char *first[LG_COUNT(lines)] = {NULL};
+    cli_write("w.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\n"
+                        "inputs: {columns: [u]}\n");
+    for (size_t k = 0; k < 2 * LG_COUNT(shapes); k++) {
+        write_layout("w.mat", shapes[k / 2], k % 2 == 1);
+        for (size_t i = 0; i < LG_COUNT(lines); i++) {
+            cli_expect(lines[i][0], lines[i][1], 0, "");
+            char *seconds = strstr(result.out, "\"seconds");
+            if (seconds != NULL) *seconds = '\0';
+            if (first[i] == NULL) first[i] = test_text("%s", result.out);
+            if (strcmp(first[i], result.out) != 0)
+                fail_msg("layout %zu: %s\n%s\n%s", k, lines[i][1], first[i], result.out);
+        }
+    }
+}
+
 /* ---- unusual tables ---- */
 
 typedef struct odd {

@@ -570,18 +570,21 @@ TEST("columns of an HDF5 file that do not fit are refused by name") {
     assert_says(error.message, "has no data set at its root that is a column of numbers");
 }
 
-/* A data set with the numbers 0, 1, 2, ... */
-static void put_counting(hid_t file, const char *name, hsize_t rows, hsize_t columns, bool matlab) {
-    double numbers[64];
-    for (int i = 0; i < 64; i++) numbers[i] = i;
-    put_dataset(file, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, (hsize_t[]){rows, columns}, false, numbers);
-    if (!matlab) return;
+static void mark_matlab(hid_t file, const char *name) {
     hid_t set = H5Dopen2(file, name, H5P_DEFAULT), space = H5Screate(H5S_SCALAR), text = H5Tcopy(H5T_C_S1);
     assert_true(H5Tset_size(text, 6) >= 0);
     hid_t attribute = H5Acreate2(set, "MATLAB_class", text, space, H5P_DEFAULT, H5P_DEFAULT);
     assert_true(H5Awrite(attribute, text, "double") >= 0);
     assert_true(H5Aclose(attribute) >= 0 && H5Sclose(space) >= 0 && H5Tclose(text) >= 0 &&
                 H5Dclose(set) >= 0);
+}
+
+/* A data set with the numbers 0, 1, 2, ... */
+static void put_counting(hid_t file, const char *name, hsize_t rows, hsize_t columns, bool matlab) {
+    double numbers[64];
+    for (int i = 0; i < 64; i++) numbers[i] = i;
+    put_dataset(file, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, (hsize_t[]){rows, columns}, false, numbers);
+    if (matlab) mark_matlab(file, name);
 }
 
 TEST("arrays as MATLAB writes them are columns, at any size of the user block") {
@@ -598,6 +601,11 @@ TEST("arrays as MATLAB writes them are columns, at any size of the user block") 
         {{1, 5}, {1, 5}, true, {"x", "y"}, 5, {4, 4}},
         {{2, 5}, {1, 5}, true, {"x1", "y"}, 5, {9, 4}},   /* MATLAB's (5, 2) */
         {{1, 3}, {1, 2}, false, {"x2", "y1"}, 1, {2, 1}}, /* one row of five columns */
+        {{3, 1}, {2, 1}, true, {"x2", "y1"}, 1, {2, 1}},
+        {{5, 1}, {5, 1}, true, {"x", "y"}, 5, {4, 4}}, /* MATLAB's (1, 5) */
+        {{5, 1}, {1, 5}, true, {"x", "y"}, 5, {4, 4}},
+        {{2, 5}, {5, 1}, true, {"x1", "y"}, 5, {9, 4}},
+        {{5, 2}, {1, 5}, false, {"x1", "y"}, 5, {9, 4}},
     };
     for (size_t i = 0; i < LG_COUNT(files) * LG_COUNT(blocks); i++) {
         const char *path = scratch_path("matlab.mat");
@@ -627,6 +635,58 @@ TEST("arrays as MATLAB writes them are columns, at any size of the user block") 
     assert_ok(lg_file_is_h5(scratch_path("t.csv"), &h5, NULL));
     assert_false(h5);
     assert_status(lg_file_is_h5(scratch_path("none"), &h5, NULL), LG_NOT_FOUND);
+}
+
+TEST("arrays of one length are columns by their names in every layout, and single numbers are left out") {
+    enum { ARRAYS = 3, N = 41 };
+    static const hsize_t shape[3][2] = {{N, 0}, {N, 1}, {1, N}};
+    static const char *const name[] = {"a", "t", "y"};
+    double numbers[N];
+    for (int i = 0; i < N; i++) numbers[i] = 0.5 * i;
+    for (int matlab = 0; matlab < 2; matlab++)
+        for (int k = 0; k < 27 * 2; k++) {
+            const char *path = scratch_path("layouts.mat");
+            const int of[ARRAYS] = {k % 3, k / 3 % 3, k / 9 % 3};
+            hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+            for (int i = 0; i < ARRAYS; i++) {
+                put_dataset(file, name[i], k < 27 ? H5T_IEEE_F64LE : H5T_IEEE_F32BE, H5T_NATIVE_DOUBLE,
+                            of[i] == 0 ? 1 : 2, shape[of[i]], false, numbers);
+                if (matlab) mark_matlab(file, name[i]);
+            }
+            put_counting(file, "one", 1, 1, matlab);
+            assert_true(H5Fclose(file) >= 0);
+            const lg_read_options here = without_probe();
+            lg_table_names names;
+            lg_table_data data;
+            assert_told(lg_table_names_read(NULL, path, &here, &names, &told));
+            if (names.count != ARRAYS || strcmp(names.name[1], name[1]) != 0)
+                fail_msg("layout %d, MATLAB %d: %u columns, the second is %s", k, matlab, names.count,
+                         names.name[1]);
+            lg_table_names_destroy(&names);
+            assert_told(lg_table_read(NULL, path, name, ARRAYS, NULL, &here, &data, &told));
+            own_lg_table_data(data);
+            assert_int_equal(data.rows, N);
+            for (int i = 0; i < N * ARRAYS; i++) assert_close(data.values[i], numbers[i / ARRAYS], 0, 0);
+        }
+}
+
+TEST("the only array of a file is one row as its program shows it, or a column if its name is wanted") {
+    static const char *const column[] = {"x"}, *const cells[] = {"x0", "x1", "x2"};
+    for (int matlab = 0; matlab < 2; matlab++) {
+        const char *path = scratch_path("lone.mat");
+        const lg_read_options here = without_probe();
+        lg_table_data data;
+        hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+        put_counting(file, "x", matlab ? 3 : 1, matlab ? 1 : 3, matlab);
+        assert_true(H5Fclose(file) >= 0);
+        for (uint32_t count = 1; count <= 3; count += 2) {
+            assert_told(
+                lg_table_read(NULL, path, count == 1 ? column : cells, count, NULL, &here, &data, &told));
+            own_lg_table_data(data);
+            assert_int_equal(data.rows, 4 - count);
+            for (int i = 0; i < 3; i++) assert_close(data.values[i], i, 0, 0);
+        }
+    }
 }
 
 /* ---- wide tables ---- */

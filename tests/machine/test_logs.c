@@ -1128,7 +1128,18 @@ TEST("HDF5 with one data set per column is read") {
     assert_silent(logs);
 }
 
-TEST("columns of a log in HDF5 may be (rows), (rows, 1) or (1, rows)") {
+static lg_status read_h5(const lg_context *context, const char *path, const lg_read_options *options,
+                         lg_error *error) {
+    lg_logs *logs = TEST_ARRAY(lg_logs, 1);
+    lg_log_options chosen;
+    lg_log_options_init(&chosen);
+    if (options != NULL) chosen.read = *options;
+    const lg_status status = lg_logs_read(context, machine(h5_yaml), &path, 1, &chosen, logs, error);
+    if (status == LG_OK) lg_logs_destroy(logs);
+    return status;
+}
+
+TEST("columns of a log in HDF5 may be (rows), (rows, 1) or (1, rows), but no matrix and no single number") {
     const char *path = scratch_path("log.h5");
     double data[ROWS];
     for (int i = 0; i < ROWS; i++) data[i] = 3 + i;
@@ -1139,17 +1150,10 @@ TEST("columns of a log in HDF5 may be (rows), (rows, 1) or (1, rows)") {
         const lg_logs *logs = read_all(machine(h5_yaml), &path, 1, NULL);
         assert_true(logs->rows_read == ROWS && logs->u[4 * 30] == 33 && logs->u[4 * 24] == 27);
     }
-}
-
-static lg_status read_h5(const lg_context *context, const char *path, const lg_read_options *options,
-                         lg_error *error) {
-    lg_logs *logs = TEST_ARRAY(lg_logs, 1);
-    lg_log_options chosen;
-    lg_log_options_init(&chosen);
-    if (options != NULL) chosen.read = *options;
-    const lg_status status = lg_logs_read(context, machine(h5_yaml), &path, 1, &chosen, logs, error);
-    if (status == LG_OK) lg_logs_destroy(logs);
-    return status;
+    replace_dataset(path, "u", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, (hsize_t[]){ROWS / 2, 2}, data);
+    assert_refused(read_h5, path, LG_FORMAT, "/u: expected one number per row", "");
+    replace_dataset(path, "u", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, (hsize_t[]){1, 1}, data);
+    assert_refused(read_h5, path, LG_FORMAT, "/u: has 1 rows, but /", "");
 }
 
 TEST("HDF5 that is not a log is refused") {

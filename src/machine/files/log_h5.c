@@ -37,9 +37,7 @@ static lg_status check_shape(const read_call *call, lg_h5 *h5, const char *name,
     LG_TRY(status);
     if (about.kind != LG_H5_WHOLE && about.kind != LG_H5_REAL)
         return lg_fail(error, LG_FORMAT, "%s: /%s: does not hold numbers", call->shown, name);
-    uint32_t wide = 0; /* dimensions other than 1: (rows), (rows, 1) and, as MATLAB writes, (1, rows) */
-    for (uint32_t i = 0; i < about.rank; i++) wide += about.dims[i] != 1;
-    if (about.rank < 1 || wide > 1)
+    if (!lg_h5_is_vector(&about) && (about.rank < 1 || about.count != 1))
         return lg_fail(error, LG_FORMAT, "%s: /%s: expected one number per row", call->shown, name);
     *rows = about.count;
     return LG_OK;
