@@ -243,8 +243,9 @@ typedef struct lg_series_data {
 /* Reads a set of series from an HDF5 file. The file needs two datasets:
  *   - /X (n, channels, length), or (n, length) for one channel, of any float or integer type, byte order and
  *     chunking. It is converted to floats without a second copy.
- *   - /y (n), (n, 1), or (1, n) if they are numbers: the labels. They are whole numbers (integers, booleans, or floats with whole values,
- *     also negative) or texts (of fixed or variable length, 1 to 63 bytes), at most 65536 different ones.
+ *   - /y (n) or (n, 1), numbers also (1, n): the labels. They are whole numbers (integers, booleans, or
+ *     floats with whole values, also negative) or texts (of fixed or variable length, 1 to 63 bytes), at most
+ *     65536 different ones.
  * Everything else is optional:
  *   - Attribute `classes`: the names of the K classes, as one text with the names joined by |, or as a list
  *     of texts. Without it the labels themselves, in rising order, are the names. With it the first of these

@@ -274,8 +274,8 @@ LG_API void lg_table_file_destroy(lg_table_file *file);
  *   list of texts, or one text with commas) names them; without it the names are NAME0, NAME1, ..., where
  *   NAME is the name of the dataset. Datasets of texts can be class columns. A user block is skipped. MATLAB
  *   writes arrays transposed: a dataset with the attribute MATLAB_class is (k, rows). A vector, (rows, 1) or
- *   (1, rows), is a column with the name of the dataset if another dataset of the root has as many rows, or if
- *   it is the only array and its name is wanted; otherwise, or with the attribute `columns`, it is one row
+ *   (1, rows), is a column with the name of the dataset if another dataset of the root has as many rows, or
+ *   if it is the only array and its name is wanted; otherwise, or with the attribute `columns`, it is one row
  *   where its program shows it as a row. The names have no single number if another dataset has more rows.
  * - numpy: one array (.npy, version 1 to 3) of numbers, (rows) or (rows, k), in C or Fortran order. The
  *   columns are called c0, c1, ...

@@ -17,12 +17,11 @@ typedef struct source {
 typedef struct read_call {
     lg_table_reading *r;
     source *sources;
-    uint32_t count, room;
-    uint64_t rows;
+    uint32_t count, room, links;
+    uint64_t rows; /* of the longest column */
+    lg_h5 *h5;
     bool joined;                 /* names stand in one text, with commas between them */
     char skipped[LG_TABLE_NAME]; /* a single number that is left out of the columns, or "" */
-    lg_error *error;
-    lg_status status;
 } read_call;
 
 static lg_status fail(const read_call *call, const char *name, const char *what, lg_error *error) {
@@ -67,35 +66,28 @@ static lg_status name_columns(read_call *call, lg_h5 *h5, const source *s, lg_er
     return LG_OK;
 }
 
-typedef struct links {
-    char (*name)[LG_TABLE_NAME];
-    uint32_t count, room;
-} links;
-enum { MOST_LINKS = 4096 };
-
-static lg_status widen(read_call *call, lg_error *error) {
+static bool widen(read_call *call) {
     const uint32_t room = call->room == 0 ? 16 : 2 * call->room;
     source *wider = lg_alloc(call->r->context, room, sizeof *wider);
-    if (wider == NULL) return lg_table_no_memory(call->r, error);
+    if (wider == NULL) return false;
     if (call->count > 0) memcpy(wider, call->sources, call->count * sizeof *wider);
     lg_free(call->r->context, call->sources);
     call->sources = wider;
     call->room = room;
-    return LG_OK;
+    return true;
 }
 
-/* Whether the vector s (rank 2) is a column although its file shows it as one row: another data set has as many
+/* Whether vector s (rank 2) is a column although its file shows it as one row: another data set has as many
  * rows, or the file has no other array and its name is wanted. */
 static bool is_column(const read_call *call, const source *s) {
     const lg_table_reading *r = call->r;
     uint32_t arrays = 0;
-    for (uint32_t i = 0; i < call->count; i++) {
-        const source *other = &call->sources[i];
-        const bool vector = lg_h5_is_vector(&other->about), words = other->about.kind == LG_H5_WORDS;
+    for (const source *other = call->sources; other < call->sources + call->count; other++) {
+        const lg_h5_about *about = &other->about;
         if (other == s) continue;
-        if (s->about.count == (vector && !words ? other->about.count : other->about.dims[other->matlab]))
+        if (s->about.count == (lg_h5_is_vector(about) ? about->count : about->dims[other->matlab]))
             return true;
-        arrays += other->about.count > 1;
+        arrays += about->count > 1;
     }
     for (uint32_t i = 0; i < r->count && arrays == 0; i++)
         if (strcmp(r->names[i], s->name) == 0) return true;
@@ -113,22 +105,20 @@ static bool is_transposed(const read_call *call, lg_h5 *h5, const source *s) {
 }
 
 /* Adds the data set behind one link of the root. Objects that are not arrays of rows are skipped. */
-static lg_status add_source(read_call *call, lg_h5 *h5, const char *name, lg_error *error) {
+static herr_t add_source(hid_t group, const char *name, const H5L_info_t *info, void *user) {
+    enum { MOST_LINKS = 4096 };
+    read_call *call = user;
     source s = {.columns = 1};
-    (void)snprintf(s.name, sizeof s.name, "%s", name);
-    if (lg_h5_look(h5, name, sizeof(double), &s.about, error) != LG_OK) return LG_OK;
-    if (s.about.kind == LG_H5_OTHER || s.about.rank < 1 || s.about.rank > 2) return LG_OK;
-    if (s.about.kind == LG_H5_WORDS && s.about.count != s.about.dims[0]) return LG_OK;
-    s.matlab = s.about.rank == 2 && lg_h5_has_attribute(h5, name, "MATLAB_class");
-    if (call->count == call->room) LG_TRY(widen(call, error));
-    call->sources[call->count++] = s;
-    return LG_OK;
-}
-static herr_t add_link(hid_t group, const char *name, const H5L_info_t *info, void *user) {
-    links *all = user;
     (void)group, (void)info;
-    if (all->count < all->room && strlen(name) < LG_TABLE_NAME)
-        (void)snprintf(all->name[all->count++], LG_TABLE_NAME, "%s", name);
+    if (call->links == MOST_LINKS || strlen(name) >= LG_TABLE_NAME) return 0;
+    call->links++;
+    (void)snprintf(s.name, sizeof s.name, "%s", name);
+    if (lg_h5_look(call->h5, name, sizeof(double), &s.about, NULL) != LG_OK) return 0;
+    if (s.about.kind == LG_H5_OTHER || s.about.rank < 1 || s.about.rank > 2) return 0;
+    if (s.about.kind == LG_H5_WORDS && s.about.count != s.about.dims[0]) return 0;
+    s.matlab = s.about.rank == 2 && lg_h5_has_attribute(call->h5, name, "MATLAB_class");
+    if (call->count == call->room && !widen(call)) return 1;
+    call->sources[call->count++] = s;
     return 0;
 }
 
@@ -153,18 +143,14 @@ static lg_status add_columns(read_call *call, lg_h5 *h5, source *s, lg_error *er
 }
 
 static lg_status list_sources(read_call *call, lg_h5 *h5, lg_error *error) {
-    links all = {.room = MOST_LINKS};
     lg_status status = LG_OK;
-    all.name = lg_alloc(call->r->context, all.room, sizeof *all.name);
-    if (all.name == NULL) return lg_table_no_memory(call->r, error);
+    call->h5 = h5;
     lg_h5_quiet quiet = lg_quiet_begin();
-    if (H5Literate(h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_link, &all) < 0)
-        status = lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", call->r->shown);
+    const herr_t end = H5Literate(h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_source, call);
     lg_quiet_end(quiet);
-    for (uint32_t i = 0; i < all.count && status == LG_OK; i++)
-        status = add_source(call, h5, all.name[i], error);
-    lg_free(call->r->context, all.name);
-    for (uint32_t i = 0; i < call->count && status == LG_OK; i++) {
+    if (end < 0) return lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", call->r->shown);
+    if (end > 0) return lg_table_no_memory(call->r, error);
+    for (uint32_t i = 0; i < call->count; i++) {
         source *s = &call->sources[i];
         s->transposed = is_transposed(call, h5, s);
         if (s->about.dims[s->transposed] > call->rows) call->rows = s->about.dims[s->transposed];
@@ -229,7 +215,7 @@ static lg_status read_file(void *user, lg_h5 *h5, lg_error *error) {
     read_call *call = user;
     lg_table_reading *r = call->r;
     lg_table_reset(r);
-    call->count = 0;
+    call->count = call->links = 0;
     call->rows = 0;
     LG_TRY(list_sources(call, h5, error));
     LG_TRY(lg_table_find_columns(r, error));
