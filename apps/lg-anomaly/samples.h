@@ -19,8 +19,8 @@ typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sampl
 
 /* A line has C numbers, or a time in seconds and C numbers, separated by commas, semicolons or blanks. An
  * additional separator at its end, blanks around numbers, and a carriage return before the newline are
- * allowed. The reader skips blank lines, lines that begin with % or //, comments from # on, lines of words before the first sample (names,
- * units), and later repetitions of these lines.
+ * allowed. The reader skips blank lines, lines that begin with % or //, comments from # on, lines of words
+ * before the first sample (names, units), and later repetitions of these lines.
  *
  * The first lines decide once and for all whether lines begin with a time: three lines of the same kind
  * decide, and one of them may be a line of names. After that a line with another number of columns is
