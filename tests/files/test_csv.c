@@ -123,6 +123,21 @@ TEST("a header in a comment is read if it has a name for each column, as numpy w
     }
 }
 
+TEST("a written name that begins like a comment is read again") {
+    static const char *const names[] = {"#a", "%a", "//a", "/a"};
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        char text[64];
+        FILE *file = fopen(scratch_path("put.csv"), "w+");
+        assert_non_null(file);
+        lg_csv_put(file, "", names[i], true);
+        rewind(file);
+        assert_non_null(fgets(text, sizeof text, file));
+        assert_int_equal(fclose(file), 0);
+        assert_string_equal(cells_of(test_text("%s,b\n0,1\n", text)),
+                            test_text("1:[%s][b]2:[0][1]", names[i]));
+    }
+}
+
 TEST("a list of names ends with dots where there is no more room, and stays as it is after that") {
     lg_csv_names names = {.used = 0};
     char before[sizeof names.text];
