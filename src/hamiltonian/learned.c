@@ -1,5 +1,6 @@
 /* Warnings about the data and about a Hamiltonian that was learned from them. */
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -73,15 +74,27 @@ void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonia
                                   double loss, double floor) {
     const lg_scheme *scheme = problem->scheme, *better = better_scheme(problem);
     const size_t size = problem->trajectories * trajectory_size(problem);
+    static const double small = 1e-3;
+    const double left = loss / lg_hamiltonian_unchanged(problem);
     double square = 0;
+    char symmetry[160] = "";
+    lg_momentum_motion motion;
     for (size_t i = 0; i < size; i++) square += problem->data[i] * problem->data[i] / (double)size;
     if (!lg_is_near_floor(loss, floor) || floor < rounding_floor * square) return;
+    /* A wrong symmetry that conserves no momentum leaves a large loss, and its wrong forces can have a large
+     * floor. */
+    if (problem->model->symmetry != LG_SYMMETRY_NONE && left > small &&
+        lg_hamiltonian_momentum_motion(context, problem, &motion) == LG_OK && !(motion.size > 0))
+        (void)snprintf(symmetry, sizeof symmetry,
+                       "; the error is %.2g %% of the motion: the potential may not have the symmetry of "
+                       "--symmetry (none is without it)",
+                       100.0 * sqrt(left));
     WARN("the loss %.3g is near the floor %.3g, which is the error of %s with %u step%s between two points: "
-         "more training would fit this error, not the system; use --substeps %u (floor about %.1g)%s%s",
+         "more training would fit this error, not the system; use --substeps %u (floor about %.1g)%s%s%s",
          loss, floor, scheme->name, problem->substeps, problem->substeps == 1 ? "" : "s",
          2 * problem->substeps, ldexp(floor, -2 * scheme->order),
          better != NULL ? " or a scheme of higher order, --integrator " : "",
-         better != NULL ? better->name : "");
+         better != NULL ? better->name : "", symmetry);
 }
 
 /* Root mean square over the trajectories: of G's change from point 1 to `point`; for point 1, of G. */

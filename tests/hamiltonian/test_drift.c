@@ -75,8 +75,9 @@ static void keep(void *user, lg_log_level level, const char *message) {
     (void)snprintf(user, 512, "%s", message);
 }
 
-/* The warning about this problem, or "". */
-static const char *warning(const learned *l, const lg_hamiltonian_problem *problem, double loss) {
+/* The warning about this problem, or ""; about the floor if it is not 0. */
+static const char *warning_near(const learned *l, const lg_hamiltonian_problem *problem, double loss,
+                                double floor) {
     static char said[512];
     lg_context_options options;
     lg_context *context;
@@ -85,8 +86,15 @@ static const char *warning(const learned *l, const lg_hamiltonian_problem *probl
     assert_ok(lg_context_create(&options, &context));
     lg_test_owns(context, release_context);
     said[0] = '\0';
-    assert_told(lg_hamiltonian_warn_of_drift(context, problem, l->fit, l->theta, loss, 0.0, &told));
+    if (floor > 0)
+        lg_hamiltonian_warn_of_floor(context, problem, loss, floor);
+    else
+        assert_told(lg_hamiltonian_warn_of_drift(context, problem, l->fit, l->theta, loss, 0.0, &told));
     return said;
+}
+
+static const char *warning(const learned *l, const lg_hamiltonian_problem *problem, double loss) {
+    return warning_near(l, problem, loss, 0);
 }
 
 TEST("the energy of damped oscillators falls, backward in time it rises; free oscillators keep it") {
@@ -129,6 +137,12 @@ TEST("with a mirror symmetry a warning names the symmetry first, and a right sym
         const char *said = warning(l, &l->problem, l->loss);
         if (strncmp(said, rows[i].begins, strlen(rows[i].begins)) != 0 || (i == 0) != (said[0] == '\0'))
             fail_msg("row %zu: %s", i, said);
+        if (rows[i].symmetry == LG_SYMMETRY_EVEN && rows[i].damping > 0) continue;
+        const double loss = fmax(l->loss, 1e-9);
+        said = warning_near(l, &l->problem, loss, loss / 2);
+        assert_says(said, "is near the floor");
+        assert_int_equal(strstr(said, "may not have the symmetry") != NULL,
+                         rows[i].symmetry == LG_SYMMETRY_ODD);
     }
 }
 
