@@ -18,8 +18,8 @@ lg_status lg_hamiltonian_different(const lg_context *context, const lg_hamiltoni
 
 /* Whether the loss is at most 3 times the floor. */
 bool lg_is_near_floor(double loss, double floor);
-/* Warns if the loss is near the floor: names both and suggests what to change. If the error is large, a mirror
- * symmetry of the model is named as a possible cause. */
+/* Warns if the loss is near the floor: names both and suggests what to change. If the error is large, a
+ * mirror symmetry of the model is named as a possible cause. */
 void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
                                   double loss, double floor);
 /* Warns if the data do not conserve the first integral of the penalty. */

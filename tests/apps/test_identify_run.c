@@ -455,16 +455,18 @@ TEST("with positions alone the starts are estimated from 50 rows, which are not 
 
 /* y'' = u - .3 y' + d, all lengths in `unit`. The disturbance d changes slowly at random: its standard
  * deviation is `push`. Positions have the noise `noise`. */
-static void write_pushed(const char *name, double unit, double push, double noise, uint64_t seed) {
-    enum { ROWS = 600, SIZE = 1 << 16, FINE = 20 };
-    static const double h = 0.05, memory = 1;
-    char *text = lg_test_memory(SIZE);
-    size_t used = (size_t)snprintf(text, SIZE, "t,y,u\n");
+static void write_pushed(const char *name, int rows, double h, double unit, double push, double noise,
+                         uint64_t seed) {
+    enum { FINE = 20 };
+    static const double memory = 1;
+    const size_t size = 80 * ((size_t)rows + 1);
+    char *text = lg_test_memory(size);
+    size_t used = (size_t)snprintf(text, size, "t,y,u\n");
     double y = 0, v = 0, d = 0, u = 0;
     lg_rng rng = test_rng(seed, 0);
-    for (int i = 0; i < ROWS; i++) {
-        if (i % 30 == 0) u = lg_rng_normal(&rng);
-        used += (size_t)snprintf(text + used, SIZE - used, "%.17g,%.17g,%.17g\n", h * i,
+    for (int i = 0; i < rows; i++) {
+        if (i % (rows / 20) == 0) u = lg_rng_normal(&rng);
+        used += (size_t)snprintf(text + used, size - used, "%.17g,%.17g,%.17g\n", h * i,
                                  unit * (y + noise * lg_rng_normal(&rng)), unit * u);
         for (int k = 0; k < FINE; k++) {
             d += -d * h / FINE / memory + push * sqrt(2 * h / FINE / memory) * lg_rng_normal(&rng);
@@ -478,16 +480,27 @@ static void write_pushed(const char *name, double unit, double push, double nois
 TEST("the rows that estimate a start follow disturbance and noise, and all machines start from them") {
     enum { SEEDS = 3 };
     static const struct {
-        double unit, push, noise, least, most;
-    } cases[] = {{1, 0.5, 1e-4, 4, 10}, {1e9, 0.5, 1e-4, 4, 10}, {1, 0, 0.02, 25, 50}};
-    cli_write("pushed.yaml", "columns: {time: t}\nmeasured: positions\ncoordinates:\n"
-                             "  - {name: y, kind: line}\ninputs: {columns: [u]}\n"
-                             "mass: {kind: known, values: [1]}\ndamping: diagonal\n");
-    for (size_t i = 0; i < LG_COUNT(cases); i++)
+        int rows;
+        double h, unit, push, noise, least, most;
+    } cases[] = {{8000, 1e-3, 1, 0, 2e-4, 100, 200},
+                 {600, 0.05, 1, 0.5, 1e-4, 4, 10},
+                 {600, 0.05, 1e9, 0.5, 1e-4, 4, 10},
+                 {600, 0.05, 1, 0, 0.02, 25, 50}};
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        double sum = 0, sum_usual = 0;
+        cli_write(
+            "pushed.yaml",
+            test_text("columns: {time: t}\nmeasured: positions\ncoordinates:\n"
+                      "  - {name: y, kind: line}\n%s",
+                      cases[i].least > 50
+                          ? "inputs: {columns: [u], hold: zero}\nmass: diagonal\n"
+                            "input_map: {kind: known, values: [[1]]}\n"
+                            "damping: {kind: known, values: [0.3]}\n"
+                          : "inputs: {columns: [u]}\nmass: {kind: known, values: [1]}\ndamping: diagonal\n"));
         for (uint64_t seed = 1; seed <= SEEDS; seed++) {
-            const double unit = cases[i].unit;
-            write_pushed("train.csv", unit, cases[i].push, cases[i].noise, 2 * seed);
-            write_pushed("test.csv", unit, cases[i].push, cases[i].noise, 2 * seed + 1);
+            const double unit = cases[i].unit, h = cases[i].h;
+            write_pushed("train.csv", cases[i].rows, h, unit, cases[i].push, cases[i].noise, 2 * seed);
+            write_pushed("test.csv", cases[i].rows, h, unit, cases[i].push, cases[i].noise, 2 * seed + 1);
             cli_json(identify, "fit pushed.yaml train.csv --out m.h5", "start_rows >0");
             const double rows = json_number(result.out, "start_rows");
             if (rows < cases[i].least || rows > cases[i].most)
@@ -502,12 +515,15 @@ TEST("the rows that estimate a start follow disturbance and noise, and all machi
             cli_json(identify, "evaluate m.h5 test.csv --horizons .3 --start-rows 50", "start_rows 50");
             horizon = strchr(json_find(result.out, "horizons"), '{');
             const double usual = json_number(json_find(horizon, "linear"), "line");
+            sum += line, sum_usual += json_number(horizon, "line");
             if (cases[i].push > 0) {
                 assert_true(line < 0.4 * json_number(horizon, "line"));
                 assert_true(linear < 0.6 * usual); /* the linear model begins in the same states */
                 assert_true(line < unchanged);
             }
         }
+        if (cases[i].least > 50) assert_true(sum < 0.85 * sum_usual);
+    }
     cli_json(identify, "predict m.h5 test.csv --out pushed-run.csv --start-rows 7", "start_rows 7");
     cli_json(identify, "adapt m.h5 test.csv --seconds 10 --numbers friction --start-rows 9", "start_rows 9");
     cli_run(identify, "evaluate m.h5 test.csv --horizons .3");

@@ -347,27 +347,31 @@ static void judge_rows(void *user, const runs *r) {
 
 lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_machine *model,
                                        const lg_machine_log *log, lg_error *error) {
-    enum { STEPS = 32, STARTS = 100 };
-    /* Fewer rows are taken only if they lower all errors by this much. */
-    static const double clear = 0.05, parts[] = {1, 0.5, 0.32, 0.2, 0.12, 0.08};
+    enum { STEPS = 32, LONG = 128, STARTS = 100, MOST_ROWS = 200, PART = 8 };
+    /* Other rows than the usual ones are taken only if they lower all errors by this much. */
+    static const double clear = 0.05, parts[] = {1, 2, 4, 0.5, 0.32, 0.2, 0.12, 0.08};
     const lg_machine *machine = model->machine;
-    const size_t usual = lg_start_rows(machine), every = 1 + log->rows / STARTS;
+    const size_t usual = lg_start_rows(machine), every = 1 + log->rows / STARTS,
+                 part = log->parts > 0 ? log->rows / log->parts / PART : 0,
+                 most = part < MOST_ROWS ? part : MOST_ROWS;
     lg_learned_machine tried = *model;
     model_runner runner = {context, &tried, log};
     lg_machine_log marked = *log;
     double *v = lg_alloc(context, log->rows * machine->velocities, sizeof *v), best = INFINITY;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
     lg_status status = v != NULL && start != NULL ? LG_OK : lg_no_memory(error);
-    runs r = {.machine = machine, .log = log, .from = &marked, .steps = STEPS, .start = start};
+    runs r = {
+        .machine = machine, .log = log, .from = &marked, .steps = most < LONG ? STEPS : LONG, .start = start};
     model->start_rows = (uint32_t)usual;
     if (status == LG_OK) {
-        mark_starts(machine, log, usual - 1, every, v);
+        mark_starts(machine, log, (most > usual ? most : usual) - 1, every, v);
         marked.v = v;
         r.count = find_starts(machine, &marked, r.steps, every, start);
     }
     for (size_t i = 0; i < LG_COUNT(parts) && status == LG_OK && r.count > 0; i++) {
         double score = 0;
         tried.start_rows = (uint32_t)(parts[i] * (double)usual + 0.5);
+        if (tried.start_rows > most && parts[i] > 1) continue;
         status = judge_runs(context, run_estimated, &runner, &r, judge_rows, &score, error);
         if (status != LG_OK || !(score < best - clear)) continue;
         best = score;

@@ -124,9 +124,9 @@ lg_status lg_started_log_create(const lg_context *context, const lg_learned_mach
 lg_status lg_machine_states(const lg_context *context, const lg_learned_machine *model,
                             const lg_machine_log *log, size_t every, lg_started_log *out, lg_error *error);
 void lg_started_log_destroy(lg_started_log *started);
-/* Sets model->start_rows to the number of rows, from lg_start_rows down to 8 % of them, with the least error
- * of runs of up to 32 rows from the same starts in this log. Many rows average noise; few rows
- * contain less of what disturbs the machine. */
+/* Sets model->start_rows to the number of rows, from 8 % of lg_start_rows to 200 but at most an eighth of a
+ * part, with the least error of runs of up to 32 rows (128 in long parts) from the same starts in this log.
+ * Many rows average noise; few rows contain less of what disturbs the machine. */
 lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_machine *model,
                                        const lg_machine_log *log, lg_error *error);
 /* Sets the range of positions and velocities that no column shows (low > high) to that of runs over the
