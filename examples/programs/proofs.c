@@ -38,7 +38,8 @@ static lg_status bound(const lg_program *program, lg_error *error) {
     lg_status status = lg_interval_create(program, &first, 1, &options, &f, error);
     if (status != LG_OK) return status;
     void *work = aligned_alloc(64, (lg_interval_work_size(f) + 63) / 64 * 64);
-    status = work != NULL ? lg_interval_eval(f, 1, low, high, &from, &to, work, error) : LG_OUT_OF_MEMORY;
+    status =
+        work != NULL ? lg_interval_eval(f, 1, low, high, &from, &to, NULL, work, error) : LG_OUT_OF_MEMORY;
     (void)printf("proofs: %zu numbers, %zu operations on intervals: %.6g <= y <= %.6g\n",
                  lg_interval_inputs(f), lg_interval_operations(f), from, to);
     if (status == LG_OK && !(from <= sin(1.0) * 2.0 + 4.0 && sin(1.1) * 2.1 + 4.41 <= to))

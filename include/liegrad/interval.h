@@ -5,25 +5,33 @@
  *   const size_t functions[2] = {field, jac_field};
  *   status = lg_interval_create(program, functions, 2, NULL, &f, &error);
  *   void *work = aligned_alloc(64, lg_interval_work_size(f));
- *   status = lg_interval_eval(f, boxes, lower, upper, low, high, work, &error);
+ *   status = lg_interval_eval(f, boxes, lower, upper, low, high, flags, work, &error);
  *
  * Meaning. The functions are functions of real numbers here: for every point of a box, the exact value lies
  * between the bounds. All bounds are rounded outward, functions such as sin by 8 units in the last place.
  * The values that lg_plan computes are rounded and may lie outside of bounds that are a few units apart.
  * Constants and parameters are the doubles that the program stores (`widen`: they, or any number up to one
- * unit in the last place away). Where a function is not defined on all of a box (division by an interval
- * with 0, the root or the logarithm of a negative number), and where a bound would overflow, the bounds are
- * -inf and inf. NaN never occurs. As in plans, 0 x and x - x are 0 even where x is not defined.
+ * unit in the last place away). Where an operation is not defined on all of a box (division by an interval
+ * with 0, the root or the logarithm of a negative number), and where a bound would overflow, the bounds of
+ * its result are -inf and inf. NaN never occurs. 0 x and x - x are 0, whatever the bounds of x are.
+ *
+ * Flags. Bounds alone do not show whether the function is defined, or whether it jumps: tanh(log x) has the
+ * bounds [-1, 1] everywhere. So each output of each box has a flag, the highest level that its operations
+ * prove: a result's level is the least of its operands' levels and of its operation's on the operands' box.
+ * src/kernels/interval.inc has the table of all operations. Like the decorations of IEEE 1788 (named in
+ * lg_interval_flag), flags speak about the box alone; but where a box touches a jump from one side, it
+ * counts as a jump, so that two boxes which meet at a jump never both pass.
  *
  * Choices. lg_ge and lg_sign are 0 or 1, -1 or 1, or both where the box does not decide; lg_select then has
  * the hull of both values. The derivative of a maximum (lg_max, lg_abs, lg_relu) at a kink is the hull of
- * both slopes. So the Jacobian over a box contains all slopes of the function there, if the function has no
- * jumps and no stop_gradient; lg_interval_continuous tells. */
+ * both slopes. So the Jacobian over a box (lg_program_derive) contains all slopes of the function there, if
+ * the function's flags are at least LG_INTERVAL_LIPSCHITZ and the Jacobian's at least LG_INTERVAL_DEFINED. */
 #ifndef LIEGRAD_INTERVAL_H
 #define LIEGRAD_INTERVAL_H
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include "liegrad/core.h"
 #include "liegrad/program.h"
@@ -31,6 +39,16 @@
 LG_BEGIN_DECLS
 
 typedef struct lg_interval lg_interval;
+
+/* What holds on all of a box; each level contains those before it. */
+typedef enum lg_interval_flag {
+    LG_INTERVAL_UNDEFINED,     /* nothing is known: it may be undefined at points (IEEE 1788: trv) */
+    LG_INTERVAL_DEFINED,       /* defined; it may jump (def) */
+    LG_INTERVAL_CONTINUOUS,    /* continuous; a slope may be infinite, or stopped by lg_stop_gradient (dac) */
+    LG_INTERVAL_LIPSCHITZ,     /* Lipschitz continuous; the derivative's bounds contain all slopes */
+    LG_INTERVAL_DIFFERENTIABLE /* continuously differentiable. The standard's com is dac with finite bounds;
+                                * its ill, an interval that is none, does not occur. */
+} lg_interval_flag;
 
 typedef struct lg_interval_options {
     size_t size; /* sizeof(lg_interval_options) */
@@ -49,11 +67,6 @@ LG_API void lg_interval_destroy(lg_interval *interval); /* NULL is allowed */
 
 LG_API size_t lg_interval_inputs(const lg_interval *interval);  /* Numbers of one box: all inputs. */
 LG_API size_t lg_interval_outputs(const lg_interval *interval); /* Of all functions. */
-/* Whether the function is Lipschitz continuous wherever its bounds are finite, as far as the operations
- * tell, and its derivatives by lg_program_derive are its slopes: it uses no lg_ge, lg_sign, lg_select or
- * derivative of a kink on values that depend on inputs, and no lg_stop_gradient. `function` is a place in
- * `functions`. */
-LG_API bool lg_interval_continuous(const lg_interval *interval, size_t function);
 /* 1: the output, of all outputs in order, is an even function of all inputs together, f(-x) = f(x); -1: it
  * is odd; 0: its operations do not tell. That follows from the operations on exact numbers, and is not
  * tried at points. */
@@ -63,14 +76,16 @@ LG_API size_t lg_interval_operations(const lg_interval *interval);
 
 /* Bytes of the memory for lg_interval_eval, which must be aligned to 64 bytes. */
 LG_API size_t lg_interval_work_size(const lg_interval *interval);
-/* Bounds for `boxes` boxes. lower, upper: (boxes, inputs); out_lower, out_upper: (boxes, outputs). Allocates
+/* Bounds for `boxes` boxes. lower, upper: (boxes, inputs); out_lower, out_upper: (boxes, outputs); flags:
+ * (boxes, outputs) of lg_interval_flag, or NULL. A function with lg_stop_gradient, whose derivative is no
+ * slope, has at most LG_INTERVAL_CONTINUOUS. Allocates
  * nothing and takes no lock; threads may share an evaluator, each with its own work memory. Bounds of a box
  * do not depend on the other boxes. Errors, with the box in the message; outputs are then untouched:
  * LG_NOT_FINITE (a bound of a box is not finite), LG_INVALID_ARGUMENT (a lower bound above its upper bound,
  * NULL). */
 LG_API lg_status lg_interval_eval(const lg_interval *interval, size_t boxes, const double *lower,
-                                  const double *upper, double *out_lower, double *out_upper, void *work,
-                                  lg_error *error);
+                                  const double *upper, double *out_lower, double *out_upper, uint8_t *flags,
+                                  void *work, lg_error *error);
 
 LG_END_DECLS
 

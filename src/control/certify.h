@@ -21,6 +21,7 @@ typedef struct lg_certify_box {
     double v_low, v_high, rise_high;         /* over the box */
     double at_v_low, at_v_high, at_rise_low; /* at the point `at` of the box */
     double at[LG_CERTIFY_STATES];
+    uint8_t flag;    /* of V, its gradient and the rate, on all of the box (lg_interval_flag) */
     uint32_t split;  /* the side to halve */
     bool upper_last; /* V is smaller in the upper half */
 } lg_certify_box;

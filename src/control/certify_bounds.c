@@ -10,6 +10,7 @@
 /* Memory of one task: boxes with all inputs, middles, and outputs of both. */
 typedef struct desk {
     double *low, *high, *at, *out_low, *out_high, *at_low, *at_high;
+    uint8_t *flags; /* of out_low and out_high */
     void *work;
 } desk;
 
@@ -22,15 +23,16 @@ static desk desk_of(const lg_certify *c, size_t task, size_t *bytes) {
     const size_t boxes = LG_CERTIFY_TASK,
                  work[2] = {lg_interval_work_size(c->full), lg_interval_work_size(c->point)};
     const size_t all = lg_interval_outputs(c->full), few = lg_interval_outputs(c->point);
-    const size_t sizes[7] = {3 * c->n, 3 * c->n, c->n, all, all, few, few};
-    double *parts[7];
+    const size_t sizes[8] = {3 * c->n, 3 * c->n, c->n, all, all, few, few, (all + 7) / 8};
+    double *parts[8];
     size_t used = round_up(work[0] > work[1] ? work[0] : work[1]);
-    for (size_t i = 0; i < 7; i++) {
+    for (size_t i = 0; i < 8; i++) {
         parts[i] = base == NULL ? NULL : (double *)(void *)(base + used);
         used += round_up(boxes * sizes[i] * sizeof(double));
     }
     *bytes = used;
-    return (desk){parts[0], parts[1], parts[2], parts[3], parts[4], parts[5], parts[6], base};
+    return (desk){parts[0], parts[1], parts[2], parts[3], parts[4], parts[5], parts[6], (uint8_t *)parts[7],
+                  base};
 }
 
 lg_status lg_certify_memory(lg_certify *c) {
@@ -63,7 +65,18 @@ static double largest(double low, double high) {
     return fmax(-low, high);
 }
 
-/* V over the box, in y: for a quadratic V, T^T P T differs from 1 by at most 1e-7. */
+/* The least level of V, its gradient and the rate over the box. Where one of their Jacobians may not be
+ * defined, nothing holds. */
+static uint8_t least_flag(const lg_certify *c, const uint8_t *flags) {
+    const size_t all = lg_interval_outputs(c->full), few = 1 + 2 * c->n;
+    uint8_t least = LG_INTERVAL_DIFFERENTIABLE;
+    for (size_t j = 0; j < all; j++)
+        if (flags[j] < least && (j < few || flags[j] == LG_INTERVAL_UNDEFINED)) least = flags[j];
+    return least;
+}
+
+/* V over the box, in y: for a quadratic V, T^T P T differs from 1 by at most 1e-7. The gradient of another V
+ * bounds its changes only if V is Lipschitz continuous on all of the box. */
 static void bound_value(const lg_certify *c, const desk *d, size_t i, const double *r, lg_certify_box *f) {
     const double *low = d->low + i * 3 * c->n, *high = d->high + i * 3 * c->n;
     const double *l = d->out_low + i * lg_interval_outputs(c->full),
@@ -80,8 +93,13 @@ static void bound_value(const lg_certify *c, const desk *d, size_t i, const doub
         return;
     }
     double change = 0;
-    for (size_t k = 0; k < c->n; k++)
-        change = up(change + largest(l[1 + c->n + c->n * c->n + k], h[1 + c->n + c->n * c->n + k]) * r[k]);
+    const uint8_t flag = d->flags[i * lg_interval_outputs(c->full)];
+    for (size_t k = 0; k < c->n; k++) change = up(change + largest(l[1 + k], h[1 + k]) * r[k]);
+    if (flag < LG_INTERVAL_LIPSCHITZ) {
+        f->v_low = flag == LG_INTERVAL_UNDEFINED ? -DBL_MAX : l[0];
+        f->v_high = flag == LG_INTERVAL_UNDEFINED ? DBL_MAX : h[0];
+        return;
+    }
     f->v_low = fmax(l[0], -up(-f->at_v_low + change));
     f->v_high = fmin(h[0], up(f->at_v_high + change));
 }
@@ -89,8 +107,8 @@ static void bound_value(const lg_certify *c, const desk *d, size_t i, const doub
 static void combine(const lg_certify *c, const desk *d, size_t i, lg_certify_box *f) {
     const size_t n = c->n, outputs = lg_interval_outputs(c->full), few = lg_interval_outputs(c->point);
     const double *low = d->low + i * 3 * n, *high = d->high + i * 3 * n, *at = d->at + i * n;
-    const double *l = d->out_low + i * outputs + 1,
-                 *h = d->out_high + i * outputs + 1; /* g, M + M^T, lever */
+    const double *lever_l = d->out_low + i * outputs + 1, *lever_h = d->out_high + i * outputs + 1;
+    const double *l = lever_l + 2 * n, *h = lever_h + 2 * n; /* g, M + M^T */
     const double *at_l = d->at_low + i * few, *at_h = d->at_high + i * few;
     double r[LG_CERTIFY_STATES], part[LG_CERTIFY_STATES], rise = at_h[1], force = 0, at_force = 0;
     memcpy(f->at, at, n * sizeof *at);
@@ -108,22 +126,20 @@ static void combine(const lg_certify *c, const desk *d, size_t i, lg_certify_box
         rise = up(rise + parabola(l[k], h[k], 0.5 * h[n + k * n + k], r[k]));
     }
     for (size_t k = 0; k < n && c->errors; k++) {
-        const double *lever = l + n + n * n;
-        force = up(force + largest(lever[k], h[n + n * n + k]) * c->error[k]);
+        force = up(force + largest(lever_l[k], lever_h[k]) * c->error[k]);
         at_force += fmax(fmax(at_l[2 + k], -at_h[2 + k]), 0.0) * c->error[k] * (1 - 1e-12);
         for (size_t j = 0; j < n && c->step; j++)
             force = up(force + fabs(c->P[k * n + j]) * c->error[k] * c->error[j]);
     }
     f->rise_high = up(rise + force);
     f->at_rise_low = at_l[1] + (c->step ? 0 : at_force);
+    f->flag = least_flag(c, d->flags + i * outputs);
     bound_value(c, d, i, r, f);
     double widest = -1;
     for (size_t k = 0; k < n; k++) {
         const double side = (high[k] - low[k]) / (c->to[k] - c->from[k]);
-        const double weight = c->phase != LG_CERTIFY_FALL ? side
-                              : r[k] == 0                 ? -1
-                              : isfinite(part[k])         ? part[k]
-                                                          : DBL_MAX * side;
+        const bool by_side = c->phase != LG_CERTIFY_FALL || f->flag < LG_INTERVAL_LIPSCHITZ;
+        const double weight = by_side ? side : r[k] == 0 ? -1 : isfinite(part[k]) ? part[k] : DBL_MAX * side;
         if (weight <= widest) continue;
         widest = weight;
         f->split = (uint32_t)k;
@@ -142,7 +158,7 @@ static void task(void *user, size_t number) {
             const double *box = c->batch + (first + i) * 2 * n;
             d.at[i * n + k] = 0.5 * box[k] + 0.5 * box[n + k];
         }
-    (void)lg_interval_eval(c->point, boxes, d.at, d.at, d.at_low, d.at_high, d.work, NULL);
+    (void)lg_interval_eval(c->point, boxes, d.at, d.at, d.at_low, d.at_high, NULL, d.work, NULL);
     for (size_t i = 0; i < boxes; i++)
         for (size_t k = 0; k < n; k++) {
             const double *box = c->batch + (first + i) * 2 * n;
@@ -154,7 +170,7 @@ static void task(void *user, size_t number) {
                 high[(1 + p) * n + k] = finite(d.at_high[i * few + 2 + p * n + k]);
             }
         }
-    (void)lg_interval_eval(c->full, boxes, d.low, d.high, d.out_low, d.out_high, d.work, NULL);
+    (void)lg_interval_eval(c->full, boxes, d.low, d.high, d.out_low, d.out_high, d.flags, d.work, NULL);
     for (size_t i = 0; i < boxes; i++) combine(c, &d, i, &c->found[first + i]);
 }
 

@@ -79,6 +79,24 @@ static bool is_tiny(const lg_certify *c, const double *box, const lg_certify_box
     return true;
 }
 
+/* Whether V, its gradient and the rate may have no slopes on the box. Such a box is halved; one that is too
+ * small for that may hold a state where motions jump or end, so the level is lowered, or the proof fails. */
+static bool is_lost(lg_certify *c, const double *box, const lg_certify_box *f, bool *done) {
+    static const char *const lost[LG_INTERVAL_LIPSCHITZ] = {
+        "be undefined there", "jump there",
+        "have an infinite slope there, or a derivative that lg_stop_gradient or a custom operation hides"};
+    const bool raises = c->raises;
+    char reason[192];
+    if (f->flag >= LG_INTERVAL_LIPSCHITZ) return false;
+    *done = is_tiny(c, box, f);
+    if (!*done) return true;
+    (void)snprintf(reason, sizeof reason, "the loop, V or its gradient may %s", lost[f->flag]);
+    c->raises = false; /* a larger eps does not help */
+    refuse(c, box, f->v_low, reason);
+    c->raises = raises;
+    return true;
+}
+
 /* Whether a box (low, high) lies in N. */
 static bool is_near(const lg_certify *c, const double *low, const double *high) {
     for (size_t i = 0; i < c->n; i++)
@@ -102,7 +120,9 @@ static bool face(lg_certify *c, const double *box, const lg_certify_box *f) {
 static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
     const bool near = is_near(c, box, box + c->n), at_near = is_near(c, f->at, f->at);
     const char *reason = c->step ? "V rises in a step" : "V does not fall";
+    bool done;
     if (f->v_low > c->level) return true;
+    if (is_lost(c, box, f, &done)) return done;
     /* From {V < eps}, a step must not leave {V <= c}. */
     const bool kept = !c->step || f->v_high + f->rise_high < c->level;
     if (near && (c->converges || (f->v_high < c->eps && kept))) return true;

@@ -126,17 +126,22 @@ double lg_certify_reach(const lg_certify *c) {
 
 /* ---- the neighbourhood N ---- */
 
-/* Bounds of `local` over |y_i| <= size_i: the gradient, the rate and their Jacobians by y. */
-static lg_status bound(lg_certify *c, const double *size, double *low, double *high) {
+/* Bounds of `local` over |y_i| <= size_i: the gradient, the rate and their Jacobians by y. slopes: whether
+ * the Jacobians contain all slopes there */
+static lg_status bound(lg_certify *c, const double *size, double *low, double *high, bool *slopes) {
     double from[MOST], to[MOST];
+    uint8_t flags[2 * MOST + 2 * MOST * MOST];
     void *work = lg_alloc(c->context, lg_interval_work_size(c->local), 1);
     if (work == NULL) return LG_OUT_OF_MEMORY;
     for (size_t i = 0; i < c->n; i++) {
         to[i] = size == NULL ? 0 : size[i];
         from[i] = -to[i];
     }
-    const lg_status status = lg_interval_eval(c->local, 1, from, to, low, high, work, NULL);
+    const lg_status status = lg_interval_eval(c->local, 1, from, to, low, high, flags, work, NULL);
     lg_free(c->context, work);
+    *slopes = true;
+    for (size_t j = 0; status == LG_OK && j < lg_interval_outputs(c->local); j++)
+        *slopes = *slopes && flags[j] >= (j < 2 * c->n ? LG_INTERVAL_LIPSCHITZ : LG_INTERVAL_DEFINED);
     return status;
 }
 
@@ -179,8 +184,9 @@ lg_status lg_certify_turn(lg_certify *c, lg_error *error) {
         T[MOST * MOST];
     double work[1 + 6 * MOST + 2 * MOST * MOST];
     int whole[3 + 5 * MOST], info = 0;
+    bool slopes;
     banded M;
-    LG_TRY(bound(c, NULL, low, high));
+    LG_TRY(bound(c, NULL, low, high, &slopes));
     rate_matrix(c, low, high, &M);
     for (size_t i = 0; i < c->n * c->n; i++) {
         U[i] = 0.5 * M.middle[i] + 0.5 * M.middle[i % c->n * c->n + i / c->n];
@@ -226,16 +232,17 @@ static bool size_of_near(lg_certify *c, double eps, const double *hessian) {
 
 lg_status lg_certify_near(lg_certify *c) {
     double low[2 * MOST + 2 * MOST * MOST], high[2 * MOST + 2 * MOST * MOST], hessian[MOST * MOST];
+    bool slopes;
     c->converges = false;
-    LG_TRY(bound(c, NULL, low, high));
+    LG_TRY(bound(c, NULL, low, high, &slopes));
     for (size_t i = 0; i < c->n * c->n; i++) hessian[i] = 0.5 * low[2 * c->n + i] + 0.5 * high[2 * c->n + i];
     const bool exact = !c->errors && is_equilibrium(c, low, high);
     double eps = c->asked_eps > 0 ? c->asked_eps : 0.5 * c->level;
     for (int k = 0; exact && k < (c->asked_eps > 0 ? 1 : 60) && !c->converges; k++, eps *= 0.7) {
         if (!size_of_near(c, eps, hessian)) continue;
-        LG_TRY(bound(c, c->near, low, high));
+        LG_TRY(bound(c, c->near, low, high, &slopes));
         c->eps = eps;
-        c->converges = argument_holds(c, low, high);
+        c->converges = slopes && argument_holds(c, low, high);
     }
     if (c->converges) return LG_OK;
     c->eps = c->asked_eps > 0 ? c->asked_eps : 1e-3 * c->level;

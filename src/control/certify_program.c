@@ -90,7 +90,8 @@ static lg_var times(lg_tape *tape, lg_var a, lg_var b, uint32_t rows, uint32_t n
  * Steps, with the next deviation F and 2 P F in place of the gradient:
  *     V(F(m + k)) - V(m + k) = V(F) - V(m) + k.g + k^T M k,
  *     g = F_y^T 2 P F - T^T G,  M = F_y^T P F_y - T^T P T.
- * Outputs: V, g, M + M^T, and the gradient of V at the rate's errors: G or 2 P F over the box. */
+ * Outputs: V, the gradient of V at the rate's errors (G or 2 P F over the box), the rate F over the box, g,
+ * M + M^T. */
 static lg_status bounds(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const recording *r = user;
     const lg_certify *c = r->c;
@@ -99,14 +100,15 @@ static lg_status bounds(void *user, lg_tape *tape, const lg_var *theta, const lg
     LG_TRY(point(user, tape, theta, in, whole));
     const lg_var G = lg_program_call(tape, "jac_local", 0, in), F = lg_program_call(tape, "jac_local", 1, in);
     out[0] = whole[0];
+    out[2] = whole[3];
     if (!c->step) {
-        out[1] = lg_add(tape, times(tape, G, in[2], rows, n), times(tape, F, in[1], rows, n));
+        out[3] = lg_add(tape, times(tape, G, in[2], rows, n), times(tape, F, in[1], rows, n));
         M = product(tape, G, F, rows, n);
-        out[3] = whole[2];
+        out[1] = whole[2];
     } else { /* G = 2 P T */
         const lg_var P = matrix(tape, c->P, n), T = matrix(tape, c->T, n),
                      PF = lg_scale(tape, lg_matmul(tape, in[2], P), 2);
-        out[1] = lg_sub(tape, times(tape, F, PF, rows, n), lg_matmul(tape, in[1], T));
+        out[3] = lg_sub(tape, times(tape, F, PF, rows, n), lg_matmul(tape, in[1], T));
         const lg_var turned =
             lg_reshape(tape, lg_permute(tape, F, (const int[]){0, 2, 1}), lg_shape2(rows * n, n));
         const lg_var FP =
@@ -114,9 +116,9 @@ static lg_status bounds(void *user, lg_tape *tape, const lg_var *theta, const lg
                        (const int[]){0, 2, 1});
         const lg_var before = lg_matmul_tn(tape, T, lg_matmul(tape, P, T));
         M = lg_sub(tape, product(tape, FP, F, rows, n), before);
-        out[3] = lg_scale(tape, lg_matmul(tape, whole[3], P), 2);
+        out[1] = lg_scale(tape, lg_matmul(tape, whole[3], P), 2);
     }
-    out[2] = lg_add(tape, M, lg_permute(tape, M, (const int[]){0, 2, 1}));
+    out[4] = lg_add(tape, M, lg_permute(tape, M, (const int[]){0, 2, 1}));
     return lg_tape_status(tape);
 }
 
@@ -158,12 +160,7 @@ static lg_status evaluators(lg_certify *c, lg_error *error) {
     LG_TRY(lg_interval_create(c->program, &at, 1, NULL, &c->point, error));
     LG_TRY(lg_interval_create(c->program, near, 2, NULL, &c->local, error));
     c->even = is_even(c);
-    /* `point` has all that `local` has, and V itself: a jump of V does not show in its gradient. */
-    if (lg_interval_continuous(c->point, 0)) return LG_OK;
-    return lg_fail(
-        error, LG_UNSUPPORTED,
-        "the closed loop, V or its gradient may jump (lg_ge, lg_sign, lg_select, the derivative of a "
-        "kink, lg_stop_gradient): write saturations with lg_max");
+    return LG_OK;
 }
 
 void lg_certify_forget(lg_certify *c) {
@@ -184,10 +181,11 @@ lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error
     const lg_port in[3] = {
         {.name = "y", .shape = states}, {.name = "g", .shape = states}, {.name = "f", .shape = states}};
     const lg_port out[4] = {{.name = "v"}, {.name = "rise"}, {.name = "slope"}, {.name = "rate"}};
-    const lg_port terms[4] = {{.name = "v"}, {.name = "linear"}, {.name = "square"}, {.name = "lever"}};
+    const lg_port terms[5] = {
+        {.name = "v"}, {.name = "lever"}, {.name = "rate"}, {.name = "linear"}, {.name = "square"}};
     const lg_function_spec functions[2] = {{"local", in, 1, out + 2, 2, local, &r},
                                            {"point", in, 1, out, 4, point, &r}};
-    const lg_function_spec last = {"bounds", in, 3, terms, 4, bounds, &r};
+    const lg_function_spec last = {"bounds", in, 3, terms, 5, bounds, &r};
     lg_program_spec program;
     lg_program_spec_init(&program);
     program.functions = functions;

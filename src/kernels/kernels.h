@@ -319,8 +319,9 @@ typedef struct lg_kernels {
     void (*store_rows)(size_t n, size_t count, const uint32_t *from, size_t apart, const void *registers,
                        void *y);
     /* The same with intervals and outward rounding (interval.inc); NULL in the tables of f32. No bound of a
-     * register may be NaN. */
-    void (*intervals)(size_t count, const lg_interval_code *code, double *registers);
+     * register may be NaN. flags: for each register LG_INTERVAL_BLOCK levels (lg_interval_flag), which say
+     * what holds on all of the box. */
+    void (*intervals)(size_t count, const lg_interval_code *code, double *registers, uint8_t *flags);
 
     /* Kernels for integrators, in double in both tables. All instruction sets give the same bits.
      * - stage_sum: out = sum_{j < n} c_j k_j, 1 <= n <= LG_K_STAGES. The arrays are aligned to LG_ALIGNMENT

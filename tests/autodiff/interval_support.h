@@ -213,7 +213,7 @@ static inline void check_node(const lg_tape *tape, const lg_node *node, const ch
         long double *r = TEST_ARRAY(long double, n->expansion.s.count + 1);
         for (size_t i = 0; i < BOXES * n->inputs; i++)
             draw_box(&checked.rng, n->at[i % n->inputs], &low[i], &high[i]);
-        assert_ok(lg_interval_eval(n->f, BOXES, low, high, out_low, out_high,
+        assert_ok(lg_interval_eval(n->f, BOXES, low, high, out_low, out_high, NULL,
                                    lg_test_memory(lg_interval_work_size(n->f)), NULL));
         for (size_t p = 0; p < BOXES * checked.each; p++) {
             const size_t box = p % BOXES;

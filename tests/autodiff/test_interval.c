@@ -12,18 +12,10 @@ TEST("bounds contain the exact values of every operation, with every instruction
     assert_true(check_bounds(3, 37) >= 1000000);
 }
 
-/* Widths over boxes of radius 1e-3 and 1e-5 about the point of the case. */
+/* Widths over boxes of radius 1e-3 and 1e-5 about the point of the case, where nothing jumps. */
 static void check_width(const lg_tape *tape, const lg_node *node, const char *row) {
     interval_node *n = interval_node_of(tape, node, lg_kernels_for(LG_F64));
-    bool continuous;
-    if (n == NULL) return;
-    size_t *end = TEST_ARRAY(size_t, 1);
-    bool *frozen = TEST_ARRAY(bool, 1);
-    *end = n->outputs;
-    n->expansion.end = end;
-    n->expansion.frozen = frozen;
-    assert_ok(lg_expansion_continuous(&n->expansion, 1, &continuous));
-    if (!continuous || n->inputs == 0) return;
+    if (n == NULL || n->inputs == 0) return;
     double *low = TEST_ARRAY(double, 2 * n->inputs), *high = TEST_ARRAY(double, 2 * n->inputs);
     double *out_low = TEST_ARRAY(double, 2 * n->outputs), *out_high = TEST_ARRAY(double, 2 * n->outputs);
     for (size_t i = 0; i < 2 * n->inputs; i++) {
@@ -31,13 +23,15 @@ static void check_width(const lg_tape *tape, const lg_node *node, const char *ro
         low[i] = at - radius;
         high[i] = at + radius;
     }
-    assert_ok(lg_interval_eval(n->f, 2, low, high, out_low, out_high,
+    uint8_t *flags = TEST_ARRAY(uint8_t, 2 * n->outputs);
+    assert_ok(lg_interval_eval(n->f, 2, low, high, out_low, out_high, flags,
                                lg_test_memory(lg_interval_work_size(n->f)), NULL));
     for (size_t j = 0; j < n->outputs; j++) {
         const double wide = out_high[j] - out_low[j],
                      narrow = out_high[n->outputs + j] - out_low[n->outputs + j];
         const double size = fmax(fabs(out_low[j]), fabs(out_high[j]));
-        if (isfinite(wide) && !(narrow <= 0.02 * wide + 1e-11 * (size + 1)))
+        if (flags[j] >= LG_INTERVAL_LIPSCHITZ && isfinite(wide) &&
+            !(narrow <= 0.02 * wide + 1e-11 * (size + 1)))
             fail_msg("%s: %s: the width is %g over a box, %g over one of a hundredth", row, node->op->name,
                      wide, narrow);
     }
@@ -83,6 +77,7 @@ static lg_interval_code draw_instruction(lg_rng *r, lg_scalar_op op, lg_scalar_c
 static void check_instruction(const lg_kernels *k, lg_rng *r, lg_scalar_op op) {
     enum { IB = LG_INTERVAL_BLOCK };
     double *registers = TEST_ARRAY(double, 8 * IB);
+    uint8_t *flags = TEST_ARRAY(uint8_t, 4 * IB);
     lg_scalar_code exact;
     const lg_interval_code code = draw_instruction(r, op, &exact);
     for (size_t i = 0; i < 3 * IB; i++) {
@@ -91,7 +86,7 @@ static void check_instruction(const lg_kernels *k, lg_rng *r, lg_scalar_op op) {
         registers[at] = fmin(a, b);
         registers[at + IB] = fmax(a, b);
     }
-    k->intervals(1, &code, registers);
+    k->intervals(1, &code, registers, flags);
     for (size_t i = 0; i < IB; i++)
         for (int p = 0; p < 4; p++) {
             long double x[3];
@@ -188,24 +183,112 @@ TEST("a function and its Jacobian are evaluated together, and bound the function
     lg_interval *f = test_interval(program, functions, 2);
     assert_int_equal(lg_interval_inputs(f), 3);
     assert_int_equal(lg_interval_outputs(f), 12);
-    assert_true(lg_interval_continuous(f, 0) && lg_interval_continuous(f, 1));
     const double low[3] = {0.1, -1, 2}, high[3] = {0.1, 0.5, 2.1};
     double l[12], h[12];
-    assert_ok(lg_interval_eval(f, 1, low, high, l, h, lg_test_memory(lg_interval_work_size(f)), NULL));
+    assert_ok(lg_interval_eval(f, 1, low, high, l, h, NULL, lg_test_memory(lg_interval_work_size(f)), NULL));
     const double slope = (cos(0.1) - sin(0.1)) * exp(-0.1);
     assert_true(l[3] <= slope && slope <= h[3] && h[3] - l[3] < 1e-14);
     assert_true(l[4] == 0.0 && h[4] == 0.0); /* rows of other elements */
     assert_true(l[7] < (cos(0.5) - sin(0.5)) * exp(-0.5) && h[7] > (cos(-1) - sin(-1)) * exp(1));
 }
 
-TEST("jumps and stopped gradients are noticed, and the kink of a maximum is no jump") {
+/* ---- flags ---- */
+
+static lg_var lifted(lg_tape *tape, double value) {
+    return lg_full(tape, lg_shape0(), value);
+}
+
+/* `y` columns of the two numbers a, b: what each needs stands in the rows of the test. */
+RECORDING(with_flags) {
+    const lg_var a = lg_slice(tape, x[0], 1, 0, 1), b = lg_slice(tape, x[0], 1, 1, 1);
+    const lg_var one = lifted(tape, 1), inverse = lg_div(tape, one, a), log = lg_log(tape, a);
+    const lg_var sat =
+        lg_max(tape, lg_neg(tape, lg_max(tape, lg_neg(tape, log), lifted(tape, -1))), lifted(tape, -1));
+    const lg_var positive = lg_ge(tape, a, lifted(tape, 0)), angle = lg_atan2(tape, a, b);
+    const lg_var parts[] = {lg_act(tape, log, LG_TANH),
+                            lg_sin(tape, lg_sqrt(tape, a)),
+                            sat,
+                            lg_act(tape, inverse, LG_TANH),
+                            lg_scale(tape, inverse, 0),
+                            lg_sub(tape, log, log),
+                            lg_div(tape, lg_scale(tape, b, 0), a),
+                            lg_mul(tape, positive, a),
+                            lg_select(tape, positive, a, lg_log(tape, lg_neg(tape, a))),
+                            lg_select(tape, positive, b, b),
+                            angle,
+                            lg_act(tape, lg_abs(tape, a), LG_SINE),
+                            lg_act(tape, a, LG_LEAKY_RELU),
+                            lg_mul(tape, lg_stop_gradient(tape, b), a),
+                            lg_mul(tape, lg_exp(tape, a), lg_sin(tape, b)),
+                            lg_pow(tape, a, -3),
+                            lg_pow(tape, a, 1.5),
+                            lg_scale(tape, lg_sign(tape, a), 0)};
+    y[0] = lg_concat(tape, parts, LG_COUNT(parts), 1);
+}
+
+enum { FLAGGED = 18, U = LG_INTERVAL_UNDEFINED, D, C, L, S };
+
+TEST(
+    "flags say what holds on a box: compositions outside of domains, products with 0, cuts, kinks, choices") {
+    static const struct {
+        double low[2], high[2];
+        uint8_t wanted[FLAGGED];
+    } rows[] = {{{-2, 1}, {-1, 1}, {U, U, U, S, S, U, S, S, S, S, S, S, S, C, S, S, U, S}},
+                {{-1, -1}, {1, 1}, {U, U, U, U, U, U, U, D, U, S, U, L, L, C, S, U, U, D}},
+                {{-1, -2}, {1, -1}, {U, U, U, U, U, U, U, D, U, S, D, L, L, C, S, U, U, D}},
+                {{0, -2}, {1, -1}, {U, C, U, U, U, U, U, D, S, S, D, L, L, C, S, U, S, D}},
+                {{0.5, -2}, {0.75, 2}, {S, S, S, S, S, S, S, S, S, S, S, S, S, C, S, S, S, S}},
+                {{0.25, 0}, {0.5, 0}, {S, S, L, S, S, S, S, S, S, S, S, S, S, C, S, S, S, S}},
+                {{3, 1}, {4, 1}, {S, S, S, S, S, S, S, S, S, S, S, S, S, C, S, S, S, S}}};
+    const lg_port in = {.name = "x", .shape = lg_shape1(2)}, out = {.name = "y"};
+    const lg_function_spec function = {"f", &in, 1, &out, 1, with_flags, NULL};
+    const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
     const size_t zero = 0;
-    assert_false(lg_interval_continuous(test_interval(program_of(jumping), &zero, 1), 0));
-    assert_false(lg_interval_continuous(test_interval(program_of(stopped), &zero, 1), 0));
-    assert_false(lg_interval_continuous(test_interval(program_of(both_hold), &zero, 1), 0));
-    assert_false(lg_interval_continuous(test_interval(program_of(one_holds), &zero, 1), 0));
-    assert_false(lg_interval_continuous(test_interval(program_of(weighed), &zero, 1), 0));
-    assert_true(lg_interval_continuous(test_interval(program_of(square), &zero, 1), 0));
+    const lg_interval *f = test_interval(test_program(&spec), &zero, 1);
+    void *work = lg_test_memory(lg_interval_work_size(f));
+    double low[FLAGGED], high[FLAGGED];
+    uint8_t flags[FLAGGED];
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        assert_ok(lg_interval_eval(f, 1, rows[i].low, rows[i].high, low, high, flags, work, NULL));
+        for (size_t j = 0; j < FLAGGED; j++)
+            if (flags[j] != rows[i].wanted[j])
+                fail_msg("box %zu, output %zu: level %d, not %d", i, j, flags[j], rows[i].wanted[j]);
+        assert_true(low[4] == 0 && high[4] == 0 && low[5] == 0 && high[5] == 0);
+    }
+}
+
+RECORDING(diagonal_angle) {
+    y[0] = lg_atan2(tape, x[0], x[0]);
+}
+
+TEST("the slope of atan2(v, v) has no bound where v may be 0, and is 0 elsewhere") {
+    lg_program *program = program_of(diagonal_angle);
+    const size_t functions[2] = {0, derived(program, LG_DERIVATIVE_JACOBIAN, "f")};
+    const lg_interval *f = test_interval(program, functions, 2);
+    const double low[3] = {-1, 1, -2}, high[3] = {1, 2, -1};
+    double l[12], h[12];
+    uint8_t flags[12];
+    assert_ok(lg_interval_eval(f, 1, low, high, l, h, flags, lg_test_memory(lg_interval_work_size(f)), NULL));
+    assert_true(flags[0] == U && flags[3] == U && isinf(l[3]) && isinf(h[3]));
+    for (size_t i = 1; i < 3; i++)
+        assert_true(flags[i] == S && flags[3 + 4 * i] >= D && l[3 + 4 * i] <= 0 && h[3 + 4 * i] >= 0);
+}
+
+TEST("products of comparisons jump, a stopped gradient has no slopes, smooth functions have all levels") {
+    static const struct {
+        lg_record_function record;
+        uint8_t wanted;
+    } rows[] = {{jumping, D}, {stopped, C}, {both_hold, D}, {one_holds, D}, {weighed, D}, {square, S}};
+    const double low[3] = {-1, -1, -1}, high[3] = {1, 1, 1};
+    const size_t zero = 0;
+    double l[3], h[3];
+    uint8_t flags[3];
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const lg_interval *f = test_interval(program_of(rows[i].record), &zero, 1);
+        assert_ok(
+            lg_interval_eval(f, 1, low, high, l, h, flags, lg_test_memory(lg_interval_work_size(f)), NULL));
+        for (size_t j = 0; j < 3; j++) assert_int_equal(flags[j], rows[i].wanted);
+    }
 }
 
 static size_t even, odd;
@@ -219,8 +302,8 @@ static void check_parity(const lg_tape *tape, const lg_node *node, const char *r
            *high = TEST_ARRAY(double, 2 * n->outputs);
     assert_ok(lg_expansion_parity(&n->expansion, parity));
     for (size_t i = 0; i < n->inputs; i++) at[n->inputs + i] = -(at[i] = n->at[i]);
-    assert_ok(
-        lg_interval_eval(n->f, 2, at, at, low, high, lg_test_memory(lg_interval_work_size(n->f)), NULL));
+    assert_ok(lg_interval_eval(n->f, 2, at, at, low, high, NULL, lg_test_memory(lg_interval_work_size(n->f)),
+                               NULL));
     for (size_t j = 0; j < n->outputs; j++) {
         const double l = low[n->outputs + j], h = high[n->outputs + j],
                      from = parity[j] > 0 ? low[j] : -high[j], to = parity[j] > 0 ? high[j] : -low[j];
@@ -281,7 +364,7 @@ TEST("operations on constants are rounded outward, too") {
     const double one[3] = {1, 1, 1};
     const long double exact = ((long double)0.7 - (long double)0.1) / (long double)0.3 - 2;
     double l[3], h[3];
-    assert_ok(lg_interval_eval(f, 1, one, one, l, h, lg_test_memory(lg_interval_work_size(f)), NULL));
+    assert_ok(lg_interval_eval(f, 1, one, one, l, h, NULL, lg_test_memory(lg_interval_work_size(f)), NULL));
     assert_true(l[0] <= exact && exact <= h[0] && h[0] - l[0] < 2e-15 && l[0] < h[0]);
 }
 
@@ -295,7 +378,7 @@ TEST("constants that are widened contain the decimal number that they stand for"
     options.widen = true;
     assert_ok(lg_interval_create(program_of(third), &zero, 1, &options, &f, NULL));
     lg_test_owns(f, release_interval);
-    assert_ok(lg_interval_eval(f, 1, x, x, l, h, lg_test_memory(lg_interval_work_size(f)), NULL));
+    assert_ok(lg_interval_eval(f, 1, x, x, l, h, NULL, lg_test_memory(lg_interval_work_size(f)), NULL));
     for (int i = 0; i < 3; i++)
         assert_true(l[i] < x[i] / 3 && x[i] / 3 < h[i] && h[i] - l[i] < 1e-15 * fabs(x[i]));
 }
@@ -308,10 +391,10 @@ TEST("boxes that are empty or not finite are refused, and outputs stay") {
     void *work = lg_test_memory(lg_interval_work_size(f));
     const double good[6] = {0, 0, 0, 0, 0, 0}, above[6] = {0, 0, 0, 0, 1, 0}, none[6] = {0, 0, 0, 0, NAN, 0},
                  far[6] = {0, 0, 0, 0, INFINITY, 0};
-    assert_int_equal(lg_interval_eval(f, 2, above, good, l, h, work, &error), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_interval_eval(f, 2, above, good, l, h, NULL, work, &error), LG_INVALID_ARGUMENT);
     assert_string_equal(error.message, "box 1, input 1: [1, 0] is empty");
-    assert_int_equal(lg_interval_eval(f, 2, good, none, l, h, work, &error), LG_NOT_FINITE);
-    assert_int_equal(lg_interval_eval(f, 2, good, far, l, h, work, &error), LG_NOT_FINITE);
+    assert_int_equal(lg_interval_eval(f, 2, good, none, l, h, NULL, work, &error), LG_NOT_FINITE);
+    assert_int_equal(lg_interval_eval(f, 2, good, far, l, h, NULL, work, &error), LG_NOT_FINITE);
     assert_true(l[0] == 7 && h[0] == 7);
 }
 
@@ -358,8 +441,8 @@ TEST("a loop has the bounds of its steps, which contain the exact values; functi
         const lg_interval *f = test_interval(program, &function, 1);
         assert_int_equal(lg_interval_outputs(f), 10);
         assert_true(lg_interval_operations(f) > 0);
-        assert_ok(lg_interval_eval(f, 1, from, to, low[k], high[k], lg_test_memory(lg_interval_work_size(f)),
-                                   NULL));
+        assert_ok(lg_interval_eval(f, 1, from, to, low[k], high[k], NULL,
+                                   lg_test_memory(lg_interval_work_size(f)), NULL));
     }
     assert_memory_equal(low[0], low[1], sizeof low[0]);
     assert_memory_equal(high[0], high[1], sizeof high[0]);
@@ -388,12 +471,9 @@ TEST("a loop has the bounds of its steps, which contain the exact values; functi
     lg_interval_options_init(NULL);
     assert_int_equal(lg_interval_inputs(NULL) + lg_interval_outputs(NULL) + lg_interval_operations(NULL), 0);
     assert_int_equal(lg_interval_work_size(NULL), 0);
-    assert_false(lg_interval_continuous(NULL, 0));
     assert_int_equal(lg_interval_parity(NULL, 0), 0);
     lg_interval_destroy(NULL);
     assert_null(refused);
-    const size_t last = 3;
-    assert_false(lg_interval_continuous(test_interval(program, &last, 1), 1));
     unsigned char pattern[4] = {0};
     assert_ok(lg_program_sparsity(program, 3, 0, 0, pattern, &error));
     for (size_t i = 0; i < 4; i++) assert_int_equal(pattern[i], 1); /* of a loop, everything is assumed */

@@ -67,7 +67,8 @@ TEST("damping of 0 is refused") {
 }
 
 RECORDING(jumping_slope) {
-    y[0] = lg_sign(tape, x[0]);
+    const lg_var side = lg_sign(tape, lg_add_scalar(tape, x[0], -0.01));
+    y[0] = lg_add(tape, x[0], lg_add_scalar(tape, side, 1));
 }
 
 RECORDING(shifted_slope) {
@@ -138,8 +139,9 @@ TEST("numbers out of range, other functions, jumps and a goal that is no equilib
         assert_says(error.message, "needs one number in and one out");
     }
     other.program = loop_program(1, jumping_slope, NULL, NULL);
-    assert_int_equal(lg_certify_energy(NULL, &other, &r, &error), LG_UNSUPPORTED);
-    assert_says(error.message, "may jump");
+    assert_ok(lg_certify_energy(NULL, &other, &r, &error));
+    assert_false(r.verified);
+    assert_says(r.reason, "may jump");
     other.program = loop_program(1, shifted_slope, NULL, NULL);
     assert_ok(lg_certify_energy(NULL, &other, &r, &error));
     assert_true(!r.verified && strstr(r.reason, "no exact equilibrium") != NULL);

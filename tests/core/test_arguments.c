@@ -1045,7 +1045,7 @@ TEST("bounds and certificates refuse NULL") {
     void *room = lg_test_memory(lg_interval_work_size(interval));
     REFUSES(lg_interval_create(NEEDED(program), NEEDED(&first), 1, NULL, NEEDED(&interval), NULL));
     REFUSES(lg_interval_eval(NEEDED(interval), 1, NEEDED(low), NEEDED(high), NEEDED(numbers), NEEDED(others),
-                             NEEDED(room), NULL));
+                             NULL, NEEDED(room), NULL));
     lg_certify_spec_init(&spec);
     spec.program = program, spec.rate = "rate", spec.P = P, spec.low = low, spec.high = high;
     assert_ok(lg_certify_create(NULL, &spec, &certify, &error));

@@ -243,8 +243,8 @@ static lg_status copy_forward(lg_evaluation *e) {
 }
 static lg_scalar stop_gradient_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x,
                                        uint32_t inputs) {
-    (void)s, (void)attr, (void)inputs;
-    return x[0];
+    (void)attr, (void)inputs;
+    return lg_s_stopped(s, x[0]);
 }
 static lg_instead stop_gradient_instead(const lg_known *k) {
     (void)k;

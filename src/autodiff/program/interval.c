@@ -3,6 +3,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 void lg_interval_options_init(lg_interval_options *options) {
     if (options != NULL) *options = (lg_interval_options){.size = sizeof *options};
@@ -24,12 +25,8 @@ lg_status lg_interval_create(const lg_program *program, const size_t *functions,
         made->inputs = expansion.inputs;
         made->outputs = expansion.results;
         made->functions = count;
-        made->continuous = lg_alloc(made->context, count, sizeof *made->continuous);
         made->parity = lg_alloc(made->context, expansion.results, sizeof *made->parity);
-        status = made->continuous != NULL && made->parity != NULL
-                     ? lg_expansion_continuous(&expansion, count, made->continuous)
-                     : LG_OUT_OF_MEMORY;
-        if (status == LG_OK) status = lg_expansion_parity(&expansion, made->parity);
+        status = made->parity != NULL ? lg_expansion_parity(&expansion, made->parity) : LG_OUT_OF_MEMORY;
     }
     if (status == LG_OK) status = lg_interval_choose(&expansion, options != NULL && options->widen, made);
     lg_expansion_destroy(&expansion);
@@ -46,7 +43,7 @@ void lg_interval_destroy(lg_interval *f) {
     lg_free(f->context, f->constant);
     lg_free(f->context, f->code);
     lg_free(f->context, f->stored);
-    lg_free(f->context, f->continuous);
+    lg_free(f->context, f->constant_flag);
     lg_free(f->context, f->parity);
     lg_free(f->context, f);
 }
@@ -63,10 +60,6 @@ size_t lg_interval_operations(const lg_interval *f) {
     return f == NULL ? 0 : f->count;
 }
 
-bool lg_interval_continuous(const lg_interval *f, size_t function) {
-    return f != NULL && function < f->functions && f->continuous[function];
-}
-
 int lg_interval_parity(const lg_interval *f, size_t output) {
     return f != NULL && output < f->outputs ? f->parity[output] : 0;
 }
@@ -74,7 +67,7 @@ int lg_interval_parity(const lg_interval *f, size_t output) {
 enum { IB = LG_INTERVAL_BLOCK, APART = 2 * LG_INTERVAL_BLOCK };
 
 size_t lg_interval_work_size(const lg_interval *f) {
-    return f == NULL ? 0 : f->registers * APART * sizeof(double);
+    return f == NULL ? 0 : f->registers * (APART * sizeof(double) + IB);
 }
 
 static lg_status check(const lg_interval *f, size_t boxes, const double *lower, const double *upper,
@@ -100,20 +93,26 @@ static void load(const lg_interval *f, size_t boxes, const double *lower, const 
 }
 
 lg_status lg_interval_eval(const lg_interval *f, size_t boxes, const double *lower, const double *upper,
-                           double *out_lower, double *out_upper, void *work, lg_error *error) {
+                           double *out_lower, double *out_upper, uint8_t *flags, void *work,
+                           lg_error *error) {
     double *r = work;
     LG_NEEDS(error, f, lower, upper, out_lower, out_upper, work);
     LG_TRY(check(f, boxes, lower, upper, error));
-    for (size_t c = 0; c < f->constants; c++)
+    uint8_t *level = (uint8_t *)(r + f->registers * APART);
+    for (size_t c = 0; c < f->constants; c++) {
         for (size_t i = 0; i < APART; i++) r[c * APART + i] = f->constant[2 * c + (i >= IB)];
+        memset(level + c * IB, f->constant_flag[c], IB);
+    }
+    memset(level + f->constants * IB, LG_INTERVAL_DIFFERENTIABLE, f->inputs * IB);
     for (size_t at = 0; at < boxes; at += IB) {
         const size_t now = boxes - at < IB ? boxes - at : IB;
         load(f, now, lower + at * f->inputs, upper + at * f->inputs, r + f->constants * APART);
-        f->k->intervals(f->count, f->code, r);
+        f->k->intervals(f->count, f->code, r, level);
         for (size_t i = 0; i < now; i++)
             for (size_t j = 0; j < f->outputs; j++) {
                 out_lower[(at + i) * f->outputs + j] = r[f->stored[j] * APART + i];
                 out_upper[(at + i) * f->outputs + j] = r[f->stored[j] * APART + IB + i];
+                if (flags != NULL) flags[(at + i) * f->outputs + j] = level[f->stored[j] * IB + i];
             }
     }
     return LG_OK;

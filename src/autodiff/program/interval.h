@@ -13,17 +13,12 @@ typedef struct lg_expansion {
     lg_heap heap;
     lg_scalar *result; /* the elements of all outputs of all functions */
     size_t inputs, results;
-    size_t *end;  /* for each function: one more than the index of its last element in `result` */
-    bool *frozen; /* for each function: it uses an operation whose derivative is 0 by definition */
 } lg_expansion;
 
 /* On failure too, lg_expansion_destroy must be called. */
 lg_status lg_expand(const lg_program *program, const size_t *functions, size_t count, lg_expansion *out,
                     lg_error *error);
 void lg_expansion_destroy(lg_expansion *expansion);
-
-/* For each function: whether scalar code of its results jumps nowhere. */
-lg_status lg_expansion_continuous(lg_expansion *expansion, size_t count, bool *continuous);
 
 /* For each element of all outputs: 1 (even in all inputs together), -1 (odd) or 0 (neither is known). */
 lg_status lg_expansion_parity(lg_expansion *expansion, int8_t *parity);
@@ -35,10 +30,10 @@ struct lg_interval {
     /* Registers: constants, then inputs, then results of instructions, which are used again. */
     size_t constants, registers;
     double *constant; /* (constants, 2) */
+    uint8_t *constant_flag;
     lg_interval_code *code;
     size_t count;
     uint32_t *stored; /* for each output: its register */
-    bool *continuous; /* for each function */
     int8_t *parity;   /* for each output */
 };
 

@@ -11,6 +11,7 @@ typedef struct choosing {
     bool widen;
     uint8_t *live, *varies;
     double *value;  /* (s->count, 2): bounds of an instruction that does not depend on inputs */
+    uint8_t *flag;  /* and its level: the highest where it is defined, as it does not change */
     uint32_t *uses; /* for each instruction: how many chosen instructions read it; results count once more */
     uint32_t *reg;  /* its register */
     uint32_t *idle; /* registers that are free again */
@@ -44,13 +45,15 @@ static void constant_bounds(const choosing *c, double p, double *bounds) {
 /* Evaluates what does not depend on inputs. */
 static lg_status evaluate_constants(choosing *c) {
     double *registers = lg_heap_take(c->heap, (size_t)4 * APART, sizeof *registers);
-    if (registers == NULL) return LG_OUT_OF_MEMORY;
+    uint8_t *flags = lg_heap_take(c->heap, (size_t)4 * LG_INTERVAL_BLOCK, 1);
+    if (registers == NULL || flags == NULL) return LG_OUT_OF_MEMORY;
     for (uint32_t i = 0; i < c->s->count; i++) {
         const lg_scalar_code *code = &c->s->code[i];
         double *bounds = c->value + (size_t)PAIR * i;
         if (!c->live[i] || c->varies[i]) continue;
         if (code->op == LG_S_CONSTANT) {
             constant_bounds(c, code->p, bounds);
+            c->flag[i] = isfinite(code->p) ? LG_INTERVAL_DIFFERENTIABLE : LG_INTERVAL_UNDEFINED;
             continue;
         }
         lg_interval_code one = {.op = (uint32_t)code->op, .n = code->n, .p = code->p, .y = 3};
@@ -58,8 +61,11 @@ static lg_status evaluate_constants(choosing *c) {
             one.x[k] = k == 1 && code->in[1] == code->in[0] ? 0 : k;
             for (size_t b = 0; b < (size_t)APART; b++)
                 registers[k * APART + b] = c->value[(size_t)PAIR * code->in[k] + (b >= LG_INTERVAL_BLOCK)];
+            memset(flags + (size_t)k * LG_INTERVAL_BLOCK, c->flag[code->in[k]], LG_INTERVAL_BLOCK);
         }
-        c->k->intervals(1, &one, registers);
+        c->k->intervals(1, &one, registers, flags);
+        const bool defined = flags[(size_t)3 * LG_INTERVAL_BLOCK] != LG_INTERVAL_UNDEFINED;
+        c->flag[i] = defined ? LG_INTERVAL_DIFFERENTIABLE : LG_INTERVAL_UNDEFINED;
         bounds[0] = registers[(size_t)3 * APART];
         bounds[1] = registers[(size_t)3 * APART + LG_INTERVAL_BLOCK];
     }
@@ -69,7 +75,7 @@ static lg_status evaluate_constants(choosing *c) {
 /* Whether the instruction is a number without width. */
 static bool is_number(const choosing *c, uint32_t i, double *value) {
     *value = c->value[(size_t)PAIR * i];
-    return !c->varies[i] && *value == c->value[(size_t)PAIR * i + 1];
+    return !c->varies[i] && *value == c->value[(size_t)PAIR * i + 1] && c->flag[i] != LG_INTERVAL_UNDEFINED;
 }
 
 /* The instruction i in terms of instructions: operands are numbers of instructions, and y is i. */
@@ -116,10 +122,12 @@ static lg_status fixed_registers(choosing *c) {
     lg_interval *to = c->to;
     for (uint32_t i = 0; i < s->count; i++) to->constants += !c->varies[i] && c->uses[i] > 0;
     to->constant = lg_alloc(to->context, to->constants + 1, PAIR * sizeof *to->constant);
-    if (to->constant == NULL) return LG_OUT_OF_MEMORY;
+    to->constant_flag = lg_alloc(to->context, to->constants + 1, 1);
+    if (to->constant == NULL || to->constant_flag == NULL) return LG_OUT_OF_MEMORY;
     for (uint32_t i = 0; i < s->count; i++) {
         if (c->varies[i] || c->uses[i] == 0) continue;
         memcpy(to->constant + (size_t)PAIR * c->top, c->value + (size_t)PAIR * i, PAIR * sizeof(double));
+        to->constant_flag[c->top] = c->flag[i];
         c->reg[i] = c->top++;
     }
     for (uint32_t i = 0; i < s->count; i++)
@@ -153,14 +161,15 @@ lg_status lg_interval_choose(const lg_expansion *from, bool widen, lg_interval *
                   .live = lg_heap_take(&heap, n, 1),
                   .varies = lg_heap_take(&heap, n, 1),
                   .value = lg_heap_take(&heap, n, PAIR * sizeof(double)),
+                  .flag = lg_heap_take(&heap, n, 1),
                   .uses = lg_heap_take(&heap, n, sizeof(uint32_t)),
                   .reg = lg_heap_take(&heap, n, sizeof(uint32_t)),
                   .idle = lg_heap_take(&heap, n, sizeof(uint32_t)),
                   .to = out};
     lg_status status = LG_OUT_OF_MEMORY;
     out->stored = lg_alloc(out->context, from->results + 1, sizeof *out->stored);
-    if (c.live != NULL && c.varies != NULL && c.value != NULL && c.uses != NULL && c.reg != NULL &&
-        c.idle != NULL && out->stored != NULL) {
+    if (c.live != NULL && c.varies != NULL && c.value != NULL && c.flag != NULL && c.uses != NULL &&
+        c.reg != NULL && c.idle != NULL && out->stored != NULL) {
         mark(&c, from->result, from->results);
         status = evaluate_constants(&c);
         if (status == LG_OK) status = choose_all(&c, from->result, from->results);

@@ -13,7 +13,6 @@ typedef struct expanding {
     lg_scalar **parameter;         /* for each parameter of the program: its elements, once they are used */
     lg_scalar **of;                /* for each node of f: its elements */
     uint8_t *needed;
-    bool frozen;
     lg_error *error;
 } expanding;
 
@@ -75,7 +74,6 @@ static lg_status operation(expanding *x, uint32_t i, const lg_shape *shape, size
     if (!lg_node_attr_at(f, n, 1, &attr))
         return lg_fail(x->error, LG_SHAPE, "function '%s': an attribute of '%s' is out of range", f->name,
                        n->op->name);
-    if (n->op == &lg_op_stop_gradient) x->frozen = true;
     const lg_evaluation e = {
         .attr = &attr, .inputs = n->inputs, .in = pointers, .shape = shape, .count = count};
     if ((x->of[i] = elements(x, count)) == NULL) return LG_OUT_OF_MEMORY;
@@ -142,7 +140,6 @@ static lg_status function(expanding *x, size_t number, const lg_scalar *const *i
     inner.needed = lg_heap_take(&x->to->heap, f->nodes + 1, 1);
     if (inner.of == NULL || inner.needed == NULL) return LG_OUT_OF_MEMORY;
     const lg_status status = nodes(&inner);
-    x->frozen = x->frozen || inner.frozen;
     for (size_t j = 0; j < f->outputs; j++) output[j] = inner.of[f->result[j]];
     return status;
 }
@@ -193,18 +190,12 @@ lg_status lg_expand(const lg_program *program, const size_t *functions, size_t c
         for (size_t j = 0; j < f->outputs; j++) out->results += lg_shape_count(f->output[j].shape);
     }
     out->result = elements(&x, out->results);
-    out->end = lg_heap_take(&out->heap, count, sizeof *out->end);
-    out->frozen = lg_heap_take(&out->heap, count, sizeof *out->frozen);
     x.parameter = lg_heap_take(&out->heap, program->parameters + 1, sizeof *x.parameter);
-    if (out->result == NULL || out->end == NULL || out->frozen == NULL || x.parameter == NULL)
-        return LG_OUT_OF_MEMORY;
+    if (out->result == NULL || x.parameter == NULL) return LG_OUT_OF_MEMORY;
     for (size_t i = 0, at = 0; i < count; i++) {
         lg_scalar *output[LG_PROGRAM_MAX_PORTS];
-        x.frozen = false;
         LG_TRY(function(&x, functions[i], input, output));
         LG_TRY(collect(&x, functions[i], output, out->result, &at));
-        out->end[i] = at;
-        out->frozen[i] = x.frozen;
     }
     return out->s.failed ? out_of_room(&out->s, first->name, error) : LG_OK;
 }
@@ -212,64 +203,4 @@ lg_status lg_expand(const lg_program *program, const size_t *functions, size_t c
 void lg_expansion_destroy(lg_expansion *x) {
     lg_scalars_destroy(&x->s);
     lg_heap_destroy(&x->heap);
-}
-
-/* ---- jumps ---- */
-
-/* Whether the value is NaN by construction. Scalar code marks a factorisation that fails with NaN. */
-static bool is_undefined(const lg_scalars *s, lg_scalar a) {
-    double value;
-    return s->code[a].op == LG_S_SQRT && lg_s_is_constant(s, s->code[a].in[0], &value) && value < 0.0;
-}
-
-/* Whether the value is a comparison, or a product of comparisons: 1 where all of them hold, else 0. Deeper
- * products are not looked at: they count as jumps. */
-static bool is_condition(const lg_scalars *s, lg_scalar a, int depth) {
-    const lg_scalar_code *c = &s->code[a];
-    if (c->op == LG_S_GE) return true;
-    return depth > 0 && c->op == LG_S_MUL && is_condition(s, c->in[0], depth - 1) &&
-           is_condition(s, c->in[1], depth - 1);
-}
-
-static bool is_comparison(const lg_scalars *s, lg_scalar a) {
-    enum { DEPTH = 6 };
-    return is_condition(s, a, DEPTH);
-}
-
-/* Whether the instruction's value may jump. A comparison may jump, unless it is the condition of a choice. A
- * choice may jump, unless one of its two values is undefined. */
-static bool jumps(const lg_scalars *s, const lg_scalar_code *c, const uint8_t *varies) {
-    const uint32_t first = c->op == LG_S_SELECT;
-    if (c->op == LG_S_SIGN) return varies[c->in[0]];
-    if (first && varies[c->in[0]] && !is_undefined(s, c->in[1]) && !is_undefined(s, c->in[2])) return true;
-    if (is_comparison(s, (lg_scalar)(c - s->code))) return false;
-    for (uint32_t k = first; k < lg_scalar_instructions(c->op); k++)
-        if (is_comparison(s, c->in[k]) && varies[c->in[k]]) return true;
-    return false;
-}
-
-lg_status lg_expansion_continuous(lg_expansion *x, size_t count, bool *continuous) {
-    const lg_scalars *s = &x->s;
-    uint8_t *varies = lg_heap_take(&x->heap, s->count + 1, 1),
-            *live = lg_heap_take(&x->heap, s->count + 1, 1);
-    if (varies == NULL || live == NULL) return LG_OUT_OF_MEMORY;
-    for (uint32_t i = 0; i < s->count; i++) {
-        varies[i] = s->code[i].op == LG_S_INPUT;
-        for (uint32_t k = 0; k < lg_scalar_instructions(s->code[i].op); k++)
-            varies[i] |= varies[s->code[i].in[k]];
-    }
-    for (size_t f = 0, at = 0; f < count; f++) {
-        continuous[f] = !x->frozen[f];
-        memset(live, 0, s->count);
-        for (; at < x->end[f]; at++) {
-            live[x->result[at]] = 1;
-            if (is_comparison(s, x->result[at]) && varies[x->result[at]]) continuous[f] = false;
-        }
-        for (uint32_t i = s->count; i-- > 0;) {
-            if (!live[i]) continue;
-            for (uint32_t k = 0; k < lg_scalar_instructions(s->code[i].op); k++) live[s->code[i].in[k]] = 1;
-            if (jumps(s, &s->code[i], varies)) continuous[f] = false;
-        }
-    }
-    return LG_OK;
 }

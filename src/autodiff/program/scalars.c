@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "liegrad/interval.h"
+
 uint32_t lg_scalar_instructions(lg_scalar_op op) {
     static const uint8_t count[LG_SCALAR_OPS] = {
 #define X(name, instructions, all) [LG_S_##name] = instructions,
@@ -74,13 +76,34 @@ static bool grow(lg_scalars *s) {
     return true;
 }
 
+/* The level of an instruction over all numbers: that of its interval form over unbounded operands. */
+static uint8_t level_of(const lg_scalars *s, const lg_scalar_code *c) {
+    enum { IB = LG_INTERVAL_BLOCK };
+    double registers[4 * 2 * IB];
+    uint8_t flags[4 * IB];
+    lg_interval_code code = {.op = (uint32_t)c->op, .n = c->n, .p = c->p, .y = 3};
+    if (c->op == LG_S_INPUT) return LG_INTERVAL_DIFFERENTIABLE;
+    if (c->op == LG_S_CONSTANT) return isfinite(c->p) ? LG_INTERVAL_DIFFERENTIABLE : LG_INTERVAL_UNDEFINED;
+    for (uint32_t k = 0; k < lg_scalar_instructions(c->op); k++) {
+        const lg_scalar_code *in = &s->code[c->in[k]];
+        const bool known = in->op == LG_S_CONSTANT && isfinite(in->p);
+        code.x[k] = k;
+        for (size_t i = 0; i < 2 * (size_t)IB; i++)
+            registers[k * 2 * IB + i] = known ? in->p : i < IB ? -(double)INFINITY : (double)INFINITY;
+        memset(flags + (size_t)k * IB, in->level, IB);
+    }
+    lg_kernels_for(LG_F64)->intervals(1, &code, registers, flags);
+    return flags[3 * IB];
+}
+
 static lg_scalar look_up(lg_scalars *s, const lg_scalar_code *c) {
     if (s->count == s->capacity && !grow(s)) s->failed = true;
     if (s->failed) return 0;
     uint32_t *slot = slot_of(s, c);
     if (*slot == 0) {
-        s->code[s->count++] = *c;
-        *slot = s->count;
+        s->code[s->count] = *c;
+        if (s->exact) s->code[s->count].level = level_of(s, c);
+        *slot = ++s->count;
     }
     return *slot - 1;
 }
@@ -173,6 +196,17 @@ static bool is_value(const lg_scalars *s, lg_scalar a, double value) {
     return lg_s_is_constant(s, a, &is) && is == value;
 }
 
+/* Whether a value may be dropped whose product with 0 is needed. */
+static bool droppable(const lg_scalars *s, lg_scalar a) {
+    return !s->exact || s->code[a].level >= LG_INTERVAL_LIPSCHITZ;
+}
+
+/* 0 a */
+static lg_scalar nothing(lg_scalars *s, lg_scalar a) {
+    const lg_scalar zero = lg_s_constant(s, 0.0);
+    return droppable(s, a) ? zero : look_up(s, &(lg_scalar_code){.op = LG_S_MUL, .in = {zero, a, 0}});
+}
+
 /* Simplifies x + 0, x - 0, 0 - x, 1 x, -1 x, 0 x, x/1, 0/x, x - x, a - (-b), a + (-b), (-a) (-b), -(-x). */
 static bool simpler(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b, lg_scalar *out) {
     const bool negative_a = s->code[a].op == LG_S_NEG, negative_b = s->code[b].op == LG_S_NEG;
@@ -187,7 +221,7 @@ static bool simpler(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b, lg
     case LG_S_SUB:
         if (is_value(s, b, 0.0)) return true;
         if (is_value(s, a, 0.0)) return *out = lg_s_neg(s, b), true;
-        if (a == b) return *out = lg_s_constant(s, 0.0), true;
+        if (a == b) return *out = nothing(s, a), true;
         if (negative_b) return *out = lg_s_add(s, a, s->code[b].in[0]), true;
         return false;
     case LG_S_MUL:
@@ -195,12 +229,13 @@ static bool simpler(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b, lg
         if (is_value(s, a, 1.0)) return *out = b, true;
         if (is_value(s, b, -1.0)) return *out = lg_s_neg(s, a), true;
         if (is_value(s, a, -1.0)) return *out = lg_s_neg(s, b), true;
-        if (is_value(s, b, 0.0) || is_value(s, a, 0.0)) return *out = lg_s_constant(s, 0.0), true;
+        if (is_value(s, b, 0.0) || is_value(s, a, 0.0))
+            return *out = nothing(s, is_value(s, b, 0.0) ? a : b), true;
         if (negative_a && negative_b) return *out = lg_s_mul(s, s->code[a].in[0], s->code[b].in[0]), true;
         return false;
     case LG_S_DIV:
         if (is_value(s, b, 1.0)) return true;
-        if (is_value(s, a, 0.0)) return *out = a, true;
+        if (is_value(s, a, 0.0) && !s->exact) return *out = a, true;
         return false;
     case LG_S_NEG:
         return negative_a ? (*out = s->code[a].in[0], true) : false;
@@ -228,7 +263,7 @@ lg_scalar lg_s(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b) {
 lg_scalar lg_s_select(lg_scalars *s, lg_scalar condition, lg_scalar yes, lg_scalar no) {
     double value;
     if (s->failed) return 0;
-    if (yes == no) return yes;
+    if (yes == no && (!s->exact || s->code[condition].level >= LG_INTERVAL_DEFINED)) return yes;
     if (lg_s_is_constant(s, condition, &value)) return value != 0.0 ? yes : no;
     return look_up(s, &(lg_scalar_code){.op = LG_S_SELECT, .in = {condition, yes, no}});
 }
@@ -240,6 +275,10 @@ lg_scalar lg_s_pow(lg_scalars *s, lg_scalar a, double exponent) {
     const lg_scalar_code c = {.op = LG_S_POW, .p = exponent, .in = {a, 0, 0}};
     if (s->failed) return 0;
     return folded(s, &c, &out) ? out : look_up(s, &c);
+}
+
+lg_scalar lg_s_stopped(lg_scalars *s, lg_scalar a) {
+    return s->exact ? look_up(s, &(lg_scalar_code){.op = LG_S_POW, .p = 1.0, .in = {a, 0, 0}}) : a;
 }
 
 lg_scalar lg_s_numbered(lg_scalars *s, lg_scalar_op op, lg_scalar a, uint32_t n) {

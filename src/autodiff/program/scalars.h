@@ -3,7 +3,8 @@
  * The number of an instruction stands for its result. An instruction uses results of earlier instructions.
  * Equal instructions are stored once (by a hash table), operations on constants are evaluated, and x + 0, 1
  * x, 0 x and similar expressions are simplified. The results differ from the tensor kernels' results only by
- * rounding, by the sign of 0, and in that 0 x, 0/x and x - x are 0 for every x. */
+ * rounding, by the sign of 0, and in that 0 x, 0/x and x - x are 0 for every x. Exact code keeps such an x,
+ * as a product with 0 or a quotient, unless x is Lipschitz continuous for all numbers. */
 #ifndef LG_SCALARS_H
 #define LG_SCALARS_H
 
@@ -14,6 +15,7 @@ typedef struct lg_scalar_code {
     uint32_t n;
     double p;
     lg_scalar in[3];
+    uint8_t level; /* if the code is exact: what holds for all numbers of the inputs (lg_interval_flag) */
 } lg_scalar_code;
 
 struct lg_scalars {
@@ -40,6 +42,8 @@ lg_scalar lg_s_input(lg_scalars *s, uint32_t number); /* a new number makes a ne
 lg_scalar lg_s_constant(lg_scalars *s, double value);
 lg_scalar lg_s_select(lg_scalars *s, lg_scalar condition, lg_scalar yes, lg_scalar no);
 lg_scalar lg_s_pow(lg_scalars *s, lg_scalar a, double exponent);
+/* a, whose derivative is stopped. Exact code marks it as a power of 1, which lg_s_pow never makes. */
+lg_scalar lg_s_stopped(lg_scalars *s, lg_scalar a);
 /* Sum of n terms that are `step` entries apart, added pairwise: this keeps depth and rounding errors small. 0
  * for n = 0. */
 lg_scalar lg_s_sum(lg_scalars *s, const lg_scalar *terms, size_t n, size_t step);
