@@ -18,8 +18,8 @@ typedef struct checking {
     double side; /* 1: q > 0, and g must be positive; -1: the other side */
 } checking;
 
-/* Bounds of side g and of g' for side q in [low, high]. Returns what holds of g there; only if it is Lipschitz
- * continuous, the bounds of g' contain all slopes. */
+/* Bounds of side g and of g' for side q in [low, high]. Returns what holds of g there; only if it is
+ * Lipschitz continuous, the bounds of g' contain all slopes. */
 static uint8_t bound(checking *c, double low, double high, double g_low[2], double g_high[2]) {
     const double from = c->side > 0 ? low : -high, to = c->side > 0 ? high : -low;
     double l[2], h[2];

@@ -320,7 +320,7 @@ typedef struct lg_kernels {
                        void *y);
     /* The same with intervals and outward rounding (interval.inc); NULL in the tables of f32. No bound of a
      * register may be NaN. flags: for each register LG_INTERVAL_BLOCK levels (lg_interval_flag), which say
-     * what holds on all of the box. */
+     * what holds on all of the box; NULL: they are not needed. */
     void (*intervals)(size_t count, const lg_interval_code *code, double *registers, uint8_t *flags);
 
     /* Kernels for integrators, in double in both tables. All instruction sets give the same bits.

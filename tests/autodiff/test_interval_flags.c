@@ -285,7 +285,7 @@ TEST("a result has at most the levels of its operands, and operands that are not
             for (size_t i = 0; i < IB; i++) flags[(size_t)from * IB + i] = i % 5;
             k->intervals(1, &f.code, registers, flags);
             for (size_t i = 0; i < IB; i++) {
-                /* The condition of a choice matters only where it is not defined; what is not chosen, never. */
+                /* The condition of a choice matters only where it is undefined, what is not chosen never. */
                 const bool reads = (uint32_t)from < f.operands && !(op == LG_S_SELECT && from == 2) &&
                                    !(op == LG_S_SELECT && from == 0 && i % 5 != 0);
                 const uint8_t wanted = reads && i % 5 < own ? i % 5 : own;

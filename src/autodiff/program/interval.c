@@ -107,7 +107,7 @@ lg_status lg_interval_eval(const lg_interval *f, size_t boxes, const double *low
     for (size_t at = 0; at < boxes; at += IB) {
         const size_t now = boxes - at < IB ? boxes - at : IB;
         load(f, now, lower + at * f->inputs, upper + at * f->inputs, r + f->constants * APART);
-        f->k->intervals(f->count, f->code, r, level);
+        f->k->intervals(f->count, f->code, r, flags == NULL ? NULL : level);
         for (size_t i = 0; i < now; i++)
             for (size_t j = 0; j < f->outputs; j++) {
                 out_lower[(at + i) * f->outputs + j] = r[f->stored[j] * APART + i];
