@@ -13,10 +13,12 @@
  * eps within a small neighbourhood N of the goal, outside of which V >= eps. Hence all motions from S reach
  * {V < eps} and stay. If in addition (4) the goal is an exact equilibrium and V' = x^T M x on N with
  * interval matrices M that are negative definite, they converge to the goal. Every inequality is proved
- * with outward rounding. Where the operations show that V and V' are even functions of x - goal, half of
- * the box is examined. Points that refute the claim are proved, too; nothing is sampled. Steps: the
- * statements hold at the steps, not between them; and without (4) motions reach {V < eps} again and again
- * and stay in S. */
+ * with outward rounding. On every box that is used, flags (liegrad/interval.h) must show that V, its
+ * gradient and the rate are Lipschitz continuous; where they may jump or be undefined, the level is
+ * lowered below that state, or the proof of a given level fails with the box. Where the operations show
+ * that V and V' are even functions of x - goal, half of the box is examined. Points that refute the claim
+ * are proved, too; nothing is sampled. Steps: the statements hold at the steps, not between them; and
+ * without (4) motions reach {V < eps} again and again and stay in S. */
 #ifndef LIEGRAD_CERTIFY_H
 #define LIEGRAD_CERTIFY_H
 
