@@ -7,7 +7,7 @@
 typedef struct train_values {
     const char *out, *resume;
     double seconds;
-    uint64_t seeds, starts, race, finish, polish, robustness;
+    uint64_t seeds, starts, race, finish, polish, robustness, gap;
 } train_values;
 
 static const lg_field options[] = {
@@ -27,6 +27,9 @@ static const lg_field options[] = {
     LG_OPTION(train_values, robustness, U64, "n",
               "Starts of each test with a number of the plant off by 10 and 20 %; 0: no test", .high = 1e6,
               .value = "100"),
+    LG_OPTION(train_values, gap, U64, "n",
+              "Starts whose cost is compared with the best inputs that a search finds; 0: none", .high = 100,
+              .value = "8"),
     LG_FIELD_END};
 
 static train_values values;
@@ -146,6 +149,8 @@ static void report(const app *self, const lg_policy *trained, control_machine *m
     app_result_size(&out, "seed", self->seed, NULL);
     app_result_size(&out, "winner", result->seed, "of the race");
     app_result_text(&out, "out", values.out, NULL);
+    control_tell_gap(self, policy, values.gap, seed,
+                     values.seconds > 0 ? 0.2 * values.seconds : fmax(10, 0.2 * result->seconds), &out);
     control_tell_robustness(self, policy, machine, values.robustness, &out);
     lg_policy_destroy(policy);
     app_json_warnings(&out, self);

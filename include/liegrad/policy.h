@@ -403,6 +403,25 @@ LG_API lg_status lg_policy_evaluate(const lg_policy *policy, lg_policy_test test
                                     uint64_t seed, int threads, lg_policy_outcome *out, lg_policy_runs *runs,
                                     lg_error *error);
 
+/* The cost J of a run of the policy, with W, over the horizon of the task, without disturbances; the cost of
+ * the best inputs that a search found for the same start; and cost/best >= 1 (1 if both are 0). `best` is an
+ * upper bound of the optimum, so `ratio` is a lower bound of the policy's cost over the optimum's. */
+typedef struct lg_policy_gap {
+    double cost, best, ratio;
+    double errors[LG_POLICY_ERRORS]; /* of the start */
+} lg_policy_gap;
+
+/* Fills out (starts) for the first starts that lg_policy_evaluate takes with the same seed. J is minimised
+ * over the inputs of all periods, each held and in its limits, by L-BFGS from eight guesses: the inputs of the
+ * policy, of the regulator, u0, and random ones; then eight times from the best inputs of this start and of
+ * the seven starts after it. Inputs may pass their limits at a price that grows from round to round; `best` is
+ * that of runs with inputs in their limits. The search ends after `seconds` of wall time (0: no bound), and
+ * *complete (may be NULL) is then false. Otherwise the result does not depend on the number of threads. The
+ * function `planned` is added to the policy's program. Errors: LG_INVALID_ARGUMENT (not 1 to 1000 starts),
+ * LG_OUT_OF_MEMORY, LG_CANCELLED, those of lg_program_add_function. */
+LG_API lg_status lg_policy_find_gaps(lg_policy *policy, size_t starts, uint64_t seed, int threads,
+                                     double seconds, lg_policy_gap *out, bool *complete, lg_error *error);
+
 /* ---- files (library liegrad_io) ---- */
 
 /* Reads a task in two steps, because its names are those of the plant. lg_policy_task_read sets the

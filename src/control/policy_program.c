@@ -313,6 +313,30 @@ static lg_status record_closed(void *user, lg_tape *tape, const lg_var *theta, c
                       out);
 }
 
+static lg_status record_planned(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                lg_var *out) {
+    const lg_policy *p = user;
+    const uint32_t m = p->inputs;
+    const lg_policy_seen seen = seen_of(p, tape, in[0]);
+    double half[LG_POLICY_INPUTS];
+    lg_var by[LG_POLICY_PLANNED];
+    for (uint32_t i = 0; i < LG_POLICY_PLANNED; i++) by[i] = lg_slice(tape, in[2], 1, i, 1);
+    for (uint32_t l = 0; l < m; l++) half[l] = 0.5 * (p->task.input[l].high - p->task.input[l].low);
+    const lg_var size = row_of(tape, half, m),
+                 K = lg_input_f64(tape, lg_shape2(m, p->layout.errors), p->regulator.K),
+                 own =
+                     call_policy(tape, p, seen,
+                                 p->parameters > 0 ? theta[lg_program_parameters(p->program) - 1] : LG_NONE),
+                 held = feedback(tape, p, lg_policy_record_errors(tape, &p->task, seen), K),
+                 back = lg_add(tape, lg_mul(tape, own, by[0]), lg_mul(tape, held, by[1])),
+                 r = lg_add(tape, lg_mul(tape, in[1], size), back), within = saturated(tape, p, r),
+                 over = lg_sub(tape, r, within), parts = lg_div(tape, over, size);
+    LG_TRY(close_loop(tape, p, in[0], seen, lg_add(tape, within, lg_mul(tape, over, by[LG_POLICY_BEYOND])),
+                      out));
+    out[1] = lg_add(tape, out[1], lg_mul(tape, lg_rowdot(tape, parts, parts), by[LG_POLICY_PENALTY]));
+    return lg_tape_status(tape);
+}
+
 static lg_status record_terminal(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                  lg_var *out) {
     static const double end = 13.0; /* V_end/c */
@@ -485,6 +509,15 @@ lg_status lg_policy_add_disturbed(lg_policy *p, lg_error *error) {
     LG_TRY(adjoint(p, "disturbed_end", NULL, 0, NULL, 0, error));
     return adjoint(p, "disturbed", (const char *const[]){"s", "weights"}, 1 + own, OUTS("next", "cost"), 2,
                    error);
+}
+
+lg_status lg_policy_add_planned(lg_policy *p, lg_error *error) {
+    const ports port = ports_of(p);
+    const lg_port in[] = {port.x,
+                          {.name = "y", .shape = lg_shape1(p->inputs), .low = -1, .high = 1},
+                          {.name = "how", .shape = lg_shape1(LG_POLICY_PLANNED), .low = 0, .high = 1}};
+    LG_TRY(add(p, "planned", record_planned, in, 3, OUTS("next", "cost", "u"), error));
+    return adjoint(p, "planned", (const char *const[]){"x", "y"}, 2, OUTS("next", "cost"), 2, error);
 }
 
 lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {

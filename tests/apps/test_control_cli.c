@@ -465,3 +465,45 @@ TEST("friction sticks whatever its width in the file, and inputs act late in all
     write_truck_task("bad_task.yaml", "truck.yaml", "compensate: true\nintegral: [v]\n");
     cli_expect(control, "train bad_task.yaml --out x.h5", 3, "integral: expected a position, not 'v'");
 }
+
+/* Two links with a motor at the shoulder, like a pendubot, after a training that is far too short. */
+TEST("train warns where a controller costs much more than the best inputs that a search finds") {
+    static const char rows[] = "\"optimality_gap\"";
+    cli_write("arm.yaml",
+              "columns: {time: t}\ncoordinates: [{name: a, kind: angle, velocity: va}, {name: b, kind: "
+              "angle, velocity: vb}]\ninputs: {columns: [u]}\nsystem: two-link-arm\ninput_map: {kind: "
+              "known, values: [[1], [0]]}\n");
+    cli_write("arm_task.yaml",
+              "plant: arm.yaml\ngoal: {a: 3.14159265358979}\nperiod: 0.05\nhorizon: 4\nlimits: {u: 20}\n"
+              "starts: {a: [-3.14159, 3.14159], b: [-0.5, 0.5], va: [-0.5, 0.5], vb: [-0.5, 0.5]}\n"
+              "cost: {a: 1, b: 1, va: 0.02, vb: 0.02, u: 0.0005}\n"
+              "success: {a: 0.1, b: 0.1, hold: 1, within: 10}\n");
+    for (int gap = 8; gap >= 0; gap -= 8) {
+        cli_expect(
+            control,
+            test_text("train arm_task.yaml --out arm.h5 --json --robustness 0 --seeds 2 --race 60 --finish 0 "
+                      "--polish 0 --gap %d",
+                      gap),
+            0, "");
+        const char *warning = strstr(result.out, "times as much as the best inputs found"),
+                   *at = strstr(result.out, rows);
+        assert_true((warning != NULL) == (gap > 0));
+        assert_non_null(at);
+        double largest = 0;
+        for (int i = 0; i < gap; i++) {
+            at = strstr(at, test_text("{\"start\": %d,", i));
+            assert_non_null(at);
+            const double cost = json_number(at, "cost"), best = json_number(at, "best"),
+                         ratio = json_number(at, "ratio");
+            assert_true(best > 0 && best <= cost);
+            assert_close(ratio, cost / best, 1e-12, 0);
+            largest = fmax(largest, ratio);
+        }
+        if (gap == 0) break;
+        assert_true(largest > 1.5);
+        assert_says(result.out, test_text("%.3g times as much", largest));
+    }
+    cli_expect(control, "train lqr.yaml --out lqr.h5 --robustness 0 --gap 3", 0, "");
+    assert_says(result.out, "cost from 3 starts over the cost of the best inputs found: median ");
+    cli_expect(control, "train lqr.yaml --out lqr.h5 --gap 101", 2, "--gap");
+}
