@@ -64,10 +64,6 @@ uint32_t control_count_lagged(const lg_policy_task *task, bool remembered);
  * (robustness.c). machine->scheme NULL: the plant is a program, which has no numbers. */
 void control_tell_robustness(const app *self, const lg_policy *policy, control_machine *machine,
                              uint64_t starts, app_json *out);
-/* Prints and writes, as `optimality_gap`, the costs of a policy over those of the best inputs that a search of
- * at most so many seconds finds (gap.c). Warns if a ratio is large. */
-void control_tell_gap(const app *self, lg_policy *policy, size_t starts, uint64_t seed, double seconds,
-                      app_json *out);
 
 /* ---- what runs did (runs.c, pictures.c) ---- */
 

@@ -412,15 +412,15 @@ typedef struct lg_policy_gap {
 } lg_policy_gap;
 
 /* Fills out (starts) for the first starts that lg_policy_evaluate takes with the same seed. J is minimised
- * over the inputs of all periods, each held and in its limits, by L-BFGS from eight guesses: the inputs of the
- * policy, of the regulator, u0, and random ones; then eight times from the best inputs of this start and of
- * the seven starts after it. Inputs may pass their limits at a price that grows from round to round; `best` is
- * that of runs with inputs in their limits. The search ends after `seconds` of wall time (0: no bound), and
- * *complete (may be NULL) is then false. Otherwise the result does not depend on the number of threads. The
- * function `planned` is added to the policy's program. Errors: LG_INVALID_ARGUMENT (not 1 to 1000 starts),
- * LG_OUT_OF_MEMORY, LG_CANCELLED, those of lg_program_add_function. */
-LG_API lg_status lg_policy_find_gaps(lg_policy *policy, size_t starts, uint64_t seed, int threads,
-                                     double seconds, lg_policy_gap *out, bool *complete, lg_error *error);
+ * over the inputs of all periods, each held and in its limits, by L-BFGS from eight guesses: the inputs of
+ * the policy, of the regulator, u0, and random ones; then eight times from the best inputs of this start and
+ * of the seven starts after it. Inputs may pass their limits at a price that grows from round to round, but
+ * `best` is the cost of a run with inputs in their limits. The search ends after `seconds` of wall time (0:
+ * no bound), and *complete (may be NULL) is then false. It runs in the calling thread. The function `planned`
+ * is added to the policy's program. On failure *out is untouched. Errors: LG_INVALID_ARGUMENT (not 1 to 1000
+ * starts), LG_OUT_OF_MEMORY, LG_CANCELLED, those of lg_program_add_function. */
+LG_API lg_status lg_policy_find_gaps(lg_policy *policy, size_t starts, uint64_t seed, double seconds,
+                                     lg_policy_gap *out, bool *complete, lg_error *error);
 
 /* ---- files (library liegrad_io) ---- */
 

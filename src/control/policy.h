@@ -148,7 +148,8 @@ lg_status lg_policy_add_disturbed(lg_policy *policy, lg_error *error);
 lg_status lg_policy_add_disturbed_regulator(lg_policy *policy, lg_error *error);
 /* Adds planned (x, y, how) -> next, cost, u, and its adjoint adj1_planned by x and y. With the half range of
  * the inputs and r = half y + how_0 policy(x) + how_1 regulator(x), u = sat(r) + how_2 (r - sat(r)), and
- * how_3 |(r - sat(r))/half|^2 is added to the cost of the period. y (B, inputs), how (B, LG_POLICY_PLANNED). */
+ * how_3 |(r - sat(r))/half|^2 is added to the cost of the period.
+ * y (B, inputs), how (B, LG_POLICY_PLANNED). */
 enum { LG_POLICY_BEYOND = 2, LG_POLICY_PENALTY = 3, LG_POLICY_PLANNED = 4 };
 lg_status lg_policy_add_planned(lg_policy *policy, lg_error *error);
 /* A plan of a function of the program for `rows` rows. */

@@ -1,5 +1,5 @@
-/* How much cheaper the best inputs are that a search finds: compared with the optimum of problems whose optimum
- * is known, and with a search over a grid of inputs.
+/* How much cheaper the best inputs are that a search finds: compared with optima that are known, and with a
+ * search over a grid of inputs.
  * ctest-labels: src/control */
 #include "autodiff/program_support.h"
 #include "liegrad/ops.h"
@@ -16,7 +16,7 @@ static lg_policy *create(const lg_context *context, const lg_policy_task *task, 
 
 /* ---- a mass without limits: the optimum is the regulator of the discrete Riccati equation ---- */
 
-/* The mass m under u held for h, with z = (q, v) in the unit of length L: S of the cost z^T S z, and the gain. */
+/* The mass m under u held for h, z = (q, v): S of the cost z^T S z, and the gain. */
 static void solve_riccati(const double Q[2], double R, double m, double h, double S[2][2], double K[2]) {
     const double B[2] = {0.5 * h * h / m, h / m};
     S[0][0] = Q[0], S[1][1] = Q[1], S[0][1] = S[1][0] = 0;
@@ -55,7 +55,7 @@ TEST("where the regulator is the optimum the search finds nothing better, in any
                                       "v}]\ninputs: {columns: [u]}\nmass: {kind: known, values: [%.17g]}\n"
                                       "input_map: {kind: known, values: [1]}\n",
                                       m)));
-        assert_told(lg_policy_find_gaps(policy, STARTS, 3, 1, 0, gap, NULL, &told));
+        assert_told(lg_policy_find_gaps(policy, STARTS, 3, 0, gap, NULL, &told));
         for (size_t k = 0; k < STARTS; k++) {
             const double *z = gap[k].errors;
             const double optimum =
@@ -155,7 +155,7 @@ TEST("the gap of a bad controller is that of a search over all inputs of a grid,
     lg_policy *policy = create(NULL, &task, scalar_plant());
     double largest = 0;
     size_t limited = 0, inside = 0;
-    assert_told(lg_policy_find_gaps(policy, STARTS, 5, 1, 0, gap, NULL, &told));
+    assert_told(lg_policy_find_gaps(policy, STARTS, 5, 0, gap, NULL, &told));
     for (size_t i = 0; i < STARTS; i++) {
         double u[PERIODS], own[PERIODS], x = gap[i].errors[0];
         for (int k = 0; k < PERIODS; k++) own[k] = fmin(1, fmax(-1, -1.05 * x)), x = moved(x, own[k]);
@@ -224,7 +224,7 @@ static lg_policy_task truck_task(void) {
     return task;
 }
 
-TEST("the cost is that of the policy's run, no best is above it, and threads change no bit") {
+TEST("the cost is that of the policy's run, no best is above it, and the same search gives the same bits") {
     static const lg_policy_kind bodies[] = {LG_POLICY_LQR, LG_POLICY_NETWORK, LG_POLICY_ENERGY};
     lg_policy_task task = cart_task(), late = truck_task();
     lg_policy *policies[5] = {make(&task, cart_pole), create(NULL, &late, truck(0))};
@@ -239,9 +239,9 @@ TEST("the cost is that of the policy's run, no best is above it, and threads cha
         double cost[FEW];
         bool complete = false;
         evaluate(policies[i], 7, cost);
-        assert_told(lg_policy_find_gaps(policies[i], FEW, 7, 1, 0, gap, &complete, &told));
+        assert_told(lg_policy_find_gaps(policies[i], FEW, 7, 0, gap, &complete, &told));
         assert_true(complete);
-        assert_told(lg_policy_find_gaps(policies[i], FEW, 7, 3, 0, same, NULL, &told));
+        assert_told(lg_policy_find_gaps(policies[i], FEW, 7, 0, same, NULL, &told));
         assert_memory_equal(gap, same, sizeof gap);
         for (size_t k = 0; k < FEW; k++) {
             assert_close(gap[k].cost, cost[k], 1e-9, 0);
@@ -268,17 +268,17 @@ TEST("a search without time keeps the cheapest guess and says so; a search that 
     assert_ok(lg_context_create(&options, &context));
     lg_test_owns(context, release_context);
     lg_policy *policy = create(context, &task, machine_program(cart_pole));
-    assert_told(lg_policy_find_gaps(policy, STARTS, 2, 1, 1e-9, gap, &complete, &told));
+    assert_told(lg_policy_find_gaps(policy, STARTS, 2, 1e-9, gap, &complete, &told));
     assert_false(complete);
-    assert_told(lg_policy_find_gaps(policy, STARTS, 2, 1, 0, whole, &complete, &told));
+    assert_told(lg_policy_find_gaps(policy, STARTS, 2, 0, whole, &complete, &told));
     assert_true(complete);
     for (size_t i = 0; i < STARTS; i++)
         assert_true(gap[i].best <= gap[i].cost && whole[i].best <= gap[i].best &&
                     whole[i].cost == gap[i].cost);
     flag = 1;
-    assert_int_equal(lg_policy_find_gaps(policy, STARTS, 2, 1, 0, gap, NULL, NULL), LG_CANCELLED);
+    assert_int_equal(lg_policy_find_gaps(policy, STARTS, 2, 0, gap, NULL, NULL), LG_CANCELLED);
     flag = 0;
-    assert_int_equal(lg_policy_find_gaps(policy, 0, 2, 1, 0, gap, NULL, NULL), LG_INVALID_ARGUMENT);
-    assert_int_equal(lg_policy_find_gaps(policy, 1001, 2, 1, 0, gap, NULL, NULL), LG_INVALID_ARGUMENT);
-    assert_int_equal(lg_policy_find_gaps(policy, 1, 2, 1, NAN, gap, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_policy_find_gaps(policy, 0, 2, 0, gap, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_policy_find_gaps(policy, 1001, 2, 0, gap, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_policy_find_gaps(policy, 1, 2, NAN, gap, NULL, NULL), LG_INVALID_ARGUMENT);
 }

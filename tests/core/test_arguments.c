@@ -1115,7 +1115,7 @@ TEST("policies refuse NULL") {
     assert_ok(lg_policy_disturb(policy, &rough, &error));
     REFUSES(lg_policy_add_draw(NEEDED(policy), NEEDED(spring()), NULL));
     REFUSES(lg_policy_evaluate(NEEDED(policy), LG_POLICY_NOMINAL, 4, 1, 1, NEEDED(&outcome), NULL, NULL));
-    REFUSES(lg_policy_find_gaps(NEEDED(policy), 1, 1, 1, 0, NEEDED(&gap), NULL, NULL));
+    REFUSES(lg_policy_find_gaps(NEEDED(policy), 1, 1, 0, NEEDED(&gap), NULL, NULL));
     REFUSES(lg_policy_trainer_create(NEEDED(policy), NULL, NEEDED(&trainer), NULL));
     assert_ok(lg_policy_trainer_create(policy, NULL, &trainer, &error));
     REFUSES(lg_policy_trainer_run(NEEDED(trainer), NULL, NULL));
