@@ -1,4 +1,5 @@
 /* lg-control train: learns a policy. */
+#include <math.h>
 #include <stdlib.h>
 
 #include "common/train.h"

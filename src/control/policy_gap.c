@@ -131,12 +131,11 @@ static lg_status search_all(search *s, uint64_t seed, lg_error *error) {
     const lg_policy *p = s->policy;
     lg_rng rng;
     lg_rng_seed(&rng, seed, 0);
-    for (size_t i = 0; i < s->starts; i++) {
-        lg_policy_draw(&p->task, &p->layout, &rng, s->z + i * p->layout.errors);
-        s->best[i] = INFINITY;
-    }
+    LG_TRY(lg_policy_starts(p, &rng, s->starts, s->x, NULL, error));
+    LG_TRY(lg_program_eval(p->context, p->program, "errors", s->starts, (const double *const[]){s->x},
+                           (double *const[]){s->z}, error));
+    for (size_t i = 0; i < s->starts; i++) s->best[i] = INFINITY;
     for (size_t r = 0; r < s->rows; r++) s->one[r] = 1.0;
-    LG_TRY(lg_policy_states(p, s->z, s->starts, s->x, error));
     guess(s, seed);
     take_best(s);
     for (size_t i = 0; i < s->starts; i++) {
