@@ -543,3 +543,11 @@ TEST("a policy does not adopt the program of another policy") {
     assert_int_equal(status, LG_FORMAT);
     assert_says(error.message, "has no function period");
 }
+
+TEST("a search of inputs finds none that cost more than the policy's") {
+    for (int kind = 0; kind < LG_POLICY_KIND_COUNT; kind++) {
+        lg_policy_gap gap[2];
+        assert_told(lg_policy_find_gaps(of_kind((lg_policy_kind)kind), 2, 1, 0, gap, NULL, &told));
+        for (int i = 0; i < 2; i++) assert_true(gap[i].best <= gap[i].cost && gap[i].ratio >= 1);
+    }
+}
