@@ -8,7 +8,7 @@
 typedef struct train_values {
     const char *out, *resume;
     double seconds;
-    uint64_t seeds, starts, race, finish, polish, robustness, gap;
+    uint64_t seeds, starts, race, finish, polish, robustness, optimality_gap;
 } train_values;
 
 static const lg_field options[] = {
@@ -28,7 +28,7 @@ static const lg_field options[] = {
     LG_OPTION(train_values, robustness, U64, "n",
               "Starts of each test with a number of the plant off by 10 and 20 %; 0: no test", .high = 1e6,
               .value = "100"),
-    LG_OPTION(train_values, gap, U64, "n",
+    LG_OPTION(train_values, optimality_gap, U64, "n",
               "Starts whose cost is compared with the best inputs that a search finds; 0: none", .high = 100,
               .value = "8"),
     LG_FIELD_END};
@@ -116,7 +116,7 @@ static void warn_of_failures(const app *self, const lg_policy *policy, const lg_
 
 /* The costs of single starts over those of the best inputs that a search finds. */
 static void report_gap(const app *self, lg_policy *policy, uint64_t seed, double seconds, app_json *out) {
-    const size_t starts = values.gap;
+    const size_t starts = values.optimality_gap;
     static const double much = 1.5;
     bool complete = true;
     APP_FREE lg_policy_gap *gap = app_alloc(starts + 1, sizeof *gap);

@@ -482,7 +482,7 @@ TEST("train warns where a controller costs much more than the best inputs that a
         cli_expect(
             control,
             test_text("train arm_task.yaml --out arm.h5 --json --robustness 0 --seeds 2 --race 60 --finish 0 "
-                      "--polish 0 --gap %d",
+                      "--polish 0 --optimality-gap %d",
                       gap),
             0, "");
         const char *warning = strstr(result.out, "times as much as the best inputs found"),
@@ -503,7 +503,7 @@ TEST("train warns where a controller costs much more than the best inputs that a
         assert_true(largest > 1.5);
         assert_says(result.out, test_text("%.3g times as much", largest));
     }
-    cli_expect(control, "train lqr.yaml --out lqr.h5 --robustness 0 --gap 3", 0, "");
+    cli_expect(control, "train lqr.yaml --out lqr.h5 --robustness 0 --optimality-gap 3", 0, "");
     assert_says(result.out, "cost from 3 starts over the cost of the best inputs found: median ");
-    cli_expect(control, "train lqr.yaml --out lqr.h5 --gap 101", 2, "--gap");
+    cli_expect(control, "train lqr.yaml --out lqr.h5 --optimality-gap 101", 2, "--optimality-gap");
 }
