@@ -14,14 +14,15 @@ typedef struct source {
     bool transposed; /* the data set is (columns, rows) */
 } source;
 
+enum { MOST_SOURCES = 4096 };
 typedef struct read_call {
     lg_table_reading *r;
-    source *sources;
-    uint32_t count, room, links;
+    source *sources; /* (MOST_SOURCES) */
+    uint32_t count;
     uint64_t rows; /* of the longest column */
     lg_h5 *h5;
-    bool joined;                 /* names stand in one text, with commas between them */
-    char skipped[LG_TABLE_NAME]; /* a single number that is left out of the columns, or "" */
+    bool joined;         /* names stand in one text, with commas between them */
+    const char *skipped; /* a single number that is left out of the columns, or NULL */
 } read_call;
 
 static lg_status fail(const read_call *call, const char *name, const char *what, lg_error *error) {
@@ -66,17 +67,6 @@ static lg_status name_columns(read_call *call, lg_h5 *h5, const source *s, lg_er
     return LG_OK;
 }
 
-static bool widen(read_call *call) {
-    const uint32_t room = call->room == 0 ? 16 : 2 * call->room;
-    source *wider = lg_alloc(call->r->context, room, sizeof *wider);
-    if (wider == NULL) return false;
-    if (call->count > 0) memcpy(wider, call->sources, call->count * sizeof *wider);
-    lg_free(call->r->context, call->sources);
-    call->sources = wider;
-    call->room = room;
-    return true;
-}
-
 /* Whether vector s (rank 2) is a column although its file shows it as one row: another data set has as many
  * rows, or the file has no other array and its name is wanted. */
 static bool is_column(const read_call *call, const source *s) {
@@ -98,26 +88,22 @@ static bool is_column(const read_call *call, const source *s) {
 static bool is_transposed(const read_call *call, lg_h5 *h5, const source *s) {
     const lg_h5_about *about = &s->about;
     if (about->rank != 2 || about->kind == LG_H5_WORDS) return false;
-    if (!lg_h5_is_vector(about) || about->dims[!s->matlab] == 1 ||
-        lg_h5_has_attribute(h5, s->name, "columns"))
-        return s->matlab;
-    return is_column(call, s) ? about->dims[0] == 1 : s->matlab;
+    const bool row = lg_h5_is_vector(about) && about->dims[!s->matlab] != 1 &&
+                     !lg_h5_has_attribute(h5, s->name, "columns");
+    return row && is_column(call, s) ? about->dims[0] == 1 : s->matlab;
 }
 
 /* Adds the data set behind one link of the root. Objects that are not arrays of rows are skipped. */
 static herr_t add_source(hid_t group, const char *name, const H5L_info_t *info, void *user) {
-    enum { MOST_LINKS = 4096 };
     read_call *call = user;
     source s = {.columns = 1};
     (void)group, (void)info;
-    if (call->links == MOST_LINKS || strlen(name) >= LG_TABLE_NAME) return 0;
-    call->links++;
+    if (call->count == MOST_SOURCES || strlen(name) >= LG_TABLE_NAME) return 0;
     (void)snprintf(s.name, sizeof s.name, "%s", name);
     if (lg_h5_look(call->h5, name, sizeof(double), &s.about, NULL) != LG_OK) return 0;
     if (s.about.kind == LG_H5_OTHER || s.about.rank < 1 || s.about.rank > 2) return 0;
     if (s.about.kind == LG_H5_WORDS && s.about.count != s.about.dims[0]) return 0;
     s.matlab = s.about.rank == 2 && lg_h5_has_attribute(call->h5, name, "MATLAB_class");
-    if (call->count == call->room && !widen(call)) return 1;
     call->sources[call->count++] = s;
     return 0;
 }
@@ -132,12 +118,10 @@ static lg_status add_columns(read_call *call, lg_h5 *h5, source *s, lg_error *er
         dims[1] = dims[0];
         dims[0] = rows;
     }
+    const bool single = s->about.count == 1 && s->about.kind != LG_H5_WORDS && call->rows > 1;
+    if (single && lg_table_names_only(call->r)) call->skipped = s->name;
+    if (call->skipped == s->name) return LG_OK;
     if (s->about.rank == 2 && (dims[1] == 0 || dims[1] > LG_TABLE_MOST_COLUMNS)) return LG_OK;
-    if (s->about.count == 1 && s->about.kind != LG_H5_WORDS && lg_table_names_only(call->r) &&
-        call->rows > 1) {
-        (void)snprintf(call->skipped, sizeof call->skipped, "%s", s->name);
-        return LG_OK;
-    }
     s->columns = s->about.rank == 2 && s->about.kind != LG_H5_WORDS ? (uint32_t)dims[1] : 1;
     return s->columns > 1 ? name_columns(call, h5, s, error) : lg_table_add_name(call->r, s->name, error);
 }
@@ -145,11 +129,13 @@ static lg_status add_columns(read_call *call, lg_h5 *h5, source *s, lg_error *er
 static lg_status list_sources(read_call *call, lg_h5 *h5, lg_error *error) {
     lg_status status = LG_OK;
     call->h5 = h5;
+    if (call->sources == NULL)
+        call->sources = lg_alloc(call->r->context, MOST_SOURCES, sizeof *call->sources);
+    if (call->sources == NULL) return lg_table_no_memory(call->r, error);
     lg_h5_quiet quiet = lg_quiet_begin();
     const herr_t end = H5Literate(h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_source, call);
     lg_quiet_end(quiet);
     if (end < 0) return lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", call->r->shown);
-    if (end > 0) return lg_table_no_memory(call->r, error);
     for (uint32_t i = 0; i < call->count; i++) {
         source *s = &call->sources[i];
         s->transposed = is_transposed(call, h5, s);
@@ -215,7 +201,7 @@ static lg_status read_file(void *user, lg_h5 *h5, lg_error *error) {
     read_call *call = user;
     lg_table_reading *r = call->r;
     lg_table_reset(r);
-    call->count = call->links = 0;
+    call->count = 0;
     call->rows = 0;
     LG_TRY(list_sources(call, h5, error));
     LG_TRY(lg_table_find_columns(r, error));
@@ -232,7 +218,7 @@ static lg_status read_file(void *user, lg_h5 *h5, lg_error *error) {
 lg_status lg_table_read_h5(lg_table_reading *r, lg_error *error) {
     read_call call = {.r = r};
     const lg_status status = lg_h5_read(r->context, r->path, r->options, read_file, &call, error);
-    if (status == LG_OK && call.skipped[0] != '\0')
+    if (status == LG_OK && call.skipped != NULL)
         lg_log_message(r->context, LG_LOG_WARNING,
                        "%s: /%s: is a single number and is left out of the columns", r->shown, call.skipped);
     lg_free(r->context, call.sources);

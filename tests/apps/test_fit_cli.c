@@ -109,8 +109,7 @@ static void write_marked(const char *name, size_t line, double a, double y, doub
     cli_write(name, s->text);
 }
 
-TEST("a cell far from all others is reported with line and value, and does not hide an input outside the "
-     "range") {
+TEST("a cell far from all others is reported with line and value, and the stored range has it") {
     static const double sizes[] = {1e3, -1e6, 1e12, 1e150, 1e200, -1e307, 1.4e308};
     need_tables();
     write_marked("clean.csv", 0, 1, 1, 1);
@@ -130,11 +129,48 @@ TEST("a cell far from all others is reported with line and value, and does not h
         cli_run_limited(fit, "train far.csv --out far.h5 --json", 0);
         if (strstr(result.out, line) == NULL) fail_msg("%s%s", result.out, result.err);
     }
-    /* The stored range of the inputs is the range of the other cells. */
+    /* The stored range is the range of all rows that are learned: none of them lies outside. */
+    for (size_t i = 0; i < 3; i++)
+        for (int seed = 1; seed <= 3; seed++) {
+            write_marked("far.csv", 40, sizes[i], 1, 1);
+            cli_json(fit, test_text("train far.csv --test far.csv --seed %d --out far.h5", seed),
+                     "train_rows 300, outside 0");
+            assert_null(strstr(result.out, "outside of the training range"));
+        }
     write_marked("far.csv", 40, 1e6, 1, 1);
-    cli_json(fit, "train far.csv --out far.h5", "inputs 2");
-    cli_write("query.csv", "a,b,y\n100,0,0\n");
-    cli_json(fit, "evaluate far.h5 query.csv", "outside 1");
+    cli_json(fit, "train far.csv --test far.csv --out far.h5", "outside 0");
+    cli_write("query.csv", "a,b,y\n1e7,0,0\n-1e7,0,0\n100,0,0\n");
+    cli_json(fit, "evaluate far.h5 query.csv", "outside 2");
+}
+
+/* y = u, or noise; in line `line` u is 50 and y is 3. */
+static void write_wrong(const char *name, size_t line, size_t first, bool noisy) {
+    sheet *s = TEST_ARRAY(sheet, 1);
+    put(s, "u,v,y\n");
+    for (size_t i = 2; i < 2002; i++) {
+        const size_t at = first + 7 * i;
+        const double u = (noise(at) + noise(at + 1) + noise(at + 2)) / 2, y = noisy ? noise(at + 4) : u;
+        put(s, "%.12g,%.12g,%.12g\n", i == line ? 50 : u, noise(at + 3), i == line ? 3 : y);
+    }
+    cli_write(name, s->text);
+}
+
+TEST("a single row that the model does not follow is named, and the model has learned all the same") {
+    int named = 0;
+    for (size_t first = 0; first < 4; first++) {
+        write_wrong("row.csv", 400 + 7 * first, 99999 * first, false);
+        cli_json(fit, "train row.csv --out row.h5", "outside *");
+        const bool follows = json_number(result.out, "train_scaled_rmse") < 0.9;
+        const char *line = test_text("training rows, the worst in line %zu", 400 + 7 * first);
+        assert_null(strstr(result.out, "learned nothing"));
+        if (!follows && strstr(result.out, line) == NULL) fail_msg("%zu: %s", first, result.out);
+        if (!follows) assert_true(json_number(result.out, "noise") < 0.1);
+        named += !follows;
+        write_wrong("row.csv", 400 + 7 * first, 99999 * first, true);
+        cli_json(fit, "train row.csv --out row.h5", "outputs 1");
+        assert_says(result.out, "learned nothing");
+    }
+    assert_true(named > 0);
 }
 
 TEST("a far cell of an output is reported when a table is judged, and the errors are right up to 1e308") {

@@ -95,14 +95,14 @@ static lg_status describe(lg_training *self, lg_error *error) {
 /* Scales input c without far cells. `column` and `chosen` are work space for the training rows. */
 static lg_status fit_without_far(const lg_context *context, lg_table_state *s, uint32_t c, double *column,
                                  uint32_t *chosen) {
-    lg_table_far *far = &s->far[c];
+    lg_table_far far;
     lg_scaler one;
     uint32_t kept = 0;
     for (size_t i = 0; i < s->trained; i++) column[i] = lg_table_sheet_row(&s->table, s->order[i])[c];
-    LG_TRY(lg_table_find_far(context, column, 1, s->trained, far));
-    if (far->count == 0) return LG_OK;
+    LG_TRY(lg_table_find_far(context, column, 1, s->trained, &far));
+    if (far.count == 0) return LG_OK;
     for (uint32_t i = 0; i < s->trained; i++)
-        if (!lg_table_is_far(far, column[i])) chosen[kept++] = i;
+        if (!lg_table_is_far(&far, column[i])) chosen[kept++] = i;
     LG_TRY(lg_table_scaler_fit(context, column, 1, chosen, kept, &one));
     s->scaler.mean[c] = one.mean[0];
     s->scaler.scale[c] = one.scale[0];
@@ -119,7 +119,6 @@ static lg_status fit_scaler(lg_training *self, lg_error *error) {
     uint32_t *chosen;
     LG_TRAINING_ARRAY(self, column, s->trained, error);
     LG_TRAINING_ARRAY(self, chosen, s->trained, error);
-    LG_TRAINING_ARRAY(self, s->far, s->inputs.count, error);
     lg_status status =
         lg_table_scaler_fit(self->context, data->values, data->columns, s->order, s->trained, &s->scaler);
     for (uint32_t c = 0; c < s->inputs.count && status == LG_OK; c++)
@@ -266,13 +265,12 @@ static void release(lg_training *self) {
 
 /* ---- the model ---- */
 
-/* Least and greatest value of each input in the training rows, without single far cells. */
+/* Least and greatest value of each input in the training rows, which are all learned, far cells too. */
 static void find_ranges(const lg_table_state *s, double *low, double *high) {
     for (uint32_t c = 0; c < s->inputs.count; c++) {
         low[c] = INFINITY, high[c] = -INFINITY;
         for (size_t i = 0; i < s->trained; i++) {
             const double value = lg_table_sheet_row(&s->table, s->order[i])[c];
-            if (s->far[c].single && lg_table_is_far(&s->far[c], value)) continue;
             low[c] = fmin(low[c], value);
             high[c] = fmax(high[c], value);
         }
@@ -314,10 +312,46 @@ static lg_status save(lg_training *self, void *into, lg_error *error) {
 
 /* ---- results ---- */
 
+/* A training error from here on, in units of the error of a simple guess, means that nothing was learned. */
+static const double LEARNED = 0.99;
+
+/* Judges a regression of large training error again, without the rows whose errors are above a deviation of
+ * the outputs and far from all others. If they make up the error, s->usual is this judgement, with a warning.
+ */
+static lg_status judge_usual(lg_training *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    const lg_table_judgement *j = &s->learned;
+    const uint32_t m = s->outputs.count;
+    lg_table_far far;
+    lg_table_judgement rest;
+    uint32_t *chosen, kept = 0;
+    double *size, wrong = 0.0;
+    s->usual = *j;
+    if (!(j->scaled_rmse >= LEARNED) || isinf(j->scaled_rmse)) return LG_OK;
+    LG_TRAINING_ARRAY(self, size, j->rows, error);
+    LG_TRAINING_ARRAY(self, chosen, j->rows, error);
+    for (size_t i = 0; i < j->rows * m; i++)
+        size[i / m] = hypot(size[i / m], (j->prediction[i] - j->truth[i]) / s->file.outputs.scale[i % m]);
+    LG_TRY(lg_table_find_far(self->context, size, 1, j->rows, &far));
+    for (size_t i = 0; i < j->rows; i++)
+        if (size[i] <= 1.0 || !lg_table_is_far(&far, size[i])) chosen[kept++] = s->order[i];
+    LG_TRY(lg_table_judge(self, &s->file, &s->table, chosen, kept, &rest, error));
+    for (uint32_t o = 0; o < m; o++) wrong += isnan(rest.r2[o]) ? 0.0 : (1.0 - rest.r2[o]) / m;
+    if (kept == j->rows || !(wrong < LEARNED)) return LG_OK;
+    s->usual = rest;
+    LG_WARN(self,
+            "%s: the model does not follow %zu of %zu training rows, the worst in %s %zu: mean squared error "
+            "%.3g of the variance; %.3g without them",
+            s->table.path, j->rows - kept, j->rows, s->table.data.place,
+            s->table.data.line[s->order[far.farthest]], j->scaled_rmse * j->scaled_rmse, wrong);
+    return LG_OK;
+}
+
 static lg_status judge_parts(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const size_t held = s->table.data.rows - s->trained;
     LG_TRY(lg_table_judge(self, &s->file, &s->table, s->order, s->trained, &s->learned, error));
+    LG_TRY(judge_usual(self, error));
     s->part = s->given.test != NULL ? "test" : held > 0 ? "validation" : "training";
     if (s->given.test != NULL) return lg_table_judge(self, &s->file, &s->test, NULL, 0, &s->judged, error);
     return lg_table_judge(self, &s->file, &s->table, s->order + (held > 0 ? s->trained : 0),
@@ -363,9 +397,8 @@ static double guessed(const lg_table_state *s) {
  * starts near its minimum and its loss hardly falls; the caller's check of self->verdict would fault that, so
  * this function warns instead. */
 static void judge_training(lg_training *self) {
-    static const double LEARNED = 0.99;
     const lg_table_state *s = self->state;
-    const lg_table_judgement *j = &s->learned;
+    const lg_table_judgement *j = &s->usual;
     const bool regression = lg_table_is_regression(s);
     const char *what = regression ? "mean squared error" : "share of wrong rows",
                *simple = regression ? "the mean" : "the most frequent class";
@@ -390,7 +423,7 @@ static void tell_evidence(lg_training *self) {
     const double numbers = (double)s->trained * s->outputs.count;
     /* The noise follows from the residuals of the last fit. */
     const double noise =
-        s->learned.scaled_rmse * sqrt(numbers / fmax(numbers - found->effective, 0.02 * numbers));
+        s->usual.scaled_rmse * sqrt(numbers / fmax(numbers - found->effective, 0.02 * numbers));
     lg_result_whole(self, "evidence_evaluations", found->evaluations, NULL);
     lg_result_real(self, "effective_parameters", sought ? found->effective : (double)NAN,
                    "parameters that the data determine");

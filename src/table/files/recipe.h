@@ -115,12 +115,11 @@ typedef struct lg_table_state {
     size_t trained;
     bool few_told;            /* the warning of few rows was given */
     lg_scaler scaler;         /* for inputs and outputs */
-    lg_table_far *far;        /* (inputs): limits beyond which cells are far from the other training rows */
     lg_table_samples samples; /* scaled rows in the order of `order` */
     lg_table_evidence_result evidence;
     lg_table_problem problem;
-    lg_table_file file; /* borrows its arrays */
-    lg_table_judgement learned, judged;
+    lg_table_file file;                        /* borrows its arrays */
+    lg_table_judgement learned, usual, judged; /* usual: learned, or without few rows of far larger errors */
     const char *part; /* the rows that `judged` is about: "validation", "test" or "training" */
 } lg_table_state;
 static inline bool lg_table_is_regression(const lg_table_state *s) {
