@@ -1,4 +1,5 @@
-/* lg-hamiltonian demo: the spherical pendulum from data to a prediction, by the commands in demo/demo.sh. */
+/* lg-hamiltonian demo: learns the spherical pendulum from data and predicts its motion; demo/demo.sh has the
+ * commands. */
 #include "lg-hamiltonian/training.h"
 
 typedef struct demo_values {

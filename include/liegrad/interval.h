@@ -17,7 +17,7 @@
  *
  * Flags. Bounds alone do not show whether the function is defined, or whether it jumps: tanh(log x) has the
  * bounds [-1, 1] everywhere. So each output of each box has a flag, the highest level that its operations
- * prove: a result's level is the least of its operands' levels and of its operation's on the operands' box.
+ * prove: the level of a result is the minimum of the levels of its operands and of its operation on the box.
  * src/kernels/interval.inc has the table of all operations. Like the decorations of IEEE 1788 (named in
  * lg_interval_flag), flags speak about the box alone; but where a box touches a jump from one side, it
  * counts as a jump, so that two boxes which meet at a jump never both pass.
@@ -47,7 +47,7 @@ typedef enum lg_interval_flag {
     LG_INTERVAL_CONTINUOUS,    /* continuous; a slope may be infinite, or stopped by lg_stop_gradient (dac) */
     LG_INTERVAL_LIPSCHITZ,     /* Lipschitz continuous; the derivative's bounds contain all slopes */
     LG_INTERVAL_DIFFERENTIABLE /* continuously differentiable. The standard's com is dac with finite bounds;
-                                * its ill, an interval that is none, does not occur. */
+                                * its ill (not an interval) does not occur. */
 } lg_interval_flag;
 
 typedef struct lg_interval_options {

@@ -318,7 +318,7 @@ static bool set_goals(lg_policy *p) {
     return any;
 }
 
-/* Finds the regulator, or u0 alone (`rest`). */
+/* Finds the regulator, or, if `rest`, only u0, the input that holds the machine at the goal. */
 static lg_status design(lg_policy *p, bool rest, uint64_t seed, lg_error *error) {
     lg_policy *sliding;
     p->regulator.errors = p->layout.errors, p->regulator.inputs = p->inputs;

@@ -1,4 +1,4 @@
-/* Policies: how much cheaper the best inputs are that a search finds for a start. The inputs of a run are
+/* Policies: compares the cost of a run with the cost of the best inputs that a search finds. The inputs are
  * planned by corrections y of a feedback (function `planned`). Open-loop inputs of an unstable machine would
  * amplify rounding, but corrections do not, and every sequence of inputs has its corrections. */
 #include <math.h>
@@ -7,7 +7,8 @@
 #include "control/policy.h"
 #include "liegrad/minimise.h"
 
-/* Of a start: guesses, which are rows of the plans; rounds of the search; evaluations of a round. */
+/* For each start the search has GUESSES initial guesses (each is a row of the plans) and ROUNDS rounds of
+ * EVALUATIONS evaluations. */
 enum { GUESSES = 8, ROUNDS = 9, EVALUATIONS = 20, HOW = LG_POLICY_PLANNED };
 enum { PLANNED, TERMINAL, ADJOINT_PLANNED, ADJOINT_TERMINAL, PLANS };
 
@@ -21,7 +22,7 @@ typedef struct search {
     double *path, *y, *slope;                     /* (steps + 1, rows), (steps, rows): states, y and dJ/dy */
     double *cost, *total, *one, *lambda[2], *own; /* (rows); own: y or slope of one row */
     void *work;
-    double end; /* by the clock */
+    double end; /* wall-clock time at which the search stops */
 } search;
 
 /* The costs of the runs by s->y. */

@@ -1,9 +1,9 @@
 /* CSV files: a header line, then one row per line. Cells are separated by commas, semicolons or tabs. Blank
  * lines and comments, which are lines that begin with #, % or //, are skipped. If the first other line is a
- * row of numbers, a comment before it is the header, as numpy.savetxt writes it: the first one that has the
- * separator and one name for each column, else the last one whose words are as many as the columns. In such a
- * file blanks may separate cells. Quotes (RFC
- * 4180: a cell in quotes may hold anything, also separators, newlines and doubled quotes), CRLF and a byte
+ * row of numbers, one of the comments before it is the header, as numpy.savetxt writes it. The reader takes
+ * the first comment that has the separator and one name for each column; if there is no such comment, it takes
+ * the last one with as many words as there are columns. In such a file blanks may separate cells. Quotes
+ * (RFC 4180: a cell in quotes may hold anything, also separators, newlines and doubled quotes), CRLF and a byte
  * order mark are understood. Error messages name the file and the line, which is the first one of a row that
  * has several. */
 #ifndef LG_CSV_H
@@ -39,7 +39,7 @@ typedef struct lg_csv {
 lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,
                       lg_error *error);
 void lg_csv_close(lg_csv *c);
-/* Length of the sign (#, % or //) that makes a line a comment; 0 if it is none. */
+/* Returns the length of the sign (#, % or //) with which a comment begins; 0 if the line is not a comment. */
 size_t lg_csv_comment(const char *line);
 /* Reads the next line that is neither blank nor a comment. *more becomes false when there is none. */
 lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error);

@@ -9,7 +9,7 @@ static inline lg_var lg_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_
     return lg_slice(tape, x, 1, first, count);
 }
 
-/* The arrays (B, ...) side by side. */
+/* Joins the arrays (B, ...) along their second axis. */
 static inline lg_var lg_joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
     return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
 }

@@ -400,7 +400,7 @@ static inline void cli_json(const char *program, const char *arguments, const ch
     json_expect(result.out, members);
 }
 
-/* A demo runs the programs of its own folder, which cannot run there without the emulator. */
+/* Skips tests of demos in cross builds: a demo starts other programs directly, without the emulator. */
 static inline void cli_needs_programs(void) {
 #ifdef LG_CROSS
     skip();

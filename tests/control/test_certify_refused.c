@@ -229,7 +229,7 @@ RECORDING(with_a_jump) {
     y[0] = lg_add(tape, form(tape, x[0]), lg_scale(tape, lg_sign(tape, column(tape, x[0], 0)), 0.01));
 }
 
-TEST("a V that jumps is refused, though its gradient does not, and a loop that jumps") {
+TEST("a proof fails if V jumps, even where its gradient does not, and if the loop jumps") {
     const lg_certify_spec spec = spec_of_v(with_a_jump);
     const lg_certify_result r = prove(&spec, 20);
     assert_true(r.finished && !r.verified && r.failed_low[0] <= 0 && r.failed_high[0] >= 0);
@@ -241,7 +241,7 @@ TEST("a V that jumps is refused, though its gradient does not, and a loop that j
     assert_says(s.reason, "may jump");
 }
 
-TEST("what cannot be proved is refused at once: boxes without the goal, forms that are not definite") {
+TEST("lg_certify_create rejects boxes without the goal and forms that are not definite") {
     lg_certify *certify = NULL;
     lg_error error;
     lg_certify_spec spec = spec_for(loop_program(2, damped, NULL, NULL), P, high, high);

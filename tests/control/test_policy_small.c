@@ -464,7 +464,7 @@ static void remove_file(void *name) {
     (void)unlink(name);
 }
 
-TEST("a policy is read with the names of its file, and refused with names that no file has") {
+TEST("a policy is read with the names of its file; a file with impossible names is rejected") {
     static const char long_word[] =
         "a_name_of_more_than_sixty_three_letters_which_no_coordinate_of_a_policy_has";
     const struct {

@@ -76,7 +76,8 @@ static bool grow(lg_scalars *s) {
     return true;
 }
 
-/* The level of an instruction over all numbers: that of its interval form over unbounded operands. */
+/* Returns the level of an instruction (lg_interval_flag) that holds for all numbers: the interval form is
+ * evaluated over unbounded operands. */
 static uint8_t level_of(const lg_scalars *s, const lg_scalar_code *c) {
     enum { IB = LG_INTERVAL_BLOCK };
     double registers[4 * 2 * IB];

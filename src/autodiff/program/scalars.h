@@ -3,8 +3,9 @@
  * The number of an instruction stands for its result. An instruction uses results of earlier instructions.
  * Equal instructions are stored once (by a hash table), operations on constants are evaluated, and x + 0, 1
  * x, 0 x and similar expressions are simplified. The results differ from the tensor kernels' results only by
- * rounding, by the sign of 0, and in that 0 x, 0/x and x - x are 0 for every x. Exact code keeps such an x,
- * as a product with 0 or a quotient, unless x is Lipschitz continuous for all numbers. */
+ * rounding, by the sign of 0, and in that 0 x, 0/x and x - x are 0 for every x. Exact code (for intervals)
+ * replaces 0 x and x - x by 0 only if x is Lipschitz continuous for all numbers; otherwise it keeps a product
+ * of 0 and x, so that the result has the flag of x. It never replaces 0/x. */
 #ifndef LG_SCALARS_H
 #define LG_SCALARS_H
 

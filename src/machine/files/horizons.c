@@ -348,7 +348,7 @@ static void judge_rows(void *user, const runs *r) {
 lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_machine *model,
                                        const lg_machine_log *log, lg_error *error) {
     enum { STEPS = 32, LONG = 128, STARTS = 100, MOST_ROWS = 200, PART = 8 };
-    /* Other rows than the usual ones are taken only if they lower all errors by this much. */
+    /* Another number of rows than the usual one is taken only if it lowers the error by this much. */
     static const double clear = 0.05, parts[] = {1, 2, 4, 0.5, 0.32, 0.2, 0.12, 0.08};
     const lg_machine *machine = model->machine;
     const size_t usual = lg_start_rows(machine), every = 1 + log->rows / STARTS,

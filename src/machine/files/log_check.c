@@ -454,9 +454,9 @@ static void other_velocity(const check *c, size_t span, double own, char *hint, 
 
 /* Looks for longer spans, up to a third of a part, over which position and velocity belong together:
  * vibration or noise of one sensor hides the motion over a few rows, but not over many. *span and *f become
- * those that fit best. False: there is none, or `hint` names the velocity of another coordinate that fits
- * better over one of the spans: over others a motion that both coordinates share may hide that columns are
- * swapped. */
+ * the span and the comparison with the best fit. Returns false if no span fits. Also returns false if the
+ * velocity of another coordinate fits better over one of the spans; `hint` then names it. Over the other
+ * spans, a motion that both coordinates share may hide that columns are swapped. */
 static bool agree_longer(const check *c, const way *w, size_t *span, fit *f, char *hint, size_t size) {
     bool agree = false;
     for (size_t rows = 2 * *span;; rows += rows / 2) {

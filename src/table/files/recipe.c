@@ -265,7 +265,7 @@ static void release(lg_training *self) {
 
 /* ---- the model ---- */
 
-/* Least and greatest value of each input in the training rows, which are all learned, far cells too. */
+/* Finds the minimum and the maximum of each input over all training rows. Far cells count as well. */
 static void find_ranges(const lg_table_state *s, double *low, double *high) {
     for (uint32_t c = 0; c < s->inputs.count; c++) {
         low[c] = INFINITY, high[c] = -INFINITY;

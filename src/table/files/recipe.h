@@ -118,8 +118,9 @@ typedef struct lg_table_state {
     lg_table_samples samples; /* scaled rows in the order of `order` */
     lg_table_evidence_result evidence;
     lg_table_problem problem;
-    lg_table_file file;                        /* borrows its arrays */
-    lg_table_judgement learned, usual, judged; /* usual: learned, or without few rows of far larger errors */
+    lg_table_file file; /* borrows its arrays */
+    /* usual: equals `learned`, unless a few rows have far larger errors; then it leaves these rows out */
+    lg_table_judgement learned, usual, judged;
     const char *part; /* the rows that `judged` is about: "validation", "test" or "training" */
 } lg_table_state;
 static inline bool lg_table_is_regression(const lg_table_state *s) {
