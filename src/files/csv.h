@@ -1,11 +1,11 @@
 /* CSV files: a header line, then one row per line. Cells are separated by commas, semicolons or tabs. Blank
- * lines and comments, which are lines that begin with #, % or //, are skipped. If the first other line is a
- * row of numbers, one of the comments before it is the header, as numpy.savetxt writes it. The reader takes
- * the first comment that has the separator and one name for each column; if there is no such comment, it takes
+ * lines are skipped, and so are comments: lines that begin with #, % or //. If the first other line is a row
+ * of numbers, one of the comments before it is the header, as numpy.savetxt writes it. The reader takes the
+ * first comment that has the separator and one name for each column; if there is no such comment, it takes
  * the last one with as many words as there are columns. In such a file blanks may separate cells. Quotes
- * (RFC 4180: a cell in quotes may hold anything, also separators, newlines and doubled quotes), CRLF and a byte
- * order mark are understood. Error messages name the file and the line, which is the first one of a row that
- * has several. */
+ * (RFC 4180: a cell in quotes may hold anything, also separators, newlines and doubled quotes), CRLF and a
+ * byte order mark are understood. Error messages name the file and the line, which is the first one of a row
+ * that has several. */
 #ifndef LG_CSV_H
 #define LG_CSV_H
 
