@@ -472,15 +472,17 @@ static lg_policy *prepare(app *self, lg_policy *given, naming names, wanted *wha
     return own;
 }
 
-static lg_certify *begin_proof(const app *self, const lg_program *program, const wanted *what) {
+static lg_certify *begin_proof(const app *self, const lg_program *program, double period,
+                               const wanted *what) {
     static const char *const functions[] = {[POLYNOMIAL] = "polynomial", [FUNCTION] = "lyapunov"};
     const bool quadratic = values.lyapunov == QUADRATIC;
     lg_certify *certify = NULL;
     lg_certify_spec spec;
     lg_certify_spec_init(&spec);
     spec.program = program;
-    spec.rate = values.held ? "advance" : "rate";
-    spec.step = values.held;
+    spec.rate = values.held ? "rate_by_input" : "rate";
+    spec.control = values.held ? "input_by_state" : NULL;
+    spec.period = period;
     spec.P = quadratic ? what->P : NULL;
     spec.lyapunov = quadratic ? NULL : functions[values.lyapunov];
     spec.level = what->level, spec.eps = what->eps;
@@ -497,7 +499,7 @@ static int prove(app *self, lg_policy *given, naming names) {
     lg_certify_result r;
     const double start = app_seconds();
     lg_policy *own = prepare(self, given, names, &what, &program);
-    lg_certify *certify = begin_proof(self, program, &what);
+    lg_certify *certify = begin_proof(self, program, names.task->period, &what);
     const double left = values.seconds - (app_seconds() - start);
     APP_MUST(self, lg_certify_run(certify, SIZE_MAX, fmax(left, 0), &r, &error));
     const double *P = values.lyapunov == QUADRATIC ? what.P : NULL;

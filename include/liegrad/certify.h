@@ -14,11 +14,13 @@
  * {V < eps} and stay. If in addition (4) the goal is an exact equilibrium and V' = x^T M x on N with
  * interval matrices M that are negative definite, they converge to the goal. Every inequality is proved
  * with outward rounding. On every box that is used, flags (liegrad/interval.h) must show that V, its
- * gradient and the rate are Lipschitz continuous; where they may jump or be undefined, the level is
- * lowered below that state, or the proof of a given level fails with the box. Where the operations show
- * that V and V' are even functions of x - goal, half of the box is examined. Points that refute the claim
- * are proved, too; nothing is sampled. Steps: the statements hold at the steps, not between them; and
- * without (4) motions reach {V < eps} again and again and stay in S. */
+ * gradient and the rate (held loops: the rate and the input) are Lipschitz continuous; where they may jump
+ * or be undefined, the level is lowered below that state, or the proof of a given level fails with the box.
+ * For a held loop (`control`) F is the motion during one period. Where the operations show that V and V' are
+ * even functions of x - goal, half of the box is examined. Points that refute the claim are proved, too;
+ * nothing is sampled. Steps: the statements are about the function F, not about a machine, and hold at the
+ * steps; and without (4) motions reach {V < eps} again and again and stay in S. For a held loop V <=
+ * `between` holds between the samples. */
 #ifndef LIEGRAD_CERTIFY_H
 #define LIEGRAD_CERTIFY_H
 
@@ -39,6 +41,11 @@ typedef struct lg_certify_spec {
     const lg_program *program;
     const char *rate;
     bool step;
+    /* A held loop: `rate` is x' as a function of the state and the input (x (n), u (m)), `control` is u as a
+     * function of x (n), and u = control(x) is held for `period`. The proof is about the exact motion of x' =
+     * rate(x, u) over a period, however it is integrated. NULL: none. */
+    const char *control;
+    double period;
     /* V: a quadratic form of x - goal, P (n, n), symmetric and positive definite; or a function of the
      * program with one input (n) and one output, one number, twice differentiable. One of the two. */
     const double *P;
@@ -62,6 +69,9 @@ typedef struct lg_certify_result {
     bool finished;  /* false: the work budget ended; lg_certify_run continues */
     bool converges; /* (4) is proved as well */
     double level, eps;
+    /* Held loops: V <= `between` also between the samples, for motions from S (of the model, without
+     * model_error). Otherwise 0. */
+    double between;
     /* A lower bound of the volume of S, and its part of the volume of the box (0 for an unbounded box). */
     double volume, fraction;
     /* (n) The largest |x_i - goal_i| on {V <= level}, to rounding; NULL: not verified, or V is no quadratic
@@ -79,7 +89,8 @@ typedef struct lg_certify_result {
 LG_API void lg_certify_spec_init(lg_certify_spec *spec);
 /* Prepares a proof; the caller destroys it. Nothing of `spec` is kept. Errors: LG_INVALID_ARGUMENT (sizes, a
  * box that does not hold the goal, P not positive definite), LG_NOT_FOUND (functions), LG_UNSUPPORTED (an
- * operation without interval form; steps without P), LG_OUT_OF_MEMORY. */
+ * operation without interval form or Taylor coefficients; steps and held loops without P), LG_OUT_OF_MEMORY.
+ * */
 LG_API lg_status lg_certify_create(const lg_context *context, const lg_certify_spec *spec, lg_certify **out,
                                    lg_error *error);
 LG_API void lg_certify_destroy(lg_certify *certify); /* NULL is allowed */

@@ -65,6 +65,29 @@ LG_API lg_status lg_interval_create(const lg_program *program, const size_t *fun
                                     const lg_interval_options *options, lg_interval **out, lg_error *error);
 LG_API void lg_interval_destroy(lg_interval *interval); /* NULL is allowed */
 
+/* ---- motions ---- */
+
+typedef struct lg_interval_taylor_spec {
+    size_t size;     /* sizeof(lg_interval_taylor_spec) */
+    size_t function; /* of the program: (x (n), u (m)) -> x' (n), or (x) -> x' */
+    uint32_t first,
+        last;    /* the coefficients first to last, 1 <= first <= last <= 12; both are 1 by default */
+    bool slopes; /* their Jacobians instead of the coefficients */
+} lg_interval_taylor_spec;
+
+LG_API void lg_interval_taylor_spec_init(lg_interval_taylor_spec *spec);
+/* Prepares the Taylor coefficients in time of motions x' = f(x, u) with a constant u: x(t) = x + x_1 t + x_2
+ * t^2 + ..., x_1 = f(x, u). Inputs are x and u, outputs the coefficients x_first to x_last, (last - first +
+ * 1, n), or their Jacobians by x and u, (last - first + 1, n, n + m). Bounds of x_k over a tube, which holds
+ * a motion during [0, h], bound the remainder: x(h) = x + ... + x_{k-1} h^{k-1} + x_k h^k with such an x_k.
+ * At a kink that a box does not decide, x_1 and x_2 and the Jacobian of x_1 are hulls, which hold for
+ * remainders, too; further ones are -inf to inf and LG_INTERVAL_UNDEFINED. Flags of coefficients say nothing
+ * where the rate itself is not Lipschitz continuous. `options` NULL means the defaults. Errors: those of
+ * lg_interval_create; LG_INVALID_ARGUMENT (NULL, orders, ports), LG_UNSUPPORTED (lg_stop_gradient, lg_select
+ * by a value that is no comparison, Stumpff functions of too high an order). */
+LG_API lg_status lg_interval_taylor(const lg_program *program, const lg_interval_taylor_spec *spec,
+                                    const lg_interval_options *options, lg_interval **out, lg_error *error);
+
 LG_API size_t lg_interval_inputs(const lg_interval *interval);  /* Numbers of one box: all inputs. */
 LG_API size_t lg_interval_outputs(const lg_interval *interval); /* Of all functions. */
 /* 1: the output, of all outputs in order, is an even function of all inputs together, f(-x) = f(x); -1: it

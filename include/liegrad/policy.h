@@ -237,6 +237,7 @@ LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy
  *                          without delay: u = policy(q, v).
  *   advance    (z) -> z    after a period in which u is held: with velocities by the classical Runge-Kutta
  *                          method for z in task.substeps parts, otherwise by the plant's own step
+ *   input_by_state  (z) -> u  the input of the policy
  *   rate_by_gains, advance_by_gains  (z, K) -> the same with the saturated regulator of a shared K
  *   rate_by_input, advance_by_input  (z, u) -> the same with the input u
  * `program`: the policy's program, to which a Lyapunov function may be added; it belongs to the policy. If

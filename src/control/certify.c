@@ -28,6 +28,9 @@ static lg_status check_spec(const lg_certify_spec *spec, lg_error *error) {
         return lg_fail(error, LG_INVALID_ARGUMENT, "lg_certify_spec.size is not the size of the struct");
     if ((spec->P == NULL) == (spec->lyapunov == NULL))
         return lg_fail(error, LG_INVALID_ARGUMENT, "give either P or the name of V, not both");
+    if (spec->control != NULL && !(spec->period > 0 && isfinite(spec->period) && !spec->step))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a held loop (`control`) needs a period above 0, and is no `step`");
     if (!(spec->level >= 0 && isfinite(spec->level) && spec->eps >= 0 && isfinite(spec->eps) &&
           spec->most >= 0) ||
         !(spec->resolution > 0 && spec->resolution <= 0.5) || spec->threads < 1 ||
@@ -80,7 +83,7 @@ static lg_status begin_quadratic(lg_certify *c, lg_error *error) {
 }
 
 static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *error) {
-    c->step = spec->step;
+    c->step = spec->step || spec->control != NULL;
     c->quadratic = spec->P != NULL;
     if (c->step && !c->quadratic)
         return lg_fail(error, LG_UNSUPPORTED,
@@ -91,10 +94,11 @@ static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *err
     c->raises = spec->eps == 0;
     c->resolution = spec->resolution;
     c->determinant = 1;
+    c->period = spec->period;
     size_t inputs, function;
     LG_TRY(lg_program_find(spec->program, spec->rate, &function, error));
     const lg_port *in = lg_program_inputs(spec->program, function, &inputs);
-    c->n = inputs == 1 ? lg_shape_count(in[0].shape) : 0;
+    c->n = inputs == 1 || spec->control != NULL ? lg_shape_count(in[0].shape) : 0;
     if (c->n < 1 || c->n > LG_CERTIFY_STATES)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the function '%s' needs one input of 1 to %d states",
                        spec->rate, LG_CERTIFY_STATES);
@@ -165,17 +169,23 @@ static void write_claim(lg_certify *c) {
     const bool verified = c->phase == LG_CERTIFY_DONE && !c->failed;
     write_box(c, box);
     write_error(c, error);
+    char falls[128] = "V' < 0 (continuous inputs)", between[64] = "";
+    if (c->flow != NULL) {
+        (void)snprintf(falls, sizeof falls,
+                       "V falls in every period of the exact motion (inputs are held for %.6g)", c->period);
+        if (c->between > 0)
+            (void)lg_format(between, sizeof between, " and V <= %.6g between the samples", c->between);
+    } else if (c->step)
+        (void)snprintf(falls, sizeof falls, "V falls in every step of this map");
     (void)lg_format(
         c->claim, sizeof c->claim,
         "%s: in the box %s, %s for eps = %.6g <= V <= c = %.6g, {V <= c} does not leave the box, and "
-        "motions from it %s; %s; angles are counted, not wrapped.",
-        verified ? "Proved" : "Not proved", box,
-        c->step ? "V falls in every step (inputs are held)" : "V' < 0 (continuous inputs)",
-        fmin(c->eps, c->level), c->level,
+        "motions from it %s%s; %s; angles are counted, not wrapped.",
+        verified ? "Proved" : "Not proved", box, falls, fmin(c->eps, c->level), c->level,
         c->converges ? "converge to the goal"
         : c->step    ? "reach {V < eps} again and again and stay in {V <= c}"
                      : "reach {V < eps} about the goal and stay there",
-        error);
+        between, error);
 }
 
 static double box_volume(const lg_certify *c) {
@@ -193,6 +203,7 @@ static void fill(lg_certify *c, lg_certify_result *r) {
                              .seconds = c->seconds,
                              .claim = c->claim,
                              .reason = c->reason};
+    r->between = c->between;
     r->verified = r->finished && !c->failed;
     r->converges = r->verified && c->converges;
     r->volume = r->verified ? c->volume : 0;

@@ -3,6 +3,7 @@
 #ifndef LG_CONTROL_CERTIFY_H
 #define LG_CONTROL_CERTIFY_H
 
+#include "control/certify_flow.h"
 #include "core/core.h"
 #include "liegrad/certify.h"
 #include "liegrad/interval.h"
@@ -10,9 +11,10 @@
 enum { LG_CERTIFY_STATES = 16, LG_CERTIFY_TEXT = 1024 };
 
 typedef enum lg_certify_phase {
-    LG_CERTIFY_FACES,  /* V > c on the faces of the box */
-    LG_CERTIFY_FALL,   /* V falls */
-    LG_CERTIFY_VOLUME, /* how much volume is certified */
+    LG_CERTIFY_FACES,   /* V > c on the faces of the box */
+    LG_CERTIFY_FALL,    /* V falls */
+    LG_CERTIFY_BETWEEN, /* held loops: how large V becomes between the samples */
+    LG_CERTIFY_VOLUME,  /* how much volume is certified */
     LG_CERTIFY_DONE
 } lg_certify_phase;
 
@@ -22,6 +24,7 @@ typedef struct lg_certify_box {
     double at_v_low, at_v_high, at_rise_low; /* at the point `at` of the box */
     double at[LG_CERTIFY_STATES];
     uint8_t flag;    /* of V, its gradient and the rate, on all of the box (lg_interval_flag) */
+    double gain;     /* in the phase BETWEEN: V grows by at most this during the period */
     uint32_t split;  /* the side to halve */
     bool upper_last; /* V is smaller in the upper half */
 } lg_certify_box;
@@ -30,6 +33,9 @@ struct lg_certify {
     const lg_context *context;
     lg_program *program; /* functions of y: local, point, bounds (certify_program.c) */
     lg_interval *full, *point, *local;
+    lg_flow *flow;          /* a held loop; NULL: none */
+    lg_interval *part;      /* its growth of V in a part of a period */
+    double period, between; /* between: a bound of V between the samples */
     size_t n;
     bool step, quadratic, automatic, raises, errors, converges, failed;
     bool even; /* V and V' are even functions of y: half of the domain is examined */
@@ -72,6 +78,24 @@ lg_status lg_certify_near(lg_certify *c);
 /* certify_bounds.c: bounds of the boxes of the batch. */
 lg_status lg_certify_memory(lg_certify *c);
 void lg_certify_bounds(lg_certify *c);
+/* certify_held.c: bounds of `local` over a box about 0; and what certify_bounds.c needs of boxes: outputs of
+ * `point`, inputs of `full`, gains, and whether there are no bounds, or no tube. */
+lg_status lg_certify_held_local(const lg_certify *c, const double *from, const double *to, double *low,
+                                double *high, bool *slopes);
+typedef struct lg_certify_held_boxes {
+    size_t count;
+    const size_t *index;    /* places of the boxes in `box` (2, n) */
+    const double *box, *at; /* the middles, (count, n) */
+    uint32_t doublings;     /* of the flow's steps */
+    double *low, *high, *at_low, *at_high, *gain;
+    bool *unbounded, *no_tube;
+    uint8_t *flag; /* of the rate and the input */
+} lg_certify_held_boxes;
+size_t lg_certify_held_work_size(const lg_certify *c);
+void lg_certify_held(const lg_certify *c, const lg_certify_held_boxes *boxes, void *work);
+/* certify_bounds.c: the largest k.g + k^T M k for |k_i| <= r_i, from bounds of g (n) and of M + M^T (n, n);
+ * part (NULL: none): how much each k_i adds, about. */
+double lg_certify_form(size_t n, const double *low, const double *high, const double *r, double *part);
 /* certify_boxes.c: works on the stack. */
 lg_status lg_certify_push(lg_certify *c, const double *low, const double *high);
 lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase);

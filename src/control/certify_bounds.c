@@ -21,9 +21,11 @@ static size_t round_up(size_t bytes) {
 static desk desk_of(const lg_certify *c, size_t task, size_t *bytes) {
     unsigned char *base = c->work == NULL ? NULL : (unsigned char *)c->work + task * c->piece;
     const size_t boxes = LG_CERTIFY_TASK,
-                 work[2] = {lg_interval_work_size(c->full), lg_interval_work_size(c->point)};
+                 work[2] = {lg_interval_work_size(c->full),
+                            c->flow != NULL ? lg_certify_held_work_size(c) : lg_interval_work_size(c->point)};
     const size_t all = lg_interval_outputs(c->full), few = lg_interval_outputs(c->point);
-    const size_t sizes[8] = {3 * c->n, 3 * c->n, c->n, all, all, few, few, (all + 7) / 8};
+    const size_t wide = lg_interval_inputs(c->full),
+                 sizes[8] = {wide, wide, c->n, all, all, few, few, (all + 7) / 8};
     double *parts[8];
     size_t used = round_up(work[0] > work[1] ? work[0] : work[1]);
     for (size_t i = 0; i < 8; i++) {
@@ -78,7 +80,8 @@ static uint8_t least_flag(const lg_certify *c, const uint8_t *flags) {
 /* V over the box, in y: for a quadratic V, T^T P T differs from 1 by at most 1e-7. The gradient of another V
  * bounds its changes only if V is Lipschitz continuous on all of the box. */
 static void bound_value(const lg_certify *c, const desk *d, size_t i, const double *r, lg_certify_box *f) {
-    const double *low = d->low + i * 3 * c->n, *high = d->high + i * 3 * c->n;
+    const size_t wide = lg_interval_inputs(c->full);
+    const double *low = d->low + i * wide, *high = d->high + i * wide;
     const double *l = d->out_low + i * lg_interval_outputs(c->full),
                  *h = d->out_high + i * lg_interval_outputs(c->full);
     double least = 0, most = 0;
@@ -104,27 +107,37 @@ static void bound_value(const lg_certify *c, const desk *d, size_t i, const doub
     f->v_high = fmin(h[0], up(f->at_v_high + change));
 }
 
-static void combine(const lg_certify *c, const desk *d, size_t i, lg_certify_box *f) {
-    const size_t n = c->n, outputs = lg_interval_outputs(c->full), few = lg_interval_outputs(c->point);
-    const double *low = d->low + i * 3 * n, *high = d->high + i * 3 * n, *at = d->at + i * n;
-    const double *lever_l = d->out_low + i * outputs + 1, *lever_h = d->out_high + i * outputs + 1;
-    const double *l = lever_l + 2 * n, *h = lever_h + 2 * n; /* g, M + M^T */
-    const double *at_l = d->at_low + i * few, *at_h = d->at_high + i * few;
-    double r[LG_CERTIFY_STATES], part[LG_CERTIFY_STATES], rise = at_h[1], force = 0, at_force = 0;
-    memcpy(f->at, at, n * sizeof *at);
-    f->at_v_low = at_l[0];
-    f->at_v_high = at_h[0];
-    for (size_t k = 0; k < n; k++) r[k] = fmax(high[k] - at[k], at[k] - low[k]) * (1 + 1e-15);
+double lg_certify_form(size_t n, const double *l, const double *h, const double *r, double *part) {
+    double rise = 0;
     for (size_t k = 0; k < n; k++) {
-        part[k] = r[k] * (largest(l[k], h[k]) + 0.5 * r[k] * largest(l[n + k * n + k], h[n + k * n + k]));
+        if (part != NULL)
+            part[k] = r[k] * (largest(l[k], h[k]) + 0.5 * r[k] * largest(l[n + k * n + k], h[n + k * n + k]));
         for (size_t j = 0; j < k; j++) {
             const double both = largest(l[n + k * n + j], h[n + k * n + j]) * r[k] * r[j];
             rise = up(rise + both);
+            if (part == NULL) continue;
             part[k] += 0.5 * both;
             part[j] += 0.5 * both;
         }
         rise = up(rise + parabola(l[k], h[k], 0.5 * h[n + k * n + k], r[k]));
     }
+    return rise;
+}
+
+/* most: the flag of what the inputs of `full` were computed from */
+static void combine(const lg_certify *c, const desk *d, size_t i, uint8_t most, lg_certify_box *f) {
+    const size_t n = c->n, outputs = lg_interval_outputs(c->full), few = lg_interval_outputs(c->point);
+    const size_t wide = lg_interval_inputs(c->full);
+    const double *low = d->low + i * wide, *high = d->high + i * wide, *at = d->at + i * n;
+    const double *lever_l = d->out_low + i * outputs + 1, *lever_h = d->out_high + i * outputs + 1;
+    const double *l = lever_l + 2 * n, *h = lever_h + 2 * n; /* g, M + M^T */
+    const double *at_l = d->at_low + i * few, *at_h = d->at_high + i * few;
+    double r[LG_CERTIFY_STATES] = {0}, part[LG_CERTIFY_STATES], rise = at_h[1], force = 0, at_force = 0;
+    memcpy(f->at, at, n * sizeof *at);
+    f->at_v_low = at_l[0];
+    f->at_v_high = at_h[0];
+    for (size_t k = 0; k < n; k++) r[k] = fmax(high[k] - at[k], at[k] - low[k]) * (1 + 1e-15);
+    rise = up(rise + lg_certify_form(n, l, h, r, part));
     for (size_t k = 0; k < n && c->errors; k++) {
         force = up(force + largest(lever_l[k], lever_h[k]) * c->error[k]);
         at_force += fmax(fmax(at_l[2 + k], -at_h[2 + k]), 0.0) * c->error[k] * (1 - 1e-12);
@@ -134,6 +147,7 @@ static void combine(const lg_certify *c, const desk *d, size_t i, lg_certify_box
     f->rise_high = up(rise + force);
     f->at_rise_low = at_l[1] + (c->step ? 0 : at_force);
     f->flag = least_flag(c, d->flags + i * outputs);
+    if (most < f->flag) f->flag = most;
     bound_value(c, d, i, r, f);
     double widest = -1;
     for (size_t k = 0; k < n; k++) {
@@ -147,17 +161,61 @@ static void combine(const lg_certify *c, const desk *d, size_t i, lg_certify_box
     }
 }
 
+/* Whether more steps in the period may prove it: only the bounds at the middle are too wide. */
+static bool needs_steps(const lg_certify *c, const desk *d, size_t i, const lg_certify_box *f) {
+    const size_t few = lg_interval_outputs(c->point);
+    const double low = d->at_low[i * few + 1], high = d->at_high[i * few + 1];
+    return c->phase == LG_CERTIFY_FALL && f->rise_high >= 0.0 && f->rise_high - (high - low) < 0.0;
+}
+
+static void held_task(const lg_certify *c, desk *d, size_t first, size_t boxes) {
+    const size_t n = c->n;
+    double gain[LG_CERTIFY_TASK];
+    bool unbounded[LG_CERTIFY_TASK], no_tube[LG_CERTIFY_TASK];
+    uint8_t flag[LG_CERTIFY_TASK];
+    size_t index[LG_CERTIFY_TASK], left = boxes;
+    for (size_t i = 0; i < boxes; i++) index[i] = i;
+    for (uint32_t k = 0; k < LG_FLOW_DOUBLINGS && left > 0; k++) {
+        size_t more = 0;
+        const lg_certify_held_boxes all = {left,    index,     c->batch + first * 2 * n,
+                                           d->at,   k,         d->low,
+                                           d->high, d->at_low, d->at_high,
+                                           gain,    unbounded, no_tube,
+                                           flag};
+        lg_certify_held(c, &all, d->work);
+        (void)lg_interval_eval(c->full, left, d->low, d->high, d->out_low, d->out_high, d->flags, d->work,
+                               NULL);
+        for (size_t i = 0; i < left; i++) {
+            lg_certify_box *f = &c->found[first + index[i]];
+            combine(c, d, i, flag[i], f);
+            f->gain = gain[i];
+            if (unbounded[i]) {
+                f->rise_high = f->gain = (double)INFINITY;
+                f->at_rise_low = -(double)INFINITY;
+            }
+            if (!no_tube[i] && (unbounded[i] || !needs_steps(c, d, i, f))) continue;
+            memmove(d->at + more * n, d->at + i * n, n * sizeof *d->at);
+            index[more++] = index[i];
+        }
+        left = more;
+    }
+}
+
 static void task(void *user, size_t number) {
     const lg_certify *c = user;
     const size_t first = number * LG_CERTIFY_TASK, n = c->n, few = lg_interval_outputs(c->point);
     const size_t boxes = c->batched - first < LG_CERTIFY_TASK ? c->batched - first : LG_CERTIFY_TASK;
     size_t bytes;
-    const desk d = desk_of(c, number, &bytes);
+    desk d = desk_of(c, number, &bytes);
     for (size_t i = 0; i < boxes; i++)
         for (size_t k = 0; k < n; k++) {
             const double *box = c->batch + (first + i) * 2 * n;
             d.at[i * n + k] = 0.5 * box[k] + 0.5 * box[n + k];
         }
+    if (c->flow != NULL) {
+        held_task(c, &d, first, boxes);
+        return;
+    }
     (void)lg_interval_eval(c->point, boxes, d.at, d.at, d.at_low, d.at_high, NULL, d.work, NULL);
     for (size_t i = 0; i < boxes; i++)
         for (size_t k = 0; k < n; k++) {
@@ -171,7 +229,7 @@ static void task(void *user, size_t number) {
             }
         }
     (void)lg_interval_eval(c->full, boxes, d.low, d.high, d.out_low, d.out_high, d.flags, d.work, NULL);
-    for (size_t i = 0; i < boxes; i++) combine(c, &d, i, &c->found[first + i]);
+    for (size_t i = 0; i < boxes; i++) combine(c, &d, i, LG_INTERVAL_DIFFERENTIABLE, &c->found[first + i]);
 }
 
 void lg_certify_bounds(lg_certify *c) {

@@ -144,6 +144,16 @@ static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
     return true;
 }
 
+/* Held loops: how large V becomes between the samples. A box that cannot change the bound is done with. */
+static bool between(lg_certify *c, const double *box, const lg_certify_box *f) {
+    static const double narrow = 0.02;
+    const double top = fmin(f->v_high, c->level) + f->gain;
+    if (f->v_low > c->level || top <= c->between) return true;
+    if (!(f->v_high - f->v_low <= narrow * c->level) && !is_tiny(c, box, f)) return false;
+    c->between = top;
+    return true;
+}
+
 static bool volume(lg_certify *c, const double *box, const lg_certify_box *f) {
     double product = 1 - 1e-12;
     if (f->v_low > c->level) return true;
@@ -182,7 +192,7 @@ static lg_status push_faces(lg_certify *c) {
  * Bounds of errors and N are even, too. */
 static lg_status push_domain(lg_certify *c) {
     double low[LG_CERTIFY_STATES];
-    bool half = c->even && c->phase == LG_CERTIFY_FALL;
+    bool half = c->even && c->phase != LG_CERTIFY_VOLUME;
     memcpy(low, c->from, sizeof low);
     for (size_t i = 0; i < c->n; i++) half = half && c->from[i] == -c->to[i];
     if (half) low[0] = 0;
@@ -219,13 +229,18 @@ static lg_status next_phase(lg_certify *c) {
         return lg_certify_begin(c, LG_CERTIFY_FALL);
     }
     if (c->phase == LG_CERTIFY_FALL && !c->quadratic) return lg_certify_begin(c, LG_CERTIFY_VOLUME);
+    if (c->phase == LG_CERTIFY_FALL && c->flow != NULL) {
+        c->between = c->level * (1 + 1e-6);
+        return lg_certify_begin(c, LG_CERTIFY_BETWEEN);
+    }
     if (c->quadratic) c->volume = ellipsoid(c);
     c->phase = LG_CERTIFY_DONE;
     return LG_OK;
 }
 
 lg_status lg_certify_work(lg_certify *c) {
-    static bool (*const judge[])(lg_certify *, const double *, const lg_certify_box *) = {face, fall, volume};
+    static bool (*const judge[])(lg_certify *, const double *, const lg_certify_box *) = {face, fall, between,
+                                                                                          volume};
     const size_t n = c->n;
     c->batched = c->stacked < LG_CERTIFY_BATCH ? c->stacked : LG_CERTIFY_BATCH;
     for (size_t i = 0; i < c->batched; i++) /* from the top downward */

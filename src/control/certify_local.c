@@ -131,12 +131,13 @@ double lg_certify_reach(const lg_certify *c) {
 static lg_status bound(lg_certify *c, const double *size, double *low, double *high, bool *slopes) {
     double from[MOST], to[MOST];
     uint8_t flags[2 * MOST + 2 * MOST * MOST];
-    void *work = lg_alloc(c->context, lg_interval_work_size(c->local), 1);
-    if (work == NULL) return LG_OUT_OF_MEMORY;
     for (size_t i = 0; i < c->n; i++) {
         to[i] = size == NULL ? 0 : size[i];
         from[i] = -to[i];
     }
+    if (c->flow != NULL) return lg_certify_held_local(c, from, to, low, high, slopes);
+    void *work = lg_alloc(c->context, lg_interval_work_size(c->local), 1);
+    if (work == NULL) return LG_OUT_OF_MEMORY;
     const lg_status status = lg_interval_eval(c->local, 1, from, to, low, high, flags, work, NULL);
     lg_free(c->context, work);
     *slopes = true;

@@ -148,6 +148,11 @@ static lg_status record_rate_by_input(void *user, lg_tape *tape, const lg_var *t
     return rate_at(p, tape, at, out);
 }
 
+static lg_status record_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    out[0] = place_at(user, tape, theta, in[0]).u;
+    return lg_tape_status(tape);
+}
+
 static lg_status record_advance_by_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                          lg_var *out) {
     const lg_policy *p = user;
@@ -204,6 +209,7 @@ lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error
     const uint32_t n = p->layout.errors;
     LG_TRY(add(p, "rate_by_input", n, INPUT, record_rate_by_input, "dz", error));
     LG_TRY(add(p, "rate", n, NONE, record_rate, "dz", error));
+    LG_TRY(add(p, "input_by_state", n, NONE, record_input, "u", error));
     LG_TRY(add(p, "advance", n, NONE, record_advance, "next_z", error));
     LG_TRY(add(p, "advance_by_input", n, INPUT, record_advance_by_input, "next_z", error));
     size_t regulated;

@@ -1044,6 +1044,9 @@ TEST("bounds and certificates refuse NULL") {
     assert_ok(lg_interval_create(program, &first, 1, NULL, &interval, &error));
     void *room = lg_test_memory(lg_interval_work_size(interval));
     REFUSES(lg_interval_create(NEEDED(program), NEEDED(&first), 1, NULL, NEEDED(&interval), NULL));
+    lg_interval_taylor_spec taylor;
+    lg_interval_taylor_spec_init(&taylor);
+    REFUSES(lg_interval_taylor(NEEDED(program), NEEDED(&taylor), NULL, NEEDED(&interval), NULL));
     REFUSES(lg_interval_eval(NEEDED(interval), 1, NEEDED(low), NEEDED(high), NEEDED(numbers), NEEDED(others),
                              NULL, NEEDED(room), NULL));
     lg_certify_spec_init(&spec);

@@ -9,10 +9,11 @@ void lg_interval_options_init(lg_interval_options *options) {
     if (options != NULL) *options = (lg_interval_options){.size = sizeof *options};
 }
 
-lg_status lg_interval_create(const lg_program *program, const size_t *functions, size_t count,
-                             const lg_interval_options *options, lg_interval **out, lg_error *error) {
+/* `what`: Taylor coefficients of the motion with `states` states, whose rate is the function; or NULL */
+static lg_status create(const lg_program *program, const size_t *functions, size_t count,
+                        const lg_interval_taylor_spec *what, size_t states,
+                        const lg_interval_options *options, lg_interval **out, lg_error *error) {
     lg_expansion expansion;
-    LG_NEEDS(error, program, functions, out);
     if (count == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "there are no functions to evaluate");
     if (options != NULL && options->size != sizeof *options)
         return lg_fail(error, LG_INVALID_ARGUMENT, "lg_interval_options.size is not the size of the struct");
@@ -21,6 +22,7 @@ lg_status lg_interval_create(const lg_program *program, const size_t *functions,
     made->context = program->context;
     made->k = lg_kernels_for(LG_F64);
     lg_status status = lg_expand(program, functions, count, &expansion, error);
+    if (status == LG_OK && what != NULL) status = lg_expansion_taylor(&expansion, states, what, error);
     if (status == LG_OK) {
         made->inputs = expansion.inputs;
         made->outputs = expansion.results;
@@ -36,6 +38,39 @@ lg_status lg_interval_create(const lg_program *program, const size_t *functions,
         lg_interval_destroy(made);
     return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "no memory for an interval evaluator")
                                       : status;
+}
+
+lg_status lg_interval_create(const lg_program *program, const size_t *functions, size_t count,
+                             const lg_interval_options *options, lg_interval **out, lg_error *error) {
+    LG_NEEDS(error, program, functions, out);
+    return create(program, functions, count, NULL, 0, options, out, error);
+}
+
+void lg_interval_taylor_spec_init(lg_interval_taylor_spec *spec) {
+    if (spec != NULL) *spec = (lg_interval_taylor_spec){.size = sizeof *spec, .first = 1, .last = 1};
+}
+
+lg_status lg_interval_taylor(const lg_program *program, const lg_interval_taylor_spec *spec,
+                             const lg_interval_options *options, lg_interval **out, lg_error *error) {
+    enum { MOST = 12 };
+    size_t inputs, outputs;
+    LG_NEEDS(error, program, spec, out);
+    if (spec->size != sizeof *spec || spec->first < 1 || spec->first > spec->last || spec->last > MOST)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "lg_interval_taylor_spec: the size is wrong, or the orders are not 1 <= first <= last <= %d",
+            MOST);
+    if (spec->function >= lg_program_functions(program))
+        return lg_fail(error, LG_NOT_FOUND, "the program has no function number %zu", spec->function);
+    const lg_port *in = lg_program_inputs(program, spec->function, &inputs),
+                  *to = lg_program_outputs(program, spec->function, &outputs);
+    const size_t states = inputs < 1 || inputs > 2 ? 0 : lg_shape_count(in[0].shape);
+    if (states == 0 || outputs != 1 || lg_shape_count(to[0].shape) != states)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "the function number %zu needs the inputs x (n) and u (m), or x alone, and one output (n)",
+            spec->function);
+    return create(program, &spec->function, 1, spec, states, options, out, error);
 }
 
 void lg_interval_destroy(lg_interval *f) {

@@ -20,6 +20,10 @@ lg_status lg_expand(const lg_program *program, const size_t *functions, size_t c
                     lg_error *error);
 void lg_expansion_destroy(lg_expansion *expansion);
 
+/* interval_taylor.c: replaces the result, the rate of the first `states` inputs, by Taylor coefficients. */
+lg_status lg_expansion_taylor(lg_expansion *expansion, size_t states, const lg_interval_taylor_spec *what,
+                              lg_error *error);
+
 /* For each element of all outputs: 1 (even in all inputs together), -1 (odd) or 0 (neither is known). */
 lg_status lg_expansion_parity(lg_expansion *expansion, int8_t *parity);
 

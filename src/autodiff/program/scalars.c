@@ -199,7 +199,7 @@ static bool is_value(const lg_scalars *s, lg_scalar a, double value) {
 
 /* Whether a value may be dropped whose product with 0 is needed. */
 static bool droppable(const lg_scalars *s, lg_scalar a) {
-    return !s->exact || s->code[a].level >= LG_INTERVAL_LIPSCHITZ;
+    return !s->exact || s->drops || s->code[a].level >= LG_INTERVAL_LIPSCHITZ;
 }
 
 /* 0 a */
@@ -236,7 +236,7 @@ static bool simpler(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b, lg
         return false;
     case LG_S_DIV:
         if (is_value(s, b, 1.0)) return true;
-        if (is_value(s, a, 0.0) && !s->exact) return *out = a, true;
+        if (is_value(s, a, 0.0) && (!s->exact || s->drops)) return *out = a, true;
         return false;
     case LG_S_NEG:
         return negative_a ? (*out = s->code[a].in[0], true) : false;

@@ -28,6 +28,7 @@ struct lg_scalars {
     uint32_t slots;
     bool failed; /* out of memory, or more than LG_SCALARS_MOST instructions */
     bool exact;  /* operations on constants are not evaluated, because that rounds */
+    bool drops;  /* exact code does not keep the x of 0 x: its level is known in another way */
 };
 #define LG_SCALARS_MOST (1u << 20)
 
