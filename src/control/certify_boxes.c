@@ -146,7 +146,7 @@ static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
 
 /* Held loops: how large V becomes between the samples. A box that cannot change the bound is done with. */
 static bool between(lg_certify *c, const double *box, const lg_certify_box *f) {
-    static const double narrow = 0.02;
+    static const double narrow = 0.1;
     const double top = fmin(f->v_high, c->level) + f->gain;
     if (f->v_low > c->level || top <= c->between) return true;
     if (!(f->v_high - f->v_low <= narrow * c->level) && !is_tiny(c, box, f)) return false;

@@ -323,8 +323,8 @@ static void copy(const lg_bounds *to, const lg_bounds *from, size_t boxes) {
     memcpy(to->high, from->high, boxes * to->width * sizeof(double));
 }
 
-/* Z holds the motions from z during [0, h] as soon as Picard's map of Z lies in Z. Until then Z is what the map
- * gave, made larger by a part of the way that it moved; further maps make it smaller. */
+/* Z holds the motions from z during [0, h] as soon as Picard's map of Z lies in Z. Until then Z is what the
+ * map gave, made larger by a part of the way that it moved; further maps make it smaller. */
 static void find_tube(desk *d, const lg_bounds *z, const lg_bounds *u, const lg_bounds *Z) {
     const size_t n = d->w->n;
     const lg_bounds *const in[4] = {z, u, Z, &d->h};
@@ -372,10 +372,12 @@ static void find_widths(const desk *d, double h) {
         for (size_t j = 0; j < n * all; j++) {
             const double l = d->fx.low[i * n * all + j], u = d->fx.high[i * n * all + j], size = fmax(-l, u);
             B[j] = size == 0 ? 0 : fmax(h * size * (1 + 1e-12), DBL_MIN);
-            power[j] = W[j] = B[j];
+            power[j] = B[j];
+            W[j] = B[j] * (1 + 1e-9); /* there may be no further power of a state that is a plain integral */
             holds = holds && B[j] < 1e290;
         }
-        for (int k = 2; k < TERMS && holds; k++)
+        const bool finite = holds;
+        for (int k = 2; k < TERMS && finite; k++) {
             for (size_t c = 0; c < all; c++) {
                 for (size_t r = 0; r < n; r++) {
                     next[r] = 0;
@@ -386,15 +388,19 @@ static void find_widths(const desk *d, double h) {
                     W[r * all + c] += next[r] * (1 + 0.01 * k);
                 }
             }
-        for (size_t r = 0; r < n; r++)
-            for (size_t c = 0; c < all && holds; c++) {
-                double sum = B[r * all + c];
-                for (size_t l = 0; l < n; l++) {
-                    const double b = B[r * all + l], x = W[l * all + c];
-                    sum += b * x + (b > 0 && x > 0 ? DBL_MIN : 0);
+            if (k != 4 && k != 8 && k != 16 && k != TERMS - 1) continue;
+            holds = true;
+            for (size_t r = 0; r < n; r++)
+                for (size_t c = 0; c < all && holds; c++) {
+                    double sum = B[r * all + c];
+                    for (size_t l = 0; l < n; l++) {
+                        const double b = B[r * all + l], x = W[l * all + c];
+                        sum += b * x + (b > 0 && x > 0 ? DBL_MIN : 0);
+                    }
+                    holds = sum * (1 + 1e-12) <= W[r * all + c] && W[r * all + c] < DBL_MAX;
                 }
-                holds = sum * (1 + 1e-12) <= W[r * all + c] && W[r * all + c] < DBL_MAX;
-            }
+            if (holds) break;
+        }
         if (!holds) d->b->no_tube[i] = d->b->unbounded[i] = true;
         for (size_t j = 0; j < n * all; j++) d->W.low[i * n * all + j] = -(W[j] = holds ? W[j] : 0);
     }

@@ -209,6 +209,49 @@ TEST("bounds of held flows contain exact motions of random systems, boxes, units
     assert_true(2 * bounded > all);
 }
 
+/* A chain of integrals: v' = u, x' = v. Nothing is damped, so powers of the rate's Jacobian are 0. */
+RECORDING(integrals) {
+    const lg_var two[2] = {lg_slice(tape, x[0], 1, 1, 1), x[1]};
+    y[0] = lg_concat(tape, two, 2, 1);
+}
+RECORDING(braked) {
+    y[0] = saturated(tape, lg_scale(tape, lg_slice(tape, x[0], 1, 1, 1), -1), 10);
+}
+
+TEST("a chain of integrals has bounds, which are exact to rounding") {
+    const lg_port in[2] = {{.name = "x", .shape = {1, {2}}}, {.name = "u", .shape = {1, {1}}}},
+                  out = {.name = "y"};
+    const lg_function_spec functions[2] = {{"rate", in, 2, &out, 1, integrals, NULL},
+                                           {"control", in, 1, &out, 1, braked, NULL}};
+    const lg_program_spec program = spec_of(NULL, 0, functions, 2);
+    const double goal[2] = {0}, T[4] = {1, 0, 0, 1}, at[2] = {1, 2}, low[2] = {0.5, 1.5},
+                 high[2] = {1.5, 2.5};
+    const lg_flow_spec spec = {test_program(&program), 0, 1, 0.25, goal, T};
+    const double wanted[4] = {1, 0.25 - 0.5 * 0.0625, 0, 0.75};
+    lg_flow *flow = NULL;
+    double F[2][2], S[2][4], X[2][2];
+    bool unbounded, no_tube;
+    uint8_t flag;
+    assert_told(lg_flow_create(NULL, &spec, &flow, &told));
+    lg_test_owns(flow, release_flow);
+    const lg_flow_boxes boxes = {.count = 1,
+                                 .at = at,
+                                 .low = low,
+                                 .high = high,
+                                 .F = {F[0], F[1], 2},
+                                 .S = {S[0], S[1], 4},
+                                 .X = {X[0], X[1], 2},
+                                 .unbounded = &unbounded,
+                                 .no_tube = &no_tube,
+                                 .flag = &flag};
+    lg_flow_eval(flow, &boxes, lg_test_memory(lg_flow_work_size(flow)));
+    assert_true(!unbounded && !no_tube && flag >= LG_INTERVAL_LIPSCHITZ);
+    for (int i = 0; i < 4; i++) {
+        assert_close(S[0][i], wanted[i], 1e-14, 1e-14);
+        assert_close(S[1][i], wanted[i], 1e-14, 1e-14);
+    }
+}
+
 /* x' = x^2 + u from x = 1 with u = 0 is 1/(1 - t). */
 RECORDING(escaping) {
     y[0] = lg_add(tape, lg_square(tape, x[0]), x[1]);
