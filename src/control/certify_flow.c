@@ -361,8 +361,9 @@ static void find_tube(desk *d, const lg_bounds *z, const lg_bounds *u, const lg_
     }
 }
 
-/* W with B + B W <= W, where B is h times bounds of the rate's |Jacobian| over the tube: then the Jacobians
- * of motions differ from 1 by W at most. A candidate is a sum of powers of B; sums are rounded up by 1e-12. */
+/* W with B + B W <= W, where B is h times bounds of the rate's |Jacobian| over the tube: then the
+ * Jacobians of motions differ from 1 by W at most. A candidate is a sum of powers of B; sums are rounded up
+ * by 1e-12. */
 static void find_widths(const desk *d, double h) {
     enum { TERMS = 40, MOST = 32 };
     const size_t n = d->w->n, all = n + d->w->m;
