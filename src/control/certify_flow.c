@@ -424,6 +424,7 @@ static void step(desk *d, double h) {
     set(&d->h, b->count, 0, h);
     find_tube(d, &d->zm, &d->um, &d->Zm);
     find_tube(d, &d->z, &d->u, &d->Z);
+    if (b->tube.low != NULL) copy(&b->tube, &d->Z, b->count);
     EVALUATE(d, VALUES, ((const lg_bounds *[]){&d->zm, &d->um}), ((lg_bounds *[]){&d->c}));
     EVALUATE(d, REST, ((const lg_bounds *[]){&d->Zm, &d->um}), ((lg_bounds *[]){&d->r}));
     EVALUATE(d, SLOPES, ((const lg_bounds *[]){&d->z, &d->u}), ((lg_bounds *[]){&d->A}));

@@ -54,6 +54,7 @@ typedef struct lg_flow_boxes {
     lg_flow_part *part;       /* NULL: none */
     void *user;
     lg_bounds F, S, X;         /* results: z at the end from m; its Jacobian by y (n, n); z from the box */
+    lg_bounds tube;            /* the tube of the last step from the box; low NULL: not needed */
     bool *unbounded, *no_tube; /* (count): no bounds; because of the tubes, so more steps may help */
     uint8_t *flag; /* (count): the least of the rate's over the tubes and the input's over the box; below
                     * LG_INTERVAL_LIPSCHITZ there are no bounds */

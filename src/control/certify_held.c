@@ -134,9 +134,9 @@ void lg_certify_held(const lg_certify *c, const lg_certify_held_boxes *b, void *
         h.gain[i] = h.base[i] = 0;
     }
     const lg_flow_boxes flow = {
-        b->count, b->at, h.low, h.high, b->doublings, c->phase == LG_CERTIFY_BETWEEN ? add_part : NULL,
-        &h,       h.F,   h.S,   h.X,    b->unbounded, b->no_tube,
-        b->flag};
+        b->count,   b->at,  h.low, h.high, b->doublings,  c->phase == LG_CERTIFY_BETWEEN ? add_part : NULL,
+        &h,         h.F,    h.S,   h.X,    {.low = NULL}, b->unbounded,
+        b->no_tube, b->flag};
     lg_flow_eval(c->flow, &flow, work);
     for (size_t i = 0; i < b->count; i++) put(&h, i, b);
     evaluate_points(&h, b);

@@ -43,7 +43,7 @@ typedef struct checking {
     lg_flow *flow;
     double period; /* in units of the system */
     double T[N * N], at[BOXES * N], low[BOXES * N], high[BOXES * N];
-    double F[2][BOXES * N], S[2][BOXES * N * N], X[2][BOXES * N];
+    double F[2][BOXES * N], S[2][BOXES * N * N], X[2][BOXES * N], tube[2][BOXES * N];
     bool unbounded[BOXES], no_tube[BOXES];
     uint8_t flag[BOXES];
     int pieces;
@@ -120,6 +120,27 @@ static void check_middle(size_t box) {
                       2e-18L * c.f.size[i] * (1 + fabsl(X[i])), "the state from the middle");
 }
 
+/* Picard's map of the tube of a period's only step lies in the tube, at points of it. */
+static void check_tube(size_t box, lg_rng *r) {
+    const size_t n = c.f.n;
+    for (int p = 0; p < 20 * POINTS; p++) {
+        double y[N];
+        long double X[N], Z[N], rate[N];
+        const long double t = lg_rng_below(r, 2) == 0 ? 1 : lg_rng_uniform(r);
+        for (size_t j = 0; j < n; j++) {
+            const size_t row = box * n + j;
+            y[j] = lg_rng_below(r, 2) == 0 ? c.low[row] : c.high[row];
+            Z[j] = (lg_rng_below(r, 2) == 0 ? c.tube[0][row] : c.tube[1][row]) / c.f.size[j];
+        }
+        exact(y, 0, X);
+        flow_exact_rate(&c.f, Z, flow_exact_control(&c.f, X), rate);
+        for (size_t i = 0; i < n; i++)
+            assert_inside(c.tube[0][box * n + i], c.tube[1][box * n + i],
+                          (X[i] + t * c.period * rate[i]) * c.f.size[i],
+                          1e-15L * c.f.size[i] * (1 + fabsl(X[i])), "Picard's map of a tube");
+    }
+}
+
 /* F + S k + t (D + Q k) at times of each part */
 static void check_parts(size_t box, lg_rng *r) {
     const size_t n = c.f.n;
@@ -183,6 +204,7 @@ static void check_system(lg_rng *r) {
                                  .F = {c.F[0], c.F[1], n},
                                  .S = {c.S[0], c.S[1], n * n},
                                  .X = {c.X[0], c.X[1], n},
+                                 .tube = {c.tube[0], c.tube[1], n},
                                  .unbounded = c.unbounded,
                                  .no_tube = c.no_tube,
                                  .flag = c.flag};
@@ -192,6 +214,7 @@ static void check_system(lg_rng *r) {
         if (c.unbounded[i]) continue;
         bounded++;
         check_middle(i);
+        if (lg_flow_steps(c.flow) == 1 && boxes.doublings == 0) check_tube(i, r);
         check_parts(i, r);
         for (int p = 0; p < POINTS; p++) check_point(i, r);
     }
