@@ -18,7 +18,7 @@
  * Flags. Bounds alone do not show whether the function is defined, or whether it jumps: tanh(log x) has the
  * bounds [-1, 1] everywhere. So each output of each box has a flag, the highest level that its operations
  * prove: the level of a result is the minimum of the levels of its operands and of its operation on the box.
- * src/kernels/interval.inc has the table of all operations. Like the decorations of IEEE 1788 (named in
+ * src/certify/interval_kernel.c has the table of all operations. Like the decorations of IEEE 1788 (named in
  * lg_interval_flag), flags speak about the box alone; but where a box touches a jump from one side, it
  * counts as a jump, so that two boxes which meet at a jump never both pass.
  *

@@ -27,7 +27,6 @@
 #include "kernels/spd.inc"
 #include "kernels/steps.inc"
 #include "kernels/scalars.inc"
-#include "kernels/interval.inc"
 
 #define PASTE_(a, b) a##b
 #define PASTE(a, b)  PASTE_(a, b)
@@ -117,9 +116,6 @@ const lg_kernels TABLE = {
     .row_scalars = row_scalars,
     .load_rows = load_rows,
     .store_rows = store_rows,
-#if defined(LG_KERNEL_f64)
-    .intervals = intervals,
-#endif
     .stage_sum = stage_sum,
     .error_norm = error_norm,
     .se3_act = se3_act,

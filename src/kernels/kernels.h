@@ -145,19 +145,6 @@ typedef struct lg_scalar_group {
     uint32_t op, count, result, operands;
 } lg_scalar_group;
 
-/* Scalar code on intervals: y = op(x[0], x[1], x[2]), where y must not be one of the x. n and p are the
- * operand of the operation that is no instruction. A register is LG_INTERVAL_BLOCK lower bounds, then as
- * many upper bounds. */
-enum {
-    LG_INTERVAL_BLOCK = 32,
-    LG_INTERVAL_SCALE = LG_SCALAR_OPS /* y = p x */,
-    LG_INTERVAL_SHIFT /* y = x + p */
-};
-typedef struct lg_interval_code {
-    uint32_t op, n, y, x[3];
-    double p;
-} lg_interval_code;
-
 #define LG_K_ROWS        ((size_t)32)
 #define LG_K_STAGES      16
 #define LG_K_STAGE_BLOCK ((size_t)8)
@@ -318,10 +305,6 @@ typedef struct lg_kernels {
     void (*load_rows)(size_t n, size_t count, size_t apart, const void *x, void *registers);
     void (*store_rows)(size_t n, size_t count, const uint32_t *from, size_t apart, const void *registers,
                        void *y);
-    /* The same with intervals and outward rounding (interval.inc); NULL in the tables of f32. No bound of a
-     * register may be NaN. flags: for each register LG_INTERVAL_BLOCK levels (lg_interval_flag), which say
-     * what holds on all of the box; NULL: they are not needed. */
-    void (*intervals)(size_t count, const lg_interval_code *code, double *registers, uint8_t *flags);
 
     /* Kernels for integrators, in double in both tables. All instruction sets give the same bits.
      * - stage_sum: out = sum_{j < n} c_j k_j, 1 <= n <= LG_K_STAGES. The arrays are aligned to LG_ALIGNMENT

@@ -15,6 +15,7 @@ may() {
         mechanics) echo core kernels autodiff integrators ;;
         model) echo core kernels autodiff integrators ;;
         control) echo core kernels autodiff nn integrators model ;;
+        certify) echo core kernels autodiff ;; # no room stands on it
         files) echo core ;;
         settings/files) echo core files settings ;;
         datasets) echo core files settings settings/files ;;

@@ -71,7 +71,7 @@ static lg_scalar sigmoid_code(lg_scalars *s, lg_scalar v, uint32_t order) {
 static lg_scalar kink_code(lg_scalars *s, lg_scalar x, double slope, uint32_t order) {
     const lg_scalar one = lg_s_constant(s, 1.0), lower = lg_s_constant(s, slope);
     /* For intervals, as a maximum: a choice would count as a jump. */
-    if (order == 0 && s->exact) return lg_s(s, LG_S_MAX, x, lg_s_mul(s, lower, x));
+    if (order == 0 && s->level_of != NULL) return lg_s(s, LG_S_MAX, x, lg_s_mul(s, lower, x));
     if (order == 0) return where_positive(s, x, x, lg_s_mul(s, lower, x));
     return order == 1 ? where_positive(s, x, one, lower) : lg_s_constant(s, 0.0);
 }

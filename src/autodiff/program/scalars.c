@@ -3,8 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "liegrad/interval.h"
-
 uint32_t lg_scalar_instructions(lg_scalar_op op) {
     static const uint8_t count[LG_SCALAR_OPS] = {
 #define X(name, instructions, all) [LG_S_##name] = instructions,
@@ -76,34 +74,13 @@ static bool grow(lg_scalars *s) {
     return true;
 }
 
-/* Returns the level of an instruction (lg_interval_flag) that holds for all numbers: the interval form is
- * evaluated over unbounded operands. */
-static uint8_t level_of(const lg_scalars *s, const lg_scalar_code *c) {
-    enum { IB = LG_INTERVAL_BLOCK };
-    double registers[4 * 2 * IB];
-    uint8_t flags[4 * IB];
-    lg_interval_code code = {.op = (uint32_t)c->op, .n = c->n, .p = c->p, .y = 3};
-    if (c->op == LG_S_INPUT) return LG_INTERVAL_DIFFERENTIABLE;
-    if (c->op == LG_S_CONSTANT) return isfinite(c->p) ? LG_INTERVAL_DIFFERENTIABLE : LG_INTERVAL_UNDEFINED;
-    for (uint32_t k = 0; k < lg_scalar_instructions(c->op); k++) {
-        const lg_scalar_code *in = &s->code[c->in[k]];
-        const bool known = in->op == LG_S_CONSTANT && isfinite(in->p);
-        code.x[k] = k;
-        for (size_t i = 0; i < 2 * (size_t)IB; i++)
-            registers[k * 2 * IB + i] = known ? in->p : i < IB ? -(double)INFINITY : (double)INFINITY;
-        memset(flags + (size_t)k * IB, in->level, IB);
-    }
-    lg_kernels_for(LG_F64)->intervals(1, &code, registers, flags);
-    return flags[3 * IB];
-}
-
 static lg_scalar look_up(lg_scalars *s, const lg_scalar_code *c) {
     if (s->count == s->capacity && !grow(s)) s->failed = true;
     if (s->failed) return 0;
     uint32_t *slot = slot_of(s, c);
     if (*slot == 0) {
         s->code[s->count] = *c;
-        if (s->exact) s->code[s->count].level = level_of(s, c);
+        if (s->level_of != NULL) s->code[s->count].level = s->level_of(s, c);
         *slot = ++s->count;
     }
     return *slot - 1;
@@ -183,7 +160,7 @@ static double carry_out(const lg_scalar_code *c, const double *x) {
 /* If all operands are constants and the result is finite, sets *out to a constant and returns true. */
 static bool folded(lg_scalars *s, const lg_scalar_code *c, lg_scalar *out) {
     double x[2] = {0, 0};
-    if (s->exact && c->op != LG_S_NEG) return false;
+    if (s->level_of != NULL && c->op != LG_S_NEG) return false;
     for (uint8_t k = 0; k < lg_scalar_instructions(c->op); k++)
         if (!lg_s_is_constant(s, c->in[k], &x[k])) return false;
     const double value = carry_out(c, x);
@@ -199,7 +176,7 @@ static bool is_value(const lg_scalars *s, lg_scalar a, double value) {
 
 /* Whether a value may be dropped whose product with 0 is needed. */
 static bool droppable(const lg_scalars *s, lg_scalar a) {
-    return !s->exact || s->drops || s->code[a].level >= LG_INTERVAL_LIPSCHITZ;
+    return s->level_of == NULL || s->drops || s->code[a].level >= LG_S_LIPSCHITZ;
 }
 
 /* 0 a */
@@ -236,7 +213,7 @@ static bool simpler(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b, lg
         return false;
     case LG_S_DIV:
         if (is_value(s, b, 1.0)) return true;
-        if (is_value(s, a, 0.0) && (!s->exact || s->drops)) return *out = a, true;
+        if (is_value(s, a, 0.0) && (s->level_of == NULL || s->drops)) return *out = a, true;
         return false;
     case LG_S_NEG:
         return negative_a ? (*out = s->code[a].in[0], true) : false;
@@ -264,7 +241,7 @@ lg_scalar lg_s(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b) {
 lg_scalar lg_s_select(lg_scalars *s, lg_scalar condition, lg_scalar yes, lg_scalar no) {
     double value;
     if (s->failed) return 0;
-    if (yes == no && (!s->exact || s->code[condition].level >= LG_INTERVAL_DEFINED)) return yes;
+    if (yes == no && (s->level_of == NULL || s->code[condition].level >= LG_S_DEFINED)) return yes;
     if (lg_s_is_constant(s, condition, &value)) return value != 0.0 ? yes : no;
     return look_up(s, &(lg_scalar_code){.op = LG_S_SELECT, .in = {condition, yes, no}});
 }
@@ -279,7 +256,7 @@ lg_scalar lg_s_pow(lg_scalars *s, lg_scalar a, double exponent) {
 }
 
 lg_scalar lg_s_stopped(lg_scalars *s, lg_scalar a) {
-    return s->exact ? look_up(s, &(lg_scalar_code){.op = LG_S_POW, .p = 1.0, .in = {a, 0, 0}}) : a;
+    return s->level_of != NULL ? look_up(s, &(lg_scalar_code){.op = LG_S_POW, .p = 1.0, .in = {a, 0, 0}}) : a;
 }
 
 lg_scalar lg_s_numbered(lg_scalars *s, lg_scalar_op op, lg_scalar a, uint32_t n) {

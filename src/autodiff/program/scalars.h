@@ -16,7 +16,7 @@ typedef struct lg_scalar_code {
     uint32_t n;
     double p;
     lg_scalar in[3];
-    uint8_t level; /* if the code is exact: what holds for all numbers of the inputs (lg_interval_flag) */
+    uint8_t level; /* if the code is exact: what holds for all numbers of the inputs */
 } lg_scalar_code;
 
 struct lg_scalars {
@@ -27,9 +27,13 @@ struct lg_scalars {
     uint32_t *table; /* hash table of 1 + number; 0: empty slot */
     uint32_t slots;
     bool failed; /* out of memory, or more than LG_SCALARS_MOST instructions */
-    bool exact;  /* operations on constants are not evaluated, because that rounds */
-    bool drops;  /* exact code does not keep the x of 0 x: its level is known in another way */
+    /* The level of a new instruction. NULL: the code is not exact. In exact code operations on constants are
+     * not evaluated, because that rounds. */
+    uint8_t (*level_of)(const lg_scalars *s, const lg_scalar_code *c);
+    bool drops; /* exact code does not keep the x of 0 x: its level is known in another way */
 };
+/* Levels that simplifications of exact code need; liegrad/interval.h has all of them. */
+enum { LG_S_DEFINED = 1, LG_S_LIPSCHITZ = 3 };
 #define LG_SCALARS_MOST (1u << 20)
 
 /* Number of operands of an instruction that are instructions; number of all its operands. */

@@ -1,0 +1,122 @@
+/* Internals of certificates. Coordinates y: x = goal + T y. With a quadratic V, T^T P T is close to 1;
+ * otherwise T is 1. */
+#ifndef LG_CERTIFY_H
+#define LG_CERTIFY_H
+
+#include <float.h>
+#include <math.h>
+
+#include "certify/flow.h"
+#include "core/core.h"
+#include "liegrad/certify.h"
+#include "liegrad/interval.h"
+
+enum { LG_CERTIFY_STATES = 16, LG_CERTIFY_TEXT = 1024 };
+
+typedef enum lg_certify_phase {
+    LG_CERTIFY_FACES,   /* V > c on the faces of the box */
+    LG_CERTIFY_FALL,    /* V falls */
+    LG_CERTIFY_BETWEEN, /* held loops: how large V becomes between the samples */
+    LG_CERTIFY_VOLUME,  /* how much volume is certified */
+    LG_CERTIFY_DONE
+} lg_certify_phase;
+
+/* What the bounds of a box say. */
+typedef struct lg_certify_box {
+    double v_low, v_high, rise_high;         /* over the box */
+    double at_v_low, at_v_high, at_rise_low; /* at the point `at` of the box */
+    double at[LG_CERTIFY_STATES];
+    uint8_t flag;    /* of V, its gradient and the rate, on all of the box (lg_interval_flag) */
+    double gain;     /* in the phase BETWEEN: V grows by at most this during the period */
+    uint32_t split;  /* the side to halve */
+    bool upper_last; /* V is smaller in the upper half */
+} lg_certify_box;
+
+struct lg_certify {
+    const lg_context *context;
+    lg_program *program; /* functions of y: local, point, bounds (certify_program.c) */
+    lg_interval *full, *point, *local;
+    lg_flow *flow;          /* a held loop; NULL: none */
+    lg_interval *part;      /* its growth of V in a part of a period */
+    double period, between; /* between: a bound of V between the samples */
+    size_t n;
+    bool step, quadratic, automatic, raises, errors, converges, failed;
+    bool even; /* V and V' are even functions of y: half of the domain is examined */
+    double T[LG_CERTIFY_STATES * LG_CERTIFY_STATES], P[LG_CERTIFY_STATES * LG_CERTIFY_STATES];
+    double goal[LG_CERTIFY_STATES], low[LG_CERTIFY_STATES], high[LG_CERTIFY_STATES], error[LG_CERTIFY_STATES];
+    double from[LG_CERTIFY_STATES], to[LG_CERTIFY_STATES]; /* the domain, in y */
+    double near[LG_CERTIFY_STATES];                        /* N = {|y_i| <= near_i} */
+    double raised;                                         /* the eps of the next attempt; 0: none */
+    bool again; /* all boxes are to be examined once more, with this level */
+    double level, eps, asked_eps, resolution, determinant; /* determinant: a lower bound of |det T| */
+    double volume, seconds;
+    lg_certify_phase phase;
+    size_t boxes, volume_boxes;
+    double *stack; /* (stacked, 2, n) */
+    size_t stacked, capacity;
+    lg_thread_pool *pool;
+    void *work;    /* one piece per task */
+    size_t piece;  /* bytes */
+    double *batch; /* (LG_CERTIFY_BATCH, 2, n) */
+    lg_certify_box *found;
+    size_t batched;
+    double width[LG_CERTIFY_STATES]; /* what a result points to */
+    double failed_low[LG_CERTIFY_STATES], failed_high[LG_CERTIFY_STATES];
+    char claim[LG_CERTIFY_TEXT], reason[LG_CERTIFY_TEXT];
+};
+
+enum {
+    LG_CERTIFY_BATCH = 1024,
+    LG_CERTIFY_TASK = 128,
+    LG_CERTIFY_TASKS = LG_CERTIFY_BATCH / LG_CERTIFY_TASK
+};
+
+/* certify_program.c: records the functions, and makes the evaluators; they replace earlier ones. */
+void lg_certify_forget(lg_certify *c);
+lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error *error);
+/* certify_local.c: coordinates of a quadratic V; eps, N and the argument on N, for the level c->level. */
+lg_status lg_certify_whiten(lg_certify *c, lg_error *error);
+lg_status lg_certify_turn(lg_certify *c, lg_error *error);
+lg_status lg_certify_near(lg_certify *c);
+/* certify_bounds.c: bounds of the boxes of the batch. */
+lg_status lg_certify_memory(lg_certify *c);
+void lg_certify_bounds(lg_certify *c);
+/* certify_held.c: bounds of `local` over a box about 0; and what certify_bounds.c needs of boxes: outputs of
+ * `point`, inputs of `full`, gains, and whether there are no bounds, or no tube. */
+lg_status lg_certify_held_local(const lg_certify *c, const double *from, const double *to, double *low,
+                                double *high, bool *slopes);
+typedef struct lg_certify_held_boxes {
+    size_t count;
+    const size_t *index;    /* places of the boxes in `box` (2, n) */
+    const double *box, *at; /* the middles, (count, n) */
+    uint32_t doublings;     /* of the flow's steps */
+    double *low, *high, *at_low, *at_high, *gain;
+    bool *unbounded, *no_tube;
+    uint8_t *flag; /* of the rate and the input */
+} lg_certify_held_boxes;
+size_t lg_certify_held_work_size(const lg_certify *c);
+void lg_certify_held(const lg_certify *c, const lg_certify_held_boxes *boxes, void *work);
+/* Rounded up by more than the errors of sums of at most 300 terms. */
+static inline double lg_certify_up(double x) {
+    return x == x ? x + fabs(x) * 1e-13 + DBL_MIN : (double)INFINITY;
+}
+/* The largest |x| of an interval */
+static inline double lg_certify_size(double low, double high) {
+    return fmax(-low, high);
+}
+/* certify_form.c: the largest k.g + k^T M k for |k_i| <= r_i, from bounds of g (n) and of M + M^T (n, n);
+ * part (NULL: none): how much each k_i adds, about. */
+double lg_certify_form(size_t n, const double *low, const double *high, const double *r, double *part);
+/* certify_boxes.c: works on the stack. */
+lg_status lg_certify_push(lg_certify *c, const double *low, const double *high);
+lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase);
+lg_status lg_certify_work(lg_certify *c);
+/* States of a box of y. */
+void lg_certify_states(const lg_certify *c, const double *low, const double *high, double *x_low,
+                       double *x_high);
+/* The largest |x_i - goal_i| on {V <= 1} (quadratic V). */
+double lg_certify_width(const lg_certify *c, size_t i);
+/* The largest level whose set lies within the state box (quadratic V). */
+double lg_certify_reach(const lg_certify *c);
+
+#endif

@@ -1,7 +1,0 @@
-/* Ten million points.
- * ctest-labels: slow src/autodiff src/kernels */
-#include "interval_support.h"
-
-TEST("bounds contain the exact values of every operation at ten million points") {
-    assert_true(check_bounds(14, 38) >= 10000000);
-}
