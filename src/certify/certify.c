@@ -171,8 +171,8 @@ static void write_claim(lg_certify *c) {
     write_error(c, error);
     char falls[128] = "V' < 0 (continuous inputs)", between[64] = "";
     if (c->flow != NULL) {
-        (void)snprintf(falls, sizeof falls,
-                       "V falls in every period of the exact motion (inputs are held for %.6g)", c->period);
+        (void)lg_format(falls, sizeof falls,
+                        "V falls in every period of the exact motion (inputs are held for %.6g)", c->period);
         if (c->between > 0)
             (void)lg_format(between, sizeof between, " and V <= %.6g between the samples", c->between);
     } else if (c->step)
