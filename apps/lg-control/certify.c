@@ -15,7 +15,7 @@ typedef struct certify_values {
     const char *box, *level, *eps, *model_error;
     double seconds;
     uint64_t degree;
-    bool held;
+    bool continuous, held; /* held: the default, an old spelling */
 } certify_values;
 
 static const lg_field options[] = {
@@ -33,18 +33,21 @@ static const lg_field options[] = {
               "Motions are proved to reach {V < eps}; auto: the smallest that is found, and the goal where "
               "it can be proved. A quadratic V that is searched has the level 1 or less",
               .value = "auto"),
-    LG_FIELD(
-        certify_values, NULL, "model_error", STRING, model_error, .unit = "D",
-        .meaning =
-            "Bound of the error of the model's accelerations (with --held: of the next state; of a plant "
-            "that is a program: of all rates), as one number, as NAME=D,... or auto: three standard "
-            "deviations of the fit of lg-identify, at the worst of random states and inputs",
-        .otherwise = "0"),
+    LG_FIELD(certify_values, NULL, "model_error", STRING, model_error, .unit = "D",
+             .meaning = "Bound of the error of the model's state after a period (with --continuous: of its "
+                        "accelerations, "
+                        "of a plant that is a program of all rates), as one number, as NAME=D,... or auto: "
+                        "three standard "
+                        "deviations of the fit of lg-identify, at the worst of random states and inputs",
+             .otherwise = "0"),
     LG_OPTION(certify_values, seconds, REAL, "s", "Largest time of the proof", .high = 1e9, .above = true,
               .value = "60"),
     LG_OPTION(certify_values, degree, U64, "n", "Degree of the polynomial, even", .low = 2, .high = 12,
               .value = "8"),
-    LG_OPTION(certify_values, held, SWITCH, NULL, "Prove it for inputs that are held over a period"),
+    LG_OPTION(certify_values, continuous, SWITCH, NULL,
+              "Prove it for inputs that follow the state at all times, not for inputs that are held over a "
+              "period"),
+    LG_OPTION(certify_values, held, SWITCH, NULL, "The default: inputs are held over the task's period"),
     LG_FIELD_END};
 
 static certify_values values;
@@ -130,7 +133,7 @@ static void draw_model_error(const app *self, lg_policy *policy, naming names, c
             app_stop_usage(self, "--model-error auto: needs a bound of every state; %s has none",
                            name_of(names, i));
     APP_FREE char *plant = control_plant_path(self, self->arguments[0]);
-    control_draw_error(self, policy, plant, values.held, high, out);
+    control_draw_error(self, policy, plant, !values.continuous, high, out);
 }
 
 /* One number is for the rates that the model states: the accelerations, or all rates of a program; of a
@@ -150,9 +153,10 @@ static void read_model_error(const app *self, lg_policy *policy, naming names, c
     } else {
         if (!app_parse_real(values.model_error, &x) || !(x >= 0))
             app_stop_usage(self, "--model-error: '%s' is not a number of at least 0", values.model_error);
-        for (size_t i = values.held || names.n == positions ? 0 : positions; i < names.n; i++) out[i] = x;
+        for (size_t i = !values.continuous || names.n == positions ? 0 : positions; i < names.n; i++)
+            out[i] = x;
     }
-    for (size_t i = 0; !values.held && names.n > positions && i < positions; i++)
+    for (size_t i = 0; values.continuous && names.n > positions && i < positions; i++)
         if (out[i] > 0)
             app_stop_usage(self, "--model-error: %s is a position, whose rate is its velocity, without error",
                            name_of(names, i));
@@ -168,7 +172,13 @@ static double read_level(const app *self, const char *option, const char *given)
 
 static void check_options(const app *self) {
     static const char *const useless[] = {"level", "eps", "model-error"};
-    if (values.held && values.lyapunov != QUADRATIC) app_stop_usage(self, "--held: steps need a quadratic V");
+    if (values.held && values.continuous) app_stop_usage(self, "--held, --continuous: give one of the two");
+    if (!values.continuous && values.lyapunov != QUADRATIC)
+        app_stop_usage(
+            self,
+            "--lyapunov %s: this proof is about inputs that follow the state at all times, but the "
+            "controller holds them for a period: give --continuous, or take the quadratic V",
+            options[0].names[values.lyapunov]);
     if (values.degree % 2 != 0) app_stop_usage(self, "--degree: expected an even number");
     for (size_t i = 0; values.lyapunov == ENERGY && i < LG_COUNT(useless); i++)
         if (app_given(self, useless[i]))
@@ -420,9 +430,9 @@ static void search_form(app *self, const lg_policy *policy, naming names, wanted
     find_scale(self, names, what, scale);
     what->chosen = chooses_gains(self, names.task);
     lg_lyapunov_search_init(&search);
-    search.rate = values.held ? (what->chosen ? "advance_by_gains" : "advance")
-                              : (what->chosen ? "rate_by_gains" : "rate");
-    search.step = values.held;
+    search.rate = values.continuous ? (what->chosen ? "rate_by_gains" : "rate")
+                                    : (what->chosen ? "advance_by_gains" : "advance");
+    search.step = !values.continuous;
     search.low = what->low, search.high = what->high, search.scale = scale;
     search.model_error = what->error;
     search.seed = self->seed, search.threads = (int)self->threads;
@@ -480,8 +490,8 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
     lg_certify_spec spec;
     lg_certify_spec_init(&spec);
     spec.program = program;
-    spec.rate = values.held ? "rate_by_input" : "rate";
-    spec.control = values.held ? "input_by_state" : NULL;
+    spec.rate = values.continuous ? "rate" : "rate_by_input";
+    spec.control = values.continuous ? NULL : "input_by_state";
     spec.period = period;
     spec.P = quadratic ? what->P : NULL;
     spec.lyapunov = quadratic ? NULL : functions[values.lyapunov];

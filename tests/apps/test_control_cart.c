@@ -45,18 +45,18 @@ static double prove(const char *line) {
 
 TEST("V and gains are found: a volume of at least 300, also for the policy with these gains") {
     double K[4];
-    const double volume = prove(test_text("certify lqr.yaml %s --seconds 600 --json", box));
+    const double volume = prove(test_text("certify lqr.yaml %s --continuous --seconds 600 --json", box));
     assert_true(volume >= 300);
     assert_says(result.out, "\"converges\": true");
     assert_int_equal(json_array(result.out, "gains", K, 4), 4);
     write_task("given.yaml", "cart.yaml",
                test_text("{kind: lqr, gains: [%.6g, %.6g, %.6g, %.6g]}", K[0], K[1], K[2], K[3]));
     cli_expect(control, "train given.yaml --out given.h5", 0, "");
-    assert_true(prove(test_text("certify given.h5 %s --seconds 600 --json", box)) >= 300);
+    assert_true(prove(test_text("certify given.h5 %s --continuous --seconds 600 --json", box)) >= 300);
 }
 
 TEST("inputs that are held for .01 s") {
-    assert_true(prove(test_text("certify lqr.yaml %s --held --seconds 600 --threads 2 --json", box)) >= 300);
+    assert_true(prove(test_text("certify lqr.yaml %s --seconds 600 --threads 2 --json", box)) >= 300);
 }
 
 TEST("a cart that was learned from a log, with the error of its fit") {
@@ -66,8 +66,9 @@ TEST("a cart that was learned from a log, with the error of its fit") {
         "1 --noise 1e-3,1e-2 --out log.csv",
         0, "");
     cli_expect("lg-identify", "fit learn.yaml log.csv --out learned.h5", 0, "");
-    assert_true(prove(test_text("certify learned.yaml %s --model-error auto --seconds 600 --json", box)) >=
-                300);
+    assert_true(
+        prove(test_text("certify learned.yaml %s --continuous --model-error auto --seconds 600 --json",
+                        box)) >= 300);
     assert_says(result.out, "the rate may err by up to");
     assert_says(result.out, "\"converges\": false");
 }

@@ -62,18 +62,18 @@ static int setup(void **state) {
 
 /* Where the torque is at its limit the given gain shows: |q| >= limit/k_p. */
 TEST("both pendulums are proved from every state, with their margins and with the gains as given") {
-    cli_expect(control, "certify strong.yaml --lyapunov energy --json", 0, "");
+    cli_expect(control, "certify strong.yaml --continuous --lyapunov energy --json", 0, "");
     assert_says(result.out, "\"verified\": true, \"global\": true, \"converges\": true");
     assert_close(json_number(result.out, "margin"), 6 - 0.73575, 2e-3, 0.0);
     assert_says(result.out, "for |q| >= 2.");
     assert_says(result.out, "it was not proved");
-    cli_expect(control, "certify weak.yaml --lyapunov energy --json", 0, "");
+    cli_expect(control, "certify weak.yaml --continuous --lyapunov energy --json", 0, "");
     assert_close(json_number(result.out, "margin"), 0.75 - 0.73575, 2e-3, 0.0);
     assert_says(result.out, "for |q| >= 0.4688."); /* .75/1.6 */
 }
 
 TEST("2 % more mass is refused with the angle, and the claim does not speak of a margin") {
-    cli_expect(control, "certify loaded.yaml --lyapunov energy --json", 1, "not proved");
+    cli_expect(control, "certify loaded.yaml --continuous --lyapunov energy --json", 1, "not proved");
     assert_says(result.out, "\"verified\": false, \"global\": false, \"converges\": false");
     assert_true(strstr(result.out, "at least 0 ") == NULL);
     double side[2];
@@ -100,15 +100,42 @@ TEST("gains that are found can be given: the same set is proved for the task and
     cli_expect("lg-export", "given.h5 --out exported", 0, "");
 }
 
-TEST("held inputs, levels and errors of the model") {
-    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --held --json", 0, "");
+/* The torque of a controller with a period of .4 s comes too late: the linear closed loop is not stable. */
+TEST("the loop that runs is proved, with inputs that are held; --continuous is another claim, and says so") {
+    static const char box[] = "--box th=1.5,w=12 --json";
+    cli_expect(control, test_text("certify chosen.yaml %s", box), 0, "");
     assert_says(result.out, "inputs are held");
+    cli_expect(control, test_text("certify chosen.yaml --held %s", box), 0, "");
+    assert_says(result.out, "inputs are held");
+    cli_expect(control, test_text("certify chosen.yaml --continuous %s", box), 0, "");
+    assert_says(result.out, "continuous inputs");
+    write_task("slow.yaml", "light.yaml", 0.75, "{kind: lqr, gains: [2.5, 0.3]}");
+    char text[2048];
+    (void)cli_read("slow.yaml", text, sizeof text);
+    char *period = strstr(text, "period: 0.01");
+    memcpy(period, "period: 0.40", 12);
+    cli_write("slow.yaml", text);
+    cli_expect(control, test_text("certify slow.yaml --continuous %s", box), 0, "");
+    cli_expect(control, test_text("certify slow.yaml %s", box), 1, "not proved");
+    static const char *const kinds[] = {"polynomial", "function", "energy"};
+    for (size_t i = 0; i < LG_COUNT(kinds); i++)
+        cli_expect(
+            control, test_text("certify weak.yaml --box th=1,w=1 --lyapunov %s", kinds[i]), 2,
+            test_text("--lyapunov %s: this proof is about inputs that follow the state at all times, but "
+                      "the controller holds them for a period: give --continuous",
+                      kinds[i]));
+}
+
+TEST("levels and errors of the model") {
     cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --level 3 --json", 1, "not proved");
     double side[2];
     assert_int_equal(json_array(json_find(result.out, "failed"), "th", side, 2), 2);
-    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --model-error 0.2 --json", 0, "");
+    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --model-error w=0.002 --json", 0, "");
     assert_says(result.out, "\"converges\": false");
-    assert_says(result.out, "may err by up to (0, 0.2)");
+    assert_says(result.out, "the next state may err by up to (0, 0.002)");
+    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --continuous --model-error 0.2 --json", 0, "");
+    assert_says(result.out, "\"converges\": false");
+    assert_says(result.out, "the rate may err by up to (0, 0.2)");
     cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --model-error w=100 --json", 1,
                "no quadratic V falls at all points");
     cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --eps 0.5 --json", 0, "");
@@ -120,7 +147,7 @@ TEST("the cart-pole with gains of a wrong sign, or a fifth of them, is refused w
     for (size_t i = 0; i < LG_COUNT(gains); i++) {
         cli_write("bad.yaml", test_text("%s{kind: lqr, gains: [%s]}\n", cart_task, gains[i]));
         cli_expect(control, "certify bad.yaml --box x=3.6,th=1.5,vx=12,w=12 --json", 1, "not proved");
-        assert_says(result.out, "V does not fall");
+        assert_says(result.out, "V rises in a step");
         const char *failed = json_find(result.out, "failed");
         double x[2], th[2];
         assert_int_equal(json_array(failed, "x", x, 2), 2);
@@ -132,10 +159,10 @@ TEST("the cart-pole with gains of a wrong sign, or a fifth of them, is refused w
 /* z = 2 sin(a/2) n: 4 k (1 - cos(a/2)) is the work of k z up to the angle a. The inertia and limits decide
  * the level: |u_l| <= k_p |z| + k_d |w_l|. */
 TEST("a body that turns: the energy up to half a turn, or as far as torques stay in their limits") {
-    cli_expect(control, "certify spin.yaml --lyapunov energy --json", 0, "");
+    cli_expect(control, "certify spin.yaml --continuous --lyapunov energy --json", 0, "");
     assert_says(result.out, "\"verified\": true");
     assert_close(json_number(result.out, "level"), 4, 1e-6, 0);
-    cli_expect(control, "certify spin2.yaml --lyapunov energy --json", 0, "");
+    cli_expect(control, "certify spin2.yaml --continuous --lyapunov energy --json", 0, "");
     const double level = json_number(result.out, "level"), angle = json_number(result.out, "angle");
     assert_close(angle, 2 * acos(1 - level / 4), 1e-6, 0);
     /* at the level the first axis (inertia 1) reaches 2 = |z| + 2 |w| for the worst share of the energy */
@@ -145,8 +172,9 @@ TEST("a body that turns: the energy up to half a turn, or as far as torques stay
         most = fmax(most, 2 * sqrt(1 - c * c) + 2 * sqrt(2 * (level - phi)));
     }
     assert_close(most, 2, 1e-4, 0);
-    cli_expect(control, "certify turn.yaml --lyapunov energy", 2, "the energy needs kind energy");
-    cli_expect(control, "certify spin.yaml --lyapunov energy --box R=1", 2, "its own set");
+    cli_expect(control, "certify turn.yaml --continuous --lyapunov energy", 2,
+               "the energy needs kind energy");
+    cli_expect(control, "certify spin.yaml --continuous --lyapunov energy --box R=1", 2, "its own set");
 }
 
 TEST("a trained network is proved to reach a small set, and the claim says what its gate does") {
@@ -156,7 +184,7 @@ TEST("a trained network is proved to reach a small set, and the claim says what 
     assert_says(result.out, "\"verified\": true");
     assert_says(result.out, "of the input to the regulator");
     assert_true(json_number(result.out, "volume") > 1);
-    cli_expect(control, "certify net.h5 --box th=1,w=8 --held --json", 0, "");
+    cli_expect(control, "certify net.h5 --box th=1,w=8 --continuous --json", 0, "");
 }
 
 TEST("names, kinds and options that do not fit are refused with a sentence") {
@@ -164,13 +192,12 @@ TEST("names, kinds and options that do not fit are refused with a sentence") {
                "there is no state 'y'; the states are x, th, vx, w");
     cli_expect(control, "certify lqr.yaml --box x=-1", 2, "not a number above 0");
     cli_expect(control, "certify lqr.yaml --box x=1,x=2", 2, "stands twice");
-    cli_expect(control, "certify lqr.yaml --lyapunov polynomial --box x=1", 2,
+    cli_expect(control, "certify lqr.yaml --continuous --lyapunov polynomial --box x=1", 2,
                "needs a bound of every state");
-    cli_expect(control, "certify lqr.yaml --lyapunov energy", 2, "the energy needs kind energy");
-    cli_expect(control, "certify strong.yaml --lyapunov energy --level 2", 2,
+    cli_expect(control, "certify lqr.yaml --continuous --lyapunov energy", 2, "the energy needs kind energy");
+    cli_expect(control, "certify strong.yaml --continuous --lyapunov energy --level 2", 2,
                "the energy proves all states at once");
-    cli_expect(control, "certify lqr.yaml --held --lyapunov polynomial --box x=1,th=1,vx=1,w=1", 2,
-               "quadratic");
+    cli_expect(control, "certify lqr.yaml --held --continuous --box x=1,th=1,vx=1,w=1", 2, "one of the two");
     write_task("few.yaml", "light.yaml", 0.75, "{kind: lqr, gains: [1]}");
     cli_expect(control, "certify few.yaml --box th=1,w=1", 2, "K of kind lqr: 2 numbers");
     write_task("both.yaml", "light.yaml", 0.75, "{kind: network, gains: [1, 1]}");

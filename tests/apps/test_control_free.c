@@ -45,11 +45,13 @@ TEST("a free position is no state of a proof") {
     assert_int_equal(json_array(result.out, "gains", width, 4), 3);
     assert_true(json_number(result.out, "fraction") > 0.1);
     /* One number is for the two accelerations. */
-    cli_expect(control, "certify task.yaml --box th=0.5,vth=2,vph=50 --model-error 1e-3 --json", 0, "");
+    cli_expect(control, "certify task.yaml --box th=0.5,vth=2,vph=50 --continuous --model-error 1e-3 --json",
+               0, "");
     assert_says(result.out, "may err by up to (0, 0.001, 0.001)");
-    cli_expect(control, "certify task.yaml --box th=0.5,vth=2,vph=50 --held --json", 0, "");
+    cli_expect(control, "certify task.yaml --box th=0.5,vth=2,vph=50 --continuous --json", 0, "");
     cli_expect(control, "certify task.yaml --box ph=1", 2, "no state 'ph'; the states are th, vph, vth");
-    cli_expect(control, "certify task.yaml --box th=1 --model-error th=1", 2, "th is a position");
+    cli_expect(control, "certify task.yaml --box th=1 --continuous --model-error th=1", 2,
+               "th is a position");
 }
 
 TEST("the name of a free position is refused where it would be an error") {
