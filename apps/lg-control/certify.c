@@ -6,6 +6,7 @@
 #include "core/core.h"
 #include "lg-control/control_app.h"
 #include "liegrad/certify.h"
+#include "liegrad/interval.h"
 #include "liegrad/lyapunov.h"
 
 typedef enum kind { QUADRATIC, POLYNOMIAL, FUNCTION, ENERGY } kind;
@@ -62,6 +63,11 @@ typedef struct naming {
 
 static const char *name_of(naming names, size_t i) {
     return i < names.positions ? names.of[i]->name : names.of[i]->velocity;
+}
+
+/* The controller computes it: it has no error. */
+static bool is_remembered(const lg_policy_coordinate *c) {
+    return c->ago > 0 || c->integrates > 0;
 }
 
 static naming name_states(const lg_policy_task *task) {
@@ -154,7 +160,7 @@ static void read_model_error(const app *self, lg_policy *policy, naming names, c
         if (!app_parse_real(values.model_error, &x) || !(x >= 0))
             app_stop_usage(self, "--model-error: '%s' is not a number of at least 0", values.model_error);
         for (size_t i = !values.continuous || names.n == positions ? 0 : positions; i < names.n; i++)
-            out[i] = x;
+            out[i] = is_remembered(names.of[i]) ? 0 : x;
     }
     for (size_t i = 0; values.continuous && names.n > positions && i < positions; i++)
         if (out[i] > 0)
@@ -186,6 +192,17 @@ static void check_options(const app *self) {
                            useless[i]);
 }
 
+/* Continuous inputs act at once. */
+static void check_delays(const app *self, const lg_policy_task *task) {
+    for (uint32_t i = 0; i < task->coordinate_count; i++)
+        if (values.continuous && task->coordinate[i].ago > 0)
+            app_stop_usage(
+                self,
+                "--continuous: the input %s acts late (key inputs.delay of the plant), and a proof "
+                "about continuous inputs does not cover that",
+                task->input[task->coordinate[i].follows - 1].name);
+}
+
 /* ---- the policy ---- */
 
 /* The certificate chooses the gains of a task of kind lqr that gives none. */
@@ -200,8 +217,8 @@ static bool needs_regulator(const app *self, const lg_policy_task *task) {
            (task->kind == LG_POLICY_LQR && task->gain_count == 0 && !chooses_gains(self, task));
 }
 
-/* `gains`: of a task of kind lqr, K row by row; NULL: as the file says. */
-static lg_policy *read_policy(const app *self, const double *gains) {
+/* `gains`: of a task of kind lqr, K row by row; 0 of them: as the file says. */
+static lg_policy *read_policy(const app *self, const double *gains, size_t count) {
     const char *path = self->arguments[0];
     lg_policy *policy = NULL;
     if (!is_task(self)) {
@@ -214,9 +231,9 @@ static lg_policy *read_policy(const app *self, const double *gains) {
     lg_program *plant = control_read_task(self, path, &task, &text);
     (void)control_soften(self, source, &machine, &task);
     task.search = needs_regulator(self, &task);
-    if (gains != NULL) {
-        task.gain_count = task.input_count * (uint32_t)name_states(&task).n;
-        memcpy(task.gains, gains, task.gain_count * sizeof *gains);
+    if (count > 0) {
+        task.gain_count = (uint32_t)count;
+        memcpy(task.gains, gains, count * sizeof *gains);
     }
     APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
     if (lg_policy_parameters(policy) > 0)
@@ -394,12 +411,16 @@ typedef struct wanted {
     double level, eps; /* 0: found */
 } wanted;
 
-/* Sizes of states: sides of the box; where it has none, the farthest start. */
+/* Sizes of states: sides of the box; where it has none, the farthest start, or half the range of an input. */
 static void find_scale(const app *self, naming names, const wanted *what, double *scale) {
     for (size_t i = 0; i < names.n; i++) {
         const lg_policy_coordinate *c = names.of[i];
         const double *start = i < names.positions ? c->start : c->start_velocity;
         scale[i] = isfinite(what->high[i]) ? what->high[i] : fmax(fabs(start[0]), fabs(start[1]));
+        if (c->follows > 0 && !isfinite(what->high[i])) {
+            const lg_policy_input *input = &names.task->input[c->follows - 1];
+            scale[i] = 0.5 * (input->high - input->low);
+        }
         if (!(scale[i] > 0))
             app_stop_usage(self, "--box: %s has no bound, and all starts have it at the goal: give a bound",
                            name_of(names, i));
@@ -447,9 +468,41 @@ static void search_form(app *self, const lg_policy *policy, naming names, wanted
     take_squares(names, scale, what);
 }
 
+/* Stops where the plant's motion jumps at the goal, as with dry friction that sticks. The inputs stay in
+ * their limits there, and what the controller remembers rests. */
+static void check_motion(const app *self, const lg_policy *policy, const lg_program *program) {
+    const lg_policy_task *task = lg_policy_task_of(policy);
+    const double *u0 = lg_policy_regulator_of(policy)->u0;
+    lg_interval *rate;
+    size_t function;
+    bool jumps = false;
+    APP_MUST(self, lg_program_find(program, "rate_by_input", &function, &error));
+    APP_MUST(self, lg_interval_create(program, &function, 1, NULL, &rate, &error));
+    const size_t inputs = lg_interval_inputs(rate), n = lg_interval_outputs(rate);
+    APP_FREE double *low = app_alloc(2 * (inputs + n), sizeof *low);
+    double *high = low + inputs, *out = high + inputs;
+    APP_FREE uint8_t *flag = app_alloc(n, sizeof *flag);
+    void *work = lg_alloc(self->context, lg_interval_work_size(rate), 1);
+    for (size_t i = 0; i < inputs; i++) {
+        const size_t l = i - n;
+        low[i] = i < n ? -1e-9 : l < task->input_count ? u0[l] : 0;
+        high[i] = i < n ? 1e-9 : low[i];
+    }
+    APP_MUST(self, lg_interval_eval(rate, 1, low, high, out, out + n, flag, work, &error));
+    for (size_t i = 0; i < n; i++) jumps = jumps || flag[i] < LG_INTERVAL_CONTINUOUS;
+    lg_free(self->context, work);
+    lg_interval_destroy(rate);
+    if (jumps)
+        app_stop(self, LG_UNSUPPORTED,
+                 "the plant's motion jumps at the goal, as where dry friction sticks: motions stop in a band "
+                 "about the goal, and a proof that they reach a set that holds this band is not built. "
+                 "Nothing is proved; test the policy by runs (evaluate)");
+}
+
 static lg_program *add_rate(const app *self, lg_policy *policy) {
     lg_program *program = NULL;
     APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
+    check_motion(self, policy, program);
     return program;
 }
 
@@ -477,7 +530,7 @@ static lg_policy *prepare(app *self, lg_policy *given, naming names, wanted *wha
         app_stop(self, LG_UNSUPPORTED, "the plant is no program with a function lyapunov (x)");
     if (values.lyapunov == QUADRATIC) search_form(self, given, names, what);
     if (!what->chosen) return NULL;
-    lg_policy *own = read_policy(self, what->gains);
+    lg_policy *own = read_policy(self, what->gains, names.task->input_count * names.n);
     *program = add_rate(self, own);
     return own;
 }
@@ -543,8 +596,9 @@ static int prove(app *self, lg_policy *given, naming names) {
 
 static int run(app *self) {
     check_options(self);
-    lg_policy *policy = read_policy(self, NULL);
+    lg_policy *policy = read_policy(self, NULL, 0);
     const naming names = name_states(lg_policy_task_of(policy));
+    check_delays(self, names.task);
     const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;
     const int code = (values.lyapunov != ENERGY ? prove
                       : turns                   ? prove_rotation

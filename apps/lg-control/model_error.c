@@ -28,7 +28,9 @@ static void add_squares(const app *self, const lg_policy *policy, lg_program *pl
 void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,
                         double *out) {
     const lg_policy_task *task = lg_policy_task_of(policy);
-    const size_t n = lg_policy_regulator_of(policy)->errors, m = task->input_count, numbers = PLACES * n;
+    /* Behind the inputs, the rates of what the controller remembers: 0. */
+    const size_t n = lg_policy_regulator_of(policy)->errors, numbers = PLACES * n,
+                 m = task->input_count + control_count_lagged(task, true);
     APP_FREE double *z = app_alloc(4 * numbers + PLACES * m, sizeof *z);
     double *first = z + numbers, *other = first + numbers, *square = other + numbers, *u = square + numbers;
     lg_program *plants[DRAWS];
@@ -36,7 +38,9 @@ void control_draw_error(const app *self, lg_policy *policy, const char *plant, b
     lg_rng_seed(&rng, self->seed, 16);
     for (size_t i = 0; i < numbers; i++) z[i] = lg_rng_uniform_in(&rng, -high[i % n], high[i % n]);
     for (size_t i = 0; i < PLACES * m; i++)
-        u[i] = lg_rng_uniform_in(&rng, task->input[i % m].low, task->input[i % m].high);
+        u[i] = i % m >= task->input_count
+                   ? 0
+                   : lg_rng_uniform_in(&rng, task->input[i % m].low, task->input[i % m].high);
     evaluate(self, policy, held, z, u, first);
     control_draw_plants(self, plant, 0, DRAWS, "--model-error auto", plants);
     for (size_t k = 0; k < DRAWS; k++)

@@ -231,18 +231,22 @@ LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy
 
 /* ---- functions for certificates (liegrad/certify.h) ---- */
 
-/* Adds the continuous and the held closed loop to the policy's program:
- *   rate       (z) -> z'   z = (positions - goal, velocities), angles counted on the real line; z = x - goal
- *                          without velocities; free positions are no part of z. The input follows the state
- *                          without delay: u = policy(q, v).
- *   advance    (z) -> z    after a period in which u is held: with velocities by the classical Runge-Kutta
- *                          method for z in task.substeps parts, otherwise by the plant's own step
- *   input_by_state  (z) -> u  the input of the policy
+/* Adds the closed loop, with inputs that are held for a period, to the policy's program:
+ *   rate_by_input   (z, a) -> z'  z = (positions - goal, velocities), angles counted on the real line; z = x -
+ *                                 goal without velocities; free positions are no part of z. Lagged inputs,
+ *                                 inputs of earlier periods and integrals are positions. a: the inputs that
+ *                                 act, then the constant rates by which the inputs of earlier periods and
+ *                                 integrals come to their next values at the end of a period
+ *   input_by_state  (z) -> a      by the policy
+ *   advance_by_input, advance     (z, a) -> z, (z) -> z after a period, by the classical Runge-Kutta method in
+ *                                 task.substeps parts
+ *   rate            (z) -> z'     rate_by_input under input_by_state: the continuous loop, if no input acts
+ *                                 late
  *   rate_by_gains, advance_by_gains  (z, K) -> the same with the saturated regulator of a shared K
- *   rate_by_input, advance_by_input  (z, u) -> the same with the input u
  * `program`: the policy's program, to which a Lyapunov function may be added; it belongs to the policy. If
- * the functions are there already, nothing is added. Errors: LG_UNSUPPORTED (directions, rotations, lagged
- * inputs), LG_NOT_FOUND (a plant without `field`), those of lg_program_add_function. */
+ * the functions are there already, nothing is added. Errors: LG_UNSUPPORTED (directions, rotations, bristles,
+ * dead times that are no whole periods), LG_NOT_FOUND (a plant without `field`), those of
+ * lg_program_add_function. */
 LG_API lg_status lg_policy_add_rate(lg_policy *policy, lg_program **program, lg_error *error);
 
 /* For a network with a gate, of a machine of lines and angles, |angle| <= pi: an upper bound *ratio of V/c

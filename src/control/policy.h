@@ -122,8 +122,14 @@ lg_var lg_policy_record_period(lg_tape *tape, const lg_policy *policy, lg_var x,
                                lg_var late);
 /* The inputs that the memory drops in this period. */
 lg_var lg_policy_record_dropped(lg_tape *tape, const lg_policy *policy, lg_var x, lg_var u);
-/* Fails for certificates: a dead time or integrals. */
-lg_status lg_policy_check_memory(const lg_policy *policy, lg_error *error);
+/* The part of the plant in a state x. */
+lg_var lg_policy_plant_part(lg_tape *tape, const lg_policy *policy, lg_var x);
+/* Fails for certificates: dead times that are no whole periods; `any`: all dead times, and integrals. */
+lg_status lg_policy_check_memory(const lg_policy *policy, bool any, lg_error *error);
+/* For certificates: the inputs that act during a period in which the controller gives u at x, then the
+ * constant rates that bring the memory to its next value in a period. Dead times are whole periods. */
+lg_var lg_policy_record_acting(lg_tape *tape, const lg_policy *policy, lg_var x, lg_policy_seen seen,
+                               lg_var u);
 /* Adds remember and reset. */
 lg_status lg_policy_add_remember(lg_policy *policy, lg_error *error);
 /* (B, n) with rows like those of x. */

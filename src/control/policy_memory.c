@@ -81,7 +81,7 @@ static uint32_t line_at(const lg_policy *p, uint32_t input) {
     return at;
 }
 
-static lg_var plant_part(lg_tape *tape, const lg_policy *p, lg_var x) {
+lg_var lg_policy_plant_part(lg_tape *tape, const lg_policy *p, lg_var x) {
     return p->memory.count > 0 ? lg_columns(tape, x, 0, p->memory.plant) : x;
 }
 
@@ -113,7 +113,7 @@ static lg_status record_positions(void *user, lg_tape *tape, const lg_var *theta
                                   lg_var *out) {
     const lg_policy *p = user;
     const lg_policy_memory *m = &p->memory;
-    const lg_var plant = plant_part(tape, p, in[0]);
+    const lg_var plant = lg_policy_plant_part(tape, p, in[0]);
     lg_var parts[LG_POLICY_INPUTS + 3];
     uint32_t n = 0;
     (void)theta;
@@ -131,14 +131,14 @@ static lg_status record_positions(void *user, lg_tape *tape, const lg_var *theta
 
 static lg_status record_velocities(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                    lg_var *out) {
-    const lg_var plant = plant_part(tape, user, in[0]);
+    const lg_var plant = lg_policy_plant_part(tape, user, in[0]);
     (void)theta;
     out[0] = lg_program_call(tape, "plant_velocities", 0, &plant);
     return lg_tape_status(tape);
 }
 
 static lg_status record_value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const lg_var plant = plant_part(tape, user, in[0]);
+    const lg_var plant = lg_policy_plant_part(tape, user, in[0]);
     (void)theta;
     out[0] = lg_program_call(tape, "plant_value", 0, &plant);
     return lg_tape_status(tape);
@@ -168,7 +168,7 @@ static lg_status record_momenta(void *user, lg_tape *tape, const lg_var *theta, 
 /* A step within a period: the memory stays. */
 static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_policy *p = user;
-    const lg_var plant = plant_part(tape, p, in[0]);
+    const lg_var plant = lg_policy_plant_part(tape, p, in[0]);
     const lg_var parts[2] = {lg_program_call(tape, "plant_step", 0, (const lg_var[]){plant, in[1], in[2]}),
                              lg_columns(tape, in[0], p->memory.plant, p->memory.count)};
     (void)theta;
@@ -321,7 +321,7 @@ lg_var lg_policy_record_period(lg_tape *tape, const lg_policy *p, lg_var x, lg_v
     const lg_policy_memory *m = &p->memory;
     const char *const step = lg_policy_plant_name(p, "step");
     double at[LG_POLICY_INPUTS + 2];
-    lg_var parts[2 * LG_POLICY_INPUTS + 3] = {plant_part(tape, p, x)};
+    lg_var parts[2 * LG_POLICY_INPUTS + 3] = {lg_policy_plant_part(tape, p, x)};
     uint32_t n = cut_period(m->late, p->inputs, at);
     for (uint32_t k = 0; k < n; k++) {
         const double length = at[k + 1] - at[k];
@@ -395,15 +395,33 @@ lg_status lg_policy_add_remember(lg_policy *p, lg_error *error) {
     return lg_program_add_function(p->program, &reset, error);
 }
 
-lg_status lg_policy_check_memory(const lg_policy *p, lg_error *error) {
+/* ---- for certificates ---- */
+
+lg_status lg_policy_check_memory(const lg_policy *p, bool any, lg_error *error) {
     for (uint32_t l = 0; l < p->inputs; l++)
-        if (p->memory.late[l] > 0.0)
+        if (p->memory.late[l] > 0.0 && (any || p->memory.late[l] != floor(p->memory.late[l])))
             return lg_fail(
                 error, LG_UNSUPPORTED,
-                "the input %s acts %g periods late, and a certificate does not cover this dead time: "
-                "nothing is proved. Test the policy by runs (evaluate)",
-                p->task.input[l].name, p->memory.late[l]);
-    if (p->memory.integrals > 0)
-        return lg_fail(error, LG_UNSUPPORTED, "a certificate does not cover the integrals of the controller");
+                "the input %s acts %g periods late, and this certificate does not cover %s: nothing "
+                "is proved. Test the policy by runs (evaluate)",
+                p->task.input[l].name, p->memory.late[l], any ? "a dead time" : "a part of a period");
+    if (any && p->memory.integrals > 0)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "this certificate does not cover the integrals of the controller");
     return LG_OK;
+}
+
+lg_var lg_policy_record_acting(lg_tape *tape, const lg_policy *p, lg_var x, lg_policy_seen seen, lg_var u) {
+    const lg_policy_memory *m = &p->memory;
+    lg_var parts[2 * LG_POLICY_INPUTS + 1];
+    if (m->count == 0) return u;
+    const lg_var before = lg_columns(tape, x, m->plant, m->count),
+                 z = lg_policy_record_errors(tape, &p->task, seen);
+    uint32_t n = move_lines(tape, p, false, x, u, parts);
+    if (m->integrals > 0)
+        parts[n++] = integrals_after(tape, p, lg_columns(tape, before, m->lines, m->integrals), z, u);
+    const lg_var change = lg_sub(tape, lg_joined(tape, parts, n), before),
+                 out[2] = {acting(tape, p, m->late, 0.0, x, u, LG_NONE, LG_NONE),
+                           lg_scale(tape, change, 1 / p->task.period)};
+    return lg_concat(tape, out, 2, 1);
 }

@@ -52,115 +52,88 @@ static lg_var gathered(const lg_policy *p, lg_tape *tape, lg_var all) {
     return n == 0 ? LG_NONE : lg_joined(tape, parts, n);
 }
 
-/* Positions, velocities, the state x of the plant, and the input at z. */
+/* Positions, velocities and the state x at z. */
 typedef struct place {
-    lg_var q, v, x, u; /* v LG_NONE: no velocities */
+    lg_var q, v, x; /* v LG_NONE: no velocities */
 } place;
 
-static place state_at(const lg_policy *p, lg_tape *tape, lg_var z) {
+static place place_at(const lg_policy *p, lg_tape *tape, lg_var z) {
     const lg_var q = lg_add(tape, spread(p, tape, z), goal_row(p, tape));
     if (!moves(p)) return (place){.q = q, .x = q, .v = LG_NONE};
     const lg_var v = lg_slice(tape, z, 1, p->layout.at[0].rate, p->layout.velocities);
     return (place){.q = q, .v = v, .x = lg_program_call(tape, "momenta", 0, (const lg_var[]){q, v})};
 }
 
-static place place_at(const lg_policy *p, lg_tape *tape, const lg_var *theta, lg_var z) {
-    place at = state_at(p, tape, z);
+/* What acts during a period that begins at z. K LG_NONE: by the policy */
+static lg_var acting_at(const lg_policy *p, lg_tape *tape, const lg_var *theta, lg_var z, lg_var K) {
+    const place at = place_at(p, tape, z);
     lg_var in[3] = {at.q, at.v};
-    const size_t count = moves(p) ? 2 : 1;
-    if (p->parameters > 0) in[count] = theta[lg_program_parameters(p->program) - 1];
-    at.u = lg_program_call(tape, "policy", 0, in);
-    return at;
+    if (p->parameters > 0) in[moves(p) ? 2 : 1] = theta[lg_program_parameters(p->program) - 1];
+    const lg_var u = lg_is_none(K) ? lg_program_call(tape, "policy", 0, in)
+                                   : lg_program_call(tape, "regulated", 2, (const lg_var[]){at.x, K});
+    return lg_policy_record_acting(tape, p, at.x, (lg_policy_seen){at.q, at.v}, u);
 }
 
-/* The rate of z at x and u */
-static lg_status rate_at(const lg_policy *p, lg_tape *tape, place at, lg_var *out) {
-    const lg_var f = lg_program_call(tape, "field", 0, (const lg_var[]){at.x, at.u});
-    *out = moves(p) ? gathered(p, tape, at.v) : gathered(p, tape, f);
-    if (!moves(p)) return lg_tape_status(tape);
-    const lg_var v = lg_program_call(tape, "velocities", 0, &at.x);
-    lg_var parts[2] = {*out, LG_NONE};
-    LG_TRY(lg_jvp(tape, &v, 1, &at.x, &f, 1, &parts[1]));
-    *out = lg_is_none(*out) ? parts[1] : lg_concat(tape, parts, 2, 1);
-    return lg_tape_status(tape);
-}
-
-static lg_status record_rate(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const lg_policy *p = user;
-    return rate_at(p, tape, place_at(p, tape, theta, in[0]), out);
-}
-
-/* z after a period in which u is held. With velocities the classical Runge-Kutta method steps z. The
- * machine's own step would multiply by M and by M^-1, and over a box the interval bounds of M^-1 M are much
- * wider than 1. */
-static lg_var after_period(const lg_policy *p, lg_tape *tape, lg_var z, lg_var x, lg_var u) {
-    const double h = p->task.period / p->task.substeps, to[4] = {0, 0.5 * h, 0.5 * h, h},
-                 weight[4] = {h / 6, h / 3, h / 3, h / 6};
-    if (!moves(p))
-        return gathered(
-            p, tape,
-            lg_sub(tape, lg_program_call(tape, "period", 0, (const lg_var[]){x, u}), goal_row(p, tape)));
-    for (uint32_t step = 0; step < p->task.substeps; step++) {
-        lg_var sum = z, rate = LG_NONE;
-        for (int stage = 0; stage < 4; stage++) {
-            const lg_var at = stage == 0 ? z : lg_add(tape, z, lg_scale(tape, rate, to[stage]));
-            rate = lg_program_call(tape, "rate_by_input", 0, (const lg_var[]){at, u});
-            sum = lg_add(tape, sum, lg_scale(tape, rate, weight[stage]));
-        }
-        z = sum;
-    }
-    return z;
-}
-
-static lg_status record_advance(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                lg_var *out) {
-    const lg_policy *p = user;
-    const place at = place_at(p, tape, theta, in[0]);
-    out[0] = after_period(p, tape, in[0], at.x, at.u);
-    return lg_tape_status(tape);
-}
-
-static lg_status record_rate_by_gains(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                      lg_var *out) {
-    const lg_policy *p = user;
-    place at = state_at(p, tape, in[0]);
-    (void)theta;
-    at.u = lg_program_call(tape, "regulated", 2, (const lg_var[]){at.x, in[1]});
-    return rate_at(p, tape, at, out);
-}
-
-static lg_status record_advance_by_gains(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                         lg_var *out) {
-    const lg_policy *p = user;
-    const place at = state_at(p, tape, in[0]);
-    (void)theta;
-    out[0] = after_period(p, tape, in[0], at.x,
-                          lg_program_call(tape, "regulated", 2, (const lg_var[]){at.x, in[1]}));
+static lg_status record_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    out[0] = acting_at(user, tape, theta, in[0], LG_NONE);
     return lg_tape_status(tape);
 }
 
 static lg_status record_rate_by_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                       lg_var *out) {
     const lg_policy *p = user;
-    place at = state_at(p, tape, in[0]);
+    const lg_policy_memory *m = &p->memory;
+    const place at = place_at(p, tape, in[0]);
+    const lg_var x = lg_policy_plant_part(tape, p, at.x),
+                 f = lg_program_call(tape, "field", 0,
+                                     (const lg_var[]){x, lg_columns(tape, in[1], 0, p->inputs)});
+    lg_var parts[3] = {moves(p) ? at.v : f};
+    uint32_t n = 1;
     (void)theta;
-    at.u = in[1];
-    return rate_at(p, tape, at, out);
-}
-
-static lg_status record_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    out[0] = place_at(user, tape, theta, in[0]).u;
+    if (moves(p) && m->lags > 0) parts[n++] = lg_columns(tape, f, m->plant - m->lags, m->lags);
+    if (m->count > 0) parts[n++] = lg_columns(tape, in[1], p->inputs, m->count);
+    out[0] = gathered(p, tape, lg_joined(tape, parts, n));
+    if (!moves(p)) return lg_tape_status(tape);
+    const lg_var v = lg_program_call(tape, lg_policy_plant_name(p, "velocities"), 0, &x);
+    parts[0] = out[0];
+    LG_TRY(lg_jvp(tape, &v, 1, &x, &f, 1, &parts[1]));
+    out[0] = lg_is_none(parts[0]) ? parts[1] : lg_concat(tape, parts, 2, 1);
     return lg_tape_status(tape);
 }
 
+/* z after a period in which `acting` is held, by the classical Runge-Kutta method. */
 static lg_status record_advance_by_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                          lg_var *out) {
     const lg_policy *p = user;
-    const place at = state_at(p, tape, in[0]);
+    const double h = p->task.period / p->task.substeps, to[4] = {0, 0.5 * h, 0.5 * h, h},
+                 weight[4] = {h / 6, h / 3, h / 3, h / 6};
     (void)theta;
-    out[0] = after_period(p, tape, in[0], at.x, in[1]);
+    out[0] = in[0];
+    for (uint32_t step = 0; step < p->task.substeps; step++) {
+        const lg_var z = out[0];
+        lg_var rate = LG_NONE;
+        for (int stage = 0; stage < 4; stage++) {
+            const lg_var at = stage == 0 ? z : lg_add(tape, z, lg_scale(tape, rate, to[stage]));
+            rate = lg_program_call(tape, "rate_by_input", 0, (const lg_var[]){at, in[1]});
+            out[0] = lg_add(tape, out[0], lg_scale(tape, rate, weight[stage]));
+        }
+    }
     return lg_tape_status(tape);
 }
+
+/* The same with the policy, and with the saturated regulator of the gains in[1]. */
+#define CLOSED(function, name, K)                                                                            \
+    static lg_status function(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,              \
+                              lg_var *out) {                                                                 \
+        out[0] =                                                                                             \
+            lg_program_call(tape, name, 0, (const lg_var[]){in[0], acting_at(user, tape, theta, in[0], K)}); \
+        return lg_tape_status(tape);                                                                         \
+    }
+CLOSED(record_rate, "rate_by_input", LG_NONE)
+CLOSED(record_rate_by_gains, "rate_by_input", in[1])
+CLOSED(record_advance, "advance_by_input", LG_NONE)
+CLOSED(record_advance_by_gains, "advance_by_input", in[1])
+#undef CLOSED
 
 /* ---- adding them ---- */
 
@@ -173,7 +146,7 @@ static lg_status add(lg_policy *p, const char *name, uint32_t numbers, second wi
     if (lg_program_find(p->program, name, &found, NULL) == LG_OK) return LG_OK;
     const lg_port others[] = {
         [GAINS] = {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true},
-        [INPUT] = {.name = "u", .shape = lg_shape1(p->inputs)}};
+        [INPUT] = {.name = "u", .shape = lg_shape1(p->inputs + p->memory.count)}};
     const lg_port in[2] = {{.name = "z", .shape = lg_shape1(numbers)}, others[with]}, out = {.name = output};
     const lg_function_spec spec = {name, in, with == NONE ? 1 : 2, &out, 1, record, p};
     return lg_program_add_function(p->program, &spec, error);
@@ -181,6 +154,7 @@ static lg_status add(lg_policy *p, const char *name, uint32_t numbers, second wi
 
 static lg_status check(const lg_policy *p, lg_error *error) {
     size_t field;
+    LG_TRY(lg_policy_check_memory(p, false, error));
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
         if (c->motion != LG_POLICY_LINE && c->motion != LG_POLICY_ANGLE)
@@ -188,15 +162,10 @@ static lg_status check(const lg_policy *p, lg_error *error) {
                            "coordinate %s is a %s; certificates are for machines of lines and angles",
                            c->name, lg_policy_motion_row_of(c->motion)->name);
     }
-    LG_TRY(lg_policy_check_memory(p, error));
-    for (uint32_t i = 0; i < p->task.coordinate_count; i++)
-        if (p->task.coordinate[i].follows > 0)
-            return lg_fail(error, LG_UNSUPPORTED, "%s is a lagged input, which a certificate does not know",
-                           p->task.coordinate[i].name);
     if (p->state != p->layout.positions + p->layout.velocities)
         return lg_fail(error, LG_UNSUPPORTED,
-                       "besides positions and velocities the plant has %u more states (bristles), which a "
-                       "certificate does not know",
+                       "besides positions and velocities the plant has %u more states (bristles, or inputs "
+                       "that act later than the controller knows), which a certificate does not cover",
                        p->state - p->layout.positions - p->layout.velocities);
     if (lg_program_find(p->program, "field", &field, NULL) != LG_OK)
         return lg_fail(error, LG_NOT_FOUND, "the plant has no function field (x, u)");
@@ -206,17 +175,24 @@ static lg_status check(const lg_policy *p, lg_error *error) {
 lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error) {
     LG_NEEDS(error, p, program);
     LG_TRY(check(p, error));
-    const uint32_t n = p->layout.errors;
-    LG_TRY(add(p, "rate_by_input", n, INPUT, record_rate_by_input, "dz", error));
-    LG_TRY(add(p, "rate", n, NONE, record_rate, "dz", error));
-    LG_TRY(add(p, "input_by_state", n, NONE, record_input, "u", error));
-    LG_TRY(add(p, "advance", n, NONE, record_advance, "next_z", error));
-    LG_TRY(add(p, "advance_by_input", n, INPUT, record_advance_by_input, "next_z", error));
+    static const struct {
+        const char *name;
+        second with;
+        lg_record_function record;
+        const char *output;
+    } functions[] = {{"rate_by_input", INPUT, record_rate_by_input, "dz"},
+                     {"input_by_state", NONE, record_input, "u"},
+                     {"advance_by_input", INPUT, record_advance_by_input, "next_z"},
+                     {"rate", NONE, record_rate, "dz"},
+                     {"advance", NONE, record_advance, "next_z"},
+                     {"rate_by_gains", GAINS, record_rate_by_gains, "dz"},
+                     {"advance_by_gains", GAINS, record_advance_by_gains, "next_z"}};
     size_t regulated;
-    if (lg_program_find(p->program, "regulated", &regulated, NULL) == LG_OK) {
-        LG_TRY(add(p, "rate_by_gains", n, GAINS, record_rate_by_gains, "dz", error));
-        LG_TRY(add(p, "advance_by_gains", n, GAINS, record_advance_by_gains, "next_z", error));
-    }
+    const bool gains = lg_program_find(p->program, "regulated", &regulated, NULL) == LG_OK;
+    for (size_t i = 0; i < LG_COUNT(functions); i++)
+        if (gains || functions[i].with != GAINS)
+            LG_TRY(add(p, functions[i].name, p->layout.errors, functions[i].with, functions[i].record,
+                       functions[i].output, error));
     *program = p->program;
     return LG_OK;
 }
@@ -226,8 +202,9 @@ lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error
 static lg_status record_slope(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_policy *p = user;
     const lg_var still[2] = {in[0], lg_scale(tape, in[0], 0.0)};
-    const place at = place_at(p, tape, theta, lg_concat(tape, still, 2, 1));
-    const lg_var f = lg_program_call(tape, "field", 0, (const lg_var[]){at.x, at.u});
+    const lg_var z = lg_concat(tape, still, 2, 1),
+                 in_f[2] = {place_at(p, tape, z).x, acting_at(p, tape, theta, z, LG_NONE)},
+                 f = lg_program_call(tape, "field", 0, in_f);
     out[0] = lg_neg(tape, lg_slice(tape, f, 1, 1, 1));
     return lg_tape_status(tape);
 }
@@ -287,6 +264,7 @@ static lg_status check_energy(const lg_policy *p, lg_error *error) {
         return lg_fail(error, LG_UNSUPPORTED, "the controller is of kind %s; the energy needs kind energy",
                        lg_policy_kind_name(p->task.kind));
     LG_TRY(check(p, error));
+    LG_TRY(lg_policy_check_memory(p, true, error));
     if (p->task.coordinate_count != 1 || p->inputs != 1)
         return lg_fail(error, LG_UNSUPPORTED,
                        "the energy is certified for one coordinate and one input; the plant has %u and %u",

@@ -105,7 +105,7 @@ static lg_status check(const lg_policy *p, lg_error *error) {
     if (p->task.kind != LG_POLICY_ENERGY)
         return lg_fail(error, LG_UNSUPPORTED, "the controller is of kind %s; the energy needs kind energy",
                        lg_policy_kind_name(p->task.kind));
-    LG_TRY(lg_policy_check_memory(p, error));
+    LG_TRY(lg_policy_check_memory(p, true, error));
     if (p->task.coordinate_count != 1 || p->task.coordinate[0].motion != LG_POLICY_ROTATION ||
         p->state != STATE)
         return lg_fail(error, LG_UNSUPPORTED,
