@@ -257,15 +257,20 @@ typedef struct verdict {
     const double *P, *gains; /* (sides, sides); (inputs, sides); NULL: none, or gains that were not chosen */
 } verdict;
 
-static void tell_box(app_json *out, naming names, const verdict *v) {
+/* Why it is not proved, with the box. */
+static char *tell_reason(app_json *out, naming names, const verdict *v) {
+    lg_text text = app_text();
+    lg_text_add(&text, "%s", v->reason);
     app_json_open(out, "failed", '{');
     for (size_t i = 0; i < v->sides && v->low != NULL; i++) {
         const double goal = i < names.positions ? names.of[i]->goal[0] : 0;
         const double side[2] = {goal + v->low[i], goal + v->high[i]};
         app_json_reals(out, name_of(names, i), side, 2);
-        app_result_line(out, "fails at %s from %.6g to %.6g", name_of(names, i), side[0], side[1]);
+        lg_text_add(&text, "%s%s from %.6g to %.6g", i == 0 ? ", at " : ", ", name_of(names, i), side[0],
+                    side[1]);
     }
     app_json_close(out, '}');
+    return text.data;
 }
 
 /* The quadratic form, and gains in the form that a task takes. */
@@ -287,7 +292,8 @@ static int tell(app *self, naming names, const verdict *v) {
     app_json_bool(&out, "global", v->verified && v->global);
     app_json_bool(&out, "converges", v->converges);
     app_result_text(&out, "claim", v->claim, NULL);
-    if (!v->verified) app_result_text(&out, "reason", v->reason, NULL);
+    APP_FREE char *reason = v->verified ? NULL : tell_reason(&out, names, v);
+    if (!v->verified) app_result_text(&out, "reason", reason, NULL);
     if (v->global) {
         app_result_real(&out, "margin", v->margin, "of the input's force over the potential's");
     } else if (values.lyapunov == ENERGY) {
@@ -304,16 +310,69 @@ static int tell(app *self, naming names, const verdict *v) {
     tell_forms(&out, names, v);
     app_result_size(&out, "boxes", v->boxes, "examined");
     app_result_real(&out, "seconds", v->seconds, NULL);
-    if (!v->verified) tell_box(&out, names, v);
     app_json_warnings(&out, self);
     app_json_end(&out);
     if (v->verified) return APP_EXIT_OK;
-    return app_fail(self, LG_CHECK_FAILED, "not proved: %s", v->reason);
+    return app_fail(self, LG_CHECK_FAILED, "not proved: %s", reason);
+}
+
+/* ---- the claim ---- */
+
+/* The name of a file with the first digits of the hash of its bytes. */
+static char *name_file(const app *self, const char *path) {
+    char text[LG_SHA256_TEXT], part[4096];
+    const char *slash = strrchr(path, '/');
+    lg_sha256 state;
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) app_stop(self, LG_FILE, "%s: cannot be read again", path);
+    lg_sha256_init(&state);
+    for (size_t n; (n = fread(part, 1, sizeof part, file)) > 0;) lg_sha256_add(&state, part, n);
+    (void)fclose(file);
+    lg_sha256_finish(&state, text);
+    return app_format("%s (SHA-256 %.12s)", slash == NULL ? path : slash + 1, text);
+}
+
+/* The sentence of a proof, with what it is about before it, and what it covers after it. */
+static char *tell_claim(const app *self, naming names, bool chosen, const char *proof, const char *more) {
+    const char *path = self->arguments[0], *rest = strchr(proof, ':');
+    const char *of_kind = lg_policy_kind_name(names.task->kind);
+    APP_FREE char *own = name_file(self, path);
+    lg_text text = app_text();
+    lg_text_add(&text, "%.*s, for the ", (int)(rest - proof), proof);
+    if (is_task(self)) {
+        APP_FREE char *plant = control_plant_path(self, path), *of = name_file(self, plant);
+        lg_text_add(&text, "plant %s and the controller of kind %s of %s%s", of, of_kind, own,
+                    chosen ? " with gains that were chosen" : "");
+    } else {
+        lg_text_add(&text, "plant and the controller of kind %s in %s", of_kind, own);
+    }
+    lg_text_add(&text, "%s Inputs stay in their limits.", rest);
+    if (values.continuous)
+        lg_text_add(
+            &text,
+            " It is about inputs that follow the state at all times; the controller holds them for %g.",
+            names.task->period);
+    for (uint32_t i = 0; i < names.task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &names.task->coordinate[i];
+        const bool oldest =
+            i + 1 == names.task->coordinate_count || names.task->coordinate[i + 1].ago <= c->ago;
+        if (c->ago > 0 && oldest)
+            lg_text_add(&text, " The input %s acts %u periods late.", names.task->input[c->follows - 1].name,
+                        c->ago);
+    }
+    lg_text_add(
+        &text,
+        "%s Not covered: disturbances, noise of sensors, and the rounding of the controller (2^-53 of "
+        "its numbers, of an export in f32 2^-24).",
+        more);
+    return text.data;
 }
 
 static char *name_all(naming names) {
     lg_text text = app_text();
+    lg_text_add(&text, " The box is of ");
     for (size_t i = 0; i < names.n; i++) lg_text_add(&text, "%s%s", i > 0 ? ", " : "", name_of(names, i));
+    lg_text_add(&text, ", counted from the goal.");
     return text.data;
 }
 
@@ -327,10 +386,10 @@ static int prove_energy(app *self, lg_policy *policy, naming names) {
     read_box(self, names, low, high); /* only its names are checked: the proof is for every state */
     APP_MUST(self, lg_policy_add_slope(policy, &spec, &error));
     APP_MUST(self, lg_certify_energy(self->context, &spec, &r, &error));
-    APP_FREE char *claim =
-        app_format("%s That the mass, the damping and the map of the input are constant was "
-                   "compared at several states, it was not proved.",
-                   r.claim);
+    APP_FREE char *claim = tell_claim(
+        self, names, false, r.claim,
+        " That the mass, the damping and the map of the input are constant was compared at several "
+        "states, it was not proved.");
     const verdict v = {.verified = r.verified,
                        .global = true,
                        .converges = r.verified,
@@ -353,10 +412,10 @@ static int prove_rotation(app *self, lg_policy *policy, naming names) {
         app_stop_usage(self, "--box: the energy on rotations has its own set: {V < level}");
     APP_MUST(self, lg_policy_fill_rotation(policy, &spec, &error));
     APP_MUST(self, lg_certify_rotation(&spec, &r, &error));
-    APP_FREE char *text =
-        app_format("%s That the inertia, the damping and the map of the inputs are constant was "
-                   "compared at several rotations, it was not proved.",
-                   r.claim);
+    APP_FREE char *text = tell_claim(
+        self, names, false, r.claim,
+        " That the inertia, the damping and the map of the inputs are constant was compared at several "
+        "rotations, it was not proved.");
     const verdict v = {.verified = r.verified,
                        .converges = r.verified,
                        .level = r.level,
@@ -568,7 +627,8 @@ static int prove(app *self, lg_policy *given, naming names) {
     const double *P = values.lyapunov == QUADRATIC ? what.P : NULL;
     APP_FREE char *all = name_all(names);
     APP_FREE char *gate = tell_gate(given, P, r.level);
-    APP_FREE char *claim = app_format("%s The box is of %s, counted from the goal.%s", r.claim, all, gate);
+    APP_FREE char *more = app_format("%s%s", all, gate);
+    APP_FREE char *claim = tell_claim(self, names, what.chosen, r.claim, more);
     APP_FREE char *reason =
         r.finished
             ? app_format("%s", r.reason)

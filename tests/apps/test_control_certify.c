@@ -104,11 +104,17 @@ TEST("gains that are found can be given: the same set is proved for the task and
 TEST("the loop that runs is proved, with inputs that are held; --continuous is another claim, and says so") {
     static const char box[] = "--box th=1.5,w=12 --json";
     cli_expect(control, test_text("certify chosen.yaml %s", box), 0, "");
+    assert_says(result.out, "\"claim\": \"Proved, for the plant light.yaml (SHA-256 ");
+    assert_says(result.out, ") and the controller of kind lqr of chosen.yaml (SHA-256 ");
+    assert_says(result.out, ") with gains that were chosen: in the box ");
     assert_says(result.out, "inputs are held");
+    assert_says(result.out, "between the samples");
+    assert_says(result.out,
+                "Inputs stay in their limits. The box is of th, w, counted from the goal. Not covered: ");
     cli_expect(control, test_text("certify chosen.yaml --held %s", box), 0, "");
     assert_says(result.out, "inputs are held");
     cli_expect(control, test_text("certify chosen.yaml --continuous %s", box), 0, "");
-    assert_says(result.out, "continuous inputs");
+    assert_says(result.out, "at all times; the controller holds them for 0.01. The box");
     write_task("slow.yaml", "light.yaml", 0.75, "{kind: lqr, gains: [2.5, 0.3]}");
     char text[2048];
     (void)cli_read("slow.yaml", text, sizeof text);
@@ -116,7 +122,10 @@ TEST("the loop that runs is proved, with inputs that are held; --continuous is a
     memcpy(period, "period: 0.40", 12);
     cli_write("slow.yaml", text);
     cli_expect(control, test_text("certify slow.yaml --continuous %s", box), 0, "");
-    cli_expect(control, test_text("certify slow.yaml %s", box), 1, "not proved");
+    cli_expect(control, test_text("certify slow.yaml %s", box), 1,
+               "not proved: V rises in a step, at th from ");
+    assert_says(result.out, "\"claim\": \"Not proved, for the plant light.yaml (");
+    assert_says(result.out, "\"reason\": \"V rises in a step, at th from ");
     static const char *const kinds[] = {"polynomial", "function", "energy"};
     for (size_t i = 0; i < LG_COUNT(kinds); i++)
         cli_expect(
@@ -135,7 +144,8 @@ TEST("lags, inputs that act late and integrals are states of the proof; friction
         const char *says;
     } rows[] = {{"", "", "[0.1]", 0, "The box is of th, w, counted"},
                 {", lag: 0.03", "", "[0.1]", 0, "The box is of th, lagged.u, w, counted"},
-                {", delay: 1", "", "[0.1]", 0, "The box is of th, past.u.1, w, counted"},
+                {", delay: 1", "", "[0.1]", 0,
+                 "The input u acts 1 periods late. The box is of th, past.u.1, w, counted"},
                 {", delay: 13", "", "[0.1]", 1, "not proved"}, /* .13 s: the linear loop is not stable */
                 {"", "integral: [th]\n", "[0.1]", 0, "The box is of th, integral.th, w, counted"},
                 {"", "", "[0.1]}, {kind: coulomb, values: [0.01]", 2, "as where dry friction sticks"}};
