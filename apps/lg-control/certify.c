@@ -384,7 +384,11 @@ static int prove_energy(app *self, lg_policy *policy, naming names) {
     double low[2 * LG_POLICY_COORDINATES], high[2 * LG_POLICY_COORDINATES];
     const double start = app_seconds();
     read_box(self, names, low, high); /* only its names are checked: the proof is for every state */
-    APP_MUST(self, lg_policy_add_slope(policy, &spec, &error));
+    lg_policy_slope loop;
+    APP_MUST(self, lg_policy_add_slope(policy, &loop, &error));
+    lg_certify_energy_spec_init(&spec);
+    spec.program = lg_policy_program(policy), spec.slope = "slope";
+    spec.damping = loop.damping, spec.gain = loop.gain, spec.saturated = loop.saturated;
     APP_MUST(self, lg_certify_energy(self->context, &spec, &r, &error));
     APP_FREE char *claim = tell_claim(
         self, names, false, r.claim,
@@ -410,7 +414,14 @@ static int prove_rotation(app *self, lg_policy *policy, naming names) {
     const double start = app_seconds();
     if (values.box != NULL)
         app_stop_usage(self, "--box: the energy on rotations has its own set: {V < level}");
-    APP_MUST(self, lg_policy_fill_rotation(policy, &spec, &error));
+    lg_policy_turn loop;
+    APP_MUST(self, lg_policy_find_turn(policy, &loop, &error));
+    lg_certify_rotation_spec_init(&spec);
+    spec.stiffness = loop.stiffness, spec.damping = loop.damping, spec.inputs = loop.inputs;
+    memcpy(spec.J, loop.J, sizeof spec.J);
+    memcpy(spec.map, loop.map, sizeof spec.map);
+    memcpy(spec.gains, loop.gains, sizeof spec.gains);
+    memcpy(spec.limit, loop.limit, sizeof spec.limit);
     APP_MUST(self, lg_certify_rotation(&spec, &r, &error));
     APP_FREE char *text = tell_claim(
         self, names, false, r.claim,

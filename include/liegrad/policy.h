@@ -64,7 +64,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "liegrad/certify.h"
 #include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/program.h"
@@ -256,21 +255,30 @@ LG_API lg_status lg_policy_add_rate(lg_policy *policy, lg_program **program, lg_
 LG_API lg_status lg_policy_bound_gate(const lg_policy *policy, const double *P, double level, double *ratio,
                                       lg_error *error);
 
+/* For lg_certify_energy_spec, which explains the numbers */
+typedef struct lg_policy_slope {
+    double damping, gain, saturated;
+} lg_policy_slope;
 /* For a policy of kind energy of a machine with one coordinate (a line or an angle), one input and a
  * constant mass: adds the function `slope` (z) -> g, minus the rate of the momentum at v = 0 under u =
- * policy(goal + z, 0), and fills `spec` for lg_certify_energy. That the mass, the damping and the map of
+ * policy(goal + z, 0), and fills `out`. That the mass, the damping and the map of
  * the input are constant is compared at several states, it is not proved. Errors: those of
- * lg_policy_add_rate; LG_UNSUPPORTED (another kind or machine; the potential of a line is not constant, so
- * it has no period); LG_CHECK_FAILED (the damping is not linear, or not positive). */
-LG_API lg_status lg_policy_add_slope(lg_policy *policy, lg_certify_energy_spec *spec, lg_error *error);
+ * lg_policy_add_rate; LG_UNSUPPORTED (another kind or machine, a dead time, integrals; the potential of a line
+ * is not constant, so it has no period); LG_CHECK_FAILED (the damping is not linear, or not positive). */
+LG_API lg_status lg_policy_add_slope(lg_policy *policy, lg_policy_slope *out, lg_error *error);
 
-/* For a policy of kind energy of a machine with one rotation: fills `spec` for lg_certify_rotation. That
+/* For lg_certify_rotation_spec, which explains the numbers */
+typedef struct lg_policy_turn {
+    double J[9], stiffness, damping;
+    uint32_t inputs;
+    double map[LG_POLICY_INPUTS * 3], gains[2], limit[LG_POLICY_INPUTS]; /* map (inputs, 3) */
+} lg_policy_turn;
+/* For a policy of kind energy of a machine with one rotation. That
  * the inertia, the damping and the map of the inputs are constant, and that nothing but inputs and damping
  * turns the machine, is compared at several rotations and rates, it is not proved. Errors: LG_NOT_FOUND (a
- * plant without `field`), LG_UNSUPPORTED (another kind or machine; a stiffness that depends on the axis),
- * LG_CHECK_FAILED (the damping is not linear). */
-LG_API lg_status lg_policy_fill_rotation(const lg_policy *policy, lg_certify_rotation_spec *spec,
-                                         lg_error *error);
+ * plant without `field`), LG_UNSUPPORTED (another kind or machine, a dead time; a stiffness that depends on
+ * the axis), LG_CHECK_FAILED (the damping is not linear). */
+LG_API lg_status lg_policy_find_turn(const lg_policy *policy, lg_policy_turn *out, lg_error *error);
 
 /* How many coordinates of the task are tracked. Set points need a machine that moves in the same way wherever
  * these coordinates are: lg_policy_create compares it at random states, and fails with LG_CHECK_FAILED. */

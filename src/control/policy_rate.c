@@ -295,21 +295,18 @@ static void find_gains(const lg_policy *p, double *gains) {
     for (int i = 0; i < 2; i++) gains[i] = p->parameters > 0 ? exp(p->theta[i]) : p->task.gains[i];
 }
 
-lg_status lg_policy_add_slope(lg_policy *p, lg_certify_energy_spec *spec, lg_error *error) {
+lg_status lg_policy_add_slope(lg_policy *p, lg_policy_slope *out, lg_error *error) {
     probe machine;
     double gains[2];
-    LG_NEEDS(error, p, spec);
+    LG_NEEDS(error, p, out);
     LG_TRY(check_energy(p, error));
     LG_TRY(check_period(p, error));
     LG_TRY(probe_machine(p, &machine, error));
     LG_TRY(add(p, "slope", 1, NONE, record_slope, "g", error));
     find_gains(p, gains);
     const double u0 = p->regulator.u0[0], low = u0 - p->task.input[0].low, high = p->task.input[0].high - u0;
-    lg_certify_energy_spec_init(spec);
-    spec->program = p->program;
-    spec->slope = "slope";
-    spec->damping = machine.damping * (1 - 1e-6);
-    spec->gain = gains[1] * p->G[1] * machine.map;
-    spec->saturated = fmax(low, high) / (gains[0] * fabs(p->G[0])) * (1 + 1e-12);
+    out->damping = machine.damping * (1 - 1e-6);
+    out->gain = gains[1] * p->G[1] * machine.map;
+    out->saturated = fmax(low, high) / (gains[0] * fabs(p->G[0])) * (1 + 1e-12);
     return LG_OK;
 }

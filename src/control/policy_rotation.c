@@ -1,4 +1,4 @@
-/* Policies: the numbers of a body that turns, for lg_certify_rotation. */
+/* Policies: the numbers of a body that turns, for lg_policy_find_turn. */
 #include <math.h>
 #include <string.h>
 
@@ -134,40 +134,39 @@ static double least_damping(const double *D) {
     return least;
 }
 
-lg_status lg_policy_fill_rotation(const lg_policy *p, lg_certify_rotation_spec *spec, lg_error *error) {
+lg_status lg_policy_find_turn(const lg_policy *p, lg_policy_turn *out, lg_error *error) {
     body b;
     double gains[2][LG_POLICY_INPUTS], stiff[TURN * TURN] = {0}, even[TURN * TURN] = {0};
-    LG_NEEDS(error, p, spec);
+    LG_NEEDS(error, p, out);
     LG_TRY(check(p, error));
     LG_TRY(probe_body(p, &b, error));
     const uint32_t m = p->inputs, n = p->layout.errors;
-    lg_certify_rotation_spec_init(spec);
-    spec->inputs = m;
-    memcpy(spec->J, b.J, sizeof b.J);
+    *out = (lg_policy_turn){.inputs = m};
+    memcpy(out->J, b.J, sizeof b.J);
     for (uint32_t l = 0; l < m; l++) {
         for (int i = 0; i < 2; i++)
             gains[i][l] = p->parameters > 0 ? exp(p->theta[i * (int)m + (int)l]) : p->task.gains[i];
-        spec->limit[l] = fmin(p->task.input[l].high, -p->task.input[l].low);
-        if (!(spec->limit[l] > 0))
+        out->limit[l] = fmin(p->task.input[l].high, -p->task.input[l].low);
+        if (!(out->limit[l] > 0))
             return lg_fail(error, LG_UNSUPPORTED, "the limits of input %s do not hold 0",
                            p->task.input[l].name);
         /* Gains of this input are part of its row of the map. */
-        for (int i = 0; i < TURN; i++) spec->map[l * TURN + (uint32_t)i] = p->G[l * n + (uint32_t)i];
-        spec->gains[0] = fmax(spec->gains[0], gains[0][l]);
-        spec->gains[1] = fmax(spec->gains[1], gains[1][l]);
+        for (int i = 0; i < TURN; i++) out->map[l * TURN + (uint32_t)i] = p->G[l * n + (uint32_t)i];
+        out->gains[0] = fmax(out->gains[0], gains[0][l]);
+        out->gains[1] = fmax(out->gains[1], gains[1][l]);
         for (uint32_t i = 0; i < TURN * TURN; i++) {
             stiff[i] += gains[0][l] * b.B[i / TURN * m + l] * p->G[l * n + i % TURN];
             b.D[i] += gains[1][l] * b.B[i / TURN * m + l] * p->G[l * n + TURN + i % TURN];
         }
     }
-    spec->stiffness = (stiff[0] + stiff[4] + stiff[8]) / TURN;
-    for (int i = 0; i < TURN; i++) even[i * (TURN + 1)] = spec->stiffness;
+    out->stiffness = (stiff[0] + stiff[4] + stiff[8]) / TURN;
+    for (int i = 0; i < TURN; i++) even[i * (TURN + 1)] = out->stiffness;
     if (!same(9, stiff, even, 0))
         return lg_fail(
             error, LG_UNSUPPORTED,
             "the stiffness depends on the axis of the rotation (%.6g, %.6g, %.6g along the axes), so it is "
             "no slope of a potential: give the same gain to all inputs",
             stiff[0], stiff[4], stiff[8]);
-    spec->damping = least_damping(b.D) * (1 - 1e-6);
+    out->damping = least_damping(b.D) * (1 - 1e-6);
     return LG_OK;
 }

@@ -5,7 +5,6 @@
 
 #include "autodiff/program_support.h"
 #include "files/h5.h"
-#include "liegrad/certify.h"
 #include "liegrad/ops.h"
 #include "support/memory_archive.h"
 #include "support/policies.h"
@@ -405,7 +404,7 @@ TEST("the energy is certified with the numbers of the plant, and a plant that th
         task.search = false, task.input_count = rows[i].p.inputs, task.input[1] = task.input[0];
         if (i == 0) task.gain_count = 2, task.gains[0] = 3, task.gains[1] = 4;
         lg_policy *policy = make_small(&task, &rows[i].p);
-        lg_certify_energy_spec spec;
+        lg_policy_slope spec;
         lg_error error;
         if (rows[i].says != NULL) {
             assert_true(lg_policy_add_slope(policy, &spec, &error) != LG_OK);
@@ -418,7 +417,7 @@ TEST("the energy is certified with the numbers of the plant, and a plant that th
         assert_close(spec.gain, kd * force * force, 1e-5, 0.0);
         assert_close(spec.saturated, 3.0 / (kp * force), 1e-5, 0.0);
     }
-    lg_certify_energy_spec spec;
+    lg_policy_slope spec;
     lg_policy_task task = small_task(LG_POLICY_ENERGY);
     lg_policy_coordinate *q = &task.coordinate[0];
     q->free = true, q->weight = 0.0, q->success = INFINITY, q->success_velocity = 9.0;
@@ -441,16 +440,16 @@ TEST("a body that turns is certified if one gain serves all axes") {
     lg_policy_task task = body_task(LG_POLICY_ENERGY);
     task.search = false;
     lg_policy *policy = make(&task, turning);
-    lg_certify_rotation_spec spec;
+    lg_policy_turn spec;
     lg_error error;
-    assert_told(lg_policy_fill_rotation(policy, &spec, &told));
+    assert_told(lg_policy_find_turn(policy, &spec, &told));
     assert_close(spec.stiffness, 1.0, 1e-5, 0.0);
     assert_close(spec.damping, 1.5, 1e-5, 0.0); /* the body's and the controller's */
     policy->theta[0] = 1.0;
-    assert_status(lg_policy_fill_rotation(policy, &spec, &error), LG_UNSUPPORTED);
+    assert_status(lg_policy_find_turn(policy, &spec, &error), LG_UNSUPPORTED);
     assert_says(error.message, "the stiffness depends on the axis");
-    assert_status(lg_policy_fill_rotation(of_kind(LG_POLICY_ENERGY), &spec, &error), LG_UNSUPPORTED);
-    assert_status(lg_policy_fill_rotation(of_kind(LG_POLICY_LQR), &spec, &error), LG_UNSUPPORTED);
+    assert_status(lg_policy_find_turn(of_kind(LG_POLICY_ENERGY), &spec, &error), LG_UNSUPPORTED);
+    assert_status(lg_policy_find_turn(of_kind(LG_POLICY_LQR), &spec, &error), LG_UNSUPPORTED);
 }
 
 /* ---- files ---- */

@@ -1093,21 +1093,21 @@ TEST("policies refuse NULL") {
     const lg_policy_task task = spring_task();
     lg_policy_task rough = task;
     lg_policy *policy, *other;
-    lg_certify_rotation_spec turn;
+    lg_policy_turn turn;
     double ratio[1] = {1};
     lg_policy_trainer *trainer;
     lg_policy_outcome outcome;
     lg_policy_gap gap;
     lg_program *program;
-    lg_certify_energy_spec energy;
+    lg_policy_slope energy;
     assert_ok(lg_policy_create(NULL, &task, spring(), 1, &policy, &error));
     REFUSES(lg_policy_create(NULL, NEEDED(&task), NEEDED(spring()), 1, NEEDED(&other), NULL));
     REFUSES(lg_policy_transplant(NEEDED(policy), NEEDED(spring()), NEEDED(&other), NULL));
     REFUSES(lg_policy_transplant_late(NEEDED(policy), NEEDED(spring()), NULL, NEEDED(&other), NULL));
     REFUSES(lg_policy_refine(NEEDED(policy), NEEDED(&other), NULL));
     REFUSES(lg_policy_add_rate(NEEDED(policy), NEEDED(&program), NULL));
-    assert_status(lg_policy_fill_rotation(NULL, &turn, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_policy_fill_rotation(policy, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_find_turn(NULL, &turn, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_policy_find_turn(policy, NULL, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_policy_bound_gate(NULL, ratio, 1, ratio, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_policy_bound_gate(policy, NULL, 1, ratio, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_policy_bound_gate(policy, ratio, 1, NULL, NULL), LG_INVALID_ARGUMENT);
@@ -1132,42 +1132,18 @@ TEST("policies refuse NULL") {
 /* Functions that the tests above leave out: they have no pointers, need MPI, or need more than a few lines of
  * files. */
 static const char *const left_out[] = {
-    "lg_minimise_end_status",
-    "lg_mpi_begin",
-    "lg_mpi_end",
-    "lg_file_writer_archive",
-    "lg_file_writer_commit",
-    "lg_rows_file_create",
-    "lg_rows_file_put",
-    "lg_rows_file_commit",
-    "lg_file_writer_rows",
-    "lg_file_reader_archive",
-    "lg_hamiltonian_save",
-    "lg_hamiltonian_save_errors",
-    "lg_elastica_data_write",
-    "lg_surrogate_save",
-    "lg_series_write",
-    "lg_file_writer_names",
-    "lg_file_reader_names",
-    "lg_detector_save",
-    "lg_table_save",
-    "lg_checkpoint_create",
-    "lg_checkpoint_open",
-    "lg_recipe_compare_runs",
-    "lg_model_file_program",
-    "lg_trials_write",
-    "lg_trials_read",
-    "lg_scene_draw_start",
-    "lg_logs_read",
-    "lg_table_evidence",
-    "lg_table_keep_complete",
-    "lg_policy_task_read",
-    "lg_policy_task_parse",
-    "lg_policy_save",
-    "lg_policy_load",
-    "lg_policy_add_slope",
-    "lg_policy_fill_rotation",
-    "lg_policy_bound_gate",
+    "lg_minimise_end_status", "lg_mpi_begin",           "lg_mpi_end",
+    "lg_file_writer_archive", "lg_file_writer_commit",  "lg_rows_file_create",
+    "lg_rows_file_put",       "lg_rows_file_commit",    "lg_file_writer_rows",
+    "lg_file_reader_archive", "lg_hamiltonian_save",    "lg_hamiltonian_save_errors",
+    "lg_elastica_data_write", "lg_surrogate_save",      "lg_series_write",
+    "lg_file_writer_names",   "lg_file_reader_names",   "lg_detector_save",
+    "lg_table_save",          "lg_checkpoint_create",   "lg_checkpoint_open",
+    "lg_recipe_compare_runs", "lg_model_file_program",  "lg_trials_write",
+    "lg_trials_read",         "lg_scene_draw_start",    "lg_logs_read",
+    "lg_table_evidence",      "lg_table_keep_complete", "lg_policy_task_read",
+    "lg_policy_task_parse",   "lg_policy_save",         "lg_policy_load",
+    "lg_policy_add_slope",    "lg_policy_find_turn",    "lg_policy_bound_gate",
 };
 
 static bool is_called(const char *name, size_t length) {

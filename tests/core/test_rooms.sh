@@ -47,6 +47,12 @@ while IFS=: read -r file line; do
         wrong=1
     fi
 done < <(grep -rE '^ *# *include "' --include='*.c' --include='*.h' --include='*.inc' . | sed 's|^\./||')
+# Nothing but the room certify includes its public headers.
+for header in $(cd .. && grep -lE '"liegrad/(certify|lyapunov|interval)\.h"' include/liegrad/*.h $(find src -name '*.[ch]') |
+    grep -vE '^src/certify/|^include/liegrad/(certify|lyapunov|interval)\.h$'); do
+    echo "$header includes a header of certificates: only src/certify does"
+    wrong=1
+done
 for room in */; do
     room=${room%/}
     [ -n "$(find "$room" -name '*.c')" ] || { echo "src/$room has no source"; wrong=1; }
