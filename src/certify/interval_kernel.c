@@ -241,8 +241,8 @@ INLINE void trig(const double *a, double *restrict y, int shift) {
         const int near = (al >= -TRIG_LIMIT) & (ah <= TRIG_LIMIT);
         const double l = near ? al : 0.0, h = near ? ah : 0.0;
         const double u = shift == 0 ? sin_core(l) : cos_core(l), v = shift == 0 ? sin_core(h) : cos_core(h);
-        const double by = 0x1p-100 * most(fabs(l), fabs(h));
-        const double low = least(u - wide(u), v - wide(v)) - by, high = most(u + wide(u), v + wide(v)) + by;
+        const double p = wide(u) + 0x1p-100 * fabs(l), q = wide(v) + 0x1p-100 * fabs(h);
+        const double low = least(u - p, v - q), high = most(u + p, v + q);
         YL = (near == 0) | has_turn(l, h, bottom) ? -1.0 : most(low, -1.0);
         YH = (near == 0) | has_turn(l, h, top) ? 1.0 : least(high, 1.0);
     }
@@ -339,9 +339,9 @@ FORM(pow) {
 /* The derivative of order d of c_k, f. For w >= 0, |f(w)| <= |f(0)| by induction with c_k(w) = 1/(k - 1)!
  * int_0^1 (1 - s)^(k - 1) cos(s sqrt w) ds and c_0' = -c_1/2; so the slope of f is at most |f'(0)|. For w <=
  * 0 the terms of f have one sign, and f is monotone. Errors of the kernel: below 64 units of |f| + |f(0)|. */
-static double stumpff_one(double w, uint32_t number, uint32_t more) {
+static double stumpff_one(double w, uint32_t number) {
     double all[LG_STUMPFF_MAX_K + 1];
-    lg_stumpff(w, (int)(number % 16), (int)(number / 16 + more), all);
+    lg_stumpff(w, (int)(number % 16), (int)(number / 16), all);
     return all[number % 16];
 }
 
@@ -368,16 +368,16 @@ static double stumpff_series(double w, uint32_t number, double *size) {
 static double stumpff_above(double w, uint32_t number, double size) {
     double all = (double)INFINITY, f = 0.0;
     if (w > 16.0 && number / 16 >= 5) f = stumpff_series(w, number, &all);
-    return all <= 0x1p-52 / (double)LDBL_EPSILON * size ? f : stumpff_one(w, number, 0);
+    return all <= 0x1p-52 / (double)LDBL_EPSILON * size ? f : stumpff_one(w, number);
 }
 
 FORM(stumpff) {
     const uint32_t number = code->n, order = number / 16;
-    const double at_0 = stumpff_one(0.0, number, 0), slack = 64 * 0x1p-52;
-    const double slope =
-        order < LG_STUMPFF_MAX_ORDER ? fabs(stumpff_one(0.0, number, 1)) * (1 + slack) : (double)INFINITY;
+    const double slack = 64 * 0x1p-52, size = fabs(stumpff_one(0.0, number)) * (1 + slack);
+    const double n = number % 16 + 2.0 * order,
+                 slope = size * (order + 1) / ((n + 1) * (n + 2)) * (1 + slack);
     for (size_t i = 0; i < IB; i++) {
-        const double al = AL, ah = AH, size = fabs(at_0) * (1 + slack);
+        const double al = AL, ah = AH;
         double l = INFINITY, h = -INFINITY;
         if (!(al >= -DBL_MAX && ah <= DBL_MAX)) {
             YL = -(double)INFINITY;
@@ -388,7 +388,8 @@ FORM(stumpff) {
             const double low = most(al, 0.0), middle = low + 0.5 * (ah - low),
                          f = stumpff_above(middle, number, size);
             const double radius = most(middle - low, ah - middle) * (1 + slack);
-            const double by = radius * slope + slack * (fabs(f) + size);
+            const double root = 0x1p-104 * sqrt(ah); /* at most the error of x = sqrt(w) in cos x */
+            const double by = radius * slope + slack * (fabs(f) + size) + root * size;
             l = most(f - by, -size);
             h = least(f + by, size);
         }
@@ -429,13 +430,14 @@ static double dexpinv_one(double w, uint32_t order) {
     return w < -20.0 ? dexpinv_below(w, order) : lg_dexpinv_coef(w, (int)order);
 }
 
-/* g_2(w) = sum_k 2/(4 pi^2 k^2 - w): all derivatives are positive and grow with w below the pole at 4 pi^2.
- */
+/* g_2(w) = sum_k 2/(4 pi^2 k^2 - w): all derivatives are positive and grow with w below the pole at 4 pi^2,
+ * which is no double. */
+#define BELOW_POLE 39.478417604357432
 FORM(dexpinv) {
     const double slack = 128 * 0x1p-52 + 0x1p13 * (double)LDBL_EPSILON;
     for (size_t i = 0; i < IB; i++) {
         const double al = most(AL, -DBL_MAX), ah = most(AH, -DBL_MAX);
-        const int defined = ah < 39.478;
+        const int defined = ah <= BELOW_POLE;
         const double l = defined ? dexpinv_one(al, code->n) : 0.0,
                      h = defined ? dexpinv_one(ah, code->n) : 0.0;
         YL = !defined ? -(double)INFINITY : AL < -DBL_MAX ? 0.0 : most(0.0, l - slack * l - ETA);
@@ -474,7 +476,7 @@ FORM(dexpinv) {
     ROW(SIGMOID, sigmoid, 1, NEVER, NEVER, NEVER, NEVER)                                                     \
     ROW(ATAN2, atan2, 2, HAS_0(A) && HAS_0(B), HAS_0(A) && BL <= 0.0, NEVER, NEVER)                          \
     ROW(STUMPFF, stumpff, 1, NEVER, NEVER, NEVER, NEVER)                                                     \
-    ROW(DEXPINV, dexpinv, 1, AH >= 39.478, NEVER, NEVER, NEVER)                                              \
+    ROW(DEXPINV, dexpinv, 1, AH > BELOW_POLE, NEVER, NEVER, NEVER)                                           \
     ROW(SCALE, scale, 1, NEVER, NEVER, NEVER, NEVER)                                                         \
     ROW(SHIFT, shift, 1, NEVER, NEVER, NEVER, NEVER)
 #define POWER_UNDEFINED (p < 0.0 ? IS_BROKEN ? AL <= 0.0 : HAS_0(A) : IS_BROKEN && AL < 0.0)
