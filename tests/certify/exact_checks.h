@@ -4,8 +4,6 @@
 
 #include "exact_support.h"
 
-#ifdef LG_MPFR
-
 enum { IB = LG_INTERVAL_BLOCK, OPS = LG_INTERVAL_SHIFT + 2, SQUARE = OPS - 1, PLACES = 6 };
 
 /* Every operation of the table, and x x of one register. `units`: by how many units of 2^-52 |y| + 2^-1074 a
@@ -32,8 +30,8 @@ static const struct {
                      [LG_S_TANH] = {"tanh", 12},
                      [LG_S_SIGMOID] = {"sigmoid", 12},
                      [LG_S_ATAN2] = {"atan2", 12},
-                     [LG_S_STUMPFF] = {"stumpff", 200},
-                     [LG_S_DEXPINV] = {"dexpinv", 400},
+                     [LG_S_STUMPFF] = {"stumpff", 132},
+                     [LG_S_DEXPINV] = {"dexpinv", 180},
                      [LG_INTERVAL_SCALE] = {"scale", 1},
                      [LG_INTERVAL_SHIFT] = {"shift", 1},
                      [SQUARE] = {"square", 1}};
@@ -85,6 +83,8 @@ static inline void exact_draw(lg_rng *r, const instruction *f, box *b) {
         b->high[0] = lg_rng_below(r, 2) ? a : a + ldexp(lg_rng_uniform(r), 3 - (int)lg_rng_below(r, 50));
     }
 }
+
+#ifdef LG_MPFR
 
 /* Evaluates 32 boxes with every instruction set: out[isa][0 or IB + lane], NaN where there is no such set.
  * Operands have all levels. */
@@ -180,8 +180,8 @@ static inline double exact_excess(double outside, double bound, double size) {
 }
 
 /* A size that errors are relative to where the value is smaller: Stumpff functions at w >= 0 are computed to
- * units of their values at 0, and for huge w to the error of sqrt(w); the reduction of a sine's argument x has
- * an error below 2^-100 |x|. */
+ * units of their values at 0, and for huge w to the error of sqrt(w); the reduction of a sine's argument x
+ * has an error below 2^-100 |x|. */
 static inline double exact_size(const instruction *f, const box *b) {
     const uint32_t k = f->code.n % 16, d = f->code.n / 16;
     const double x = fmax(fabs(b->low[0]), fabs(b->high[0]));
@@ -206,9 +206,12 @@ static inline void exact_check_box(lg_rng *r, exact_state *s, const instruction 
         sum->points++;
         if (mpfr_nan_p(s->y)) {
             sum->undefined++;
-            for (int isa = 0; isa < LG_ISA_COUNT; isa++)
-                if (out[isa].here && out[isa].flags[3 * IB + lane] != LG_INTERVAL_UNDEFINED)
-                    exact_fault(&sum->faults, f, b, isa, x, "it is not defined", 0, 0, s->y);
+            for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
+                const double l = out[isa].registers[6 * IB + lane], h = out[isa].registers[7 * IB + lane];
+                const bool bounded = f->code.op != LG_S_ATAN2 && !(isinf(l) && isinf(h));
+                if (out[isa].here && (bounded || out[isa].flags[3 * IB + lane] != LG_INTERVAL_UNDEFINED))
+                    exact_fault(&sum->faults, f, b, isa, x, "it is not defined", l, h, s->y);
+            }
             continue;
         }
         defined++;
@@ -284,9 +287,9 @@ static inline bool exact_step(const instruction *f, exact_state *s, uint32_t k, 
 }
 
 /* The highest level that the operation can have on a box with the point s->x, by what is seen there: it is
- * not defined; a step of 2^-70 and one of 2^-140 change it as much: a jump; its slope grows by more than 2^10:
- * no Lipschitz constant; slopes to both sides stay different: a kink. Steps may leave the box, because a box
- * that touches a jump counts; the condition of a choice must not. */
+ * not defined; a step of 2^-70 and one of 2^-140 change it as much: a jump; its slope grows by more than
+ * 2^10: no Lipschitz constant; slopes to both sides stay different: a kink. Steps may leave the box, because
+ * a box that touches a jump counts; the condition of a choice must not. */
 static inline uint8_t exact_level(const instruction *f, exact_state *s, const box *b) {
     static mpfr_t d[2][2], step[2], slope[2][2], t;
     static bool begun;

@@ -8,6 +8,7 @@
 #include <math.h>
 #ifdef LG_MPFR
 #include <mpfr.h>
+#endif
 
 #include "certify/interval.h"
 #include "kernels/stumpff.h"
@@ -20,6 +21,96 @@ enum {
     OPERANDS = 3
 };
 
+/* ---- boxes ---- */
+
+/* Where something happens: edges of domains, poles, limits of formulas, overflow and underflow. */
+static inline double exact_edge(lg_rng *r) {
+    static const double edges[] = {
+        0,       0,         1,         2,         16,       20,      100,      300,   22,
+        36.7,    709.7,     745,       1000,      1e6,      1e15,    39.478,   38.9,  39.47841760435743,
+        0.5,     1e-9,      1e16,      0x1p-26,   0x1p-53,  0x1p511, 0x1p-537, 1e100, DBL_MAX,
+        DBL_MIN, 0x1p-1074, 0x1p-1021, 0x1p-1022, 0x1p1022, 1e300,   1e-300};
+    return edges[lg_rng_below(r, sizeof edges / sizeof *edges)];
+}
+
+static inline double exact_neighbour(lg_rng *r, double x, uint64_t most) {
+    const double to = lg_rng_below(r, 2) ? DBL_MAX : -DBL_MAX;
+    for (uint64_t k = lg_rng_below(r, most + 1); k > 0; k--) x = nextafter(x, to);
+    return x;
+}
+
+static inline double exact_number(lg_rng *r) {
+    const double sign = lg_rng_below(r, 2) ? 1 : -1;
+    switch (lg_rng_below(r, 9)) {
+    case 0:
+    case 1:
+        return lg_rng_uniform_in(r, -4, 4);
+    case 2:
+        return exact_neighbour(r, sign * exact_edge(r), 3);
+    case 3: /* near a multiple of pi/2 */
+        return exact_neighbour(
+            r, sign * 1.5707963267948966 * floor(ldexp(1 + lg_rng_uniform(r), (int)lg_rng_below(r, 56))), 2);
+    case 4:
+        return sign * ldexp(1 + lg_rng_uniform(r), (int)lg_rng_below(r, 2046) - 1022);
+    case 5: /* denormal */
+        return sign * 0x1p-1074 * floor(ldexp(1 + lg_rng_uniform(r), (int)lg_rng_below(r, 52)));
+    case 6:
+        return sign * ldexp(1 + lg_rng_uniform(r), (int)lg_rng_below(r, 40) - 20);
+    case 7:
+        return lg_rng_uniform_in(r, -2000, 1000);
+    default: /* below the pole at 4 pi^2 */
+        return 39.47841760435743 - ldexp(lg_rng_uniform(r), 6 - (int)lg_rng_below(r, 54));
+    }
+}
+
+static inline void exact_box(lg_rng *r, double *low, double *high) {
+    const double a = exact_number(r);
+    double b = a;
+    switch (lg_rng_below(r, 9)) {
+    case 0:
+    case 1:
+        break;
+    case 2:
+        b = exact_neighbour(r, a, 1);
+        break;
+    case 3:
+        b = exact_neighbour(r, a, 8);
+        break;
+    case 4:
+    case 5:
+        b = a * (1 + ldexp(lg_rng_uniform(r), -(int)lg_rng_below(r, 52)));
+        break;
+    case 6:
+        b = a + lg_rng_uniform_in(r, 0, 3);
+        break;
+    case 7: /* about 0 */
+        b = -a * lg_rng_uniform(r);
+        break;
+    default:
+        b = exact_number(r);
+    }
+    if (!(fabs(b) <= DBL_MAX)) b = copysign(DBL_MAX, b);
+    *low = fmin(a, b);
+    *high = fmax(a, b);
+}
+
+static inline double exact_point(lg_rng *r, double low, double high) {
+    double x = low + (high - low) * lg_rng_uniform(r);
+    if (!(fabs(high - low) <= DBL_MAX)) x = low * 0.5 + high * 0.5;
+    switch (lg_rng_below(r, 4)) {
+    case 0:
+        x = exact_number(r);
+        break;
+    case 1: /* of any size between */
+        x = low > 0 ? exp(lg_rng_uniform_in(r, log(low), log(high))) : x;
+        break;
+    default:
+        break;
+    }
+    return x < low ? low : x > high ? high : x;
+}
+
+#ifdef LG_MPFR
 /* ---- Stumpff functions and dexpinv coefficients ---- */
 
 /* The sum (-1)^d sum_i (-w)^i (i + d)!/i!/(k + 2 (i + d))!. Its terms are below e^sqrt(|w|). */
@@ -295,95 +386,6 @@ static inline int exact_operation(mpfr_t y, const lg_scalar_code *c, mpfr_t *x) 
 static inline bool exact_is_within(double low, double high, mpfr_srcptr y, int above) {
     const int l = mpfr_cmp_d(y, low), h = mpfr_cmp_d(y, high);
     return (l > 0 || (l == 0 && above <= 0)) && (h < 0 || (h == 0 && above >= 0));
-}
-
-/* ---- boxes ---- */
-
-/* Where something happens: edges of domains, poles, limits of formulas, overflow and underflow. */
-static inline double exact_edge(lg_rng *r) {
-    static const double edges[] = {
-        0,       0,         1,         2,         16,       20,      100,      300,   22,
-        36.7,    709.7,     745,       1000,      1e6,      1e15,    39.478,   38.9,  39.47841760435743,
-        0.5,     1e-9,      1e16,      0x1p-26,   0x1p-53,  0x1p511, 0x1p-537, 1e100, DBL_MAX,
-        DBL_MIN, 0x1p-1074, 0x1p-1021, 0x1p-1022, 0x1p1022, 1e300,   1e-300};
-    return edges[lg_rng_below(r, sizeof edges / sizeof *edges)];
-}
-
-static inline double exact_neighbour(lg_rng *r, double x, uint64_t most) {
-    const double to = lg_rng_below(r, 2) ? DBL_MAX : -DBL_MAX;
-    for (uint64_t k = lg_rng_below(r, most + 1); k > 0; k--) x = nextafter(x, to);
-    return x;
-}
-
-static inline double exact_number(lg_rng *r) {
-    const double sign = lg_rng_below(r, 2) ? 1 : -1;
-    switch (lg_rng_below(r, 9)) {
-    case 0:
-    case 1:
-        return lg_rng_uniform_in(r, -4, 4);
-    case 2:
-        return exact_neighbour(r, sign * exact_edge(r), 3);
-    case 3: /* near a multiple of pi/2 */
-        return exact_neighbour(
-            r, sign * 1.5707963267948966 * floor(ldexp(1 + lg_rng_uniform(r), (int)lg_rng_below(r, 56))), 2);
-    case 4:
-        return sign * ldexp(1 + lg_rng_uniform(r), (int)lg_rng_below(r, 2046) - 1022);
-    case 5: /* denormal */
-        return sign * 0x1p-1074 * floor(ldexp(1 + lg_rng_uniform(r), (int)lg_rng_below(r, 52)));
-    case 6:
-        return sign * ldexp(1 + lg_rng_uniform(r), (int)lg_rng_below(r, 40) - 20);
-    case 7:
-        return lg_rng_uniform_in(r, -2000, 1000);
-    default: /* below the pole at 4 pi^2 */
-        return 39.47841760435743 - ldexp(lg_rng_uniform(r), 6 - (int)lg_rng_below(r, 54));
-    }
-}
-
-static inline void exact_box(lg_rng *r, double *low, double *high) {
-    const double a = exact_number(r);
-    double b = a;
-    switch (lg_rng_below(r, 9)) {
-    case 0:
-    case 1:
-        break;
-    case 2:
-        b = exact_neighbour(r, a, 1);
-        break;
-    case 3:
-        b = exact_neighbour(r, a, 8);
-        break;
-    case 4:
-    case 5:
-        b = a * (1 + ldexp(lg_rng_uniform(r), -(int)lg_rng_below(r, 52)));
-        break;
-    case 6:
-        b = a + lg_rng_uniform_in(r, 0, 3);
-        break;
-    case 7: /* about 0 */
-        b = -a * lg_rng_uniform(r);
-        break;
-    default:
-        b = exact_number(r);
-    }
-    if (!(fabs(b) <= DBL_MAX)) b = copysign(DBL_MAX, b);
-    *low = fmin(a, b);
-    *high = fmax(a, b);
-}
-
-static inline double exact_point(lg_rng *r, double low, double high) {
-    double x = low + (high - low) * lg_rng_uniform(r);
-    if (!(fabs(high - low) <= DBL_MAX)) x = low * 0.5 + high * 0.5;
-    switch (lg_rng_below(r, 4)) {
-    case 0:
-        x = exact_number(r);
-        break;
-    case 1: /* of any size between */
-        x = low > 0 ? exp(lg_rng_uniform_in(r, log(low), log(high))) : x;
-        break;
-    default:
-        break;
-    }
-    return x < low ? low : x > high ? high : x;
 }
 
 #endif
