@@ -13,7 +13,7 @@ typedef enum kind { QUADRATIC, POLYNOMIAL, FUNCTION, ENERGY } kind;
 
 typedef struct certify_values {
     uint32_t lyapunov;
-    const char *box, *level, *eps, *model_error;
+    const char *box, *level, *eps, *model_error, *certificate;
     double seconds;
     uint64_t degree;
     bool continuous, held; /* held: the default, an old spelling */
@@ -49,6 +49,9 @@ static const lg_field options[] = {
               "Prove it for inputs that follow the state at all times, not for inputs that are held over a "
               "period"),
     LG_OPTION(certify_values, held, SWITCH, NULL, "The default: inputs are held over the task's period"),
+    LG_OPTION(certify_values, certificate, STRING, "FILE.json",
+              "Write the proof, if it succeeds, as a file that lg-control verify checks again",
+              .file = LG_FILE_TEXT),
     LG_FIELD_END};
 
 static certify_values values;
@@ -125,9 +128,13 @@ static void read_box(const app *self, naming names, double *low, double *high) {
     }
 }
 
-static bool is_task(const app *self) {
-    const char *dot = strrchr(self->arguments[0], '.');
+static bool is_task_file(const char *path) {
+    const char *dot = strrchr(path, '.');
     return dot != NULL && (strcmp(dot, ".yaml") == 0 || strcmp(dot, ".yml") == 0);
+}
+
+static bool is_task(const app *self) {
+    return is_task_file(self->arguments[0]);
 }
 
 static void draw_model_error(const app *self, lg_policy *policy, naming names, const double *high,
@@ -185,6 +192,9 @@ static void check_options(const app *self) {
             "--lyapunov %s: this proof is about inputs that follow the state at all times, but the "
             "controller holds them for a period: give --continuous, or take the quadratic V",
             options[0].names[values.lyapunov]);
+    if (values.certificate != NULL && values.lyapunov != QUADRATIC)
+        app_stop_usage(self, "--certificate: there are files for a quadratic V; not for a polynomial, a "
+                             "function or an energy");
     if (values.degree % 2 != 0) app_stop_usage(self, "--degree: expected an even number");
     for (size_t i = 0; values.lyapunov == ENERGY && i < LG_COUNT(useless); i++)
         if (app_given(self, useless[i]))
@@ -207,8 +217,8 @@ static void check_delays(const app *self, const lg_policy_task *task) {
 
 /* The certificate chooses the gains of a task of kind lqr that gives none. */
 static bool chooses_gains(const app *self, const lg_policy_task *task) {
-    return is_task(self) && values.lyapunov == QUADRATIC && task->kind == LG_POLICY_LQR &&
-           task->gain_count == 0;
+    return self->command == &certify_command && is_task(self) && values.lyapunov == QUADRATIC &&
+           task->kind == LG_POLICY_LQR && task->gain_count == 0;
 }
 
 /* Whether the controller has a regulator that training chooses. */
@@ -218,10 +228,9 @@ static bool needs_regulator(const app *self, const lg_policy_task *task) {
 }
 
 /* `gains`: of a task of kind lqr, K row by row; 0 of them: as the file says. */
-static lg_policy *read_policy(const app *self, const double *gains, size_t count) {
-    const char *path = self->arguments[0];
+static lg_policy *read_policy(const app *self, const char *path, const double *gains, size_t count) {
     lg_policy *policy = NULL;
-    if (!is_task(self)) {
+    if (!is_task_file(path)) {
         APP_MUST_FILE(self, path, lg_policy_load(self->context, path, NULL, &policy, NULL, &error));
         return policy;
     }
@@ -240,6 +249,10 @@ static lg_policy *read_policy(const app *self, const double *gains, size_t count
         app_warn(self, "%s is a task: its controller of kind %s is not trained", path,
                  lg_policy_kind_name(task.kind));
     return policy;
+}
+
+lg_policy *control_read_policy(const app *self, const char *path) {
+    return read_policy(self, path, NULL, 0);
 }
 
 /* ---- results ---- */
@@ -600,13 +613,13 @@ static lg_policy *prepare(app *self, lg_policy *given, naming names, wanted *wha
         app_stop(self, LG_UNSUPPORTED, "the plant is no program with a function lyapunov (x)");
     if (values.lyapunov == QUADRATIC) search_form(self, given, names, what);
     if (!what->chosen) return NULL;
-    lg_policy *own = read_policy(self, what->gains, names.task->input_count * names.n);
+    lg_policy *own = read_policy(self, self->arguments[0], what->gains, names.task->input_count * names.n);
     *program = add_rate(self, own);
     return own;
 }
 
-static lg_certify *begin_proof(const app *self, const lg_program *program, double period,
-                               const wanted *what) {
+static lg_certify *begin_proof(const app *self, const lg_program *program, double period, const wanted *what,
+                               lg_certify_spec *proof) {
     static const char *const functions[] = {[POLYNOMIAL] = "polynomial", [FUNCTION] = "lyapunov"};
     const bool quadratic = values.lyapunov == QUADRATIC;
     lg_certify *certify = NULL;
@@ -623,7 +636,21 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
     spec.low = what->low, spec.high = what->high, spec.model_error = what->error;
     spec.threads = (int)self->threads;
     APP_MUST(self, lg_certify_create(self->context, &spec, &certify, &error));
+    *proof = spec;
     return certify;
+}
+
+static void write_certificate(const app *self, naming names, const lg_certify_spec *proof,
+                              const lg_certify_result *r) {
+    const char *all[STATES];
+    lg_certify_spec spec = *proof;
+    for (size_t i = 0; i < names.n; i++) all[i] = name_of(names, i);
+    if (spec.control == NULL) {
+        spec.rate = "rate_by_input";
+        spec.control = "input_by_state";
+        spec.period = 0;
+    }
+    control_write_certificate(self, values.certificate, &spec, r, all, values.seconds);
 }
 
 static int prove(app *self, lg_policy *given, naming names) {
@@ -632,7 +659,8 @@ static int prove(app *self, lg_policy *given, naming names) {
     lg_certify_result r;
     const double start = app_seconds();
     lg_policy *own = prepare(self, given, names, &what, &program);
-    lg_certify *certify = begin_proof(self, program, names.task->period, &what);
+    lg_certify_spec spec;
+    lg_certify *certify = begin_proof(self, program, names.task->period, &what, &spec);
     const double left = values.seconds - (app_seconds() - start);
     APP_MUST(self, lg_certify_run(certify, SIZE_MAX, fmax(left, 0), &r, &error));
     const double *P = values.lyapunov == QUADRATIC ? what.P : NULL;
@@ -659,6 +687,7 @@ static int prove(app *self, lg_policy *given, naming names) {
                        .sides = names.n,
                        .P = P,
                        .gains = what.chosen ? what.gains : NULL};
+    if (values.certificate != NULL && r.verified) write_certificate(self, names, &spec, &r);
     const int code = tell(self, names, &v);
     lg_certify_destroy(certify);
     lg_policy_destroy(own);
@@ -667,7 +696,7 @@ static int prove(app *self, lg_policy *given, naming names) {
 
 static int run(app *self) {
     check_options(self);
-    lg_policy *policy = read_policy(self, NULL, 0);
+    lg_policy *policy = read_policy(self, self->arguments[0], NULL, 0);
     const naming names = name_states(lg_policy_task_of(policy));
     check_delays(self, names.task);
     const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;

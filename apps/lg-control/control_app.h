@@ -3,10 +3,11 @@
 #define LG_APPS_CONTROL_H
 
 #include "common/app.h"
+#include "liegrad/certify.h"
 #include "liegrad/machine.h"
 #include "liegrad/policy.h"
 
-extern const app_command demo_command, train_command, evaluate_command, certify_command;
+extern const app_command demo_command, train_command, evaluate_command, certify_command, verify_command;
 
 /* The machine in a file (plant.c), of which plants are made. */
 typedef struct control_machine {
@@ -53,6 +54,13 @@ void control_add_draws(const app *self, lg_policy *policy, const char *path);
  * within `high` of the goal and of inputs in their limits. */
 void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,
                         double *out);
+
+/* A policy, or a task with its controller before training (certify.c). */
+lg_policy *control_read_policy(const app *self, const char *path);
+/* Writes the certificate of a proof that succeeded (verify.c); names of the states. Ends the command if there
+ * is none. */
+void control_write_certificate(const app *self, const char *path, const lg_certify_spec *spec,
+                               const lg_certify_result *proved, const char *const *names, double seconds);
 
 /* Runs the policy along the set points of a file (reference.c), with the columns t, the tracked coordinates
  * and, if they are there, these coordinates' velocities. Adds the errors to the results as `reference`. */

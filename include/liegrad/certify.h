@@ -100,6 +100,81 @@ LG_API void lg_certify_destroy(lg_certify *certify); /* NULL is allowed */
 LG_API lg_status lg_certify_run(lg_certify *certify, size_t boxes, double seconds, lg_certify_result *result,
                                 lg_error *error);
 
+/* ---- certificates as files ---- */
+
+/* Scalar code: each line is one operation on the results of earlier lines (docs/certificates.md has the
+ * operations). The last number is that of "number" and "pow", as a whole number of "in", "stumpff" and
+ * "dexpinv". */
+typedef struct lg_certificate_line {
+    uint32_t op, in[3]; /* the operation's place in the table of the format; lines */
+    double number;
+} lg_certificate_line;
+typedef struct lg_certificate_code {
+    size_t inputs, lines, outputs;
+    lg_certificate_line *line;
+    uint32_t *output; /* lines */
+} lg_certificate_code;
+
+enum { LG_CERTIFICATE_STATES = 16, LG_CERTIFICATE_NAME = 64, LG_CERTIFICATE_CLAIM = 1024 };
+#define LG_CERTIFICATE_SHA256 65
+
+/* Everything that a third party needs to prove a claim of lg_certify again, for a quadratic V: what a file
+ * holds. Coordinates y of the proof: x = goal + T y. docs/certificates.md is the guide. */
+typedef struct lg_certificate {
+    char claim[LG_CERTIFICATE_CLAIM], names[LG_CERTIFICATE_STATES][LG_CERTIFICATE_NAME]; /* of the states */
+    char plant[LG_CERTIFICATE_NAME], controller[LG_CERTIFICATE_NAME];
+    /* Of the code of each in the file; set by lg_certificate_save and lg_certificate_load */
+    char plant_sha256[LG_CERTIFICATE_SHA256], controller_sha256[LG_CERTIFICATE_SHA256];
+    uint32_t states, inputs;           /* n, m */
+    double period;                     /* of held inputs; 0: inputs are continuous */
+    lg_certificate_code rate, control; /* (x (n), u (m)) -> x' (n) and x -> u; m = 0: the loop is closed */
+    double goal[LG_CERTIFICATE_STATES], low[LG_CERTIFICATE_STATES], high[LG_CERTIFICATE_STATES];
+    double P[LG_CERTIFICATE_STATES * LG_CERTIFICATE_STATES], error[LG_CERTIFICATE_STATES]; /* P (n, n) */
+    double level, eps, between; /* as in lg_certify_result */
+    bool converges;
+    double T[LG_CERTIFICATE_STATES * LG_CERTIFICATE_STATES]; /* (n, n) */
+    uint32_t order, steps; /* held loops: of the Taylor polynomials; steps in a period, a power of 2 */
+    double near[LG_CERTIFICATE_STATES]; /* N = {|y_i| <= near_i} */
+    bool even;                          /* V and its fall are even in y: half of the box is examined */
+    double from[LG_CERTIFICATE_STATES], to[LG_CERTIFICATE_STATES]; /* the root box, in y */
+    uint64_t boxes;                                                /* of the tree */
+    /* A line for each depth, with a character for each box: 'a' + i: it is halved along y_i, and the lower
+     * halves of all boxes come before all upper halves; 'o': V > c on the box; 'n': it lies in N; a digit k:
+     * V falls, which is shown with steps 2^k. */
+    char *tree;
+    const lg_context *context; /* of the memory */
+} lg_certificate;
+
+/* Makes the certificate of a proof that succeeded. `spec` is that of the proof, with a quadratic V; or, of
+ * continuous inputs, it may have the two functions of a held loop and the period 0. The tree is proved again,
+ * from the code that `out` holds, on at most `seconds`. `out` gets everything but names and hashes; it is
+ * destroyed on failure. Errors: LG_INVALID_ARGUMENT (NULL, a proof that did not succeed), LG_UNSUPPORTED
+ * (steps, V that is no quadratic form, operations that files cannot hold), LG_CHECK_FAILED (no tree of a
+ * million boxes proves it, or none in the time), those of lg_certify_create. */
+LG_API lg_status lg_certificate_make(const lg_context *context, const lg_certify_spec *spec,
+                                     const lg_certify_result *proved, double seconds, lg_certificate *out,
+                                     lg_error *error);
+/* Frees what the certificate points to, and clears it; NULL is allowed. */
+LG_API void lg_certificate_destroy(lg_certificate *certificate);
+/* Prepares to prove the certificate again; lg_certify_run does. Its claim is made from the numbers; a reader
+ * compares it with certificate->claim. The certificate must live as long as `out`, and be unchanged. Errors:
+ * those of lg_certify_create, LG_INVALID_ARGUMENT for numbers that are no certificate. */
+LG_API lg_status lg_certify_open(const lg_context *context, const lg_certificate *certificate, int threads,
+                                 lg_certify **out, lg_error *error);
+/* Whether functions of a program, as in lg_certify_spec, have the code of the certificate, operation by
+ * operation. Errors: LG_INVALID_ARGUMENT, LG_NOT_FOUND, LG_UNSUPPORTED, LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_certificate_compare(const lg_certificate *certificate, const lg_program *program,
+                                        const char *rate, const char *control, bool *same_plant,
+                                        bool *same_controller, lg_error *error);
+/* Library liegrad_io: writes the certificate as JSON, and reads it. A file has at most 1 MiB. Errors of
+ * lg_certificate_save: LG_UNSUPPORTED (it would be larger), those of writers. lg_certificate_load says what
+ * is wrong, and in which line; `out` is destroyed by the caller. Errors: LG_FORMAT, LG_CHECK_FAILED (the hash
+ * of the code does not fit), those of readers. */
+LG_API lg_status lg_certificate_save(const lg_context *context, const char *path, lg_certificate *certificate,
+                                     lg_error *error);
+LG_API lg_status lg_certificate_load(const lg_context *context, const char *path, lg_certificate *out,
+                                     lg_error *error);
+
 /* ---- torque-limited pendulums: energy with saturation ---- */
 
 /* The loop M q'' = -g(q) - b q' - (sat(s(q) + k q') - sat(s(q))) with one coordinate q on the real line (an

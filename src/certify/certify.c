@@ -105,12 +105,13 @@ static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *err
     for (size_t i = 0; spec->model_error != NULL && i < c->n; i++) c->errors |= spec->model_error[i] != 0.0;
     LG_TRY(take_box(c, spec, error));
     if (c->quadratic) {
-        memcpy(c->P, spec->P, c->n * c->n * sizeof *c->P);
+        for (size_t i = 0; i < c->n * c->n; i++)
+            c->P[i] = 0.5 * spec->P[i] + 0.5 * spec->P[i % c->n * c->n + i / c->n];
         LG_TRY(lg_certify_whiten(c, error));
     }
     LG_TRY(lg_certify_record(c, spec, error));
     if (c->quadratic) {
-        LG_TRY(lg_certify_turn(c, error));
+        LG_TRY((c->file != NULL && c->made == NULL ? lg_certify_coordinates : lg_certify_turn)(c, error));
         LG_TRY(lg_certify_record(c, spec, error));
     }
     if (spec->threads > 1) LG_TRY(lg_thread_pool_create(c->context, spec->threads, &c->pool));
@@ -120,12 +121,20 @@ static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *err
 
 lg_status lg_certify_create(const lg_context *context, const lg_certify_spec *spec, lg_certify **out,
                             lg_error *error) {
+    return lg_certify_create_for(context, spec, NULL, NULL, out, error);
+}
+
+lg_status lg_certify_create_for(const lg_context *context, const lg_certify_spec *spec,
+                                const lg_certificate *file, lg_certificate *made, lg_certify **out,
+                                lg_error *error) {
     LG_NEEDS(error, spec, out);
     LG_NEEDS(error, spec->program, spec->rate, spec->low, spec->high);
     LG_TRY(check_spec(spec, error));
     lg_certify *c = lg_alloc(context, 1, sizeof *c);
     if (c == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a certificate");
     c->context = context;
+    c->file = file;
+    c->made = made;
     const lg_status status = begin(c, spec, error);
     if (status == LG_OK)
         *out = c;

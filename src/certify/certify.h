@@ -26,10 +26,11 @@ typedef struct lg_certify_box {
     double v_low, v_high, rise_high;         /* over the box */
     double at_v_low, at_v_high, at_rise_low; /* at the point `at` of the box */
     double at[LG_CERTIFY_STATES];
-    uint8_t flag;    /* of V, its gradient and the rate, on all of the box (lg_interval_flag) */
-    double gain;     /* in the phase BETWEEN: V grows by at most this during the period */
-    uint32_t split;  /* the side to halve */
-    bool upper_last; /* V is smaller in the upper half */
+    uint8_t flag;       /* of V, its gradient and the rate, on all of the box (lg_interval_flag) */
+    double gain;        /* in the phase BETWEEN: V grows by at most this during the period */
+    uint32_t doublings; /* held loops: the period had 2^doublings times as many steps */
+    uint32_t split;     /* the side to halve */
+    bool upper_last;    /* V is smaller in the upper half */
 } lg_certify_box;
 
 struct lg_certify {
@@ -63,6 +64,10 @@ struct lg_certify {
     double width[LG_CERTIFY_STATES]; /* what a result points to */
     double failed_low[LG_CERTIFY_STATES], failed_high[LG_CERTIFY_STATES];
     char claim[LG_CERTIFY_TEXT], reason[LG_CERTIFY_TEXT];
+    /* A certificate (certificate.c), whose tree of boxes is examined, and written if `made` is not NULL. */
+    const lg_certificate *file;
+    lg_certificate *made;
+    size_t depth_boxes, depth_at; /* the boxes of this depth; where they begin in the text of the tree */
 };
 
 enum {
@@ -111,6 +116,23 @@ double lg_certify_form(size_t n, const double *low, const double *high, const do
 lg_status lg_certify_push(lg_certify *c, const double *low, const double *high);
 lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase);
 lg_status lg_certify_work(lg_certify *c);
+/* The proof has failed on this box (low, high). */
+void lg_certify_fail(lg_certify *c, const double *box, const char *reason);
+/* Whether a box (low, high) lies in N. */
+bool lg_certify_is_near(const lg_certify *c, const double *low, const double *high);
+/* certify.c: as lg_certify_create, for a certificate. */
+lg_status lg_certify_create_for(const lg_context *context, const lg_certify_spec *spec,
+                                const lg_certificate *file, lg_certificate *made, lg_certify **out,
+                                lg_error *error);
+/* certificate.c: takes the coordinates of the file; the root box; what becomes of a box, which is always done
+ * with; the boxes of the next depth; the end of the proof. */
+lg_status lg_certify_coordinates(lg_certify *c, lg_error *error);
+lg_status lg_certify_root(lg_certify *c);
+bool lg_certify_leaf(lg_certify *c, const double *box, const lg_certify_box *f);
+lg_status lg_certify_deeper(lg_certify *c);
+void lg_certify_close(lg_certify *c);
+/* certify_local.c: fails if T^T P T is not close to 1. */
+lg_status lg_certify_check_coordinates(const lg_certify *c, lg_error *error);
 /* States of a box of y. */
 void lg_certify_states(const lg_certify *c, const double *low, const double *high, double *x_low,
                        double *x_high);

@@ -157,6 +157,7 @@ static void held_task(const lg_certify *c, desk *d, size_t first, size_t boxes) 
             lg_certify_box *f = &c->found[first + index[i]];
             combine(c, d, i, flag[i], f);
             f->gain = gain[i];
+            f->doublings = k;
             if (unbounded[i]) {
                 f->rise_high = f->gain = (double)INFINITY;
                 f->at_rise_low = -(double)INFINITY;

@@ -35,7 +35,7 @@ void lg_certify_states(const lg_certify *c, const double *low, const double *hig
     }
 }
 
-static void fail(lg_certify *c, const double *box, const char *reason) {
+void lg_certify_fail(lg_certify *c, const double *box, const char *reason) {
     c->failed = true;
     c->phase = LG_CERTIFY_DONE;
     lg_certify_states(c, box, box + c->n, c->failed_low, c->failed_high);
@@ -53,7 +53,7 @@ static void refuse(lg_certify *c, const double *box, double v, const char *reaso
     }
     if (!c->automatic || !(level > 0) || (c->phase == LG_CERTIFY_FALL && level < c->eps && !c->converges) ||
         (c->converges && level < 1e-3 * c->eps))
-        fail(c, box, reason);
+        lg_certify_fail(c, box, reason);
     else if (level < c->level) {
         c->level = level;
         c->again = c->step && !c->converges; /* what steps from {V < eps} must not leave is smaller now */
@@ -97,8 +97,7 @@ static bool is_lost(lg_certify *c, const double *box, const lg_certify_box *f, b
     return true;
 }
 
-/* Whether a box (low, high) lies in N. */
-static bool is_near(const lg_certify *c, const double *low, const double *high) {
+bool lg_certify_is_near(const lg_certify *c, const double *low, const double *high) {
     for (size_t i = 0; i < c->n; i++)
         if (low[i] < -c->near[i] || high[i] > c->near[i]) return false;
     return true;
@@ -118,7 +117,7 @@ static bool face(lg_certify *c, const double *box, const lg_certify_box *f) {
 }
 
 static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
-    const bool near = is_near(c, box, box + c->n), at_near = is_near(c, f->at, f->at);
+    const bool near = lg_certify_is_near(c, box, box + c->n), at_near = lg_certify_is_near(c, f->at, f->at);
     const char *reason = c->step ? "V rises in a step" : "V does not fall";
     bool done;
     if (f->v_low > c->level) return true;
@@ -135,7 +134,7 @@ static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
         }
     }
     if (c->step && !c->converges && f->at_v_high < c->eps && f->at_v_low + f->at_rise_low >= c->level) {
-        fail(c, box, "a step from {V < eps} leaves {V <= c}");
+        lg_certify_fail(c, box, "a step from {V < eps} leaves {V <= c}");
         return true;
     }
     if (!is_tiny(c, box, f)) return false;
@@ -208,7 +207,8 @@ lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase) {
         for (size_t i = 0; c->quadratic && i < c->n; i++)
             c->from[i] = -(c->to[i] = sqrt(c->level) * (1 + 1e-6));
     }
-    return push_domain(c);
+    LG_TRY(push_domain(c));
+    return c->file != NULL && phase == LG_CERTIFY_FALL ? lg_certify_root(c) : LG_OK;
 }
 
 /* A lower bound of the volume of an ellipsoid: pi^(n/2)/Gamma(n/2 + 1) c^(n/2) |det T|, as T^T P T is 1 to
@@ -230,11 +230,12 @@ static lg_status next_phase(lg_certify *c) {
     }
     if (c->phase == LG_CERTIFY_FALL && !c->quadratic) return lg_certify_begin(c, LG_CERTIFY_VOLUME);
     if (c->phase == LG_CERTIFY_FALL && c->flow != NULL) {
-        c->between = c->level * (1 + 1e-6);
+        c->between = c->file != NULL ? c->file->between : c->level * (1 + 1e-6);
         return lg_certify_begin(c, LG_CERTIFY_BETWEEN);
     }
     if (c->quadratic) c->volume = ellipsoid(c);
     c->phase = LG_CERTIFY_DONE;
+    if (c->file != NULL) lg_certify_close(c);
     return LG_OK;
 }
 
@@ -242,6 +243,7 @@ lg_status lg_certify_work(lg_certify *c) {
     static bool (*const judge[])(lg_certify *, const double *, const lg_certify_box *) = {face, fall, between,
                                                                                           volume};
     const size_t n = c->n;
+    const bool tree = c->file != NULL && c->phase == LG_CERTIFY_FALL;
     c->batched = c->stacked < LG_CERTIFY_BATCH ? c->stacked : LG_CERTIFY_BATCH;
     for (size_t i = 0; i < c->batched; i++) /* from the top downward */
         memcpy(c->batch + i * 2 * n, c->stack + (c->stacked - 1 - i) * 2 * n, 2 * n * sizeof(double));
@@ -252,7 +254,8 @@ lg_status lg_certify_work(lg_certify *c) {
     /* In the opposite order, so that the children of the box that was on top are on top. */
     for (size_t i = c->batched; i-- > 0 && !c->failed;) {
         double *box = c->batch + i * 2 * n;
-        if (!judge[c->phase](c, box, &c->found[i])) LG_TRY(halve(c, box, &c->found[i]));
+        if (!(tree ? lg_certify_leaf : judge[c->phase])(c, box, &c->found[i]))
+            LG_TRY(halve(c, box, &c->found[i]));
     }
     if (c->failed) return LG_OK;
     if (c->raised > 0) { /* N is larger then: all boxes are examined again */
@@ -260,5 +263,6 @@ lg_status lg_certify_work(lg_certify *c) {
         c->raised = 0;
         return lg_certify_begin(c, LG_CERTIFY_FALL);
     }
-    return c->stacked == 0 || c->volume_boxes > VOLUME_BOXES ? next_phase(c) : LG_OK;
+    if (c->stacked == 0 && tree) LG_TRY(lg_certify_deeper(c));
+    return c->failed ? LG_OK : c->stacked == 0 || c->volume_boxes > VOLUME_BOXES ? next_phase(c) : LG_OK;
 }

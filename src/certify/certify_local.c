@@ -72,7 +72,7 @@ static bool is_definite(size_t n, const banded *a, double sign) {
 /* ---- coordinates of a quadratic V: T = L^-T with P = L L^T ---- */
 
 /* The sums of |T^T P T - 1| along rows must be below 1e-7. */
-static lg_status check_coordinates(const lg_certify *c, lg_error *error) {
+lg_status lg_certify_check_coordinates(const lg_certify *c, lg_error *error) {
     const size_t n = c->n;
     banded P, T, PT, M;
     exactly(n, c->P, &P);
@@ -105,7 +105,7 @@ lg_status lg_certify_whiten(lg_certify *c, lg_error *error) {
             c->T[i * n + j] = rest / L[i * n + i];
         }
     for (size_t i = 0; i < n; i++) c->determinant /= L[i * n + i];
-    return check_coordinates(c, error);
+    return lg_certify_check_coordinates(c, error);
 }
 
 /* |x_i - goal_i| <= |row i of T| |y|, and |y|^2 <= V/(1 - 1e-7). */
@@ -201,7 +201,7 @@ lg_status lg_certify_turn(lg_certify *c, lg_error *error) {
             c->T[i * c->n + j] = 0;
             for (size_t k = 0; k < c->n; k++) c->T[i * c->n + j] += T[i * c->n + k] * U[j * c->n + k];
         }
-    return check_coordinates(c, error);
+    return lg_certify_check_coordinates(c, error);
 }
 
 static bool is_equilibrium(const lg_certify *c, const double *low, const double *high) {
@@ -214,7 +214,8 @@ static bool is_equilibrium(const lg_certify *c, const double *low, const double 
 static bool size_of_near(lg_certify *c, double eps, const double *hessian) {
     const size_t n = c->n;
     double L[MOST * MOST], column[MOST];
-    for (size_t i = 0; i < n && c->quadratic; i++) c->near[i] = 1.05 * sqrt(eps);
+    for (size_t i = 0; i < n && c->quadratic; i++)
+        c->near[i] = c->file != NULL && c->made == NULL ? c->file->near[i] : 1.05 * sqrt(eps);
     if (c->quadratic) return true;
     if (!lg_matrix_cholesky(n, hessian, L)) return false;
     for (size_t i = 0; i < n; i++) { /* |L^-1 e_i|^2 = (H^-1)_ii */

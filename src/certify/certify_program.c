@@ -238,6 +238,7 @@ static lg_status record_held(lg_certify *c, const lg_certify_spec *spec, recordi
     program.functions = functions;
     program.function_count = LG_COUNT(functions);
     LG_TRY(lg_flow_create(c->context, &flow, &c->flow, error));
+    if (c->file != NULL && c->made == NULL) lg_flow_set_steps(c->flow, c->file->steps);
     LG_TRY(lg_program_build(c->context, &program, &c->program, error));
     return evaluators(c, error);
 }

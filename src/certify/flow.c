@@ -8,7 +8,7 @@
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
 
-enum { ORDER = 4, LOW = ORDER - 1, TRIES = 14, FINER = 3, PARTS = 4 };
+enum { ORDER = LG_FLOW_ORDER, LOW = ORDER - 1, TRIES = 14, FINER = 3, PARTS = 4 };
 
 /* Evaluators, and the number of numbers of each of their inputs */
 enum { START, SLOPE, TUBE, VALUES, REST, SLOPES, REST_SLOPES, RATE_SLOPES, ADVANCE, EVALUATORS };
@@ -566,6 +566,10 @@ size_t lg_flow_states(const lg_flow *w) {
 
 uint32_t lg_flow_steps(const lg_flow *w) {
     return w->steps;
+}
+
+void lg_flow_set_steps(lg_flow *w, uint32_t steps) {
+    w->steps = steps;
 }
 
 bool lg_flow_is_odd(const lg_flow *w) {

@@ -28,7 +28,7 @@ typedef struct lg_flow_spec {
     const double *goal, *T; /* (n); (n, n) */
 } lg_flow_spec;
 
-enum { LG_FLOW_BOXES = 128, LG_FLOW_DOUBLINGS = 4 };
+enum { LG_FLOW_BOXES = 128, LG_FLOW_DOUBLINGS = 4, LG_FLOW_ORDER = 4 };
 
 /* `spec` is read during this call only. The number of steps in a period follows from the fastest mode at the
  * goal. */
@@ -36,6 +36,8 @@ lg_status lg_flow_create(const lg_context *context, const lg_flow_spec *spec, lg
 void lg_flow_destroy(lg_flow *flow);
 size_t lg_flow_states(const lg_flow *flow);
 uint32_t lg_flow_steps(const lg_flow *flow);
+/* Replaces the number of steps in a period; a power of two. */
+void lg_flow_set_steps(lg_flow *flow, uint32_t steps);
 /* Whether the rate is an odd function of z and u, and the input of y. */
 bool lg_flow_is_odd(const lg_flow *flow);
 /* Bytes for lg_flow_eval of up to LG_FLOW_BOXES boxes, aligned to 64 bytes. */

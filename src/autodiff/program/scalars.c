@@ -157,10 +157,15 @@ static double carry_out(const lg_scalar_code *c, const double *x) {
     }
 }
 
+/* Operations that round nothing: exact code evaluates them on constants. */
+static bool is_exact(lg_scalar_op op) {
+    return op == LG_S_NEG || op == LG_S_MAX || op == LG_S_GE || op == LG_S_ABS || op == LG_S_SIGN;
+}
+
 /* If all operands are constants and the result is finite, sets *out to a constant and returns true. */
 static bool folded(lg_scalars *s, const lg_scalar_code *c, lg_scalar *out) {
     double x[2] = {0, 0};
-    if (s->level_of != NULL && c->op != LG_S_NEG) return false;
+    if (s->level_of != NULL && !is_exact(c->op)) return false;
     for (uint8_t k = 0; k < lg_scalar_instructions(c->op); k++)
         if (!lg_s_is_constant(s, c->in[k], &x[k])) return false;
     const double value = carry_out(c, x);

@@ -28,7 +28,7 @@ struct lg_scalars {
     uint32_t slots;
     bool failed; /* out of memory, or more than LG_SCALARS_MOST instructions */
     /* The level of a new instruction. NULL: the code is not exact. In exact code operations on constants are
-     * not evaluated, because that rounds. */
+     * evaluated only if they do not round. */
     uint8_t (*level_of)(const lg_scalars *s, const lg_scalar_code *c);
     bool drops; /* exact code does not keep the x of 0 x: its level is known in another way */
 };

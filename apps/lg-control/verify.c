@@ -1,0 +1,139 @@
+/* lg-control verify: proves a certificate again. */
+#include <stdint.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "lg-control/control_app.h"
+#include "liegrad/certify.h"
+
+typedef struct verify_values {
+    double seconds;
+} verify_values;
+
+static const lg_field options[] = {LG_OPTION(verify_values, seconds, REAL, "s", "Largest time of the proof",
+                                             .high = 1e9, .above = true, .value = "600"),
+                                   LG_FIELD_END};
+
+static verify_values values;
+
+static void copy_name(char out[LG_CERTIFICATE_NAME], const char *path) {
+    const char *slash = strrchr(path, '/');
+    (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", slash != NULL ? slash + 1 : path);
+}
+
+void control_write_certificate(const app *self, const char *path, const lg_certify_spec *spec,
+                               const lg_certify_result *proved, const char *const *names, double seconds) {
+    lg_certificate file;
+    APP_MUST(self, lg_certificate_make(self->context, spec, proved, seconds, &file, &error));
+    for (size_t i = 0; i < file.states; i++) copy_name(file.names[i], names[i]);
+    copy_name(file.plant, self->arguments[0]);
+    copy_name(file.controller, self->arguments[0]);
+    APP_MUST_FILE(self, path, lg_certificate_save(self->context, path, &file, &error));
+    lg_certificate_destroy(&file);
+}
+
+/* ---- the loop of a task or policy now ---- */
+
+typedef struct comparison {
+    bool compared, plant, controller, period;
+} comparison;
+
+static comparison compare(const app *self, const lg_certificate *file, const char *path) {
+    comparison c = {.compared = true};
+    lg_program *program = NULL;
+    lg_policy *policy = control_read_policy(self, path);
+    APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
+    APP_MUST(self, lg_certificate_compare(file, program, "rate_by_input", "input_by_state", &c.plant,
+                                          &c.controller, &error));
+    c.period = file->period == 0 || file->period == lg_policy_task_of(policy)->period;
+    lg_policy_destroy(policy);
+    return c;
+}
+
+/* Freed with free; "": the loop is the same */
+static char *tell_difference(const comparison *c, const char *path) {
+    APP_CLEAN(lg_text_destroy) lg_text text = app_text();
+    const struct {
+        bool same;
+        const char *what;
+    } parts[] = {{c->plant, "plant"}, {c->controller, "controller"}, {c->period, "period"}};
+    for (size_t i = 0; c->compared && i < LG_COUNT(parts); i++)
+        if (!parts[i].same)
+            lg_text_add(&text, "%s%s", text.length > 0 ? " and another " : "another ", parts[i].what);
+    return text.length == 0 ? app_format("%s", "")
+                            : app_format("the certificate is about another loop: %s has %s", path, text.data);
+}
+
+/* ---- results ---- */
+
+static void tell_box(app_json *out, const lg_certificate *file, const lg_certify_result *r) {
+    app_json_open(out, "failed", '{');
+    for (size_t i = 0; i < file->states && r->failed_low != NULL; i++) {
+        const double side[2] = {r->failed_low[i], r->failed_high[i]};
+        app_json_reals(out, file->names[i], side, 2);
+        app_result_line(out, "fails at %s from %.6g to %.6g", file->names[i], side[0], side[1]);
+    }
+    app_json_close(out, '}');
+}
+
+static int tell(app *self, const lg_certificate *file, const lg_certify_result *r, const comparison *c,
+                const char *reason) {
+    const bool verified = reason[0] == '\0';
+    app_json out;
+    app_result_begin(&out, self);
+    app_json_bool(&out, "verified", verified);
+    app_json_bool(&out, "converges", verified && r->converges);
+    app_result_text(&out, "claim", r->claim, NULL);
+    if (!verified) app_result_text(&out, "reason", reason, NULL);
+    app_result_text(&out, "plant", file->plant, file->plant_sha256);
+    app_result_text(&out, "controller", file->controller, file->controller_sha256);
+    app_json_text(&out, "plant_sha256", file->plant_sha256);
+    app_json_text(&out, "controller_sha256", file->controller_sha256);
+    if (c->compared) {
+        app_json_bool(&out, "same_plant", c->plant);
+        app_json_bool(&out, "same_controller", c->controller);
+        app_json_bool(&out, "same_period", c->period);
+    }
+    app_result_real(&out, "level", r->level, NULL);
+    app_result_size(&out, "boxes", r->boxes, "examined");
+    app_result_real(&out, "seconds", r->seconds, NULL);
+    if (!r->verified) tell_box(&out, file, r);
+    app_json_warnings(&out, self);
+    app_json_end(&out);
+    return verified ? APP_EXIT_OK : app_fail(self, LG_CHECK_FAILED, "not proved: %s", reason);
+}
+
+static int run(app *self) {
+    lg_certificate file;
+    lg_certify *certify = NULL;
+    lg_certify_result r;
+    const char *path = self->arguments[0];
+    APP_MUST_FILE(self, path, lg_certificate_load(self->context, path, &file, &error));
+    APP_MUST_FILE(self, path, lg_certify_open(self->context, &file, (int)self->threads, &certify, &error));
+    const comparison c =
+        self->argument_count > 1 ? compare(self, &file, self->arguments[1]) : (comparison){.compared = false};
+    APP_MUST(self, lg_certify_run(certify, SIZE_MAX, values.seconds, &r, &error));
+    APP_FREE char *other = tell_difference(&c, self->argument_count > 1 ? self->arguments[1] : "");
+    APP_FREE char *late = app_format("not finished in %.3g s; --seconds allows more", values.seconds);
+    const char *reason = !r.finished                        ? late
+                         : !r.verified                      ? r.reason
+                         : strcmp(r.claim, file.claim) != 0 ? "the file claims something else than its "
+                                                              "numbers, which are proved"
+                                                            : other;
+    const int code = tell(self, &file, &r, &c, reason);
+    lg_certify_destroy(certify);
+    lg_certificate_destroy(&file);
+    return code;
+}
+
+const app_command verify_command = {
+    .name = "verify",
+    .arguments = "CERTIFICATE.json [POLICY.h5|TASK.yaml]",
+    .summary = "Prove a certificate of certify again, from its file alone",
+    .details =
+        "Every box of the certificate is examined again with outward rounding, for the loop that the file "
+        "holds. With a second file the loop is compared, operation by operation: the proof is about the "
+        "plant and the controller in the certificate. If it is not proved, or the loop is another one, the "
+        "exit code is 1. docs/certificates.md has the format.",
+    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
+    .run = run};

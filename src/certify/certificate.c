@@ -1,0 +1,484 @@
+/* Certificates as data: the loop as scalar code, and the tree of boxes. */
+#include "certify/certificate.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "certify/certify.h"
+#include "certify/interval.h"
+#include "liegrad/ops.h"
+
+enum { LARGEST_STUMPFF = 8 };
+
+_Static_assert((int)LG_CERTIFICATE_STATES == (int)LG_CERTIFY_STATES &&
+                   (int)LG_CERTIFICATE_CLAIM == (int)LG_CERTIFY_TEXT,
+               "sizes of certificates");
+/* Places of the table are numbers of operations. */
+enum {
+#define X(name, op, operands, last) PLACE_##op,
+    LG_CERTIFICATE_OPS(X)
+#undef X
+};
+#define X(name, op, operands, last) _Static_assert((int)PLACE_##op == (int)LG_S_##op, "order of " #op);
+LG_CERTIFICATE_OPS(X)
+#undef X
+
+void lg_certificate_destroy(lg_certificate *f) {
+    if (f == NULL) return;
+    lg_free(f->context, f->rate.line);
+    lg_free(f->context, f->rate.output);
+    lg_free(f->context, f->control.line);
+    lg_free(f->context, f->control.output);
+    lg_free(f->context, f->tree);
+    memset(f, 0, sizeof *f);
+}
+
+/* ---- the loop: from a program ---- */
+
+static void take_line(const lg_scalar_code *c, const uint32_t *number, lg_certificate_line *line) {
+    *line = (lg_certificate_line){.op = (uint32_t)c->op};
+    for (uint32_t k = 0; k < lg_scalar_instructions(c->op); k++) line->in[k] = number[c->in[k]];
+    line->number = c->op == LG_S_CONSTANT || c->op == LG_S_POW ? c->p : c->n;
+}
+
+/* The instructions that the first `outputs` results need, in their order. */
+static lg_status take_code(const lg_context *context, const lg_expansion *x, size_t outputs,
+                           lg_certificate_code *out) {
+    const lg_scalars *s = &x->s;
+    uint32_t *number = lg_alloc(context, s->count + 1, sizeof *number), lines = 0;
+    *out = (lg_certificate_code){.inputs = x->inputs, .outputs = outputs};
+    out->line = lg_alloc(context, s->count + 1, sizeof *out->line);
+    out->output = lg_alloc(context, outputs, sizeof *out->output);
+    const bool memory = number != NULL && out->line != NULL && out->output != NULL;
+    for (size_t j = 0; j < outputs && memory; j++) number[x->result[j]] = 1;
+    for (uint32_t i = s->count; i-- > 0 && memory;)
+        for (uint32_t k = 0; number[i] != 0 && k < lg_scalar_instructions(s->code[i].op); k++)
+            number[s->code[i].in[k]] = 1;
+    for (uint32_t i = 0; i < s->count && memory; i++) {
+        if (number[i] == 0) continue;
+        number[i] = lines++;
+        take_line(&s->code[i], number, &out->line[number[i]]);
+    }
+    for (size_t j = 0; j < outputs && memory; j++) out->output[j] = number[x->result[j]];
+    out->lines = lines;
+    lg_free(context, number);
+    return memory ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+static lg_status take_function(const lg_context *context, const lg_program *program, const char *name,
+                               lg_certificate_code *out, lg_error *error) {
+    size_t function, count;
+    LG_TRY(lg_program_find(program, name, &function, error));
+    const size_t outputs = lg_shape_count(lg_program_outputs(program, function, &count)->shape);
+    lg_expansion x;
+    lg_status status = lg_expand(program, &function, 1, &x, error);
+    if (status == LG_OK) status = take_code(context, &x, outputs, out);
+    lg_expansion_destroy(&x);
+    if (status == LG_OK && out->lines > LG_CERTIFICATE_LINES)
+        status =
+            lg_fail(error, LG_UNSUPPORTED, "the function '%s' has %zu operations, a certificate at most %d",
+                    name, out->lines, LG_CERTIFICATE_LINES);
+    return status == LG_OUT_OF_MEMORY ? lg_no_memory(error) : status;
+}
+
+/* ---- the loop: to a program ---- */
+
+static lg_var tanh_of(lg_tape *tape, lg_var x) {
+    return lg_act(tape, x, LG_TANH);
+}
+static lg_var sigmoid_of(lg_tape *tape, lg_var x) {
+    return lg_act(tape, x, LG_SIGMOID);
+}
+static lg_var stumpff_of(lg_tape *tape, lg_var x, double number) {
+    const uint32_t k = (uint32_t)number;
+    return lg_slice(tape, lg_stumpff_functions(tape, x, (int)k), 1, k, 1);
+}
+static lg_var dexpinv_of(lg_tape *tape, lg_var x, double number) {
+    return lg_dexpinv_coefficient(tape, x, (int)number);
+}
+
+static const struct recorder {
+    lg_var (*one)(lg_tape *, lg_var), (*two)(lg_tape *, lg_var, lg_var);
+    lg_var (*three)(lg_tape *, lg_var, lg_var, lg_var), (*with)(lg_tape *, lg_var, double);
+} recorders[LG_SCALAR_OPS] = {[LG_S_ADD] = {.two = lg_add},         [LG_S_SUB] = {.two = lg_sub},
+                              [LG_S_MUL] = {.two = lg_mul},         [LG_S_DIV] = {.two = lg_div},
+                              [LG_S_NEG] = {.one = lg_neg},         [LG_S_MAX] = {.two = lg_max},
+                              [LG_S_GE] = {.two = lg_ge},           [LG_S_SELECT] = {.three = lg_select},
+                              [LG_S_SQRT] = {.one = lg_sqrt},       [LG_S_ABS] = {.one = lg_abs},
+                              [LG_S_SIGN] = {.one = lg_sign},       [LG_S_POW] = {.with = lg_pow},
+                              [LG_S_EXP] = {.one = lg_exp},         [LG_S_LOG] = {.one = lg_log},
+                              [LG_S_SIN] = {.one = lg_sin},         [LG_S_COS] = {.one = lg_cos},
+                              [LG_S_TANH] = {.one = tanh_of},       [LG_S_SIGMOID] = {.one = sigmoid_of},
+                              [LG_S_ATAN2] = {.two = lg_atan2},     [LG_S_STUMPFF] = {.with = stumpff_of},
+                              [LG_S_DEXPINV] = {.with = dexpinv_of}};
+
+static lg_var record_line(lg_tape *tape, const lg_certificate_line *l, uint32_t rows, const lg_var *of) {
+    const struct recorder *r = &recorders[l->op];
+    if (l->op == LG_S_CONSTANT)
+        return lg_broadcast_to(tape, lg_input_f64(tape, lg_shape2(1, 1), &l->number), lg_shape2(rows, 1));
+    const lg_var a = of[l->in[0]], b = of[l->in[1]];
+    return r->one != NULL    ? r->one(tape, a)
+           : r->two != NULL  ? r->two(tape, a, b)
+           : r->with != NULL ? r->with(tape, a, l->number)
+                             : r->three(tape, a, b, of[l->in[2]]);
+}
+
+/* Inputs of the code are the elements of `in`, of which the first has `states`. */
+static lg_status record_code(const lg_certificate *f, const lg_certificate_code *code, lg_tape *tape,
+                             const lg_var *in, lg_var *out) {
+    const uint32_t n = f->states, rows = lg_var_shape(tape, in[0]).dims[0];
+    lg_var *of = lg_alloc(f->context, code->lines + code->outputs, sizeof *of), *to = of + code->lines;
+    if (of == NULL) return LG_OUT_OF_MEMORY;
+    for (size_t i = 0; i < code->lines; i++) {
+        const lg_certificate_line *l = &code->line[i];
+        const uint32_t number = l->op == LG_S_INPUT ? (uint32_t)l->number : 0;
+        of[i] = l->op != LG_S_INPUT ? record_line(tape, l, rows, of)
+                : number < n        ? lg_slice(tape, in[0], 1, number, 1)
+                                    : lg_slice(tape, in[1], 1, number - n, 1);
+    }
+    for (size_t j = 0; j < code->outputs; j++) to[j] = of[code->output[j]];
+    out[0] = code->outputs == 1 ? to[0] : lg_concat(tape, to, code->outputs, 1);
+    lg_free(f->context, of);
+    return lg_tape_status(tape);
+}
+
+static lg_status record_rate(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_certificate *f = user;
+    (void)theta;
+    return record_code(f, &f->rate, tape, in, out);
+}
+
+static lg_status record_control(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                lg_var *out) {
+    const lg_certificate *f = user;
+    (void)theta;
+    return record_code(f, &f->control, tape, in, out);
+}
+
+static lg_status record_closed(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                               lg_var *out) {
+    const lg_var u = lg_program_call(tape, "control", 0, in);
+    (void)user, (void)theta;
+    out[0] = lg_program_call(tape, "rate", 0, (const lg_var[]){in[0], u});
+    return lg_tape_status(tape);
+}
+
+/* Functions rate, control and, where both are there, closed. */
+static lg_status make_program(const lg_certificate *f, lg_program **out, lg_error *error) {
+    const lg_port in[2] = {{.name = "x", .shape = lg_shape1(f->states)},
+                           {.name = "u", .shape = lg_shape1(f->inputs)}},
+                  rate = {.name = "dx"}, input = {.name = "v"};
+    void *user = (void *)f;
+    const lg_function_spec functions[3] = {{"rate", in, f->inputs > 0 ? 2 : 1, &rate, 1, record_rate, user},
+                                           {"control", in, 1, &input, 1, record_control, user},
+                                           {"closed", in, 1, &rate, 1, record_closed, user}};
+    lg_program_spec spec;
+    lg_program_spec_init(&spec);
+    spec.functions = functions;
+    spec.function_count = f->inputs > 0 ? 3 : 1;
+    return lg_program_build(f->context, &spec, out, error);
+}
+
+/* ---- the tree ---- */
+
+lg_status lg_certify_coordinates(lg_certify *c, lg_error *error) {
+    memcpy(c->T, c->file->T, c->n * c->n * sizeof *c->T);
+    return lg_certify_check_coordinates(c, error);
+}
+
+static lg_status reject(lg_certify *c, const char *reason) {
+    double box[2 * LG_CERTIFY_STATES];
+    memcpy(box, c->from, c->n * sizeof *box);
+    memcpy(box + c->n, c->to, c->n * sizeof *box);
+    lg_certify_fail(c, box, reason);
+    return LG_OK;
+}
+
+static char *grow(const lg_context *context, char *text, size_t length, size_t room) {
+    char *grown = lg_alloc(context, room, 1);
+    if (grown != NULL && text != NULL) memcpy(grown, text, length);
+    lg_free(context, text);
+    return grown;
+}
+
+/* A new certificate gets the numbers of the proof. Those of a file are examined: |y_i| <= sqrt(c) (1 + 3e-7)
+ * on {V <= c}, as T^T P T is 1 to 1e-7. */
+lg_status lg_certify_root(lg_certify *c) {
+    const lg_certificate *f = c->file;
+    const size_t n = c->n;
+    const double size = sqrt(c->level) * (1 + 3e-7), near = sqrt(c->eps) * (1 + 3e-7);
+    bool whole = true, holds = true;
+    c->depth_boxes = 1;
+    c->depth_at = 0;
+    if (c->made != NULL) {
+        lg_certificate *made = c->made;
+        made->even = c->stack[0] == 0;
+        made->order = c->flow != NULL ? LG_FLOW_ORDER : 0;
+        made->steps = c->flow != NULL ? lg_flow_steps(c->flow) : 0;
+        made->converges = c->converges;
+        memcpy(made->T, c->T, n * n * sizeof *c->T);
+        memcpy(made->near, c->near, sizeof c->near);
+        memcpy(made->from, c->stack, n * sizeof *c->stack);
+        memcpy(made->to, c->stack + n, n * sizeof *c->stack);
+        made->tree = grow(made->context, NULL, 0, 3);
+        return made->tree != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    }
+    for (size_t i = 0; i < n; i++) {
+        const bool half = i == 0 && f->even && f->from[0] <= 0;
+        whole = whole && f->to[i] >= size && (half || f->from[i] <= -size);
+        holds = holds && f->near[i] >= near;
+    }
+    memcpy(c->stack, f->from, n * sizeof *c->stack);
+    memcpy(c->stack + n, f->to, n * sizeof *c->stack);
+    if (f->even && !c->even) return reject(c, "the operations do not show that V and its fall are even");
+    if (!whole) return reject(c, "the root box does not hold {V <= level}");
+    if (!holds) return reject(c, "the box \"near\" does not hold {V < eps}");
+    if (f->converges && !c->converges)
+        return reject(c, "convergence to the goal could not be shown on the box \"near\"");
+    if (c->flow != NULL && f->order != LG_FLOW_ORDER)
+        return reject(c, "this version proves with Taylor polynomials of another order");
+    c->converges = f->converges;
+    return LG_OK;
+}
+
+/* What a leaf says holds. A tree is written with a slack that is larger than differences between machines. */
+static bool leaf_holds(const lg_certify *c, const double *box, const lg_certify_box *f, char leaf) {
+    const double slack = c->made != NULL ? 1e-12 * c->level : 0;
+    if (leaf == 'o') return f->v_low > c->level;
+    if (f->flag < LG_INTERVAL_LIPSCHITZ) return false;
+    if (leaf != 'n') return leaf >= '0' && f->rise_high < -slack && (uint32_t)(leaf - '0') >= f->doublings;
+    const bool kept = !c->step || f->v_high + f->rise_high < c->level - slack;
+    return lg_certify_is_near(c, box, box + c->n) && (c->converges || (f->v_high < c->eps && kept));
+}
+
+static bool is_split(const lg_certify *c, char of) {
+    return of >= 'a' && (size_t)(of - 'a') < c->n;
+}
+
+bool lg_certify_leaf(lg_certify *c, const double *box, const lg_certify_box *f) {
+    const char fits[] = {'o', 'n', (char)('0' + (c->flow != NULL ? f->doublings : 0))};
+    const size_t index = (size_t)(box - c->batch) / (2 * c->n);
+    char *of = &c->file->tree[c->depth_at + c->depth_boxes - c->stacked - c->batched + index];
+    if (c->made != NULL) {
+        *of = (char)('a' + f->split);
+        for (size_t k = LG_COUNT(fits); k-- > 0;)
+            if (leaf_holds(c, box, f, fits[k])) *of = fits[k];
+    } else if (!is_split(c, *of) &&
+               !((*of == 'o' || *of == 'n' || (*of >= '0' && *of < '0' + LG_FLOW_DOUBLINGS)) &&
+                 leaf_holds(c, box, f, *of)))
+        lg_certify_fail(c, box, "the tree has a leaf there that is not true");
+    return true;
+}
+
+/* The stack still has the boxes of this depth, the first at its end. */
+lg_status lg_certify_deeper(lg_certify *c) {
+    const size_t n = c->n, count = c->depth_boxes;
+    const char *of = c->file->tree + c->depth_at;
+    size_t splits = 0, at = 0;
+    if (c->failed) return LG_OK;
+    for (size_t i = 0; i < count; i++) splits += is_split(c, of[i]);
+    const size_t next = c->depth_at + count + 1;
+    if (c->made != NULL) {
+        char *tree = grow(c->made->context, c->made->tree, next - 1, next + 2 * splits + 2);
+        if ((c->made->tree = tree) == NULL) return LG_OUT_OF_MEMORY;
+        tree[next - 1] = '\n';
+        c->made->boxes = c->boxes;
+        if (next + 2 * splits > LG_CERTIFICATE_BOXES)
+            return reject(c, "its tree would have more boxes than a file holds; a lower level needs fewer");
+        of = tree + c->depth_at;
+    } else if (of[count] != '\n' || strcspn(of + count + 1, "\n") != 2 * splits)
+        return reject(c, "a depth of the tree does not have two boxes for each that is halved above");
+    if (splits == 0) return LG_OK;
+    double *stack = lg_alloc(c->context, 2 * splits, 2 * n * sizeof *stack);
+    if (stack == NULL) return LG_OUT_OF_MEMORY;
+    for (size_t i = 0; i < count; i++) {
+        const double *box = c->stack + (count - 1 - i) * 2 * n;
+        if (!is_split(c, of[i])) continue;
+        const size_t side = (size_t)(of[i] - 'a');
+        double *lower = stack + (2 * splits - 1 - at) * 2 * n, *upper = lower - splits * 2 * n;
+        memcpy(lower, box, 2 * n * sizeof *box);
+        memcpy(upper, box, 2 * n * sizeof *box);
+        lower[n + side] = upper[side] = 0.5 * box[side] + 0.5 * box[n + side];
+        at++;
+    }
+    lg_free(c->context, c->stack);
+    c->stack = stack;
+    c->stacked = c->capacity = c->depth_boxes = 2 * splits;
+    c->depth_at = next;
+    return LG_OK;
+}
+
+void lg_certify_close(lg_certify *c) {
+    if (c->made != NULL)
+        c->made->between = c->between;
+    else if (c->between > c->file->between)
+        (void)reject(c, "V could not be shown to stay below \"between\" between the samples");
+}
+
+/* ---- making and opening ---- */
+
+static lg_status open_for(const lg_context *context, const lg_certificate *f, lg_certificate *made,
+                          int threads, lg_certify **out, lg_error *error) {
+    lg_program *program = NULL;
+    lg_certify_spec spec;
+    lg_certify_spec_init(&spec);
+    const bool held = f->period > 0;
+    spec.rate = !held && f->inputs > 0 ? "closed" : "rate";
+    spec.control = held ? "control" : NULL;
+    spec.period = f->period;
+    spec.P = f->P, spec.goal = f->goal, spec.low = f->low, spec.high = f->high;
+    spec.level = f->level, spec.eps = f->eps, spec.model_error = f->error;
+    spec.threads = threads;
+    LG_TRY(make_program(f, &program, error));
+    spec.program = program;
+    const lg_status status = lg_certify_create_for(context, &spec, f, made, out, error);
+    lg_program_destroy(program);
+    return status;
+}
+
+static lg_status check_line(const lg_certificate_code *code, size_t i) {
+    static const uint32_t operands[] = {
+#define X(name, op, lines, last) lines,
+        LG_CERTIFICATE_OPS(X)
+#undef X
+    };
+    const lg_certificate_line *l = &code->line[i];
+    if (l->op >= LG_COUNT(operands) || !isfinite(l->number)) return LG_INVALID_ARGUMENT;
+    for (uint32_t k = 0; k < 3; k++)
+        if (k < operands[l->op] ? l->in[k] >= i : l->in[k] != 0) return LG_INVALID_ARGUMENT;
+    const double most = l->op == LG_S_INPUT                              ? (double)code->inputs - 1
+                        : l->op == LG_S_STUMPFF || l->op == LG_S_DEXPINV ? LARGEST_STUMPFF
+                                                                         : DBL_MAX;
+    const bool whole = most < DBL_MAX;
+    return whole && !(l->number >= 0 && l->number <= most && l->number == floor(l->number))
+               ? LG_INVALID_ARGUMENT
+               : LG_OK;
+}
+
+static lg_status check_code(const lg_certificate_code *code, const char *name, size_t inputs, size_t outputs,
+                            lg_error *error) {
+    if (code->inputs != inputs || code->outputs != outputs || code->lines > LG_CERTIFICATE_LINES ||
+        (outputs > 0 && (code->line == NULL || code->output == NULL)))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%s: needs %zu inputs and %zu outputs, and at most %d lines", name, inputs, outputs,
+                       LG_CERTIFICATE_LINES);
+    for (size_t i = 0; i < code->lines; i++)
+        if (check_line(code, i) != LG_OK)
+            return lg_fail(
+                error, LG_INVALID_ARGUMENT,
+                "%s: line %zu of the code, counted from 0, is no operation on earlier lines, or its "
+                "number is out of range",
+                name, i);
+    for (size_t j = 0; j < outputs; j++)
+        if (code->output[j] >= code->lines)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: output %zu is no line of the code", name, j);
+    return LG_OK;
+}
+
+static lg_status check_loop(const lg_certificate *f, lg_error *error) {
+    const size_t n = f->states, m = f->inputs;
+    if (n < 1 || n > LG_CERTIFICATE_STATES || m > LG_CERTIFICATE_STATES || (m == 0 && f->period > 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a certificate has 1 to %d states and up to %d inputs",
+                       LG_CERTIFICATE_STATES, LG_CERTIFICATE_STATES);
+    LG_TRY(check_code(&f->rate, "rate", n + m, n, error));
+    return check_code(&f->control, "control", m > 0 ? n : 0, m, error);
+}
+
+lg_status lg_certify_open(const lg_context *context, const lg_certificate *f, int threads, lg_certify **out,
+                          lg_error *error) {
+    LG_NEEDS(error, f, out);
+    LG_TRY(check_loop(f, error));
+    const size_t n = f->states;
+    const double *const sides[] = {f->near, f->from, f->to, f->T, f->P};
+    bool fits = f->tree != NULL && f->level > 0 && f->eps > 0 && strcspn(f->tree, "\n") == 1 &&
+                (f->period == 0 ||
+                 (f->steps > 0 && f->steps <= LG_CERTIFICATE_STEPS && (f->steps & (f->steps - 1)) == 0));
+    for (size_t k = 0; k < LG_COUNT(sides); k++)
+        for (size_t i = 0; i < (k < 3 ? n : n * n); i++) fits = fits && isfinite(sides[k][i]);
+    for (size_t i = 0; i < n * n; i++) fits = fits && f->P[i] == f->P[i % n * n + i / n];
+    for (size_t i = 0; i < n; i++) fits = fits && f->from[i] < f->to[i];
+    if (!fits)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "a certificate needs a tree with one box at its root, level and eps above 0, steps that "
+            "are a power of 2 up to %d, a symmetric P, and finite numbers",
+            LG_CERTIFICATE_STEPS);
+    return open_for(context, f, NULL, threads, out, error);
+}
+
+static lg_status fill(const lg_certify_spec *spec, const lg_certify_result *proved, lg_certificate *f,
+                      lg_error *error) {
+    const size_t n = f->rate.outputs;
+    f->states = (uint32_t)n;
+    if (n < 1 || n > LG_CERTIFICATE_STATES) return check_loop(f, error);
+    f->inputs = (uint32_t)f->control.outputs;
+    f->period = spec->control != NULL ? spec->period : 0;
+    for (size_t i = 0; i < n; i++) {
+        f->goal[i] = spec->goal != NULL ? spec->goal[i] : 0;
+        f->low[i] = spec->low[i];
+        f->high[i] = spec->high[i];
+        f->error[i] = spec->model_error != NULL ? spec->model_error[i] : 0;
+        for (size_t j = 0; j < n; j++) f->P[i * n + j] = 0.5 * spec->P[i * n + j] + 0.5 * spec->P[j * n + i];
+    }
+    f->level = proved->level;
+    f->eps = fmin(proved->eps, 0.999 * proved->level);
+    f->between = proved->between * (1 + 1e-9);
+    return check_loop(f, error);
+}
+
+static lg_status make(const lg_certify_spec *spec, const lg_certify_result *proved, double seconds,
+                      lg_certificate *f, lg_error *error) {
+    lg_certify *certify = NULL;
+    lg_certify_result r;
+    LG_TRY(take_function(f->context, spec->program, spec->rate, &f->rate, error));
+    if (spec->control != NULL)
+        LG_TRY(take_function(f->context, spec->program, spec->control, &f->control, error));
+    LG_TRY(fill(spec, proved, f, error));
+    LG_TRY(open_for(f->context, f, f, spec->threads, &certify, error));
+    lg_status status = lg_certify_run(certify, SIZE_MAX, seconds, &r, error);
+    if (status == LG_OK && !r.verified)
+        status = lg_fail(error, LG_CHECK_FAILED, "the certificate could not be written: %s",
+                         r.finished ? r.reason : "the time ended");
+    if (status == LG_OK) (void)snprintf(f->claim, sizeof f->claim, "%s", r.claim);
+    lg_certify_destroy(certify);
+    return status;
+}
+
+lg_status lg_certificate_make(const lg_context *context, const lg_certify_spec *spec,
+                              const lg_certify_result *proved, double seconds, lg_certificate *out,
+                              lg_error *error) {
+    LG_NEEDS(error, spec, proved, out);
+    LG_NEEDS(error, spec->program, spec->rate, spec->low, spec->high);
+    if (spec->size != sizeof *spec || !proved->verified)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a certificate needs a proof that succeeded, and its spec");
+    if (spec->P == NULL || spec->step)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "there are certificates as files for a quadratic V, with held or continuous inputs; "
+                       "not for another V, nor for maps");
+    *out = (lg_certificate){.context = context};
+    const lg_status status = make(spec, proved, seconds, out, error);
+    if (status != LG_OK) lg_certificate_destroy(out);
+    return status;
+}
+
+static bool same_code(const lg_certificate_code *a, const lg_certificate_code *b) {
+    return a->inputs == b->inputs && a->lines == b->lines && a->outputs == b->outputs &&
+           memcmp(a->line, b->line, a->lines * sizeof *a->line) == 0 &&
+           memcmp(a->output, b->output, a->outputs * sizeof *a->output) == 0;
+}
+
+lg_status lg_certificate_compare(const lg_certificate *f, const lg_program *program, const char *rate,
+                                 const char *control, bool *same_plant, bool *same_controller,
+                                 lg_error *error) {
+    LG_NEEDS(error, f, program, rate, control, same_plant, same_controller);
+    lg_certificate now = {.context = f->context};
+    lg_status status = take_function(now.context, program, rate, &now.rate, error);
+    if (status == LG_OK) status = take_function(now.context, program, control, &now.control, error);
+    if (status == LG_OK) {
+        *same_plant = same_code(&now.rate, &f->rate);
+        *same_controller = same_code(&now.control, &f->control);
+    }
+    lg_certificate_destroy(&now);
+    return status;
+}
