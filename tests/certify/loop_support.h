@@ -690,6 +690,7 @@ static inline void loop_spoil(loop *l, lg_rng *r) {
     const double share = lg_rng_uniform(r), off = share < 0.6 ? 1 : lg_rng_uniform(r);
     double factor[LOOP_STATES], trace = 0;
     for (size_t i = 0; i < n; i++) trace += l->P[i * (n + 1)] / (double)n;
+    trace /= loop_log(r, 1, 1e8); /* the unit of V */
     for (size_t i = 0; i < n; i++)
         factor[i] = share < 0.6 ? 1 : share < 0.85 ? loop_log(r, 0.7, 1.4) : loop_log(r, 0.2, 5);
     for (size_t i = 0; i < n; i++)
@@ -816,7 +817,7 @@ static inline void loop_draw(uint64_t number, loop *l) {
     l->mode = modes[number / LG_COUNT(loop_kinds) % LG_COUNT(modes)];
     if (kind->speed == SPEED_COARSE) l->mode = LOOP_HELD;
     l->n = states[lg_rng_below(r, LG_COUNT(states))];
-    l->m = loop_chance(r, 0.8) ? 1 : 2;
+    l->m = l->n > 2 || loop_chance(r, 0.75) ? 1 : 2;
     const bool plain = loop_chance(r, 0.4), shifted = loop_chance(r, 0.2);
     for (size_t i = 0; i < l->n; i++) {
         l->size[i] = plain ? 1 : units[lg_rng_below(r, LG_COUNT(units))];

@@ -36,12 +36,18 @@ static inline bool attack_loop(uint64_t number, size_t samples, size_t starts, l
     c->loops++;
     if (lg_certify_create(NULL, &spec, &certify, &error) != LG_OK) {
         c->rejected++;
+        if (getenv("LG_SAY"))
+            print_message("%" PRIu64 " %s: %s\n", number, loop_kinds[l->kind].name, error.message);
         c->proof += loop_seconds() - start;
         return true;
     }
     lg_test_owns(certify, release_certify);
-    assert_told(lg_certify_run(certify, boxes[l->n - 1], 1e9, &r, &told));
+    assert_told(lg_certify_run(certify, boxes[l->n - 1], 1, &r, &told));
     c->proof += loop_seconds() - start;
+    if (getenv("LG_SAY"))
+        print_message("%" PRIu64 " %s n %zu m %zu mode %d code %u %u: %d %d %d, %zu boxes %.3f s (%.3f)\n",
+                      number, loop_kinds[l->kind].name, l->n, l->m, (int)l->mode, l->rate.length,
+                      l->control.length, r.verified, r.converges, r.finished, r.boxes, r.seconds, c->proof);
     c->proved += r.verified;
     c->converge += r.converges;
     c->refuted += r.finished && !r.verified;
