@@ -11,7 +11,7 @@ typedef long double attack_state[LOOP_STATES];
 
 typedef struct attack {
     const loop *l;
-    const lg_certify_result *r;
+    lg_certify_result r; /* what is claimed */
     lg_rng rng;
     long double L[LOOP_SQUARE], T[LOOP_SQUARE]; /* P = L L^T; T = L^-T: V = |y|^2 with z = T y */
     attack_state best[ATTACK_BEST];             /* y of the states that were nearest to a refutation */
@@ -22,9 +22,9 @@ typedef struct attack {
 
 /* ---- V ---- */
 
-static inline void attack_begin(attack *a, const loop *l, const lg_certify_result *r, uint64_t number) {
+static inline void attack_begin(attack *a, const loop *l, uint64_t number) {
     const size_t n = l->n;
-    *a = (attack){.l = l, .r = r, .rng = test_rng(6402, number)};
+    *a = (attack){.l = l, .rng = test_rng(6402, number)};
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j <= i; j++) {
             long double rest = l->P[i * n + j];
@@ -196,8 +196,13 @@ static inline long double attack_worst(const attack *a, const long double *z) {
     return most;
 }
 
+static inline void attack_scale(const attack *a, long double *y, long double V) {
+    const long double by = sqrtl(V / attack_norm(a, y)) * (1 - 1e-18L);
+    for (size_t i = 0; i < a->l->n; i++) y[i] *= by;
+}
+
 static inline bool attack_counts(const attack *a, long double V) {
-    return V <= a->r->level && (V >= a->r->eps || a->r->converges);
+    return V <= a->r.level && (V >= a->r.eps || a->r.converges);
 }
 
 /* (V after - V)/V; what refutes the claim is noted. */
@@ -215,15 +220,15 @@ static inline long double attack_held(attack *a, const long double *z) {
             return -INFINITY;
         }
         if (!(error < INFINITY)) {
-            attack_says(a, z, "the motion from here is undefined; V and the level are", V, a->r->level);
+            attack_says(a, z, "the motion from here is undefined; V and the level are", V, a->r.level);
             return INFINITY;
         }
         const long double after = attack_worst(a, next),
                           around = error * (2 * sqrtl(after) + error) + 1e-15L * (V + after);
         change = (after - V) / V;
-        if (!attack_counts(a, V) && after + around <= a->r->level) return -INFINITY;
+        if (!attack_counts(a, V) && after + around <= a->r.level) return -INFINITY;
         if (attack_counts(a, V) && after + around < V) return change;
-        if (attack_counts(a, V) ? after - around > V : after - around > a->r->level) {
+        if (attack_counts(a, V) ? after - around > V : after - around > a->r.level) {
             attack_says(a, z, attack_counts(a, V) ? "V rises in a period" : "a step leaves the set", V,
                         after);
             return change;
@@ -241,7 +246,7 @@ static inline long double attack_falls(attack *a, const long double *z) {
     long double sum = 0, sizes = 0, errors = 0;
     if (!loop_evaluate(a->l, &a->l->control, z, NULL, u, NULL) ||
         !loop_evaluate(a->l, &a->l->rate, z, u, rate, size)) {
-        attack_says(a, z, "the loop is undefined here; V and the level are", V, a->r->level);
+        attack_says(a, z, "the loop is undefined here; V and the level are", V, a->r.level);
         return INFINITY;
     }
     if (!attack_counts(a, V)) return -INFINITY;
@@ -272,7 +277,7 @@ static inline void attack_on_sphere(attack *a, long double V, long double *y) {
         for (size_t i = 0; i < a->l->n; i++) y[i] = lg_rng_normal(&a->rng);
         norm = attack_norm(a, y);
     }
-    for (size_t i = 0; i < a->l->n; i++) y[i] *= sqrtl(V / norm);
+    attack_scale(a, y, V);
 }
 
 /* y near the zero of a guard, with |y|^2 <= c; false: it does not meet the set */
@@ -306,7 +311,7 @@ static inline bool attack_on_guard(attack *a, long double c, long double *y) {
 
 static inline void attack_draw(attack *a, long double *y) {
     const size_t n = a->l->n;
-    const long double c = a->r->level * (1 - 1e-12L), eps = a->r->eps;
+    const long double c = a->r.level * (1 - 1e-12L), eps = a->r.eps;
     lg_rng *const r = &a->rng;
     const size_t pick = lg_rng_below(r, 16);
     if (pick < 4 && attack_on_guard(a, c, y)) {
@@ -320,12 +325,11 @@ static inline void attack_draw(attack *a, long double *y) {
     else if (pick < 13)
         attack_on_sphere(a, fminl(c, eps * (1 + 1e-12L)), y);
     else if (pick < 14)
-        attack_on_sphere(a, c * expl(lg_rng_uniform_in(r, a->r->converges ? -20 : logl(eps / c), 0)), y);
+        attack_on_sphere(
+            a, c * expl(lg_rng_uniform_in(r, a->r.converges ? -20 : logl(fmaxl(eps, 1e-9L * c) / c), 0)), y);
     else
         attack_on_sphere(a, c * powl(lg_rng_uniform(r), 2 / (long double)n), y);
-    const long double V = attack_norm(a, y);
-    if (V > c)
-        for (size_t i = 0; i < n; i++) y[i] *= sqrtl(c / V) * (1 - 1e-18L);
+    if (attack_norm(a, y) > c) attack_scale(a, y, c);
 }
 
 /* Keeps the states with the largest scores. */
@@ -344,10 +348,34 @@ static inline void attack_sample(attack *a, size_t samples) {
         attack_draw(a, y);
         attack_states(a, y, z);
         attack_keep(a, y, attack_at(a, z));
-        for (size_t i = 0; i < a->l->n && a->r->width != NULL; i++)
-            if (!(fabsl(z[i]) <= a->r->width[i]))
-                attack_says(a, z, "a state is farther than the width", z[i], a->r->width[i]);
+        for (size_t i = 0; i < a->l->n && a->r.width != NULL; i++)
+            if (!(fabsl(z[i]) <= a->r.width[i]))
+                attack_says(a, z, "a state is farther than the width", z[i], a->r.width[i]);
     }
+}
+
+/* The smallest V that is found where V rises, below `most`; it is among the best states then. 0: as small as
+ * one likes. */
+static inline double attack_level(attack *a, double most, size_t samples) {
+    a->r = (lg_certify_result){.level = most, .eps = a->l->eps, .converges = !a->l->errors};
+    for (size_t k = 0; k < samples && a->r.level > 1e-5 * most; k++) {
+        attack_state y, z;
+        attack_draw(a, y);
+        attack_states(a, y, z);
+        const long double score = attack_at(a, z);
+        if (a->found[0] != '\0') {
+            const double V = (double)attack_value(a, z);
+            if (score > 0 && attack_counts(a, V)) {
+                a->r.level = V * (1 - 1e-9);
+                attack_scale(a, y, V * (1 - 2e-9L));
+            }
+            a->found[0] = '\0';
+        }
+        attack_keep(a, y, score < INFINITY ? score : 0);
+    }
+    for (size_t k = 0; k < ATTACK_BEST; k++) a->score[k] = fmaxl(a->score[k], -1e30L) - 1e30L;
+    a->undecided = a->endless = 0;
+    return a->r.level > 1e-5 * most ? a->r.level : 0;
 }
 
 /* ---- between the samples ---- */
@@ -366,8 +394,8 @@ static inline long double attack_peak(attack *a, const long double *from, long d
                           now = attack_value(a, z), around = 10 * error * (2 * sqrtl(now) + 10 * error);
         if (!(error < INFINITY)) break;
         most = fmaxl(most, now);
-        if (now - around > a->r->between * (1 + 1e-15L))
-            attack_says(a, from, "V between the samples exceeds its bound", a->r->between, now);
+        if (now - around > a->r.between * (1 + 1e-15L))
+            attack_says(a, from, "V between the samples exceeds its bound", a->r.between, now);
     }
     return most;
 }
@@ -388,7 +416,7 @@ static inline void attack_between(attack *a, size_t samples) {
 static inline void attack_simulate(attack *a, size_t starts) {
     enum { PERIODS = 200, MORE = 4000, PEAKS = 4 };
     const loop *l = a->l;
-    const long double c = a->r->level, goal = a->r->converges ? fminl(a->r->eps, 1e-4L * c) : a->r->eps;
+    const long double c = a->r.level, goal = a->r.converges ? fminl(a->r.eps, 1e-4L * c) : a->r.eps;
     for (size_t s = 0; s < starts && a->found[0] == '\0'; s++) {
         attack_state y, z, disturbance = {0};
         if (s % 4 == 1)
@@ -425,7 +453,7 @@ static inline void attack_simulate(attack *a, size_t starts) {
             for (size_t i = 0; i < l->n && l->mode != LOOP_CONTINUOUS; i++) z[i] += disturbance[i];
             const long double after = attack_value(a, z),
                               around = 10 * error * (2 * sqrtl(after) + 10 * error) + 1e-15L * V;
-            if (after - around > (V >= a->r->eps || a->r->converges ? V : c))
+            if (after - around > (V >= a->r.eps || a->r.converges ? V : c))
                 attack_says(a, before, "V rises along a motion", V, after);
             V = after;
             if (k == PERIODS && V >= start * (1 - 1e-10L))
@@ -438,11 +466,11 @@ static inline void attack_simulate(attack *a, size_t starts) {
 static inline void attack_volume(attack *a) {
     const size_t n = a->l->n;
     long double volume =
-        powl(3.14159265358979323846L, n / 2.0L) / tgammal(n / 2.0L + 1) * powl(a->r->level, n / 2.0L);
+        powl(3.14159265358979323846L, n / 2.0L) / tgammal(n / 2.0L + 1) * powl(a->r.level, n / 2.0L);
     const attack_state nowhere = {0};
     for (size_t i = 0; i < n; i++) volume *= a->T[i * (n + 1)];
-    if (!(a->r->volume <= volume * (1 + 1e-9L)))
-        attack_says(a, nowhere, "the volume is too large", volume, a->r->volume);
+    if (!(a->r.volume <= volume * (1 + 1e-9L)))
+        attack_says(a, nowhere, "the volume is too large", volume, a->r.volume);
 }
 
 /* Whether nothing was found */

@@ -731,7 +731,11 @@ static inline void loop_plant(loop *l, lg_rng *r, loop_spice *spice, loop_speed 
     loop_begin(l, e, l->m, l->n);
     double A[LOOP_SQUARE];
     for (size_t i = 0; i < l->n * l->n; i++) A[i] = lg_rng_normal(r);
-    const double fast = speed == SPEED_FAST ? loop_log(r, 5, 200) : 1;
+    const double fast = speed == SPEED_FAST ? loop_log(r, 5, 200) : speed == SPEED_STILL ? 0 : 1;
+    if (speed == SPEED_STILL)
+        for (size_t i = 0; i < l->n; i++)
+            for (size_t j = 0; j < l->n; j++)
+                A[i * l->n + j] = 0.2 * A[i * l->n + j] + (i + 1 == j) - (i == j + 1);
     for (size_t i = 0; i < l->n; i++) {
         A[i * (l->n + 1)] -= i == 0 ? fast : 0;
         for (size_t j = 0; j < l->n; j++) {
@@ -744,7 +748,9 @@ static inline void loop_plant(loop *l, lg_rng *r, loop_spice *spice, loop_speed 
             loop_term(e, i, PUT_NUMBER(L_SCALE, (uint32_t)(l->n + j), lg_rng_normal(r)));
         e->scale[i] = l->size[i] / (l->mode == LOOP_STEP ? 1 : l->tau);
     }
-    for (size_t k = lg_rng_below(r, 3) + (speed == SPEED_ANY); k-- > 0;) {
+    for (size_t k = speed == SPEED_STILL && loop_chance(r, 0.5) ? 0
+                                                                : lg_rng_below(r, 3) + (speed == SPEED_ANY);
+         k-- > 0;) {
         loop_spice *const which = loop_chance(r, 0.2) ? loop_smooth : spice;
         const double by = loop_log(r, 3e-3, 1.5) * (spice == loop_friction ? 1 : loop_sign(r));
         loop_term(e, lg_rng_below(r, l->n), PUT_NUMBER(L_SCALE, which(l, e, r), by));
@@ -756,7 +762,7 @@ static inline void loop_settle(loop *l, lg_rng *r, loop_speed speed) {
     const bool held = l->mode == LOOP_HELD;
     loop_slopes s;
     double M[LOOP_SQUARE], time = 1;
-    const double still = lg_rng_uniform_in(r, -0.02, 0.02), decay = loop_log(r, 0.05, 1.5),
+    const double still = loop_sign(r) * loop_log(r, 1e-6, 0.02), decay = loop_log(r, 0.05, 1.5),
                  part = speed == SPEED_COARSE ? lg_rng_uniform_in(r, 0.2, loop_chance(r, 0.3) ? 3 : 0.5)
                                               : loop_log(r, 0.01, 0.5);
     bool defined = true;

@@ -32,18 +32,27 @@ static inline bool attack_loop(uint64_t number, size_t samples, size_t starts, l
     lg_error error;
     const double start = loop_seconds();
     loop_draw(number, l);
+    attack_begin(a, l, number);
+    if (l->level > 0) { /* just above the truth, or below it */
+        const double level = attack_level(a, l->level, 2000), by = loop_log(&a->rng, 1e-7, 0.1);
+        if (level > 0 && (level < 0.99 * l->level || loop_chance(&a->rng, 0.7)))
+            l->level = level * (loop_chance(&a->rng, 0.5) ? 1 + by : 1 - by);
+        if (l->eps >= l->level) l->eps = 0;
+    }
+    const double search = loop_seconds() - start;
     const lg_certify_spec spec = loop_spec(l);
     c->loops++;
+    c->attack += search;
     if (lg_certify_create(NULL, &spec, &certify, &error) != LG_OK) {
         c->rejected++;
         if (getenv("LG_SAY"))
             print_message("%" PRIu64 " %s: %s\n", number, loop_kinds[l->kind].name, error.message);
-        c->proof += loop_seconds() - start;
+        c->proof += loop_seconds() - start - search;
         return true;
     }
     lg_test_owns(certify, release_certify);
     assert_told(lg_certify_run(certify, boxes[l->n - 1], 1, &r, &told));
-    c->proof += loop_seconds() - start;
+    c->proof += loop_seconds() - start - search;
     if (getenv("LG_SAY"))
         print_message("%" PRIu64 " %s n %zu m %zu mode %d code %u %u: %d %d %d, %zu boxes %.3f s (%.3f)\n",
                       number, loop_kinds[l->kind].name, l->n, l->m, (int)l->mode, l->rate.length,
@@ -54,7 +63,7 @@ static inline bool attack_loop(uint64_t number, size_t samples, size_t starts, l
     c->undecided += !r.finished;
     if (!r.verified) return true;
     const double proved = loop_seconds();
-    attack_begin(a, l, &r, number);
+    a->r = r;
     const bool holds = attack_proof(a, samples, starts);
     if (!holds)
         print_message("FALSE: loop %" PRIu64 ", %s, mode %d, %zu states: %s\n  %s\n", number,
