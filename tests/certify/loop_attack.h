@@ -432,7 +432,7 @@ static inline void attack_simulate(attack *a, size_t starts) {
         const long double start = attack_value(a, z);
         long double V = start;
         int k = 0;
-        for (; k < MORE && V >= goal && a->found[0] == '\0'; k++) {
+        for (; k < (a->slow == 0 ? MORE : PERIODS + 1) && V >= goal && a->found[0] == '\0'; k++) {
             bool endless;
             attack_state before;
             memcpy(before, z, sizeof before);
@@ -459,7 +459,7 @@ static inline void attack_simulate(attack *a, size_t starts) {
             if (k == PERIODS && V >= start * (1 - 1e-10L))
                 attack_says(a, z, "V does not fall along a motion", start, V);
         }
-        a->slow += k == MORE;
+        a->slow += k == MORE; /* one is enough */
     }
 }
 

@@ -367,7 +367,12 @@ typedef uint32_t loop_spice(loop *l, expressions *e, lg_rng *r);
 
 static inline uint32_t loop_smooth(loop *l, expressions *e, lg_rng *r) {
     const uint32_t a = loop_drawn_linear(l, e, r), b = loop_drawn_linear(l, e, r);
-    switch (lg_rng_below(r, 6)) {
+    switch (lg_rng_below(r, 7)) {
+    case 6: { /* a step of some width */
+        const double width = loop_log(r, 1e-4, 0.3);
+        const uint32_t g = loop_drawn_guard(l, e, r, loop_offset(r), width);
+        return PUT(L_MUL, a, PUT(L_TANH, PUT_NUMBER(L_SCALE, g, 1 / width), 0));
+    }
     case 0:
         return PUT(L_SIN, PUT_NUMBER(L_SCALE, a, loop_log(r, 0.5, 3)), 0);
     case 1:
@@ -484,8 +489,11 @@ static inline uint32_t loop_jump(loop *l, expressions *e, lg_rng *r) {
     switch (lg_rng_below(r, 6)) {
     case 0:
         return PUT(L_MUL, a, PUT(L_SIGN, loop_drawn_guard(l, e, r, loop_offset(r), 0), 0));
-    case 1:
-        return PUT(L_MUL, a, loop_strip(l, e, r));
+    case 1: {
+        const uint32_t strip = loop_strip(l, e, r);
+        const double by = loop_log(r, 1, 1 / l->guard[l->guards - 1].strip);
+        return PUT(L_MUL, PUT_NUMBER(L_SCALE, a, by), strip);
+    }
     case 2:
         return loop_select(e, loop_strip(l, e, r), a, b);
     case 3:
@@ -521,7 +529,7 @@ static inline uint32_t loop_kink(loop *l, expressions *e, lg_rng *r) {
     case 4: { /* a tent */
         const uint32_t g = PUT(L_ABS, loop_drawn_guard(l, e, r, loop_offset(r), width), 0),
                        rest = PUT_NUMBER(L_SHIFT, PUT_NUMBER(L_SCALE, g, -1), width);
-        return PUT(L_MUL, a, PUT_NUMBER(L_SCALE, PUT(L_RELU, rest, 0), 1 / width));
+        return PUT(L_MUL, a, PUT_NUMBER(L_SCALE, PUT(L_RELU, rest, 0), loop_log(r, 1, 1 / width) / width));
     }
     case 5: /* a dead band */
         return PUT(L_SUB, a, loop_saturated(e, a, loop_log(r, 1e-3, 1)));
@@ -673,7 +681,7 @@ static inline void loop_form(loop *l, lg_rng *r, double *M, double radius) {
             P[i * n + j] = i == j ? 0.2 : 0;
             for (size_t k = 0; k < n; k++) P[i * n + j] += Q[k * n + i] * Q[k * n + j];
         }
-    const double by = radius > 0.999 ? 0.999 / radius : 1;
+    const double by = radius > 1 - 1e-6 ? (1 - 1e-6) / radius : 1;
     for (size_t i = 0; i < n * n; i++) M[i] *= by;
     for (int k = 0; k < 24; k++) {
         for (size_t i = 0; i < n * n; i++) turned[i] = M[i % n * n + i / n];
@@ -748,7 +756,7 @@ static inline void loop_plant(loop *l, lg_rng *r, loop_spice *spice, loop_speed 
             loop_term(e, i, PUT_NUMBER(L_SCALE, (uint32_t)(l->n + j), lg_rng_normal(r)));
         e->scale[i] = l->size[i] / (l->mode == LOOP_STEP ? 1 : l->tau);
     }
-    for (size_t k = speed == SPEED_STILL && loop_chance(r, 0.5) ? 0
+    for (size_t k = speed == SPEED_STILL && loop_chance(r, 0.7) ? 0
                                                                 : lg_rng_below(r, 3) + (speed == SPEED_ANY);
          k-- > 0;) {
         loop_spice *const which = loop_chance(r, 0.2) ? loop_smooth : spice;
@@ -762,9 +770,10 @@ static inline void loop_settle(loop *l, lg_rng *r, loop_speed speed) {
     const bool held = l->mode == LOOP_HELD;
     loop_slopes s;
     double M[LOOP_SQUARE], time = 1;
-    const double still = loop_sign(r) * loop_log(r, 1e-6, 0.02), decay = loop_log(r, 0.05, 1.5),
-                 part = speed == SPEED_COARSE ? lg_rng_uniform_in(r, 0.2, loop_chance(r, 0.3) ? 3 : 0.5)
-                                              : loop_log(r, 0.01, 0.5);
+    const double still = loop_sign(r) * loop_log(r, 1e-7, 0.02), decay = loop_log(r, 0.05, 1.5),
+                 part = speed == SPEED_COARSE  ? lg_rng_uniform_in(r, 0.2, loop_chance(r, 0.3) ? 3 : 0.5)
+                        : speed == SPEED_STILL ? lg_rng_uniform_in(r, 0.05, 0.5)
+                                               : loop_log(r, 0.01, 0.5);
     bool defined = true;
     for (int pass = 0; pass < 5; pass++) {
         defined = loop_linearise(l, &s);
@@ -821,8 +830,9 @@ static inline void loop_draw(uint64_t number, loop *l) {
     l->kind = (int)(number % LG_COUNT(loop_kinds));
     const loop_kind *kind = &loop_kinds[l->kind];
     l->mode = modes[number / LG_COUNT(loop_kinds) % LG_COUNT(modes)];
-    if (kind->speed == SPEED_COARSE) l->mode = LOOP_HELD;
-    l->n = states[lg_rng_below(r, LG_COUNT(states))];
+    if (kind->speed == SPEED_COARSE || (kind->speed == SPEED_STILL && loop_chance(r, 0.5)))
+        l->mode = LOOP_HELD;
+    l->n = kind->speed == SPEED_STILL && loop_chance(r, 0.6) ? 2 : states[lg_rng_below(r, LG_COUNT(states))];
     l->m = l->n > 2 || loop_chance(r, 0.75) ? 1 : 2;
     const bool plain = loop_chance(r, 0.4), shifted = loop_chance(r, 0.2);
     for (size_t i = 0; i < l->n; i++) {
