@@ -359,7 +359,7 @@ static char *tell_claim(const app *self, naming names, bool chosen, const char *
     } else {
         lg_text_add(&text, "plant and the controller of kind %s in %s", of_kind, own);
     }
-    lg_text_add(&text, "%s Inputs stay in their limits.", rest);
+    lg_text_add(&text, ":%s%s Inputs stay in their limits.", proof[0] == 'N' ? " that" : "", rest + 1);
     if (values.continuous)
         lg_text_add(
             &text,
@@ -370,8 +370,8 @@ static char *tell_claim(const app *self, naming names, bool chosen, const char *
         const bool oldest =
             i + 1 == names.task->coordinate_count || names.task->coordinate[i + 1].ago <= c->ago;
         if (c->ago > 0 && oldest)
-            lg_text_add(&text, " The input %s acts %u periods late.", names.task->input[c->follows - 1].name,
-                        c->ago);
+            lg_text_add(&text, " The input %s acts %u period%s late.", names.task->input[c->follows - 1].name,
+                        c->ago, c->ago > 1 ? "s" : "");
     }
     lg_text_add(
         &text,

@@ -182,8 +182,10 @@ static void write_claim(lg_certify *c) {
     if (c->flow != NULL) {
         (void)lg_format(falls, sizeof falls,
                         "V falls in every period of the exact motion (inputs are held for %.6g)", c->period);
-        if (c->between > 0)
+        if (isfinite(c->between) && c->between > 0)
             (void)lg_format(between, sizeof between, " and V <= %.6g between the samples", c->between);
+        else
+            (void)snprintf(between, sizeof between, "; V has no bound between the samples");
     } else if (c->step)
         (void)snprintf(falls, sizeof falls, "V falls in every step of this map");
     (void)lg_format(
