@@ -231,14 +231,14 @@ LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy
 /* ---- functions for certificates (liegrad/certify.h) ---- */
 
 /* Adds the closed loop, with inputs that are held for a period, to the policy's program:
- *   rate_by_input   (z, a) -> z'  z = (positions - goal, velocities), angles counted on the real line; z = x -
- *                                 goal without velocities; free positions are no part of z. Lagged inputs,
+ *   rate_by_input   (z, a) -> z'  z = (positions - goal, velocities), angles counted on the real line; z = x
+ *                                 - goal without velocities; free positions are no part of z. Lagged inputs,
  *                                 inputs of earlier periods and integrals are positions. a: the inputs that
  *                                 act, then the constant rates by which the inputs of earlier periods and
  *                                 integrals come to their next values at the end of a period
  *   input_by_state  (z) -> a      by the policy
- *   advance_by_input, advance     (z, a) -> z, (z) -> z after a period, by the classical Runge-Kutta method in
- *                                 task.substeps parts
+ *   advance_by_input, advance     (z, a) -> z, (z) -> z after a period, by the classical Runge-Kutta method
+ *                                 in task.substeps parts
  *   rate            (z) -> z'     rate_by_input under input_by_state: the continuous loop, if no input acts
  *                                 late
  *   rate_by_gains, advance_by_gains  (z, K) -> the same with the saturated regulator of a shared K
@@ -261,10 +261,10 @@ typedef struct lg_policy_slope {
 } lg_policy_slope;
 /* For a policy of kind energy of a machine with one coordinate (a line or an angle), one input and a
  * constant mass: adds the function `slope` (z) -> g, minus the rate of the momentum at v = 0 under u =
- * policy(goal + z, 0), and fills `out`. That the mass, the damping and the map of
- * the input are constant is compared at several states, it is not proved. Errors: those of
- * lg_policy_add_rate; LG_UNSUPPORTED (another kind or machine, a dead time, integrals; the potential of a line
- * is not constant, so it has no period); LG_CHECK_FAILED (the damping is not linear, or not positive). */
+ * policy(goal + z, 0), and fills `out`. That the mass, the damping and the map of the input are constant is
+ * compared at several states, it is not proved. Errors: those of lg_policy_add_rate; LG_UNSUPPORTED (another
+ * kind or machine, a dead time, integrals; the potential of a line is not constant, so it has no period);
+ * LG_CHECK_FAILED (the damping is not linear, or not positive). */
 LG_API lg_status lg_policy_add_slope(lg_policy *policy, lg_policy_slope *out, lg_error *error);
 
 /* For lg_certify_rotation_spec, which explains the numbers */
@@ -273,11 +273,11 @@ typedef struct lg_policy_turn {
     uint32_t inputs;
     double map[LG_POLICY_INPUTS * 3], gains[2], limit[LG_POLICY_INPUTS]; /* map (inputs, 3) */
 } lg_policy_turn;
-/* For a policy of kind energy of a machine with one rotation. That
- * the inertia, the damping and the map of the inputs are constant, and that nothing but inputs and damping
- * turns the machine, is compared at several rotations and rates, it is not proved. Errors: LG_NOT_FOUND (a
- * plant without `field`), LG_UNSUPPORTED (another kind or machine, a dead time; a stiffness that depends on
- * the axis), LG_CHECK_FAILED (the damping is not linear). */
+/* For a policy of kind energy of a machine with one rotation. That the inertia, the damping and the map of
+ * the inputs are constant, and that nothing but inputs and damping turns the machine, is compared at several
+ * rotations and rates, it is not proved. Errors: LG_NOT_FOUND (a plant without `field`), LG_UNSUPPORTED
+ * (another kind or machine, a dead time; a stiffness that depends on the axis), LG_CHECK_FAILED (the damping
+ * is not linear). */
 LG_API lg_status lg_policy_find_turn(const lg_policy *policy, lg_policy_turn *out, lg_error *error);
 
 /* How many coordinates of the task are tracked. Set points need a machine that moves in the same way wherever
