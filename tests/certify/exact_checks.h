@@ -76,6 +76,10 @@ static inline void exact_draw(lg_rng *r, const instruction *f, box *b) {
         if (b->low[1 - k] > b->high[1 - k]) b->low[1 - k] = b->high[1 - k] = meet;
     }
     if (f->code.op == LG_S_SELECT && lg_rng_below(r, 3) == 0) b->low[0] = b->high[0] = 0;
+    if (f->code.op == LG_S_STUMPFF && f->code.n == 0 && lg_rng_below(r, 4) == 0) { /* cos of a huge number */
+        b->low[0] = b->high[0] = ldexp(1 + lg_rng_uniform(r), 60 + (int)lg_rng_below(r, 900));
+        return;
+    }
     if (f->code.op == LG_S_STUMPFF && lg_rng_below(r, 2)) {
         const double scale = ldexp(1, -(int)lg_rng_below(r, 12)),
                      a = lg_rng_uniform_in(r, -2000, 1000) * scale;

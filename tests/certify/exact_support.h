@@ -23,13 +23,44 @@ enum {
 
 /* ---- boxes ---- */
 
-/* Where something happens: edges of domains, poles, limits of formulas, overflow and underflow. */
+/* Where something happens: edges of domains, poles, limits of formulas, overflow and underflow, and the
+ * number below 1e6 that is closest to a multiple of pi/2. */
 static inline double exact_edge(lg_rng *r) {
-    static const double edges[] = {
-        0,       0,         1,         2,         16,       20,      100,      300,   22,
-        36.7,    709.7,     745,       1000,      1e6,      1e15,    39.478,   38.9,  39.47841760435743,
-        0.5,     1e-9,      1e16,      0x1p-26,   0x1p-53,  0x1p511, 0x1p-537, 1e100, DBL_MAX,
-        DBL_MIN, 0x1p-1074, 0x1p-1021, 0x1p-1022, 0x1p1022, 1e300,   1e-300};
+    static const double edges[] = {0,
+                                   0,
+                                   1,
+                                   2,
+                                   16,
+                                   20,
+                                   100,
+                                   300,
+                                   22,
+                                   36.7,
+                                   709.7,
+                                   745,
+                                   1000,
+                                   1e6,
+                                   1e15,
+                                   39.478,
+                                   38.9,
+                                   39.47841760435743,
+                                   0.5,
+                                   1e-9,
+                                   1e16,
+                                   0x1p-26,
+                                   0x1p-53,
+                                   0x1p511,
+                                   0x1p-537,
+                                   1e100,
+                                   DBL_MAX,
+                                   DBL_MIN,
+                                   0x1p-1074,
+                                   0x1p-1021,
+                                   0x1p-1022,
+                                   0x1p1022,
+                                   1e300,
+                                   1e-300,
+                                   0x1.39c6fd67805a7p+19};
     return edges[lg_rng_below(r, sizeof edges / sizeof *edges)];
 }
 
@@ -115,7 +146,7 @@ static inline double exact_point(lg_rng *r, double low, double high) {
 
 /* The sum (-1)^d sum_i (-w)^i (i + d)!/i!/(k + 2 (i + d))!. Its terms are below e^sqrt(|w|). */
 static inline void exact_stumpff_series(mpfr_t y, mpfr_srcptr w, uint32_t k, uint32_t d) {
-    const mpfr_prec_t bits = mpfr_get_prec(y) + SERIES_BITS - BITS;
+    const mpfr_prec_t bits = mpfr_get_prec(y) + 96;
     mpfr_t term, sum;
     mpfr_inits2(bits, term, sum, NULL);
     mpfr_fac_ui(sum, k + 2 * d, MPFR_RNDN);
@@ -187,8 +218,8 @@ static inline void exact_stumpff(mpfr_t y, mpfr_srcptr w, uint32_t k, uint32_t d
 static inline void exact_dexpinv_poles(mpfr_t y, mpfr_srcptr w, unsigned long n) {
     static mpfr_t rest[TERMS], pole[POLES + 1];
     static bool known;
-    mpfr_t power, sum, term;
-    mpfr_inits2(SERIES_BITS, power, sum, term, NULL);
+    mpfr_t power, sum, term, factorial;
+    mpfr_inits2(mpfr_get_prec(y) + 96, power, sum, term, factorial, NULL);
     if (!known) {
         mpfr_t fine, part;
         mpfr_inits2(3000, fine, part, NULL);
@@ -217,26 +248,28 @@ static inline void exact_dexpinv_poles(mpfr_t y, mpfr_srcptr w, unsigned long n)
     for (unsigned long m = TERMS; m-- > n;) {
         mpfr_mul(sum, sum, w, MPFR_RNDN);
         mpfr_set(term, rest[m], MPFR_RNDN);
-        for (unsigned long j = 0; j < n; j++) mpfr_mul_ui(term, term, m - j, MPFR_RNDN);
+        unsigned long factor = 1; /* m!/(m - n)! < 100^8 */
+        for (unsigned long j = 0; j < n; j++) factor *= m - j;
+        mpfr_mul_ui(term, term, factor, MPFR_RNDN);
         mpfr_add(sum, sum, term, MPFR_RNDN);
     }
+    mpfr_fac_ui(factorial, n, MPFR_RNDN);
+    mpfr_mul_2ui(factorial, factorial, 1, MPFR_RNDN);
     for (unsigned long k = 1; k <= POLES; k++) {
         mpfr_sub(power, pole[k], w, MPFR_RNDN);
         mpfr_pow_ui(power, power, n + 1, MPFR_RNDN);
-        mpfr_fac_ui(term, n, MPFR_RNDN);
-        mpfr_mul_2ui(term, term, 1, MPFR_RNDN);
-        mpfr_div(term, term, power, MPFR_RNDN);
+        mpfr_div(term, factorial, power, MPFR_RNDN);
         mpfr_add(sum, sum, term, MPFR_RNDN);
     }
     mpfr_set(y, sum, MPFR_RNDN);
-    mpfr_clears(power, sum, term, NULL);
+    mpfr_clears(power, sum, term, factorial, NULL);
 }
 
 /* The same for w < -1000 from g_2 = coth(x/2)/(2 x) - 1/t with t = -w, x = sqrt t: e^-x is below 2^-45, and
  * coth(x/2) = 1 + 2 sum_j e^(-j x). The derivatives of x^-1 e^(-j x) by t follow from D = d/dt = (2 x)^-1
  * d/dx on polynomials of 1/x. */
 static inline void exact_dexpinv_far(mpfr_t y, mpfr_srcptr w, unsigned long n) {
-    enum { J = 24, MOST = 20 };
+    enum { J = 8, MOST = 20 };
     mpfr_t a[MOST], x, t, e, sum, part;
     mpfr_inits2(SERIES_BITS, x, t, e, sum, part, NULL);
     for (int i = 0; i < MOST; i++) mpfr_init2(a[i], SERIES_BITS);
