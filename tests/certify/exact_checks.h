@@ -68,7 +68,12 @@ typedef struct box {
 } box;
 
 static inline void exact_draw(lg_rng *r, const instruction *f, box *b) {
-    for (size_t k = 0; k < OPERANDS; k++) exact_box(r, &b->low[k], &b->high[k]);
+    for (size_t k = 0; k < OPERANDS; k++) {
+        exact_box(r, &b->low[k], &b->high[k]);
+        if (lg_rng_below(r, 8) > 0) continue;
+        *(b->low[k] > 0 ? &b->low[k] : &b->high[k]) = 0; /* a box that begins or ends at 0 */
+        b->low[k] = fmin(b->low[k], b->high[k]);
+    }
     if (f->operands > 1 && lg_rng_below(r, 4) == 0) { /* operands that overlap or meet */
         const size_t k = lg_rng_below(r, 2);
         const double meet = lg_rng_below(r, 2) ? b->low[k] : b->high[k];
