@@ -9,10 +9,10 @@
  *
  * Meaning. The functions are functions of real numbers here: for every point of a box, the exact value lies
  * between the bounds. All bounds are rounded outward. How far they are from the true range, in units of 2^-52
- * of the bound and 2^-1074: sums, products, quotients and roots 1; functions such as sin 12; whole powers 1.2
- * n more; dexpinv coefficients 180. sin and cos have 2^-100 |x| more, and -1 and 1 where |x| exceeds 1e6.
- * Stumpff functions at numbers have 132 units of their value at 0 for w >= 0 (c_0 2^-104 sqrt(w) more), of
- * their own for w < 0; over boxes of w > 0 they are the value at the middle and a slope.
+ * of the bound and 2^-1074: sums, products, quotients and roots 1; functions such as sin 12, exp and sigmoid
+ * 14; whole powers 1.2 n more; dexpinv coefficients 180. sin and cos have 2^-100 |x| more, and -1 and 1 where
+ * |x| exceeds 1e6. Stumpff functions at numbers have 132 units of their value at 0 for w >= 0 (c_0 2^-104
+ * sqrt(w) more), of their own for w < 0; over boxes of w > 0 they are the value at the middle and a slope.
  * The values that lg_plan computes are rounded and may lie outside of bounds that are a few units apart.
  * Constants and parameters are the doubles that the program stores (`widen`: they, or any number up to one
  * unit in the last place away). Where an operation is not defined on all of a box (division by an interval
