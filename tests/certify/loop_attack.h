@@ -365,7 +365,7 @@ static inline double attack_level(attack *a, double most, size_t samples) {
         const long double score = attack_at(a, z);
         if (a->found[0] != '\0') {
             const double V = (double)attack_value(a, z);
-            if (score > 0 && attack_counts(a, V)) {
+            if (score > 0 && V > 0 && attack_counts(a, V)) {
                 a->r.level = V * (1 - 1e-9);
                 attack_scale(a, y, V * (1 - 2e-9L));
             }

@@ -95,6 +95,7 @@ static inline void attack_loops(size_t count, size_t samples, size_t starts) {
         }
         coarse += l->mode == LOOP_HELD;
         lg_test_give_back(mark);
+        if (k % 1000 == 999) print_counts("so far", &all);
         if (only != NULL) break;
     }
     print_message("%-16s %6s %7s %9s %8s %10s %9s %6s %8s %5s %7s %7s\n", "kind", "loops", "proved",
