@@ -508,10 +508,8 @@ static inline uint32_t loop_jump(loop *l, expressions *e, lg_rng *r) {
 }
 
 static inline uint32_t loop_saturated(expressions *e, uint32_t a, double limit) {
-    const uint32_t bound = PUT_NUMBER(L_NUMBER, 0, -limit);
-    return PUT_NUMBER(
-        L_SCALE, PUT(L_MAX, PUT_NUMBER(L_SCALE, PUT(L_MAX, PUT_NUMBER(L_SCALE, a, -1), bound), -1), bound),
-        1);
+    const uint32_t bound = PUT_NUMBER(L_NUMBER, 0, -limit), low = PUT_NUMBER(L_SCALE, a, -1);
+    return PUT(L_MAX, PUT_NUMBER(L_SCALE, PUT(L_MAX, low, bound), -1), bound);
 }
 
 static inline uint32_t loop_kink(loop *l, expressions *e, lg_rng *r) {

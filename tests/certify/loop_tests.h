@@ -1,4 +1,5 @@
-/* Loops are drawn, proved, attacked and counted. */
+/* Loops are drawn, proved, attacked and counted. LG_LOOP=NUMBER: that one alone. LG_SAY=1: a line for each
+ * loop. */
 #ifndef LG_LOOP_TESTS_H
 #define LG_LOOP_TESTS_H
 
