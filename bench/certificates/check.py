@@ -3,8 +3,7 @@
 
 usage: check.py CERTIFICATE...        exit code 0: all are proved, 1: one is not, 3: one is no certificate
 
-A box without a proof is halved, at most HALVINGS times. A box holds coordinates y of states x = goal + T y, with the
-middle m and k = y - m.
+A box without a proof is halved, at most HALVINGS times. A box holds y of states x = goal + T y; m: its middle, k = y - m.
   held        F = x(period) from the middle, J = dx(period)/dy over the box; D = F - x(m), E = J - T, s = 1
   continuous  F = x' at the middle, J = dx'/dy over the box; D = F, E = J, s = 0
 V(x(period)) - V(x), or V', is (D + E k).P (2 T m + s D + (2 T + s E) k) for a matrix in the interval matrix E, which
@@ -60,42 +59,37 @@ class I:   # arrays of intervals. [value, slopes] x boxes: a value with its slop
         return I(np.maximum(r.l, 0), r.h)
 def cap(a, b): return I(np.fmax(a.l, b.l), np.fmin(a.h, b.h))
 def join(*parts, axis=-2):
-    shape = max(p.l.shape[-1] for p in parts)
-    wide = lambda a: np.broadcast_to(a, a.shape[:-1] + (shape,))
-    return I(np.concatenate([wide(p.l) for p in parts], axis), np.concatenate([wide(p.h) for p in parts], axis))
-def stack(parts, *shape): return join(*[p[None] for p in parts], axis=0) if parts else I(np.zeros((0,) + shape))
+    boxes = max(p.l.shape[-1] for p in parts)
+    wide = [[np.broadcast_to(a, a.shape[:-1] + (boxes,)) for a in (p.l, p.h)] for p in parts]
+    return I(np.concatenate([w[0] for w in wide], axis), np.concatenate([w[1] for w in wide], axis))
 def pick(t, f, a, b):   # a where t, b where f, else both
     return I(*[np.where(t, p, np.where(f, q, g(p, q))) for p, q, g in ((a.l, b.l, np.minimum), (a.h, b.h, np.maximum))])
-# Functions at points: the floats about the value, or the value itself where it is exact, as sin 0 = 0 is
-def ball(name, *x):
+def ball(name, *x):   # a function at a point: a float and its error, 0 where it is exact: sin 0 = 0
     try:
         if flint:
-            x = [flint.arb(float(t)) for t in x]
-            v = getattr(x[0], name)(*x[1:])
-            m, exact, inside = float(v.mid()), v.rad() == 0, lambda lo, hi: flint.arb(lo) < v < flint.arb(hi)
+            v = getattr(flint.arb(x[0]), name)(*map(flint.arb, x[1:]))
+            m, r = float(v.mid()), float(v.rad())
         else:
-            v = getattr(mpmath, name)(*[mpmath.mpf(float(t)) for t in x])
-            m, exact, r = float(v), x[0] == (name == 'log') and x[-1] >= 0, abs(v) * mpmath.mpf(2) ** -80
-            inside = lambda lo, hi: lo < v - r and v + r < hi
-        if exact and m == v: return m, m
-        lo, hi = math.nextafter(m, -math.inf), math.nextafter(m, math.inf)
-        return (lo, hi) if inside(lo, hi) else (math.nan, math.nan)
+            m = float(getattr(mpmath, name)(*map(mpmath.mpf, x)))
+            r = 0 if x[0] == (name == 'log') and x[-1] >= 0 else abs(m) * 2 ** -80
+        return m, 0 if r == 0 and m in (0, 1) else 4 * U * abs(m) + TINY if r <= abs(m) * 2 ** -60 + TINY / 4 else math.nan
     except (ValueError, OverflowError, TypeError, ZeroDivisionError): return math.nan, math.nan
 def points(name, *x):
-    x = np.broadcast_arrays(*x)
-    r = np.array([ball(name, *t) for t in zip(*[a.ravel() for a in x])]).reshape(x[0].shape + (2,))
-    return I(r[..., 0], r[..., 1])
+    r = np.array([ball(name, *t) for t in zip(*[a.ravel().tolist() for a in x])]).reshape(x[0].shape + (2,))
+    return I(r[..., 0] - r[..., 1], r[..., 0] + r[..., 1])
 def ends(name, x):
     a = points(name, x.l)
     return (a, a) if x.l is x.h else (a, points(name, x.h))
-def monotone(name, x): a, b = ends(name, x); return I(a.l, b.h)
+def monotone(name, x):
+    a, b = ends(name, x)
+    return I(a.l, b.h)
 PI = I(math.pi, math.nextafter(math.pi, 4))
 def trig(name, x):
     (a, b), q = ends(name, x), (x - PI * I(.5) if name == 'sin' else x) / PI   # extrema are at whole numbers q
     first, last = np.ceil(q.l), np.floor(q.h)
-    all_of_it, one = (last > first) | ~(x.size().h < 1e15), last >= first
-    return I(np.where(all_of_it | one & (first % 2 != 0), -1, np.maximum(-1, np.minimum(a.l, b.l))),
-             np.where(all_of_it | one & (first % 2 == 0), 1, np.minimum(1, np.maximum(a.h, b.h))))
+    both, one = (last > first) | ~(x.size().h < 1e15), last >= first
+    return I(np.where(both | one & (first % 2 != 0), -1, np.maximum(-1, np.minimum(a.l, b.l))),
+             np.where(both | one & (first % 2 == 0), 1, np.minimum(1, np.maximum(a.h, b.h))))
 # Operations: coefficient k in time from the operands' coefficients x, the earlier ones y and those of the slope, z
 def chain(x, value, slope): return join(value, slope * x[1:]) if len(x.l) > 1 else value
 def dmul(a, b): r = a[:1] * b; return r if len(r.l) < 2 else join(r[:1], r[1:] + a[1:] * b[:1])
@@ -111,7 +105,7 @@ def op_atan2(k, x, y, z):   # z = a^2 + b^2; angle of the point (b, a)
     z.append(op_mul(k, [a, a], y, z) + op_mul(k, [b, b], y, z))
     if k: return ddiv(rate_of(a, b, k) - rate_of(b, a, k) - rate_of(y + [z[0] * I(0)], z, k), z[0])
     a, b = a[0], b[0]
-    c = [points('atan2', s, t) for s in (a.l[:1], a.h[:1]) for t in (b.l[:1], b.h[:1])]
+    c = [points('atan2', *np.broadcast_arrays(s[:1], t[:1])) for s in (a.l, a.h) for t in (b.l, b.h)]
     v = I(np.minimum.reduce([q.l for q in c]), np.maximum.reduce([q.h for q in c]))
     return v if len(a.l) < 2 else join(v, (b[:1] * a[1:] - a[:1] * b[1:]) / z[0][:1])
 def larger(a, b): return a[0].l[0] > b[0].h[0]
@@ -180,7 +174,7 @@ class Program:
             else: r = OPS[op](k, [c[0] for c in x], C[j][0], C[j][1])
             C[j][0].append(r)
             if x and k == 0: C[j][2] = s.flag(op, [c[0][0][0] for c in x], [c[2] for c in x])
-        return stack([C[i][0][k] for i in s.outputs], rows, 1)
+        return join(*[C[i][0][k][None] for i in s.outputs], axis=0) if s.outputs else I(np.zeros((0, rows, 1)))
     @staticmethod
     def flag(op, v, f):   # 2: smooth on the box, 1: with kinks, 0: not Lipschitz or not defined
         low, l, h = np.minimum.reduce(np.broadcast_arrays(*f, 2)), [q.l for q in v], [q.h for q in v]
@@ -208,8 +202,8 @@ def series(rate, x, u, order):
     C, xs = [], [x]
     for k in range(order): xs.append(rate.coefficients(k, xs, u, C) / I(k + 1))
     return xs
-def step(rate, x, u, h, p, slopes):   # x(t) - x(0) with its slopes by x(0) and u, a function of t in [0, h]; its flag
-    n, size, flag = len(x.l), len(x.l) + len(u.l), 2
+def step(rate, x, u, h, p, slopes):   # (x(t) - x(0))/t with its slopes by x(0) and u, a function of t in [0, h]; its flag
+    n, size = len(x.l), len(x.l) + len(u.l)
     z, flag = tube(rate, x, u, h)
     X, W, values = x, u, z
     if slopes:
@@ -218,16 +212,15 @@ def step(rate, x, u, h, p, slopes):   # x(t) - x(0) with its slopes by x(0) and 
         z, f = tube(rate, X, W, h, values)
         flag = np.minimum(flag, f)
     A, B = series(rate, X, W, p - 1), series(rate, z, W, p)
-    kinks = p < 2 or (flag == 1).any()
-    if kinks:
+    if p < 2 or (flag == 1).any():
         f = rate.value(values, u)[0]
         second = rate.value(join(values, f), join(u, u * I(0)))[0][:, 1:]   # x'' = f_x f, by one slope along f
-        a, b = rate.value(x, u)[0], rate.value(z, W)[0][:, 1:]
+        low, first = rate.value(x, u)[0], rate.value(z, W)[0][:, 1:]
     def at(t):
         c = B[p]
         for k in range(p - 1, 0, -1): c = A[k] + t * c
-        if not kinks: return t * c
-        return pick((flag == 2) & (p > 1), (flag < 2) | (p < 2), t * c, join(t * (a + t * I(.5) * second), t * b))
+        smooth = (flag == 2) & (p > 1)
+        return c if np.all(smooth) else pick(smooth, ~smooth, c, join(low + t * I(.5) * second, first))
     return at, flag
 def definite(a):   # every symmetric matrix in it is positive definite
     n, ok, a = len(a.l), True, [[a[i, j] for j in range(len(a.l))] for i in range(len(a.l))]
@@ -271,9 +264,7 @@ class Proof:
         if not ((P == P.T).all() and 0 < s.eps < s.level): raise Refused('P is not symmetric or the level is not above eps')
         wide = error > 0
         s.P, s.T, s.Q = I(P[:, :, None]), I(T[:, :, None]), None
-        PT = s.P @ s.T
-        s.Q, s.errors, s.extra = s.T.turn() @ PT, I(error[wide, None, None]), I(np.eye(n)[:, wide, None])
-        s.PT2 = join(PT * I(2), s.extra * I(0))
+        s.Q, s.errors, s.extra = s.T.turn() @ (s.P @ s.T), I(error[wide, None]), I(np.eye(n)[:, wide, None])
         ends = [min(math.inf if l is None else math.nextafter(g - l, 0), math.inf if h is None else math.nextafter(h - g, 0))
                 for l, g, h in zip(c['low'], s.goal, c['high'])]
         root = np.minimum(-s.low, s.high)
@@ -284,55 +275,52 @@ class Proof:
                 one[i, i] = 1
                 if not (b[i] > 0 and definite(Q - (I(one) * (I(level) / I(b[i]).square()) if b[i] < math.inf else I(0 * one))).all()):
                     raise Refused(f'{{V <= {level:g}}} is not in {what} (component {i + 1}), or P is not positive definite')
-    def change(s, D, E, y):   # (first, g, M): the change is first + g.k + k.M k
-        PD = s.P @ D
-        PS = s.PT2[:, :s.n] @ y + PD if s.held else s.PT2[:, :s.n] @ y
-        g = E.turn() @ (PS + PD if s.held else PS) + s.PT2.turn() @ D
-        return (D.turn() @ PS)[0, 0], g[:, 0], E.turn() @ (s.PT2 + s.P @ E if s.held else s.PT2)
-    def bound(s, first, g, M, r):   # the largest change for |k_i| <= r_i
-        for i in range(len(r)):
+    def change(s, D, E, S, G, r):   # (D + E k).P (S + G k): its largest value for |k_i| <= r_i, and its matrix
+        PS, PG = s.P @ S, s.P @ G
+        top, g, M = (D.turn() @ PS)[0, 0], (E.turn() @ PS + PG.turn() @ D)[:, 0], E.turn() @ PG
+        for i in range(len(r.l)):
             a, q = g[i].size(), I(M.h[i, i])
-            top, turn = a * r[i] + q * r[i].square(), a.square() / (q * I(-4))
-            first = first + I(np.where((q.h < 0) & (a.h < -2 * q.h * r[i].h * (1 - 4 * U)), turn.h, top.h))
-            for j in range(i): first = first + (M[i, j] + M[j, i]).size() * r[i] * r[j]
-        return first.h
-    def examine(s, lo, hi, steps, near):   # boxes: proved; with a tube; V certainly rises at the middle
-        n, N, mid = s.n, lo.shape[1], .5 * (lo + hi)
+            end, turn = a * r[i] + q * r[i].square(), a.square() / (q * I(-4))
+            top = top + I(np.where((q.h < 0) & (a.h < -2 * q.h * r.h[i] * (1 - 4 * U)), turn.h, end.h))
+            for j in range(i): top = top + (M[i, j] + M[j, i]).size() * r[i] * r[j]
+        return top.h, M
+    def examine(s, lo, hi, steps, near):   # boxes: proved; with a tube
+        N, mid, two = lo.shape[1], .5 * (lo + hi), I(2)
         y, Y, k = I(mid[:, None]), I(lo[:, None], hi[:, None]), I((I(lo) - I(mid)).l[:, None], (I(hi) - I(mid)).h[:, None])
-        r = [q for q in k.size()[:, 0]] + [q for q in s.errors[:, 0]]
-        goal = I(np.broadcast_to(s.goal[:, None, None], (n, 1, N)))
-        x, X, level = goal + s.T @ y, goal + s.T @ Y, np.minimum(quadratic(s.Q, Y).h, s.level)
-        u = s.control.value(x, [])[0]
-        K, ok = s.control.value(join(X, s.T), [])
-        UU, K = cap(K[:, :1], u + K[:, 1:] @ k), K[:, 1:]
-        def parts(D, E): return s.change(D, join(E, s.extra), y)
-        good = np.full(N, True)
+        goal, r, V, m = I(s.goal[:, None, None] + np.zeros(N)), k.size()[:, 0], quadratic(s.Q, Y).h, s.T @ y
+        x, X, level = goal + m, goal + s.T @ Y, np.minimum(V, s.level)
+        u = s.control.value(x, I(np.zeros((0, 1, 1))))[0]
+        K, ok = s.control.value(join(X, s.T), I(np.zeros((0, 1, 1))))
+        w, K = cap(K[:, :1], u + K[:, 1:] @ k), K[:, 1:]
         if s.held:
-            h, F, D, E = s.period / steps, x, I(np.zeros((n, 1, 1))), I(np.zeros((n, n, 1)))
+            h, good, rise, F, D, A = s.period / steps, np.full(N, True), np.zeros(N), x, m * I(0), s.T   # A: dx/dy
             for i in range(steps):
-                (now, f), (box, g) = step(s.rate, F, u, h, s.order, False), step(s.rate, X, UU, h, s.order, True)
+                (now, f), (box, g) = step(s.rate, F, u, h, s.order, False), step(s.rate, X, w, h, s.order, True)
                 ok = np.minimum.reduce(np.broadcast_arrays(ok, f, g))
-                def moved(t): b = box(t); return D + now(t), E + b[:, 1:n + 1] @ (s.T + E) + b[:, n + 1:] @ K, b[:, :1]
-                if s.between is not None:
-                    for q in (1, 2, 4, 8):
-                        rise = [s.bound(*parts(*moved(I(h / q * j, h / q * (j + 1)))[:2]), r) for j in range(q)]
-                        inside = np.logical_and.reduce([(I(level) + I(np.where(v <= 0, 0, v))).h <= s.between for v in rise])
-                        if (inside | (ok == 0)).all(): break
-                    good = good & inside
-                D, E, b = moved(I(h))
-                F, X = x + D, cap(X + b, x + D + (s.T + E) @ k)
+                def slopes(t): return box(t)[:, 1:s.n + 1] @ A + box(t)[:, s.n + 1:] @ K
+                for parts in (1, 2, 4, 8) if s.between is not None else ():
+                    inside = np.full(N, True)
+                    for j in range(parts):
+                        t = I(h / parts * j, h / parts * (j + 1))
+                        d, e = now(t), slopes(t)
+                        v = s.change(d, e, (m + D) * two + t * d, A * two + t * e, r)[0]
+                        inside &= (I(level) + I(rise) + I(t.h) * I(np.where(v <= 0, 0, v))).h <= s.between
+                    if (inside | (ok == 0)).all(): break
+                good = good & inside if s.between is not None else good
+                t = I(h)
+                X, D, A = X + t * box(t)[:, :1], D + t * now(t), A + t * slopes(t)
+                F = x + D
+                X, rise = cap(X, F + A @ k), s.change(D, A - s.T, m * two + D, A + s.T, r)[0]
+            E, S, G = join(A - s.T, s.extra), m * two + D, join(A + s.T, s.extra)
         else:
-            D = s.rate.value(x, u)[0]
-            E, f = s.rate.value(join(X, s.T), join(UU, K))
-            E, ok = E[:, 1:], np.minimum(ok, f)
-        first, g, M = parts(D, E)
-        if near: fall, refuted = definite(-(M + M.turn())), np.full(N, False)
-        else:
-            rise, V = s.bound(first, g, M, r), quadratic(s.Q, y)
-            fall, refuted = rise < 0, (first.l > 0) & (V.h <= s.level) & (V.l >= s.eps)
-            if not s.converges: fall = fall | (quadratic(s.Q, Y).h < s.eps) & ((I(level) + I(rise)).h <= s.level)
+            D, good = s.rate.value(x, u)[0], True
+            E, f = s.rate.value(join(X, s.T), join(w, K))
+            E, S, G, ok = join(E[:, 1:], s.extra), m * two, join(s.T * two, s.extra * I(0)), np.minimum(ok, f)
+        rise, M = s.change(D, E, S, G, join(r, s.errors, axis=0))
+        fall = definite(-(M + M.turn())) if near else rise < 0
+        if not s.converges: fall = fall | (V < s.eps) & ((I(level) + I(rise)).h <= s.level)
         ok = np.broadcast_to(ok, N) > 0
-        return ok & good & fall, ok, refuted
+        return ok & good & fall, ok
     def sweep(s, lo, hi, steps, near=False):   # columns of lo, hi are boxes of y
         todo = [(lo, hi, steps, 0)]
         while todo:
@@ -344,11 +332,10 @@ class Proof:
                 if s.converges: rest = rest & ~((lo >= -s.near[:, None]) & (hi <= s.near[:, None])).all(0)
                 lo, hi = lo[:, rest], hi[:, rest]
             if not lo.size: continue
-            done, tubes, refuted = s.examine(lo, hi, steps, near)
-            bad = np.flatnonzero(refuted if refuted.any() else ~done)
-            if len(bad) and (refuted.any() or depth == HALVINGS):
-                raise Refused(('V rises at the middle of' if refuted.any() else 'no proof in') + ' the box y = '
-                              + ' x '.join(f'[{a:.9g}, {b:.9g}]' for a, b in zip(lo[:, bad[0]], hi[:, bad[0]])))
+            done, tubes = s.examine(lo, hi, steps, near)
+            if depth == HALVINGS and not done.all():
+                box = zip(*[q[:, np.argmin(done)] for q in (lo, hi)])
+                raise Refused('no proof in the box y = ' + ' x '.join(f'[{a:.9g}, {b:.9g}]' for a, b in box))
             for some, more in ((~done & tubes, steps), (~done & ~tubes, 2 * steps)):
                 if some.any(): todo.append((*halves(lo[:, some], hi[:, some], np.argmax((hi - lo)[:, some], 0)), more, depth + 1))
     def prove(s):
