@@ -1,17 +1,16 @@
 #!/usr/bin/env python3
 """Proves the claim of a certificate again, from the file alone, without liegrad; it trusts no label of a box.
 
-usage: check.py CERTIFICATE...        exit code 0: all are proved, 1: one is not, 3: one is no certificate
+usage: check.py CERTIFICATE...    exit code 0: all are proved, 1: one is not, 3: one is no certificate
 
-A box without a proof is halved, at most HALVINGS times. A box holds y of states x = goal + T y; k = y - its middle m.
-  held        F = x(period) from the middle, A = dx(period)/dy over the box: D = F - x(m), E = A - T, S = 2 T m + D, G = A + T
-  continuous  F = x' at the middle, A = dx'/dy over the box:                 D = F, E = A, S = 2 T m, G = 2 T
-V(x(period)) - V(x), or V', is (D + E k).P (S + G k) for some matrix in the interval matrix A, which contains all slopes,
-also those of kinks. Errors of the model are further columns, with their own k.
-Flow: motions stay in Z for a time h if Z contains X + [0, h] f(Z) (Picard); so do their slopes. x(h) is a Taylor
-polynomial whose last coefficient is taken over Z; with a kink of f in Z the last one is x'', that of slopes the first.
-Sums, products and quotients are IEEE operations, moved outward; other functions are balls of 90 bits (flint, or mpmath
-with an error of 2^-80). A bound NaN means that nothing is known: comparisons with it are false."""
+A box holds y of states x = goal + T y; k = y - its middle m. A box without a proof is halved, at most HALVINGS times.
+  held        F = x(period) from m, A = dx(period)/dy over the box: D = F - x(m), E = A - T, S = 2 T m + D, G = A + T
+  continuous  F = x' at m, A = dx'/dy over the box: D = F, E = A, S = 2 T m, G = 2 T
+V(x(period)) - V(x), or V', is (D + E k).P (S + G k) for some matrix in A, which holds all slopes, also at kinks.
+Flow: motions, and their slopes, stay in Z for a time h if Z contains X + [0, h] f(Z). x(h) is a Taylor polynomial
+with its last coefficient over Z. With a kink of f in Z the last one is that of x'', and of slopes the first.
++ - * / are IEEE operations, moved outward; other functions are balls of 90 bits (flint, or mpmath with an error of
+2^-80). A bound NaN means that nothing is known: comparisons with it are false."""
 import hashlib, json, math, re, sys, time
 import numpy as np
 try:
@@ -23,8 +22,8 @@ except ImportError:
 np.seterr(all='ignore')
 U, TINY, BATCH, HALVINGS, LEAVES = 2.0 ** -52, 1e-300, 4096, 12, list('on01234')
 class Refused(Exception): pass
-class I:   # arrays of intervals. [value, slopes] x boxes: a value with its slopes; rows x columns x boxes: matrices
-    def __init__(s, l, h=None): s.l = np.asarray(l, float); s.h = s.l if h is None else np.asarray(h, float)
+class I:   # intervals: [value, slopes] x boxes, or matrices: rows x columns x boxes
+    def __init__(s, l, h=None): s.l = np.asarray(l, float); s.h = s.l if h is None else h
     def __getitem__(s, i): return I(s.l[i]) if s.l is s.h else I(s.l[i], s.h[i])
     def __add__(s, o):   # sums below 1e-300 are exact
         l, h = s.l + o.l, s.h + o.h
@@ -49,16 +48,17 @@ class I:   # arrays of intervals. [value, slopes] x boxes: a value with its slop
     def turn(s): return I(s.l.swapaxes(0, 1), s.h.swapaxes(0, 1))
     def size(s): return I(np.maximum(-s.l, s.h))
     def square(s):
-        r = I(np.where((s.l <= 0) & (s.h >= 0), 0, np.minimum(abs(s.l), abs(s.h))), s.size().h)
+        r = I(np.maximum(np.maximum(s.l, -s.h), 0), s.size().h)
         r = r * r
         return I(np.maximum(r.l, 0), r.h)
 def cap(a, b): return I(np.fmax(a.l, b.l), np.fmin(a.h, b.h))
 def join(*parts, axis=-2):
     boxes = max(p.l.shape[-1] for p in parts)
-    wide = [[np.broadcast_to(a, a.shape[:-1] + (boxes,)) for a in (p.l, p.h)] for p in parts]
-    return I(np.concatenate([w[0] for w in wide], axis), np.concatenate([w[1] for w in wide], axis))
+    wide = lambda a: np.broadcast_to(a, a.shape[:-1] + (boxes,))
+    return I(*[np.concatenate([wide(q) for q in a], axis) for a in ([p.l for p in parts], [p.h for p in parts])])
 def pick(t, f, a, b):   # a where t, b where f, else both
-    return I(*[np.where(t, p, np.where(f, q, g(p, q))) for p, q, g in ((a.l, b.l, np.minimum), (a.h, b.h, np.maximum))])
+    return I(np.where(t, a.l, np.where(f, b.l, np.minimum(a.l, b.l))),
+             np.where(t, a.h, np.where(f, b.h, np.maximum(a.h, b.h))))
 def ball(name, *x):   # a function at a point: a float and its error, 0 where it is exact: sin 0 = 0
     try:
         if flint:
@@ -81,14 +81,14 @@ def trig(name, x):
     both, one = (last > first) | ~(x.size().h < 1e15), last >= first
     return I(np.where(both | one & (first % 2 != 0), -1, np.maximum(-1, np.minimum(a.l, b.l))),
              np.where(both | one & (first % 2 == 0), 1, np.minimum(1, np.maximum(a.h, b.h))))
-# Operations: coefficient k in time from the operands' coefficients x, the earlier ones y and those of the slope, z
+# Operations: coefficient k in time from the operands' coefficients x, the earlier ones y and their slope's, z
 def chain(x, value, slope): return join(value, slope * x[1:])
 def dmul(a, b): r = a[:1] * b; return join(r[:1], r[1:] + a[1:] * b[:1])
 def ddiv(a, b): v = a[:1] / b[:1]; return join(v, (a[1:] - v * b[1:]) / b[:1])
 def conv(a, b, k, low=0, high=None):   # sum of a_i b_(k - i)
     high = k + 1 if high is None else high
     return sum((dmul(a[i], b[k - i]) for i in range(low, high)), I(np.zeros((len(b[0].l), 1))))
-def rate_of(a, b, k): return conv([q * I(i) for i, q in enumerate(a[:k + 1])], b, k, 1) / I(k)   # of the integral of a' b
+def rate_of(a, b, k): return conv([q * I(i) for i, q in enumerate(a[:k + 1])], b, k, 1) / I(k)   # of int a' b
 def op_mul(k, x, y, z):
     if k or x[0] is not x[1]: return conv(x[0], x[1], k)
     return chain(x[0][0], x[0][0][:1].square(), x[0][0][:1] * I(2))
@@ -123,11 +123,12 @@ def of_sin(v): s, c = trig('sin', v), trig('cos', v); return s, c, -s
 def of_cos(v): s, c = trig('sin', v), trig('cos', v); return c, -s, -c
 def of_tanh(v): t = cap(monotone('tanh', v), I(-1, 1)); w = I(1) - t.square(); return t, w, t * w * I(-2)
 def turning(k, x, y, z): return -rate_of(x, y, k)
-OPS = {'add': lambda k, x, y, z: x[0][k] + x[1][k], 'neg': lambda k, x, y, z: -x[0][k], 'mul': op_mul, 'max': op_max,
-       'div': lambda k, x, y, z: ddiv(x[0][k] - conv(y, x[1], k, 0, k), x[1][0]), 'atan2': op_atan2, 'ge': op_ge,
-       'exp': function(of_exp, lambda k, x, y, z: y[k]), 'sin': function(of_sin, turning), 'cos': function(of_cos, turning),
-       'log': function(of_log, lambda k, x, y, z: ddiv(-conv(z, x, k, 0, k), x[0])), 'select': op_select,
-       'tanh': function(of_tanh, lambda k, x, y, z: -conv(y, y, k))}
+def op_div(k, x, y, z): return ddiv(x[0][k] - conv(y, x[1], k, 0, k), x[1][0])
+def inverse(k, x, y, z): return ddiv(-conv(z, x, k, 0, k), x[0])
+OPS = {'add': lambda k, x, y, z: x[0][k] + x[1][k], 'neg': lambda k, x, y, z: -x[0][k], 'mul': op_mul, 'div': op_div,
+       'exp': function(of_exp, lambda k, x, y, z: y[k]), 'tanh': function(of_tanh, lambda k, x, y, z: -conv(y, y, k)),
+       'sin': function(of_sin, turning), 'cos': function(of_cos, turning), 'log': function(of_log, inverse),
+       'atan2': op_atan2, 'max': op_max, 'ge': op_ge, 'select': op_select}
 COUNT = {'in': 0, 'number': 0, 'select': 3, **{n: 2 for n in ('add', 'sub', 'mul', 'div', 'atan2', 'max', 'ge')}}
 # Where an operation is smooth, from the bounds of its operands; elsewhere max has a kink and the others have no slope
 SMOOTH = {'log': lambda l, h: l[0] > 0, 'div': lambda l, h: (l[1] > 0) | (h[1] < 0),
@@ -140,23 +141,23 @@ class Program:
         if what['inputs'] != inputs or len(what['outputs']) != outputs: raise ValueError('inputs or outputs')
         for j, (op, *a) in enumerate(what['code']):
             n = COUNT.get(op, 1)
-            x = [new[i] for i in a[:n] if type(i) is int and 0 <= i < j]
-            if len(a) != n + (op in ('in', 'number', 'pow')) or len(x) != n or not all(map(math.isfinite, a)) \
-                    or op == 'in' and a[0] not in range(inputs): raise ValueError(f'entry {j} of the code')
+            x, bad = [new[i] for i in a[:n] if type(i) is int and 0 <= i < j], op == 'in' and a[0] not in range(inputs)
+            if bad or len(a) != n + (op in ('in', 'number', 'pow')) or len(x) != n or not all(map(math.isfinite, a)):
+                raise ValueError(f'entry {j} of the code')
             if op in OPS or n == 0: r = put(op, *(x or a))
             elif op == 'sub': r = put('add', x[0], put('neg', x[1]))
             elif op == 'abs': r = put('max', put('max', x[0], put('neg', x[0])), put('number', 0))
-            elif op == 'sign': r = put('number', 0); r = put('add', put('ge', x[0], r), put('neg', put('ge', r, x[0])))
-            elif op == 'sigmoid': r = put('number', .5); r = put('add', r, put('mul', r, put('tanh', put('mul', r, x[0]))))
+            elif op == 'sign': o = put('number', 0); r = put('add', put('ge', x[0], o), put('neg', put('ge', o, x[0])))
+            elif op == 'sigmoid': o = put('number', .5); r = put('add', o, put('mul', o, put('tanh', put('mul', o, *x))))
             elif op == 'pow' and a[1] in {*range(-32, 33)} - {0}:
                 r = x[0]
                 for i in range(int(abs(a[1])) - 1): r = put('mul', x[0], r)
                 if a[1] < 0: r = put('div', put('number', 1), r)
-            elif op in ('pow', 'sqrt'): r = put('exp', put('mul', put('number', (*a, .5)[1]), put('log', x[0])))
+            elif op in ('pow', 'sqrt'): r = put('exp', put('mul', put('number', (*a, .5)[1]), put('log', *x)))
             else: raise Refused(f'the checker has no operation {op}')
             new.append(r)
         s.outputs = [new[i] for i in what['outputs']]
-    def coefficients(s, k, xs, u, C):   # of the outputs; C: for each entry its coefficients, its slope's and its flag
+    def coefficients(s, k, xs, u, C):   # of outputs; C: coefficients, slope's, flag of entries
         rows = xs[0].l.shape[1]
         for j, (op, *a) in enumerate(s.code):
             if k == 0: C.append([[], [], 2])
@@ -170,7 +171,8 @@ class Program:
     @staticmethod
     def flag(op, v, f):   # 2: smooth on the box, 1: with kinks, 0: not Lipschitz or not defined
         low, l, h = np.minimum.reduce(np.broadcast_arrays(*f, 2)), [q.l for q in v], [q.h for q in v]
-        if op != 'select': return np.where(SMOOTH[op](l, h), low, np.minimum(low, op == 'max')) if op in SMOOTH else low
+        if op in SMOOTH: return np.where(SMOOTH[op](l, h), low, np.minimum(low, op == 'max'))
+        if op != 'select': return low
         no = np.where((l[0] == 0) & (h[0] == 0), np.minimum(f[0], f[2]), 0)
         return np.where((l[0] > 0) | (h[0] < 0), np.minimum(f[0], f[1]), no)
     def value(s, x, u=None):
@@ -184,10 +186,11 @@ def tube(rate, x, u, h):
         w = x + I(0, h) * f
         inside = ((y.l <= w.l) & (w.h <= y.h)).all((0, 1))
         if t and inside.all(): break
-        d = .2 * 2 ** max(0, t - 2) * (np.maximum(x.l - w.l, 0) + np.maximum(w.h - x.h, 0)) + 1e-13 * w.size().h
+        d = np.maximum(x.l - w.l, 0) + np.maximum(w.h - x.h, 0)
+        d = .2 * 2 ** max(0, t - 2) * d + 1e-13 * w.size().h
         y = I(np.where(inside, y.l, w.l - d), np.where(inside, y.h, w.h + d))
     return w, np.where(inside, flag, 0)
-def step(rate, x, u, h, p, slopes):   # (x(t) - x(0))/t with slopes by x(0) and u, as a function of t in [0, h]; its flag
+def step(rate, x, u, h, p, slopes):   # (x(t) - x(0))/t, slopes by x(0), u: of t; flag
     one, n = I(np.eye(len(x.l) + len(u.l))[:, :, None]), len(x.l)
     X, W = (join(x, one[:n]), join(u, one[n:])) if slopes else (x, u)
     z, flag = tube(rate, X, W, h)
@@ -221,38 +224,33 @@ def halves(lo, hi, j):   # of boxes along coordinates j: the lower ones, then th
     return np.hstack([lo, l]), np.hstack([h, hi])
 class Proof:
     def __init__(s, c, text):
-        n, p, s.count, s.held = c['states'], c['proof'], 0, c['loop'] == 'held'
-        def numbers(*v, shape=()):
-            v = [np.array(q, float) for q in v]
-            if any(q.shape != shape or not np.isfinite(q).all() for q in v): raise ValueError('numbers are missing')
-            return v
+        n, m, p, s.count, s.held = c['states'], c['inputs'], c['proof'], 0, c['loop'] == 'held'
         if c['format'] != 'liegrad certificate' or c['version'] != 1: raise ValueError('another format or version')
-        if c.get('stored'): raise Refused('the checker knows no stored inputs')
-        if not s.held and c['loop'] != 'continuous': raise Refused('the loop is neither held nor continuous')
+        if c['loop'] not in ('held', 'continuous') or c.get('stored'): raise Refused('the checker has no such loop')
         for part, of in (('rate', 'plant'), ('control', 'controller')):
-            texts = [(m.end(), *json.JSONDecoder().raw_decode(text, m.end())) for m in re.finditer(f'"{part}"\\s*:\\s*', text)]
-            if not any(v == c[part] and hashlib.sha256(text[i:e].encode()).hexdigest() == c[of]['sha256'] for i, v, e in texts):
+            at = [i.end() for i in re.finditer(f'"{part}"\\s*:\\s*', text)]
+            texts = [text[i:e] for i in at for v, e in [json.JSONDecoder().raw_decode(text, i)] if v == c[part]]
+            if not any(hashlib.sha256(t.encode()).hexdigest() == c[of]['sha256'] for t in texts):
                 raise Refused(f'"{part}" has another hash')
-        s.rate, s.control = Program(c['rate'], n + c['inputs'], n), Program(c['control'], n, c['inputs'])
+        s.rate, s.control = Program(c['rate'], n + m, n), Program(c['control'], n if m else c['control']['inputs'], m)
         s.n, s.converges, s.tree, s.boxes, s.even = n, c['converges'], p['tree'], p['boxes'], p['even']
-        s.goal, near, s.low, s.high, error = numbers(c['goal'], p['near'], p['low'], p['high'], c['error'], shape=(n,))
-        (P, T), s.near = numbers(c['P'], p['T'], shape=(n, n)), near[:, None]
+        vectors = np.array([c['goal'], p['near'], p['low'], p['high'], c['error']], float).reshape(5, n)
+        (s.goal, near, s.low, s.high, error), s.level, s.eps = vectors, c['level'], c['eps']
+        matrices, s.between = np.array([c['P'], p['T']], float).reshape(2, n, n, 1), c['between'] if s.held else None
         s.period, s.order, s.steps = (c['period'], p['order'], p['steps']) if s.held else (1, 1, 1)
-        s.level, s.eps, s.between = c['level'], c['eps'], c.get('between') if s.held else None
-        numbers(s.level, s.eps, s.period, s.between or 0)
-        if s.steps not in [2 ** i for i in range(20)] or not (1 <= s.order <= 20 and s.period > 0 and min(error) >= 0):
-            raise ValueError('steps, order, period or error')
-        if not ((P == P.T).all() and 0 < s.eps < s.level): raise Refused('P is not symmetric or the level not above eps')
-        s.P, s.T, s.errors, s.extra = I(P[:, :, None]), I(T[:, :, None]), I(error[error > 0, None]), I(np.eye(n)[:, error > 0, None])
-        s.Q, root = s.T.turn() @ (s.P @ s.T), np.minimum(-s.low, s.high)
+        if not (np.isfinite(vectors).all() and np.isfinite(matrices).all() and 0 < s.eps < s.level < math.inf
+                and (matrices[0] == matrices[0].swapaxes(0, 1)).all() and s.steps in [2 ** i for i in range(20)]
+                and 1 <= s.order <= 20 and 0 < s.period < math.inf and min(error) >= 0): raise Refused('a number is wrong')
+        (s.P, s.T), s.near, wide = (I(q) for q in matrices), near[:, None], error > 0
+        s.errors, s.extra, s.Q = I(error[wide, None]), I(np.eye(n)[:, wide, None]), s.T.turn() @ (s.P @ s.T)
+        root = np.minimum(-s.low, s.high)
         if s.even and s.low[0] <= 0: root[0] = s.high[0]
         ends = [math.nextafter(min(g - (-1e300 if l is None else l), (1e300 if h is None else h) - g), 0)
-                for l, g, h in zip(c['low'], s.goal, c['high'])]
-        for what, Q, v, ends in (('the box', s.P, s.level, ends), ('the root box', s.Q, s.level, root), ('N', s.Q, s.eps, near)):
-            for one, b in zip(np.eye(n), ends):   # {y.Q y <= v} is in |y_i| <= b if Q - (v/b^2) e_i e_i' is positive definite
+                for l, g, h in zip(c['low'], s.goal, c['high'], strict=True)]
+        for what, Q, v, ends in (('the box', s.P, s.level, ends), ('the root', s.Q, s.level, root), ('N', s.Q, s.eps, near)):
+            for one, b in zip(np.eye(n), ends):   # y.Q y <= v has |y_i| <= b if Q - (v/b^2) e_i e_i' is positive definite
                 M = Q - I(np.diag(one)[:, :, None]) * (I(v) / I(b)) / I(b)
-                if not (b > 0 and definite(M).all()):
-                    raise Refused(f'P is not positive definite, or {{V <= {v:g}}} leaves {what} in component {one.argmax() + 1}')
+                if not (b > 0 and definite(M).all()): raise Refused(f'{{V <= {v:g}}} is no ellipsoid or leaves {what}')
     def change(s, D, E, S, G, r):   # (D + E k).P (S + G k): its largest value for |k_i| <= r_i, and its matrix
         PS, PG = s.P @ S, s.P @ G
         top, g, M = (D.turn() @ PS)[0, 0], (E.turn() @ PS + PG.turn() @ D)[:, 0], E.turn() @ PG
@@ -327,7 +325,7 @@ class Proof:
             lo, hi = halves(lo[:, cut], hi[:, cut], np.array([ord(q) - 97 for q in code[cut]], int))
         if lo.size or seen != s.boxes: raise Refused('the tree does not have its boxes')
 def unique(pairs):
-    if len({k for k, _ in pairs}) < len(pairs): raise ValueError('a name is there twice')
+    if len(dict(pairs)) < len(pairs): raise ValueError('a name is there twice')
     return dict(pairs)
 def main(names):
     worst = 0
@@ -337,12 +335,11 @@ def main(names):
             with open(name, encoding='utf-8') as f: text = f.read()
             s = Proof(json.loads(text, object_pairs_hook=unique), text)
             s.prove()
-            print(f'PROVED {name}: level {s.level:.17g}, {s.count} boxes, {time.time() - begin:.1f} s', flush=True)
-        except Refused as e:
-            print(f'NOT PROVED {name}: {e}', flush=True)
-            worst = max(worst, 1)
-        except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, RecursionError) as e:
-            print(f'{name} is no certificate: {type(e).__name__}: {e}', flush=True)
-            worst = 3
+            result, code = f'PROVED {name}: level {s.level:.17g}, {s.count} boxes, {time.time() - begin:.1f} s', 0
+        except Refused as e: result, code = f'NOT PROVED {name}: {e}', 1
+        except (OSError, ArithmeticError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as e:
+            result, code = f'{name} is no certificate: {type(e).__name__}: {e}', 3
+        print(result, flush=True)
+        worst = max(worst, code)
     return worst
 if __name__ == '__main__': sys.exit(main(sys.argv[1:]))
