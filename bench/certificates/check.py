@@ -3,14 +3,13 @@
 
 usage: check.py CERTIFICATE...    exit code 0: all are proved, 1: one is not, 3: one is no certificate
 
-A box holds y of states x = goal + T y; k = y - its middle m. A box without a proof is halved, at most HALVINGS times.
-  held        F = x(period) from m, A = dx(period)/dy over the box: D = F - x(m), E = A - T, S = 2 T m + D, G = A + T
-  continuous  F = x' at m, A = dx'/dy over the box: D = F, E = A, S = 2 T m, G = 2 T
-V(x(period)) - V(x), or V', is (D + E k).P (S + G k) for some matrix in A, which holds all slopes, also at kinks.
-Flow: motions, and their slopes, stay in Z for a time h if Z contains X + [0, h] f(Z). x(h) is a Taylor polynomial
-with its last coefficient over Z. With a kink of f in Z the last one is that of x'', and of slopes the first.
-+ - * / are IEEE operations, moved outward; other functions are balls of 90 bits (flint, or mpmath with an error of
-2^-80). A bound NaN means that nothing is known: comparisons with it are false."""
+A box holds y of states x = goal + T y; k = y - its middle m. Boxes without a proof are halved, up to HALVINGS times.
+  held        F = x(period) from m, A = dx(period)/dy on the box: D = F - x(m), E = A - T, S = 2 T m + D, G = A + T
+  continuous  F = x' at m, A = dx'/dy on the box: D = F, E = A, S = 2 T m, G = 2 T
+V(x(period)) - V(x), or V', is (D + E k).P (S + G k) for a matrix in A, which holds all slopes, also at kinks.
+Motions, and their slopes, stay in Z for a time h if Z contains X + [0, h] f(Z). x(h) is a Taylor polynomial with
+its last coefficient over Z. With a kink of f in Z the last one is that of x'', and of slopes the first. + - * / are
+IEEE operations, moved outward; other functions are balls of 90 bits. Comparisons with NaN (not known) are false."""
 import hashlib, json, math, re, sys, time
 import numpy as np
 try:
@@ -20,7 +19,7 @@ except ImportError:
     import mpmath
     flint, mpmath.mp.prec = None, 90
 np.seterr(all='ignore')
-U, TINY, BATCH, HALVINGS, LEAVES = 2.0 ** -52, 1e-300, 4096, 12, list('on01234')
+U, TINY, BATCH, HALVINGS, LEAVES, ZERO = 2.0 ** -52, 1e-300, 4096, 12, list('on01234'), str.maketrans('on', '00')
 class Refused(Exception): pass
 class I:   # intervals: [value, slopes] x boxes, or matrices: rows x columns x boxes
     def __init__(s, l, h=None): s.l = np.asarray(l, float); s.h = s.l if h is None else h
@@ -31,7 +30,7 @@ class I:   # intervals: [value, slopes] x boxes, or matrices: rows x columns x b
     def __neg__(s): return I(-s.l) if s.l is s.h else I(-s.h, -s.l)
     def __sub__(s, o): return s + -o
     def corners(s, o, f):
-        p = [f(a, b) for a in ([s.l] if s.l is s.h else [s.l, s.h]) for b in ([o.l] if o.l is o.h else [o.l, o.h])]
+        p = [f(a, b) for a in (s.l, s.h) for b in ((o.l,) if o.l is o.h else (o.l, o.h))]
         l, h = np.minimum.reduce(p), np.maximum.reduce(p)
         e = TINY * (((s.l != 0) | (s.h != 0)) & ((o.l != 0) | (o.h != 0)))   # underflow; 0 x stays 0
         return I(l - (abs(l) * U + e), h + (abs(h) * U + e))
@@ -44,7 +43,8 @@ class I:   # intervals: [value, slopes] x boxes, or matrices: rows x columns x b
         r, ok = s.corners(o, np.divide), (o.l > 0) | (o.h < 0)
         return I(np.where(ok, r.l, np.nan), np.where(ok, r.h, np.nan))
     def __matmul__(s, o):
-        return sum((s[:, k:k + 1] * o[k:k + 1] for k in range(len(o.l))), I(np.zeros((len(s.l), o.l.shape[1], 1))))
+        zero = I(np.zeros((len(s.l), o.l.shape[1], 1)))
+        return sum((s[:, k:k + 1] * o[k:k + 1] for k in range(len(o.l))), zero)
     def turn(s): return I(s.l.swapaxes(0, 1), s.h.swapaxes(0, 1))
     def size(s): return I(np.maximum(-s.l, s.h))
     def square(s):
@@ -53,9 +53,8 @@ class I:   # intervals: [value, slopes] x boxes, or matrices: rows x columns x b
         return I(np.maximum(r.l, 0), r.h)
 def cap(a, b): return I(np.fmax(a.l, b.l), np.fmin(a.h, b.h))
 def join(*parts, axis=-2):
-    boxes = max(p.l.shape[-1] for p in parts)
-    wide = lambda a: np.broadcast_to(a, a.shape[:-1] + (boxes,))
-    return I(*[np.concatenate([wide(q) for q in a], axis) for a in ([p.l for p in parts], [p.h for p in parts])])
+    wide = np.zeros((1,) * (parts[0].l.ndim - 1) + (max(p.l.shape[-1] for p in parts),))
+    return I(*[np.concatenate([q + wide for q in a], axis) for a in zip(*[(p.l, p.h) for p in parts])])
 def pick(t, f, a, b):   # a where t, b where f, else both
     return I(np.where(t, a.l, np.where(f, b.l, np.minimum(a.l, b.l))),
              np.where(t, a.h, np.where(f, b.h, np.maximum(a.h, b.h))))
@@ -85,12 +84,11 @@ def trig(name, x):
 def chain(x, value, slope): return join(value, slope * x[1:])
 def dmul(a, b): r = a[:1] * b; return join(r[:1], r[1:] + a[1:] * b[:1])
 def ddiv(a, b): v = a[:1] / b[:1]; return join(v, (a[1:] - v * b[1:]) / b[:1])
-def conv(a, b, k, low=0, high=None):   # sum of a_i b_(k - i)
-    high = k + 1 if high is None else high
+def conv(a, b, k, low, high):   # sum of a_i b_(k - i)
     return sum((dmul(a[i], b[k - i]) for i in range(low, high)), I(np.zeros((len(b[0].l), 1))))
-def rate_of(a, b, k): return conv([q * I(i) for i, q in enumerate(a[:k + 1])], b, k, 1) / I(k)   # of int a' b
+def rate_of(a, b, k): return conv([q * I(i) for i, q in enumerate(a[:k + 1])], b, k, 1, k + 1) / I(k)   # of int a' b
 def op_mul(k, x, y, z):
-    if k or x[0] is not x[1]: return conv(x[0], x[1], k)
+    if k or x[0] is not x[1]: return conv(x[0], x[1], k, 0, k + 1)
     return chain(x[0][0], x[0][0][:1].square(), x[0][0][:1] * I(2))
 def op_atan2(k, x, y, z):   # angle of the point (b, a); z = a^2 + b^2
     a, b = x
@@ -102,11 +100,11 @@ def op_atan2(k, x, y, z):   # angle of the point (b, a); z = a^2 + b^2
     return join(v, (b[:1] * a[1:] - a[:1] * b[1:]) / z[0][:1])
 def larger(a, b): return a[0].l[0] > b[0].h[0]
 def op_max(k, x, y, z):
-    (a, b), r = x, pick(larger(*x), larger(*x[::-1]), x[0][k], x[1][k])
-    return r if k else join(I(np.maximum(a[0].l, b[0].l), np.maximum(a[0].h, b[0].h))[:1], r[1:])
+    r, ends = pick(larger(*x), larger(*x[::-1]), x[0][k], x[1][k]), [(v[0].l[:1], v[0].h[:1]) for v in x]
+    return r if k else join(I(*map(np.maximum, *ends)), r[1:])
 def op_ge(k, x, y, z):
     v = I(np.where(larger(*x), 1, 0), np.where(larger(*x[::-1]), 0, 1))[None]
-    return x[0][k] * I(0) if k else join(v, x[0][0][1:] * I(0))
+    return join(v if k == 0 else v * I(0), x[0][0][1:] * I(0))
 def op_select(k, x, y, z):
     l, h = x[0][0].l[0], x[0][0].h[0]
     return pick((l > 0) | (h < 0), (l == 0) & (h == 0), x[1][k], x[2][k])
@@ -125,15 +123,15 @@ def of_tanh(v): t = cap(monotone('tanh', v), I(-1, 1)); w = I(1) - t.square(); r
 def turning(k, x, y, z): return -rate_of(x, y, k)
 def op_div(k, x, y, z): return ddiv(x[0][k] - conv(y, x[1], k, 0, k), x[1][0])
 def inverse(k, x, y, z): return ddiv(-conv(z, x, k, 0, k), x[0])
-OPS = {'add': lambda k, x, y, z: x[0][k] + x[1][k], 'neg': lambda k, x, y, z: -x[0][k], 'mul': op_mul, 'div': op_div,
-       'exp': function(of_exp, lambda k, x, y, z: y[k]), 'tanh': function(of_tanh, lambda k, x, y, z: -conv(y, y, k)),
-       'sin': function(of_sin, turning), 'cos': function(of_cos, turning), 'log': function(of_log, inverse),
-       'atan2': op_atan2, 'max': op_max, 'ge': op_ge, 'select': op_select}
-COUNT = {'in': 0, 'number': 0, 'select': 3, **{n: 2 for n in ('add', 'sub', 'mul', 'div', 'atan2', 'max', 'ge')}}
-# Where an operation is smooth, from the bounds of its operands; elsewhere max has a kink and the others have no slope
+OPS = {'add': lambda k, x, y, z: x[0][k] + x[1][k], 'neg': lambda k, x, y, z: -x[0][k], 'mul': op_mul,
+       'exp': function(of_exp, lambda k, x, y, z: y[k]), 'sin': function(of_sin, turning), 'div': op_div,
+       'tanh': function(of_tanh, lambda k, x, y, z: -conv(y, y, k, 0, k + 1)), 'cos': function(of_cos, turning),
+       'log': function(of_log, inverse), 'atan2': op_atan2, 'max': op_max, 'ge': op_ge, 'select': op_select}
+COUNT = {'in': 0, 'number': 0, 'select': 3, **dict.fromkeys(('add', 'sub', 'mul', 'div', 'atan2', 'max', 'ge'), 2)}
+# Where an operation is smooth, from the bounds of its operands; elsewhere max has a kink and the others no slope
 SMOOTH = {'log': lambda l, h: l[0] > 0, 'div': lambda l, h: (l[1] > 0) | (h[1] < 0),
           'atan2': lambda l, h: (l[1] > 0) | (l[0] > 0) | (h[0] < 0),
-          **{n: lambda l, h: (l[0] > h[1]) | (l[1] > h[0]) for n in ('max', 'ge')}}
+          **dict.fromkeys(('max', 'ge'), lambda l, h: (l[0] > h[1]) | (l[1] > h[0]))}
 class Program:
     def __init__(s, what, inputs, outputs):
         s.code, new = [], []
@@ -141,14 +139,18 @@ class Program:
         if what['inputs'] != inputs or len(what['outputs']) != outputs: raise ValueError('inputs or outputs')
         for j, (op, *a) in enumerate(what['code']):
             n = COUNT.get(op, 1)
-            x, bad = [new[i] for i in a[:n] if type(i) is int and 0 <= i < j], op == 'in' and a[0] not in range(inputs)
-            if bad or len(a) != n + (op in ('in', 'number', 'pow')) or len(x) != n or not all(map(math.isfinite, a)):
-                raise ValueError(f'entry {j} of the code')
+            x = [new[i] for i in a[:n] if type(i) is int and 0 <= i < j]
+            if op == 'in' and a[0] not in range(inputs) or len(x) != n or not all(map(math.isfinite, a)) \
+                    or len(a) != n + (op in ('in', 'number', 'pow')): raise ValueError(f'entry {j} of the code')
             if op in OPS or n == 0: r = put(op, *(x or a))
             elif op == 'sub': r = put('add', x[0], put('neg', x[1]))
             elif op == 'abs': r = put('max', put('max', x[0], put('neg', x[0])), put('number', 0))
-            elif op == 'sign': o = put('number', 0); r = put('add', put('ge', x[0], o), put('neg', put('ge', o, x[0])))
-            elif op == 'sigmoid': o = put('number', .5); r = put('add', o, put('mul', o, put('tanh', put('mul', o, *x))))
+            elif op == 'sign':
+                o = put('number', 0)
+                r = put('add', put('ge', x[0], o), put('neg', put('ge', o, x[0])))
+            elif op == 'sigmoid':
+                o = put('number', .5)
+                r = put('add', o, put('mul', o, put('tanh', put('mul', o, x[0]))))
             elif op == 'pow' and a[1] in {*range(-32, 33)} - {0}:
                 r = x[0]
                 for i in range(int(abs(a[1])) - 1): r = put('mul', x[0], r)
@@ -209,11 +211,9 @@ def step(rate, x, u, h, p, slopes):   # (x(t) - x(0))/t, slopes by x(0), u: of t
         return c if np.all(smooth) else pick(smooth, ~smooth, c, join(low + t * I(.5) * second, first))
     return at, flag
 def definite(a):   # every symmetric matrix in it is positive definite
-    n, ok, a = len(a.l), True, [[a[i, j] for j in range(len(a.l))] for i in range(len(a.l))]
-    for j in range(n):
-        ok = ok & (a[j][j].l > 0)
-        for i in range(j + 1, n):
-            for k in range(j + 1, i + 1): a[i][k] = a[k][i] = a[i][k] - a[i][j] / a[j][j] * a[j][k]
+    ok = True
+    while len(a.l):
+        ok, a = ok & (a.l[0, 0] > 0), a[1:, 1:] - a[1:, :1] * a[:1, 1:] / a[:1, :1]
     return ok
 def quadratic(Q, y):
     n = range(len(y.l))
@@ -225,33 +225,36 @@ def halves(lo, hi, j):   # of boxes along coordinates j: the lower ones, then th
 class Proof:
     def __init__(s, c, text):
         n, m, p, s.count, s.held = c['states'], c['inputs'], c['proof'], 0, c['loop'] == 'held'
-        if c['format'] != 'liegrad certificate' or c['version'] != 1: raise ValueError('another format or version')
-        if c['loop'] not in ('held', 'continuous') or c.get('stored'): raise Refused('the checker has no such loop')
+        if c['format'] != 'liegrad certificate' or c['version'] != 1: raise ValueError('another format')
+        if c['loop'] not in ('held', 'continuous') or c.get('stored'): raise Refused('an unknown loop')
         for part, of in (('rate', 'plant'), ('control', 'controller')):
             at = [i.end() for i in re.finditer(f'"{part}"\\s*:\\s*', text)]
-            texts = [text[i:e] for i in at for v, e in [json.JSONDecoder().raw_decode(text, i)] if v == c[part]]
-            if not any(hashlib.sha256(t.encode()).hexdigest() == c[of]['sha256'] for t in texts):
+            texts = [(text[i:e], v) for i in at for v, e in [json.JSONDecoder().raw_decode(text, i)]]
+            if not any(v == c[part] and hashlib.sha256(t.encode()).hexdigest() == c[of]['sha256'] for t, v in texts):
                 raise Refused(f'"{part}" has another hash')
-        s.rate, s.control = Program(c['rate'], n + m, n), Program(c['control'], n if m else c['control']['inputs'], m)
+        s.rate, k = Program(c['rate'], n + m, n), c['control']
+        s.control = Program(k, n if m else k['inputs'], m)
         s.n, s.converges, s.tree, s.boxes, s.even = n, c['converges'], p['tree'], p['boxes'], p['even']
+        (P, T), (s.level, s.eps) = np.array([c['P'], p['T']], float).reshape(2, n, n, 1), (c['level'], c['eps'])
         vectors = np.array([c['goal'], p['near'], p['low'], p['high'], c['error']], float).reshape(5, n)
-        (s.goal, near, s.low, s.high, error), s.level, s.eps = vectors, c['level'], c['eps']
-        matrices, s.between = np.array([c['P'], p['T']], float).reshape(2, n, n, 1), c['between'] if s.held else None
+        s.goal, near, s.low, s.high, error = vectors
         s.period, s.order, s.steps = (c['period'], p['order'], p['steps']) if s.held else (1, 1, 1)
-        if not (np.isfinite(vectors).all() and np.isfinite(matrices).all() and 0 < s.eps < s.level < math.inf
-                and (matrices[0] == matrices[0].swapaxes(0, 1)).all() and s.steps in [2 ** i for i in range(20)]
-                and 1 <= s.order <= 20 and 0 < s.period < math.inf and min(error) >= 0): raise Refused('a number is wrong')
-        (s.P, s.T), s.near, wide = (I(q) for q in matrices), near[:, None], error > 0
+        s.between = c['between'] if s.held else None
+        finite = np.isfinite(vectors).all() and np.isfinite(P + T).all() and 0 < s.period < math.inf
+        if not (finite and 0 < s.eps < s.level < math.inf and (P == P.swapaxes(0, 1)).all() and min(error) >= 0
+                and s.steps in [2 ** i for i in range(20)] and 1 <= s.order <= 20): raise Refused('a number is wrong')
+        s.P, s.T, s.near, wide = I(P), I(T), near[:, None], error > 0
         s.errors, s.extra, s.Q = I(error[wide, None]), I(np.eye(n)[:, wide, None]), s.T.turn() @ (s.P @ s.T)
         root = np.minimum(-s.low, s.high)
         if s.even and s.low[0] <= 0: root[0] = s.high[0]
         ends = [math.nextafter(min(g - (-1e300 if l is None else l), (1e300 if h is None else h) - g), 0)
                 for l, g, h in zip(c['low'], s.goal, c['high'], strict=True)]
-        for what, Q, v, ends in (('the box', s.P, s.level, ends), ('the root', s.Q, s.level, root), ('N', s.Q, s.eps, near)):
-            for one, b in zip(np.eye(n), ends):   # y.Q y <= v has |y_i| <= b if Q - (v/b^2) e_i e_i' is positive definite
+        for what, Q, v, bounds in ('the box', s.P, s.level, ends), ('the root', s.Q, s.level, root), ('N', s.Q, s.eps, near):
+            for one, b in zip(np.eye(n), bounds):   # |y_i| <= b where y.Q y <= v, if Q - (v/b^2) e_i e_i' is definite
                 M = Q - I(np.diag(one)[:, :, None]) * (I(v) / I(b)) / I(b)
-                if not (b > 0 and definite(M).all()): raise Refused(f'{{V <= {v:g}}} is no ellipsoid or leaves {what}')
-    def change(s, D, E, S, G, r):   # (D + E k).P (S + G k): its largest value for |k_i| <= r_i, and its matrix
+                if not (b > 0 and definite(M).all()):
+                    raise Refused(f'{{V <= {v:g}}} is no ellipsoid or leaves {what}')
+    def change(s, D, E, S, G, r):   # (D + E k).P (S + G k): its maximum for |k_i| <= r_i, and its matrix
         PS, PG = s.P @ S, s.P @ G
         top, g, M = (D.turn() @ PS)[0, 0], (E.turn() @ PS + PG.turn() @ D)[:, 0], E.turn() @ PG
         for i in range(len(r.l)):
@@ -263,27 +266,29 @@ class Proof:
     def examine(s, lo, hi, steps, near):   # which boxes are proved, and which have a tube
         N, middle, two, good = lo.shape[1], I(.5 * (lo + hi))[:, None], I(2), True
         Y, k = I(lo[:, None], hi[:, None]), I((I(lo[:, None]) - middle).l, (I(hi[:, None]) - middle).h)
-        goal, r, V, m = I(s.goal[:, None, None] + np.zeros(N)), k.size()[:, 0], quadratic(s.Q, Y).h, s.T @ middle
-        x, X, level = goal + m, goal + s.T @ Y, I(np.minimum(V, s.level))
+        goal, r, V = I(s.goal[:, None, None] + np.zeros(N)), k.size()[:, 0], quadratic(s.Q, Y).h
+        m, X, level = s.T @ middle, goal + s.T @ Y, I(np.minimum(V, s.level))
+        x = goal + m
         u, (K, ok) = s.control.value(x)[0], s.control.value(join(X, s.T))
         w, K = cap(K[:, :1], u + K[:, 1:] @ k), K[:, 1:]
         if s.held:
             h, rise, F, D, A = s.period / steps, np.zeros(N), x, m * I(0), s.T   # A = dx/dy
             for i in range(steps):
-                (now, f), (box, g) = step(s.rate, F, u, h, s.order, False), step(s.rate, X, w, h, s.order, True)
+                (now, f), (box, g) = step(s.rate, F, u, h, s.order, 0), step(s.rate, X, w, h, s.order, 1)
                 ok = np.minimum.reduce(np.broadcast_arrays(ok, f, g))
-                def slopes(t): return box(t)[:, 1:s.n + 1] @ A + box(t)[:, s.n + 1:] @ K
-                for parts in (1, 2, 4, 8) if s.between is not None else ():
+                def parts(t): b = box(t); return now(t), b[:, 1:s.n + 1] @ A + b[:, s.n + 1:] @ K, b[:, :1]
+                for count in (1, 2, 4, 8) if s.between is not None else ():
                     inside = np.full(N, True)
-                    for t in (I(h / parts * j, h / parts * (j + 1)) for j in range(parts)):
-                        v = s.change(now(t), slopes(t), (m + D) * two + t * now(t), A * two + t * slopes(t), r)[0]
+                    for t in (I(h / count * j, h / count * (j + 1)) for j in range(count)):
+                        d, e, _ = parts(t)
+                        v = s.change(d, e, (m + D) * two + t * d, A * two + t * e, r)[0]
                         inside &= (level + I(rise) + I(t.h) * I(np.where(v <= 0, 0, v))).h <= s.between
                     if (inside | (ok == 0)).all(): break
-                if s.between is not None: good = good & inside
-                h_, X = I(h), X + I(h) * box(I(h))[:, :1]
-                D, A = D + h_ * now(h_), A + h_ * slopes(h_)
-                F = x + D
-                X, rise = cap(X, F + A @ k), s.change(D, A - s.T, m * two + D, A + s.T, r)[0]
+                good = good if s.between is None else good & inside
+                d, e, b = parts(I(h))
+                D, A = D + I(h) * d, A + I(h) * e
+                F, X = x + D, cap(X + I(h) * b, x + D + A @ k)
+                rise = s.change(D, A - s.T, m * two + D, A + s.T, r)[0]
             E, S, G = join(A - s.T, s.extra), m * two + D, join(A + s.T, s.extra)
         else:
             D, (A, f) = s.rate.value(x, u)[0], s.rate.value(join(X, s.T), join(w, K))
@@ -320,26 +325,24 @@ class Proof:
                 raise Refused('the tree does not fit its boxes')
             for leaf in sorted({*text} & {*LEAVES}):
                 l, h = lo[:, code == leaf], hi[:, code == leaf]
-                for l, h in ((l, h), (-h, -l))[:1 + s.even]: s.sweep(l, h, s.steps * 2 ** int(leaf if leaf.isdigit() else 0))
+                for a, b in ((l, h), (-h, -l))[:1 + s.even]: s.sweep(a, b, s.steps << int(leaf.translate(ZERO)))
             cut = ~np.isin(code, LEAVES)
             lo, hi = halves(lo[:, cut], hi[:, cut], np.array([ord(q) - 97 for q in code[cut]], int))
         if lo.size or seen != s.boxes: raise Refused('the tree does not have its boxes')
 def unique(pairs):
     if len(dict(pairs)) < len(pairs): raise ValueError('a name is there twice')
     return dict(pairs)
-def main(names):
-    worst = 0
-    for name in names:
-        begin = time.time()
-        try:
-            with open(name, encoding='utf-8') as f: text = f.read()
-            s = Proof(json.loads(text, object_pairs_hook=unique), text)
-            s.prove()
-            result, code = f'PROVED {name}: level {s.level:.17g}, {s.count} boxes, {time.time() - begin:.1f} s', 0
-        except Refused as e: result, code = f'NOT PROVED {name}: {e}', 1
-        except (OSError, ArithmeticError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as e:
-            result, code = f'{name} is no certificate: {type(e).__name__}: {e}', 3
-        print(result, flush=True)
-        worst = max(worst, code)
-    return worst
-if __name__ == '__main__': sys.exit(main(sys.argv[1:]))
+def main(name):
+    begin = time.time()
+    try:
+        with open(name, encoding='utf-8') as f: text = f.read()
+        s = Proof(json.loads(text, object_pairs_hook=unique), text)
+        s.prove()
+        print(f'PROVED {name}: level {s.level:.17g}, {s.count} boxes, {time.time() - begin:.1f} s', flush=True)
+        return 0
+    except Refused as e: print(f'NOT PROVED {name}: {e}', flush=True)
+    except (OSError, ArithmeticError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as e:
+        print(f'{name} is no certificate: {type(e).__name__}: {e}', flush=True)
+        return 3
+    return 1
+if __name__ == '__main__': sys.exit(max(map(main, sys.argv[1:])))
