@@ -1,0 +1,57 @@
+#!/bin/bash
+# bench/certificates/check.py proves a certificate of lg-control again, and finds changes planted in it.
+# ctest-labels: bench/certificates src/certify apps/lg-control
+set -u
+export LC_ALL=C
+check=$LG_TEST_DIR/../bench/certificates/check.py
+python=${LIEGRAD_PYTHON:-python3}
+[ -f "$check" ] || { echo "no bench/certificates here"; exit 77; }
+"$python" -c 'import numpy' 2>/dev/null || { echo "Python has no numpy (Debian: python3-numpy)"; exit 77; }
+"$python" -c 'import flint' 2>/dev/null || "$python" -c 'import mpmath' 2>/dev/null ||
+    { echo "Python has neither flint nor mpmath (Debian: python3-mpmath)"; exit 77; }
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cat >"$work/plant.yaml" <<'EOF'
+columns: {time: t}
+coordinates: [{name: th, kind: angle, velocity: w}]
+inputs: {columns: [u]}
+mass: {kind: known, values: [0.0375]}
+potential: {kind: known, form: polynomial, of: th, degree: 1, values: [0, 0.73575]}
+damping: {kind: known, values: [0.1]}
+input_map: {kind: known, values: [[1]]}
+EOF
+cat >"$work/task.yaml" <<'EOF'
+plant: plant.yaml
+period: 0.01
+horizon: 5
+starts: {th: [-3.14, 3.14], w: [-1, 1]}
+limits: {u: 0.75}
+cost: {th: 1, w: 0.02, u: 0.02}
+success: {th: 0.05, hold: 1, within: 8}
+controller: {kind: lqr}
+EOF
+cd "$work" || exit 1
+"$LG_BIN_DIR/lg-control" certify --help | grep -q -- --certificate || { echo "certify has no --certificate"; exit 77; }
+"$LG_BIN_DIR/lg-control" certify task.yaml --box th=1.5,w=12 --certificate whole.json >said 2>&1 || { cat said; exit 1; }
+"$python" "$check" whole.json >said || { cat said; exit 1; }
+grep -q '^PROVED whole.json: level .* boxes, .* s$' said || { cat said; exit 1; }
+# What is wrong, the change of the certificate c, 1 if the hashes are renewed, and a piece of what the checker has to say.
+status=0
+planted() {
+    "$python" - "$2" "$3" <<'EOF'
+import hashlib, json, sys
+c = json.load(open('whole.json'))
+exec(sys.argv[1])
+if sys.argv[2] == '1':
+    for k, of in (('rate', 'plant'), ('control', 'controller')):
+        c[of]['sha256'] = hashlib.sha256(json.dumps(c[k]).encode()).hexdigest()
+json.dump(c, open('planted.json', 'w'))
+EOF
+    "$python" "$check" planted.json >said
+    [ $? -eq 1 ] && grep -q "^NOT PROVED planted.json: .*$4" said || { echo "$1:"; cat said; status=1; }
+}
+planted "the controller pushes to the other side" \
+    "k = c['control']; k['code'].append(['neg', k['outputs'][0]]); k['outputs'] = [len(k['code']) - 1]" 1 'no proof in the box'
+planted "another level" "c['level'] *= 1.2" 1 'leaves the '
+planted "another plant with the hash of the first" "c['rate']['code'].append(['number', 1])" 0 '"rate" has another hash'
+exit $status
