@@ -110,7 +110,7 @@ typedef struct lg_certificate_line {
     double number;
 } lg_certificate_line;
 typedef struct lg_certificate_code {
-    size_t inputs, lines, outputs;
+    uint32_t inputs, lines, outputs;
     lg_certificate_line *line;
     uint32_t *output; /* lines */
 } lg_certificate_code;
@@ -123,7 +123,7 @@ enum { LG_CERTIFICATE_STATES = 16, LG_CERTIFICATE_NAME = 64, LG_CERTIFICATE_CLAI
 typedef struct lg_certificate {
     char claim[LG_CERTIFICATE_CLAIM], names[LG_CERTIFICATE_STATES][LG_CERTIFICATE_NAME]; /* of the states */
     char plant[LG_CERTIFICATE_NAME], controller[LG_CERTIFICATE_NAME];
-    /* Of the code of each in the file; set by lg_certificate_save and lg_certificate_load */
+    /* Of the code of each in the file; set by lg_certificate_load */
     char plant_sha256[LG_CERTIFICATE_SHA256], controller_sha256[LG_CERTIFICATE_SHA256];
     uint32_t states, inputs;           /* n, m */
     double period;                     /* of held inputs; 0: inputs are continuous */
@@ -170,8 +170,8 @@ LG_API lg_status lg_certificate_compare(const lg_certificate *certificate, const
  * lg_certificate_save: LG_UNSUPPORTED (it would be larger), those of writers. lg_certificate_load says what
  * is wrong, and in which line; `out` is destroyed by the caller. Errors: LG_FORMAT, LG_CHECK_FAILED (the hash
  * of the code does not fit), those of readers. */
-LG_API lg_status lg_certificate_save(const lg_context *context, const char *path, lg_certificate *certificate,
-                                     lg_error *error);
+LG_API lg_status lg_certificate_save(const lg_context *context, const char *path,
+                                     const lg_certificate *certificate, lg_error *error);
 LG_API lg_status lg_certificate_load(const lg_context *context, const char *path, lg_certificate *out,
                                      lg_error *error);
 

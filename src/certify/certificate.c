@@ -46,7 +46,7 @@ static lg_status take_code(const lg_context *context, const lg_expansion *x, siz
                            lg_certificate_code *out) {
     const lg_scalars *s = &x->s;
     uint32_t *number = lg_alloc(context, s->count + 1, sizeof *number), lines = 0;
-    *out = (lg_certificate_code){.inputs = x->inputs, .outputs = outputs};
+    *out = (lg_certificate_code){.inputs = (uint32_t)x->inputs, .outputs = (uint32_t)outputs};
     out->line = lg_alloc(context, s->count + 1, sizeof *out->line);
     out->output = lg_alloc(context, outputs, sizeof *out->output);
     const bool memory = number != NULL && out->line != NULL && out->output != NULL;
@@ -76,7 +76,7 @@ static lg_status take_function(const lg_context *context, const lg_program *prog
     lg_expansion_destroy(&x);
     if (status == LG_OK && out->lines > LG_CERTIFICATE_LINES)
         status =
-            lg_fail(error, LG_UNSUPPORTED, "the function '%s' has %zu operations, a certificate at most %d",
+            lg_fail(error, LG_UNSUPPORTED, "the function '%s' has %u operations, a certificate at most %d",
                     name, out->lines, LG_CERTIFICATE_LINES);
     return status == LG_OUT_OF_MEMORY ? lg_no_memory(error) : status;
 }
@@ -336,52 +336,34 @@ static lg_status open_for(const lg_context *context, const lg_certificate *f, lg
     return status;
 }
 
-static lg_status check_line(const lg_certificate_code *code, size_t i) {
-    static const uint32_t operands[] = {
-#define X(name, op, lines, last) lines,
-        LG_CERTIFICATE_OPS(X)
-#undef X
-    };
-    const lg_certificate_line *l = &code->line[i];
-    if (l->op >= LG_COUNT(operands) || !isfinite(l->number)) return LG_INVALID_ARGUMENT;
-    for (uint32_t k = 0; k < 3; k++)
-        if (k < operands[l->op] ? l->in[k] >= i : l->in[k] != 0) return LG_INVALID_ARGUMENT;
-    const double most = l->op == LG_S_INPUT                              ? (double)code->inputs - 1
-                        : l->op == LG_S_STUMPFF || l->op == LG_S_DEXPINV ? LARGEST_STUMPFF
-                                                                         : DBL_MAX;
-    const bool whole = most < DBL_MAX;
-    return whole && !(l->number >= 0 && l->number <= most && l->number == floor(l->number))
-               ? LG_INVALID_ARGUMENT
-               : LG_OK;
-}
-
-static lg_status check_code(const lg_certificate_code *code, const char *name, size_t inputs, size_t outputs,
-                            lg_error *error) {
-    if (code->inputs != inputs || code->outputs != outputs || code->lines > LG_CERTIFICATE_LINES ||
-        (outputs > 0 && (code->line == NULL || code->output == NULL)))
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "%s: needs %zu inputs and %zu outputs, and at most %d lines", name, inputs, outputs,
-                       LG_CERTIFICATE_LINES);
-    for (size_t i = 0; i < code->lines; i++)
-        if (check_line(code, i) != LG_OK)
-            return lg_fail(
-                error, LG_INVALID_ARGUMENT,
-                "%s: line %zu of the code, counted from 0, is no operation on earlier lines, or its "
-                "number is out of range",
-                name, i);
-    for (size_t j = 0; j < outputs; j++)
-        if (code->output[j] >= code->lines)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: output %zu is no line of the code", name, j);
-    return LG_OK;
+/* Whether each line is an operation on earlier lines. */
+static bool code_fits(const lg_certificate_code *code, size_t inputs, size_t outputs) {
+    bool fits = code->inputs == inputs && code->outputs == outputs && code->lines <= LG_CERTIFICATE_LINES &&
+                (outputs == 0 || (code->line != NULL && code->output != NULL));
+    for (size_t i = 0; fits && i < code->lines; i++) {
+        const lg_certificate_line *l = &code->line[i];
+        const double most = l->op == LG_S_INPUT                              ? (double)inputs - 1
+                            : l->op == LG_S_STUMPFF || l->op == LG_S_DEXPINV ? LARGEST_STUMPFF
+                                                                             : DBL_MAX;
+        fits = l->op < LG_SCALAR_OPS && isfinite(l->number) &&
+               (most == DBL_MAX || (l->number >= 0 && l->number <= most && l->number == floor(l->number)));
+        for (uint32_t k = 0; fits && k < 3; k++)
+            fits = k < lg_scalar_instructions((lg_scalar_op)l->op) ? l->in[k] < i : l->in[k] == 0;
+    }
+    for (size_t j = 0; fits && j < outputs; j++) fits = code->output[j] < code->lines;
+    return fits;
 }
 
 static lg_status check_loop(const lg_certificate *f, lg_error *error) {
     const size_t n = f->states, m = f->inputs;
-    if (n < 1 || n > LG_CERTIFICATE_STATES || m > LG_CERTIFICATE_STATES || (m == 0 && f->period > 0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a certificate has 1 to %d states and up to %d inputs",
-                       LG_CERTIFICATE_STATES, LG_CERTIFICATE_STATES);
-    LG_TRY(check_code(&f->rate, "rate", n + m, n, error));
-    return check_code(&f->control, "control", m > 0 ? n : 0, m, error);
+    if (n >= 1 && n <= LG_CERTIFICATE_STATES && m <= LG_CERTIFICATE_STATES && (m > 0 || f->period == 0) &&
+        code_fits(&f->rate, n + m, n) && code_fits(&f->control, m > 0 ? n : 0, m))
+        return LG_OK;
+    return lg_fail(
+        error, LG_INVALID_ARGUMENT,
+        "the code of the rate or of the control is not of %zu states and %zu inputs, or a line is no "
+        "operation on earlier lines that a certificate may have",
+        n, m);
 }
 
 lg_status lg_certify_open(const lg_context *context, const lg_certificate *f, int threads, lg_certify **out,
