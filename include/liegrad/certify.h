@@ -122,6 +122,7 @@ enum { LG_CERTIFICATE_STATES = 16, LG_CERTIFICATE_NAME = 64, LG_CERTIFICATE_CLAI
  * holds. Coordinates y of the proof: x = goal + T y. docs/certificates.md is the guide. */
 typedef struct lg_certificate {
     char claim[LG_CERTIFICATE_CLAIM], names[LG_CERTIFICATE_STATES][LG_CERTIFICATE_NAME]; /* of the states */
+    /* Names for people, not empty */
     char plant[LG_CERTIFICATE_NAME], controller[LG_CERTIFICATE_NAME];
     /* Of the code of each in the file; set by lg_certificate_load */
     char plant_sha256[LG_CERTIFICATE_SHA256], controller_sha256[LG_CERTIFICATE_SHA256];
@@ -167,7 +168,7 @@ LG_API lg_status lg_certificate_compare(const lg_certificate *certificate, const
                                         const char *rate, const char *control, bool *same_plant,
                                         bool *same_controller, lg_error *error);
 /* Library liegrad_io: writes the certificate as JSON, and reads it. A file has at most 1 MiB. Errors of
- * lg_certificate_save: LG_UNSUPPORTED (it would be larger), those of writers. lg_certificate_load says what
+ * lg_certificate_save: LG_INVALID_ARGUMENT (no names of plant and controller), LG_UNSUPPORTED (it would be larger), those of writers. lg_certificate_load says what
  * is wrong, and in which line; `out` is destroyed by the caller. Errors: LG_FORMAT, LG_CHECK_FAILED (the hash
  * of the code does not fit), those of readers. */
 LG_API lg_status lg_certificate_save(const lg_context *context, const char *path,

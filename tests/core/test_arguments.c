@@ -1054,6 +1054,16 @@ TEST("bounds and certificates refuse NULL") {
     assert_ok(lg_certify_create(NULL, &spec, &certify, &error));
     REFUSES(lg_certify_create(NULL, NEEDED(&spec), NEEDED(&certify), NULL));
     REFUSES(lg_certify_run(NEEDED(certify), 1, 1, NEEDED(&result), NULL));
+    lg_certificate file = {.context = NULL};
+    bool same[2];
+    assert_ok(lg_certify_run(certify, SIZE_MAX, 10, &result, &error));
+    REFUSES(lg_certificate_make(NULL, NEEDED(&spec), NEEDED(&result), 1, NEEDED(&file), NULL));
+    REFUSES(lg_certify_open(NULL, NEEDED(&file), 1, NEEDED(&certify), NULL));
+    REFUSES(lg_certificate_compare(NEEDED(&file), NEEDED(program), NEEDED("rate"), NEEDED("rate"),
+                                   NEEDED(&same[0]), NEEDED(&same[1]), NULL));
+    REFUSES(lg_certificate_save(NULL, NEEDED("nothing.json"), NEEDED(&file), NULL));
+    REFUSES(lg_certificate_load(NULL, NEEDED("nothing.json"), NEEDED(&file), NULL));
+    lg_certificate_destroy(NULL);
     lg_certify_energy_spec_init(&energy);
     energy.program = program, energy.slope = "slope", energy.damping = 1, energy.gain = 1,
     energy.saturated = 1, energy.period = 1;

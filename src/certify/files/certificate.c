@@ -364,7 +364,9 @@ static void compose(lg_text *to, values *v) {
 lg_status lg_certificate_save(const lg_context *context, const char *path, const lg_certificate *certificate,
                               lg_error *error) {
     LG_NEEDS(error, path, certificate);
-    if (certificate->tree == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the certificate has no tree");
+    if (certificate->tree == NULL || certificate->plant[0] == '\0' || certificate->controller[0] == '\0')
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a certificate needs names of the plant and of the controller, and a tree");
     lg_text text = {.context = context};
     values v = {.f = *certificate, .version = 1, .continuous = certificate->period == 0};
     (void)snprintf(v.format, sizeof v.format, "%s", format);
