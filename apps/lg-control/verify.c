@@ -11,7 +11,7 @@ typedef struct verify_values {
 } verify_values;
 
 static const lg_field options[] = {LG_OPTION(verify_values, seconds, REAL, "s", "Largest time of the proof",
-                                             .high = 1e9, .above = true, .value = "600"),
+                                             .high = 1e9, .above = true, .value = "60"),
                                    LG_FIELD_END};
 
 static verify_values values;

@@ -64,7 +64,7 @@ struct lg_certify {
     double width[LG_CERTIFY_STATES]; /* what a result points to */
     double failed_low[LG_CERTIFY_STATES], failed_high[LG_CERTIFY_STATES];
     char claim[LG_CERTIFY_TEXT], reason[LG_CERTIFY_TEXT];
-    /* A certificate (certificate.c), whose tree of boxes is examined, and written if `made` is not NULL. */
+    /* A certificate, whose tree of boxes is examined, and written if `made` is not NULL. */
     const lg_certificate *file;
     lg_certificate *made;
     size_t depth_boxes, depth_at; /* the boxes of this depth; where they begin in the text of the tree */
@@ -124,7 +124,7 @@ bool lg_certify_is_near(const lg_certify *c, const double *low, const double *hi
 lg_status lg_certify_create_for(const lg_context *context, const lg_certify_spec *spec,
                                 const lg_certificate *file, lg_certificate *made, lg_certify **out,
                                 lg_error *error);
-/* certificate.c: takes the coordinates of the file; the root box; what becomes of a box, which is always done
+/* certify_tree.c: takes the coordinates of the file; the root box; what becomes of a box, which is always done
  * with; the boxes of the next depth; the end of the proof. */
 lg_status lg_certify_coordinates(lg_certify *c, lg_error *error);
 lg_status lg_certify_root(lg_certify *c);

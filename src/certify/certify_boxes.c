@@ -23,25 +23,6 @@ lg_status lg_certify_push(lg_certify *c, const double *low, const double *high) 
     return LG_OK;
 }
 
-void lg_certify_states(const lg_certify *c, const double *low, const double *high, double *x_low,
-                       double *x_high) {
-    for (size_t i = 0; i < c->n; i++) {
-        x_low[i] = x_high[i] = c->goal[i];
-        for (size_t j = 0; j < c->n; j++) {
-            const double t = c->quadratic ? c->T[i * c->n + j] : i == j, a = t * low[j], b = t * high[j];
-            x_low[i] += fmin(a, b);
-            x_high[i] += fmax(a, b);
-        }
-    }
-}
-
-void lg_certify_fail(lg_certify *c, const double *box, const char *reason) {
-    c->failed = true;
-    c->phase = LG_CERTIFY_DONE;
-    lg_certify_states(c, box, box + c->n, c->failed_low, c->failed_high);
-    (void)snprintf(c->reason, sizeof c->reason, "%s", reason);
-}
-
 /* The claim does not hold where V is v. If v is small, if motions need not converge, and if eps may be
  * chosen, eps is raised: V may rise there because of an error of the model, or because the equilibrium is
  * not exactly at the goal. Otherwise the level is lowered below v, if it may be chosen. */
@@ -94,12 +75,6 @@ static bool is_lost(lg_certify *c, const double *box, const lg_certify_box *f, b
     c->raises = false; /* a larger eps does not help */
     refuse(c, box, f->v_low, reason);
     c->raises = raises;
-    return true;
-}
-
-bool lg_certify_is_near(const lg_certify *c, const double *low, const double *high) {
-    for (size_t i = 0; i < c->n; i++)
-        if (low[i] < -c->near[i] || high[i] > c->near[i]) return false;
     return true;
 }
 
