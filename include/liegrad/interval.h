@@ -75,8 +75,10 @@ typedef struct lg_interval_taylor_spec {
     size_t size;     /* sizeof(lg_interval_taylor_spec) */
     size_t function; /* of the program: (x (n), u (m)) -> x' (n), or (x) -> x' */
     uint32_t first,
-        last;    /* the coefficients first to last, 1 <= first <= last <= 12; both are 1 by default */
+        last;    /* the coefficients first to last, 1 <= first <= last <= 12; both are 1 by default. 0, 0: the
+                  * function itself, of any inputs and outputs */
     bool slopes; /* their Jacobians instead of the coefficients */
+    bool chords; /* with slopes: of chords from a point, which are about half as wide */
 } lg_interval_taylor_spec;
 
 LG_API void lg_interval_taylor_spec_init(lg_interval_taylor_spec *spec);
@@ -84,6 +86,9 @@ LG_API void lg_interval_taylor_spec_init(lg_interval_taylor_spec *spec);
  * t^2 + ..., x_1 = f(x, u). Inputs are x and u, outputs the coefficients x_first to x_last, (last - first +
  * 1, n), or their Jacobians by x and u, (last - first + 1, n, n + m). Bounds of x_k over a tube, which holds
  * a motion during [0, h], bound the remainder: x(h) = x + ... + x_{k-1} h^{k-1} + x_k h^k with such an x_k.
+ * With `chords` the inputs x and u are followed by a point x_0 and u_0 in them (a box that meets theirs), and
+ * outputs are the coefficients at the point, then slopes S, (last - first + 1, n, n + m), with x_k(x, u) =
+ * x_k(x_0, u_0) + S (x - x_0, u - u_0) for all numbers of the box.
  * At a kink that a box does not decide, x_1 and x_2 and the Jacobian of x_1 are hulls, which hold for
  * remainders, too; further ones are -inf to inf and LG_INTERVAL_UNDEFINED. Flags of coefficients say nothing
  * where the rate itself is not Lipschitz continuous. `options` NULL means the defaults. Errors: those of

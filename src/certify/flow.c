@@ -8,10 +8,11 @@
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
 
-enum { ORDER = LG_FLOW_ORDER, LOW = ORDER - 1, TRIES = 14, FINER = 3, PARTS = 4 };
+/* Orders of the remainders of F and of S */
+enum { ORDER = LG_FLOW_ORDER, LOW = ORDER - 1, STEEP = 3, FLAT = STEEP - 1, TRIES = 14, FINER = 3, PARTS = 4 };
 
 /* Evaluators, and the number of numbers of each of their inputs */
-enum { START, SLOPE, TUBE, VALUES, REST, SLOPES, REST_SLOPES, RATE_SLOPES, ADVANCE, EVALUATORS };
+enum { START, START_CHORDS, TUBE, VALUES, CHORDS, REST, REST_SLOPES, RATE_SLOPES, ADVANCE, EVALUATORS };
 
 struct lg_flow {
     const lg_context *context;
@@ -86,7 +87,7 @@ static lg_status advance(void *user, lg_tape *tape, const lg_var *theta, const l
     const uint32_t n = (uint32_t)w->n, m = (uint32_t)w->m, rows = lg_var_shape(tape, in[IN_Z]).dims[0];
     const lg_var t3 = lg_reshape(tape, in[IN_T], lg_shape3(rows, 1, 1)),
                  h3 = lg_reshape(tape, in[IN_H], lg_shape3(rows, 1, 1));
-    lg_var c[ORDER], by_x[ORDER], by_u[ORDER], one = LG_NONE;
+    lg_var c[ORDER], by_x[STEEP], by_u[STEEP], one = LG_NONE;
     double unit[16 * 16] = {0};
     (void)theta;
     for (size_t i = 0; i < w->n; i++) unit[i * (w->n + 1)] = 1;
@@ -99,17 +100,17 @@ static lg_status advance(void *user, lg_tape *tape, const lg_var *theta, const l
     /* J by x and by u: Picard's map once more */
     const lg_var jx = lg_add(tape, lg_mul(tape, h3, product(tape, fx, lg_add(tape, wx, one))), one),
                  ju = lg_mul(tape, h3, lg_add(tape, product(tape, fx, wu), fu));
-    for (uint32_t k = 0; k < LOW; k++) {
+    for (uint32_t k = 0; k < LOW; k++) c[k] = lg_slice(tape, in[IN_C], 1, k * n, n);
+    for (uint32_t k = 0; k < FLAT; k++) {
         const lg_var J = lg_slice(tape, in[IN_A], 1, k * n, n);
-        c[k] = lg_slice(tape, in[IN_C], 1, k * n, n);
         by_x[k] = lg_slice(tape, J, 2, 0, n);
         by_u[k] = lg_slice(tape, J, 2, n, m);
     }
     c[LOW] = in[IN_R];
-    by_x[LOW] = product(tape, rx, jx);
-    by_u[LOW] = lg_add(tape, product(tape, rx, ju), ru);
-    const lg_var qx = horner(tape, by_x, ORDER, t3),
-                 qu = product(tape, horner(tape, by_u, ORDER, t3), in[IN_K]);
+    by_x[FLAT] = product(tape, rx, jx);
+    by_u[FLAT] = lg_add(tape, product(tape, rx, ju), ru);
+    const lg_var qx = horner(tape, by_x, STEEP, t3),
+                 qu = product(tape, horner(tape, by_u, STEEP, t3), in[IN_K]);
     out[0] = horner(tape, c, ORDER, in[IN_T]);
     out[1] = lg_add(tape, product(tape, qx, in[IN_S]), qu);
     out[2] = lg_add(tape, in[IN_Z], lg_mul(tape, in[IN_T], out[0]));
@@ -130,7 +131,7 @@ static lg_status record(lg_flow *w, lg_error *error) {
                   many[INPUTS] = {[IN_Z] = z,
                                   [IN_C] = {.name = "c", .shape = lg_shape1(LOW * n)},
                                   [IN_R] = {.name = "r", .shape = state},
-                                  [IN_A] = {.name = "a", .shape = lg_shape2(LOW * n, all)},
+                                  [IN_A] = {.name = "a", .shape = lg_shape2(FLAT * n, all)},
                                   [IN_DR] = {.name = "dr", .shape = wide},
                                   [IN_FX] = {.name = "fx", .shape = wide},
                                   [IN_W] = {.name = "w", .shape = wide},
@@ -145,30 +146,27 @@ static lg_status record(lg_flow *w, lg_error *error) {
                                           {"tube", from, 4, out, 1, tube, w},
                                           {"advance", many, INPUTS, out, 5, advance, w}};
     lg_program_spec program;
-    lg_derivative what;
     lg_program_spec_init(&program);
     program.functions = functions;
     program.function_count = LG_COUNT(functions);
-    LG_TRY(lg_program_build(w->context, &program, &w->program, error));
-    lg_derivative_init(&what);
-    what.kind = LG_DERIVATIVE_JACOBIAN;
-    what.function = "start";
-    return lg_program_derive(w->program, &what, error);
+    return lg_program_build(w->context, &program, &w->program, error);
 }
 
 static lg_status evaluators(lg_flow *w, lg_error *error) {
     static const struct {
         uint32_t place;
         size_t function; /* of the program */
-    } plain[] = {{START, 0}, {TUBE, 2}, {ADVANCE, 3}, {SLOPE, 4}};
+    } plain[] = {{START, 0}, {TUBE, 2}, {ADVANCE, 3}};
     static const struct {
         uint32_t place, first, last;
-        bool slopes;
-    } taylor[] = {{VALUES, 1, LOW, false},
-                  {REST, ORDER, ORDER, false},
-                  {SLOPES, 1, LOW, true},
-                  {REST_SLOPES, ORDER, ORDER, true},
-                  {RATE_SLOPES, 1, 1, true}};
+        bool slopes, chords;
+        size_t function;
+    } taylor[] = {{START_CHORDS, 0, 0, true, true, 0},
+                  {VALUES, 1, LOW, false, false, 1},
+                  {CHORDS, 1, FLAT, true, true, 1},
+                  {REST, ORDER, ORDER, false, false, 1},
+                  {REST_SLOPES, STEEP, STEEP, true, false, 1},
+                  {RATE_SLOPES, 1, 1, true, false, 1}};
     static const size_t rate = 1;
     lg_interval *f = NULL;
     for (size_t i = 0; i < LG_COUNT(plain); i++)
@@ -176,10 +174,11 @@ static lg_status evaluators(lg_flow *w, lg_error *error) {
     for (size_t i = 0; i < LG_COUNT(taylor); i++) {
         lg_interval_taylor_spec spec;
         lg_interval_taylor_spec_init(&spec);
-        spec.function = rate;
+        spec.function = taylor[i].function;
         spec.first = taylor[i].first;
         spec.last = taylor[i].last;
         spec.slopes = taylor[i].slopes;
+        spec.chords = taylor[i].chords;
         LG_TRY(lg_interval_taylor(w->program, &spec, NULL, &w->f[taylor[i].place], error));
     }
     LG_TRY(lg_interval_create(w->program, &rate, 1, NULL, &f, error));
@@ -215,7 +214,7 @@ static double radius(size_t n, double *A) {
 typedef struct desk {
     const lg_flow *w;
     const lg_flow_boxes *b;
-    lg_bounds packed, out, z, u, zm, um, Z, Zm, c, r, A, dr, fx, W, S, K, k, t, h, D, Q, next;
+    lg_bounds packed, out, z, u, zm, um, Z, Zm, c, r, skip, A, dr, fx, W, S, K, k, t, h, D, Q, next;
     void *evaluation;
     uint8_t *flags; /* of `out` */
     uint8_t least[LG_FLOW_BOXES];
@@ -246,11 +245,29 @@ static desk desk_of(const lg_flow *w, unsigned char *base, size_t *used) {
     const struct {
         lg_bounds *to;
         size_t width;
-    } all_of[] = {{&d.packed, most[1]}, {&d.out, most[2]}, {&d.z, n},    {&d.u, m},       {&d.zm, n},
-                  {&d.um, m},           {&d.Z, n},         {&d.Zm, n},   {&d.c, LOW * n}, {&d.r, n},
-                  {&d.A, LOW * all},    {&d.dr, all},      {&d.fx, all}, {&d.W, all},     {&d.S, n * n},
-                  {&d.K, m * n},        {&d.k, n},         {&d.t, 1},    {&d.h, 1},       {&d.D, n},
-                  {&d.Q, n * n},        {&d.next, n}};
+    } all_of[] = {{&d.packed, most[1]},
+                  {&d.out, most[2]},
+                  {&d.z, n},
+                  {&d.u, m},
+                  {&d.zm, n},
+                  {&d.um, m},
+                  {&d.Z, n},
+                  {&d.Zm, n},
+                  {&d.c, LOW * n},
+                  {&d.r, n},
+                  {&d.skip, FLAT * n},
+                  {&d.A, FLAT * all},
+                  {&d.dr, all},
+                  {&d.fx, all},
+                  {&d.W, all},
+                  {&d.S, n * n},
+                  {&d.K, m * n},
+                  {&d.k, n},
+                  {&d.t, 1},
+                  {&d.h, 1},
+                  {&d.D, n},
+                  {&d.Q, n * n},
+                  {&d.next, n}};
     for (size_t i = 0; i < LG_COUNT(all_of); i++) *all_of[i].to = take(base, used, all_of[i].width);
     d.flags = base == NULL ? NULL : base + *used;
     *used += (LG_FLOW_BOXES * most[2] + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
@@ -425,9 +442,10 @@ static void step(desk *d, double h) {
     find_tube(d, &d->zm, &d->um, &d->Zm);
     find_tube(d, &d->z, &d->u, &d->Z);
     if (b->tube.low != NULL) copy(&b->tube, &d->Z, b->count);
+    EVALUATE(d, CHORDS, ((const lg_bounds *[]){&d->z, &d->u, &d->zm, &d->um}),
+             ((lg_bounds *[]){&d->skip, &d->A}));
     EVALUATE(d, VALUES, ((const lg_bounds *[]){&d->zm, &d->um}), ((lg_bounds *[]){&d->c}));
     EVALUATE(d, REST, ((const lg_bounds *[]){&d->Zm, &d->um}), ((lg_bounds *[]){&d->r}));
-    EVALUATE(d, SLOPES, ((const lg_bounds *[]){&d->z, &d->u}), ((lg_bounds *[]){&d->A}));
     EVALUATE(d, REST_SLOPES, ((const lg_bounds *[]){&d->Z, &d->u}), ((lg_bounds *[]){&d->dr}));
     EVALUATE(d, RATE_SLOPES, ((const lg_bounds *[]){&d->Z, &d->u}), ((lg_bounds *[]){&d->fx}));
     find_widths(d, h);
@@ -458,9 +476,9 @@ void lg_flow_eval(const lg_flow *w, const lg_flow_boxes *b, void *work) {
     memset(b->unbounded, 0, b->count * sizeof *b->unbounded);
     memset(b->no_tube, 0, b->count * sizeof *b->no_tube);
     memset(b->flag, LG_INTERVAL_DIFFERENTIABLE, b->count);
-    EVALUATE(&d, START, ((const lg_bounds *[]){&at}), ((lg_bounds *[]){&d.zm, &d.um}));
     EVALUATE(&d, START, ((const lg_bounds *[]){&box}), ((lg_bounds *[]){&d.z, &d.u}));
-    EVALUATE(&d, SLOPE, ((const lg_bounds *[]){&box}), ((lg_bounds *[]){&d.S, &d.K}));
+    EVALUATE(&d, START_CHORDS, ((const lg_bounds *[]){&box, &at}),
+             ((lg_bounds *[]){&d.zm, &d.um, &d.S, &d.K}));
     for (size_t i = 0; i < b->count * n; i++) {
         const double l = b->low[i] - b->at[i], h = b->high[i] - b->at[i];
         d.k.low[i] = l == 0 ? 0 : nextafter(l, -DBL_MAX);

@@ -1,10 +1,11 @@
 /* Bounds of flows over boxes: of x' = f(x, u) during a period in which u = k(x(0)) is held.
  *
  * Coordinates are y with x = goal + T y, and z = T y. About a point m of a box, for y = m + k in the box, the
- * state after a time t is F + S k, with F at m and S the Jacobian by y over the box. Both are Taylor
- * polynomials in time with a remainder: with the coefficients x_k of motions (lg_interval_taylor),
+ * state after a time t is F + S k, with F at m and S slopes of chords from m to the points of the box. Both
+ * are Taylor polynomials in time with a remainder: with the coefficients x_k of motions
+ * (lg_interval_taylor), the slopes S_k of their chords, and Jacobians D,
  *     F = sum_{k<p} t^k x_k(m) + t^p x_p(Z_m),
- *     S = (1 + sum_{k<p} t^k Dx_k(X) + t^p Dx_p(Z) J) S_0,
+ *     S = (1 + sum_{k<q} t^k S_k(X, m) + t^q Dx_q(Z) J) S_0,
  * where the tubes Z_m and Z hold the motions from m and from the box X during the step (Picard), and J holds
  * their Jacobians by the state and the input at its start. A period is a chain of such steps. */
 #ifndef LG_CERTIFY_FLOW_H
@@ -28,7 +29,7 @@ typedef struct lg_flow_spec {
     const double *goal, *T; /* (n); (n, n) */
 } lg_flow_spec;
 
-enum { LG_FLOW_BOXES = 128, LG_FLOW_DOUBLINGS = 4, LG_FLOW_ORDER = 4 };
+enum { LG_FLOW_BOXES = 128, LG_FLOW_DOUBLINGS = 4, LG_FLOW_ORDER = 5 };
 
 /* `spec` is read during this call only. The number of steps in a period follows from the fastest mode at the
  * goal. */
@@ -55,7 +56,7 @@ typedef struct lg_flow_boxes {
     uint32_t doublings;       /* the period has 2^doublings times as many steps */
     lg_flow_part *part;       /* NULL: none */
     void *user;
-    lg_bounds F, S, X;         /* results: z at the end from m; its Jacobian by y (n, n); z from the box */
+    lg_bounds F, S, X;         /* results: z at the end from m; slopes by y from m (n, n); z from the box */
     lg_bounds tube;            /* the tube of the last step from the box; low NULL: not needed */
     bool *unbounded, *no_tube; /* (count): no bounds; because of the tubes, so more steps may help */
     uint8_t *flag; /* (count): the least of the rate's over the tubes and the input's over the box; below

@@ -55,17 +55,20 @@ lg_status lg_interval_taylor(const lg_program *program, const lg_interval_taylor
     enum { MOST = 12 };
     size_t inputs, outputs;
     LG_NEEDS(error, program, spec, out);
-    if (spec->size != sizeof *spec || spec->first < 1 || spec->first > spec->last || spec->last > MOST)
+    const bool itself = spec->first == 0 && spec->last == 0;
+    if (spec->size != sizeof *spec || (spec->first < 1 && !itself) || spec->first > spec->last ||
+        spec->last > MOST)
         return lg_fail(
             error, LG_INVALID_ARGUMENT,
-            "lg_interval_taylor_spec: the size is wrong, or the orders are not 1 <= first <= last <= %d",
+            "lg_interval_taylor_spec: the size is wrong, or the orders are not 1 <= first <= last <= %d, "
+            "nor both 0",
             MOST);
     if (spec->function >= lg_program_functions(program))
         return lg_fail(error, LG_NOT_FOUND, "the program has no function number %zu", spec->function);
     const lg_port *in = lg_program_inputs(program, spec->function, &inputs),
                   *to = lg_program_outputs(program, spec->function, &outputs);
     const size_t states = inputs < 1 || inputs > 2 ? 0 : lg_shape_count(in[0].shape);
-    if (states == 0 || outputs != 1 || lg_shape_count(to[0].shape) != states)
+    if (!itself && (states == 0 || outputs != 1 || lg_shape_count(to[0].shape) != states))
         return lg_fail(
             error, LG_INVALID_ARGUMENT,
             "the function number %zu needs the inputs x (n) and u (m), or x alone, and one output (n)",

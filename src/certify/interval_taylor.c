@@ -17,6 +17,7 @@ typedef struct taylor {
     lg_scalar *coefficient; /* (capacity, orders): 1 + the instruction; 0: not computed */
     size_t capacity;
     lg_scalar *state; /* (orders, states): x_k for k >= 1 */
+    lg_scalar *point; /* for each instruction: the same at a point; NULL: Jacobians instead of chords */
     const char *unsupported;
 } taylor;
 
@@ -103,6 +104,37 @@ SLOPE(of_numbered) {
     (void)y, (void)k;
     if ((stumpff ? c->n / 16 : c->n) + 1 > LG_STUMPFF_MAX_ORDER) t->unsupported = "a Stumpff function";
     return lg_s_numbered(t->s, c->op, c->in[0], c->n + (stumpff ? 16 : 1));
+}
+
+/* ---- slopes of chords from a point: y - y_0 = sum_k slope_k (in_k - in_k0) ----
+ *
+ * The slope of a smooth operation over the box is a slope of its chords, too. These are narrower, mostly by
+ * half. */
+
+SLOPE(chord_of_product) {
+    (void)y;
+    const lg_scalar a = c->in[0], first = t->point[a];
+    if (a == c->in[1]) return lg_s_add(t->s, a, first);
+    return k == 0 ? c->in[1] : first;
+}
+SLOPE(chord_of_quotient) {
+    if (k == 0) return lg_s_div(t->s, number(t, 1), c->in[1]);
+    return lg_s_neg(t->s, lg_s_div(t->s, t->point[y], c->in[1]));
+}
+SLOPE(chord_of_root) {
+    (void)c, (void)k;
+    return lg_s_div(t->s, number(t, 1), lg_s_add(t->s, y, t->point[y]));
+}
+/* sin a - sin b = cos((a + b)/2) (a - b) sin(w)/w with w = (a - b)/2, and 1 - w^2/6 <= sin(w)/w <= 1. The
+ * bounds of w^2 begin with 0. */
+SLOPE(chord_of_wave) {
+    const lg_scalar a = c->in[0], b = t->point[a], half = lg_s_scale(t->s, 0.5, lg_s_add(t->s, a, b)),
+                    apart = lg_s_sub(t->s, a, b), square = lg_s_mul(t->s, apart, apart),
+                    least = lg_s_sub(t->s, number(t, 1), lg_s_scale(t->s, 0x1.5555555555556p-5, square)),
+                    slope = lg_s(t->s, c->op == LG_S_SIN ? LG_S_COS : LG_S_SIN, half, 0),
+                    out = lg_s_mul(t->s, slope, least);
+    (void)y, (void)k;
+    return c->op == LG_S_SIN ? out : lg_s_neg(t->s, out);
 }
 
 /* ---- kinks and jumps ---- */
@@ -194,17 +226,18 @@ static const struct {
     slope_of *slope;
     series_of *series; /* NULL: from the slope */
     choice_of *choice; /* instead of a slope */
+    slope_of *chord;   /* NULL: the slope over the box */
 } rows[LG_SCALAR_OPS] = {[LG_S_ADD] = {by_one, sum_series, NULL},
                          [LG_S_SUB] = {by_sign, sum_series, NULL},
                          [LG_S_NEG] = {by_sign, sum_series, NULL},
-                         [LG_S_MUL] = {by_other, product_series, NULL},
-                         [LG_S_DIV] = {of_quotient, quotient_series, NULL},
-                         [LG_S_SQRT] = {of_root, root_series, NULL},
+                         [LG_S_MUL] = {by_other, product_series, NULL, chord_of_product},
+                         [LG_S_DIV] = {of_quotient, quotient_series, NULL, chord_of_quotient},
+                         [LG_S_SQRT] = {of_root, root_series, NULL, chord_of_root},
                          [LG_S_POW] = {of_power, NULL, NULL},
                          [LG_S_EXP] = {of_exp, NULL, NULL},
                          [LG_S_LOG] = {of_log, NULL, NULL},
-                         [LG_S_SIN] = {of_sin, NULL, NULL},
-                         [LG_S_COS] = {of_cos, NULL, NULL},
+                         [LG_S_SIN] = {of_sin, NULL, NULL, chord_of_wave},
+                         [LG_S_COS] = {of_cos, NULL, NULL, chord_of_wave},
                          [LG_S_TANH] = {of_tanh, NULL, NULL},
                          [LG_S_SIGMOID] = {of_sigmoid, NULL, NULL},
                          [LG_S_ATAN2] = {of_angle, NULL, NULL},
@@ -290,27 +323,47 @@ static lg_scalar derivative(taylor *t, lg_scalar i, const lg_scalar *of, size_t 
     if (!moves) return sum;
     if (is_jump(t, &c)) return i;
     if (rows[c.op].choice != NULL) return rows[c.op].choice(t, &c, d, false);
+    slope_of *const slope =
+        t->point != NULL && rows[c.op].chord != NULL ? rows[c.op].chord : rows[c.op].slope;
     for (uint32_t o = 0; o < operands(&c); o++)
-        if (!is_zero(t, d[o])) sum = lg_s_add(t->s, sum, lg_s_mul(t->s, rows[c.op].slope(t, &c, i, o), d[o]));
+        if (!is_zero(t, d[o])) sum = lg_s_add(t->s, sum, lg_s_mul(t->s, slope(t, &c, i, o), d[o]));
     return sum;
 }
 
-/* The Jacobians of `count` results, (count, columns) */
-static lg_scalar *jacobians(taylor *t, const lg_scalar *result, size_t count) {
+/* The instruction with other operands; inputs follow those of the code. */
+static lg_scalar copied(taylor *t, lg_scalar i) {
+    const lg_scalar_code c = t->s->code[i];
+    const lg_scalar *in = c.in, *to = t->point;
+    if (c.op == LG_S_CONSTANT) return i;
+    if (c.op == LG_S_INPUT) return lg_s_input(t->s, c.n + (uint32_t)t->columns);
+    if (c.op == LG_S_SELECT) return lg_s_select(t->s, to[in[0]], to[in[1]], to[in[2]]);
+    if (c.op == LG_S_POW) return lg_s_pow(t->s, to[in[0]], c.p);
+    if (c.op == LG_S_STUMPFF || c.op == LG_S_DEXPINV) return lg_s_numbered(t->s, c.op, to[in[0]], c.n);
+    return lg_s(t->s, c.op, to[in[0]], to[in[1]]);
+}
+
+/* The Jacobians of `count` results, (count, columns). `chords`: the results at a point, then slopes of
+ * chords */
+static lg_scalar *jacobians(taylor *t, const lg_scalar *result, size_t count, bool chords) {
     const uint32_t end = t->s->count;
     lg_scalar *of = lg_heap_take(&t->x->heap, (size_t)end * t->columns + 1, sizeof *of),
-              *out = lg_heap_take(&t->x->heap, count * t->columns + 1, sizeof *out);
+              *all = lg_heap_take(&t->x->heap, count * (t->columns + 1) + 1, sizeof *all),
+              *point = lg_heap_take(&t->x->heap, end, sizeof *point), *out = all;
     uint8_t *live = lg_heap_take(&t->x->heap, end, 1);
-    if (of == NULL || out == NULL || live == NULL) return NULL;
+    if (of == NULL || all == NULL || live == NULL || point == NULL) return NULL;
     for (size_t j = 0; j < count; j++) live[result[j]] = 1;
     for (uint32_t i = end; i-- > 0;)
         for (uint32_t k = 0; live[i] && k < lg_scalar_instructions(t->s->code[i].op); k++)
             live[t->s->code[i].in[k]] = 1;
+    if (chords) t->point = point;
+    for (uint32_t i = 0; i < end && chords && !t->s->failed; i++)
+        if (live[i]) point[i] = copied(t, i);
+    for (size_t j = 0; j < count && chords; j++) *out++ = point[result[j]];
     for (uint32_t i = 0; i < end && !t->s->failed; i++)
         for (size_t j = 0; live[i] && j < t->columns; j++) of[i * t->columns + j] = derivative(t, i, of, j);
     for (size_t j = 0; j < count * t->columns; j++)
         out[j] = of[result[j / t->columns] * t->columns + j % t->columns];
-    return out;
+    return all;
 }
 
 /* ---- the evaluator ---- */
@@ -319,7 +372,7 @@ lg_status lg_expansion_taylor(lg_expansion *x, size_t states, const lg_interval_
                               lg_error *error) {
     taylor t = {.x = x, .s = &x->s, .states = states, .columns = x->inputs, .orders = what->last};
     const uint32_t code = t.s->count;
-    const size_t count = (what->last - what->first + 1) * states;
+    const size_t count = what->last == 0 ? x->results : (what->last - what->first + 1) * states;
     t.state = lg_heap_take(&x->heap, what->last * states + 1, sizeof *t.state);
     if (t.state == NULL) return LG_OUT_OF_MEMORY;
     x->s.drops = true;
@@ -328,11 +381,12 @@ lg_status lg_expansion_taylor(lg_expansion *x, size_t states, const lg_interval_
         for (size_t j = 0; j < states; j++)
             t.state[k * states + j] = part(&t, 1, k + 1, at(&t, x->result[j], k));
     }
-    x->result = t.state + (what->first - 1) * states;
+    if (what->last > 0) x->result = t.state + (what->first - 1) * states;
     x->results = count;
     if (what->slopes && !t.s->failed) {
-        x->results = count * t.columns;
-        x->result = jacobians(&t, x->result, count);
+        x->results = count * (t.columns + what->chords);
+        x->result = jacobians(&t, x->result, count, what->chords);
+        if (what->chords) x->inputs = 2 * t.columns;
     }
     if (t.unsupported != NULL)
         return lg_fail(error, LG_UNSUPPORTED, "the rate has no Taylor coefficients of order %u: %s",

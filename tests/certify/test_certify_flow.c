@@ -97,18 +97,18 @@ static void check_point(size_t box, lg_rng *r) {
         assert_inside(l, h, X[i] * c.f.size[i], slack, "a state by the mean value");
         assert_inside(c.X[0][row], c.X[1][row], X[i] * c.f.size[i], 1e-17L * c.f.size[i], "a state");
     }
-    /* slopes, away from kinks of the input */
+    /* slopes of chords from the middle, along each side */
     for (size_t j = 0; j < n; j++) {
-        const double was = y[j], by = 1e-5;
-        y[j] = was - by;
-        exact(y, c.period, low);
-        y[j] = was + by;
-        exact(y, c.period, high);
-        y[j] = was;
-        if (!(c.low[box * n + j] + by <= was && was + by <= c.high[box * n + j])) continue;
+        double to[N];
+        memcpy(to, c.at + box * n, sizeof to);
+        to[j] = y[j];
+        const double by = to[j] - c.at[box * n + j];
+        if (fabs(by) < 1e-5) continue;
+        exact(c.at + box * n, c.period, low);
+        exact(to, c.period, high);
         for (size_t i = 0; i < n; i++)
             assert_inside(c.S[0][(box * n + i) * n + j], c.S[1][(box * n + i) * n + j],
-                          (high[i] - low[i]) * c.f.size[i] / (2 * by), 1e-9L * c.f.size[i], "a slope");
+                          (high[i] - low[i]) * c.f.size[i] / by, 1e-9L * c.f.size[i], "a slope");
     }
 }
 

@@ -7,6 +7,7 @@
 
 /* x' = (op(a, b, c), x_0/2 - x_1 + u, x_0 - .3 x_2 x_1), where a, b, c are sums of states and the input. */
 enum { N = 3, COLUMNS = 4, ORDERS = 5 };
+enum { COEFFICIENTS, SLOPES, CHORDS };
 
 typedef struct motion {
     lg_expansion x;
@@ -24,7 +25,7 @@ static lg_scalar scaled(lg_scalars *s, double c, lg_scalar a) {
     return lg_s_scale(s, c, a);
 }
 
-static motion *motion_of(lg_scalar_op op, uint32_t n, double p, uint32_t first, uint32_t last, bool slopes) {
+static motion *motion_of(lg_scalar_op op, uint32_t n, double p, uint32_t first, uint32_t last, int kind) {
     motion *m = TEST_ARRAY(motion, 1);
     lg_scalar in[COLUMNS], a[3];
     lg_scalars *s = &m->x.s;
@@ -49,13 +50,14 @@ static motion *motion_of(lg_scalar_op op, uint32_t n, double p, uint32_t first, 
     lg_interval_taylor_spec_init(&spec);
     spec.first = first;
     spec.last = last;
-    spec.slopes = slopes;
+    spec.slopes = kind != COEFFICIENTS;
+    spec.chords = kind == CHORDS;
     lg_error error = {LG_OK, ""};
     const lg_status status = lg_expansion_taylor(&m->x, N, &spec, &error);
     if (status != LG_OK) fail_msg("instruction %d: %s", (int)op, error.message);
     m->f = lg_alloc(NULL, 1, sizeof *m->f);
     *m->f = (lg_interval){.run = lg_interval_kernel(lg_isa_in_use()),
-                          .inputs = COLUMNS,
+                          .inputs = m->x.inputs,
                           .outputs = m->x.results,
                           .functions = 1};
     assert_ok(lg_interval_choose(&m->x, false, m->f));
@@ -137,12 +139,51 @@ static void check_boxes(lg_scalar_op op, uint32_t n, double p, bool slopes, lg_r
     }
 }
 
+/* The coefficients at a point, and x_k(x) - x_k(x_0) in S (x - x_0) for points x of a box. */
+static size_t check_chords(lg_scalar_op op, uint32_t n, double p, lg_rng *rng) {
+    enum { BOX = 40, RESULTS = 4 * N, ALL = RESULTS * (1 + COLUMNS) };
+    const motion *m = motion_of(op, n, p, 1, 4, CHORDS), *value = motion_of(op, n, p, 1, 4, COEFFICIENTS);
+    double low[2 * COLUMNS], high[2 * COLUMNS], at[COLUMNS], l[ALL], h[ALL];
+    long double first[RESULTS], other[RESULTS];
+    size_t bounded = 0;
+    assert_int_equal(m->x.results, ALL);
+    for (size_t i = 0; i < BOX; i++) {
+        draw_point(rng, at);
+        for (size_t c = 0; c < COLUMNS; c++) {
+            draw_box(rng, at[c], &low[c], &high[c]);
+            at[c] = draw_in(rng, low[c], high[c]);
+            low[COLUMNS + c] = high[COLUMNS + c] = at[c];
+        }
+        assert_ok(lg_interval_eval(m->f, 1, low, high, l, h, NULL,
+                                   lg_test_memory(lg_interval_work_size(m->f)), NULL));
+        walk(value, at, first);
+        for (size_t c = 0; c < COLUMNS; c++) at[c] = draw_in(rng, low[c], high[c]);
+        walk(value, at, other);
+        for (size_t j = 0; j < RESULTS; j++) {
+            long double least = other[j] - first[j], most = least, size = fabsl(first[j]) + fabsl(other[j]);
+            for (size_t c = 0; c < COLUMNS; c++) {
+                const long double by = (long double)at[c] - low[COLUMNS + c];
+                const size_t k = RESULTS + j * COLUMNS + c;
+                if (by == 0) continue;
+                least -= by * (by > 0 ? h[k] : l[k]);
+                most -= by * (by > 0 ? l[k] : h[k]);
+                size += fabsl(by) * fmaxl(fabsl((long double)l[k]), fabsl((long double)h[k]));
+            }
+            bounded += isfinite((double)size);
+            if (!is_within(l[j], h[j], first[j]) || least > 1e-17L * size || most < -1e-17L * size)
+                fail_msg("instruction %d, result %zu: a chord is outside of its bounds", (int)op, j);
+        }
+    }
+    return bounded;
+}
+
 static const double powers[] = {-2, -1, 0.5, 1.5, 3, 4, -0.5, 0.1, 2.7};
 static const uint32_t numbers[] = {0, 1, 2, 3, 17, 34};
 
-TEST("every operation's coefficients are those of its motion, and their Jacobians are slopes") {
+TEST("every operation's coefficients are those of its motion, and their Jacobians are slopes, also of "
+     "chords") {
     lg_rng rng = test_rng(64, 1);
-    size_t points = 0;
+    size_t points = 0, bounded = 0;
     for (int op = LG_S_ADD; op < LG_SCALAR_OPS; op++)
         for (size_t k = 0; k < LG_COUNT(powers); k++) {
             const uint32_t n = op == LG_S_DEXPINV ? numbers[k % 4] : numbers[k % LG_COUNT(numbers)];
@@ -150,9 +191,10 @@ TEST("every operation's coefficients are those of its motion, and their Jacobian
             points += check_row((lg_scalar_op)op, n, powers[k], &rng);
             check_boxes((lg_scalar_op)op, n, powers[k], false, &rng);
             check_boxes((lg_scalar_op)op, n, powers[k], true, &rng);
+            bounded += check_chords((lg_scalar_op)op, n, powers[k], &rng);
             lg_test_give_back(mark);
         }
-    assert_true(points > 3000);
+    assert_true(points > 3000 && bounded > 40000);
 }
 
 TEST("over a kink, x_1, x_2 and the Jacobian of x_1 have bounds; what would be a jump has none") {
@@ -226,7 +268,8 @@ TEST("of a program: x' = u - x has x_k = -x_{k-1}/k; orders, ports and operation
                {sizeof what, 2, 1, 2, LG_UNSUPPORTED, "no comparison"},
                {sizeof what, 3, 1, 2, LG_INVALID_ARGUMENT, "inputs"}};
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
-        what = (lg_interval_taylor_spec){bad[i].size, bad[i].function, bad[i].first, bad[i].last, false};
+        what =
+            (lg_interval_taylor_spec){bad[i].size, bad[i].function, bad[i].first, bad[i].last, false, false};
         assert_status(lg_interval_taylor(program, &what, NULL, &f, &error), bad[i].status);
         assert_says(error.message, bad[i].words);
     }
