@@ -183,7 +183,8 @@ static void write_claim(lg_certify *c) {
         (void)lg_format(falls, sizeof falls,
                         "V falls in every period of the exact motion (inputs are held for %.6g)", c->period);
         if (isfinite(c->between) && c->between > 0)
-            (void)lg_format(between, sizeof between, " and V <= %.6g between the samples", c->between);
+            (void)lg_format(between, sizeof between, " and V <= %.6g between the samples%s", c->between,
+                            c->errors ? " (of the model)" : "");
         else
             (void)snprintf(between, sizeof between, "; V has no bound between the samples");
     } else if (c->step)

@@ -177,7 +177,7 @@ TEST("levels and errors of the model") {
     assert_int_equal(json_array(json_find(result.out, "failed"), "th", side, 2), 2);
     cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --model-error w=0.002 --json", 0, "");
     assert_says(result.out, "\"converges\": false");
-    assert_says(result.out, "the next state may err by up to (0, 0.002)");
+    assert_says(result.out, "between the samples (of the model); the next state may err by up to (0, 0.002)");
     cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --continuous --model-error 0.2 --json", 0, "");
     assert_says(result.out, "\"converges\": false");
     assert_says(result.out, "the rate may err by up to (0, 0.2)");
