@@ -1,15 +1,6 @@
 #!/usr/bin/env python3
-"""Proves the claim of a certificate again, from the file alone, without liegrad; it trusts no label of a box.
-
-usage: check.py CERTIFICATE...    exit code 0: all are proved, 1: one is not, 3: one is no certificate
-
-A box holds y of states x = goal + T y; k = y - its middle m. Boxes without a proof are halved.
-  held:       F = x(period) from m, A = dF/dy on the box: D = F - x(m), E = A - T, S = 2 T m + D, G = A + T
-  continuous: F = x' at m, A = dF/dy on the box: D = F, E = A, S = 2 T m, G = 2 T
-V(x(period)) - V(x), or V', is (D + E k).P (S + G k) for a matrix in A, which holds all slopes, also at kinks.
-Motions, and slopes, stay in Z for a time h if Z contains X + [0, h] f(Z). x(h) is a Taylor polynomial with its
-last coefficient over Z; with a kink of f in Z it ends at x'', and its slopes one earlier. + - * / are IEEE
-operations, moved outward; other functions are balls of 90 bits. NaN: not known; comparisons are false."""
+"""check.py CERTIFICATE...: proves certificates again, from their files alone (README.md: how).
+Exit code 0: all are proved, 1: one is not, 3: one is no certificate. A bound NaN: not known; comparisons are false."""
 import hashlib, json, math, re, sys, time
 import numpy as np
 try: from flint import arb, ctx
@@ -67,7 +58,7 @@ def trig(name, x):
     both, one = (last > first) | ~(x.size().h < 1e15), last >= first
     return I(np.where(both | one & (first % 2 != 0), -1, np.maximum(-1, np.minimum(a.l, b.l))),
              np.where(both | one & (first % 2 == 0), 1, np.minimum(1, np.maximum(a.h, b.h))))
-# Operations: coefficient k in time from the operands' coefficients x, the earlier ones y and those of the slope z
+# Operations: coefficient k in time from the operands' ones x, the earlier ones y and the slope's z
 # rate_of(a, b): the coefficient of the integral of a' b
 def chain(x, value, slope): return join(value, slope * x[1:])
 def dmul(a, b): r = a[:1] * b; return join(r[:1], r[1:] + a[1:] * b[:1])
@@ -103,18 +94,18 @@ def function(values, later):   # values: y, slope z and its slope; later: z_k
         z.append(later(k, x[0], y + [r], z) if k else chain(x[0][0], *v[1:]))
         return r
     return op
-def of_exp(v): e = monotone('exp', v); return e, e, e
+def of_exp(v): return (monotone('exp', v),) * 3
 def of_log(v): return monotone('log', v), I(1) / v, -(I(1) / v.square())
 def of_sin(v): s, c = trig('sin', v), trig('cos', v); return s, c, -s
 def of_cos(v): s, c = trig('sin', v), trig('cos', v); return c, -s, -c
 def of_tanh(v): t = cap(monotone('tanh', v), I(-1, 1)); w = I(1) - t.square(); return t, w, t * w * I(-2)
-def turning(k, x, y, z): return -rate_of(x, y, k)
-def op_div(k, x, y, z): return ddiv(x[0][k] - conv(y, x[1], k, 0, k), x[1][0])
-def inverse(k, x, y, z): return ddiv(-conv(z, x, k, 0, k), x[0])
+turning = lambda k, x, y, z: -rate_of(x, y, k)
 OPS = {'add': lambda k, x, y, z: x[0][k] + x[1][k], 'neg': lambda k, x, y, z: -x[0][k], 'mul': op_mul,
-       'exp': function(of_exp, lambda k, x, y, z: y[k]), 'sin': function(of_sin, turning), 'div': op_div,
-       'tanh': function(of_tanh, lambda k, x, y, z: -op_mul(k, [y, y], y, z)), 'atan2': op_atan2,
-       'cos': function(of_cos, turning), 'log': function(of_log, inverse), 'max': op_max, 'ge': op_ge, 'select': op_select}
+       'div': lambda k, x, y, z: ddiv(x[0][k] - conv(y, x[1], k, 0, k), x[1][0]), 'atan2': op_atan2,
+       'exp': function(of_exp, lambda k, x, y, z: y[k]), 'sin': function(of_sin, turning), 'max': op_max,
+       'tanh': function(of_tanh, lambda k, x, y, z: -op_mul(k, [y, y], y, z)), 'cos': function(of_cos, turning),
+       'log': function(of_log, lambda k, x, y, z: ddiv(-conv(z, x, k, 0, k), x[0])), 'ge': op_ge,
+       'select': op_select}
 COUNT = {'in': 0, 'number': 0, 'select': 3, **dict.fromkeys('add sub mul div atan2 max ge'.split(), 2)}
 # Where an operation is smooth, from its operands' bounds; elsewhere max has a kink and the others no slope
 SMOOTH = {'log': lambda l, h: l[0] > 0, 'div': lambda l, h: (l[1] > 0) | (h[1] < 0),
@@ -134,11 +125,8 @@ class Program:
             elif op == 'sub': r = p('add', x[0], p('neg', x[1]))
             elif op == 'abs': r = p('max', p('max', x[0], p('neg', x[0])), p('number', 0))
             elif op == 'sign': o = p('number', 0); r = p('add', p('ge', x[0], o), p('neg', p('ge', o, x[0])))
-            elif op == 'sigmoid': o = p('number', .5); r = p('add', o, p('mul', o, p('tanh', p('mul', o, *x))))
-            elif op == 'pow' and a[1] in {*range(-32, 33)} - {0}:
-                r = x[0]
-                for i in range(int(abs(a[1])) - 1): r = p('mul', x[0], r)
-                if a[1] < 0: r = p('div', p('number', 1), r)
+            elif op == 'sigmoid': o = p('number', .5); r = p('add', o, p('mul', o, p('tanh', p('mul', o, x[0]))))
+            elif op == 'pow' and a[1] in (2, 3): r = p('mul', x[0], p('mul', *x, *x) if a[1] == 3 else x[0])
             elif op in ('pow', 'sqrt'): r = p('exp', p('mul', p('number', (*a, .5)[1]), p('log', *x)))
             else: raise Refused(f'the checker has no operation {op}')
             new.append(r)
@@ -163,7 +151,8 @@ class Program:
         return np.where((l[0] > 0) | (h[0] < 0), np.minimum(f[0], f[1]), no)
     def value(s, x, u=None):
         C = []
-        return s.coefficients(0, [x], u, C), np.minimum.reduce(np.broadcast_arrays(2, *[C[i][2] for i in s.outputs]))
+        r = s.coefficients(0, [x], u, C)
+        return r, np.minimum.reduce(np.broadcast_arrays(2, *[C[i][2] for i in s.outputs]))
 def tube(rate, x, u, h):
     y = x
     for t in range(12):
@@ -223,16 +212,16 @@ class Proof:
         s.period, s.order, s.steps, s.between = 1, 1, 1, None
         if s.held: s.period, s.order, s.steps, s.between = c['period'], p['order'], p['steps'], c['between']
         if not (np.isfinite(v).all() and np.isfinite(P + T).all() and v.shape == (5, n) and min(error) >= 0
-                and 0 < s.eps < s.level < math.inf and (P == P.swapaxes(0, 1)).all() and 0 < s.period < math.inf
-                and s.steps in [1 << i for i in range(20)] and 0 < s.order <= 20): raise Refused('a wrong number')
-        s.P, s.T, s.near, s.errors, s.extra = I(P), I(T), near[:, None], I(error[:, None]), I(np.eye(n)[..., None])
-        s.Q, root = s.T.turn() @ (s.P @ s.T), np.minimum(-s.low, s.high)
+                and 0 < s.eps < s.level < math.inf and (P == P.swapaxes(0, 1)).all() and s.period > 0
+                and s.steps in [1 << i for i in range(20)] and 0 < s.order < 20): raise Refused('wrong numbers')
+        s.P, s.T, s.near, s.errors = I(P), I(T), near[:, None], I(error[:, None])
+        s.extra, s.Q, root = I(np.eye(n)[..., None]), s.T.turn() @ (s.P @ s.T), np.minimum(-s.low, s.high)
         if s.even and s.low[0] <= 0: root[0] = s.high[0]
         ends = [math.nextafter(min(g - (-1e300 if l is None else l), (1e300 if h is None else h) - g), 0)
                 for l, g, h in zip(c['low'], s.goal, c['high'], strict=True)]
         for name, Q, v, at in (('the box', s.P, s.level, ends), ('the root', s.Q, s.level, root),
                                ('N', s.Q, s.eps, near)):
-            for one, b in zip(np.eye(n), at):   # |y_i| <= b where y.Q y <= v: Q - (v/b^2) e_i e_i' is definite
+            for one, b in zip(np.eye(n), at):   # |y_i| <= b where y.Q y <= v: Q - v/b^2 e_i e_i' is definite
                 if not (b > 0 and definite(Q - I(np.diag(one)[:, :, None]) * (I(v) / I(b)) / I(b)).all()):
                     raise Refused(f'{{V <= {v:g}}} is no ellipsoid or leaves {name}')
     def change(s, D, E, S, G, r):   # (D + E k).P (S + G k): its maximum for |k_i| <= r_i, and its matrix
@@ -317,7 +306,7 @@ def main(name):
         with open(name, encoding='utf-8') as f: text = f.read()
         s = Proof(json.loads(text), text)
         s.prove()
-        return print(f'PROVED {name}: level {s.level:.17g}, {s.count} boxes, {time.time() - begin:.1f} s') or 0
+        return print(f'PROVED {name}: level {s.level:.9g}, {s.count} boxes, {time.time() - begin:.1f} s') or 0
     except Refused as e: return print(f'NOT PROVED {name}: {e}', flush=True) or 1
     except (OSError, ArithmeticError, ValueError, LookupError, TypeError, AttributeError) as e:
         return print(f'{name} is no certificate: {type(e).__name__}: {e}', flush=True) or 3
