@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """check.py CERTIFICATE...: proves certificates again, from their files alone (README.md: how).
-Exit code 0: all are proved, 1: one is not, 3: one is no certificate. A bound NaN: not known; comparisons are false."""
+Exit code 0: all are proved, 1: one is not, 3: one is no certificate. NaN: not known; comparisons are false."""
 import hashlib, json, math, re, sys, time
 import numpy as np
 try: from flint import arb, ctx
@@ -103,9 +103,8 @@ turning = lambda k, x, y, z: -rate_of(x, y, k)
 OPS = {'add': lambda k, x, y, z: x[0][k] + x[1][k], 'neg': lambda k, x, y, z: -x[0][k], 'mul': op_mul,
        'div': lambda k, x, y, z: ddiv(x[0][k] - conv(y, x[1], k, 0, k), x[1][0]), 'atan2': op_atan2,
        'exp': function(of_exp, lambda k, x, y, z: y[k]), 'sin': function(of_sin, turning), 'max': op_max,
-       'tanh': function(of_tanh, lambda k, x, y, z: -op_mul(k, [y, y], y, z)), 'cos': function(of_cos, turning),
-       'log': function(of_log, lambda k, x, y, z: ddiv(-conv(z, x, k, 0, k), x[0])), 'ge': op_ge,
-       'select': op_select}
+       'tanh': function(of_tanh, lambda k, x, y, z: -op_mul(k, [y, y], y, z)), 'select': op_select, 'ge': op_ge,
+       'log': function(of_log, lambda k, x, y, z: ddiv(-conv(z, x, k, 0, k), x[0])), 'cos': function(of_cos, turning)}
 COUNT = {'in': 0, 'number': 0, 'select': 3, **dict.fromkeys('add sub mul div atan2 max ge'.split(), 2)}
 # Where an operation is smooth, from its operands' bounds; elsewhere max has a kink and the others no slope
 SMOOTH = {'log': lambda l, h: l[0] > 0, 'div': lambda l, h: (l[1] > 0) | (h[1] < 0),
@@ -125,7 +124,9 @@ class Program:
             elif op == 'sub': r = p('add', x[0], p('neg', x[1]))
             elif op == 'abs': r = p('max', p('max', x[0], p('neg', x[0])), p('number', 0))
             elif op == 'sign': o = p('number', 0); r = p('add', p('ge', x[0], o), p('neg', p('ge', o, x[0])))
-            elif op == 'sigmoid': o = p('number', .5); r = p('add', o, p('mul', o, p('tanh', p('mul', o, x[0]))))
+            elif op == 'sigmoid':
+                o = p('number', .5)
+                r = p('add', o, p('mul', o, p('tanh', p('mul', o, x[0]))))
             elif op == 'pow' and a[1] in (2, 3): r = p('mul', x[0], p('mul', *x, *x) if a[1] == 3 else x[0])
             elif op in ('pow', 'sqrt'): r = p('exp', p('mul', p('number', (*a, .5)[1]), p('log', *x)))
             else: raise Refused(f'the checker has no operation {op}')
@@ -213,7 +214,7 @@ class Proof:
         if s.held: s.period, s.order, s.steps, s.between = c['period'], p['order'], p['steps'], c['between']
         if not (np.isfinite(v).all() and np.isfinite(P + T).all() and v.shape == (5, n) and min(error) >= 0
                 and 0 < s.eps < s.level < math.inf and (P == P.swapaxes(0, 1)).all() and s.period > 0
-                and s.steps in [1 << i for i in range(20)] and 0 < s.order < 20): raise Refused('wrong numbers')
+                and s.steps in [1 << i for i in range(20)] and 0 < s.order < 20): raise Refused('numbers')
         s.P, s.T, s.near, s.errors = I(P), I(T), near[:, None], I(error[:, None])
         s.extra, s.Q, root = I(np.eye(n)[..., None]), s.T.turn() @ (s.P @ s.T), np.minimum(-s.low, s.high)
         if s.even and s.low[0] <= 0: root[0] = s.high[0]
