@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
 """check.py CERTIFICATE...: proves certificates again, from their files alone (README.md: how).
-Exit code 0: all are proved, 1: one is not, 3: one is no certificate. NaN: not known; comparisons are false."""
+Exit code 0: all are proved, 1: one is not, 3: it is no certificate. NaN: not known; comparisons are false."""
 import hashlib, json, math, re, sys, time
 import numpy as np
 try: from flint import arb, ctx
 except ImportError: import mpmath as mp; arb, ctx = None, mp.mp
-ctx.prec = 90
-np.seterr(all='ignore')
+ctx.prec, _ = 90, np.seterr(all='ignore')
 U, TINY, BATCH, HALVINGS, LEAVES = 2.0 ** -52, 1e-300, 4096, 12, [*'on01234']
 class Refused(Exception): pass
 class I:   # intervals: [value, slopes] x boxes, or matrices: rows x columns x boxes
@@ -25,14 +24,13 @@ class I:   # intervals: [value, slopes] x boxes, or matrices: rows x columns x b
             if a.l.shape[-1:] == (1,) and not (a.l.any() or a.h.any()):
                 return I(np.zeros(np.broadcast_shapes(a.l.shape, b.l.shape[:-1] + (1,) * (b.l.ndim > 0))))
         return s.corners(o, np.multiply)
-    def __truediv__(s, o):
-        r, ok = s.corners(o, np.divide), (o.l > 0) | (o.h < 0)
-        return I(np.where(ok, r.l, np.nan), np.where(ok, r.h, np.nan))
+    def __truediv__(s, o): return pick((o.l > 0) | (o.h < 0), False, s.corners(o, np.divide), I(np.nan))
     def __matmul__(s, o):
         return sum((s[:, k:k + 1] * o[k:k + 1] for k in range(len(o.l))), I(np.zeros((len(s.l), 1, 1))))
     def turn(s): return I(s.l.swapaxes(0, 1), s.h.swapaxes(0, 1))
     def size(s): return I(np.maximum(-s.l, s.h))
     def square(s): r = I(np.maximum(np.maximum(s.l, -s.h), 0), s.size().h); return cap(r * r, I(0, np.inf))
+def least(*a): return np.minimum.reduce(np.broadcast_arrays(2, *a))
 def cap(a, b): return I(np.fmax(a.l, b.l), np.fmin(a.h, b.h))
 def join(*parts, axis=-2):
     wide = np.zeros((1,) * (parts[0].l.ndim - 1) + (max(p.l.shape[-1] for p in parts),))
@@ -59,7 +57,6 @@ def trig(name, x):
     return I(np.where(both | one & (first % 2 != 0), -1, np.maximum(-1, np.minimum(a.l, b.l))),
              np.where(both | one & (first % 2 == 0), 1, np.minimum(1, np.maximum(a.h, b.h))))
 # Operations: coefficient k in time from the operands' ones x, the earlier ones y and the slope's z
-# rate_of(a, b): the coefficient of the integral of a' b
 def chain(x, value, slope): return join(value, slope * x[1:])
 def dmul(a, b): r = a[:1] * b; return join(r[:1], r[1:] + a[1:] * b[:1])
 def ddiv(a, b): v = a[:1] / b[:1]; return join(v, (a[1:] - v * b[1:]) / b[:1])
@@ -82,8 +79,7 @@ def op_max(k, x, y, z):
     r, ends = pick(larger(*x), larger(*x[::-1]), x[0][k], x[1][k]), [(v[0].l[:1], v[0].h[:1]) for v in x]
     return r if k else join(I(*map(np.maximum, *ends)), r[1:])
 def op_ge(k, x, y, z):
-    v = I(np.where(larger(*x), 1, 0), np.where(larger(*x[::-1]), 0, 1))[None]
-    return join(v if k == 0 else v * I(0), x[0][0][1:] * I(0))
+    return join(I(larger(*x) * 1., ~larger(*x[::-1]) * 1.)[None] * I(k == 0), x[0][0][1:] * I(0))
 def op_select(k, x, y, z):
     l, h = x[0][0].l[0], x[0][0].h[0]
     return pick((l > 0) | (h < 0), (l == 0) & (h == 0), x[1][k], x[2][k])
@@ -99,12 +95,13 @@ def of_log(v): return monotone('log', v), I(1) / v, -(I(1) / v.square())
 def of_sin(v): s, c = trig('sin', v), trig('cos', v); return s, c, -s
 def of_cos(v): s, c = trig('sin', v), trig('cos', v); return c, -s, -c
 def of_tanh(v): t = cap(monotone('tanh', v), I(-1, 1)); w = I(1) - t.square(); return t, w, t * w * I(-2)
-turning = lambda k, x, y, z: -rate_of(x, y, k)
+def turning(k, x, y, z): return -rate_of(x, y, k)
+def inverse(k, x, y, z): return ddiv(-conv(z, x, k, 0, k), x[0])
 OPS = {'add': lambda k, x, y, z: x[0][k] + x[1][k], 'neg': lambda k, x, y, z: -x[0][k], 'mul': op_mul,
        'div': lambda k, x, y, z: ddiv(x[0][k] - conv(y, x[1], k, 0, k), x[1][0]), 'atan2': op_atan2,
        'exp': function(of_exp, lambda k, x, y, z: y[k]), 'sin': function(of_sin, turning), 'max': op_max,
-       'tanh': function(of_tanh, lambda k, x, y, z: -op_mul(k, [y, y], y, z)), 'select': op_select, 'ge': op_ge,
-       'log': function(of_log, lambda k, x, y, z: ddiv(-conv(z, x, k, 0, k), x[0])), 'cos': function(of_cos, turning)}
+       'tanh': function(of_tanh, lambda k, x, y, z: -op_mul(k, [y, y], y, z)), 'select': op_select,
+       'cos': function(of_cos, turning), 'log': function(of_log, inverse), 'ge': op_ge}
 COUNT = {'in': 0, 'number': 0, 'select': 3, **dict.fromkeys('add sub mul div atan2 max ge'.split(), 2)}
 # Where an operation is smooth, from its operands' bounds; elsewhere max has a kink and the others no slope
 SMOOTH = {'log': lambda l, h: l[0] > 0, 'div': lambda l, h: (l[1] > 0) | (h[1] < 0),
@@ -145,15 +142,11 @@ class Program:
         return join(I(np.zeros((0, rows, 1))), *[C[i][0][k][None] for i in s.outputs], axis=0)
     @staticmethod
     def flag(op, v, f):   # 2: smooth on the box, 1: with kinks, 0: not Lipschitz or not defined
-        low, l, h = np.minimum.reduce(np.broadcast_arrays(*f, 2)), [q.l for q in v], [q.h for q in v]
-        if op in SMOOTH: return np.where(SMOOTH[op](l, h), low, np.minimum(low, op == 'max'))
-        if op != 'select': return low
+        low, l, h = least(*f), [q.l for q in v], [q.h for q in v]
+        if op != 'select': return np.where(op not in SMOOTH or SMOOTH[op](l, h), low, np.minimum(low, op == 'max'))
         no = np.where((l[0] == 0) & (h[0] == 0), np.minimum(f[0], f[2]), 0)
         return np.where((l[0] > 0) | (h[0] < 0), np.minimum(f[0], f[1]), no)
-    def value(s, x, u=None):
-        C = []
-        r = s.coefficients(0, [x], u, C)
-        return r, np.minimum.reduce(np.broadcast_arrays(2, *[C[i][2] for i in s.outputs]))
+    def value(s, x, u=None): return s.coefficients(0, [x], u, C := []), least(*[C[i][2] for i in s.outputs])
 def tube(rate, x, u, h):
     y = x
     for t in range(12):
@@ -183,10 +176,7 @@ def step(rate, x, u, h, p, slopes):   # (x(t) - x(0))/t, slopes by x(0), u: of t
         return c if np.all(smooth) else pick(smooth, ~smooth, c, join(low + t * I(.5) * second, first))
     return at, flag
 def definite(a):   # every symmetric matrix in it is positive definite
-    ok = True
-    while len(a.l):
-        ok, a = ok & (a.l[0, 0] > 0), a[1:, 1:] - a[1:, :1] * a[:1, 1:] / a[:1, :1]
-    return ok
+    return not len(a.l) or (a.l[0, 0] > 0) & definite(a[1:, 1:] - a[1:, :1] * a[:1, 1:] / a[:1, :1])
 def quadratic(Q, y):
     n = range(len(y.l))
     return sum((Q[i, j] * (y[i, 0].square() if i == j else y[i, 0] * y[j, 0]) for i in n for j in n), I(0))
@@ -237,16 +227,15 @@ class Proof:
     def examine(s, lo, hi, steps, near):   # which boxes are proved, and which have a tube
         N, middle, two, good = lo.shape[1], I(.5 * (lo + hi))[:, None], I(2), True
         Y, k = I(lo[:, None], hi[:, None]), I((I(lo[:, None]) - middle).l, (I(hi[:, None]) - middle).h)
-        goal, r, V = I(s.goal[:, None, None] + np.zeros(N)), k.size()[:, 0], quadratic(s.Q, Y).h
-        m, X, level = s.T @ middle, goal + s.T @ Y, I(np.minimum(V, s.level))
-        x = goal + m
-        u, (K, ok) = s.control.value(x)[0], s.control.value(join(X, s.T))
+        goal, r, m = I(s.goal[:, None, None] + np.zeros(N)), k.size()[:, 0], s.T @ middle
+        x, X, V = goal + m, goal + s.T @ Y, quadratic(s.Q, Y).h
+        u, (K, ok), level = s.control.value(x)[0], s.control.value(join(X, s.T)), I(np.minimum(V, s.level))
         w, K = cap(K[:, :1], u + K[:, 1:] @ k), K[:, 1:]
         if s.held:
             h, rise, F, D, A = s.period / steps, np.zeros(N), x, m * I(0), s.T   # A = dx/dy
             for i in range(steps):
                 (now, f), (box, g) = step(s.rate, F, u, h, s.order, 0), step(s.rate, X, w, h, s.order, 1)
-                ok = np.minimum.reduce(np.broadcast_arrays(ok, f, g))
+                ok = least(ok, f, g)
                 def parts(t): b = box(t); return now(t), b[:, 1:s.n + 1] @ A + b[:, s.n + 1:] @ K, b[:, :1]
                 for count in (1, 2, 4, 8) if s.between is not None else ():
                     inside = np.full(N, True)
@@ -267,8 +256,7 @@ class Proof:
         rise, M = s.change(D, E, S, G, join(r, s.errors, axis=0))
         fall = definite(-(M + M.turn())[:s.n, :s.n]) if near else rise < 0
         if not s.converges: fall = fall | (V < s.eps) & ((level + I(rise)).h <= s.level)
-        ok = np.broadcast_to(ok, N) > 0
-        return ok & good & fall, ok
+        return (ok > 0) & good & fall, (ok > 0) & np.full(N, True)
     def sweep(s, lo, hi, steps, near=False, depth=0):   # columns of lo, hi are boxes of y
         for l, h in [(lo[:, i:i + BATCH], hi[:, i:i + BATCH]) for i in range(0, lo.shape[1], BATCH)]:
             s.count += l.shape[1]
@@ -292,8 +280,7 @@ class Proof:
             s.sweep(-s.near, s.near, s.steps, True)
         for text in s.tree:
             code, seen = np.array(list(text)), seen + len(text)
-            if len(code) != lo.shape[1] or not set(text) <= {*LEAVES, *'abcdefghijklm'[:s.n]}:
-                raise Refused('the tree does not fit its boxes')
+            if len(code) - lo.shape[1] or {*text} - {*LEAVES, *'abcdefghijklm'[:s.n]}: raise Refused('tree')
             for leaf in sorted({*text} & {*LEAVES}):
                 l, h = lo[:, code == leaf], hi[:, code == leaf]
                 steps = s.steps << int('0' + leaf.strip('on'))
@@ -301,13 +288,13 @@ class Proof:
             cut = ~np.isin(code, LEAVES)
             lo, hi = halves(lo[:, cut], hi[:, cut], np.array([ord(q) - 97 for q in code[cut]], int))
         if lo.size or seen != s.boxes: raise Refused('the tree does not have its boxes')
+        return s.count
 def main(name):
-    begin = time.time()
+    t0 = time.time()
     try:
         with open(name, encoding='utf-8') as f: text = f.read()
         s = Proof(json.loads(text), text)
-        s.prove()
-        return print(f'PROVED {name}: level {s.level:.9g}, {s.count} boxes, {time.time() - begin:.1f} s') or 0
+        return print(f'PROVED {name}: level {s.level:.9g}, {s.prove()} boxes, {time.time() - t0:.1f} s') or 0
     except Refused as e: return print(f'NOT PROVED {name}: {e}', flush=True) or 1
     except (OSError, ArithmeticError, ValueError, LookupError, TypeError, AttributeError) as e:
         return print(f'{name} is no certificate: {type(e).__name__}: {e}', flush=True) or 3
