@@ -142,8 +142,8 @@ class Program:
         return join(I(np.zeros((0, rows, 1))), *[C[i][0][k][None] for i in s.outputs], axis=0)
     @staticmethod
     def flag(op, v, f):   # 2: smooth on the box, 1: with kinks, 0: not Lipschitz or not defined
-        low, l, h = least(*f), [q.l for q in v], [q.h for q in v]
-        if op != 'select': return np.where(op not in SMOOTH or SMOOTH[op](l, h), low, np.minimum(low, op == 'max'))
+        m, l, h = least(*f), [q.l for q in v], [q.h for q in v]
+        if op != 'select': return np.where(op not in SMOOTH or SMOOTH[op](l, h), m, (m > 0) * (op == 'max'))
         no = np.where((l[0] == 0) & (h[0] == 0), np.minimum(f[0], f[2]), 0)
         return np.where((l[0] > 0) | (h[0] < 0), np.minimum(f[0], f[1]), no)
     def value(s, x, u=None): return s.coefficients(0, [x], u, C := []), least(*[C[i][2] for i in s.outputs])
@@ -288,14 +288,13 @@ class Proof:
             cut = ~np.isin(code, LEAVES)
             lo, hi = halves(lo[:, cut], hi[:, cut], np.array([ord(q) - 97 for q in code[cut]], int))
         if lo.size or seen != s.boxes: raise Refused('the tree does not have its boxes')
-        return s.count
 def main(name):
     t0 = time.time()
     try:
         with open(name, encoding='utf-8') as f: text = f.read()
         s = Proof(json.loads(text), text)
-        return print(f'PROVED {name}: level {s.level:.9g}, {s.prove()} boxes, {time.time() - t0:.1f} s') or 0
+        print(f'PROVED {name}: level {s.level:.9g}, {s.prove() or s.count} boxes, {time.time() - t0:.1f} s')
     except Refused as e: return print(f'NOT PROVED {name}: {e}', flush=True) or 1
     except (OSError, ArithmeticError, ValueError, LookupError, TypeError, AttributeError) as e:
         return print(f'{name} is no certificate: {type(e).__name__}: {e}', flush=True) or 3
-if __name__ == '__main__': sys.exit(max(map(main, sys.argv[1:])))
+if __name__ == '__main__': sys.exit(max(main(n) or 0 for n in sys.argv[1:]))
