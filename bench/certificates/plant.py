@@ -46,7 +46,7 @@ def changes(c):
     yield 'every leaf is outside', True, at('proof', 'tree', of=lambda t: [''.join('o' if q.isdigit() else q for q in s) for s in t])
     yield 'a wide error of the model', False, at('error', of=lambda v: [q + .3 for q in v])
     if c['loop'] == 'held':
-        yield 'period 8 times longer', False, at('period', of=lambda v: 8 * v)
+        yield 'period 8 times longer', True, at('period', of=lambda v: 8 * v)
         yield 'between below the level', False, at('between', of=lambda v: .9 * c['level'])
         yield 'another order', True, at('proof', 'order', of=lambda v: 2)
 def verdict(folder, c, renew=True):
