@@ -192,7 +192,8 @@ ROWS = [
     ("lg-identify", "generate known.yaml --inputs multisine --runs 1 --t-end 5 --out {out}.csv --plot {pic}", [8, 9, 10]),
     ("lg-control", "train task.yaml --out {out}.h5", None),
     ("lg-control", "evaluate policy.h5 --starts 4 --runs {out}.csv --plot {pic}", [8, 10]),
-    ("lg-control", "certify task.yaml --lyapunov quadratic --box {8}=1,{9}=3 --level 0.01", None),
+    ("lg-control", "certify task.yaml --lyapunov quadratic --box {8}=1,{9}=3 --level 0.01 --certificate {out}.json", None),
+    ("lg-control", "verify proof.json", None),
     ("lg-simulate", "scene.yaml --scheme scheme.yaml --steps 10 --out {out}.h5 --plot {pic}", []),
     ("lg-simulate", "scene.yaml --scheme scheme.yaml --work-precision --methods rk4 --plot {pic}", [11]),
     ("lg-simulate", "scene.yaml --ensemble 4 --steps 10 --out {out}.h5 --plot {pic}", []),
@@ -271,6 +272,7 @@ class Names:
         self.must("lg-fit train classes.csv --class {3} --epochs 2 --hidden 4 --out class.h5")
         self.must("lg-identify fit machine.yaml log.csv --epochs 2 --out machine.h5")
         self.must("lg-control train task.yaml --out policy.h5")
+        self.must("lg-control certify task.yaml --lyapunov quadratic --box {8}=1,{9}=3 --level 0.01 --certificate proof.json")
         self.must("lg-hamiltonian generate scene.yaml --trajectories 4 --points 3 --t-end 0.1 --out data.h5")
         self.must("lg-hamiltonian train data.h5 --epochs 1 --hidden 4 --out ham.h5")
         self.must("lg-elastica generate --case both-ends --count 12 --intervals 10 --out curves.h5")
