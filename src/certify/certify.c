@@ -178,7 +178,7 @@ static void write_claim(lg_certify *c) {
     const bool verified = c->phase == LG_CERTIFY_DONE && !c->failed;
     write_box(c, box);
     write_error(c, error);
-    char falls[128] = "V' < 0 (continuous inputs)", between[64] = "";
+    char falls[128] = "V' < 0 (continuous inputs)", between[96] = "";
     if (c->flow != NULL) {
         (void)lg_format(falls, sizeof falls,
                         "V falls in every period of the exact motion (inputs are held for %.6g)", c->period);

@@ -136,6 +136,10 @@ static bool needs_steps(const lg_certify *c, const desk *d, size_t i, const lg_c
     return c->phase == LG_CERTIFY_FALL && f->rise_high >= 0.0 && f->rise_high - (high - low) < 0.0;
 }
 
+/* Boxes over which V changes by more than this part of the level are halved where they have no tube; others
+ * have more steps first. */
+static const double wide = 0.2;
+
 static void held_task(const lg_certify *c, desk *d, size_t first, size_t boxes) {
     const size_t n = c->n;
     double gain[LG_CERTIFY_TASK];
@@ -162,7 +166,9 @@ static void held_task(const lg_certify *c, desk *d, size_t first, size_t boxes) 
                 f->rise_high = f->gain = (double)INFINITY;
                 f->at_rise_low = -(double)INFINITY;
             }
-            if (!no_tube[i] && (unbounded[i] || !needs_steps(c, d, i, f))) continue;
+            if (no_tube[i] ? f->v_high - f->v_low > wide * c->level
+                           : unbounded[i] || !needs_steps(c, d, i, f))
+                continue;
             memmove(d->at + more * n, d->at + i * n, n * sizeof *d->at);
             index[more++] = index[i];
         }

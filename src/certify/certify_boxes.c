@@ -118,9 +118,12 @@ static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
     return true;
 }
 
-/* Held loops: how large V becomes between the samples. A box that cannot change the bound is done with. */
+/* Held loops: how large V becomes between the samples. A box that cannot change the bound is done with; a
+ * bound below `settled` times the level is not sought. */
+static const double settled = 1.05;
+
 static bool between(lg_certify *c, const double *box, const lg_certify_box *f) {
-    static const double narrow = 0.1;
+    static const double narrow = 0.2;
     const double top = fmin(f->v_high, c->level) + f->gain;
     if (f->v_low > c->level || top <= c->between) return true;
     if (!(f->v_high - f->v_low <= narrow * c->level) && !is_tiny(c, box, f)) return false;
@@ -205,7 +208,7 @@ static lg_status next_phase(lg_certify *c) {
     }
     if (c->phase == LG_CERTIFY_FALL && !c->quadratic) return lg_certify_begin(c, LG_CERTIFY_VOLUME);
     if (c->phase == LG_CERTIFY_FALL && c->flow != NULL) {
-        c->between = c->file != NULL ? c->file->between : c->level * (1 + 1e-6);
+        c->between = c->file != NULL ? c->file->between : c->level * settled;
         return lg_certify_begin(c, LG_CERTIFY_BETWEEN);
     }
     if (c->quadratic) c->volume = ellipsoid(c);

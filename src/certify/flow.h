@@ -29,7 +29,7 @@ typedef struct lg_flow_spec {
     const double *goal, *T; /* (n); (n, n) */
 } lg_flow_spec;
 
-enum { LG_FLOW_BOXES = 128, LG_FLOW_DOUBLINGS = 4, LG_FLOW_ORDER = 5 };
+enum { LG_FLOW_BOXES = 128, LG_FLOW_DOUBLINGS = 4, LG_FLOW_ORDER = 6 };
 
 /* `spec` is read during this call only. The number of steps in a period follows from the fastest mode at the
  * goal. */
