@@ -3,6 +3,7 @@
 #include "flow_support.h"
 
 #include "liegrad/control.h"
+#include "liegrad/ops.h"
 
 /* The system whose loop is proved, with V = x^T P x; units are 1. */
 typedef struct held_loop {
@@ -186,4 +187,91 @@ TEST("a pendulum whose period times its fastest mode is .12 to .6: at least .95 
         assert_true(r.verified && r.converges && r.level >= 0.95 * truth);
         attack(&l, &r, &rng, 100);
     }
+}
+
+/* ---- fields that jump or have a kink ---- */
+
+/* x' = u - g(x - 1/2) with g = 0 below 0, u = -x; all are stable */
+static lg_var past_half(lg_tape *tape, lg_var x) {
+    return lg_add_scalar(tape, x, -0.5);
+}
+RECORDING(jumping_sign) {
+    const lg_var jump = lg_add_scalar(tape, lg_sign(tape, past_half(tape, x[0])), 1);
+    y[0] = lg_sub(tape, x[1], lg_scale(tape, jump, 0.05));
+}
+RECORDING(jumping_ge) {
+    const lg_var half = lg_add_scalar(tape, lg_scale(tape, x[0], 0), 0.5);
+    y[0] = lg_sub(tape, x[1], lg_scale(tape, lg_ge(tape, x[0], half), 0.1));
+}
+RECORDING(saturated_inside) {
+    y[0] = lg_sub(tape, x[1], lg_scale(tape, lg_act(tape, past_half(tape, x[0]), LG_RELU), 0.1));
+}
+RECORDING(pulled) {
+    y[0] = lg_neg(tape, x[0]);
+}
+
+TEST("a field that jumps or has a kink at 1/2 is not proved across it, with a box there; below 1/2 it is") {
+    static const double P[1] = {1}, low[1] = {-1}, high[1] = {1};
+    const lg_record_function fields[] = {jumping_sign, jumping_ge, saturated_inside};
+    const lg_port in[2] = {{.name = "x", .shape = lg_shape1(1)}, {.name = "u", .shape = lg_shape1(1)}},
+                  out = {.name = "y"};
+    for (size_t i = 0; i < LG_COUNT(fields); i++)
+        for (int given = 0; given < 2; given++) {
+            const lg_function_spec functions[2] = {{"rate", in, 2, &out, 1, fields[i], NULL},
+                                                   {"control", in, 1, &out, 1, pulled, NULL}};
+            const lg_program_spec program = spec_of(NULL, 0, functions, 2);
+            lg_certify_spec spec;
+            lg_certify_result r;
+            lg_certify_spec_init(&spec);
+            spec.program = test_program(&program);
+            spec.rate = "rate", spec.control = "control", spec.period = 0.1;
+            spec.P = P, spec.low = low, spec.high = high;
+            spec.level = given ? 0.64 : 0;
+            assert_told(lg_certify_run(test_certify(&spec), 20000, 30, &r, &told));
+            print_message("field %zu, level %g, %s\n", i, r.level, r.reason);
+            if (given) {
+                assert_true(!r.verified && r.finished);
+                assert_true(fabs(r.failed_low[0]) < 0.7 && fabs(r.failed_high[0]) > 0.45);
+                assert_says(r.reason, "for states in [");
+            } else
+                assert_true(r.verified && r.converges && r.level > 0.2 && r.level < 0.25);
+        }
+}
+
+/* ---- drawn loops ---- */
+
+TEST("random held loops near the boundary of stability: nothing false is proved, most of what is true is") {
+    lg_rng rng = test_rng(64, 3);
+    size_t proved = 0, stable = 0, unstable = 0;
+    for (int k = 0; k < 60; k++) {
+        const size_t mark = lg_test_owned();
+        held_loop l = {.f = draw_flow(&rng), .period = lg_rng_uniform_in(&rng, 0.02, 0.5)};
+        const bool linear = k % 2 == 0;
+        double fast = 1;
+        for (size_t i = 0; i < FLOW_MOST * FLOW_MOST; i++) fast = fmax(fast, fabs(l.f.a[i]));
+        l.period /= fast;
+        l.f.n = 2;
+        for (size_t i = 0; i < FLOW_MOST; i++) {
+            l.f.size[i] = 1;
+            if (linear) l.f.c[i] = l.f.d[i] = l.f.g[i] = 0;
+        }
+        l.f.tau = 1;
+        /* A shift of the diagonal moves the spectral radius to .97 to 1.03. */
+        for (int pass = 0; pass < 4; pass++) {
+            find_form(&l);
+            const double wanted = 1 + 0.03 * (pass < 3 ? 0 : lg_rng_uniform_in(&rng, -1, 1));
+            for (size_t i = 0; i < l.f.n; i++) l.f.a[i * (l.f.n + 1)] -= log(l.radius / wanted) / l.period;
+        }
+        find_form(&l);
+        const lg_certify_result r = prove_loop(&l, 2, 0, 2000);
+        const bool is_stable = l.radius < 1;
+        stable += l.radius < 0.995;
+        unstable += !is_stable;
+        if (r.verified && r.converges && l.radius > 1 + 1e-9) fail_msg("radius %.12g: %s", l.radius, r.claim);
+        if (r.verified && r.converges) attack(&l, &r, &rng, 4);
+        proved += r.verified && r.converges;
+        lg_test_give_back(mark);
+    }
+    print_message("%zu proved, %zu stable, %zu unstable\n", proved, stable, unstable);
+    assert_true(unstable > 10 && 3 * proved > stable);
 }
