@@ -194,7 +194,11 @@ lg-control evaluate policy.h5 --plant cart.yaml
 #: lg-control certify
 # From where the regulator of the same task brings the cart and pole to the goal, proved.
 sed 's/{kind: network, hidden: .32, 32.}/{kind: lqr}/' task.yaml > regulator.yaml
-lg-control certify regulator.yaml --box x=2,theta=0.6,vx=4,w=4
+lg-control certify regulator.yaml --box x=2,theta=0.6,vx=4,w=4 --certificate proof.json
+
+#: lg-control verify
+# The proof again, from its file alone.
+lg-control verify proof.json
 
 #: lg-control demo
 # From a log to a machine, a controller and its C, with training of 4 seconds.

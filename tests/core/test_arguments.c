@@ -1058,12 +1058,16 @@ TEST("bounds and certificates refuse NULL") {
     bool same[2];
     assert_ok(lg_certify_run(certify, SIZE_MAX, 10, &result, &error));
     REFUSES(lg_certificate_make(NULL, NEEDED(&spec), NEEDED(&result), 1, NEEDED(&file), NULL));
+    assert_ok(lg_certificate_make(NULL, &spec, &result, 1, &file, &error));
+    (void)snprintf(file.plant, sizeof file.plant, "plant");
+    (void)snprintf(file.controller, sizeof file.controller, "controller");
     REFUSES(lg_certify_open(NULL, NEEDED(&file), 1, NEEDED(&certify), NULL));
     REFUSES(lg_certificate_compare(NEEDED(&file), NEEDED(program), NEEDED("rate"), NEEDED("rate"),
                                    NEEDED(&same[0]), NEEDED(&same[1]), NULL));
     REFUSES(lg_certificate_save(NULL, NEEDED("nothing.json"), NEEDED(&file), NULL));
     REFUSES(lg_certificate_load(NULL, NEEDED("nothing.json"), NEEDED(&file), NULL));
     lg_certificate_destroy(NULL);
+    lg_certificate_destroy(&file);
     lg_certify_energy_spec_init(&energy);
     energy.program = program, energy.slope = "slope", energy.damping = 1, energy.gain = 1,
     energy.saturated = 1, energy.period = 1;
