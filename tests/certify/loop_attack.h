@@ -17,6 +17,7 @@ typedef struct attack {
     attack_state best[ATTACK_BEST];             /* y of the states that were nearest to a refutation */
     long double score[ATTACK_BEST];
     size_t undecided, endless, slow;
+    uint32_t parts;          /* a motion has at least as many steps */
     char found[ATTACK_TEXT]; /* what refutes the claim; "": nothing */
 } attack;
 
@@ -24,7 +25,7 @@ typedef struct attack {
 
 static inline void attack_begin(attack *a, const loop *l, uint64_t number) {
     const size_t n = l->n;
-    *a = (attack){.l = l, .rng = test_rng(6402, number)};
+    *a = (attack){.l = l, .rng = test_rng(6402, number), .parts = 1};
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j <= i; j++) {
             long double rest = l->P[i * n + j];
@@ -140,7 +141,7 @@ static inline long double attack_step(const attack *a, const attack_field *f, lo
 static inline long double attack_motion(const attack *a, const attack_field *f, long double *z,
                                         long double time, long double wanted, bool *endless) {
     const long double shortest = ldexpl(time, -34);
-    long double done = 0, H = time, sum = 0;
+    long double done = 0, H = time / a->parts, sum = 0;
     *endless = false;
     for (int k = 0; done < time; k++) {
         attack_state next;
@@ -150,7 +151,7 @@ static inline long double attack_motion(const attack *a, const attack_field *f, 
             *endless = true;
             return INFINITY;
         }
-        H = fminl(H, time - done);
+        H = fminl(fminl(H, time / a->parts), time - done);
         const long double error = attack_step(a, f, next, H, wanted, &levels);
         if (!(error <= wanted) && H > shortest) {
             H /= isfinite(error) ? 4 : 2;
@@ -438,10 +439,16 @@ static inline void attack_simulate(attack *a, size_t starts) {
             memcpy(before, z, sizeof before);
             if (l->mode == LOOP_HELD && k < PEAKS) (void)attack_peak(a, z, 1e-12L);
             const attack_field f = {NULL, disturbance};
-            const long double wanted = 1e-12L * sqrtl(V),
-                              error = l->mode == LOOP_CONTINUOUS
-                                          ? attack_motion(a, &f, z, 0.5L * l->tau, wanted, &endless)
-                                          : attack_next(a, z, 1, wanted, &endless);
+            const long double wanted = 1e-12L * sqrtl(V);
+            long double error = INFINITY, after = 0;
+            for (a->parts = 1; a->parts <= 64; a->parts *= 64) { /* where V rises, again with short steps */
+                memcpy(z, before, sizeof before);
+                error = l->mode == LOOP_CONTINUOUS ? attack_motion(a, &f, z, 0.5L * l->tau, wanted, &endless)
+                                                   : attack_next(a, z, 1, wanted, &endless);
+                after = attack_value(a, z);
+                if (!endless && error < INFINITY && after <= V) break;
+            }
+            a->parts = 1;
             if (endless) {
                 a->endless++;
                 break;
@@ -451,8 +458,8 @@ static inline void attack_simulate(attack *a, size_t starts) {
                 break;
             }
             for (size_t i = 0; i < l->n && l->mode != LOOP_CONTINUOUS; i++) z[i] += disturbance[i];
-            const long double after = attack_value(a, z),
-                              around = 10 * error * (2 * sqrtl(after) + 10 * error) + 1e-15L * V;
+            after = attack_value(a, z);
+            const long double around = 10 * error * (2 * sqrtl(after) + 10 * error) + 1e-15L * V;
             if (after - around > (V >= a->r.eps || a->r.converges ? V : c))
                 attack_says(a, before, "V rises along a motion", V, after);
             V = after;
