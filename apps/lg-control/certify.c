@@ -11,8 +11,10 @@
 
 typedef enum kind { QUADRATIC, POLYNOMIAL, FUNCTION, ENERGY } kind;
 
+typedef enum precision { F64, F32, EXACT } precision;
+
 typedef struct certify_values {
-    uint32_t lyapunov;
+    uint32_t lyapunov, precision;
     const char *box, *level, *eps, *model_error, *certificate;
     double seconds;
     uint64_t degree;
@@ -48,6 +50,9 @@ static const lg_field options[] = {
     LG_OPTION(certify_values, continuous, SWITCH, NULL,
               "Prove it for inputs that follow the state at all times, not for inputs that are held over a "
               "period"),
+    LG_OPTION(certify_values, precision, NAME, "TYPE",
+              "Numbers in which the controller computes, whose rounding the proof of held inputs covers",
+              LG_NAMES("f64", "f32", "exact"), .value = "f64"),
     LG_OPTION(certify_values, held, SWITCH, NULL, "The default: inputs are held over the task's period"),
     LG_OPTION(certify_values, certificate, STRING, "FILE.json",
               "Write the proof, if it succeeds, as a file that lg-control verify checks again",
@@ -186,6 +191,9 @@ static double read_level(const app *self, const char *option, const char *given)
 static void check_options(const app *self) {
     static const char *const useless[] = {"level", "eps", "model-error"};
     if (values.held && values.continuous) app_stop_usage(self, "--held, --continuous: give one of the two");
+    if (values.continuous && app_given(self, "precision"))
+        app_stop_usage(self, "--precision: the rounding of the controller is covered for held inputs, not "
+                             "with --continuous");
     if (!values.continuous && values.lyapunov != QUADRATIC)
         app_stop_usage(
             self,
@@ -261,6 +269,7 @@ lg_policy *control_read_policy(const app *self, const char *path) {
 typedef struct verdict {
     bool verified, global, converges;
     double level, volume, fraction, margin; /* margin: of the energy; for rotations the angle */
+    double input_error, eps_rounded;        /* of held inputs; 0: not covered */
     const double *width;                    /* (sides) of {V <= level}; NULL: not known */
     size_t boxes;
     double seconds;
@@ -320,6 +329,8 @@ static int tell(app *self, naming names, const verdict *v) {
     if (v->width != NULL)
         app_result_reals(&out, "width", v->width, v->sides,
                          "the set's largest distance from the goal in each state");
+    if (v->input_error > 0) app_json_real(&out, "input_error", v->input_error);
+    if (v->input_error > 0 && v->verified) app_json_real(&out, "eps_rounded", v->eps_rounded);
     tell_forms(&out, names, v);
     app_result_size(&out, "boxes", v->boxes, "examined");
     app_result_real(&out, "seconds", v->seconds, NULL);
@@ -346,7 +357,8 @@ static char *name_file(const app *self, const char *path) {
 }
 
 /* The sentence of a proof, with what it is about before it, and what it covers after it. */
-static char *tell_claim(const app *self, naming names, bool chosen, const char *proof, const char *more) {
+static char *tell_claim(const app *self, naming names, bool chosen, bool rounded, const char *proof,
+                        const char *more) {
     const char *path = self->arguments[0], *rest = strchr(proof, ':');
     const char *of_kind = lg_policy_kind_name(names.task->kind);
     APP_FREE char *own = name_file(self, path);
@@ -375,9 +387,8 @@ static char *tell_claim(const app *self, naming names, bool chosen, const char *
     }
     lg_text_add(
         &text,
-        "%s Not covered: disturbances, noise of sensors, and the rounding of the controller (2^-53 of "
-        "its numbers, of an export in f32 2^-24).",
-        more);
+        "%s Not covered: disturbances, noise of sensors, and the rounding of %s.", more,
+        rounded ? "what they give" : "the controller (2^-53 of its numbers, of an export in f32 2^-24)");
     return text.data;
 }
 
@@ -404,7 +415,7 @@ static int prove_energy(app *self, lg_policy *policy, naming names) {
     spec.damping = loop.damping, spec.gain = loop.gain, spec.saturated = loop.saturated;
     APP_MUST(self, lg_certify_energy(self->context, &spec, &r, &error));
     APP_FREE char *claim = tell_claim(
-        self, names, false, r.claim,
+        self, names, false, false, r.claim,
         " That the mass, the damping and the map of the input are constant was compared at several "
         "states, it was not proved.");
     const verdict v = {.verified = r.verified,
@@ -437,7 +448,7 @@ static int prove_rotation(app *self, lg_policy *policy, naming names) {
     memcpy(spec.limit, loop.limit, sizeof spec.limit);
     APP_MUST(self, lg_certify_rotation(&spec, &r, &error));
     APP_FREE char *text = tell_claim(
-        self, names, false, r.claim,
+        self, names, false, false, r.claim,
         " That the inertia, the damping and the map of the inputs are constant was compared at several "
         "rotations, it was not proved.");
     const verdict v = {.verified = r.verified,
@@ -621,6 +632,7 @@ static lg_policy *prepare(app *self, lg_policy *given, naming names, wanted *wha
 static lg_certify *begin_proof(const app *self, const lg_program *program, double period, const wanted *what,
                                lg_certify_spec *proof) {
     static const char *const functions[] = {[POLYNOMIAL] = "polynomial", [FUNCTION] = "lyapunov"};
+    static const double unit[] = {[F64] = 0x1p-53, [F32] = 0x1p-24, [EXACT] = 0};
     const bool quadratic = values.lyapunov == QUADRATIC;
     lg_certify *certify = NULL;
     lg_certify_spec spec;
@@ -629,6 +641,7 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
     spec.rate = values.continuous ? "rate" : "rate_by_input";
     spec.control = values.continuous ? NULL : "input_by_state";
     spec.period = period;
+    spec.unit = values.continuous ? 0 : unit[values.precision];
     spec.P = quadratic ? what->P : NULL;
     spec.lyapunov = quadratic ? NULL : functions[values.lyapunov];
     spec.level = what->level, spec.eps = what->eps;
@@ -664,10 +677,14 @@ static int prove(app *self, lg_policy *given, naming names) {
     const double left = values.seconds - (app_seconds() - start);
     APP_MUST(self, lg_certify_run(certify, SIZE_MAX, fmax(left, 0), &r, &error));
     const double *P = values.lyapunov == QUADRATIC ? what.P : NULL;
+    const bool rounded = spec.unit > 0 && isfinite(r.input_error);
+    if (spec.unit > 0 && !rounded)
+        app_warn(self, "the rounding of the controller has no bound, because it may decide a jump, or leave "
+                       "the domain of an operation: the proof is about exact arithmetic");
     APP_FREE char *all = name_all(names);
     APP_FREE char *gate = tell_gate(given, P, r.level);
     APP_FREE char *more = app_format("%s%s", all, gate);
-    APP_FREE char *claim = tell_claim(self, names, what.chosen, r.claim, more);
+    APP_FREE char *claim = tell_claim(self, names, what.chosen, rounded, r.claim, more);
     APP_FREE char *reason =
         r.finished
             ? app_format("%s", r.reason)
@@ -678,6 +695,8 @@ static int prove(app *self, lg_policy *given, naming names) {
                        .volume = r.volume,
                        .fraction = r.fraction,
                        .width = r.width,
+                       .input_error = rounded ? r.input_error : 0,
+                       .eps_rounded = r.eps_rounded,
                        .boxes = r.boxes,
                        .seconds = app_seconds() - start,
                        .claim = claim,

@@ -46,6 +46,10 @@ typedef struct lg_certify_spec {
      * rate(x, u) over a period, however it is integrated. NULL: none. */
     const char *control;
     double period;
+    /* Held loops: the unit of rounding of the arithmetic in which `control` is computed, 2^-53 (f64), 2^-24
+     * (f32) or 0 (exact; the default). The proof then holds for all inputs that differ from control(x) by at
+     * most the bounds of lg_interval_rounding over {V <= c}; (4) is about exact arithmetic. */
+    double unit;
     /* V: a quadratic form of x - goal, P (n, n), symmetric and positive definite; or a function of the
      * program with one input (n) and one output, one number, twice differentiable. One of the two. */
     const double *P;
@@ -72,6 +76,9 @@ typedef struct lg_certify_result {
     /* Held loops: V <= `between` also between the samples, for motions from S (of the model, without
      * model_error). Otherwise 0. */
     double between;
+    /* With `unit`: the largest bound of the rounding of an input; inf: there is none, and rounding is not
+     * covered. With it motions from S reach {V < eps_rounded} (and stay there if (4) is proved). */
+    double input_error, eps_rounded;
     /* A lower bound of the volume of S, and its part of the volume of the box (0 for an unbounded box). */
     double volume, fraction;
     /* (n) The largest |x_i - goal_i| on {V <= level}, to rounding; NULL: not verified, or V is no quadratic

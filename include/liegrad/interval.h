@@ -119,6 +119,16 @@ LG_API lg_status lg_interval_eval(const lg_interval *interval, size_t boxes, con
                                   const double *upper, double *out_lower, double *out_upper, uint8_t *flags,
                                   void *work, lg_error *error);
 
+/* The rounding of a function that is computed with the unit of rounding `unit`, 2^-53 (f64) or 2^-24 (f32):
+ * bound (outputs): bounds of |computed - exact| over the box low, high (inputs). Constants and inputs are
+ * rounded to half a unit in the last place, too; sums in any order; +, -, *, / and the root err by at most
+ * a unit times the result, functions as exp by 8, Stumpff functions by 64. Numbers below the smallest normal
+ * one may become 0. A bound is inf where rounding may decide a jump, where a number may overflow or leave
+ * the domain of an operation, and for coefficients of dexpinv. Errors: LG_INVALID_ARGUMENT (NULL, the unit,
+ * a box that is empty or not finite), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_interval_rounding(const lg_program *program, size_t function, const double *low,
+                                      const double *high, double unit, double *bound, lg_error *error);
+
 LG_END_DECLS
 
 #endif

@@ -31,6 +31,9 @@ static lg_status check_spec(const lg_certify_spec *spec, lg_error *error) {
     if (spec->control != NULL && !(spec->period > 0 && isfinite(spec->period) && !spec->step))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a held loop (`control`) needs a period above 0, and is no `step`");
+    if (spec->unit != 0 && (spec->control == NULL || (spec->unit != 0x1p-53 && spec->unit != 0x1p-24)))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the unit of rounding is 0, or for a held loop 2^-53 or 2^-24");
     if (!(spec->level >= 0 && isfinite(spec->level) && spec->eps >= 0 && isfinite(spec->eps) &&
           spec->most >= 0) ||
         !(spec->resolution > 0 && spec->resolution <= 0.5) || spec->threads < 1 ||
@@ -113,6 +116,7 @@ static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *err
     if (c->quadratic) {
         LG_TRY((c->file != NULL && c->made == NULL ? lg_certify_coordinates : lg_certify_turn)(c, error));
         LG_TRY(lg_certify_record(c, spec, error));
+        LG_TRY(lg_certify_round(c, spec, error));
     }
     if (spec->threads > 1) LG_TRY(lg_thread_pool_create(c->context, spec->threads, &c->pool));
     LG_TRY(lg_certify_memory(c));
@@ -178,7 +182,15 @@ static void write_claim(lg_certify *c) {
     const bool verified = c->phase == LG_CERTIFY_DONE && !c->failed;
     write_box(c, box);
     write_error(c, error);
-    char falls[128] = "V' < 0 (continuous inputs)", between[96] = "";
+    char falls[128] = "V' < 0 (continuous inputs)", between[96] = "", rounded[160] = "";
+    if (c->rounds && c->converges)
+        (void)lg_format(rounded, sizeof rounded,
+                        " in exact arithmetic; with the controller's rounding, errors of inputs of up to %.2g, "
+                        "they reach {V < %.2g} and stay there",
+                        c->input_error, c->eps_rounded);
+    else if (c->rounds)
+        (void)lg_format(rounded, sizeof rounded, " also with the controller's rounding, errors of inputs of "
+                        "up to %.2g", c->input_error);
     if (c->flow != NULL) {
         (void)lg_format(falls, sizeof falls,
                         "V falls in every period of the exact motion (inputs are held for %.6g)", c->period);
@@ -192,12 +204,12 @@ static void write_claim(lg_certify *c) {
     (void)lg_format(
         c->claim, sizeof c->claim,
         "%s: in the box %s, %s for eps = %.6g <= V <= c = %.6g, {V <= c} does not leave the box, and "
-        "motions from it %s%s; %s; angles are counted, not wrapped.",
+        "motions from it %s%s%s; %s; angles are counted, not wrapped.",
         verified ? "Proved" : "Not proved", box, falls, fmin(c->eps, c->level), c->level,
         c->converges ? "converge to the goal"
         : c->step    ? "reach {V < eps} again and again and stay in {V <= c}"
                      : "reach {V < eps} about the goal and stay there",
-        between, error);
+        rounded, between, error);
 }
 
 static double box_volume(const lg_certify *c) {
@@ -216,6 +228,8 @@ static void fill(lg_certify *c, lg_certify_result *r) {
                              .claim = c->claim,
                              .reason = c->reason};
     r->between = c->between;
+    r->input_error = c->input_error;
+    r->eps_rounded = !c->rounds ? 0 : c->converges ? c->eps_rounded : r->eps;
     r->verified = r->finished && !c->failed;
     r->converges = r->verified && c->converges;
     r->volume = r->verified ? c->volume : 0;

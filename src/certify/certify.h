@@ -40,6 +40,10 @@ struct lg_certify {
     lg_flow *flow;          /* a held loop; NULL: none */
     lg_interval *part;      /* its growth of V in a part of a period */
     double period, between; /* between: a bound of V between the samples */
+    double rounding[32];    /* held loops: bounds of the rounding of inputs (m) */
+    double eps_rounded;     /* 0: not known */
+    bool rounds;            /* some are above 0, and all are finite */
+    double input_error;     /* the largest; inf: there is no bound */
     size_t n;
     bool step, quadratic, automatic, raises, errors, converges, failed;
     bool even; /* V and V' are even functions of y: half of the domain is examined */
@@ -78,6 +82,8 @@ enum {
 
 /* certify_program.c: records the functions, and makes the evaluators; they replace earlier ones. */
 void lg_certify_forget(lg_certify *c);
+/* Bounds the rounding of the inputs of a held loop. */
+lg_status lg_certify_round(lg_certify *c, const lg_certify_spec *spec, lg_error *error);
 lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error *error);
 /* certify_local.c: coordinates of a quadratic V; eps, N and the argument on N, for the level c->level. */
 lg_status lg_certify_whiten(lg_certify *c, lg_error *error);

@@ -177,6 +177,33 @@ static bool argument_holds(const lg_certify *c, const double *low, const double 
     return (c->quadratic || is_definite(c->n, &G, 1)) && is_definite(c->n, &M, -1);
 }
 
+/* Held loops on N with an error d of the input: the next y has the length |y|_P sqrt(1 - mu) + r at most, where
+ * M + mu is negative definite and r bounds the next state from the goal. So |y| falls to 2 r/mu, and stays
+ * below it. Sets eps_rounded to a bound of V there. Whether it is far below eps. */
+static bool rounding_is_small(lg_certify *c, const double *low, const double *high) {
+    static const double part = 1e-4; /* a level is at least 1e-3 eps */
+    const size_t n = c->n;
+    banded M, P, r = {{0}, {0}}, W;
+    double mu = 1;
+    bool definite = false;
+    rate_matrix(c, low, high, &M);
+    for (; mu > 1e-12 && !definite; mu *= 0.7) {
+        banded shifted = M;
+        for (size_t i = 0; i < n; i++) {
+            shifted.middle[i * (n + 1)] += mu;
+            shifted.radius[i * (n + 1)] += (fabs(M.middle[i * (n + 1)]) + mu) * SLACK;
+        }
+        definite = is_definite(n, &shifted, -1);
+    }
+    for (size_t i = 0; i < n; i++) r.radius[i * n] = fmax(-low[n + i], high[n + i]);
+    exactly(n, c->P, &P);
+    product(n, &P, &r, &W);
+    product(n, &r, &W, &M); /* r^T P r */
+    const double size = fabs(M.middle[0]) + M.radius[0];
+    c->eps_rounded = 4 * size / (mu * mu) * (1 + 1e-5);
+    return definite && c->eps_rounded <= part * c->eps;
+}
+
 /* Turns the coordinates of a quadratic V such that M is diagonal at the goal: sides of boxes then lie along
  * the directions in which V falls fast and slowly. */
 lg_status lg_certify_turn(lg_certify *c, lg_error *error) {
@@ -236,6 +263,7 @@ lg_status lg_certify_near(lg_certify *c) {
     double low[2 * MOST + 2 * MOST * MOST], high[2 * MOST + 2 * MOST * MOST], hessian[MOST * MOST];
     bool slopes;
     c->converges = false;
+    if (c->flow != NULL) lg_flow_set_error(c->flow, NULL);
     LG_TRY(bound(c, NULL, low, high, &slopes));
     for (size_t i = 0; i < c->n * c->n; i++) hessian[i] = 0.5 * low[2 * c->n + i] + 0.5 * high[2 * c->n + i];
     const bool exact = !c->errors && is_equilibrium(c, low, high);
@@ -245,7 +273,13 @@ lg_status lg_certify_near(lg_certify *c) {
         LG_TRY(bound(c, c->near, low, high, &slopes));
         c->eps = eps;
         c->converges = slopes && argument_holds(c, low, high);
+        if (!c->converges || !c->rounds) continue;
+        lg_flow_set_error(c->flow, c->rounding);
+        LG_TRY(bound(c, c->near, low, high, &slopes));
+        c->converges = slopes && rounding_is_small(c, low, high);
+        lg_flow_set_error(c->flow, NULL);
     }
+    if (c->rounds) lg_flow_set_error(c->flow, c->rounding);
     if (c->converges) return LG_OK;
     c->eps = c->asked_eps > 0 ? c->asked_eps : 1e-3 * c->level;
     if (!size_of_near(c, c->eps, hessian))

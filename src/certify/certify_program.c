@@ -270,3 +270,23 @@ lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error
     LG_TRY(lg_program_add_function(c->program, &last, error));
     return evaluators(c, error);
 }
+
+/* Over the box of {V <= the largest level}. */
+lg_status lg_certify_round(lg_certify *c, const lg_certify_spec *spec, lg_error *error) {
+    double low[LG_CERTIFY_STATES], high[LG_CERTIFY_STATES];
+    size_t function, outputs;
+    const double level = c->automatic ? fmin(c->level, lg_certify_reach(c)) : c->level;
+    if (spec->unit == 0) return LG_OK;
+    for (size_t i = 0; i < c->n; i++) {
+        const double side = fmin(sqrt(level) * lg_certify_width(c, i) * (1 + 1e-6), DBL_MAX);
+        low[i] = c->goal[i] - side;
+        high[i] = c->goal[i] + side;
+    }
+    LG_TRY(lg_program_find(spec->program, spec->control, &function, error));
+    LG_TRY(lg_interval_rounding(spec->program, function, low, high, spec->unit, c->rounding, error));
+    const lg_port *u = lg_program_outputs(spec->program, function, &outputs);
+    for (size_t j = 0; j < lg_shape_count(u[0].shape); j++)
+        c->input_error = fmax(c->input_error, c->rounding[j]);
+    c->rounds = c->input_error > 0 && c->input_error <= DBL_MAX;
+    return LG_OK;
+}

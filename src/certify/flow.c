@@ -24,6 +24,7 @@ struct lg_flow {
     size_t rate, control;
     lg_program *program;
     lg_interval *f[EVALUATORS];
+    double error[32]; /* of u */
     bool odd;
 };
 
@@ -465,6 +466,15 @@ static void step(desk *d, double h) {
     copy(&d->S, &b->S, b->count);
 }
 
+static void add_error(const lg_flow *w, const lg_bounds *u, size_t boxes) {
+    for (size_t i = 0; i < boxes * w->m; i++) {
+        const double by = w->error[i % w->m];
+        if (by == 0) continue;
+        u->low[i] = nextafter(u->low[i] - by, -(double)INFINITY);
+        u->high[i] = nextafter(u->high[i] + by, (double)INFINITY);
+    }
+}
+
 void lg_flow_eval(const lg_flow *w, const lg_flow_boxes *b, void *work) {
     size_t used;
     desk d = desk_of(w, work, &used);
@@ -479,6 +489,8 @@ void lg_flow_eval(const lg_flow *w, const lg_flow_boxes *b, void *work) {
     EVALUATE(&d, START, ((const lg_bounds *[]){&box}), ((lg_bounds *[]){&d.z, &d.u}));
     EVALUATE(&d, START_CHORDS, ((const lg_bounds *[]){&box, &at}),
              ((lg_bounds *[]){&d.zm, &d.um, &d.S, &d.K}));
+    add_error(w, &d.u, b->count);
+    add_error(w, &d.um, b->count);
     for (size_t i = 0; i < b->count * n; i++) {
         const double l = b->low[i] - b->at[i], h = b->high[i] - b->at[i];
         d.k.low[i] = l == 0 ? 0 : nextafter(l, -DBL_MAX);
@@ -592,4 +604,8 @@ void lg_flow_set_steps(lg_flow *w, uint32_t steps) {
 
 bool lg_flow_is_odd(const lg_flow *w) {
     return w->odd;
+}
+
+void lg_flow_set_error(lg_flow *w, const double *error) {
+    for (size_t i = 0; i < w->m; i++) w->error[i] = error == NULL ? 0 : error[i];
 }

@@ -7,7 +7,8 @@
  *     F = sum_{k<p} t^k x_k(m) + t^p x_p(Z_m),
  *     S = (1 + sum_{k<q} t^k S_k(X, m) + t^q Dx_q(Z) J) S_0,
  * where the tubes Z_m and Z hold the motions from m and from the box X during the step (Picard), and J holds
- * their Jacobians by the state and the input at its start. A period is a chain of such steps. */
+ * their Jacobians by the state and the input at its start. A period is a chain of such steps. An error d of
+ * the input is the same for y and m, so it widens F and the boxes of u, not the chords of u. */
 #ifndef LG_CERTIFY_FLOW_H
 #define LG_CERTIFY_FLOW_H
 
@@ -39,6 +40,8 @@ size_t lg_flow_states(const lg_flow *flow);
 uint32_t lg_flow_steps(const lg_flow *flow);
 /* Replaces the number of steps in a period; a power of two. */
 void lg_flow_set_steps(lg_flow *flow, uint32_t steps);
+/* The input that is held is k(x(0)) + d with |d| <= error (m); 0 at first. NULL: 0. */
+void lg_flow_set_error(lg_flow *flow, const double *error);
 /* Whether the rate is an odd function of z and u, and the input of y. */
 bool lg_flow_is_odd(const lg_flow *flow);
 /* Bytes for lg_flow_eval of up to LG_FLOW_BOXES boxes, aligned to 64 bytes. */
