@@ -225,8 +225,8 @@ static void check_delays(const app *self, const lg_policy_task *task) {
 
 /* The certificate chooses the gains of a task of kind lqr that gives none. */
 static bool chooses_gains(const app *self, const lg_policy_task *task) {
-    return is_task(self) && values.lyapunov == QUADRATIC &&
-           task->kind == LG_POLICY_LQR && task->gain_count == 0;
+    return is_task(self) && values.lyapunov == QUADRATIC && task->kind == LG_POLICY_LQR &&
+           task->gain_count == 0;
 }
 
 /* Whether the controller has a regulator that training chooses. */
@@ -385,10 +385,9 @@ static char *tell_claim(const app *self, naming names, bool chosen, bool rounded
             lg_text_add(&text, " The input %s acts %u period%s late.", names.task->input[c->follows - 1].name,
                         c->ago, c->ago > 1 ? "s" : "");
     }
-    lg_text_add(
-        &text,
-        "%s Not covered: disturbances, noise of sensors, and the rounding of %s.", more,
-        rounded ? "what they give" : "the controller (2^-53 of its numbers, of an export in f32 2^-24)");
+    lg_text_add(&text, "%s Not covered: disturbances, noise of sensors, and the rounding of %s.", more,
+                rounded ? "their numbers"
+                        : "the controller (2^-53 of its numbers, of an export in f32 2^-24)");
     return text.data;
 }
 

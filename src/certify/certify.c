@@ -183,14 +183,19 @@ static void write_claim(lg_certify *c) {
     write_box(c, box);
     write_error(c, error);
     char falls[128] = "V' < 0 (continuous inputs)", between[96] = "", rounded[160] = "";
+    const double more = 1.06; /* two digits of it are not below the bound */
     if (c->rounds && c->converges)
         (void)lg_format(rounded, sizeof rounded,
-                        " in exact arithmetic; with the controller's rounding, errors of inputs of up to %.2g, "
-                        "they reach {V < %.2g} and stay there",
-                        c->input_error, c->eps_rounded);
+                        "; with the controller's rounding, errors of inputs of up to %.2g, they reach {V < "
+                        "%.2g} and stay there",
+                        c->input_error * more, c->eps_rounded * more);
     else if (c->rounds)
-        (void)lg_format(rounded, sizeof rounded, " also with the controller's rounding, errors of inputs of "
-                        "up to %.2g", c->input_error);
+        (void)lg_format(rounded, sizeof rounded,
+                        "; that includes the controller's rounding, errors of inputs of up to %.2g",
+                        c->input_error * more);
+    else if (c->input_error > 0)
+        (void)snprintf(rounded, sizeof rounded,
+                       "; the controller's rounding has no bound and is not covered");
     if (c->flow != NULL) {
         (void)lg_format(falls, sizeof falls,
                         "V falls in every period of the exact motion (inputs are held for %.6g)", c->period);
@@ -206,10 +211,10 @@ static void write_claim(lg_certify *c) {
         "%s: in the box %s, %s for eps = %.6g <= V <= c = %.6g, {V <= c} does not leave the box, and "
         "motions from it %s%s%s; %s; angles are counted, not wrapped.",
         verified ? "Proved" : "Not proved", box, falls, fmin(c->eps, c->level), c->level,
-        c->converges ? "converge to the goal"
+        c->converges ? c->rounds ? "converge to the goal in exact arithmetic" : "converge to the goal"
         : c->step    ? "reach {V < eps} again and again and stay in {V <= c}"
                      : "reach {V < eps} about the goal and stay there",
-        rounded, between, error);
+        between, rounded, error);
 }
 
 static double box_volume(const lg_certify *c) {

@@ -9,7 +9,15 @@
 #include "liegrad/program.h"
 
 /* Orders of the remainders of F and of S */
-enum { ORDER = LG_FLOW_ORDER, LOW = ORDER - 1, STEEP = 3, FLAT = STEEP - 1, TRIES = 14, FINER = 3, PARTS = 4 };
+enum {
+    ORDER = LG_FLOW_ORDER,
+    LOW = ORDER - 1,
+    STEEP = 3,
+    FLAT = STEEP - 1,
+    TRIES = 14,
+    FINER = 3,
+    PARTS = 4
+};
 
 /* Evaluators, and the number of numbers of each of their inputs */
 enum { START, START_CHORDS, TUBE, VALUES, CHORDS, REST, REST_SLOPES, RATE_SLOPES, ADVANCE, EVALUATORS };

@@ -49,6 +49,10 @@ lg_status lg_expansion_taylor(lg_expansion *expansion, size_t states, const lg_i
 /* For each element of all outputs: 1 (even in all inputs together), -1 (odd) or 0 (neither is known). */
 lg_status lg_expansion_parity(lg_expansion *expansion, int8_t *parity);
 
+/* rounding.c: lg_interval_rounding for each result. */
+lg_status lg_expansion_rounding(lg_expansion *expansion, const double *low, const double *high, double unit,
+                                double *bound);
+
 struct lg_interval {
     const lg_context *context;
     lg_interval_run *run;

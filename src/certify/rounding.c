@@ -142,7 +142,8 @@ static void bound(const lg_scalar_code *c, lg_interval_run *run, const rounded *
     y->high = registers[(size_t)3 * APART + IB];
 }
 
-static lg_status analyse(lg_expansion *x, const double *low, const double *high, double unit, double *error) {
+lg_status lg_expansion_rounding(lg_expansion *x, const double *low, const double *high, double unit,
+                                double *error) {
     const double small = (unit > DBL_EPSILON ? (double)FLT_MIN : DBL_MIN) / unit,
                  large = 0.25 * (unit > DBL_EPSILON ? (double)FLT_MAX : DBL_MAX);
     lg_interval_run *run = lg_interval_kernel(lg_isa_in_use());
@@ -174,7 +175,7 @@ lg_status lg_interval_rounding(const lg_program *program, size_t function, const
         if (!(low[i] <= high[i] && low[i] >= -DBL_MAX && high[i] <= DBL_MAX))
             status = lg_fail(error, LG_INVALID_ARGUMENT, "input %zu: [%g, %g] is empty or not finite", i,
                              low[i], high[i]);
-    if (status == LG_OK) status = analyse(&expansion, low, high, unit, out);
+    if (status == LG_OK) status = lg_expansion_rounding(&expansion, low, high, unit, out);
     lg_expansion_destroy(&expansion);
     return status;
 }

@@ -3,12 +3,13 @@
 #include "flow_support.h"
 
 #include "liegrad/control.h"
+#include "liegrad/interval.h"
 #include "liegrad/ops.h"
 
 /* The system whose loop is proved, with V = x^T P x; units are 1. */
 typedef struct held_loop {
     flow_system f;
-    double period, P[FLOW_MOST * FLOW_MOST], radius;
+    double period, P[FLOW_MOST * FLOW_MOST], radius, unit; /* unit: of the controller's rounding */
 } held_loop;
 
 static void next_state(const held_loop *l, long double *X, long double part) {
@@ -64,6 +65,7 @@ static lg_certify_result prove_loop(held_loop *l, double box, double level, size
     spec.rate = "rate";
     spec.control = "control";
     spec.period = l->period;
+    spec.unit = l->unit;
     spec.P = l->P;
     spec.low = low;
     spec.high = high;
@@ -189,6 +191,116 @@ TEST("a pendulum whose period times its fastest mode is .12 to .6: at least .95 
     }
 }
 
+/* ---- rounding of the controller ---- */
+
+/* The largest V of the last quarter of 400 periods, where the input errs by +-d so that it drives the state on */
+static long double shaken(const held_loop *l, double d) {
+    enum { PERIODS = 400 };
+    long double X[FLOW_MOST] = {0}, most = 0;
+    for (int k = 0; k < PERIODS; k++) {
+        long double best[FLOW_MOST], highest = -1;
+        for (int sign = -1; sign <= 1; sign += 2) {
+            long double next[FLOW_MOST];
+            memcpy(next, X, sizeof next);
+            flow_exact(&l->f, next, flow_exact_control(&l->f, X) + sign * d, l->period, 2);
+            if (value(l, next) <= highest) continue;
+            highest = value(l, next);
+            memcpy(best, next, sizeof best);
+        }
+        memcpy(X, best, sizeof X);
+        if (k >= PERIODS * 3 / 4) most = fmaxl(most, value(l, X));
+    }
+    return most;
+}
+
+TEST("with rounding in f64 motions reach a small set that errors do not leave; in f32 the claim is smaller") {
+    const double periods[] = {0.02, 0.05, 0.1}, units[] = {0, 0x1p-53, 0x1p-24};
+    for (size_t i = 0; i < LG_COUNT(periods); i++) {
+        lg_certify_result r[3];
+        for (size_t k = 0; k < 3; k++) {
+            held_loop l = oscillator(3, -1, 1.5, periods[i]);
+            l.unit = units[k];
+            r[k] = prove_loop(&l, 10, 1, SIZE_MAX);
+            print_message("%s\n", r[k].claim);
+            assert_true(r[k].verified && r[k].converges == (k < 2 || r[k].eps_rounded < 1e-4 * r[k].eps));
+            assert_true(k == 0 ? r[k].input_error == 0 : r[k].input_error > 0);
+            if (k == 0) continue;
+            const long double most = shaken(&l, r[k].input_error);
+            print_message("eps_rounded %g, a motion has %Lg\n", r[k].eps_rounded, most);
+            assert_true(most < r[k].eps_rounded && most > 1e-2 * r[k].eps_rounded);
+            assert_says(r[k].claim, "the controller's rounding, errors of inputs of up to");
+        }
+        assert_says(r[1].claim, "converge to the goal in exact arithmetic");
+        assert_true(r[2].input_error > 1e8 * r[1].input_error);
+    }
+}
+
+RECORDING(pulled) {
+    y[0] = lg_neg(tape, x[0]);
+}
+/* x' = u, u = -((x + 1e5) - 1e5): the digits of x cancel */
+RECORDING(driven) {
+    y[0] = lg_scale(tape, x[1], 1);
+}
+RECORDING(cancelling) {
+    y[0] = lg_neg(tape, lg_add_scalar(tape, lg_add_scalar(tape, x[0], 1e5), -1e5));
+}
+RECORDING(deciding) {
+    y[0] =
+        lg_neg(tape, lg_mul(tape, x[0], lg_add_scalar(tape, lg_ge(tape, x[0], lg_scale(tape, x[0], 0)), 1)));
+}
+TEST("a controller whose digits cancel is proved near the goal in f64, in f32 farther away; one with a jump "
+     "has no bound") {
+    static const double P[1] = {1}, low[1] = {-1}, high[1] = {1};
+    static const struct {
+        lg_record_function control;
+        double unit, level;
+        bool verified, finite;
+    } rows[] = {{cancelling, 0, 1e-6, true, true},
+                {cancelling, 0x1p-53, 1e-6, true, true},
+                {cancelling, 0x1p-24, 0.9, true, true},
+                {cancelling, 0x1p-24, 1e-6, false, true},
+                {deciding, 0x1p-24, 0.9, false, false}};
+    const lg_port in[2] = {{.name = "x", .shape = lg_shape1(1)}, {.name = "u", .shape = lg_shape1(1)}},
+                  out = {.name = "y"};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const lg_function_spec functions[2] = {{"rate", in, 2, &out, 1, driven, NULL},
+                                               {"control", in, 1, &out, 1, rows[i].control, NULL}};
+        const lg_program_spec program = spec_of(NULL, 0, functions, 2);
+        lg_certify_spec spec;
+        lg_certify_result r;
+        lg_certify_spec_init(&spec);
+        spec.program = test_program(&program);
+        spec.rate = "rate", spec.control = "control", spec.period = 0.1;
+        spec.P = P, spec.low = low, spec.high = high, spec.level = rows[i].level, spec.unit = rows[i].unit;
+        assert_told(lg_certify_run(test_certify(&spec), 20000, 30, &r, &told));
+        print_message("%g: %s %s\n", r.input_error, r.claim, r.reason);
+        assert_true(r.verified == rows[i].verified && !r.converges);
+        assert_true(isfinite(r.input_error) == rows[i].finite);
+        if (!rows[i].finite) assert_says(r.claim, "rounding has no bound and is not covered");
+        /* the set holds all states that f32 takes for 0 */
+        if (rows[i].unit == 0x1p-24 && r.verified) assert_true(sqrt(r.eps_rounded) > 1e5 * 0x1p-25);
+    }
+}
+
+TEST("a unit of rounding is for held loops, and it is that of f64 or f32") {
+    static const double units[] = {1, -0x1p-53, 0x1p-52, NAN};
+    static const double P[1] = {1}, low[1] = {-1}, high[1] = {1};
+    lg_program *program = loop_program(1, pulled, NULL, NULL);
+    for (size_t i = 0; i <= LG_COUNT(units); i++) {
+        lg_certify_spec spec = spec_for(program, P, low, high);
+        lg_certify *certify = NULL;
+        lg_error error = {LG_OK, ""};
+        spec.unit = i < LG_COUNT(units) ? units[i] : 0x1p-53; /* the loop is continuous */
+        assert_int_equal(lg_certify_create(NULL, &spec, &certify, &error), LG_INVALID_ARGUMENT);
+        assert_says(error.message, "unit of rounding");
+        double bound;
+        if (i == LG_COUNT(units)) continue;
+        assert_int_equal(lg_interval_rounding(program, 0, low, high, units[i], &bound, &error),
+                         LG_INVALID_ARGUMENT);
+    }
+}
+
 /* ---- fields that jump or have a kink ---- */
 
 /* x' = u - g(x - 1/2) with g = 0 below 0, u = -x; all are stable */
@@ -205,9 +317,6 @@ RECORDING(jumping_ge) {
 }
 RECORDING(saturated_inside) {
     y[0] = lg_sub(tape, x[1], lg_scale(tape, lg_act(tape, past_half(tape, x[0]), LG_RELU), 0.1));
-}
-RECORDING(pulled) {
-    y[0] = lg_neg(tape, x[0]);
 }
 
 TEST("a field that jumps or has a kink at 1/2 is not proved across it, with a box there; below 1/2 it is") {
