@@ -185,10 +185,11 @@ static void write_claim(lg_certify *c) {
     char falls[128] = "V' < 0 (continuous inputs)", between[96] = "", rounded[160] = "";
     const double more = 1.06; /* two digits of it are not below the bound */
     if (c->rounds && c->converges)
-        (void)lg_format(rounded, sizeof rounded,
-                        "; with the controller's rounding, errors of inputs of up to %.2g, they reach {V < "
-                        "%.2g} and stay there",
-                        c->input_error * more, c->eps_rounded * more);
+        (void)lg_format(
+            rounded, sizeof rounded,
+            "; with the controller's rounding, errors of inputs of up to %.2g, motions reach {V < "
+            "%.2g} and stay there",
+            c->input_error * more, c->eps_rounded * more);
     else if (c->rounds)
         (void)lg_format(rounded, sizeof rounded,
                         "; that includes the controller's rounding, errors of inputs of up to %.2g",
@@ -209,12 +210,12 @@ static void write_claim(lg_certify *c) {
     (void)lg_format(
         c->claim, sizeof c->claim,
         "%s: in the box %s, %s for eps = %.6g <= V <= c = %.6g, {V <= c} does not leave the box, and "
-        "motions from it %s%s%s; %s; angles are counted, not wrapped.",
+        "motions from it %s%s; %s%s; angles are counted, not wrapped.",
         verified ? "Proved" : "Not proved", box, falls, fmin(c->eps, c->level), c->level,
         c->converges ? c->rounds ? "converge to the goal in exact arithmetic" : "converge to the goal"
         : c->step    ? "reach {V < eps} again and again and stay in {V <= c}"
                      : "reach {V < eps} about the goal and stay there",
-        between, rounded, error);
+        between, error, rounded);
 }
 
 static double box_volume(const lg_certify *c) {
