@@ -134,29 +134,39 @@ TEST("random controllers in f64 and f32, whatever the unit of the states: errors
     assert_true(most > 0.003); /* so bounds that are 1000 times too small fail */
 }
 
-TEST("a sum of 40 terms in any order has errors below the bound") {
-    enum { TERMS = 40 };
-    lg_scalar in[STATES], terms[TERMS];
-    double low[STATES], high[STATES], weight[TERMS], bound;
-    lg_rng rng = test_rng(66, 0);
-    lg_scalars *s = begin(in);
-    for (size_t i = 0; i < TERMS; i++)
-        terms[i] = lg_s_scale(s, weight[i] = lg_rng_uniform_in(&rng, 0, 1), in[i % STATES]);
-    code.result[0] = lg_s_sum(s, terms, TERMS, 1);
-    for (size_t i = 0; i < STATES; i++) low[i] = 0, high[i] = 1;
-    assert_ok(lg_expansion_rounding(&code, low, high, 0x1p-24, &bound));
-    for (size_t k = 0; k < POINTS; k++) {
-        const size_t from = lg_rng_below(&rng, TERMS), step = 1 + 2 * lg_rng_below(&rng, 2);
-        long double exact = 0;
-        float found = 0;
-        double at[STATES];
-        for (size_t i = 0; i < STATES; i++) at[i] = lg_rng_uniform(&rng);
+enum { TERMS = 40 };
+
+static float in_order(const double *weight, const double *at, size_t from, size_t step) {
+    float found = 0;
+    for (size_t i = 0; i < TERMS; i++) {
+        const size_t j = (from + i * step) % TERMS;
+        found += (float)weight[j] * (float)at[j % STATES];
+    }
+    return found;
+}
+
+TEST("a sum of 40 terms in any order has errors below the bound, as where 1 swallows all the others") {
+    for (int swallows = 0; swallows < 2; swallows++) {
+        lg_scalar in[STATES], terms[TERMS];
+        double low[STATES], high[STATES], weight[TERMS], bound;
+        lg_rng rng = test_rng(66, 0);
+        lg_scalars *s = begin(in);
         for (size_t i = 0; i < TERMS; i++) {
-            const size_t j = (from + i * step) % TERMS;
-            exact += (long double)weight[j] * at[j % STATES];
-            found += (float)weight[j] * (float)at[j % STATES];
+            weight[i] = !swallows ? lg_rng_uniform(&rng) : i == 0 ? 1 : 0.95 * 0x1p-24;
+            terms[i] = lg_s_scale(s, weight[i], in[i % STATES]);
         }
-        assert_true(fabsl(found - exact) <= bound);
+        code.result[0] = lg_s_sum(s, terms, TERMS, 1);
+        for (size_t i = 0; i < STATES; i++) low[i] = swallows, high[i] = 1;
+        assert_ok(lg_expansion_rounding(&code, low, high, 0x1p-24, &bound));
+        for (size_t k = 0; k < (swallows ? 1 : POINTS); k++) {
+            const size_t from = swallows ? 0 : lg_rng_below(&rng, TERMS),
+                         step = 1 + 2 * lg_rng_below(&rng, 2);
+            long double exact = 0;
+            double at[STATES];
+            for (size_t i = 0; i < STATES; i++) at[i] = lg_rng_uniform_in(&rng, low[i], high[i]);
+            for (size_t i = 0; i < TERMS; i++) exact += (long double)weight[i] * at[i % STATES];
+            assert_true(fabsl(in_order(weight, at, from, step) - exact) <= bound);
+        }
     }
 }
 
