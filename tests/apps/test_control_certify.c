@@ -171,6 +171,24 @@ TEST("lags, inputs that act late and integrals are states of the proof; friction
     }
 }
 
+TEST("the rounding of the controller is in the claim, unless it is exact or inputs are continuous") {
+    static const struct {
+        const char *options, *says, *more;
+    } rows[] = {
+        {"", "with the controller's rounding, errors of inputs of up to", "\"eps_rounded\": "},
+        {" --precision f64", "in exact arithmetic and V <= ", "and the rounding of their numbers."},
+        {" --precision f32", "the controller's rounding, errors of inputs of up to", "\"input_error\": "},
+        {" --precision exact", "converge to the goal and V <= ", "and the rounding of the controller ("},
+        {" --continuous", "converge to the goal; ", "and the rounding of the controller ("}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        cli_expect(control, test_text("certify chosen.yaml --box th=1.5,w=12%s --json", rows[i].options), 0,
+                   rows[i].says);
+        assert_says(result.out, rows[i].more);
+    }
+    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --continuous --precision f32", 2,
+               "--precision");
+}
+
 TEST("levels and errors of the model") {
     cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --level 3 --json", 1, "not proved");
     double side[2];

@@ -193,7 +193,8 @@ TEST("a pendulum whose period times its fastest mode is .12 to .6: at least .95 
 
 /* ---- rounding of the controller ---- */
 
-/* The largest V of the last quarter of 400 periods, where the input errs by +-d so that it drives the state on */
+/* The largest V of the last quarter of 400 periods, where the input errs by +-d, by that which makes V
+ * larger */
 static long double shaken(const held_loop *l, double d) {
     enum { PERIODS = 400 };
     long double X[FLOW_MOST] = {0}, most = 0;
