@@ -177,9 +177,9 @@ static bool argument_holds(const lg_certify *c, const double *low, const double 
     return (c->quadratic || is_definite(c->n, &G, 1)) && is_definite(c->n, &M, -1);
 }
 
-/* Held loops on N with an error d of the input: the next y has the length |y|_P sqrt(1 - mu) + r at most, where
- * M + mu is negative definite and r bounds the next state from the goal. So |y| falls to 2 r/mu, and stays
- * below it. Sets eps_rounded to a bound of V there. Whether it is far below eps. */
+/* Held loops on N with an error d of the input: a period takes the length |y| to |y| sqrt(1 - mu) + r at
+ * most, where M + mu is negative definite and r bounds the state after a period from the goal. So |y| falls
+ * to 2 r/mu, and stays below it. Sets eps_rounded to a bound of V there. Whether it is far below eps. */
 static bool rounding_is_small(lg_certify *c, const double *low, const double *high) {
     static const double part = 1e-4; /* a level is at least 1e-3 eps */
     const size_t n = c->n;

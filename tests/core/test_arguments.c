@@ -1047,6 +1047,8 @@ TEST("bounds and certificates refuse NULL") {
     lg_interval_taylor_spec taylor;
     lg_interval_taylor_spec_init(&taylor);
     REFUSES(lg_interval_taylor(NEEDED(program), NEEDED(&taylor), NULL, NEEDED(&interval), NULL));
+    REFUSES(
+        lg_interval_rounding(NEEDED(program), 0, NEEDED(low), NEEDED(high), 0x1p-53, NEEDED(numbers), NULL));
     REFUSES(lg_interval_eval(NEEDED(interval), 1, NEEDED(low), NEEDED(high), NEEDED(numbers), NEEDED(others),
                              NULL, NEEDED(room), NULL));
     lg_certify_spec_init(&spec);
