@@ -24,6 +24,7 @@ typedef enum lg_certify_phase {
 /* What the bounds of a box say. */
 typedef struct lg_certify_box {
     double v_low, v_high, rise_high;         /* over the box */
+    double rise_inside;                      /* over its part in {V <= c}; not of certificates' leaves */
     double at_v_low, at_v_high, at_rise_low; /* at the point `at` of the box */
     double at[LG_CERTIFY_STATES];
     uint8_t flag;       /* of V, its gradient and the rate, on all of the box (lg_interval_flag) */

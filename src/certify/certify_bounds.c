@@ -92,6 +92,36 @@ static void bound_value(const lg_certify *c, const desk *d, size_t i, const doub
     f->v_high = fmin(h[0], lg_certify_up(f->at_v_high + change));
 }
 
+/* The bound of a rise of V on the part of a box in {V <= c}, where c - V is not below 0: a multiple of c - V,
+ * which makes the rise level along the ray through the middle, is added. |y|^2 <= c (1 + 3e-7), as in
+ * bound_value. Replaces `rise` and `part` if it is smaller. */
+static void bound_inside(const lg_certify *c, const double *at, const double *l, const double *h,
+                         const double *r, double base, double *rise, double *part) {
+    enum { MOST = LG_CERTIFY_STATES };
+    const size_t n = c->n;
+    double low[MOST + MOST * MOST], high[MOST + MOST * MOST], inside[MOST], along = 0, square = 0;
+    for (size_t k = 0; k < n; k++) {
+        along += (0.5 * l[k] + 0.5 * h[k]) * at[k];
+        square += at[k] * at[k];
+    }
+    const double by = 0.5 * along / square;
+    if (!(by > 0 && by < DBL_MAX)) return;
+    memcpy(low, l, (n + n * n) * sizeof *l);
+    memcpy(high, h, (n + n * n) * sizeof *h);
+    for (size_t k = 0; k < n; k++) {
+        const double shift = 2 * by * at[k];
+        low[k] -= shift + (fabs(shift) + fabs(l[k])) * 1e-15;
+        high[k] -= shift - (fabs(shift) + fabs(h[k])) * 1e-15;
+        high[n + k * n + k] -= 2 * by - (by + fabs(high[n + k * n + k])) * 1e-15;
+    }
+    const double rest = c->level * (1 + 3e-7) - square,
+                 sum = lg_certify_up(base + by * (rest + (c->level + square) * 1e-13)),
+                 most = lg_certify_up(sum + lg_certify_form(n, low, high, r, inside));
+    if (!(most < *rise)) return;
+    *rise = most;
+    memcpy(part, inside, n * sizeof *part);
+}
+
 /* most: the flag of what the inputs of `full` were computed from */
 static void combine(const lg_certify *c, const desk *d, size_t i, uint8_t most, lg_certify_box *f) {
     const size_t n = c->n, outputs = lg_interval_outputs(c->full), few = lg_interval_outputs(c->point);
@@ -106,6 +136,10 @@ static void combine(const lg_certify *c, const desk *d, size_t i, uint8_t most, 
     f->at_v_high = at_h[0];
     for (size_t k = 0; k < n; k++) r[k] = fmax(high[k] - at[k], at[k] - low[k]) * (1 + 1e-15);
     rise = lg_certify_up(rise + lg_certify_form(n, l, h, r, part));
+    bound_value(c, d, i, r, f);
+    double inside = rise;
+    if (c->quadratic && c->phase == LG_CERTIFY_FALL && f->v_low <= c->level && f->v_high > c->level)
+        bound_inside(c, at, l, h, r, at_h[1], &inside, part);
     for (size_t k = 0; k < n && c->errors; k++) {
         force = lg_certify_up(force + lg_certify_size(lever_l[k], lever_h[k]) * c->error[k]);
         at_force += fmax(fmax(at_l[2 + k], -at_h[2 + k]), 0.0) * c->error[k] * (1 - 1e-12);
@@ -113,10 +147,10 @@ static void combine(const lg_certify *c, const desk *d, size_t i, uint8_t most, 
             force = lg_certify_up(force + fabs(c->P[k * n + j]) * c->error[k] * c->error[j]);
     }
     f->rise_high = lg_certify_up(rise + force);
+    f->rise_inside = lg_certify_up(inside + force);
     f->at_rise_low = at_l[1] + (c->step ? 0 : at_force);
     f->flag = least_flag(c, d->flags + i * outputs);
     if (most < f->flag) f->flag = most;
-    bound_value(c, d, i, r, f);
     double widest = -1;
     for (size_t k = 0; k < n; k++) {
         const double side = (high[k] - low[k]) / (c->to[k] - c->from[k]);
@@ -133,7 +167,7 @@ static void combine(const lg_certify *c, const desk *d, size_t i, uint8_t most, 
 static bool needs_steps(const lg_certify *c, const desk *d, size_t i, const lg_certify_box *f) {
     const size_t few = lg_interval_outputs(c->point);
     const double low = d->at_low[i * few + 1], high = d->at_high[i * few + 1];
-    return c->phase == LG_CERTIFY_FALL && f->rise_high >= 0.0 && f->rise_high - (high - low) < 0.0;
+    return c->phase == LG_CERTIFY_FALL && f->rise_inside >= 0.0 && f->rise_inside - (high - low) < 0.0;
 }
 
 /* Boxes over which V changes by more than this part of the level are halved where they have no tube; others
@@ -163,7 +197,7 @@ static void held_task(const lg_certify *c, desk *d, size_t first, size_t boxes) 
             f->gain = gain[i];
             f->doublings = k;
             if (unbounded[i]) {
-                f->rise_high = f->gain = (double)INFINITY;
+                f->rise_high = f->rise_inside = f->gain = (double)INFINITY;
                 f->at_rise_low = -(double)INFINITY;
             }
             if (no_tube[i] ? f->v_high - f->v_low > wide * c->level

@@ -100,7 +100,7 @@ static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
     /* From {V < eps}, a step must not leave {V <= c}. */
     const bool kept = !c->step || f->v_high + f->rise_high < c->level;
     if (near && (c->converges || (f->v_high < c->eps && kept))) return true;
-    if (f->rise_high < 0.0 && (near || f->v_low >= c->eps)) return true;
+    if (f->rise_inside < 0.0 && (near || f->v_low >= c->eps)) return true;
     if (f->at_v_high <= c->level && !(at_near && (c->converges || f->at_v_low < c->eps))) {
         const bool elsewhere = f->at_v_high < c->eps;
         if (elsewhere || f->at_rise_low >= 0.0) {

@@ -147,10 +147,11 @@ lg_status lg_certify_held_local(const lg_certify *c, const double *from, const d
                                 double *high, bool *slopes) {
     const size_t n = c->n;
     uint8_t flag;
-    double at[LG_CERTIFY_STATES] = {0}, X[2 * LG_CERTIFY_STATES];
+    double at[LG_CERTIFY_STATES], X[2 * LG_CERTIFY_STATES];
     bool unbounded, no_tube;
     void *work = lg_alloc(c->context, lg_flow_work_size(c->flow), 1);
     if (work == NULL) return LG_OUT_OF_MEMORY;
+    for (size_t i = 0; i < n; i++) at[i] = 0.5 * from[i] + 0.5 * to[i];
     memset(low, 0, (2 * n + 2 * n * n) * sizeof *low);
     memset(high, 0, (2 * n + 2 * n * n) * sizeof *high);
     for (uint32_t k = 0; k < LG_FLOW_DOUBLINGS; k++) {

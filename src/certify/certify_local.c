@@ -204,13 +204,41 @@ static bool rounding_is_small(lg_certify *c, const double *low, const double *hi
     return definite && c->eps_rounded <= part * c->eps;
 }
 
-/* Turns the coordinates of a quadratic V such that M is diagonal at the goal: sides of boxes then lie along
- * the directions in which V falls fast and slowly. */
+/* U -= D/tr D for the sum D of E^T E over points of the set, where E is the change of the Jacobian of a period
+ * from the goal, which has the bounds low and high there: along vectors with D v = 0 a period is linear. */
+static lg_status add_changes(const lg_certify *c, const double *low, const double *high, double *U) {
+    enum { POINTS = 64 };
+    const size_t n = c->n, of = 2 * n + n * n;
+    const double size = sqrt(fmin(c->level, lg_certify_reach(c)));
+    double l[2 * MOST + 2 * MOST * MOST], h[2 * MOST + 2 * MOST * MOST], D[MOST * MOST] = {0}, E[MOST * MOST],
+        trace = 0;
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 1);
+    for (int p = 0; p < POINTS && size < 1e150; p++) {
+        double y[MOST], length = 0;
+        bool slopes;
+        for (size_t i = 0; i < n; i++) length = hypot(length, y[i] = lg_rng_normal(&rng));
+        for (size_t i = 0; i < n; i++) y[i] *= size * sqrt((p + 0.5) / POINTS) / length;
+        LG_TRY(lg_certify_held_local(c, y, y, l, h, &slopes));
+        for (size_t i = 0; i < n * n && slopes; i++)
+            E[i] = 0.5 * (l[of + i] + h[of + i]) - 0.5 * (low[of + i] + high[of + i]);
+        for (size_t i = 0; i < n * n && slopes; i++)
+            for (size_t k = 0; k < n; k++) D[i] += E[k * n + i / n] * E[k * n + i % n];
+    }
+    for (size_t i = 0; i < n; i++) trace += D[i * (n + 1)];
+    for (size_t i = 0; i < n * n && trace > 0 && trace < DBL_MAX; i++) U[i] -= D[i] / trace;
+    return LG_OK;
+}
+
+/* Turns the coordinates of a quadratic V such that sides of boxes lie along the directions in which V falls
+ * fast and slowly at the goal: M is diagonal there. For held loops they lie along directions in which a period
+ * is linear, and far from linear: sides along the former need not be halved. */
 lg_status lg_certify_turn(lg_certify *c, lg_error *error) {
     const int n = (int)c->n, words = 1 + 6 * MOST + 2 * MOST * MOST, integers = 3 + 5 * MOST;
     double low[2 * MOST + 2 * MOST * MOST], high[2 * MOST + 2 * MOST * MOST], U[MOST * MOST], w[MOST],
         T[MOST * MOST];
-    double work[1 + 6 * MOST + 2 * MOST * MOST];
+    double work[1 + 6 * MOST + 2 * MOST * MOST], size = 0;
+    static const double share = 1e-4;
     int whole[3 + 5 * MOST], info = 0;
     bool slopes;
     banded M;
@@ -219,6 +247,11 @@ lg_status lg_certify_turn(lg_certify *c, lg_error *error) {
     for (size_t i = 0; i < c->n * c->n; i++) {
         U[i] = 0.5 * M.middle[i] + 0.5 * M.middle[i % c->n * c->n + i / c->n];
         if (!isfinite(U[i])) return LG_OK;
+        if (i % (c->n + 1) == 0) size += fabs(U[i]);
+    }
+    if (c->flow != NULL && size > 0) {
+        for (size_t i = 0; i < c->n * c->n; i++) U[i] *= share / size;
+        LG_TRY(add_changes(c, low, high, U));
     }
     dsyevd_("V", "L", &n, U, &n, w, work, &words, whole, &integers, &info);
     if (info != 0) return LG_OK;

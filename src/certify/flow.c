@@ -526,10 +526,10 @@ void lg_flow_eval(const lg_flow *w, const lg_flow_boxes *b, void *work) {
 
 /* ---- creation ---- */
 
-/* Two steps where the period times the fastest mode is above .3, and so on. Their number is a power of two,
+/* Two steps where the period times the fastest mode is above .15, and so on. Their number is a power of two,
  * so that the steps add up to the period without rounding. */
 static lg_status choose_steps(lg_flow *w) {
-    static const double longest = 0.3;
+    static const double longest = 0.15;
     enum { MOST_STEPS = 64, STATES = 16 };
     const size_t n = w->n, all = n + w->m;
     size_t used;
