@@ -382,10 +382,12 @@ static char *tell_claim(const app *self, naming names, bool chosen, bool rounded
         const bool oldest =
             i + 1 == names.task->coordinate_count || names.task->coordinate[i + 1].ago <= c->ago;
         if (c->ago > 0 && oldest)
-            lg_text_add(&text, " The input %s acts %u period%s late.", names.task->input[c->follows - 1].name,
+            lg_text_add(&text,
+                        " The input %s acts %u period%s late; the set also holds past inputs beyond the limits.",
+                        names.task->input[c->follows - 1].name,
                         c->ago, c->ago > 1 ? "s" : "");
     }
-    lg_text_add(&text, "%s Not covered: disturbances, noise of sensors, and the rounding of %s.", more,
+    lg_text_add(&text, "%s Not covered: disturbances, noise of sensors, what the key robust adds, and the rounding of %s.", more,
                 rounded ? "their numbers"
                         : "the controller (2^-53 of its numbers, of an export in f32 2^-24)");
     return text.data;
@@ -662,7 +664,16 @@ static void write_certificate(const app *self, naming names, const lg_certify_sp
         spec.control = "input_by_state";
         spec.period = 0;
     }
-    control_write_certificate(self, values.certificate, &spec, r, all, values.seconds);
+    APP_FREE char *plant = is_task(self) ? control_plant_path(self, self->arguments[0]) : NULL;
+    control_write_certificate(self, values.certificate, plant, &spec, r, all, values.seconds);
+}
+
+bool control_has_states(const lg_policy *policy, const lg_certificate *file) {
+    const naming names = name_states(lg_policy_task_of(policy));
+    bool has = names.n == file->states;
+    for (size_t i = 0; has && i < names.n; i++)
+        has = strncmp(name_of(names, i), file->names[i], LG_CERTIFICATE_NAME - 1) == 0;
+    return has;
 }
 
 static int prove(app *self, lg_policy *given, naming names) {

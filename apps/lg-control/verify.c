@@ -21,12 +21,12 @@ static void copy_name(char out[LG_CERTIFICATE_NAME], const char *path) {
     (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", slash != NULL ? slash + 1 : path);
 }
 
-void control_write_certificate(const app *self, const char *path, const lg_certify_spec *spec,
+void control_write_certificate(const app *self, const char *path, const char *plant, const lg_certify_spec *spec,
                                const lg_certify_result *proved, const char *const *names, double seconds) {
     lg_certificate file;
     APP_MUST(self, lg_certificate_make(self->context, spec, proved, seconds, &file, &error));
     for (size_t i = 0; i < file.states; i++) copy_name(file.names[i], names[i]);
-    copy_name(file.plant, self->arguments[0]);
+    copy_name(file.plant, plant != NULL ? plant : self->arguments[0]);
     copy_name(file.controller, self->arguments[0]);
     APP_MUST_FILE(self, path, lg_certificate_save(self->context, path, &file, &error));
     lg_certificate_destroy(&file);
@@ -35,7 +35,7 @@ void control_write_certificate(const app *self, const char *path, const lg_certi
 /* ---- the loop of a task or policy now ---- */
 
 typedef struct comparison {
-    bool compared, plant, controller, period;
+    bool compared, plant, controller, period, states;
 } comparison;
 
 static comparison compare(const app *self, const lg_certificate *file, const char *path) {
@@ -46,6 +46,7 @@ static comparison compare(const app *self, const lg_certificate *file, const cha
     APP_MUST(self, lg_certificate_compare(file, program, "rate_by_input", "input_by_state", &c.plant,
                                           &c.controller, &error));
     c.period = file->period == 0 || file->period == lg_policy_task_of(policy)->period;
+    c.states = control_has_states(policy, file);
     lg_policy_destroy(policy);
     return c;
 }
@@ -56,7 +57,7 @@ static char *tell_difference(const comparison *c, const char *path) {
     const struct {
         bool same;
         const char *what;
-    } parts[] = {{c->plant, "plant"}, {c->controller, "controller"}, {c->period, "period"}};
+    } parts[] = {{c->plant, "plant"}, {c->controller, "controller"}, {c->period, "period"}, {c->states, "list of states"}};
     for (size_t i = 0; c->compared && i < LG_COUNT(parts); i++)
         if (!parts[i].same)
             lg_text_add(&text, "%s%s", text.length > 0 ? " and another " : "another ", parts[i].what);

@@ -149,14 +149,26 @@ lg_status lg_certify_create_for(const lg_context *context, const lg_certify_spec
 
 /* ---- the sentence ---- */
 
-/* The longest number has 13 bytes. */
-enum { SIDE = sizeof " x [, ]" + 2 * 13, BOX = LG_CERTIFY_STATES * SIDE };
+/* A number with 6 digits, or more until it is not above x (side -1), not below x (1), or x (0): what the
+ * sentence says is not more than what is proved. */
+enum { NUMBER = 32 };
+static const char *number(char text[NUMBER], double x, int side) {
+    for (int digits = 6; digits <= 17; digits++) {
+        (void)lg_format(text, NUMBER, "%.*g", digits, x);
+        const double read = lg_real(text, NULL);
+        if (side < 0 ? read <= x : side > 0 ? read >= x : read == x) break;
+    }
+    return text;
+}
+
+enum { BOX = LG_CERTIFY_STATES * (2 * NUMBER + sizeof " x [, ]") };
 
 static void write_box(const lg_certify *c, char text[BOX]) {
+    char low[NUMBER], high[NUMBER];
     size_t at = 0;
     for (size_t i = 0; i < c->n; i++)
-        at += (size_t)lg_format(text + at, BOX - at, "%s[%.6g, %.6g]", i == 0 ? "" : " x ", c->low[i],
-                                c->high[i]);
+        at += (size_t)lg_format(text + at, BOX - at, "%s[%s, %s]", i == 0 ? "" : " x ",
+                                number(low, c->low[i], 1), number(high, c->high[i], -1));
 }
 
 /* The longest bound has 9 bytes. */
@@ -197,21 +209,23 @@ static void write_claim(lg_certify *c) {
     else if (c->input_error > 0)
         (void)snprintf(rounded, sizeof rounded,
                        "; the controller's rounding has no bound and is not covered");
+    char period[NUMBER], bound[NUMBER], eps[NUMBER], level[NUMBER];
     if (c->flow != NULL) {
         (void)lg_format(falls, sizeof falls,
-                        "V falls in every period of the exact motion (inputs are held for %.6g)", c->period);
+                        "V falls in every period of the exact motion (inputs are held for %s)",
+                        number(period, c->period, 0));
         if (isfinite(c->between) && c->between > 0)
-            (void)lg_format(between, sizeof between, " and V <= %.6g between the samples%s", c->between,
-                            c->errors ? " (of the model)" : "");
+            (void)lg_format(between, sizeof between, " and V <= %s between the samples%s",
+                            number(bound, c->between, 1), c->errors ? " (of the model)" : "");
         else
             (void)snprintf(between, sizeof between, "; V has no bound between the samples");
     } else if (c->step)
         (void)snprintf(falls, sizeof falls, "V falls in every step of this map");
     (void)lg_format(
         c->claim, sizeof c->claim,
-        "%s: in the box %s, %s for eps = %.6g <= V <= c = %.6g, {V <= c} does not leave the box, and "
+        "%s: in the box %s, %s for eps = %s <= V <= c = %s, {V <= c} does not leave the box, and "
         "motions from it %s%s; %s%s; angles are counted, not wrapped.",
-        verified ? "Proved" : "Not proved", box, falls, fmin(c->eps, c->level), c->level,
+        verified ? "Proved" : "Not proved", box, falls, number(eps, fmin(c->eps, c->level), 1), number(level, c->level, -1),
         c->converges ? c->rounds ? "converge to the goal in exact arithmetic" : "converge to the goal"
         : c->step    ? "reach {V < eps} again and again and stay in {V <= c}"
                      : "reach {V < eps} about the goal and stay there",

@@ -123,7 +123,7 @@ static bool fall(lg_certify *c, const double *box, const lg_certify_box *f) {
 static const double settled = 1.05;
 
 static bool between(lg_certify *c, const double *box, const lg_certify_box *f) {
-    static const double narrow = 0.2;
+    const double narrow = f->gain <= 0.2 * c->level ? 0.2 : 0.05;
     const double top = fmin(f->v_high, c->level) + f->gain;
     if (f->v_low > c->level || top <= c->between) return true;
     if (!(f->v_high - f->v_low <= narrow * c->level) && !is_tiny(c, box, f)) return false;

@@ -204,14 +204,14 @@ static bool rounding_is_small(lg_certify *c, const double *low, const double *hi
     return definite && c->eps_rounded <= part * c->eps;
 }
 
-/* U -= D/tr D for the sum D of E^T E over points of the set, where E is the change of the Jacobian of a period
- * from the goal, which has the bounds low and high there: along vectors with D v = 0 a period is linear. */
+/* U -= D/tr D for the sum D of E^T E over points of the set. E is the change of the Jacobian of a
+ * period from the goal, where it has the bounds low and high: along vectors with D v = 0 a period is linear. */
 static lg_status add_changes(const lg_certify *c, const double *low, const double *high, double *U) {
     enum { POINTS = 64 };
     const size_t n = c->n, of = 2 * n + n * n;
     const double size = sqrt(fmin(c->level, lg_certify_reach(c)));
     double l[2 * MOST + 2 * MOST * MOST], h[2 * MOST + 2 * MOST * MOST], D[MOST * MOST] = {0}, E[MOST * MOST],
-        trace = 0;
+                                                                                  trace = 0;
     lg_rng rng;
     lg_rng_seed(&rng, 1, 1);
     for (int p = 0; p < POINTS && size < 1e150; p++) {
@@ -230,9 +230,9 @@ static lg_status add_changes(const lg_certify *c, const double *low, const doubl
     return LG_OK;
 }
 
-/* Turns the coordinates of a quadratic V such that sides of boxes lie along the directions in which V falls
- * fast and slowly at the goal: M is diagonal there. For held loops they lie along directions in which a period
- * is linear, and far from linear: sides along the former need not be halved. */
+/* Turns the coordinates of a quadratic V such that sides of boxes lie along directions in which V falls
+ * fast and slowly at the goal: M is diagonal there. For held loops they lie along directions in which a
+ * period is linear, and far from linear: sides along the former need not be halved. */
 lg_status lg_certify_turn(lg_certify *c, lg_error *error) {
     const int n = (int)c->n, words = 1 + 6 * MOST + 2 * MOST * MOST, integers = 3 + 5 * MOST;
     double low[2 * MOST + 2 * MOST * MOST], high[2 * MOST + 2 * MOST * MOST], U[MOST * MOST], w[MOST],

@@ -46,9 +46,15 @@ while IFS=: read -r file line; do
         echo "src/$file includes $header: $from does not stand on $to"
         wrong=1
     fi
-done < <(grep -rE '^ *# *include "' --include='*.c' --include='*.h' --include='*.inc' . | sed 's|^\./||')
+done < <(grep -rE '^ *# *include *"' --include='*.c' --include='*.h' --include='*.inc' . | sed 's|^\./||')
+# Headers of the tree have quotes and a path from src or include.
+while IFS= read -r line; do
+    case ${line#*:} in *'<liegrad/'* | *'"../'* | *'"./'*) ;; *) [ -d "$(sed 's|.*<\([a-z]*\)/.*|\1|' <<<"$line")" ] || continue ;; esac
+    echo "src/$line: headers of the tree have quotes and a path from src"
+    wrong=1
+done < <(grep -rE '^ *# *include *(<[a-z]+/|"\.\.?/)' --include='*.c' --include='*.h' --include='*.inc' . | sed 's|^\./||')
 # Nothing but the room certify includes its public headers.
-for header in $(cd .. && grep -lE '"liegrad/(certify|lyapunov|interval)\.h"' include/liegrad/*.h $(find src -name '*.[ch]') |
+for header in $(cd .. && grep -lE '["<]liegrad/(certify|lyapunov|interval)\.h[">]' include/liegrad/*.h $(find src -name '*.[ch]') |
     grep -vE '^src/certify/|^include/liegrad/(certify|lyapunov|interval)\.h$'); do
     echo "$header includes a header of certificates: only src/certify does"
     wrong=1
