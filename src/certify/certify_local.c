@@ -205,7 +205,7 @@ static bool rounding_is_small(lg_certify *c, const double *low, const double *hi
 }
 
 /* U -= D/tr D for the sum D of E^T E over points of the set. E is the change of the Jacobian of a
- * period from the goal, whose bounds there are low and high: along vectors with D v = 0 a period is linear. */
+ * period from the goal, whose bounds there are low and high: if D v = 0, along v a period is linear. */
 static lg_status add_changes(const lg_certify *c, const double *low, const double *high, double *U) {
     enum { POINTS = 64 };
     const size_t n = c->n, of = 2 * n + n * n;
