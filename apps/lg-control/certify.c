@@ -382,14 +382,15 @@ static char *tell_claim(const app *self, naming names, bool chosen, bool rounded
         const bool oldest =
             i + 1 == names.task->coordinate_count || names.task->coordinate[i + 1].ago <= c->ago;
         if (c->ago > 0 && oldest)
-            lg_text_add(&text,
-                        " The input %s acts %u period%s late; the set also holds past inputs beyond the limits.",
-                        names.task->input[c->follows - 1].name,
-                        c->ago, c->ago > 1 ? "s" : "");
+            lg_text_add(
+                &text,
+                " The input %s acts %u period%s late; the set also holds past inputs beyond the limits.",
+                names.task->input[c->follows - 1].name, c->ago, c->ago > 1 ? "s" : "");
     }
-    lg_text_add(&text, "%s Not covered: disturbances, noise of sensors, what the key robust adds, and the rounding of %s.", more,
-                rounded ? "their numbers"
-                        : "the controller (2^-53 of its numbers, of an export in f32 2^-24)");
+    lg_text_add(
+        &text,
+        "%s Not covered: disturbances, noise of sensors, what the key robust adds, and the rounding of %s.",
+        more, rounded ? "their numbers" : "the controller (2^-53 of its numbers, of an export in f32 2^-24)");
     return text.data;
 }
 

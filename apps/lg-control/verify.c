@@ -21,8 +21,9 @@ static void copy_name(char out[LG_CERTIFICATE_NAME], const char *path) {
     (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", slash != NULL ? slash + 1 : path);
 }
 
-void control_write_certificate(const app *self, const char *path, const char *plant, const lg_certify_spec *spec,
-                               const lg_certify_result *proved, const char *const *names, double seconds) {
+void control_write_certificate(const app *self, const char *path, const char *plant,
+                               const lg_certify_spec *spec, const lg_certify_result *proved,
+                               const char *const *names, double seconds) {
     lg_certificate file;
     APP_MUST(self, lg_certificate_make(self->context, spec, proved, seconds, &file, &error));
     for (size_t i = 0; i < file.states; i++) copy_name(file.names[i], names[i]);
@@ -57,7 +58,10 @@ static char *tell_difference(const comparison *c, const char *path) {
     const struct {
         bool same;
         const char *what;
-    } parts[] = {{c->plant, "plant"}, {c->controller, "controller"}, {c->period, "period"}, {c->states, "list of states"}};
+    } parts[] = {{c->plant, "plant"},
+                 {c->controller, "controller"},
+                 {c->period, "period"},
+                 {c->states, "list of states"}};
     for (size_t i = 0; c->compared && i < LG_COUNT(parts); i++)
         if (!parts[i].same)
             lg_text_add(&text, "%s%s", text.length > 0 ? " and another " : "another ", parts[i].what);

@@ -221,15 +221,16 @@ static void write_claim(lg_certify *c) {
             (void)snprintf(between, sizeof between, "; V has no bound between the samples");
     } else if (c->step)
         (void)snprintf(falls, sizeof falls, "V falls in every step of this map");
-    (void)lg_format(
-        c->claim, sizeof c->claim,
-        "%s: in the box %s, %s for eps = %s <= V <= c = %s, {V <= c} does not leave the box, and "
-        "motions from it %s%s; %s%s; angles are counted, not wrapped.",
-        verified ? "Proved" : "Not proved", box, falls, number(eps, fmin(c->eps, c->level), 1), number(level, c->level, -1),
-        c->converges ? c->rounds ? "converge to the goal in exact arithmetic" : "converge to the goal"
-        : c->step    ? "reach {V < eps} again and again and stay in {V <= c}"
-                     : "reach {V < eps} about the goal and stay there",
-        between, error, rounded);
+    (void)lg_format(c->claim, sizeof c->claim,
+                    "%s: in the box %s, %s for eps = %s <= V <= c = %s, {V <= c} does not leave the box, and "
+                    "motions from it %s%s; %s%s; angles are counted, not wrapped.",
+                    verified ? "Proved" : "Not proved", box, falls, number(eps, fmin(c->eps, c->level), 1),
+                    number(level, c->level, -1),
+                    c->converges
+                        ? c->rounds ? "converge to the goal in exact arithmetic" : "converge to the goal"
+                    : c->step ? "reach {V < eps} again and again and stay in {V <= c}"
+                              : "reach {V < eps} about the goal and stay there",
+                    between, error, rounded);
 }
 
 static double box_volume(const lg_certify *c) {
