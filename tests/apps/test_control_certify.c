@@ -145,7 +145,8 @@ TEST("lags, inputs that act late and integrals are states of the proof; friction
     } rows[] = {{"", "", "[0.1]", 0, "The box is of th, w, counted"},
                 {", lag: 0.03", "", "[0.1]", 0, "The box is of th, lagged.u, w, counted"},
                 {", delay: 1", "", "[0.1]", 0,
-                 "The input u acts 1 period late. The box is of th, past.u.1, w, counted"},
+                 "The input u acts 1 period late; the set also holds past inputs beyond the limits. The box "
+                 "is of th, past.u.1, w, counted"},
                 {", delay: 13", "", "[0.1]", 1, "not proved"}, /* .13 s: the linear loop is not stable */
                 {"", "integral: [th]\n", "[0.1]", 0, "The box is of th, integral.th, w, counted"},
                 {"", "", "[0.1]}, {kind: coulomb, values: [0.01]", 2, "as where dry friction sticks"}};

@@ -86,6 +86,8 @@ TEST("files that were changed fail with what is wrong") {
     cli_expect(control, "verify bad.json --json", 1, "not proved");
     assert_says(result.out, "\"verified\": false");
     assert_true(json_find(result.out, "failed") != NULL && json_find(result.out, "reason") != NULL);
+    change("bad.json", "[\"th\", \"w\"]", "[\"w\", \"th\"]");
+    cli_expect(control, "verify bad.json task.yaml", 1, "another list of states");
     cli_write("bad.json", "{}");
     cli_expect(control, "verify bad.json", 3, "version");
     cli_expect(control, "verify task.yaml", 3, "task.yaml");

@@ -63,6 +63,8 @@ static inline bool attack_loop(uint64_t number, size_t samples, size_t starts, l
     c->refuted += r.finished && !r.verified;
     c->undecided += !r.finished;
     if (!r.verified) return true;
+    const char *eps = strstr(r.claim, "eps = "), *level = strstr(r.claim, "c = ");
+    assert_true(strtod(eps + 6, NULL) >= r.eps && strtod(level + 4, NULL) <= r.level);
     const double proved = loop_seconds();
     a->r = r;
     const bool holds = attack_proof(a, samples, starts);
