@@ -6,7 +6,7 @@ import numpy as np
 try: from flint import arb, ctx
 except ImportError: import mpmath as mp; arb, ctx = None, mp.mp
 ctx.prec, _ = 90, np.seterr(all='ignore')
-U, TINY, BATCH, HALVINGS, LEAVES = 2.0 ** -52, 1e-300, 4096, 12, [*'on01234']
+U, TINY, BATCH, HALVINGS, LEAVES, TRUTH = 2.0 ** -52, 1e-300, 4096, 12, [*'on01234'], ['even', 'converges']
 class Refused(Exception): pass
 class I:   # intervals: [value, slopes] x boxes, or matrices: rows x columns x boxes
     def __init__(s, l, h=None): s.l = np.asarray(l, float); s.h = s.l if h is None else h
@@ -49,9 +49,8 @@ def points(name, *x):
     r = np.array([ball(name, *t) for t in zip(*[a.ravel().tolist() for a in x])]).reshape(x[0].shape + (2,))
     return I(r[..., 0] - r[..., 1], r[..., 0] + r[..., 1])
 def monotone(name, x): return I(points(name, x.l).l, points(name, x.h).h)
-PI = I(math.pi, math.nextafter(math.pi, 4))
-def trig(name, x):
-    a, b, q = points(name, x.l), points(name, x.h), (x - PI * I(.5) if name == 'sin' else x) / PI
+def trig(name, x, pi=I(math.pi, math.nextafter(math.pi, 4))):
+    a, b, q = points(name, x.l), points(name, x.h), (x - pi * I(.5) if name == 'sin' else x) / pi
     first, last = np.ceil(q.l), np.floor(q.h)   # extrema are at whole numbers q
     both, one = (last > first) | ~(x.size().h < 1e15), last >= first
     return I(np.where(both | one & (first % 2 != 0), -1, np.maximum(-1, np.minimum(a.l, b.l))),
@@ -122,8 +121,7 @@ class Program:
             elif op == 'abs': r = p('max', p('max', x[0], p('neg', x[0])), p('number', 0))
             elif op == 'sign': o = p('number', 0); r = p('add', p('ge', x[0], o), p('neg', p('ge', o, x[0])))
             elif op == 'sigmoid':
-                o = p('number', .5)
-                r = p('add', o, p('mul', o, p('tanh', p('mul', o, x[0]))))
+                r = p('add', o := p('number', .5), p('mul', o, p('tanh', p('mul', o, x[0]))))
             elif op == 'pow' and a[1] in (2, 3): r = p('mul', x[0], p('mul', *x, *x) if a[1] == 3 else x[0])
             elif op in ('pow', 'sqrt'): r = p('exp', p('mul', p('number', (*a, .5)[1]), p('log', *x)))
             else: raise Refused(f'the checker has no operation {op}')
@@ -188,7 +186,7 @@ class Proof:
     def __init__(s, c, text):
         n, m, p, s.count, s.held = c['states'], c['inputs'], c['proof'], 0, c['loop'] == 'held'
         if c['format'] != 'liegrad certificate' or c['version'] != 1: raise ValueError('another format')
-        if c['loop'] not in ('held', 'continuous') or c.get('stored'): raise Refused('an unknown loop')
+        if c['loop'] not in ('held', 'continuous') or c.get('stored', 0) != 0: raise Refused('another loop')
         for part, of in (('rate', 'plant'), ('control', 'controller')):   # the text of the part has the hash
             for i in (q.end() for q in re.finditer(f'"{part}"\\s*:\\s*', text)):
                 v, e = json.JSONDecoder().raw_decode(text, i)
@@ -198,8 +196,8 @@ class Proof:
         s.control = Program(c['control'], n if m else c['control']['inputs'], m)
         s.n, s.converges, s.tree, s.boxes, s.even = n, c['converges'], p['tree'], p['boxes'], p['even']
         s.level, s.eps, (P, T) = c['level'], c['eps'], np.array([c['P'], p['T']], float).reshape(2, n, n, 1)
-        v = np.array([c['goal'], p['near'], p['low'], p['high'], c['error']], float)
-        s.goal, near, s.low, s.high, error = v
+        s.goal, near, s.low, s.high, error = v = np.array(
+            [c['goal'], p['near'], p['low'], p['high'], c['error']], float)
         s.period, s.order, s.steps, s.between = 1, 1, 1, None
         if s.held: s.period, s.order, s.steps, s.between = c['period'], p['order'], p['steps'], c['between']
         if not (np.isfinite(v).all() and np.isfinite(P + T).all() and v.shape == (5, n) and min(error) >= 0
@@ -270,8 +268,7 @@ class Proof:
                 box = zip(*[q[:, np.argmin(done)] for q in (l, h)])
                 raise Refused('no proof in the box y = ' + ' x '.join(f'[{a:.9g}, {b:.9g}]' for a, b in box))
             for some, more in ((~done & tubes, steps), (~done & ~tubes, min(2 * steps, 64 * s.steps))):
-                l2, h2 = l[:, some], h[:, some]
-                s.sweep(*halves(l2, h2, np.argmax(h2 - l2, 0)), more, near, depth + 1)
+                s.sweep(*halves(l[:, some], h[:, some], np.argmax(h - l, 0)[some]), more, near, depth + 1)
     def prove(s):
         lo, hi, seen, x = s.low[:, None], s.high[:, None], 0, I(s.goal[:, None, None])
         if s.converges:
@@ -282,19 +279,22 @@ class Proof:
             code, seen = np.array(list(text)), seen + len(text)
             if len(code) - lo.shape[1] or {*text} - {*LEAVES, *'abcdefghijklm'[:s.n]}: raise Refused('tree')
             for leaf in sorted({*text} & {*LEAVES}):
-                l, h = lo[:, code == leaf], hi[:, code == leaf]
-                steps = s.steps << int('0' + leaf.strip('on'))
+                l, h, steps = lo[:, code == leaf], hi[:, code == leaf], s.steps << int('0' + leaf.strip('on'))
                 for a, b in ((l, h), (-h, -l))[:1 + s.even]: s.sweep(a, b, steps)
             cut = ~np.isin(code, LEAVES)
             lo, hi = halves(lo[:, cut], hi[:, cut], np.array([ord(q) - 97 for q in code[cut]], int))
         if lo.size or seen != s.boxes: raise Refused('the tree does not have its boxes')
+def unique(pairs):
+    if len({k for k, _ in pairs}) < len(pairs) or any((type(v) is bool) != (k in TRUTH) for k, v in pairs):
+        raise ValueError('a key comes twice, or a value has another type')
+    return dict(pairs)
 def main(name):
     t0 = time.time()
     try:
         with open(name, encoding='utf-8') as f: text = f.read()
-        s = Proof(json.loads(text), text)
+        s = Proof(json.loads(text, object_pairs_hook=unique), text)
         print(f'PROVED {name}: level {s.level:.9g}, {s.prove() or s.count} boxes, {time.time() - t0:.1f} s')
     except Refused as e: return print(f'NOT PROVED {name}: {e}', flush=True) or 1
-    except (OSError, ArithmeticError, ValueError, LookupError, TypeError, AttributeError) as e:
+    except Exception as e:   # whatever a wrong file leads to
         return print(f'{name} is no certificate: {type(e).__name__}: {e}', flush=True) or 3
 if __name__ == '__main__': sys.exit(max(main(n) or 0 for n in sys.argv[1:]))

@@ -26,6 +26,10 @@ def changes(c):
         yield f'{part}: its last output with the other sign', False, lambda d, part=part: (
             d[part]['code'].append(['neg', d[part]['outputs'][-1]]), d[part]['outputs'].__setitem__(-1, len(d[part]['code']) - 1))
         yield f'{part}: the hash of before', False, lambda d, part=part: d[part]['code'].append(['number', 0])
+    yield 'time runs backward: V rises where it fell', False, lambda d: (
+        d['rate']['code'].extend([['neg', i] for i in d['rate']['outputs']]),
+        d['rate'].__setitem__('outputs', [len(d['rate']['code']) - d['states'] + i for i in range(d['states'])]))
+    yield 'even is no truth value, no half would be examined', False, at('proof', 'even', of=lambda v: -1)
     yield 'level 10 % larger', False, at('level', of=lambda v: 1.1 * v)
     yield 'level 10 % smaller', True, at('level', of=lambda v: .9 * v)
     yield 'eps 4 times larger', True, at('eps', of=lambda v: 4 * v)
@@ -46,7 +50,6 @@ def changes(c):
     yield 'every leaf is outside', True, at('proof', 'tree', of=lambda t: [''.join('o' if q.isdigit() else q for q in s) for s in t])
     yield 'a wide error of the model', False, at('error', of=lambda v: [q + .3 for q in v])
     if c['loop'] == 'held':
-        yield 'period 8 times longer', True, at('period', of=lambda v: 8 * v)
         yield 'between below the level', False, at('between', of=lambda v: .9 * c['level'])
         yield 'another order', True, at('proof', 'order', of=lambda v: 2)
 def verdict(folder, c, renew=True):

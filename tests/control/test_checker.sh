@@ -54,4 +54,15 @@ planted "the controller pushes to the other side" \
     "k = c['control']; k['code'].append(['neg', k['outputs'][0]]); k['outputs'] = [len(k['code']) - 1]" 1 'no proof in the box'
 planted "another level" "c['level'] *= 1.2" 1 'leaves the '
 planted "another plant with the hash of the first" "c['rate']['code'].append(['number', 1])" 0 '"rate" has another hash'
+# No certificates: exit code 3 and one line, never a traceback.
+wrong() {
+    "$python" "$check" wrong.json >said 2>errors
+    [ $? -eq 3 ] && [ ! -s errors ] && grep -q "^wrong.json is no certificate: .*$2" said ||
+        { echo "$1:"; cat said errors; status=1; }
+}
+sed 's/"level"/"level": 1, "level"/' whole.json >wrong.json; wrong "a key twice" 'a key comes twice'
+sed 's/"even": *[a-z]*/"even": -1/' whole.json >wrong.json; wrong "a parity that examines no half" 'another type'
+sed 's/"converges": *[a-z]*/"converges": []/' whole.json >wrong.json; wrong "a claim that is no truth value" 'another type'
+"$python" -c 'print("[" * 200000)' >wrong.json; wrong "nested lists" ''
+echo '[]' >wrong.json; wrong "a list" ''
 exit $status
