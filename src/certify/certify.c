@@ -153,8 +153,12 @@ lg_status lg_certify_create_for(const lg_context *context, const lg_certify_spec
  * sentence says is not more than what is proved. */
 enum { NUMBER = 32 };
 static const char *number(char text[NUMBER], double x, int side) {
-    for (int digits = 6; digits <= 17; digits++) {
-        (void)lg_format(text, NUMBER, "%.*g", digits, x);
+    static const struct {
+        int digits;
+        double more;
+    } tries[] = {{6, 0}, {9, 1e-8}, {17, 0}};
+    for (size_t i = 0; i < LG_COUNT(tries); i++) {
+        (void)lg_format(text, NUMBER, "%.*g", tries[i].digits, x + side * tries[i].more * fabs(x));
         const double read = lg_real(text, NULL);
         if (side < 0 ? read <= x : side > 0 ? read >= x : read == x) break;
     }
