@@ -263,7 +263,7 @@ class Proof:
                 if s.converges: rest &= ~((l >= -s.near) & (h <= s.near)).all(0)
                 l, h = l[:, rest], h[:, rest]
             if not l.size: continue
-            done, tubes = s.examine(l, h, steps, near)
+            done, tubes = s.examine(l, h, steps << depth // 4, near)
             if depth == HALVINGS and not done.all():
                 box = zip(*[q[:, np.argmin(done)] for q in (l, h)])
                 raise Refused('no proof in the box y = ' + ' x '.join(f'[{a:.9g}, {b:.9g}]' for a, b in box))

@@ -54,6 +54,21 @@ planted "the controller pushes to the other side" \
     "k = c['control']; k['code'].append(['neg', k['outputs'][0]]); k['outputs'] = [len(k['code']) - 1]" 1 'no proof in the box'
 planted "another level" "c['level'] *= 1.2" 1 'leaves the '
 planted "another plant with the hash of the first" "c['rate']['code'].append(['number', 1])" 0 '"rate" has another hash'
+# Each of these is found by one part of the checker alone: labels of leaves, the root box, the argument near the goal.
+back="r = c['rate']; k = len(r['code']); r['code'] += [['neg', i] for i in r['outputs']]; r['outputs'] = [k, k + 1]; p = c['proof']"
+planted "time runs backward and every leaf is said to lie outside" \
+    "$back; c['converges'] = False; p['tree'] = [''.join(q if q in 'ab' else 'o' for q in t) for t in p['tree']]" 1 'no proof in the box'
+planted "a smaller root box" "p = c['proof']; p['high'] = [.9 * v for v in p['high']]; p['low'] = [.9 * v for v in p['low']]" 1 \
+    'leaves the root'
+planted "time runs backward and N holds the root box" "$back; p['near'] = [2, 2]" 1 'no proof in the box'
+# An oscillator without damping: its Taylor polynomial of degree 3 falls over a period of 1, its motion does not.
+planted "an oscillator without damping" "
+c.update(loop='held', period=1, between=2, goal=[0, 0], low=[-9, -9], high=[9, 9], P=[[1, 0], [0, 1]], level=1, eps=.5,
+         error=[0, 0], converges=True, states=2, inputs=1,
+         rate={'inputs': 3, 'code': [['in', 0], ['in', 1], ['neg', 0]], 'outputs': [1, 2]},
+         control={'inputs': 2, 'code': [['in', 0], ['sub', 0, 0]], 'outputs': [1]})
+c['proof'].update(T=[[1, 0], [0, 1]], order=4, steps=1, near=[2, 2], even=False, low=[-1.5, -1.5], high=[1.5, 1.5], boxes=1,
+                  tree=['n'])" 1 'no proof in the box'
 # No certificates: exit code 3 and one line, never a traceback.
 wrong() {
     "$python" "$check" wrong.json >said 2>errors
