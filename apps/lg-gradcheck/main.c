@@ -2,7 +2,7 @@
 #include <ctype.h>
 #include <string.h>
 
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 #include "common/app.h"
 
 typedef struct values {

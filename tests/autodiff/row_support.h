@@ -4,7 +4,7 @@
 
 #include "support/fixtures.h"
 
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 #include "autodiff/check/internal.h"
 
 typedef struct row_on_tape {

@@ -1,7 +1,7 @@
 /* Tests of the gradient check: all registered cases pass, every operation has a case, planted errors are
  * caught, and each part of the check fails when it should.
  * ctest-labels: isa src/autodiff src/kernels src/integrators */
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 #include "test_support.h"
 
 #include "autodiff/check/internal.h"

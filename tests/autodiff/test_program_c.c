@@ -6,7 +6,7 @@
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/ops/op_table.h"
 #include "autodiff/program/program.h"
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 #include "compiled.h"
 #include "program_support.h"
 

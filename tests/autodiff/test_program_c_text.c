@@ -6,7 +6,7 @@
 #include "autodiff/program/program.h"
 #include "autodiff/program/program_c.h"
 #include "autodiff/ops/op_rows.h"
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 #include "liegrad/networks.h"
 
 /* ---- a program with all kinds of code ---- */

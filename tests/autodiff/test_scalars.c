@@ -2,7 +2,7 @@
  * every operation that has scalar code, on every node that the cases of the gradient check put on a tape,
  * with every instruction set and in both types. Elementwise operations may overwrite an input.
  * ctest-labels: src/autodiff src/kernels */
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 #include "compiled.h"
 #include "row_support.h"
 

@@ -1,7 +1,7 @@
 /* The tape: handles, marks, errors and their messages, memory, derivatives against closed forms, both
  * types.
  * ctest-labels: isa */
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 #include "row_support.h"
 
 #include "autodiff/tape/sweep.h"

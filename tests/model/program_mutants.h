@@ -6,7 +6,7 @@
 
 #include <time.h>
 
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 #include "model/program_zoo.h"
 
 #define MUTANT_BYTES ((size_t)8 << 20) /* limit for a tape */

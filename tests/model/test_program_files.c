@@ -1,7 +1,7 @@
 /* Files of programs: read back to the bit, refusals, damage. test_program_mutants.c has the 20000 mutants. */
 #include "liegrad/hamiltonian.h"
 
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 #include "model/program_mutants.h"
 
 #include "autodiff/ops/op_table.h"

@@ -7,7 +7,7 @@
 
 #include "autodiff/ops/op_table.h"
 #include "autodiff/random/random.h"
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 
 enum { LARGEST = 160, EACH_ROW = 40 };
 

@@ -1,5 +1,5 @@
 /* Cases of the gradient check: losses of the surrogates, differentiated by all parameters. */
-#include "autodiff/cases/table.h"
+#include "gradcheck/table.h"
 #include "liegrad/elastica.h"
 
 enum { CURVES = 2, INTERVALS = 3, NODES = INTERVALS + 1, MAX_SAMPLES = CURVES * NODES };

@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "autodiff/cases/table.h"
+#include "gradcheck/table.h"
 
 typedef const lg_gradcheck_case *(*table_fn)(size_t *count);
 #define X(name) lg_gradcheck_##name,

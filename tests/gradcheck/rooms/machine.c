@@ -2,7 +2,7 @@
  * state, parameters and input, and the training loss with measured and with estimated starts. */
 #include <stdio.h>
 
-#include "autodiff/cases/table.h"
+#include "gradcheck/table.h"
 #include "liegrad/machine.h"
 #include "liegrad/ops.h"
 

@@ -1,6 +1,6 @@
 /* Cases of the gradient check for networks: their value, and their recorded input gradient or directional
  * derivative, differentiated by inputs, direction and parameters. */
-#include "autodiff/cases/table.h"
+#include "gradcheck/table.h"
 #include "liegrad/networks.h"
 #include "liegrad/ops.h"
 

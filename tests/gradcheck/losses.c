@@ -1,5 +1,5 @@
 /* Cases of the gradient check: losses. */
-#include "autodiff/cases/rows.h"
+#include "gradcheck/rows.h"
 
 /* ---- losses ---- */
 

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "autodiff/cases/table.h"
+#include "gradcheck/table.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "liegrad/taped.h"

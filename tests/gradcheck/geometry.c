@@ -1,6 +1,6 @@
 /* Cases of the gradient check: row-wise vector products, solves, functions of the rotation angle, Lie
  * groups. */
-#include "autodiff/cases/rows.h"
+#include "gradcheck/rows.h"
 #include "autodiff/ops/lie.h"
 #include "autodiff/ops/op_rows.h"
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "autodiff/cases/table.h"
+#include "gradcheck/table.h"
 #include "liegrad/core.h"
 #include "liegrad/geometry.h"
 #include "liegrad/mechanics.h"

@@ -1,5 +1,5 @@
 /* Cases of the gradient check: elementwise operations and activations. */
-#include "autodiff/cases/rows.h"
+#include "gradcheck/rows.h"
 #include "autodiff/ops/op_rows.h"
 
 /* ---- elementwise ---- */

@@ -3,7 +3,7 @@
 #ifndef LG_GRADCHECK_ROWS_H
 #define LG_GRADCHECK_ROWS_H
 
-#include "autodiff/cases/table.h"
+#include "gradcheck/table.h"
 #include "autodiff/tape/tape_internal.h"
 
 /* The parameters of a build function besides its inputs. */

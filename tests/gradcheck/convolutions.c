@@ -1,5 +1,5 @@
 /* Cases of the gradient check: convolution and pooling. */
-#include "autodiff/cases/rows.h"
+#include "gradcheck/rows.h"
 #include "autodiff/ops/op_rows.h"
 
 /* ---- convolution and pooling; s->i = {stride or size, padding or stride, extent}, or for conv1d_pooled

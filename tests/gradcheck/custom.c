@@ -1,5 +1,5 @@
 /* Cases of the gradient check: custom operations, and an argument on a manifold. */
-#include "autodiff/cases/rows.h"
+#include "gradcheck/rows.h"
 
 #include <math.h>
 

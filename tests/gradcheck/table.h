@@ -1,9 +1,9 @@
-/* Macros for tables of cases. Each family of operations has a file in this folder; src/ROOM/cases.c has the
+/* Macros for tables of cases. Each family of operations has a file in this folder; rooms/ROOM.c has the
  * cases of functions that a room composes of operations. */
 #ifndef LG_GRADCHECK_TABLE_H
 #define LG_GRADCHECK_TABLE_H
 
-#include "autodiff/cases/cases.h"
+#include "gradcheck/cases.h"
 #include "core/count.h"
 
 /* Memory for rows that are made at run time. It is zeroed, never NULL (the program exits instead), and never
@@ -11,7 +11,7 @@
 void *lg_gradcheck_alloc(size_t count, size_t size);
 
 /* X(name) for each table lg_gradcheck_<name>. CMakeLists.txt defines LG_GRADCHECK_ROOMS as X(room) for each
- * room that has a file cases.c. */
+ * file in the folder rooms. */
 #define LG_GRADCHECK_OPERATIONS                                                                              \
     X(elementwise) X(products) X(convolutions) X(arrays) X(geometry) X(losses) X(custom)
 

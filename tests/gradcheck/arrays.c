@@ -1,5 +1,5 @@
 /* Cases of the gradient check: reductions and operations that change shapes. */
-#include "autodiff/cases/rows.h"
+#include "gradcheck/rows.h"
 
 /* ---- reductions ---- */
 

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "autodiff/cases/table.h"
+#include "gradcheck/table.h"
 #include "hamiltonian/internal.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/mechanics.h"

@@ -1,6 +1,6 @@
 /* Cases of the gradient check: products, dense layers, pairs of values and derivatives. */
 #include "autodiff/ops/dual.h"
-#include "autodiff/cases/rows.h"
+#include "gradcheck/rows.h"
 
 /* ---- products ---- */
 
