@@ -7,7 +7,7 @@ cd "$(dirname "$0")/../.." || exit 1
 
 # Prints "public NAME", "own NAME FILE" and "names NAME FILE".
 words() {
-    find include src apps examples bench \( -name '*.c' -o -name '*.h' -o -name '*.inc' -o -name '*.cpp' \) | sort | xargs awk '
+    find include src apps examples bench tests/gradcheck \( -name '*.c' -o -name '*.h' -o -name '*.inc' -o -name '*.cpp' \) | sort | xargs awk '
         FNR == 1 { comment = declared = 0 }
         {
             line = $0
