@@ -451,15 +451,16 @@ lg_status app_make_folder(const char *path, lg_error *error);
 
 /* A plot is an image FILE.svg or FILE.png. Its gnuplot script is a fixed text, apps/plots/NAME.gp, of which
  * FILE.gp is a copy. FILE.dat holds the numbers and texts of the plot, so a user's text is never part of a
- * script. Each script starts with apps/plots/begin.gp, which reads FILE.dat. This code uses T[1], the blocks
- * 1 and 2, and the script apps/plots/training.gp:
+ * script. Each script starts with apps/plots/begin.gp, which reads FILE.dat. What can be computed from the
+ * numbers and texts (ranges, sizes, histograms) is computed in the script. This code uses T[1] and T[2], the
+ * blocks 1 and 2, and the script apps/plots/training.gp:
  *
- *   app_plot_begin(&plot, "training", "loss.svg", 800, 500);
- *   app_plot_text(&plot, "%s", name);                          this is T[1]
- *   fprintf(plot.data, "%.9g %.9g\n", t, x);                   this is a line of block 1
+ *   app_plot_begin(&plot, "training", "loss.svg");
+ *   app_plot_text(&plot, "%s\t%zu", name, count);              these are T[1] and T[2]
+ *   APP_PLOT_ROW(&plot, 9, t, x);                               this is a line of block 1
  *   app_plot_block(&plot);
- *   fprintf(plot.data, "%.9g %.9g\n", t, y);                   this is a line of block 2
- *   status = app_plot_end(app, &plot, &error);
+ *   APP_PLOT_ROW(&plot, 9, t, y);                               this is a line of block 2
+ *   app_plot_end(app, &plot);
  */
 typedef struct app_plot_script {
     const char *name, *text;
@@ -471,31 +472,39 @@ typedef struct app_plot {
     FILE *data, *texts;
     char *data_text, *texts_text, *image, *data_path, *script_path;
     size_t data_length, texts_length;
+    bool filled, lined; /* whether there is a line since the last block; since the last gap */
 } app_plot;
 bool app_plot_name_fits(const char *image);
 /* The text of the first line of each data file, and how each script begins. */
 #define APP_PLOT_DATA   "texts and numbers of a plot by liegrad"
 #define APP_PLOT_SCRIPT "# This gnuplot script is a fixed text of liegrad."
-/* Width and height in pixels. The name must end in .svg or .png; app_check_outputs checks this for
- * LG_FILE_DRAWN. */
-void app_plot_begin(app_plot *plot, const char *script, const char *image, int width, int height);
-/* Adds a text. The script has the first text as T[1], the second as T[2], and as V(1), V(2) if they are
- * numbers. Arguments may hold any bytes: control characters are shown as by app_put. */
+/* The name must end in .svg or .png; app_check_outputs checks this for LG_FILE_DRAWN. */
+void app_plot_begin(app_plot *plot, const char *script, const char *image);
+/* Adds texts, which tabs in the format separate. The script has the first text as T[1], the second as T[2],
+ * and as V(1), V(2) if they are numbers. Arguments may hold any bytes: control characters are shown as by
+ * app_put. */
 void app_plot_text(app_plot *plot, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Ends a block of data. The script reads the first block as `index 1` of `datafile`. A block must have at
- * least one line. */
+/* Adds a line of numbers with so many digits to the block. */
+void app_plot_numbers(app_plot *plot, int digits, const double *x, size_t count);
+#define APP_PLOT_ROW(plot, digits, ...)                                                                      \
+    app_plot_numbers(plot, digits, (const double[]){__VA_ARGS__},                                            \
+                     sizeof(const double[]){__VA_ARGS__} / sizeof(double))
+/* Interrupts the curve: adds an empty line, but no second one. */
+void app_plot_gap(app_plot *plot);
+/* Ends a block of data. The script reads the first block as `index 1` of `datafile`. A block without numbers
+ * gets a line of NaN, which gnuplot does not draw. */
 void app_plot_block(app_plot *plot);
-/* Writes the data and the script, and runs gnuplot. Without gnuplot it leaves both, warns and returns LG_OK.
- * When a file cannot be written, the files that this call wrote are removed. */
-lg_status app_plot_end(const app *app, app_plot *plot, lg_error *error);
+/* Writes the data and the script, and runs gnuplot. Without gnuplot it leaves both and warns. When a file
+ * cannot be written, the files that this call wrote are removed, and the command ends. */
+void app_plot_end(const app *app, app_plot *plot);
 
-/* Plots a confusion matrix: the count of each entry and its fraction of the row (confusion.c). confusion
+/* Begins the plot of a confusion matrix and writes its data: the count of each entry (confusion.c). confusion
  * (classes, classes): rows are the true classes. app_print_confusion prints the counts of at most 12
  * classes. */
 enum { APP_CLASS_NAME = 64 }; /* LG_SERIES_NAME and LG_TABLE_NAME */
 void app_print_confusion(FILE *stream, const uint64_t *confusion, uint32_t classes,
                          char (*class_name)[APP_CLASS_NAME]);
-lg_status app_draw_confusion(const app *app, const char *image, const char *title, const uint64_t *confusion,
-                             uint32_t classes, char (*class_name)[APP_CLASS_NAME], lg_error *error);
+void app_plot_confusion(app_plot *plot, const char *image, const char *title, const uint64_t *confusion,
+                        uint32_t classes, char (*class_name)[APP_CLASS_NAME]);
 
 #endif

@@ -16,21 +16,13 @@ void app_print_confusion(FILE *stream, const uint64_t *confusion, uint32_t class
     app_table_end(&table, stream);
 }
 
-lg_status app_draw_confusion(const app *self, const char *image, const char *title, const uint64_t *confusion,
-                             uint32_t classes, char (*class_name)[APP_CLASS_NAME], lg_error *error) {
-    app_plot plot;
-    const int size = 220 + 110 * (int)(classes < 12 ? classes : 12);
-    app_plot_begin(&plot, "confusion", image, size + 60, size);
-    app_plot_text(&plot, "%u", classes);
-    app_plot_text(&plot, "%s", title);
+void app_plot_confusion(app_plot *plot, const char *image, const char *title, const uint64_t *confusion,
+                        uint32_t classes, char (*class_name)[APP_CLASS_NAME]) {
+    app_plot_begin(plot, "confusion", image);
+    app_plot_text(plot, "%u\t%s", classes, title);
     for (uint32_t row = 0; row < classes; row++) {
-        const uint64_t *entry = confusion + (size_t)row * classes;
-        double total = 0;
-        app_plot_text(&plot, "%s", class_name[row]);
-        for (uint32_t j = 0; j < classes; j++) total += (double)entry[j];
+        app_plot_text(plot, "%s", class_name[row]);
         for (uint32_t j = 0; j < classes; j++)
-            (void)fprintf(plot.data, "%u %u %.6g %llu\n", j, row, total > 0 ? (double)entry[j] / total : 0.0,
-                          (unsigned long long)entry[j]);
+            APP_PLOT_ROW(plot, 15, j, row, (double)confusion[(size_t)row * classes + j]);
     }
-    return app_plot_end(self, &plot, error);
 }

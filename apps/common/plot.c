@@ -2,8 +2,6 @@
 #include "common/app.h"
 
 #include <errno.h>
-#include <fcntl.h>
-#include <limits.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
@@ -44,24 +42,34 @@ void app_plot_text(app_plot *plot, const char *format, ...) {
     va_start(arguments, format);
     APP_FREE char *text = app_shown_list(format, arguments);
     va_end(arguments);
-    put_text(plot->texts, text);
+    char *rest = text;
+    while (rest != NULL) put_text(plot->texts, strsep(&rest, "\t"));
 }
 
-void app_plot_begin(app_plot *plot, const char *script, const char *image, int width, int height) {
+void app_plot_begin(app_plot *plot, const char *script, const char *image) {
     const int stem = (int)strlen(image) - 4;
     *plot = (app_plot){.script = script_text(script), .image = app_format("%s", image)};
     plot->data_path = app_format("%.*s.dat", stem, image);
     plot->script_path = app_format("%.*s.gp", stem, image);
     plot->data = open_memory(&plot->data_text, &plot->data_length);
     plot->texts = open_memory(&plot->texts_text, &plot->texts_length);
-    put_text(plot->texts, APP_PLOT_DATA);
-    app_plot_text(plot, "%s", image + stem + 1);
-    app_plot_text(plot, "%d", width);
-    app_plot_text(plot, "%d", height);
+    app_plot_text(plot, APP_PLOT_DATA "\t%s", image + stem + 1);
+}
+
+void app_plot_numbers(app_plot *plot, int digits, const double *x, size_t count) {
+    for (size_t i = 0; i < count; i++) (void)fprintf(plot->data, &" %.*g"[i == 0], digits, x[i]);
+    (void)fputc('\n', plot->data);
+    plot->filled = plot->lined = true;
+}
+
+void app_plot_gap(app_plot *plot) {
+    if (plot->lined) (void)fputc('\n', plot->data);
+    plot->lined = false;
 }
 
 void app_plot_block(app_plot *plot) {
-    (void)fputs("\n\n", plot->data);
+    (void)fputs(plot->filled ? "\n\n" : "nan nan nan nan nan nan\n\n\n", plot->data);
+    plot->filled = plot->lined = false;
 }
 
 /* Closes both streams and writes their texts, with two empty lines between them. */
@@ -91,41 +99,31 @@ static bool drain(int from, FILE *to) {
     return got == 0;
 }
 
+/* Returns the text as one word of the shell. Freed with free. */
+static char *quoted(const char *text, size_t length) {
+    char *word = app_alloc(4 * (uint64_t)length + 3, 1), *to = stpcpy(word, "'");
+    for (size_t i = 0; i < length; i++) {
+        *to++ = text[i];
+        if (text[i] == '\'') to = stpcpy(to, "\\''");
+    }
+    (void)stpcpy(to, "'");
+    return word;
+}
+
 /* Runs gnuplot in the script's folder, without its start-up files, and copies its standard output to
  * `image`. The name of the script is given as ./NAME, because gnuplot starts a program if a name begins
  * with < or |. Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started,
  * was killed, or its output could not be read. gnuplot does not notice a full disk, so the caller writes the
  * image. */
 static int run_gnuplot(const char *script, FILE *image) {
-    int ends[2];
-    if (pipe(ends) != 0) return -1;
-    const pid_t child = fork();
-    if (child == 0) {
-        const int null = open("/dev/null", O_RDWR);
-        if (null >= 0) {
-            (void)dup2(null, STDIN_FILENO);
-            (void)dup2(null, STDERR_FILENO);
-        }
-        (void)dup2(ends[1], STDOUT_FILENO);
-        (void)close(ends[0]);
-        (void)close(ends[1]);
-        const char *slash = strrchr(script, '/');
-        const size_t folder = slash != NULL ? (size_t)(slash - script) + 1 : 0;
-        char path[PATH_MAX];
-        if (strlen(script) + sizeof "./" > sizeof path) _exit(1);
-        (void)snprintf(path, sizeof path, "%.*s", (int)folder, script);
-        if (folder > 0 && chdir(path) != 0) _exit(1);
-        (void)snprintf(path, sizeof path, "./%s", script + folder);
-        (void)execlp("gnuplot", "gnuplot", "-d", path, (char *)NULL);
-        _exit(127);
-    }
-    (void)close(ends[1]);
-    const bool whole = child > 0 && drain(ends[0], image);
-    (void)close(ends[0]);
-    if (child < 0) return -1;
-    int status = 0;
-    while (waitpid(child, &status, 0) < 0)
-        if (errno != EINTR) return -1;
+    const char *slash = strrchr(script, '/'), *name = slash != NULL ? slash + 1 : script;
+    APP_FREE char *folder = quoted(script, (size_t)(name - script)), *file = quoted(name, strlen(name));
+    APP_FREE char *command = app_format("(cd %s%s && exec gnuplot -d ./%s) < /dev/null 2> /dev/null",
+                                        *script == '/' ? "" : "./", folder, file);
+    FILE *pipe = popen(command, "r");
+    if (pipe == NULL) return -1;
+    const bool whole = drain(fileno(pipe), image);
+    const int status = pclose(pipe);
     return WIFEXITED(status) && (whole || WEXITSTATUS(status) != 0) ? WEXITSTATUS(status) : -1;
 }
 
@@ -142,17 +140,18 @@ static lg_status draw(const app *self, const app_plot *plot, lg_error *error) {
     return LG_OK;
 }
 
-lg_status app_plot_end(const app *self, app_plot *plot, lg_error *error) {
-    lg_status status = write_data(plot, error);
+void app_plot_end(const app *self, app_plot *plot) {
+    lg_error error = {LG_OK, ""};
+    lg_status status = write_data(plot, &error);
     const bool data = status == LG_OK;
-    if (data) status = write_script(plot, error);
+    if (data) status = write_script(plot, &error);
     const bool script = data && status == LG_OK;
-    if (script) status = draw(self, plot, error);
+    if (script) status = draw(self, plot, &error);
     /* The data and the script are of no use when the disk is full and the rest is missing. */
     if (status != LG_OK && data) (void)unlink(plot->data_path);
     if (status != LG_OK && script) (void)unlink(plot->script_path);
+    app_must_file(self, status, &error, plot->image);
     char *const texts[] = {plot->texts_text, plot->data_text, plot->image, plot->data_path,
                            plot->script_path};
     for (size_t i = 0; i < LG_COUNT(texts); i++) free(texts[i]);
-    return status;
 }

@@ -517,35 +517,18 @@ static void report(const searching *search, double seconds) {
 
 /* ---- the plot ---- */
 
-/* Writes the trials with this state as a block and returns how many they are. */
-static size_t put_state(app_plot *plot, const lg_trial *trials, size_t count, lg_trial_state state) {
-    size_t put = 0;
-    (void)fputs("nan nan\n", plot->data);
-    for (size_t i = 0; i < count; i++) {
-        if (trials[i].state != state || !isfinite(trials[i].objective) || trials[i].objective <= 0) continue;
-        (void)fprintf(plot->data, "%llu %.9g\n", (unsigned long long)trials[i].number, trials[i].objective);
-        put++;
-    }
-    app_plot_block(plot);
-    return put;
-}
-
-static lg_status draw_search(const app *self, const char *image, const lg_trial *trials, size_t count,
-                             lg_error *error) {
-    static const lg_trial_state states[] = {LG_TRIAL_PRUNED, LG_TRIAL_DONE};
+static void draw_search(const searching *search) {
     app_plot plot;
-    double best = INFINITY;
-    app_plot_begin(&plot, "search", image, 800, 500);
-    app_plot_text(&plot, "%zu", count);
-    for (size_t k = 0; k < LG_COUNT(states); k++)
-        app_plot_text(&plot, "%zu", put_state(&plot, trials, count, states[k]));
-    (void)fputs("nan nan\n", plot.data);
-    for (size_t i = 0; i < count; i++) {
-        if (trials[i].state == LG_TRIAL_DONE) best = fmin(best, trials[i].objective);
-        if (isfinite(best))
-            (void)fprintf(plot.data, "%llu %.9g\n", (unsigned long long)trials[i].number, best);
+    double best = NAN;
+    app_plot_begin(&plot, "search", search->values->plot);
+    app_plot_text(&plot, "%zu", search->count);
+    for (const lg_trial *at = search->trials; at < search->trials + search->count; at++) {
+        const bool done = at->state == LG_TRIAL_DONE;
+        if (done) best = fmin(best, at->objective);
+        APP_PLOT_ROW(&plot, 9, (double)at->number, at->state == LG_TRIAL_PRUNED ? at->objective : (double)NAN,
+                     done ? at->objective : (double)NAN, best);
     }
-    return app_plot_end(self, &plot, error);
+    app_plot_end(search->app, &plot);
 }
 
 /* ---- the command ---- */
@@ -595,10 +578,7 @@ static int run_search(searching *search, bool together) {
     if (status == LG_INVALID_ARGUMENT || status == LG_OUT_OF_MEMORY)
         return app_fail(self, status, "%s", app_sentence(status, &error));
     if (status != LG_OK) return app_fail_file(self, status, &error, search->values->out);
-    if (search->values->plot != NULL) {
-        status = draw_search(self, search->values->plot, search->trials, search->count, &error);
-        if (status != LG_OK) return app_fail_file(self, status, &error, search->values->plot);
-    }
+    if (search->values->plot != NULL) draw_search(search);
     report(search, app_seconds() - begin);
     return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
 }

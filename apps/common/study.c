@@ -342,7 +342,6 @@ void study_main(app *host, const study_task *task) {
         collect_pending(self);
         run_jobs(self, jobs_of(self), self->pending_count, run_task, self->file.path, rows_of);
     }
-    if (task->picture != NULL)
-        APP_MUST_FILE(host, task->picture, task->draw(host, task->picture, &self->file, &error));
+    if (task->picture != NULL) task->draw(host, task->picture, &self->file);
     task->report(host, &self->file, self->done, app_seconds() - begin);
 }

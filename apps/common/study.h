@@ -116,7 +116,7 @@ typedef struct study_task {
     /* Prints tables or JSON. `fresh`: number of runs that this call of the command added. */
     void (*report)(const app *app, const study_file *file, uint64_t fresh, double seconds);
     const char *picture; /* path given by --plot; NULL: no picture */
-    lg_status (*draw)(const app *app, const char *picture, const study_file *file, lg_error *error);
+    void (*draw)(const app *app, const char *picture, const study_file *file);
 } study_task;
 
 void study_main(app *app, const study_task *task);

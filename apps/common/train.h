@@ -75,7 +75,7 @@ typedef struct train_task {
     /* Prints the outcome for people. NULL: each result is printed on a line of its own. */
     void (*print)(const lg_training *training);
     /* draws the picture of --plot; NULL: the loss is drawn */
-    int (*draw)(const app *app, const lg_training *training);
+    void (*draw)(const app *app, const char *picture, const lg_training *training);
     lg_training training; /* set and used by the driver */
 } train_task;
 
@@ -158,8 +158,7 @@ lg_provenance app_provenance(const app *app, uint64_t seed);
 /* Writes a CSV file with these columns. */
 #define TRAIN_HISTORY "epoch,loss,validation,rate,seconds\n"
 lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error);
-/* Draws both losses over the epochs, (epochs) each. validation may be NULL. */
-lg_status train_draw_loss(const app *app, const char *picture, const double *loss, const double *validation,
-                          size_t epochs, lg_error *error);
+/* Draws the loss over the epochs, and that of the validation part if there is one. */
+void train_draw_loss(const app *app, const char *picture, const lg_fit *fit, bool validated);
 
 #endif

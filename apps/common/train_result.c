@@ -145,28 +145,19 @@ lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *erro
     return app_file_end(&file, error);
 }
 
-lg_status train_draw_loss(const app *self, const char *image, const double *loss, const double *validation,
-                          size_t epochs, lg_error *error) {
+void train_draw_loss(const app *self, const char *picture, const lg_fit *fit, bool validated) {
+    const double *loss = lg_fit_history(fit, LG_FIT_LOSS),
+                 *validation = lg_fit_history(fit, LG_FIT_VALIDATION);
     app_plot plot;
-    app_plot_begin(&plot, "training", image, 800, 500);
-    app_plot_text(&plot, "%d", validation != NULL);
-    for (size_t i = 0; i < epochs; i++)
-        (void)fprintf(plot.data, "%zu %.17g %.17g\n", i + 1, loss[i],
-                      validation != NULL ? validation[i] : (double)NAN);
-    return app_plot_end(self, &plot, error);
+    app_plot_begin(&plot, "training", picture);
+    app_plot_text(&plot, "%d", validated);
+    for (size_t i = 0; i < lg_fit_epochs_done(fit); i++)
+        APP_PLOT_ROW(&plot, 17, (double)i + 1, loss[i], validated ? validation[i] : (double)NAN);
+    app_plot_end(self, &plot);
 }
 
-/* Draws the loss if --plot is given. */
-static int draw_loss(const app *self, const lg_training *training) {
-    lg_error error = {LG_OK, ""};
-    const char *image = train_given_files.plot;
-    const lg_fit *fit = training->fit;
-    if (image == NULL) return APP_EXIT_OK;
-    const double *validation =
-        lg_training_settings(training)->validation > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION) : NULL;
-    const lg_status status = train_draw_loss(self, image, lg_fit_history(fit, LG_FIT_LOSS), validation,
-                                             (size_t)lg_fit_epochs_done(fit), &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, image);
+static void draw_loss(const app *self, const char *picture, const lg_training *training) {
+    train_draw_loss(self, picture, training->fit, lg_training_settings(training)->validation > 0);
 }
 
 /* ---- the end of a training ---- */
@@ -204,8 +195,8 @@ static int conclude(const train_session *session, double *theta) {
     status = lg_training_save(training, out, theta, &provenance, &error);
     if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK) return app_fail_file(self, status, &error, out);
-    const int code = (task->draw != NULL ? task->draw : draw_loss)(self, training);
-    if (code != APP_EXIT_OK) return code;
+    if (train_given_files.plot != NULL)
+        (task->draw != NULL ? task->draw : draw_loss)(self, train_given_files.plot, training);
     report(session);
     return judged == APP_EXIT_OK && training->verdict.failed ? APP_EXIT_NUMERIC : judged;
 }

@@ -391,17 +391,15 @@ static int run(app *self) {
     evaluation list[MAX_FILES];
     check_options(self);
     well_model_load(self, self->arguments[0], &model);
-    const int picture = evaluate_views[values.picture];
-    if (values.plot != NULL) check_view(self, &model, picture, false);
+    if (values.plot != NULL) check_view(self, &model, values.picture, false);
     for (size_t i = 0; i < count; i++) {
         list[i] = (evaluation){.app = self, .model = &model, .path = self->arguments[i + 1]};
         evaluate(&list[i]);
     }
     if (values.scores != NULL) write_scores(&list[0]);
     if (values.plot != NULL)
-        APP_MUST_FILE(self, values.plot,
-                      draw_view(self, values.plot, view_of(&model, picture, false), &model, &list[0].from,
-                                &list[0].judged, &error));
+        draw_view(self, values.plot, view_of(&model, values.picture, false), &model, &list[0].from,
+                  &list[0].judged);
     report(self, list, count);
     for (size_t i = 0; i < count; i++) evaluation_destroy(&list[i]);
     return APP_EXIT_OK;

@@ -135,29 +135,37 @@ static void data_destroy(lg_series_data *data) {
 
 /* ---- the picture ---- */
 
-enum { SHOWN_SECONDS = 3600 };
+enum { SHOWN_SECONDS = 3600, SHOWN_SAMPLES = 1800 };
 
 /* Draws two recordings of the first condition: intact and broken, or, both broken, slack and tight. */
-static lg_status draw(const app *self, double rate, lg_error *error) {
+static void draw(const app *self, double rate) {
+    static const char *const names[] = {"intact", "broken", "slack, broken", "tight, broken"};
     const bool states = values.picture == PICTURE_STATES;
-    const double seconds = fmin(values.hours * 3600, SHOWN_SECONDS);
-    const size_t count = (size_t)(seconds * rate);
-    static const char *const names[][2] = {{"intact", "broken"}, {"slack, broken", "tight, broken"}};
-    APP_FREE float *samples = app_alloc(2 * count * LG_RISER_CHANNELS, sizeof *samples);
-    recording runs[2];
-    for (uint64_t i = 0; i < 2; i++) {
+    const size_t count = (size_t)(fmin(values.hours * 3600, SHOWN_SECONDS) * rate);
+    APP_FREE float *samples = app_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
+    app_plot plot;
+    app_plot_begin(&plot, "recordings", values.plot);
+    app_plot_text(&plot, "2\t%d\t%s\t%s", LG_RISER_CHANNELS, names[2 * values.picture],
+                  names[2 * values.picture + 1]);
+    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) app_plot_text(&plot, "%s", channel_names[c]);
+    for (int i = 0; i < 2; i++) {
         lg_riser_parameters parameters;
         lg_riser_run run;
         uint32_t label, sea_state;
         well_setup well = values.well;
-        if (!states) well.housing = (int)i;
-        scene_of(self, states ? i : 1, &well, &parameters, &run, &label, &sea_state);
-        float *of_run = samples + i * count * LG_RISER_CHANNELS;
-        runs[i] = (recording){names[values.picture][i], of_run, count};
-        const lg_status status = lg_riser_simulate(self->context, &parameters, &run, count, of_run, error);
-        if (status != LG_OK) return status;
+        if (!states) well.housing = i;
+        scene_of(self, states ? (uint64_t)i : 1, &well, &parameters, &run, &label, &sea_state);
+        APP_MUST_FILE(self, values.plot,
+                      lg_riser_simulate(self->context, &parameters, &run, count, samples, &error));
+        for (size_t k = 0; k < count; k += count / SHOWN_SAMPLES + 1) {
+            double row[1 + LG_RISER_CHANNELS] = {(double)k / rate / 60};
+            for (size_t c = 0; c < LG_RISER_CHANNELS; c++)
+                row[1 + c] = (double)samples[k * LG_RISER_CHANNELS + c];
+            app_plot_numbers(&plot, 6, row, LG_COUNT(row));
+        }
+        app_plot_block(&plot);
     }
-    return draw_recordings(self, values.plot, runs, 2, LG_RISER_CHANNELS, channel_names, rate, error);
+    app_plot_end(self, &plot);
 }
 
 /* ---- the command ---- */
@@ -260,7 +268,7 @@ static int run(app *self) {
     data.provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out, lg_series_write(self->context, values.out, &data, &error));
     pieces_end(&made);
-    if (values.plot != NULL) APP_MUST_FILE(self, values.plot, draw(self, data.series.rate, &error));
+    if (values.plot != NULL) draw(self, data.series.rate);
     report(self, &data, seconds);
     return APP_EXIT_OK;
 }

@@ -22,10 +22,8 @@ void check_picture(const app *self, const well_model *model) {
 }
 
 void draw_tested(const app *self, int view, const well_model *model, const lg_judgement *judged) {
-    const char *picture = train_given_files.plot;
-    if (picture == NULL) return;
-    APP_MUST_FILE(self, picture,
-                  draw_view(self, picture, view, model, lg_detector_tested(&train_state), judged, &error));
+    if (train_given_files.plot != NULL)
+        draw_view(self, train_given_files.plot, view, model, lg_detector_tested(&train_state), judged);
 }
 
 well_model trained_model(well_sort sort, const char *method) {

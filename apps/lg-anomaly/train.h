@@ -70,27 +70,26 @@ void draw_tested(const app *app, int view, const well_model *model, const lg_jud
 void json_trained(app_json *json, const well_model *model);
 void print_trained(const well_model *model);
 
-/* ---- pictures of a model (views.c) ---- */
+/* ---- pictures of a model (pictures.c) ---- */
 
 /* Indices into view_names. */
 enum {
     VIEW_DEFAULT,
-    VIEW_LOSS,
     VIEW_PAIRS,
     VIEW_CLOUDS,
     VIEW_VARIANCE,
-    VIEW_PRUNING,
     VIEW_TREE,
     VIEW_MARGIN,
     VIEW_REGRESSIONS,
     VIEW_PLANE,
     VIEW_CONFUSION,
-    VIEW_ROC
+    VIEW_ROC,
+    VIEW_LOSS,
+    VIEW_PRUNING
 };
 extern const char *const view_names[];
 /* view_names without the pictures that can only be drawn during training. */
 extern const char *const evaluate_view_names[];
-extern const int evaluate_views[]; /* the VIEW_... of each name in evaluate_view_names */
 #define EVALUATE_VIEW_HELP                                                                                   \
     "With --plot: pairs (features), clouds (components), variance (explained), tree, margin (linear svm), "  \
     "regressions (baseline), plane (cnn), confusion or roc; the default suits the method"
@@ -103,8 +102,8 @@ extern const int evaluate_views[]; /* the VIEW_... of each name in evaluate_view
 int view_of(const well_model *model, int wanted, bool training);
 /* Ends the command if the model has no such picture. */
 void check_view(const app *app, const well_model *model, int view, bool training);
-/* Draws the windows of `judged`. LG_UNSUPPORTED for VIEW_LOSS and VIEW_PRUNING. */
-lg_status draw_view(const app *app, const char *picture, int view, const well_model *model,
-                    const lg_cut_series *from, const lg_judgement *judged, lg_error *error);
+/* Draws the windows of `judged`; not VIEW_LOSS and VIEW_PRUNING. */
+void draw_view(const app *app, const char *picture, int view, const well_model *model,
+               const lg_cut_series *from, const lg_judgement *judged);
 
 #endif

@@ -262,47 +262,39 @@ static double tree_accuracy(const lg_tree *tree, const lg_pca *pca, const double
     return part->count > 0 ? (double)right / (double)part->count : (double)NAN;
 }
 
-static lg_status prune_and_judge(const classical *self, const lg_classifier *whole, double alpha,
-                                 const uint32_t *tested_label, pruned_tree *out) {
-    lg_tree pruned;
-    LG_TRY(lg_tree_prune(self->app->context, &whole->tree, alpha, &pruned));
-    *out = (pruned_tree){.alpha = alpha, .nodes = pruned.count, .depth = lg_tree_depth(&pruned)};
-    out->train_accuracy = tree_accuracy(&pruned, &whole->pca, self->table, self->label, &state->train);
-    out->test_accuracy =
-        tree_accuracy(&pruned, &whole->pca, self->tested_table, tested_label, &state->tested);
-    lg_tree_destroy(&pruned);
-    return LG_OK;
-}
-
-static void draw_path(const classical *self, const char *picture, const lg_classifier *whole) {
+/* Draws accuracy, nodes and depth against alpha: of the tree without pruning, pruned at each step. */
+static void draw_pruning(const classical *self, const char *picture) {
     const app *program = self->app;
-    const lg_tree *tree = &whole->tree;
+    lg_classifier_options options = self->chosen.options[self->chosen.best];
+    APP_CLEAN(lg_classifier_destroy) lg_classifier whole = {.classes = 0};
+    app_plot plot;
     size_t count = 0;
+    app_plot_begin(&plot, "pruning", picture);
+    app_plot_text(&plot, "%.9g", options.tree.ccp_alpha);
+    options.tree.ccp_alpha = 0;
+    APP_MUST_FILE(program, picture, fit(self, &options, &whole, &error));
+    const lg_tree *tree = &whole.tree;
     APP_FREE lg_pruning_step *steps = app_alloc(tree->count, sizeof *steps);
     APP_MUST_FILE(program, picture, lg_tree_pruning_path(program->context, tree, tree->count, steps, &count));
-    APP_FREE pruned_tree *trees = app_alloc(count, sizeof *trees);
     /* The windows of --test have their labels in a series of their own. */
     const lg_cut_series *tested = lg_detector_tested(state);
     APP_FREE uint32_t *label = of_windows(tested, tested->data.series.label);
-    for (size_t i = 0; i < count; i++)
-        APP_MUST_FILE(program, picture, prune_and_judge(self, whole, steps[i].alpha, label, &trees[i]));
-    APP_MUST_FILE(program, picture,
-                  draw_pruning(program, picture, trees, count,
-                               self->chosen.options[self->chosen.best].tree.ccp_alpha, &error));
-}
-
-static void draw_alphas(const classical *self, const char *picture) {
-    lg_classifier_options options = self->chosen.options[self->chosen.best];
-    APP_CLEAN(lg_classifier_destroy) lg_classifier whole = {.classes = 0};
-    options.tree.ccp_alpha = 0;
-    APP_MUST_FILE(self->app, picture, fit(self, &options, &whole, &error));
-    draw_path(self, picture, &whole);
+    for (size_t i = 0; i < count; i++) {
+        lg_tree pruned;
+        APP_MUST_FILE(program, picture, lg_tree_prune(program->context, tree, steps[i].alpha, &pruned));
+        APP_PLOT_ROW(&plot, 9, steps[i].alpha,
+                     tree_accuracy(&pruned, &whole.pca, self->table, self->label, &state->train),
+                     tree_accuracy(&pruned, &whole.pca, self->tested_table, label, &state->tested),
+                     pruned.count, lg_tree_depth(&pruned));
+        lg_tree_destroy(&pruned);
+    }
+    app_plot_end(program, &plot);
 }
 
 static void draw(const classical *self) {
     const int view = view_of(&self->model, train_given.picture, true);
     if (train_given_files.plot != NULL && view == VIEW_PRUNING)
-        draw_alphas(self, train_given_files.plot);
+        draw_pruning(self, train_given_files.plot);
     else
         draw_tested(self->app, view, &self->model,
                     state->tested.count > 0 ? &state->judged : &state->train_judged);

@@ -37,23 +37,16 @@ static void print(const lg_training *training) {
                 state->train_judged.mse);
 }
 
-static int draw(const app *self, const lg_training *training) {
+static void draw(const app *self, const char *picture, const lg_training *training) {
     const lg_fit *fit = training->fit;
-    const char *picture = train_given_files.plot;
-    if (picture == NULL) return APP_EXIT_OK;
     APP_FREE double *theta = app_alloc(training->problem.parameters, sizeof *theta);
     lg_fit_parameters(fit, theta);
     const well_model model = model_of(theta);
     const int view = view_of(&model, train_given.picture, true);
-    const bool validated = train_state.validation.count > 0;
     if (view == VIEW_LOSS)
-        APP_MUST_FILE(self, picture,
-                      train_draw_loss(self, picture, lg_fit_history(fit, LG_FIT_LOSS),
-                                      validated ? lg_fit_history(fit, LG_FIT_VALIDATION) : NULL,
-                                      (size_t)lg_fit_epochs_done(fit), &error));
+        train_draw_loss(self, picture, fit, train_state.validation.count > 0);
     else
         draw_tested(self, view, &model, &train_state.judged);
-    return APP_EXIT_OK;
 }
 
 static const char *const searched[] = {"cnn", "rocket", NULL};

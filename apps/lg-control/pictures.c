@@ -4,17 +4,15 @@
 
 #include "lg-control/control_app.h"
 
-enum { IN_ROW = 3, WIDTH = 460, HEIGHT = 380, MOTIONS = 40, STARTS = 5000, INPUTS = 8 };
-
-/* How a run ended: the blocks of data and the legends of each panel have this order. */
-static const char *const ends[] = {"failed", "succeeded"};
+enum { MOTIONS = 40, STARTS = 5000, INPUTS = 8, AXES = 2 * LG_POLICY_COORDINATES };
 
 typedef struct drawing {
     const control_runs *from;
     const lg_policy_task *task;
     const lg_policy_runs *runs;
-    control_quantity axis[2 * LG_POLICY_COORDINATES + 1]; /* the last one, with no numbers: the time */
-    size_t axes;                                          /* without the time */
+    /* Quantities of the state; then, with no numbers, the time and the inputs. */
+    control_quantity axis[AXES + 1 + LG_POLICY_INPUTS];
+    size_t axes; /* without the time and the inputs */
     app_plot plot;
 } drawing;
 
@@ -43,7 +41,9 @@ static bool wraps(const control_quantity *q) {
 static double shown(const drawing *d, size_t axis, size_t k, size_t start) {
     const control_quantity *q = &d->axis[axis];
     const double *x = d->from->state + (k * d->runs->count + start) * d->from->numbers + q->first;
-    if (q->count == 0) return (double)k * d->task->period;
+    if (axis == d->axes) return (double)k * d->task->period;
+    if (axis > d->axes)
+        return d->runs->input[(k * d->runs->count + start) * d->task->input_count + axis - d->axes - 1];
     if (q->count > 1) return q->velocity ? length_of(x, q->count) : angle_between(q, x);
     return wraps(q) ? q->goal[0] + remainder(x[0] - q->goal[0], 6.283185307179586) : x[0];
 }
@@ -97,92 +97,54 @@ static void choose_phase(const drawing *d, size_t *chosen) {
 
 /* ---- panels ---- */
 
-static size_t least(size_t a, size_t b) {
-    return a < b ? a : b;
-}
-
-/* Writes a panel of the first runs, at most `most` of them: its texts, and a block for each end. `put` writes
- * what there is of a run; `numbers` are the two numbers of the panel. */
-static void put_panel(drawing *d, size_t most, const size_t *axes, const char *x, const char *y,
-                      const double *numbers,
-                      void (*put)(const drawing *d, size_t start, const size_t *axes)) {
-    app_plot_text(&d->plot, "%s", x);
-    app_plot_text(&d->plot, "%s", y);
-    for (size_t e = 0; e < LG_COUNT(ends); e++) {
-        size_t drawn = 0;
-        for (size_t i = 0; i < d->runs->count && i < most; i++) {
-            if (d->runs->succeeded[i] != (e == 1)) continue;
-            put(d, i, axes);
-            drawn++;
-        }
-        if (drawn == 0) (void)fputs("nan nan\n", d->plot.data);
-        app_plot_block(&d->plot);
-        app_plot_text(&d->plot, "%zu %s", drawn, ends[e]);
-    }
-    for (int k = 0; k < 2; k++) app_plot_text(&d->plot, "%.9g", numbers[k]);
-}
-
-/* A run turns around when it passes the far side of an angle: there the curve is interrupted. */
-static void put_motion(const drawing *d, size_t start, const size_t *axes) {
-    FILE *stream = d->plot.data;
-    double before = NAN;
-    for (size_t k = 0; k <= d->runs->steps; k++) {
-        const double x = shown(d, axes[0], k, start);
-        if (wraps(&d->axis[axes[0]]) && fabs(x - before) > 3.2) (void)fputc('\n', stream);
-        (void)fprintf(stream, "%.7g %.7g\n", x, shown(d, axes[1], k, start));
-        before = x;
-    }
-    (void)fputc('\n', stream);
-}
-
-static void draw_phase(drawing *d) {
-    size_t axes[2];
-    choose_phase(d, axes);
+/* Writes a panel of the first runs, at most `most` of them: its texts, and a block for each end, with points
+ * 0 to `last` of each run. `numbers` are the two numbers of the panel. A run turns around when it passes the
+ * far side of an angle: there the curve is interrupted. */
+static void put_panel(drawing *d, const char *what, size_t most, const size_t *axes, size_t last,
+                      const double *numbers) {
     const control_quantity *x = &d->axis[axes[0]], *y = &d->axis[axes[1]];
-    const double goal[2] = {goal_of(x), goal_of(y)};
-    app_plot_text(&d->plot, "Motion of the first %zu runs", least(MOTIONS, d->runs->count));
-    put_panel(d, MOTIONS, axes, x->name, y->name, goal, put_motion);
-}
-
-static void put_start(const drawing *d, size_t start, const size_t *axes) {
-    (void)fprintf(d->plot.data, "%.7g %.7g\n", shown(d, axes[0], 0, start), shown(d, axes[1], 0, start));
-}
-
-static void draw_starts(drawing *d, const lg_policy_regulator *r) {
-    static const double none[2] = {0, 0};
-    size_t axes[2];
-    choose_map(d, r, axes);
-    app_plot_text(&d->plot, "Starts of %zu runs", least(STARTS, d->runs->count));
-    put_panel(d, STARTS, axes, d->axis[axes[0]].name, d->axis[axes[1]].name, none, put_start);
-}
-
-/* axes[0]: the input. */
-static void put_input(const drawing *d, size_t start, const size_t *axes) {
-    FILE *stream = d->plot.data;
-    const size_t m = d->task->input_count;
-    for (size_t k = 0; k < d->runs->steps; k++)
-        (void)fprintf(stream, "%.7g %.7g\n", (double)k * d->task->period,
-                      d->runs->input[(k * d->runs->count + start) * m + axes[0]]);
-    (void)fputc('\n', stream);
-}
-
-static void draw_input(drawing *d, size_t input) {
-    const lg_policy_input *in = &d->task->input[input];
-    const double limits[2] = {in->low, in->high};
-    app_plot_text(&d->plot, "Inputs of the first %zu runs: %s", least(INPUTS, d->runs->count), in->name);
-    put_panel(d, INPUTS, &input, "t (s)", in->name, limits, put_input);
+    const bool input = axes[1] > d->axes;
+    const size_t runs = most < d->runs->count ? most : d->runs->count;
+    size_t drawn[2] = {0, 0};
+    app_plot_text(&d->plot, "%s %zu runs%s%s\t%s\t%s", what, runs, input ? ": " : "", input ? y->name : "",
+                  x->name, y->name);
+    for (int succeeded = 0; succeeded < 2; succeeded++) {
+        for (size_t i = 0; i < runs; i++) {
+            if (d->runs->succeeded[i] != (succeeded == 1)) continue;
+            double before = NAN;
+            for (size_t k = 0; k <= last; k++) {
+                const double at = shown(d, axes[0], k, i);
+                if (wraps(x) && fabs(at - before) > 3.2) app_plot_gap(&d->plot);
+                APP_PLOT_ROW(&d->plot, 7, at, shown(d, axes[1], k, i));
+                before = at;
+            }
+            if (last > 0) app_plot_gap(&d->plot);
+            drawn[succeeded]++;
+        }
+        app_plot_block(&d->plot);
+    }
+    app_plot_text(&d->plot, "%zu failed\t%zu succeeded\t%.9g\t%.9g", drawn[0], drawn[1], numbers[0],
+                  numbers[1]);
 }
 
 void control_draw_runs(const app *self, const control_runs *runs, const char *picture) {
     drawing d = {.from = runs, .task = runs->task, .runs = &runs->runs};
+    size_t axes[2];
     d.axes = control_list_quantities(d.task, d.axis);
     d.axis[d.axes] = (control_quantity){.name = "t (s)"};
-    const size_t panels = 2 + d.task->input_count, rows = (panels + IN_ROW - 1) / IN_ROW;
-    app_plot_begin(&d.plot, "policy_runs", picture, WIDTH * IN_ROW, HEIGHT * (int)rows);
-    app_plot_text(&d.plot, "%zu", rows);
-    app_plot_text(&d.plot, "%zu", panels);
-    draw_phase(&d);
-    draw_starts(&d, lg_policy_regulator_of(runs->policy));
-    for (size_t l = 0; l < d.task->input_count; l++) draw_input(&d, l);
-    APP_MUST_FILE(self, picture, app_plot_end(self, &d.plot, &error));
+    app_plot_begin(&d.plot, "policy_runs", picture);
+    choose_phase(&d, axes);
+    put_panel(&d, "Motion of the first", MOTIONS, axes, d.runs->steps,
+              (const double[]){goal_of(&d.axis[axes[0]]), goal_of(&d.axis[axes[1]])});
+    choose_map(&d, lg_policy_regulator_of(runs->policy), axes);
+    put_panel(&d, "Starts of", STARTS, axes, 0, (const double[]){0, 0});
+    for (uint32_t l = 0; l < d.task->input_count; l++) {
+        const lg_policy_input *in = &d.task->input[l];
+        axes[0] = d.axes, axes[1] = d.axes + 1 + l;
+        d.axis[axes[1]] = (control_quantity){.count = 0};
+        (void)snprintf(d.axis[axes[1]].name, sizeof d.axis[axes[1]].name, "%s", in->name);
+        put_panel(&d, "Inputs of the first", INPUTS, axes, d.runs->steps - 1,
+                  (const double[]){in->low, in->high});
+    }
+    app_plot_end(self, &d.plot);
 }

@@ -185,18 +185,6 @@ typedef struct sweep_point {
 /* The points are sorted by branch, then by x. */
 void draw_sweep(const app *app, const char *picture, const sweep_point *points, size_t count);
 
-/* Some curves (`shown`) with `intervals` + 1 nodes each, true and learned; node_error (N + 1, 2) has the mean
- * errors of q and v at each node. */
-typedef struct comparison {
-    size_t shown;
-    uint32_t intervals;
-    double length;
-    const double *true_q, *true_v, *q, *v; /* (shown, N + 1, 2) */
-    const double *node_error;
-    const char *title;
-} comparison;
-void draw_comparison(const app *app, const char *picture, const comparison *what);
-
 /* Draws a learned curve and, if `truth` is not NULL, the solution. */
 void draw_prediction(const app *app, const char *picture, const beam_curve *curve, const beam_curve *truth);
 

@@ -68,28 +68,31 @@ static void report(const app *self, const evaluation *e) {
 
 /* ---- the picture ---- */
 
+/* A block for each shown curve, with its true and learned nodes; then the mean errors at each node. */
 static void draw(const app *self, const evaluation *e) {
     const lg_elastica_curves *curves = &e->data.curves;
     const size_t nodes = (size_t)curves->intervals + 1, shown = e->count < SHOWN ? e->count : (size_t)SHOWN;
-    const size_t pairs = 2 * nodes;
-    APP_FREE double *memory = app_alloc(4 * shown * pairs + nodes, sizeof *memory);
-    double *const true_q = memory, *const true_v = true_q + shown * pairs, *const q = true_v + shown * pairs,
-                  *const v = q + shown * pairs, *const s = v + shown * pairs;
+    APP_FREE double *q = app_alloc(5 * nodes, sizeof *q);
+    double *const v = q + 2 * nodes, *const s = v + 2 * nodes;
     APP_CLEAN(learned_close) learned network = learned_open(self, &e->file, nodes);
-    char title[128];
+    app_plot plot;
+    app_plot_begin(&plot, "elastica_comparison", values.plot);
+    app_plot_text(&plot, "%s network, %zu of %zu curves, mean squared error %.3e\t%zu\t%.9g",
+                  lg_surrogate_kind_name(e->file.run.model.options.kind), shown, e->count, e->errors.mse,
+                  shown, curves->length);
     for (size_t k = 0; k < nodes; k++) s[k] = equidistant(curves->length, k, nodes);
     for (size_t i = 0; i < shown; i++) {
         const size_t curve = e->chosen[(2 * i + 1) * e->count / (2 * shown)];
-        memcpy(true_q + pairs * i, curves->q + pairs * curve, pairs * sizeof *q);
-        memcpy(true_v + pairs * i, curves->v + pairs * curve, pairs * sizeof *v);
-        lg_surrogate_curve(network.curves, curves->boundary + 8 * curve, s, nodes, q + pairs * i,
-                           v + pairs * i, network.work);
+        const double *true_q = curves->q + 2 * nodes * curve, *true_v = curves->v + 2 * nodes * curve;
+        lg_surrogate_curve(network.curves, curves->boundary + 8 * curve, s, nodes, q, v, network.work);
+        for (size_t k = 0; k < 2 * nodes; k += 2)
+            APP_PLOT_ROW(&plot, 9, true_q[k], true_q[k + 1], q[k], q[k + 1], true_v[k], true_v[k + 1], v[k],
+                         v[k + 1]);
+        app_plot_block(&plot);
     }
-    (void)snprintf(title, sizeof title, "%s network, %zu of %zu curves, mean squared error %.3e",
-                   lg_surrogate_kind_name(e->file.run.model.options.kind), shown, e->count, e->errors.mse);
-    const comparison what = {shown, curves->intervals, curves->length, true_q, true_v, q,
-                             v,     e->node_error,     title};
-    draw_comparison(self, values.plot, &what);
+    for (size_t k = 0; k < nodes; k++)
+        APP_PLOT_ROW(&plot, 9, s[k], e->node_error[2 * k], e->node_error[2 * k + 1]);
+    app_plot_end(self, &plot);
 }
 
 /* ---- running ---- */

@@ -36,8 +36,7 @@ static int run(app *self) {
     train_task task = {.recipe = &lg_recipe_table, .settings = settings, .state = &state};
     APP_MUST_FILE(self, model, lg_table_load(self->context, model, NULL, &file, &error));
     const int code = train_evaluate(self, &task, &file);
-    if (values.plot != NULL)
-        APP_MUST_FILE(self, values.plot, draw_judgement(self, values.plot, &state, &error));
+    if (values.plot != NULL) draw_judgement(self, values.plot, &state);
     report(self, &task.training);
     lg_training_close(&task.training);
     return code;

@@ -26,12 +26,9 @@ static void print(const lg_training *training) {
     judgement_print(&state);
 }
 
-static int draw(const app *self, const lg_training *training) {
-    const char *picture = train_given_files.plot;
-    lg_error error = {LG_OK, ""};
+static void draw(const app *self, const char *picture, const lg_training *training) {
     (void)training;
-    const lg_status status = picture != NULL ? draw_judgement(self, picture, &state, &error) : LG_OK;
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, picture);
+    draw_judgement(self, picture, &state);
 }
 
 static train_task recipe = {

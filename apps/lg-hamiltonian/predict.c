@@ -165,9 +165,8 @@ static void write_outputs(const app *self, prediction *p) {
     if (values.out != NULL)
         APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, &p->y, &error));
     if (values.plot != NULL)
-        APP_MUST_FILE(self, values.plot,
-                      draw_trajectories(self, values.plot, "The learned flow", &p->file->run.model, p->y.t,
-                                        p->truth, p->y.data, 1, p->y.points, &error));
+        draw_trajectories(self, values.plot, "The learned flow", &p->file->run.model, p->y.t, p->truth,
+                          p->y.data, 1, p->y.points);
 }
 
 static void prediction_destroy(prediction *p) {

@@ -23,6 +23,6 @@ static inline double number_at(const study_plan *plan, const study_row *row, uin
 void study_report(const app *app, const study_file *file, uint64_t fresh, double seconds);
 
 /* Draws median E1 against median training time: one mark per cell, one series per integrator and M. */
-lg_status study_draw_work(const app *app, const char *picture, const study_file *file, lg_error *error);
+void study_draw_work(const app *app, const char *picture, const study_file *file);
 
 #endif

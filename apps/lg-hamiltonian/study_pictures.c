@@ -2,36 +2,32 @@
 #include "lg-hamiltonian/study.h"
 
 /* Writes a block of data: the cells with integrator number i and value number m of M. A curve connects cells
- * that differ only in their substeps. A line of NaN separates two curves. A curve without points
- * would leave two empty lines, which end a block. */
+ * that differ only in their substeps. */
 static void put_work_block(app_plot *plot, const study_file *file, uint32_t i, uint32_t m) {
-    FILE *data = plot->data;
     const study_axis *substeps = &file->plan->axes[AXIS_SUBSTEPS];
     for (uint64_t c = 0; c < study_cells(file->plan); c++) {
         study_row key = study_run_at(file->plan, c);
         if (key.at[AXIS_INTEGRATOR] != i || key.at[AXIS_M] != m || key.at[AXIS_SUBSTEPS] != 0) continue;
-        (void)fputs("nan nan nan\n", data);
+        app_plot_gap(plot);
         for (uint32_t j = 0; j < substeps->count; j++) {
             key.at[AXIS_SUBSTEPS] = j;
             const study_summary s = study_cell_summary(file, key);
             if (s.runs > s.failed)
-                (void)fprintf(data, "%.9g %.9g %s\n", s.median[STUDY_SECONDS], s.median[STUDY_E1],
-                              substeps->text[j]);
+                APP_PLOT_ROW(plot, 9, s.median[STUDY_SECONDS], s.median[STUDY_E1], substeps->number[j]);
         }
     }
     app_plot_block(plot);
 }
 
-lg_status study_draw_work(const app *self, const char *picture, const study_file *file, lg_error *error) {
+void study_draw_work(const app *self, const char *picture, const study_file *file) {
     app_plot plot;
     const study_axis *integrator = &file->plan->axes[AXIS_INTEGRATOR], *points = &file->plan->axes[AXIS_M];
-    app_plot_begin(&plot, "training_time", picture, 900, 600);
-    app_plot_text(&plot, "%d", file->plan->axes[AXIS_SUBSTEPS].count > 1);
-    app_plot_text(&plot, "%u", integrator->count);
-    app_plot_text(&plot, "%u", points->count);
+    app_plot_begin(&plot, "training_time", picture);
+    app_plot_text(&plot, "%d\t%u\t%u", file->plan->axes[AXIS_SUBSTEPS].count > 1, integrator->count,
+                  points->count);
     for (uint32_t i = 0; i < integrator->count; i++) app_plot_text(&plot, "%s", integrator->text[i]);
     for (uint32_t m = 0; m < points->count; m++) app_plot_text(&plot, "M = %s", points->text[m]);
     for (uint32_t i = 0; i < integrator->count; i++)
         for (uint32_t m = 0; m < points->count; m++) put_work_block(&plot, file, i, m);
-    return app_plot_end(self, &plot, error);
+    app_plot_end(self, &plot);
 }

@@ -73,13 +73,12 @@ lg_status record_verdict(const lg_context *context, const char *path, const lg_h
 
 /* ---- drawing (pictures.c) ---- */
 
-/* If gnuplot is missing, these functions warn and return LG_OK. */
 enum { SHOWN_TRAJECTORIES = 10 }; /* default number of trajectories in the picture */
 /* Draws true (may be NULL) and predicted trajectories, both (n, points, d), at times t (points). Chains: each
  * link on a sphere. One degree of freedom: the phase portrait, and q and p against t. Otherwise: q_2 against
  * q_1. */
-lg_status draw_trajectories(const app *app, const char *picture, const char *title,
-                            const lg_hamiltonian *model, const double *t, const double *truth,
-                            const double *predicted, size_t n, size_t points, lg_error *error);
+void draw_trajectories(const app *app, const char *picture, const char *title, const lg_hamiltonian *model,
+                       const double *t, const double *truth, const double *predicted, size_t n,
+                       size_t points);
 
 #endif

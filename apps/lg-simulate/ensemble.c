@@ -387,9 +387,8 @@ static int write_out(study *all, bool *written) {
         status = result_write(self, files->out, total,
                               all->rows != NULL && rows_status == LG_OK ? &rows : NULL, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, files->out);
-    if (picture != NULL) status = ensemble_draw(self, total, picture, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, picture);
     *written = true;
+    if (picture != NULL) ensemble_draw(self, total, picture);
     if (rows_status == LG_OK) return APP_EXIT_OK;
     return app_fail(self, rows_status, "%s; the statistics are in %s", lost.message, files->out);
 }

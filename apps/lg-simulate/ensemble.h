@@ -106,7 +106,7 @@ typedef struct ensemble_run {
 /* Prints the results and warns of members that failed. Returns an exit code; if all members failed, the one
  * of their most frequent status. */
 int ensemble_conclude(const app *self, const ensemble_run *run);
-lg_status ensemble_draw(const app *self, const result *what, const char *path, lg_error *error);
+void ensemble_draw(const app *self, const result *what, const char *path);
 
 /* ensemble.c: runs the ensemble. Returns an exit code, as merge_parts does. Before the end the ranks exchange
  * their statuses, so that a failure of one rank is a failure of all. */

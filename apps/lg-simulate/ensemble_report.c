@@ -122,11 +122,10 @@ enum { PANELS = 6, BARS = 64 };
 
 static void put_bands(app_plot *plot, const result *what, size_t column) {
     for (size_t row = 0; row < what->points; row++) {
-        (void)fprintf(plot->data, "%.9g", what->t[row]);
+        double line[1 + LG_COUNT(quantiles)] = {what->t[row]};
         for (size_t i = 0; i < LG_COUNT(quantiles); i++)
-            (void)fprintf(plot->data, " %.9g",
-                          lg_statistics_quantile(what->states, row, column, quantiles[i].p));
-        (void)fputc('\n', plot->data);
+            line[1 + i] = lg_statistics_quantile(what->states, row, column, quantiles[i].p);
+        app_plot_numbers(plot, 9, line, LG_COUNT(line));
     }
     app_plot_block(plot);
 }
@@ -139,21 +138,18 @@ static void put_times(app_plot *plot, const result *what, size_t event) {
     for (size_t i = 0; i < BARS; i++) {
         uint64_t sum = 0;
         for (size_t k = 0; k < each; k++) sum += bins[1 + i * each + k];
-        (void)fprintf(plot->data, "%.9g %llu\n", range.low + ((double)i + 0.5) * width,
-                      (unsigned long long)sum);
+        APP_PLOT_ROW(plot, 9, range.low + ((double)i + 0.5) * width, (double)sum);
     }
     app_plot_block(plot);
 }
 
-lg_status ensemble_draw(const app *self, const result *what, const char *path, lg_error *error) {
+void ensemble_draw(const app *self, const result *what, const char *path) {
     app_plot plot;
     size_t chosen[PANELS], shown = 0;
     for (size_t c = 0; c < what->columns && shown < PANELS; c++)
         if (strncmp(what->column[c], "drift of ", 9) != 0) chosen[shown++] = c;
-    const size_t panels = shown + what->events;
-    app_plot_begin(&plot, "ensemble", path, panels > 1 ? 1120 : 560, 340 * (int)((panels + 1) / 2));
-    app_plot_text(&plot, "%zu", shown);
-    app_plot_text(&plot, "%zu", panels);
+    app_plot_begin(&plot, "ensemble", path);
+    app_plot_text(&plot, "%zu\t%zu", shown, shown + what->events);
     for (size_t i = 0; i < shown; i++) {
         app_plot_text(&plot, "%s", what->column[chosen[i]]);
         put_bands(&plot, what, chosen[i]);
@@ -162,5 +158,5 @@ lg_status ensemble_draw(const app *self, const result *what, const char *path, l
         app_plot_text(&plot, "first %s", what->event[e]);
         put_times(&plot, what, e);
     }
-    return app_plot_end(self, &plot, error);
+    app_plot_end(self, &plot);
 }

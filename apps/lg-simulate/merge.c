@@ -175,7 +175,7 @@ int merge_parts(const app *self, const char *out, const char *const *paths, size
     }
     const result_rows rows = {list.rows, list.row_count, list.dim};
     APP_MUST_FILE(self, out, result_write(self, out, whole, list.row_count > 0 ? &rows : NULL, &error));
-    if (how->plot != NULL) APP_MUST_FILE(self, out, ensemble_draw(self, whole, how->plot, &error));
+    if (how->plot != NULL) ensemble_draw(self, whole, how->plot);
     return ensemble_conclude(self, &(ensemble_run){whole, NULL, out});
 }
 

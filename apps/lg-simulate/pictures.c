@@ -1,11 +1,30 @@
-/* Pictures of a run: components, drift of the invariants, distance from the manifold, step sizes. */
-#include "lg-simulate/pictures.h"
-
+/* Pictures of a run: components, drift of the invariants, distance from the manifold, step sizes; and in
+ * space the links of a chain, the axis of a top, the angular momentum or the attitude of a body,
+ * quadrotors. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_CURVES = 9, MAX_BLOCKS = 3, WIDTH = 900, HEIGHT = 520 };
+#include "lg-simulate/simulate.h"
+
+enum { MAX_CURVES = 9, MAX_BLOCKS = 3, SNAPSHOTS = 6 };
+
+typedef struct drawing {
+    const report *what;
+    const simulation *sim;
+    app_plot plot;
+} drawing;
+
+/* The state at point i of the trajectory, and its time. */
+static const double *state_at(const drawing *from, size_t i) {
+    return from->what->path->y + (from->what->path->first + i) * from->sim->dim;
+}
+
+static double time_at(const drawing *from, size_t i) {
+    return from->what->path->t[from->what->path->first + i];
+}
+
+/* ---- components ---- */
 
 /* Symbols and units for the keys of a state. The units are those of chains, where q is a direction. */
 static const struct {
@@ -26,46 +45,8 @@ static const char *unit_of(const simulation *sim, const char *key) {
     return strcmp(key, "p") == 0 && lg_system_links(sim->system) > 0 ? " [kg m^2/s]" : "";
 }
 
-const double *state_at(const drawing *from, size_t i) {
-    const samples *path = from->what->path;
-    return path->y + (path->first + i) * from->what->sim->dim;
-}
-
-double time_at(const drawing *from, size_t i) {
-    const samples *path = from->what->path;
-    return path->t[path->first + i];
-}
-
-/* ---- components ---- */
-
-typedef struct selection {
-    size_t count;
-    const block *of[MAX_CURVES];
-    size_t component[MAX_CURVES];
-    size_t shown, all; /* how many blocks with the key are drawn, and how many there are */
-} selection;
-
-/* Chooses up to three blocks with this key: the first, a middle one and the last. */
-static selection select_components(const simulation *sim, const char *key) {
-    selection out = {.count = 0};
-    for (size_t i = 0; i < sim->block_count; i++) out.all += strcmp(sim->blocks[i].key, key) == 0;
-    const size_t per_block = find_block(sim, key, 1)->count;
-    size_t most = per_block < MAX_CURVES ? MAX_CURVES / per_block : 1;
-    if (most > MAX_BLOCKS) most = MAX_BLOCKS;
-    out.shown = out.all < most ? out.all : most;
-    for (size_t k = 0; k < out.shown; k++) {
-        const size_t index = out.shown > 1 ? 1 + k * (out.all - 1) / (out.shown - 1) : 1;
-        const block *at = find_block(sim, key, index);
-        for (size_t c = 0; c < at->count && out.count < MAX_CURVES; c++) {
-            out.of[out.count] = at;
-            out.component[out.count++] = c;
-        }
-    }
-    return out;
-}
-
-/* Writes a symbol such as q_{2,x}. */
-static void symbol_name(const block *at, size_t component, char *text, size_t size) {
+/* Adds a symbol such as q_{2,x} to the texts. */
+static void put_symbol(drawing *to, const block *at, size_t component) {
     char below[48] = "";
     if (at->count == 9)
         (void)snprintf(below, sizeof below, "%zu%zu", component / 3 + 1, component % 3 + 1);
@@ -73,196 +54,242 @@ static void symbol_name(const block *at, size_t component, char *text, size_t si
         (void)snprintf(below, sizeof below, "%c", "xyz"[component]);
     else if (at->count > 1)
         (void)snprintf(below, sizeof below, "%zu", component + 1);
+    const char *symbol = symbol_of(at->key), *comma = below[0] != '\0' ? "," : "";
     if (at->index > 0)
-        (void)snprintf(text, size, "%s_{%zu%s%s}", symbol_of(at->key), at->index, below[0] != '\0' ? "," : "",
-                       below);
-    else if (below[0] != '\0')
-        (void)snprintf(text, size, "%s_{%s}", symbol_of(at->key), below);
+        app_plot_text(&to->plot, "%s_{%zu%s%s}", symbol, at->index, comma, below);
     else
-        (void)snprintf(text, size, "%s", symbol_of(at->key));
+        app_plot_text(&to->plot, below[0] != '\0' ? "%s_{%s}" : "%s", symbol, below);
 }
 
-/* Begins panel `kind` of simulation.gp; the names of its curves follow. */
-static void begin_panel(drawing *to, const char *kind, const char *title, const char *x, const char *y,
-                        size_t curves) {
-    const char *const texts[] = {kind, title, x, y};
-    for (size_t i = 0; i < LG_COUNT(texts); i++) app_plot_text(&to->plot, "%s", texts[i]);
-    app_plot_text(&to->plot, "%zu", curves);
-}
-
-/* Returns a title such as "components of q" or "components of q_1, q_10, q_20 (of 20)". */
-static char *components_title(const char *key, const selection *chosen) {
+/* Draws up to three blocks with this key: the first, a middle one and the last. The title is such as
+ * "components of q" or "components of q_1, q_10, q_20 (of 20)". */
+static void put_components(drawing *to, const char *key) {
+    const simulation *sim = to->sim;
+    const block *of[MAX_BLOCKS];
+    const size_t width = find_block(sim, key, 1)->count, fit = width < MAX_CURVES ? MAX_CURVES / width : 1;
+    size_t all = 0, curves = 0, offset[MAX_CURVES];
+    for (size_t i = 0; i < sim->block_count; i++) all += strcmp(sim->blocks[i].key, key) == 0;
+    size_t shown = fit < MAX_BLOCKS ? fit : MAX_BLOCKS;
+    if (all < shown) shown = all;
     lg_text title = app_text();
-    lg_text_add(&title, "components of %s", chosen->shown == chosen->all ? symbol_of(key) : "");
-    for (size_t k = 0; k < chosen->count && chosen->shown < chosen->all; k++)
-        if (chosen->component[k] == 0)
-            lg_text_add(&title, "%s%s_{%zu}", k > 0 ? ", " : "", symbol_of(key), chosen->of[k]->index);
-    if (chosen->shown < chosen->all) lg_text_add(&title, " (of %zu)", chosen->all);
-    return title.data;
-}
-
-static void panel_components(drawing *to, const char *key) {
-    const simulation *sim = to->what->sim;
-    const selection chosen = select_components(sim, key);
-    APP_FREE char *title = components_title(key, &chosen);
-    APP_FREE char *label = app_format("%s%s", symbol_of(key), unit_of(sim, key));
-    char name[96];
-    begin_panel(to, "components", title, "t [s]", label, chosen.count);
-    for (size_t k = 0; k < chosen.count; k++) {
-        symbol_name(chosen.of[k], chosen.component[k], name, sizeof name);
-        app_plot_text(&to->plot, "%s", name);
+    lg_text_add(&title, "components of %s", shown == all ? symbol_of(key) : "");
+    for (size_t k = 0; k < shown; k++) {
+        of[k] = find_block(sim, key, shown > 1 ? 1 + k * (all - 1) / (shown - 1) : 1);
+        if (shown < all) lg_text_add(&title, "%s%s_{%zu}", k > 0 ? ", " : "", symbol_of(key), of[k]->index);
     }
+    if (shown < all) lg_text_add(&title, " (of %zu)", all);
+    const size_t each = width < MAX_CURVES ? width : MAX_CURVES;
+    app_plot_text(&to->plot, "components\t%s\t%s%s\t%zu", title.data, symbol_of(key), unit_of(sim, key),
+                  shown * each);
+    free(title.data);
+    for (size_t k = 0; k < shown; k++)
+        for (size_t c = 0; c < each; c++) {
+            put_symbol(to, of[k], c);
+            offset[curves++] = of[k]->offset + c;
+        }
     for (size_t i = 0; i < to->what->path->kept; i++) {
-        (void)fprintf(to->plot.data, "%.9g", time_at(to, i));
-        for (size_t k = 0; k < chosen.count; k++)
-            (void)fprintf(to->plot.data, " %.9g",
-                          state_at(to, i)[chosen.of[k]->offset + chosen.component[k]]);
-        (void)fputc('\n', to->plot.data);
+        double row[1 + MAX_CURVES] = {time_at(to, i)};
+        for (size_t k = 0; k < curves; k++) row[1 + k] = state_at(to, i)[offset[k]];
+        app_plot_numbers(&to->plot, 9, row, 1 + curves);
     }
     app_plot_block(&to->plot);
 }
 
 /* The first component of q against the first component of p, on R^2n. */
-static void panel_phase(drawing *to) {
-    const simulation *sim = to->what->sim;
-    const block *q = find_block(sim, "q", 1), *p = find_block(sim, "p", 1);
-    begin_panel(to, "phase", "phase portrait", q->count > 1 ? "q_1" : "q", q->count > 1 ? "p_1" : "p", 1);
-    app_plot_text(&to->plot, "%s", "");
+static void put_phase(drawing *to, const block *q, const block *p) {
+    app_plot_text(&to->plot, q->count > 1 ? "phase\tq_1\tp_1" : "phase\tq\tp");
     for (size_t i = 0; i < to->what->path->kept; i++)
-        (void)fprintf(to->plot.data, "%.9g %.9g\n", state_at(to, i)[q->offset], state_at(to, i)[p->offset]);
+        APP_PLOT_ROW(&to->plot, 9, state_at(to, i)[q->offset], state_at(to, i)[p->offset]);
     app_plot_block(&to->plot);
 }
 
-/* ---- values over the steps ---- */
+/* ---- panels ---- */
 
-/* Returns whether column k of the trace has a value that a logarithmic axis can show. */
-static bool column_shows(const drawing *from, size_t k) {
-    const trace *at = &from->what->seen->trace;
-    for (size_t i = 0; i < at->count; i++)
-        if (at->rows[i * at->width + k] > 0 && isfinite(at->rows[i * at->width + k])) return true;
-    return false;
+static void put_invariants(drawing *to) {
+    const size_t count = lg_system_invariants(to->sim->system);
+    app_plot_text(&to->plot, "invariants\t%zu", count);
+    for (size_t i = 0; i < count; i++)
+        app_plot_text(&to->plot, "%s", lg_system_invariant_name(to->sim->system, i));
 }
 
-/* Draws the columns first, first + 1, ..., first + count - 1 of the trace that a logarithmic axis can show,
- * against t. Their zeros become gaps. A panel without a curve shows the reason `empty`. */
-static void panel_trace(drawing *to, const char *kind, const char *title, const char *label, size_t first,
-                        size_t count, const char *empty) {
-    const trace *at = &to->what->seen->trace;
-    APP_FREE size_t *columns = app_alloc(at->width, sizeof *columns);
-    size_t shown = 0;
-    for (size_t k = first; k < first + count; k++)
-        if (column_shows(to, k)) columns[shown++] = k;
-    begin_panel(to, kind, title, "t [s]", label, shown);
-    if (shown == 0) app_plot_text(&to->plot, "%s", empty);
-    for (size_t c = 0; c < shown; c++) {
-        const bool named = columns[c] >= 3;
-        app_plot_text(&to->plot, "%s",
-                      named ? lg_system_invariant_name(to->what->sim->system, columns[c] - 3) : "");
+static void put_manifold(drawing *to) {
+    app_plot_text(&to->plot, "manifold");
+}
+
+static void put_steps(drawing *to) {
+    app_plot_text(&to->plot, "steps");
+}
+
+/* Whether no earlier block has the key of block i. */
+static bool begins_key(const simulation *sim, size_t i) {
+    return find_block(sim, sim->blocks[i].key, 1) == &sim->blocks[i];
+}
+
+static void put_overview(drawing *to) {
+    const simulation *sim = to->sim;
+    const block *q = find_block(sim, "q", 1), *p = find_block(sim, "p", 1);
+    const char *first = sim->blocks[0].key, *second = first;
+    for (size_t i = sim->block_count; i-- > 1;)
+        if (strcmp(sim->blocks[i].key, first) != 0) second = sim->blocks[i].key;
+    put_components(to, first);
+    if (to->what->seen->invariants > 0)
+        put_invariants(to);
+    else
+        put_components(to, second);
+    if (lg_system_constrained(sim->system))
+        put_manifold(to);
+    else if (q != NULL && p != NULL)
+        put_phase(to, q, p);
+    else
+        put_components(to, second);
+    if (to->what->how->steps == 0)
+        put_steps(to);
+    else
+        put_components(to, second);
+}
+
+static void put_all_components(drawing *to) {
+    for (size_t i = 0; i < to->sim->block_count; i++)
+        if (begins_key(to->sim, i)) put_components(to, to->sim->blocks[i].key);
+}
+
+/* ---- space ---- */
+
+/* Writes the point that leaves a path; with `whole` a snapshot of all. */
+typedef void put_motion(drawing *to, const double *y, bool whole);
+
+static void put_chain(drawing *to, const double *y, bool whole) {
+    size_t links = 0;
+    const double *lengths = parameter_values(to->sim, "lengths", &links);
+    double x[3] = {0, 0, 0};
+    if (whole) app_plot_numbers(&to->plot, 9, x, 3);
+    for (size_t i = 0; i < links; i++) {
+        const double *q = y + find_block(to->sim, "q", i + 1)->offset;
+        for (size_t c = 0; c < 3; c++) x[c] += lengths[i] * q[c];
+        if (whole || i + 1 == links) app_plot_numbers(&to->plot, 9, x, 3);
     }
-    for (size_t i = 0; i < at->count; i++) {
-        const double *row = at->rows + i * at->width;
-        (void)fprintf(to->plot.data, "%.9g", row[0]);
-        for (size_t c = 0; c < shown; c++)
-            (void)fprintf(to->plot.data, " %.9g", row[columns[c]] > 0 ? row[columns[c]] : (double)NAN);
-        (void)fputc('\n', to->plot.data);
+}
+
+/* The link and the two arms of each quadrotor: the beginning of a line and its vector. */
+static void put_quadrotors(drawing *to, const double *y, bool whole) {
+    size_t count = 0;
+    const double *lengths = parameter_values(to->sim, "lengths", &count);
+    const double *payload = y + find_block(to->sim, "y", 1)->offset;
+    if (!whole) app_plot_numbers(&to->plot, 9, payload, 3);
+    for (size_t i = 0; i < count && whole; i++) {
+        const double *q = y + find_block(to->sim, "q", i + 1)->offset,
+                     *R = y + find_block(to->sim, "R", i + 1)->offset;
+        double line[3][6];
+        for (int c = 0; c < 3; c++) {
+            line[2][c] = payload[c];
+            line[2][3 + c] = -lengths[i] * q[c];
+            for (int arm = 0; arm < 2; arm++) {
+                line[arm][c] = payload[c] - lengths[i] * q[c] - 0.2 * R[3 * c + arm];
+                line[arm][3 + c] = 0.4 * R[3 * c + arm];
+            }
+        }
+        for (int k = 0; k < 3; k++) app_plot_numbers(&to->plot, 9, line[k], 6);
+    }
+}
+
+/* A curve on the unit sphere: a vector of the state, or a matrix of the state times a vector. */
+typedef struct sphere_curve {
+    const char *title, *key, *parameter; /* parameter: the key of the vector, or NULL for a unit vector */
+    size_t axis;
+} sphere_curve;
+
+/* Pictures by system: curves on the sphere or a motion. Of several rows for a system the first one whose
+ * curve is part of the state. */
+static const struct {
+    const char *system, *title;
+    sphere_curve curves[3];
+    put_motion *motion;
+} pictures[] = {
+    {"pendulum-chain", "chain", .motion = put_chain},
+    {"quadrotors", "quadrotors", .motion = put_quadrotors},
+    {"heavy-top", "axis of the top", .curves = {{"Qχ", "Q", "chi", 0}}},
+    {"heavy-top", "direction of gravity seen from the body", .curves = {{"Γ/|Γ|", "Gamma", NULL, 0}}},
+    {"rigid-body", "angular momentum in the body", .curves = {{"μ/|μ|", "mu", NULL, 0}}},
+    {"rigid-body-attitude", "axes of the body in space",
+     .curves = {{"R e_1", "R", NULL, 0}, {"R e_2", "R", NULL, 1}, {"R e_3", "R", NULL, 2}}},
+    {"satellite", "axis of the body and direction of the pendulum",
+     .curves = {{"R e_3", "R", NULL, 2}, {"pendulum q", "q", NULL, 0}}}};
+
+/* Returns the row of the system's picture, or LG_COUNT(pictures) if there is none. */
+static size_t find_space(const simulation *sim) {
+    size_t i = 0;
+    for (; i < LG_COUNT(pictures); i++)
+        if (strcmp(pictures[i].system, lg_system_name(sim->system)) == 0 &&
+            (pictures[i].motion != NULL || find_block(sim, pictures[i].curves[0].key, 1) != NULL))
+            break;
+    return i;
+}
+
+bool has_space_picture(const simulation *sim) {
+    return find_space(sim) < LG_COUNT(pictures);
+}
+
+static void put_sphere(drawing *to, const sphere_curve *curve) {
+    double vector[3] = {0, 0, 0};
+    size_t count = 0;
+    vector[curve->axis] = 1;
+    const block *at = find_block(to->sim, curve->key, 1);
+    const double *by =
+        curve->parameter != NULL ? parameter_values(to->sim, curve->parameter, &count) : vector;
+    app_plot_text(&to->plot, "%s", curve->title);
+    for (size_t i = 0; i < to->what->path->kept; i++) {
+        const double *x = state_at(to, i) + at->offset;
+        double turned[3];
+        for (int c = 0; c < 3; c++)
+            turned[c] =
+                at->count == 3 ? x[c] : x[3 * c] * by[0] + x[3 * c + 1] * by[1] + x[3 * c + 2] * by[2];
+        app_plot_numbers(&to->plot, 9, turned, 3);
     }
     app_plot_block(&to->plot);
 }
 
-static void panel_invariants(drawing *to) {
-    const size_t count = lg_system_invariants(to->what->sim->system);
-    panel_trace(to, "invariants", "drift of the invariants", "|I(t) - I(0)|", 3, count,
-                count > 0 ? "zero all along" : "the system has none");
+/* The path of one point of a moving system, and some snapshots of the whole. */
+static void put_path(drawing *to, put_motion *put) {
+    const size_t kept = to->what->path->kept, count = kept < SNAPSHOTS ? kept : (size_t)SNAPSHOTS;
+    app_plot_text(&to->plot, "%zu", lg_system_links(to->sim->system));
+    for (size_t i = 0; i < kept; i++) put(to, state_at(to, i), false);
+    for (size_t k = 0; k < count; k++) {
+        const size_t at = count > 1 ? k * (kept - 1) / (count - 1) : 0;
+        app_plot_block(&to->plot);
+        app_plot_text(&to->plot, "t = %.3g s", time_at(to, at));
+        put(to, state_at(to, at), true);
+    }
 }
 
-static void panel_manifold(drawing *to) {
-    panel_trace(to, to->what->seen->manifold < 1e-14 ? "rounding" : "manifold", "distance from the manifold",
-                "largest violation of a constraint", 2, 1, "zero all along");
-}
-
-static void panel_steps(drawing *to) {
-    panel_trace(to, to->what->seen->trace.count < 400 ? "steps" : "many steps", "accepted steps", "h [s]", 1,
-                1, "no steps");
+static void put_space(drawing *to) {
+    const size_t row = find_space(to->sim);
+    app_plot_text(&to->plot, "%s", pictures[row].title);
+    if (pictures[row].motion != NULL) put_path(to, pictures[row].motion);
+    for (size_t c = 0; c < LG_COUNT(pictures[row].curves) && pictures[row].curves[c].key != NULL; c++)
+        put_sphere(to, &pictures[row].curves[c]);
 }
 
 /* ---- pictures ---- */
 
-static const char *key_after(const simulation *sim, const char *key) {
-    for (size_t i = 0; i < sim->block_count; i++)
-        if (strcmp(sim->blocks[i].key, key) != 0) return sim->blocks[i].key;
-    return NULL;
-}
-
-/* Returns whether block i is the first block with its key. */
-static bool begins_key(const simulation *sim, size_t i) {
-    size_t first = 0;
-    while (strcmp(sim->blocks[first].key, sim->blocks[i].key) != 0) first++;
-    return first == i;
-}
-
-static size_t distinct_keys(const simulation *sim) {
-    size_t count = 0;
-    for (size_t i = 0; i < sim->block_count; i++) count += begins_key(sim, i);
-    return count;
-}
-
-static void draw_overview(drawing *to) {
-    const simulation *sim = to->what->sim;
-    const bool adaptive = to->what->how->steps == 0, flat = !lg_system_constrained(sim->system);
-    const char *first = sim->blocks[0].key, *second = key_after(sim, first);
-    panel_components(to, first);
-    if (to->what->seen->invariants > 0)
-        panel_invariants(to);
-    else
-        panel_components(to, second != NULL ? second : first);
-    if (!flat)
-        panel_manifold(to);
-    else if (find_block(sim, "q", 1) != NULL && find_block(sim, "p", 1) != NULL)
-        panel_phase(to);
-    else
-        panel_components(to, second != NULL ? second : first);
-    if (adaptive)
-        panel_steps(to);
-    else
-        panel_components(to, second != NULL ? second : first);
-}
-
-static void draw_components(drawing *to) {
-    const simulation *sim = to->what->sim;
-    for (size_t i = 0; i < sim->block_count; i++)
-        if (begins_key(sim, i)) panel_components(to, sim->blocks[i].key);
-}
-
-static const struct {
-    void (*draw)(drawing *to);
-    size_t panels; /* 0: one panel per key */
-} kinds[] = {[PICTURE_OVERVIEW] = {draw_overview, 4},
-             [PICTURE_COMPONENTS] = {draw_components, 0},
-             [PICTURE_INVARIANTS] = {panel_invariants, 1},
-             [PICTURE_MANIFOLD] = {panel_manifold, 1},
-             [PICTURE_STEPS] = {panel_steps, 1}};
-
-static void draw_panels(drawing *to) {
-    const simulate_values *values = to->what->sim->values;
-    const size_t fixed = kinds[values->plot_kind].panels,
-                 panels = fixed > 0 ? fixed : distinct_keys(to->what->sim);
-    const int rows = (int)(panels + 1) / 2;
-    app_plot_begin(&to->plot, "simulation", values->plot, panels > 1 ? 1120 : WIDTH,
-                   rows > 1 ? 380 * rows : HEIGHT);
-    app_plot_text(&to->plot, "%zu", panels);
-    kinds[values->plot_kind].draw(to);
-}
+static void (*const kinds[])(drawing *to) = {
+    [PICTURE_OVERVIEW] = put_overview,     [PICTURE_COMPONENTS] = put_all_components,
+    [PICTURE_INVARIANTS] = put_invariants, [PICTURE_MANIFOLD] = put_manifold,
+    [PICTURE_STEPS] = put_steps,           [PICTURE_SPACE] = put_space};
 
 /* For PICTURE_SPACE there must be a 3d picture of the system. */
-lg_status draw_run(const report *what, lg_error *error) {
-    drawing to = {.what = what};
-    if (what->sim->values->plot_kind == PICTURE_SPACE)
-        find_space_picture(what->sim)->draw(&to);
-    else
-        draw_panels(&to);
-    return app_plot_end(what->sim->self, &to.plot, error);
-}
-
-bool has_space_picture(const simulation *sim) {
-    return find_space_picture(sim) != NULL;
+void draw_run(const report *what) {
+    const simulate_values *values = what->sim->values;
+    const trace *at = &what->seen->trace;
+    drawing to = {.what = what, .sim = what->sim};
+    const bool space = values->plot_kind == PICTURE_SPACE;
+    app_plot_begin(&to.plot,
+                   !space                                           ? "simulation"
+                   : pictures[find_space(what->sim)].motion != NULL ? "motion"
+                                                                    : "sphere",
+                   values->plot);
+    for (size_t i = 0; i < at->count && !space; i++)
+        app_plot_numbers(&to.plot, 9, at->rows + i * at->width, at->width);
+    if (!space) app_plot_block(&to.plot);
+    kinds[values->plot_kind](&to);
+    app_plot_end(what->sim->self, &to.plot);
 }

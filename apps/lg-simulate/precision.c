@@ -223,23 +223,19 @@ static void report_diagram(const diagram *d) {
 
 /* ---- the picture ---- */
 
-static lg_status draw(const diagram *d, lg_error *error) {
+static void draw(const diagram *d) {
     app_plot plot;
-    size_t drawn = 0;
-    for (size_t c = 0; c < d->count; c++) drawn += d->curves[c].count > 0;
-    app_plot_begin(&plot, "precision", d->sim->values->plot, 1100, 560);
+    app_plot_begin(&plot, "precision", d->sim->values->plot);
     app_plot_text(&plot, "%s to t = %g", lg_system_name(d->sim->system), d->sim->t_end);
-    app_plot_text(&plot, "%zu", drawn);
-    for (size_t c = 0; c < d->count; c++) {
-        const curve *at = &d->curves[c];
+    for (const curve *at = d->curves; at < d->curves + d->count; at++) {
         if (at->count == 0) continue;
         app_plot_text(&plot, "%s", at->what.scheme.name);
         for (size_t i = 0; i < at->count; i++)
-            (void)fprintf(plot.data, "%.9g %zu %.9g\n", at->points[i].seconds, at->points[i].evaluations,
-                          fmax(at->points[i].error, 1e-17));
+            APP_PLOT_ROW(&plot, 9, at->points[i].seconds, (double)at->points[i].evaluations,
+                         fmax(at->points[i].error, 1e-17));
         app_plot_block(&plot);
     }
-    return app_plot_end(d->sim->self, &plot, error);
+    app_plot_end(d->sim->self, &plot);
 }
 
 /* ---- the command ---- */
@@ -270,7 +266,6 @@ static void diagram_free(diagram *d) {
 
 void work_precision(simulation *sim) {
     const bool flat = lg_space_is_abelian(lg_system_space(sim->system));
-    const char *picture = sim->values->plot;
     APP_CLEAN(diagram_free)
     diagram d = {.sim = sim, .reference = flat ? "dp54" : "rkmk54", .tol = 1e-13, .size = 1};
     d.y = app_alloc(sim->dim, sizeof *d.y);
@@ -278,6 +273,6 @@ void work_precision(simulation *sim) {
     choose_methods(&d);
     find_reference(&d);
     fill(&d);
-    if (picture != NULL) APP_MUST_FILE(sim->self, picture, draw(&d, &error));
+    if (sim->values->plot != NULL) draw(&d);
     report_diagram(&d);
 }

@@ -200,7 +200,7 @@ lg_status write_trajectory(const report *what, lg_error *error);
 /* pictures.c: has_space_picture returns whether there is a 3d picture of this system; draw_run draws
  * --plot. */
 bool has_space_picture(const simulation *sim);
-lg_status draw_run(const report *what, lg_error *error);
+void draw_run(const report *what);
 
 /* precision.c: compares methods, for --work-precision. */
 void work_precision(simulation *sim);

@@ -1,5 +1,5 @@
 # A confusion matrix, coloured by the fraction of each row. T[1]: classes, T[2]: title; then the names of the classes.
-# Columns: given class (0, 1, ...), true class, fraction of the row, count. Above 24 classes the numbers would not fit.
+# Columns: given class (0, 1, ...), true class, count. Above 24 classes the numbers would not fit.
 m = int(V(1))
 # The margins have 9 pixels for each letter of a name, or 7 in the smaller font of long names.
 longest = 0
@@ -8,10 +8,16 @@ is_long = longest > 16
 letters = is_long ? ",7" : ""
 left = (is_long ? 7 : 9)*longest + 60.0
 below = is_long ? left : 60.0
-width = width + left - 140
-height = height + below - 60
-if (picture eq "svg") { set terminal svg size width, height dynamic background rgb 'white' font 'Helvetica,13' }
-if (picture eq "png") { set terminal pngcairo size width, height font 'Helvetica,11' }
+cells = 220 + 110*(m < 12 ? m : 12)
+width = cells + left - 80
+height = cells + below - 60
+eval size(width, height)
+array total[m]
+do for [c = 1:m] {
+    stats datafile index 1 using ($2 == c - 1 ? $3 : 0) nooutput
+    total[c] = STATS_sum
+}
+part(row, x) = total[row + 1] > 0 ? x/total[row + 1] : 0
 set lmargin at screen left/width
 set rmargin at screen 1 - 40.0/width
 set bmargin at screen below/height
@@ -33,6 +39,6 @@ set xtics noenhanced ()
 set ytics noenhanced ()
 set for [c = 1:m] xtics add (tic(T[2 + c]) c - 1)
 set for [c = 1:m] ytics add (tic(T[2 + c]) c - 1)
-plot datafile index 1 using 1:2:3 with image pixels, \
-    for [k = 1:m <= 24] datafile index 1 using 1:2:(sprintf("%d\n%.1f %%", $4, 100*$3)):($3 > 0.55 ? 0xffffff : 0x222222) \
+plot datafile index 1 using 1:2:(part($2, $3)) with image pixels, \
+    for [k = 1:m <= 24] datafile index 1 using 1:2:(sprintf("%d\n%.1f %%", $3, 100*part($2, $3))):(part($2, $3) > 0.55 ? 0xffffff : 0x222222) \
         with labels tc rgb variable

@@ -1,13 +1,27 @@
-# Beams, with equal scales on both axes. T[1]: step of the tics of y, T[2]: title or nothing, T[3]: 1 with a legend, else 0,
-# T[4]: number of beams, T[5]: width of the lines of minima. Then for each beam its legend, and 1 if it is a saddle, else 0.
+# Beams, with equal scales on both axes. T[1]: title or nothing, T[2]: 1 with a legend, else 0,
+# T[3]: width of the lines of minima. Then for each beam its legend, and 1 if it is a saddle, else 0.
 # Columns: x, y. Index k: beam k.
+n = (count - 3) / 2
+# The curves are 720 pixels wide. The tics of y have about four steps, 1, 2 or 5 times a power of ten; fewer if the box is low.
+stats datafile index 1:n using 1:2 nooutput
+dx = STATS_max_x - STATS_min_x < 1e-6 ? 1e-6 : STATS_max_x - STATS_min_x
+dy = STATS_max_y - STATS_min_y
+between(x, low, high) = x < low ? low : x > high ? high : x
+pixels = int(between(1.12 * 720 * dy / dx, 120, 800)) + 110
+dy = dy < 1e-6 ? 1e-6 : dy
+rough = dy / between(20 * dy / dx, 1, 4)
+power = 10**floor(log10(rough))
+lead = rough / power
+step = (lead < 1.5 ? 1 : lead < 3.5 ? 2 : lead < 7.5 ? 5 : 10) * power
+set ytics step
+needed = V(2) > 0 ? 20 * n + 60 : 0
+eval size(V(2) > 0 ? 1000 : 800, pixels < needed ? needed : pixels)
 set xlabel 'x'
 set ylabel 'y'
 set size ratio -1
-set ytics V(1)
 set offsets graph 0.03, graph 0.03, graph 0.05, graph 0.05
-set title T[2]
-if (V(3) > 0) { set key outside right top } else { unset key }
+set title T[1]
+if (V(2) > 0) { set key outside right top } else { unset key }
 colour(k) = word('#1f5fa8 #d1641f #2e8b57 #8b3a8b #b8860b #c0392b #17a2b8 #6b4423 #5d6d7e #7cb342 #e377c2 #3f51b5', 1 + int(k - 1) % 12)
-saddle(k) = V(4 + 2 * k + 1) > 0
-plot for [k = 1:V(4)] datafile index k with lines lw (saddle(k) ? 1.5 : V(5)) dt 1 + saddle(k) lc rgb colour(k) title T[4 + 2 * k]
+saddle(k) = V(3 + 2 * k) > 0
+plot for [k = 1:n] datafile index k with lines lw (saddle(k) ? 1.5 : V(3)) dt 1 + saddle(k) lc rgb colour(k) title T[2 + 2 * k]

@@ -2,7 +2,9 @@
 # Block k is panel k. Columns: t and the quantiles .01, .05, .25, .5, .75, .95, .99; or t and how many.
 set tics nomirror
 set key below
-set multiplot layout (V(2) + 1) / 2, V(2) > 1 ? 2 : 1
+rows = int(V(2) + 1) / 2
+eval size(V(2) > 1 ? 1120 : 560, 340*rows)
+set multiplot layout rows, V(2) > 1 ? 2 : 1
 set xlabel 't [s]'
 do for [k = 1:V(2)] {
     set title T[2 + k] noenhanced

@@ -3,6 +3,7 @@
 phase = V(2) > 1
 true = V(3)
 all = V(3) + V(4)
+eval size(phase ? 3*520 : 700, (phase ? 520 : 700) + 30)
 set multiplot layout 1,V(2) title T[1] noenhanced
 set key below center horizontal
 set bmargin 5

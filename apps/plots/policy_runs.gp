@@ -1,14 +1,17 @@
-# Runs of a controller: the motion of some, the starts of all, each input of some. T[1]: rows of panels, T[2]: panels.
+# Runs of a controller: the motion of some, the starts of all, each input of some.
 # For each panel: title, label of x, label of y, legend of failed runs, legend of successful runs; then two numbers: of the motion x and y
 # of the goal, of an input its limits. Columns: x, y. Index 2 p - 1: failed runs of panel p, 2 p: successful ones. A block may be NaN.
-panel(p, k) = 2 + 7 * (p - 1) + k
-set multiplot layout V(1), 3
+panel(p, k) = 7 * (p - 1) + k
+panels = count / 7
+rows = (panels + 2) / 3
+eval size(3 * 460, rows * 380)
+set multiplot layout rows, 3
 set key below center horizontal noenhanced samplen 1.5
 set autoscale fix
 set lmargin 9
 set bmargin 6
 set offsets graph 0.03, graph 0.03, graph 0.05, graph 0.05
-do for [p = 1:V(2)] {
+do for [p = 1:panels] {
     set title T[panel(p, 1)] noenhanced
     set xlabel T[panel(p, 2)] noenhanced
     set ylabel T[panel(p, 3)] noenhanced

@@ -6,7 +6,9 @@ channels = int(V(2))
 recording(r) = T[2 + r]
 name(k) = T[2 + count + k]
 pairs = channels < 6 ? 0 : 2
-set multiplot layout (channels + 1)/2 + pairs/2,2
+rows = int(channels + 1)/2 + pairs/2
+eval size(1240, 210*rows + 60)
+set multiplot layout rows,2
 set key samplen 1
 do for [k = 1:channels] {
     set xlabel 'minutes'

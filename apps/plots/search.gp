@@ -1,13 +1,18 @@
-# Objective against the number of a trial. T[1]: trials, T[2]: stopped ones, T[3]: finished ones.
-# Columns: trial, objective. index 1: stopped trials, 2: finished ones, 3: the best so far; each block begins with a line of NaN.
+# Objective against the number of a trial. T[1]: trials. Columns: trial, objective if it was stopped, if it was finished, the best so far; the others are NaN.
+eval size(800, 500)
+positive(k) = strcol(k) eq 'nan' ? 0 : real(strcol(k)) > 0
+stats datafile index 1 using (positive(2)) nooutput
+stopped = STATS_sum
+stats datafile index 1 using (positive(3)) nooutput
+finished = STATS_sum
 set logscale y
 set format y '10^{%L}'
 set xlabel 'trial'
 set ylabel 'objective'
 set xrange [-1:V(1)]
-if (V(2) + V(3) == 0) { set yrange [1e-6:1] }
+if (stopped + finished == 0) { set yrange [1e-6:1] }
 set key top right
 plot 1/0 notitle, \
-    datafile index 1 with points pt 2 lc rgb '#999999' title V(2) > 0 ? 'stopped early' : '', \
-    datafile index 2 with points pt 7 lc rgb '#1f5fa8' title V(3) > 0 ? 'finished' : '', \
-    datafile index 3 with steps lw 2 lc rgb '#d1641f' title V(3) > 0 ? 'best so far' : ''
+    datafile index 1 using 1:2 with points pt 2 lc rgb '#999999' title stopped > 0 ? 'stopped early' : '', \
+    datafile index 1 using 1:3 with points pt 7 lc rgb '#1f5fa8' title finished > 0 ? 'finished' : '', \
+    datafile index 1 using 1:4 with steps lw 2 lc rgb '#d1641f' title finished > 0 ? 'best so far' : ''

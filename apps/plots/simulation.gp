@@ -1,54 +1,103 @@
-# Panels of a run. T[1]: number of panels. For each panel: its kind (components, phase, invariants, manifold, rounding, steps, many steps), title, label of x,
-# label of y, number of curves, and the name of each curve; without a curve, the reason. Block k is panel k: x, and a column for each curve.
-# All texts are of our own tables: symbols such as q_{2,x}.
-set multiplot layout (V(1) + 1) / 2, V(1) > 1 ? 2 : 1
+# Panels of a run. Each panel has its kind and: components: title, label of y, number of curves, their names; phase: labels of x and y;
+# invariants: number of invariants, their names; manifold, steps: nothing. All texts are of our own tables: symbols such as q_{2,x}.
+# index 1: t, step, distance from the manifold, drift of each invariant. Then for each panel of components a block of t and its curves,
+# for a phase portrait a block of x and y.
+length(at) = T[at] eq 'components' ? 4 + V(at + 3) : T[at] eq 'phase' ? 3 : T[at] eq 'invariants' ? 2 + V(at + 1) : 1
+panels = 0
 at = 1
-do for [k = 1:V(1)] {
-    kind = T[at + 1]
-    curves = V(at + 5)
-    set title T[at + 2]
-    set xlabel T[at + 3]
-    set ylabel T[at + 4]
-    at = at + 5
+while (at <= count) {
+    panels = panels + 1
+    at = int(at + length(at))
+}
+rows = (panels + 1) / 2
+eval size(panels > 1 ? 1120 : 900, rows > 1 ? 380*rows : 520)
+# A logarithmic axis shows no zero: y(column) is NaN there, and a panel without a curve shows the reason.
+y(k) = column(k) > 0 ? column(k) : NaN
+reason = ''
+set multiplot layout rows, panels > 1 ? 2 : 1
+at = block = 1
+do for [k = 1:panels] {
+    kind = T[at]
+    first = kind eq 'invariants' ? 4 : kind eq 'manifold' ? 3 : 2
+    last = kind eq 'invariants' ? 3 + int(V(at + 1)) : first
     set autoscale
     set xtics nomirror
     set ytics nomirror
-    if (kind eq 'components' || kind eq 'phase' || curves == 0) {
+    set xlabel 't [s]'
+    if (kind eq 'components' || kind eq 'phase') {
+        block = block + 1
         unset logscale y
         set format y '%g'
         set key outside right top samplen 1.5 nobox
     } else {
+        shown = 0
+        most = 0.0
+        array shows[last > 0 ? last : 1]
+        do for [c = first:last] {
+            stats datafile index 1 using (column(c) > 0 ? column(c) : 0) nooutput
+            shows[c] = STATS_max > 0
+            shown = shown + shows[c]
+            most = STATS_max
+        }
+        stats datafile index 1 using (1) nooutput
+        many = STATS_records >= 400
         set logscale y
         set format y '10^{%L}'
         set key inside bottom right samplen 1.5 nobox
     }
-    if (curves == 0) {
-        unset xtics
-        unset ytics
-        set key inside bottom right
-        plot [0:1] [-1:1] NaN title T[at + 1]
-    }
     if (kind eq 'components') {
-        plot for [c = 1:curves] datafile index k using 1:c+1 with lines lw 1.6 lc rgb colour(c) title T[at + c]
+        set title T[at + 1]
+        set ylabel T[at + 2]
+        plot for [c = 1:V(at + 3)] datafile index block using 1:c+1 with lines lw 1.6 lc rgb colour(c) title T[at + 3 + c]
     }
     if (kind eq 'phase') {
+        set title 'phase portrait'
+        set xlabel T[at + 1]
+        set ylabel T[at + 2]
         unset key
         set size ratio -1
         set offsets graph 0.04, graph 0.04, graph 0.04, graph 0.04
-        plot datafile index k using 1:2 with lines lw 1.2 lc rgb colour(1)
+        plot datafile index block using 1:2 with lines lw 1.2 lc rgb colour(1)
         set size noratio
         unset offsets
     }
-    if (kind eq 'invariants' && curves > 0) {
-        plot for [c = 1:curves] datafile index k using 1:c+1 with lines lw 1.4 lc rgb colour(c) title T[at + c]
+    if (kind eq 'invariants') {
+        set title 'drift of the invariants'
+        set ylabel '|I(t) - I(0)|'
+        reason = last > 3 ? 'zero all along' : 'the system has none'
     }
-    if ((kind eq 'manifold' || kind eq 'rounding') && curves > 0) {
+    if (kind eq 'manifold') {
+        set title 'distance from the manifold'
+        set ylabel 'largest violation of a constraint'
+        reason = 'zero all along'
+    }
+    if (kind eq 'steps') {
+        set title 'accepted steps'
+        set ylabel 'h [s]'
+        reason = 'no steps'
+    }
+    if (kind ne 'components' && kind ne 'phase' && shown == 0) {
+        unset xtics
+        unset ytics
+        unset logscale y
+        set format y '%g'
+        plot [0:1] [-1:1] NaN title reason
+    }
+    if (kind eq 'invariants' && shown > 0) {
+        plot for [c = first:last] datafile index 1 using 1:(y(c)) with lines lw 1.4 lc rgb colour(sum [e = first:c] shows[e]) title (shows[c] ? T[at - 2 + c] : '')
+    }
+    if (kind eq 'manifold' && shown > 0) {
         set yrange [1e-17:*]
-        if (kind eq 'rounding') { set yrange [1e-17:1e-13] }
-        plot datafile index k using 1:2 with points pt 7 ps 0.25 lc rgb colour(4) notitle
+        if (most < 1e-14) { set yrange [1e-17:1e-13] }
+        plot datafile index 1 using 1:(y(3)) with points pt 7 ps 0.25 lc rgb colour(4) notitle
     }
-    if (kind eq 'steps' && curves > 0) { plot datafile index k using 1:2 with linespoints lw 1.4 pt 7 ps 0.3 lc rgb colour(3) notitle }
-    if (kind eq 'many steps' && curves > 0) { plot datafile index k using 1:2 with lines lw 1.4 lc rgb colour(3) notitle }
-    at = at + (curves > 0 ? curves : 1)
+    if (kind eq 'steps' && shown > 0) {
+        if (many) {
+            plot datafile index 1 using 1:(y(2)) with lines lw 1.4 lc rgb colour(3) notitle
+        } else {
+            plot datafile index 1 using 1:(y(2)) with linespoints lw 1.4 pt 7 ps 0.3 lc rgb colour(3) notitle
+        }
+    }
+    at = int(at + length(at))
 }
 unset multiplot

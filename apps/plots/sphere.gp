@@ -1,4 +1,8 @@
-# Curves on the unit sphere. T[1]: title, T[2]: number of curves, then the symbol of each. Block k is curve k: x y z.
+# Curves on the unit sphere. T[1]: title, then the symbol of each curve. Block k is curve k: x y z, of any length.
+n = count - 1
+eval size(900, 760)
+length(x, y, z) = sqrt(x**2 + y**2 + z**2)
+part(k) = column(k) / length($1, $2, $3)
 set tics nomirror
 set title T[1]
 set view 68,30,1.15
@@ -21,5 +25,5 @@ set urange [0:pi]
 set vrange [0:2*pi]
 set isosamples 25,13
 splot sin(u)*cos(v), sin(u)*sin(v), cos(u) with lines lc rgb '#e2e2e2' lw 0.5 notitle, \
-    for [k = 1:V(2)] datafile index k using 1:2:3 with lines lw 1.6 lc rgb colour(k) title T[2 + k], \
-    for [k = 1:V(2)] datafile index k every ::0::0 using 1:2:3 with points pt 7 ps 0.9 lc rgb colour(k) title V(2) > 1 ? '' : 'start'
+    for [k = 1:n] datafile index k using (part(1)):(part(2)):(part(3)) with lines lw 1.6 lc rgb colour(k) title T[1 + k], \
+    for [k = 1:n] datafile index k every ::0::0 using (part(1)):(part(2)):(part(3)) with points pt 7 ps 0.9 lc rgb colour(k) title n > 1 ? '' : 'start'

@@ -3,7 +3,11 @@
 links = V(2)
 true = V(3)
 all = V(3) + V(4)
-set multiplot layout (links + 2) / 3, links < 3 ? links : 3 title T[1] noenhanced
+wide = links > 1 ? 520 : 700
+columns = links < 3 ? links : 3
+rows = int(links + 2) / 3
+eval size(wide*columns, wide*rows + 30)
+set multiplot layout rows, columns title T[1] noenhanced
 set view equal xyz
 set view 65,35,links > 1 ? 1.1 : 1.15
 set key top left

@@ -1,5 +1,6 @@
 # The loss against the epoch. Columns: epoch, loss, loss of the validation part (NaN if there is none). T[1]: 1 with a validation
 # part, else 0.
+eval size(800, 500)
 set title 'Training'
 set logscale y
 set format y '10^{%L}'

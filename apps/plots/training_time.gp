@@ -1,8 +1,9 @@
 # Error against time of training. T[1]: 1 with several numbers of substeps, T[2]: number of integrators, T[3]: number of values of M; then the names of the
-# integrators and the texts of M. Block (i - 1) V(3) + m: integrator i with value m. Columns: seconds, E1, substeps; a line of NaN begins each curve.
+# integrators and the texts of M. Block (i - 1) V(3) + m: integrator i with value m. Columns: seconds, E1, substeps; an empty line begins each curve.
 # circle, square, triangle up, triangle down, diamond, pentagon, all filled
 mark(m) = int(word('7 5 9 11 13 15', (m - 1) % 6 + 1))
 block(i, m) = (i - 1) * V(3) + m
+eval size(900, 600)
 set logscale xy
 set format y '10^{%L}'
 set xlabel 'seconds of training'.(V(1) == 1 ? ' (numbers: substeps)' : '')
