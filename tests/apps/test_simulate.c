@@ -342,6 +342,23 @@ TEST("pictures are drawn") {
     }
 }
 
+TEST("gnuplot draws a picture whatever the names of its file and folder are") {
+    static const char *const paths[] = {"it's/p.svg",     "'/''.svg",
+                                        "share/-y.svg",   "$(touch\tRAN)/`touch\tRAN`.svg",
+                                        "\\/\"a\"&*.svg", "./<p;.svg"};
+    assert_int_equal(setenv("CDPATH", "/usr", 1), 0);
+    static const char *const folders[] = {"it's", "'", "share", "$(touch\tRAN)", "\\"};
+    for (size_t i = 0; i < LG_COUNT(folders); i++) assert_int_equal(mkdir(cli_at(folders[i]), 0700), 0);
+    for (size_t i = 0; i < LG_COUNT(paths); i++) {
+        cli_run(lg, "oscillator.yaml --plot %s", paths[i]);
+        if (strstr(result.err, "gnuplot is not installed") == NULL) assert_true(cli_exists(paths[i]));
+    }
+    cli_run(lg, "oscillator.yaml --plot %s", cli_at("it's/absolute.svg"));
+    if (strstr(result.err, "gnuplot is not installed") == NULL) assert_true(cli_exists("it's/absolute.svg"));
+    assert_false(cli_exists("RAN") || cli_exists("it's/RAN"));
+    assert_int_equal(unsetenv("CDPATH"), 0);
+}
+
 /* ---- --work-precision ---- */
 
 TEST("--work-precision takes theta: midpoint has order 2 at 1/2, else 1") {
