@@ -78,10 +78,13 @@ void draw_sweep(const app *self, const char *picture, const sweep_point *points,
 void draw_prediction(const app *self, const char *picture, const beam_curve *curve, const beam_curve *truth) {
     if (picture == NULL) return;
     app_plot plot;
-    app_plot_begin(&plot, "elastica_prediction", picture);
+    app_plot_begin(&plot, "elastica_beams", picture);
+    app_plot_text(&plot, "\t2\t2.5\t%d", truth != NULL);
     for (size_t k = 0; k < curve->at.count; k++) app_plot_numbers(&plot, 9, curve->at.q + 2 * k, 2);
     app_plot_block(&plot);
-    if (truth != NULL) put_beam(&plot, truth);
-    app_plot_text(&plot, "%d", truth != NULL);
+    if (truth != NULL)
+        put_beam(&plot, truth);
+    else
+        app_plot_block(&plot);
     app_plot_end(self, &plot);
 }
