@@ -29,7 +29,7 @@ colour(k) = word('#1f5fa8 #d1641f #2e8b57 #8b3a8b #b8860b #c0392b #17a2b8 #6b442
 saddle(k) = V(3 + 2 * k) > 0
 if (learned) {
     set key top center horizontal outside
-    plot for [k = 2:1 + V(4)] datafile index k with lines lw V(3) lc rgb '#1f5fa8' title 'solved', \
+    plot datafile index 2 with lines lw V(3) lc rgb '#1f5fa8' title (V(4) > 0 ? 'solved' : ''), \
         datafile index 1 with linespoints pt 7 ps 0.5 lw 1 lc rgb '#d1641f' title 'learned'
 } else {
     plot for [k = 1:n] datafile index k with lines lw (saddle(k) ? 1.5 : V(3)) dt 1 + saddle(k) lc rgb colour(k) title T[2 + 2 * k]
