@@ -72,6 +72,7 @@ void draw_sweep(const app *self, const char *picture, const sweep_point *points,
         APP_PLOT_ROW(&plot, 9, at->x, at->energy, saddle, branch);
         before = saddle;
     }
+    app_plot_block(&plot);
     app_plot_end(self, &plot);
 }
 

@@ -17,6 +17,8 @@ stats datafile index 0 using (take(strcol(1)[2:*])) nooutput
 set datafile separator whitespace
 set datafile commentschars
 V(k) = real(T[k])
+# finite(k, other): column k, or `other` if it is no finite number. `stats` fails if no number is left.
+finite(k, other) = strstrt(strcol(k), "n") > 0 ? other : real(strcol(k))
 # gnuplot cuts a tick label with % after 49 bytes. In a longer label the full-width percent sign stands for %.
 percent(text, sign) = (out = "", sum [at = 1:strlen(text)] (out = out.(text[at:at] eq "%" ? sign : text[at:at]), 0), out)
 ascii = ""

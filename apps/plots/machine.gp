@@ -68,7 +68,7 @@ do for [panel = 1:panels] {
         potential = kind eq 'potential'
         set title (potential ? 'potential along '.T[at + 1].', from its least' : 'friction force on '.T[at + 1]) noenhanced
         set xlabel (potential ? '' : 'velocity of ').T[at + 1] noenhanced
-        stats datafile index block + 1 using 2 nooutput
+        stats datafile index block + 1 using (finite(2, 1e300)) nooutput
         least = potential ? STATS_min : 0
         plot datafile index block using 1:2 axes x1y2 with boxes fs solid 1 noborder lc rgb '#c8d6c8' title 'rows of the log', \
             datafile index block + 2 using 1:2 with points pt 7 ps 0.35 lc rgb strong(1) title (V(at + 2) > 0 ? 'as logged' : ''), \

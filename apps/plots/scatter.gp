@@ -7,9 +7,12 @@ set size square
 set xlabel 'true'
 set ylabel 'predicted'
 do for [k = 1:n] {
-    stats datafile index 1 using k:n + k nooutput
-    low = STATS_min_x < STATS_min_y ? STATS_min_x : STATS_min_y
-    high = STATS_max_x > STATS_max_y ? STATS_max_x : STATS_max_y
+    stats datafile index 1 using k nooutput
+    low = STATS_min
+    high = STATS_max
+    stats datafile index 1 using (finite(n + k, low)) nooutput
+    low = STATS_min < low ? STATS_min : low
+    high = STATS_max > high ? STATS_max : high
     room = high > low ? 0.04*(high - low) : 1
     set title T[1 + k] noenhanced
     set xrange [low - room:high + room]

@@ -1,9 +1,8 @@
 # Objective against the number of a trial. T[1]: trials. Columns: trial, objective if it was stopped, if it was finished, the best so far; the others are NaN.
 eval size(800, 500)
-positive(k) = strcol(k) eq 'nan' ? 0 : real(strcol(k)) > 0
-stats datafile index 1 using (positive(2)) nooutput
+stats datafile index 1 using (finite(2, 0) > 0) nooutput
 stopped = STATS_sum
-stats datafile index 1 using (positive(3)) nooutput
+stats datafile index 1 using (finite(3, 0) > 0) nooutput
 finished = STATS_sum
 set logscale y
 set format y '10^{%L}'

@@ -34,7 +34,7 @@ do for [k = 1:panels] {
         most = 0.0
         array shows[last > 0 ? last : 1]
         do for [c = first:last] {
-            stats datafile index 1 using (column(c) > 0 ? column(c) : 0) nooutput
+            stats datafile index 1 using (finite(c, 0)) nooutput
             shows[c] = STATS_max > 0
             shown = shown + shows[c]
             most = STATS_max
