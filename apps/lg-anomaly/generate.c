@@ -133,7 +133,7 @@ static void data_destroy(lg_series_data *data) {
     lg_series_data_destroy(data);
 }
 
-/* ---- the picture ---- */
+/* ---- the plot ---- */
 
 enum { SHOWN_SECONDS = 3600, SHOWN_SAMPLES = 1800 };
 

@@ -1,4 +1,4 @@
-/* Pictures of a model and its windows, by name. */
+/* Plots of a model and its windows, by name. */
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -248,7 +248,7 @@ static void put_roc(viewing *v) {
     if (curves == 0) no_picture(v, "all windows are of one class: there is no ROC curve");
 }
 
-/* ---- which pictures a model has ---- */
+/* ---- which plots a model has ---- */
 
 static const struct {
     void (*put)(viewing *v); /* NULL: the training draws it */

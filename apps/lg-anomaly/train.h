@@ -62,7 +62,7 @@ void train_novelty(const app *app);
 well_model trained_model(well_sort sort, const char *method);
 /* Writes the file of a model that is not a network. */
 void save_trained(const app *app, const well_model *model);
-/* If --plot is given: check_picture checks that the model has the picture of --picture, draw_tested draws it
+/* If --plot is given: check_picture checks that the model has the plot of --picture, draw_tested draws it
  * for the windows of the test part (lg_detector_tested). */
 void check_picture(const app *app, const well_model *model);
 void draw_tested(const app *app, int view, const well_model *model, const lg_judgement *judged);
@@ -70,7 +70,7 @@ void draw_tested(const app *app, int view, const well_model *model, const lg_jud
 void json_trained(app_json *json, const well_model *model);
 void print_trained(const well_model *model);
 
-/* ---- pictures of a model (pictures.c) ---- */
+/* ---- plots of a model (pictures.c) ---- */
 
 /* Indices into view_names. */
 enum {
@@ -88,7 +88,7 @@ enum {
     VIEW_PRUNING
 };
 extern const char *const view_names[];
-/* view_names without the pictures that can only be drawn during training. */
+/* view_names without the plots that can only be drawn during training. */
 extern const char *const evaluate_view_names[];
 #define EVALUATE_VIEW_HELP                                                                                   \
     "With --plot: pairs (features), clouds (components), variance (explained), tree, margin (linear svm), "  \
@@ -98,9 +98,9 @@ extern const char *const evaluate_view_names[];
     "(linear "                                                                                               \
     "svm), regressions (baseline), plane (cnn), loss (cnn), confusion or roc; the default suits the method"
 
-/* Replaces VIEW_DEFAULT by the model's default picture; `training`: the model is being trained. */
+/* Replaces VIEW_DEFAULT by the model's default plot; `training`: the model is being trained. */
 int view_of(const well_model *model, int wanted, bool training);
-/* Ends the command if the model has no such picture. */
+/* Ends the command if the model has no such plot. */
 void check_view(const app *app, const well_model *model, int view, bool training);
 /* Draws the windows of `judged`; not VIEW_LOSS and VIEW_PRUNING. */
 void draw_view(const app *app, const char *picture, int view, const well_model *model,

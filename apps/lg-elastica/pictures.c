@@ -1,4 +1,4 @@
-/* The pictures of lg-elastica. */
+/* The plots of lg-elastica. */
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,4 +1,4 @@
-/* Predictions against true values, as a picture and as a table. */
+/* Predictions against true values, as a plot and as a table. */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-/* The pictures of lg-hamiltonian. */
+/* The plots of lg-hamiltonian. */
 #include "lg-hamiltonian/training.h"
 
 /* Writes a block per trajectory and link: its position (on R^(2n) the first two coordinates and 0), the time.

@@ -1,4 +1,4 @@
-/* The picture of a study: error against training time. */
+/* The plot of a study: error against training time. */
 #include "lg-hamiltonian/study.h"
 
 /* Writes a block of data: the cells with integrator number i and value number m of M. A curve connects cells

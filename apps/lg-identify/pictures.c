@@ -1,4 +1,4 @@
-/* Pictures of logs, predictions and learned terms: panels in rows. */
+/* Plots of logs, predictions and learned terms: panels in rows. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,7 +18,7 @@ static void put_group(app_plot *plot, const char *name, const char *what, uint32
                       count, predicted);
 }
 
-/* Begins a picture, with panels for the positions, the attitude and the velocities of each coordinate, then
+/* Begins a plot, with panels for the positions, the attitude and the velocities of each coordinate, then
  * one for all inputs. */
 static void begin(app_plot *plot, const char *picture, const char *title, const lg_machine_file *file,
                   bool inputs, bool predicted, bool bands) {

@@ -1,4 +1,4 @@
-/* Pictures of a run: components, drift of the invariants, distance from the manifold, step sizes; and in
+/* Plots of a run: components, drift of the invariants, distance from the manifold, step sizes; and in
  * space the links of a chain, the axis of a top, the angular momentum or the attitude of a body,
  * quadrotors. */
 #include <math.h>
@@ -198,7 +198,7 @@ typedef struct sphere_curve {
     size_t axis;
 } sphere_curve;
 
-/* Pictures by system: curves on the sphere or a motion. Of several rows for a system the first one whose
+/* Plots by system: curves on the sphere or a motion. Of several rows for a system the first one whose
  * curve is part of the state. */
 static const struct {
     const char *system, *title;
@@ -215,7 +215,7 @@ static const struct {
     {"satellite", "axis of the body and direction of the pendulum",
      .curves = {{"R e_3", "R", NULL, 2}, {"pendulum q", "q", NULL, 0}}}};
 
-/* Returns the row of the system's picture, or LG_COUNT(pictures) if there is none. */
+/* Returns the row of the system's plot, or LG_COUNT(plots) if there is none. */
 static size_t find_space(const simulation *sim) {
     size_t i = 0;
     for (; i < LG_COUNT(pictures); i++)
@@ -269,14 +269,14 @@ static void put_space(drawing *to) {
         put_sphere(to, &pictures[row].curves[c]);
 }
 
-/* ---- pictures ---- */
+/* ---- plots ---- */
 
 static void (*const kinds[])(drawing *to) = {
     [PICTURE_OVERVIEW] = put_overview,     [PICTURE_COMPONENTS] = put_all_components,
     [PICTURE_INVARIANTS] = put_invariants, [PICTURE_MANIFOLD] = put_manifold,
     [PICTURE_STEPS] = put_steps,           [PICTURE_SPACE] = put_space};
 
-/* For PICTURE_SPACE there must be a 3d picture of the system. */
+/* For PICTURE_SPACE there must be a 3d plot of the system. */
 void draw_run(const report *what) {
     const simulate_values *values = what->sim->values;
     const trace *at = &what->seen->trace;

@@ -25,7 +25,7 @@ ascii = ""
 do for [k = 32:126] { ascii = ascii.sprintf("%c", k) }
 bytes(text) = sum [at = 1:strlen(text)] (strstrt(ascii, text[at:at]) > 0 ? 1 : 4)
 tic(text) = strstrt(text, "%") == 0 ? text : percent(text, bytes(text) < 50 ? "%%" : "％")
-# `eval size(W, H)` begins a picture of this size in pixels.
+# `eval size(W, H)` begins a plot of this size in pixels.
 size(w, h) = "set terminal ".(picture eq "svg" ? "svg" : "pngcairo")." size ".int(w).",".int(h). \
     (picture eq "svg" ? " dynamic background rgb 'white' font 'Helvetica,13'" : " font 'Helvetica,11'")
 colour(k) = "#".word("1f5fa8 d1641f 2e8b57 8b3a8b b8860b 17a2b8 6b4423 5d6d7e 7cb342 e377c2", int(k - 1) % 10 + 1)

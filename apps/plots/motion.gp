@@ -1,5 +1,5 @@
 # A moving chain or moving quadrotors in space. T[1]: chain or quadrotors, T[2]: links, then the title of each snapshot. index 1: the path, x y z. Then a block for each snapshot: x y z of the masses, or the beginning x y z and the vector of each line.
-# For quadrotors e3 points down: the picture has the axes e1, -e2 and -e3.
+# For quadrotors e3 points down: the plot has the axes e1, -e2 and -e3.
 eval size(900, 760)
 count = count - 2
 quadrotors = T[1] eq 'quadrotors'
