@@ -309,7 +309,12 @@ void draw_view(const app *self, const char *picture, int view, const well_model 
                const lg_cut_series *from, const lg_judgement *judged) {
     lg_series named = from->data.series; /* the model's channel names are used if the file has none */
     if (named.channel_name == NULL) named.channel_name = model->channel_name;
-    viewing v = {self, picture, model, &named, &from->windows, judged, {NULL}};
+    viewing v = {.app = self,
+                 .picture = picture,
+                 .model = model,
+                 .series = &named,
+                 .windows = &from->windows,
+                 .judged = judged};
     if (judged->count == 0) no_picture(&v, "there are no windows to draw");
     views[view].put(&v);
     app_plot_end(self, &v.plot);
