@@ -227,27 +227,27 @@ static const struct {
     series_of *series; /* NULL: from the slope */
     choice_of *choice; /* instead of a slope */
     slope_of *chord;   /* NULL: the slope over the box */
-} rows[LG_SCALAR_OPS] = {[LG_S_ADD] = {by_one, sum_series, NULL},
-                         [LG_S_SUB] = {by_sign, sum_series, NULL},
-                         [LG_S_NEG] = {by_sign, sum_series, NULL},
+} rows[LG_SCALAR_OPS] = {[LG_S_ADD] = {by_one, sum_series, NULL, NULL},
+                         [LG_S_SUB] = {by_sign, sum_series, NULL, NULL},
+                         [LG_S_NEG] = {by_sign, sum_series, NULL, NULL},
                          [LG_S_MUL] = {by_other, product_series, NULL, chord_of_product},
                          [LG_S_DIV] = {of_quotient, quotient_series, NULL, chord_of_quotient},
                          [LG_S_SQRT] = {of_root, root_series, NULL, chord_of_root},
-                         [LG_S_POW] = {of_power, NULL, NULL},
-                         [LG_S_EXP] = {of_exp, NULL, NULL},
-                         [LG_S_LOG] = {of_log, NULL, NULL},
+                         [LG_S_POW] = {of_power, NULL, NULL, NULL},
+                         [LG_S_EXP] = {of_exp, NULL, NULL, NULL},
+                         [LG_S_LOG] = {of_log, NULL, NULL, NULL},
                          [LG_S_SIN] = {of_sin, NULL, NULL, chord_of_wave},
                          [LG_S_COS] = {of_cos, NULL, NULL, chord_of_wave},
-                         [LG_S_TANH] = {of_tanh, NULL, NULL},
-                         [LG_S_SIGMOID] = {of_sigmoid, NULL, NULL},
-                         [LG_S_ATAN2] = {of_angle, NULL, NULL},
-                         [LG_S_STUMPFF] = {of_numbered, NULL, NULL},
-                         [LG_S_DEXPINV] = {of_numbered, NULL, NULL},
-                         [LG_S_GE] = {NULL, NULL, of_jump},
-                         [LG_S_SIGN] = {NULL, NULL, of_jump},
-                         [LG_S_SELECT] = {NULL, NULL, of_select},
-                         [LG_S_MAX] = {NULL, NULL, of_maximum},
-                         [LG_S_ABS] = {NULL, NULL, of_size}};
+                         [LG_S_TANH] = {of_tanh, NULL, NULL, NULL},
+                         [LG_S_SIGMOID] = {of_sigmoid, NULL, NULL, NULL},
+                         [LG_S_ATAN2] = {of_angle, NULL, NULL, NULL},
+                         [LG_S_STUMPFF] = {of_numbered, NULL, NULL, NULL},
+                         [LG_S_DEXPINV] = {of_numbered, NULL, NULL, NULL},
+                         [LG_S_GE] = {NULL, NULL, of_jump, NULL},
+                         [LG_S_SIGN] = {NULL, NULL, of_jump, NULL},
+                         [LG_S_SELECT] = {NULL, NULL, of_select, NULL},
+                         [LG_S_MAX] = {NULL, NULL, of_maximum, NULL},
+                         [LG_S_ABS] = {NULL, NULL, of_size, NULL}};
 
 static uint32_t operands(const lg_scalar_code *c) {
     const bool square = c->op == LG_S_MUL && c->in[0] == c->in[1];
