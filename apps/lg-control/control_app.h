@@ -57,8 +57,8 @@ void control_draw_error(const app *self, lg_policy *policy, const char *plant, b
 
 /* A policy, or a task with its controller before training (certify.c). */
 lg_policy *control_read_policy(const app *self, const char *path);
-/* Writes the certificate of a proof that succeeded (verify.c); names of the states; plant: its file, or NULL if
- * it lies in the policy's file. Ends the command if there is no certificate. */
+/* Writes the certificate of a proof that succeeded (verify.c); names of the states; plant: its file, or NULL
+ * if it lies in the policy's file. Ends the command if there is no certificate. */
 void control_write_certificate(const app *self, const char *path, const char *plant,
                                const lg_certify_spec *spec, const lg_certify_result *proved,
                                const char *const *names, double seconds);

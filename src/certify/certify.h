@@ -131,8 +131,8 @@ bool lg_certify_is_near(const lg_certify *c, const double *low, const double *hi
 lg_status lg_certify_create_for(const lg_context *context, const lg_certify_spec *spec,
                                 const lg_certificate *file, lg_certificate *made, lg_certify **out,
                                 lg_error *error);
-/* certify_tree.c: takes the coordinates of the file; the root box; what becomes of a box, which is always done
- * with; the boxes of the next depth; the end of the proof. */
+/* certify_tree.c: takes the coordinates of the file; the root box; what becomes of a box, which is always
+ * done with; the boxes of the next depth; the end of the proof. */
 lg_status lg_certify_coordinates(lg_certify *c, lg_error *error);
 lg_status lg_certify_root(lg_certify *c);
 bool lg_certify_leaf(lg_certify *c, const double *box, const lg_certify_box *f);
