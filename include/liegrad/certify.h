@@ -176,8 +176,8 @@ LG_API lg_status lg_certificate_compare(const lg_certificate *certificate, const
                                         bool *same_controller, lg_error *error);
 /* Library liegrad_io: writes the certificate as JSON, and reads it. A file has at most 1 MiB. Errors of
  * lg_certificate_save: LG_INVALID_ARGUMENT (no names of plant and controller), LG_UNSUPPORTED (it would be
- * larger), those of writers. lg_certificate_load says what is wrong, and in which line; `out` is destroyed by the caller. Errors: LG_FORMAT, LG_CHECK_FAILED (the hash
- * of the code does not fit), those of readers. */
+ * larger), those of writers. lg_certificate_load says what is wrong, and in which line; `out` is destroyed by
+ * the caller. Errors: LG_FORMAT, LG_CHECK_FAILED (the hash of the code does not fit), those of readers. */
 LG_API lg_status lg_certificate_save(const lg_context *context, const char *path,
                                      const lg_certificate *certificate, lg_error *error);
 LG_API lg_status lg_certificate_load(const lg_context *context, const char *path, lg_certificate *out,
