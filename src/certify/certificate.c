@@ -127,8 +127,9 @@ static lg_var record_line(lg_tape *tape, const lg_certificate_line *l, uint32_t 
 static lg_status record_code(const lg_certificate *f, const lg_certificate_code *code, lg_tape *tape,
                              const lg_var *in, lg_var *out) {
     const uint32_t n = f->states, rows = lg_var_shape(tape, in[0]).dims[0];
-    lg_var *of = lg_alloc(f->context, code->lines + code->outputs, sizeof *of), *to = of + code->lines;
+    lg_var *of = lg_alloc(f->context, code->lines + code->outputs, sizeof *of);
     if (of == NULL) return LG_OUT_OF_MEMORY;
+    lg_var *to = of + code->lines;
     for (size_t i = 0; i < code->lines; i++) {
         const lg_certificate_line *l = &code->line[i];
         const uint32_t number = l->op == LG_S_INPUT ? (uint32_t)l->number : 0;

@@ -13,6 +13,7 @@ static void release_code(void *object) {
 }
 
 static lg_scalars *begin(lg_scalar *in) {
+    lg_expansion_destroy(&code); /* of the last call */
     code = (lg_expansion){.inputs = STATES, .results = 1};
     lg_test_owns(&code, release_code);
     lg_scalars_init(&code.s, NULL);
