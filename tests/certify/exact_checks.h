@@ -501,7 +501,8 @@ static inline mpfr_ptr tree_value(const tree *t, walk *w, mpfr_t *x) {
 
 /* Whether the value jumps between two points: the difference stays when the segment is halved again and
  * again. *size: the exponent of the first difference. Where everything cancels, as in v - a/(a/v), it is
- * rounding, which is of another size at another precision. */
+ * rounding, which is of another size at another precision. The first difference may be far below the others,
+ * as for 2 x e^(-2 x) at 0 and 1e16: in the second half of the halvings the difference stays too. */
 static inline bool tree_jumps(const tree *t, walk *w, const double *from, const double *to, int times,
                               mpfr_exp_t *size) {
     mpfr_t end[2][INPUTS], middle[INPUTS], y[2], apart[2];
@@ -520,6 +521,7 @@ static inline bool tree_jumps(const tree *t, walk *w, const double *from, const 
     if (jumps) mpfr_sub(apart[0], y[0], y[1], MPFR_RNDN);
     jumps = jumps && !mpfr_zero_p(apart[0]);
     const mpfr_exp_t first = *size = jumps ? mpfr_get_exp(apart[0]) : 0;
+    mpfr_exp_t half = 0;
     for (int i = 0; jumps && i < times; i++) {
         for (int k = 0; k < INPUTS; k++) {
             mpfr_add(middle[k], end[0][k], end[1][k], MPFR_RNDN);
@@ -536,6 +538,8 @@ static inline bool tree_jumps(const tree *t, walk *w, const double *from, const 
         mpfr_sub(apart[1], y[0], y[1], MPFR_RNDN); /* stays, and is not rounding: above 2^-40 of the value */
         jumps = !mpfr_zero_p(apart[1]) && mpfr_get_exp(apart[1]) > first - 4 &&
                 (mpfr_zero_p(y[0]) || mpfr_get_exp(apart[1]) > mpfr_get_exp(y[0]) - 40);
+        if (jumps && i == times / 2) half = mpfr_get_exp(apart[1]);
+        if (jumps && i == times - 1) jumps = mpfr_get_exp(apart[1]) > half - 4;
     }
     for (int k = 0; k < INPUTS; k++) mpfr_clears(end[0][k], end[1][k], middle[k], NULL);
     mpfr_clears(y[0], y[1], apart[0], apart[1], NULL);

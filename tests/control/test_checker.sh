@@ -69,6 +69,31 @@ c.update(loop='held', period=1, between=2, goal=[0, 0], low=[-9, -9], high=[9, 9
          control={'inputs': 2, 'code': [['in', 0], ['sub', 0, 0]], 'outputs': [1]})
 c['proof'].update(T=[[1, 0], [0, 1]], order=4, steps=1, near=[2, 2], even=False, low=[-1.5, -1.5], high=[1.5, 1.5], boxes=1,
                   tree=['n'])" 1 'no proof in the box'
+# What a tube is said to hold: x' = a x goes to x e^(a h), and x' = x x leaves all numbers at t = 1/x.
+"$python" - "$check" >said <<'EOF' || { echo "a tube:"; cat said; status=1; }
+import importlib.util, math, sys
+import numpy as np
+sys.dont_write_bytecode = True
+spec = importlib.util.spec_from_file_location('check', sys.argv[1])
+check = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(check)
+boxes = [(1, 1), (.5, 1), (-1, 2), (-1, -.25)]
+def tube(factor, h):   # x' = factor x, or x' = x x
+    code = [['in', 0], ['number', factor or 0], ['mul', 0, 1 if factor else 0]]
+    rate = check.Program({'inputs': 1, 'code': code, 'outputs': [2]}, 1, 1)
+    low, high = np.array(boxes, float).T.reshape(2, 1, 1, -1)
+    w, flag = check.tube(rate, check.I(low, high), check.I(np.zeros((0, 1, 1))), h)
+    return w.l[0, 0], w.h[0, 0], np.broadcast_to(flag, len(boxes))
+wrong, held = [], 0
+for a in [s * 2.0 ** k for s in (-1, 1) for k in range(-6, 9)]:
+    for (x, y), l, h, flag in zip(boxes, *tube(a, 1)):
+        held += flag > 0
+        if flag > 0 and not (l <= min(x, x * math.exp(a)) and max(y, y * math.exp(a)) <= h): wrong.append(a)
+if any(tube(None, 2)[2][:3] > 0): wrong.append('x x')
+if not tube(None, .1)[2].all() or held < 30: wrong.append('short steps have no tube')
+if wrong: print('no tubes for the rates', wrong)
+sys.exit(bool(wrong))
+EOF
 # No certificates: exit code 3 and one line, never a traceback.
 wrong() {
     "$python" "$check" wrong.json >said 2>errors
