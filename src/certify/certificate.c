@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "certify/certify.h"
+#include "autodiff/program/program.h"
 #include "certify/interval.h"
 #include "liegrad/ops.h"
 
@@ -46,22 +47,21 @@ static lg_status take_code(const lg_context *context, const lg_expansion *x, siz
                            lg_certificate_code *out) {
     const lg_scalars *s = &x->s;
     uint32_t *number = lg_alloc(context, s->count + 1, sizeof *number), lines = 0;
+    uint8_t *needed = lg_alloc(context, s->count + 1, 1);
     *out = (lg_certificate_code){.inputs = (uint32_t)x->inputs, .outputs = (uint32_t)outputs};
     out->line = lg_alloc(context, s->count + 1, sizeof *out->line);
     out->output = lg_alloc(context, outputs, sizeof *out->output);
-    const bool memory = number != NULL && out->line != NULL && out->output != NULL;
-    for (size_t j = 0; j < outputs && memory; j++) number[x->result[j]] = 1;
-    for (uint32_t i = s->count; i-- > 0 && memory;)
-        for (uint32_t k = 0; number[i] != 0 && k < lg_scalar_instructions(s->code[i].op); k++)
-            number[s->code[i].in[k]] = 1;
+    const bool memory = number != NULL && needed != NULL && out->line != NULL && out->output != NULL;
+    if (memory) lg_scalars_mark(s, x->result, outputs, needed);
     for (uint32_t i = 0; i < s->count && memory; i++) {
-        if (number[i] == 0) continue;
+        if (needed[i] == 0) continue;
         number[i] = lines++;
         take_line(&s->code[i], number, &out->line[number[i]]);
     }
     for (size_t j = 0; j < outputs && memory; j++) out->output[j] = number[x->result[j]];
     out->lines = lines;
     lg_free(context, number);
+    lg_free(context, needed);
     return memory ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
@@ -173,11 +173,7 @@ static lg_status make_program(const lg_certificate *f, lg_program **out, lg_erro
     const lg_function_spec functions[3] = {{"rate", in, f->inputs > 0 ? 2 : 1, &rate, 1, record_rate, user},
                                            {"control", in, 1, &input, 1, record_control, user},
                                            {"closed", in, 1, &rate, 1, record_closed, user}};
-    lg_program_spec spec;
-    lg_program_spec_init(&spec);
-    spec.functions = functions;
-    spec.function_count = f->inputs > 0 ? 3 : 1;
-    return lg_program_build(f->context, &spec, out, error);
+    return lg_program_of(f->context, functions, f->inputs > 0 ? 3 : 1, out, error);
 }
 
 /* ---- making and opening ---- */

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "core/core.h"
+#include "autodiff/program/program.h"
 #include "liegrad/certify.h"
 #include "liegrad/interval.h"
 
@@ -148,16 +148,8 @@ static lg_status prepare(const lg_context *context, const lg_certify_energy_spec
                        spec->slope);
     const lg_port in = {.name = "q", .shape = from[0].shape}, out = {.name = "g"};
     const lg_function_spec function = {"slope", &in, 1, &out, 1, record, &s};
-    lg_program_spec whole;
-    lg_program_spec_init(&whole);
-    whole.functions = &function;
-    whole.function_count = 1;
-    LG_TRY(lg_program_build(context, &whole, program, error));
-    lg_derivative what;
-    lg_derivative_init(&what);
-    what.kind = LG_DERIVATIVE_JACOBIAN;
-    what.function = "slope";
-    LG_TRY(lg_program_derive(*program, &what, error));
+    LG_TRY(lg_program_of(context, &function, 1, program, error));
+    LG_TRY(lg_program_jacobian(*program, "slope", error));
     return lg_interval_create(*program, (const size_t[]){0, 1}, 2, NULL, g, error);
 }
 

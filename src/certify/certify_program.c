@@ -1,6 +1,7 @@
 /* The functions whose bounds a certificate needs, recorded from the closed loop and V. */
 #include "certify/certify.h"
 
+#include "autodiff/program/program.h"
 #include "liegrad/ops.h"
 
 typedef struct recording {
@@ -81,6 +82,13 @@ static lg_var product(lg_tape *tape, lg_var a, lg_var b, uint32_t rows, uint32_t
     return lg_sum_axis(tape, lg_mul(tape, left, right), 1, false);
 }
 
+/* (B, k, j) -> sum_k P_ik a_kj, (B, i, j), with a symmetric P */
+static lg_var weighed(lg_tape *tape, lg_var P, lg_var a, uint32_t rows, uint32_t n) {
+    const int swap[] = {0, 2, 1};
+    const lg_var turned = lg_reshape(tape, lg_permute(tape, a, swap), lg_shape2(rows * n, n));
+    return lg_permute(tape, lg_reshape(tape, lg_matmul(tape, turned, P), lg_shape3(rows, n, n)), swap);
+}
+
 /* (B, k, i) and (B, k) -> sum_k a_ki b_k, (B, i) */
 static lg_var times(lg_tape *tape, lg_var a, lg_var b, uint32_t rows, uint32_t n) {
     return lg_sum_axis(tape, lg_mul(tape, a, lg_reshape(tape, b, lg_shape3(rows, n, 1))), 1, false);
@@ -111,13 +119,8 @@ static lg_status bounds(void *user, lg_tape *tape, const lg_var *theta, const lg
         const lg_var P = matrix(tape, c->P, n), T = matrix(tape, c->T, n),
                      PF = lg_scale(tape, lg_matmul(tape, in[2], P), 2);
         out[3] = lg_sub(tape, times(tape, F, PF, rows, n), lg_matmul(tape, in[1], T));
-        const lg_var turned =
-            lg_reshape(tape, lg_permute(tape, F, (const int[]){0, 2, 1}), lg_shape2(rows * n, n));
-        const lg_var FP =
-            lg_permute(tape, lg_reshape(tape, lg_matmul(tape, turned, P), lg_shape3(rows, n, n)),
-                       (const int[]){0, 2, 1});
         const lg_var before = lg_matmul_tn(tape, T, lg_matmul(tape, P, T));
-        M = lg_sub(tape, product(tape, FP, F, rows, n), before);
+        M = lg_sub(tape, product(tape, weighed(tape, P, F, rows, n), F, rows, n), before);
         out[1] = lg_scale(tape, lg_matmul(tape, whole[3], P), 2);
     }
     out[4] = lg_add(tape, M, lg_permute(tape, M, (const int[]){0, 2, 1}));
@@ -134,10 +137,7 @@ static lg_status between(void *user, lg_tape *tape, const lg_var *theta, const l
                  t3 = lg_reshape(tape, t, lg_shape3(rows, 1, 1));
     const lg_var moved = lg_mul(tape, t, D), PD = lg_matmul(tape, D, P),
                  PF = lg_matmul(tape, lg_add(tape, F, moved), P);
-    const lg_var turned =
-                     lg_reshape(tape, lg_permute(tape, Q, (const int[]){0, 2, 1}), lg_shape2(rows * n, n)),
-                 PQ = lg_permute(tape, lg_reshape(tape, lg_matmul(tape, turned, P), lg_shape3(rows, n, n)),
-                                 (const int[]){0, 2, 1});
+    const lg_var PQ = weighed(tape, P, Q, rows, n);
     const lg_var M = lg_add(tape, product(tape, lg_scale(tape, S, 2), PQ, rows, n),
                             lg_mul(tape, t3, product(tape, Q, PQ, rows, n)));
     (void)theta;
@@ -145,14 +145,6 @@ static lg_status between(void *user, lg_tape *tape, const lg_var *theta, const l
     out[1] = lg_scale(tape, lg_add(tape, times(tape, S, PD, rows, n), times(tape, Q, PF, rows, n)), 2);
     out[2] = lg_add(tape, M, lg_permute(tape, M, (const int[]){0, 2, 1}));
     return lg_tape_status(tape);
-}
-
-static lg_status jacobian(lg_program *program, const char *function, lg_error *error) {
-    lg_derivative what;
-    lg_derivative_init(&what);
-    what.kind = LG_DERIVATIVE_JACOBIAN;
-    what.function = function;
-    return lg_program_derive(program, &what, error);
 }
 
 static lg_status find(const lg_certify_spec *spec, const char *name, bool state, size_t *function, size_t *n,
@@ -208,8 +200,11 @@ void lg_certify_forget(lg_certify *c) {
     c->program = NULL;
 }
 
-/* bounds, point and between, of given states at the end of the period */
-static lg_status record_held(lg_certify *c, const lg_certify_spec *spec, recording *r, lg_error *error) {
+lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error *error) {
+    recording r = {.c = c, .from = spec->program, .held = spec->control != NULL};
+    lg_certify_forget(c);
+    LG_TRY(find(spec, spec->rate, true, &r.rate, &c->n, error));
+    if (!c->quadratic) LG_TRY(find(spec, spec->lyapunov, false, &r.lyapunov, &c->n, error));
     const uint32_t n = (uint32_t)c->n;
     const lg_shape states = lg_shape1(n), square = lg_shape2(n, n);
     const lg_port in[5] = {{.name = "y", .shape = states},
@@ -229,45 +224,24 @@ static lg_status record_held(lg_certify *c, const lg_certify_spec *spec, recordi
                               {.name = "rate"},
                               {.name = "linear"},
                               {.name = "square"}};
-    const lg_function_spec functions[3] = {{"bounds", in, 5, terms, 5, bounds, r},
-                                           {"point", at, 2, out, 4, point, r},
-                                           {"between", part, 5, terms, 3, between, r}};
-    const lg_flow_spec flow = {spec->program, r->rate, r->control, spec->period, c->goal, c->T};
-    lg_program_spec program;
-    lg_program_spec_init(&program);
-    program.functions = functions;
-    program.function_count = LG_COUNT(functions);
+    /* Of a held loop the states at the end of the period are given. */
+    const lg_function_spec held[3] = {{"bounds", in, 5, terms, 5, bounds, &r},
+                                      {"point", at, 2, out, 4, point, &r},
+                                      {"between", part, 5, terms, 3, between, &r}},
+                           others[3] = {{"local", in, 1, out + 2, 2, local, &r},
+                                        {"point", in, 1, out, 4, point, &r},
+                                        {"bounds", in, 3, terms, 5, bounds, &r}};
+    if (!r.held) {
+        LG_TRY(lg_program_of(c->context, others, 2, &c->program, error));
+        LG_TRY(lg_program_jacobian(c->program, "local", error));
+        LG_TRY(lg_program_add_function(c->program, &others[2], error));
+        return evaluators(c, error);
+    }
+    LG_TRY(lg_program_find(spec->program, spec->control, &r.control, error));
+    const lg_flow_spec flow = {spec->program, r.rate, r.control, spec->period, c->goal, c->T};
     LG_TRY(lg_flow_create(c->context, &flow, &c->flow, error));
     if (c->file != NULL && c->made == NULL) lg_flow_set_steps(c->flow, c->file->steps);
-    LG_TRY(lg_program_build(c->context, &program, &c->program, error));
-    return evaluators(c, error);
-}
-
-lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error *error) {
-    recording r = {.c = c, .from = spec->program, .held = spec->control != NULL};
-    lg_certify_forget(c);
-    LG_TRY(find(spec, spec->rate, true, &r.rate, &c->n, error));
-    if (!c->quadratic) LG_TRY(find(spec, spec->lyapunov, false, &r.lyapunov, &c->n, error));
-    if (r.held) {
-        LG_TRY(lg_program_find(spec->program, spec->control, &r.control, error));
-        return record_held(c, spec, &r, error);
-    }
-    const lg_shape states = lg_shape1((uint32_t)c->n);
-    const lg_port in[3] = {
-        {.name = "y", .shape = states}, {.name = "g", .shape = states}, {.name = "f", .shape = states}};
-    const lg_port out[4] = {{.name = "v"}, {.name = "rise"}, {.name = "slope"}, {.name = "rate"}};
-    const lg_port terms[5] = {
-        {.name = "v"}, {.name = "lever"}, {.name = "rate"}, {.name = "linear"}, {.name = "square"}};
-    const lg_function_spec functions[2] = {{"local", in, 1, out + 2, 2, local, &r},
-                                           {"point", in, 1, out, 4, point, &r}};
-    const lg_function_spec last = {"bounds", in, 3, terms, 5, bounds, &r};
-    lg_program_spec program;
-    lg_program_spec_init(&program);
-    program.functions = functions;
-    program.function_count = 2;
-    LG_TRY(lg_program_build(c->context, &program, &c->program, error));
-    LG_TRY(jacobian(c->program, "local", error));
-    LG_TRY(lg_program_add_function(c->program, &last, error));
+    LG_TRY(lg_program_of(c->context, held, LG_COUNT(held), &c->program, error));
     return evaluators(c, error);
 }
 

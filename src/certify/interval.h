@@ -26,6 +26,13 @@ typedef struct lg_interval_code {
 typedef void lg_interval_run(size_t count, const lg_interval_code *code, double *registers, uint8_t *flags);
 lg_interval_run *lg_interval_kernel(lg_isa isa); /* NULL: this machine has not the instruction set */
 
+/* What the operation makes of bounds and levels of its operands. `alike`: equal operands are one number. */
+typedef struct lg_interval_value {
+    double low, high;
+    uint8_t level;
+} lg_interval_value;
+lg_interval_value lg_interval_one(const lg_scalar_code *code, bool alike, const lg_interval_value operand[3]);
+
 /* The scalar code of several functions with the same inputs. Inputs of the code are the elements of the
  * functions' inputs, in order. */
 typedef struct lg_expansion {

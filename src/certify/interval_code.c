@@ -14,13 +14,29 @@ lg_interval_run *lg_interval_kernel(lg_isa isa) {
     return lg_isa_is_here(isa) ? table[isa] : NULL;
 }
 
+lg_interval_value lg_interval_one(const lg_scalar_code *code, bool alike,
+                                  const lg_interval_value operand[3]) {
+    enum { IB = LG_INTERVAL_BLOCK };
+    double registers[4 * 2 * IB];
+    uint8_t flags[4 * IB];
+    lg_interval_code one = {.op = (uint32_t)code->op, .n = code->n, .p = code->p, .y = 3};
+    for (uint32_t k = 0; k < lg_scalar_instructions(code->op); k++) {
+        one.x[k] = alike && k == 1 && code->in[1] == code->in[0] ? 0 : k;
+        for (size_t i = 0; i < 2 * (size_t)IB; i++)
+            registers[k * 2 * IB + i] = i < IB ? operand[k].low : operand[k].high;
+        memset(flags + (size_t)k * IB, operand[k].level, IB);
+    }
+    lg_interval_kernel(lg_isa_in_use())(1, &one, registers, flags);
+    return (lg_interval_value){registers[3 * 2 * IB], registers[3 * 2 * IB + IB], flags[3 * IB]};
+}
+
 typedef struct choosing {
     const lg_scalars *s;
-    lg_heap *heap;
     bool widen;
     uint8_t *live, *varies;
-    double *value;  /* (s->count, 2): bounds of an instruction that does not depend on inputs */
-    uint8_t *flag;  /* and its level: the highest where it is defined, as it does not change */
+    /* Of an instruction that does not depend on inputs; its level is the highest where it is defined, as it
+     * does not change. */
+    lg_interval_value *value;
     uint32_t *uses; /* for each instruction: how many chosen instructions read it; results count once more */
     uint32_t *reg;  /* its register */
     uint32_t *idle; /* registers that are free again */
@@ -28,63 +44,43 @@ typedef struct choosing {
     lg_interval *to;
 } choosing;
 
-enum { PAIR = 2, APART = 2 * LG_INTERVAL_BLOCK };
-
 static uint32_t operands(const choosing *c, uint32_t i) {
     return lg_scalar_instructions(c->s->code[i].op);
 }
 
 static void mark(choosing *c, const lg_scalar *result, size_t count) {
     const lg_scalars *s = c->s;
-    for (size_t j = 0; j < count; j++) c->live[result[j]] = 1;
-    for (uint32_t i = s->count; i-- > 0;)
-        for (uint32_t k = 0; c->live[i] && k < operands(c, i); k++) c->live[s->code[i].in[k]] = 1;
+    lg_scalars_mark(s, result, count, c->live);
     for (uint32_t i = 0; i < s->count; i++) {
         c->varies[i] = s->code[i].op == LG_S_INPUT;
         for (uint32_t k = 0; k < operands(c, i); k++) c->varies[i] |= c->varies[s->code[i].in[k]];
     }
 }
 
-static void constant_bounds(const choosing *c, double p, double *bounds) {
-    const bool finite = isfinite(p), widen = c->widen && p != 0.0;
-    bounds[0] = !finite ? -(double)INFINITY : widen ? nextafter(p, -(double)INFINITY) : p;
-    bounds[1] = !finite ? (double)INFINITY : widen ? nextafter(p, (double)INFINITY) : p;
+static lg_interval_value constant(const choosing *c, double p) {
+    const double all = (double)INFINITY;
+    if (!isfinite(p)) return (lg_interval_value){-all, all, LG_INTERVAL_UNDEFINED};
+    const bool widen = c->widen && p != 0.0;
+    return (lg_interval_value){widen ? nextafter(p, -all) : p, widen ? nextafter(p, all) : p,
+                               LG_INTERVAL_DIFFERENTIABLE};
 }
 
 /* Evaluates what does not depend on inputs. */
-static lg_status evaluate_constants(choosing *c) {
-    double *registers = lg_heap_take(c->heap, (size_t)4 * APART, sizeof *registers);
-    uint8_t *flags = lg_heap_take(c->heap, (size_t)4 * LG_INTERVAL_BLOCK, 1);
-    if (registers == NULL || flags == NULL) return LG_OUT_OF_MEMORY;
+static void evaluate_constants(choosing *c) {
     for (uint32_t i = 0; i < c->s->count; i++) {
         const lg_scalar_code *code = &c->s->code[i];
-        double *bounds = c->value + (size_t)PAIR * i;
+        lg_interval_value in[3];
         if (!c->live[i] || c->varies[i]) continue;
-        if (code->op == LG_S_CONSTANT) {
-            constant_bounds(c, code->p, bounds);
-            c->flag[i] = isfinite(code->p) ? LG_INTERVAL_DIFFERENTIABLE : LG_INTERVAL_UNDEFINED;
-            continue;
-        }
-        lg_interval_code one = {.op = (uint32_t)code->op, .n = code->n, .p = code->p, .y = 3};
-        for (uint32_t k = 0; k < operands(c, i); k++) {
-            one.x[k] = k == 1 && code->in[1] == code->in[0] ? 0 : k;
-            for (size_t b = 0; b < (size_t)APART; b++)
-                registers[k * APART + b] = c->value[(size_t)PAIR * code->in[k] + (b >= LG_INTERVAL_BLOCK)];
-            memset(flags + (size_t)k * LG_INTERVAL_BLOCK, c->flag[code->in[k]], LG_INTERVAL_BLOCK);
-        }
-        c->to->run(1, &one, registers, flags);
-        const bool defined = flags[(size_t)3 * LG_INTERVAL_BLOCK] != LG_INTERVAL_UNDEFINED;
-        c->flag[i] = defined ? LG_INTERVAL_DIFFERENTIABLE : LG_INTERVAL_UNDEFINED;
-        bounds[0] = registers[(size_t)3 * APART];
-        bounds[1] = registers[(size_t)3 * APART + LG_INTERVAL_BLOCK];
+        for (uint32_t k = 0; k < operands(c, i); k++) in[k] = c->value[code->in[k]];
+        c->value[i] = code->op == LG_S_CONSTANT ? constant(c, code->p) : lg_interval_one(code, true, in);
+        if (c->value[i].level != LG_INTERVAL_UNDEFINED) c->value[i].level = LG_INTERVAL_DIFFERENTIABLE;
     }
-    return LG_OK;
 }
 
 /* Whether the instruction is a number without width. */
 static bool is_number(const choosing *c, uint32_t i, double *value) {
-    *value = c->value[(size_t)PAIR * i];
-    return !c->varies[i] && *value == c->value[(size_t)PAIR * i + 1] && c->flag[i] != LG_INTERVAL_UNDEFINED;
+    *value = c->value[i].low;
+    return !c->varies[i] && *value == c->value[i].high && c->value[i].level != LG_INTERVAL_UNDEFINED;
 }
 
 /* The instruction i in terms of instructions: operands are numbers of instructions, and y is i. */
@@ -130,13 +126,14 @@ static lg_status fixed_registers(choosing *c) {
     const lg_scalars *s = c->s;
     lg_interval *to = c->to;
     for (uint32_t i = 0; i < s->count; i++) to->constants += !c->varies[i] && c->uses[i] > 0;
-    to->constant = lg_alloc(to->context, to->constants + 1, PAIR * sizeof *to->constant);
+    to->constant = lg_alloc(to->context, to->constants + 1, 2 * sizeof *to->constant);
     to->constant_flag = lg_alloc(to->context, to->constants + 1, 1);
     if (to->constant == NULL || to->constant_flag == NULL) return LG_OUT_OF_MEMORY;
     for (uint32_t i = 0; i < s->count; i++) {
         if (c->varies[i] || c->uses[i] == 0) continue;
-        memcpy(to->constant + (size_t)PAIR * c->top, c->value + (size_t)PAIR * i, PAIR * sizeof(double));
-        to->constant_flag[c->top] = c->flag[i];
+        to->constant[2 * (size_t)c->top] = c->value[i].low;
+        to->constant[2 * (size_t)c->top + 1] = c->value[i].high;
+        to->constant_flag[c->top] = c->value[i].level;
         c->reg[i] = c->top++;
     }
     for (uint32_t i = 0; i < s->count; i++)
@@ -164,23 +161,21 @@ lg_status lg_interval_choose(const lg_expansion *from, bool widen, lg_interval *
     lg_heap heap = {.context = out->context};
     const size_t n = (size_t)from->s.count + 1;
     choosing c = {.s = &from->s,
-                  .heap = &heap,
                   .widen = widen,
                   .live = lg_heap_take(&heap, n, 1),
                   .varies = lg_heap_take(&heap, n, 1),
-                  .value = lg_heap_take(&heap, n, PAIR * sizeof(double)),
-                  .flag = lg_heap_take(&heap, n, 1),
+                  .value = lg_heap_take(&heap, n, sizeof(lg_interval_value)),
                   .uses = lg_heap_take(&heap, n, sizeof(uint32_t)),
                   .reg = lg_heap_take(&heap, n, sizeof(uint32_t)),
                   .idle = lg_heap_take(&heap, n, sizeof(uint32_t)),
                   .to = out};
     lg_status status = LG_OUT_OF_MEMORY;
     out->stored = lg_alloc(out->context, from->results + 1, sizeof *out->stored);
-    if (c.live != NULL && c.varies != NULL && c.value != NULL && c.flag != NULL && c.uses != NULL &&
-        c.reg != NULL && c.idle != NULL && out->stored != NULL) {
+    if (c.live != NULL && c.varies != NULL && c.value != NULL && c.uses != NULL && c.reg != NULL &&
+        c.idle != NULL && out->stored != NULL) {
         mark(&c, from->result, from->results);
-        status = evaluate_constants(&c);
-        if (status == LG_OK) status = choose_all(&c, from->result, from->results);
+        evaluate_constants(&c);
+        status = choose_all(&c, from->result, from->results);
         if (status == LG_OK) status = fixed_registers(&c);
         if (status == LG_OK) other_registers(&c);
         for (size_t j = 0; status == LG_OK && j < from->results; j++) out->stored[j] = c.reg[from->result[j]];

@@ -12,22 +12,16 @@ _Static_assert((int)LG_INTERVAL_DEFINED == LG_S_DEFINED && (int)LG_INTERVAL_LIPS
 /* Returns the level of an instruction (lg_interval_flag) that holds for all numbers: the interval form is
  * evaluated over unbounded operands. */
 uint8_t lg_interval_level(const lg_scalars *s, const lg_scalar_code *c) {
-    enum { IB = LG_INTERVAL_BLOCK };
-    double registers[4 * 2 * IB];
-    uint8_t flags[4 * IB];
-    lg_interval_code code = {.op = (uint32_t)c->op, .n = c->n, .p = c->p, .y = 3};
+    lg_interval_value in[3];
     if (c->op == LG_S_INPUT) return LG_INTERVAL_DIFFERENTIABLE;
     if (c->op == LG_S_CONSTANT) return isfinite(c->p) ? LG_INTERVAL_DIFFERENTIABLE : LG_INTERVAL_UNDEFINED;
     for (uint32_t k = 0; k < lg_scalar_instructions(c->op); k++) {
-        const lg_scalar_code *in = &s->code[c->in[k]];
-        const bool known = in->op == LG_S_CONSTANT && isfinite(in->p);
-        code.x[k] = k;
-        for (size_t i = 0; i < 2 * (size_t)IB; i++)
-            registers[k * 2 * IB + i] = known ? in->p : i < IB ? -(double)INFINITY : (double)INFINITY;
-        memset(flags + (size_t)k * IB, in->level, IB);
+        const lg_scalar_code *from = &s->code[c->in[k]];
+        const bool known = from->op == LG_S_CONSTANT && isfinite(from->p);
+        in[k] = (lg_interval_value){known ? from->p : -(double)INFINITY, known ? from->p : (double)INFINITY,
+                                    from->level};
     }
-    lg_interval_kernel(lg_isa_in_use())(1, &code, registers, flags);
-    return flags[3 * IB];
+    return lg_interval_one(c, false, in).level;
 }
 
 typedef struct expanding {

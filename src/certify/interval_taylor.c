@@ -351,10 +351,7 @@ static lg_scalar *jacobians(taylor *t, const lg_scalar *result, size_t count, bo
               *point = lg_heap_take(&t->x->heap, end, sizeof *point), *out = all;
     uint8_t *live = lg_heap_take(&t->x->heap, end, 1);
     if (of == NULL || all == NULL || live == NULL || point == NULL) return NULL;
-    for (size_t j = 0; j < count; j++) live[result[j]] = 1;
-    for (uint32_t i = end; i-- > 0;)
-        for (uint32_t k = 0; live[i] && k < lg_scalar_instructions(t->s->code[i].op); k++)
-            live[t->s->code[i].in[k]] = 1;
+    lg_scalars_mark(t->s, result, count, live);
     if (chords) t->point = point;
     for (uint32_t i = 0; i < end && chords && !t->s->failed; i++)
         if (live[i]) point[i] = copied(t, i);

@@ -103,13 +103,9 @@ static lg_status sample_points(fitting *f, lg_error *error) {
     const lg_port in = {.name = "x", .shape = lg_shape1((uint32_t)f->n)},
                   out[2] = {{.name = "q"}, {.name = "dq"}};
     const lg_function_spec function = {"sample", &in, 1, out, 2, sample, f};
-    lg_program_spec spec;
     lg_program *program = NULL;
     draw_points(f);
-    lg_program_spec_init(&spec);
-    spec.functions = &function;
-    spec.function_count = 1;
-    LG_TRY(lg_program_build(f->context, &spec, &program, error));
+    LG_TRY(lg_program_of(f->context, &function, 1, &program, error));
     const lg_status status = lg_program_eval(f->context, program, "sample", f->points,
                                              (const double *[]){f->x}, (double *[]){f->q, f->dq}, error);
     lg_program_destroy(program);

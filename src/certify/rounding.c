@@ -123,39 +123,33 @@ static void instruction(const lg_scalar_code *c, const rounded *a, const rounded
 }
 
 /* Bounds of the exact number. */
-static void bound(const lg_scalar_code *c, lg_interval_run *run, const rounded *v, const double *low,
-                  const double *high, double *registers, rounded *y) {
-    enum { IB = LG_INTERVAL_BLOCK, APART = 2 * IB };
-    lg_interval_code one = {.op = (uint32_t)c->op, .n = c->n, .p = c->p, .y = 3};
+static void bound(const lg_scalar_code *c, const rounded *v, const double *low, const double *high,
+                  rounded *y) {
+    lg_interval_value in[3];
     if (c->op == LG_S_CONSTANT || c->op == LG_S_INPUT) {
         y->low = c->op == LG_S_INPUT ? low[c->n] : c->p;
         y->high = c->op == LG_S_INPUT ? high[c->n] : c->p;
         return;
     }
-    for (uint32_t k = 0; k < lg_scalar_instructions(c->op); k++) {
-        one.x[k] = k == 1 && c->in[1] == c->in[0] ? 0 : k;
-        for (size_t i = 0; i < APART; i++)
-            registers[k * APART + i] = i < IB ? v[c->in[k]].low : v[c->in[k]].high;
-    }
-    run(1, &one, registers, NULL);
-    y->low = registers[(size_t)3 * APART];
-    y->high = registers[(size_t)3 * APART + IB];
+    for (uint32_t k = 0; k < lg_scalar_instructions(c->op); k++)
+        in[k] = (lg_interval_value){.low = v[c->in[k]].low, .high = v[c->in[k]].high};
+    in[0] = lg_interval_one(c, true, in);
+    y->low = in[0].low;
+    y->high = in[0].high;
 }
 
 lg_status lg_expansion_rounding(lg_expansion *x, const double *low, const double *high, double unit,
                                 double *error) {
     const double small = (unit > DBL_EPSILON ? (double)FLT_MIN : DBL_MIN) / unit,
                  large = 0.25 * (unit > DBL_EPSILON ? (double)FLT_MAX : DBL_MAX);
-    lg_interval_run *run = lg_interval_kernel(lg_isa_in_use());
     rounded *v = lg_heap_take(&x->heap, (size_t)x->s.count + 1, sizeof *v);
-    double *registers = lg_heap_take(&x->heap, (size_t)8 * LG_INTERVAL_BLOCK, sizeof *registers);
-    if (v == NULL || registers == NULL) return LG_OUT_OF_MEMORY;
+    if (v == NULL) return LG_OUT_OF_MEMORY;
     for (uint32_t i = 0; i < x->s.count; i++) {
         const lg_scalar_code *c = &x->s.code[i];
         const uint32_t operands = lg_scalar_instructions(c->op);
         const rounded *in[3];
         for (uint32_t k = 0; k < 3; k++) in[k] = &v[k < operands ? c->in[k] : 0];
-        bound(c, run, v, low, high, registers, &v[i]);
+        bound(c, v, low, high, &v[i]);
         instruction(c, in[0], in[1], in[2], unit, &v[i]);
         v[i].size = fmax(v[i].size, small); /* numbers so small may be rounded to 0 */
         if (!(v[i].size < large && most_of(&v[i]) < large)) v[i].count = (double)INFINITY;

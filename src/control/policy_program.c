@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "autodiff/tape/tape_internal.h"
+#include "autodiff/program/program.h"
 #include "control/policy.h"
 #include "liegrad/ops.h"
 
@@ -469,7 +469,6 @@ static lg_status adjoint(const lg_policy *p, const char *function, const char *c
 
 lg_status lg_policy_add_motion(lg_policy *p, lg_error *error) {
     const ports port = ports_of(p);
-    lg_derivative jacobian;
     LG_TRY(add(p, "errors", record_errors, &port.x, 1, OUTS("z"), error));
     LG_TRY(add(p, "period", record_period, (const lg_port[]){port.x, port.u}, 2, OUTS("next"), error));
     size_t lagged, count;
@@ -480,10 +479,7 @@ lg_status lg_policy_add_motion(lg_policy *p, lg_error *error) {
                    (const lg_port[]){lg_program_inputs(p->program, lagged, &count)[0], port.u}, 2,
                    OUTS("next"), error));
     LG_TRY(add(p, "linear", record_linear, (const lg_port[]){port.z, port.u}, 2, OUTS("next_z"), error));
-    lg_derivative_init(&jacobian);
-    jacobian.kind = LG_DERIVATIVE_JACOBIAN;
-    jacobian.function = "linear";
-    return lg_program_derive(p->program, &jacobian, error);
+    return lg_program_jacobian(p->program, "linear", error);
 }
 
 lg_status lg_policy_add_regulated(lg_policy *p, lg_error *error) {

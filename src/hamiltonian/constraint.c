@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "autodiff/program/program.h"
 #include "integrators/taped_internal.h"
 
 /* ---- on a tape ---- */
@@ -282,11 +283,7 @@ static lg_status make_motion(lg_constraint *c, lg_error *error) {
     const lg_port x = {.name = "x", .shape = lg_shape1(2 * c->n), .low = q->low, .high = q->high};
     const lg_port f = {.name = "f"};
     const lg_function_spec field = {"field", &x, 1, &f, 1, motion, c};
-    lg_program_spec spec;
-    lg_program_spec_init(&spec);
-    spec.functions = &field;
-    spec.function_count = 1;
-    return lg_program_build(c->context, &spec, &c->motion, error);
+    return lg_program_of(c->context, &field, 1, &c->motion, error);
 }
 
 static lg_status fill(lg_constraint *c, const lg_program *program, lg_error *error) {

@@ -1,5 +1,6 @@
 /* A learned Hamiltonian as a program, a set of named functions. */
 #include "core/core.h"
+#include "autodiff/program/program.h"
 #include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
 
@@ -142,12 +143,8 @@ static lg_status build(const lg_context *context, recording *r, const double *th
 /* Adds the step and the Jacobian of `velocity`, then gives the program its parameters. */
 static lg_status finish(const recording *r, lg_program *program, const double *theta, lg_error *error) {
     const lg_space space = lg_hamiltonian_space_of(r->model->family, r->model->n);
-    lg_derivative jacobian;
     LG_TRY(lg_program_add_step(program, &space, r->scheme, 0.001, 0.05, error));
-    lg_derivative_init(&jacobian);
-    jacobian.kind = LG_DERIVATIVE_JACOBIAN;
-    jacobian.function = "velocity";
-    LG_TRY(lg_program_derive(program, &jacobian, error));
+    LG_TRY(lg_program_jacobian(program, "velocity", error));
     const lg_status status = lg_program_set_parameter(program, 0, theta);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "a parameter is not finite");
 }

@@ -4,7 +4,7 @@
  * keeps the plan for the machine, the substeps and the hold. */
 #include <string.h>
 
-#include "autodiff/tape/tape_internal.h"
+#include "autodiff/program/program.h"
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/chain.h"
@@ -87,13 +87,9 @@ static lg_status make(interval_plan *p) {
                                 .low = 0.1,
                                 .high = 1};
     const lg_function_spec function = {"interval", in, count, out, 2, record, p};
-    lg_program_spec spec;
     lg_plan_options options;
     lg_program *program;
-    lg_program_spec_init(&spec);
-    spec.functions = &function;
-    spec.function_count = 1;
-    LG_TRY(lg_program_build(p->context, &spec, &program, NULL));
+    LG_TRY(lg_program_of(p->context, &function, 1, &program, NULL));
     lg_plan_options_init(&options);
     options.rows = ROWS;
     lg_status status = lg_plan_create(program, 0, &options, &p->plan, NULL);

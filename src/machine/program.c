@@ -3,7 +3,7 @@
  * log's units. */
 #include <math.h>
 
-#include "autodiff/tape/tape_internal.h"
+#include "autodiff/program/program.h"
 #include "core/core.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
@@ -398,7 +398,6 @@ static lg_status make(const lg_context *context, const lg_machine *machine, cons
     if (machine->parameters > 0) LG_NEEDS(error, theta);
     recording r = {
         .machine = machine, .scheme = scheme != NULL ? scheme : lg_scheme_find("cf4"), .seen = seen};
-    lg_derivative jacobian;
     lg_program *made;
     if (scheme != NULL && scheme->kind == LG_SCHEME_VARIATIONAL)
         return lg_fail(error, LG_UNSUPPORTED,
@@ -410,12 +409,9 @@ static lg_status make(const lg_context *context, const lg_machine *machine, cons
     fill_state(&r);
     fill_log(&r);
     LG_TRY(build(context, &r, theta, &made, error));
-    lg_derivative_init(&jacobian);
-    jacobian.kind = LG_DERIVATIVE_JACOBIAN;
-    jacobian.function = "velocity";
     lg_status status = add_step(made, &r, error);
     if (status == LG_OK && seen > 0) status = add_lag(made, &r, error);
-    if (status == LG_OK) status = lg_program_derive(made, &jacobian, error);
+    if (status == LG_OK) status = lg_program_jacobian(made, "velocity", error);
     if (status == LG_OK)
         *out = made;
     else

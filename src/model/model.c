@@ -108,13 +108,9 @@ static lg_status add_velocity(lg_model *model, lg_error *error) {
 
 static lg_status add_jacobian(lg_model *model, lg_error *error) {
     size_t at;
-    lg_derivative jacobian;
-    lg_derivative_init(&jacobian);
-    jacobian.kind = LG_DERIVATIVE_JACOBIAN;
-    jacobian.function = "velocity";
     if (lg_program_find(model->program, function_names[LG_MODEL_LINEAR], &at, NULL) == LG_OK) return LG_OK;
     if (lg_program_find(model->program, "velocity", &at, NULL) != LG_OK) LG_TRY(add_velocity(model, error));
-    return lg_program_derive(model->program, &jacobian, error);
+    return lg_program_jacobian(model->program, "velocity", error);
 }
 
 /* ---- the handle ---- */

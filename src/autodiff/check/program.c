@@ -83,11 +83,7 @@ static lg_status build_program(check *k, lg_error *error) {
         in[i].high = moves ? scale_of(a) : a->high;
     }
     const lg_function_spec function = {labels[VALUE], in, k->f->inputs, &out, 1, record, k};
-    lg_program_spec spec;
-    lg_program_spec_init(&spec);
-    spec.functions = &function;
-    spec.function_count = 1;
-    return lg_program_build(k->context, &spec, &k->program, error);
+    return lg_program_of(k->context, &function, 1, &k->program, error);
 }
 
 static lg_status derive(check *k, lg_error *error) {

@@ -106,6 +106,10 @@ const char *lg_shown_name(const char *name, char shown[LG_SHOWN_NAME]);
 /* Creates an empty program. Parts are added afterwards, and each part is checked. Names and arrays are
  * copied. */
 lg_status lg_program_create(const lg_context *context, lg_program **out);
+/* Builds a program of functions alone; derives the Jacobian by all inputs of a function. */
+lg_status lg_program_of(const lg_context *context, const lg_function_spec *functions, size_t count,
+                        lg_program **out, lg_error *error);
+lg_status lg_program_jacobian(lg_program *program, const char *function, lg_error *error);
 lg_status lg_program_add_parameter(lg_program *program, const lg_parameter_spec *parameter, lg_error *error);
 /* Adds a function. On success the program takes over what `function` owns. Everything is checked: names, that
  * inputs of a node come before it, the operations' numbers of inputs, attributes and shapes (by the shape

@@ -552,3 +552,9 @@ lg_status lg_program_begin(const lg_context *context, const lg_program_spec *spe
             "function_count must be 0 here: add functions later, or build the program with lg_program_build");
     return build(context, spec, out, error);
 }
+
+lg_status lg_program_of(const lg_context *context, const lg_function_spec *functions, size_t count,
+                        lg_program **out, lg_error *error) {
+    const lg_program_spec spec = {.size = sizeof spec, .functions = functions, .function_count = count};
+    return lg_program_build(context, &spec, out, error);
+}

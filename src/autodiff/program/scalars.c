@@ -96,6 +96,13 @@ lg_scalar lg_s_constant(lg_scalars *s, double value) {
     return look_up(s, &(lg_scalar_code){.op = LG_S_CONSTANT, .p = value == 0.0 ? 0.0 : value});
 }
 
+void lg_scalars_mark(const lg_scalars *s, const lg_scalar *result, size_t count, uint8_t *live) {
+    for (size_t j = 0; j < count; j++) live[result[j]] = 1;
+    for (uint32_t i = s->count; i-- > 0;)
+        for (uint32_t k = 0; live[i] && k < lg_scalar_instructions(s->code[i].op); k++)
+            live[s->code[i].in[k]] = 1;
+}
+
 bool lg_s_is_constant(const lg_scalars *s, lg_scalar a, double *value) {
     if (s->failed || s->code[a].op != LG_S_CONSTANT) return false;
     *value = s->code[a].p;

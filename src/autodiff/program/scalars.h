@@ -57,6 +57,8 @@ lg_scalar lg_s_sum(lg_scalars *s, const lg_scalar *terms, size_t n, size_t step)
 lg_scalar lg_s_dot(lg_scalars *s, const lg_scalar *a, size_t sa, const lg_scalar *b, size_t sb, size_t n);
 /* For STUMPFF and DEXPINV. */
 lg_scalar lg_s_numbered(lg_scalars *s, lg_scalar_op op, lg_scalar a, uint32_t n);
+/* Marks the instructions that the results need, among `live` (s->count), which are 0. */
+void lg_scalars_mark(const lg_scalars *s, const lg_scalar *result, size_t count, uint8_t *live);
 bool lg_s_is_constant(const lg_scalars *s, lg_scalar a, double *value);
 
 static inline lg_scalar lg_s_add(lg_scalars *s, lg_scalar a, lg_scalar b) {
