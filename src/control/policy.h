@@ -161,6 +161,17 @@ lg_status lg_policy_add_planned(lg_policy *policy, lg_error *error);
 /* A plan of a function of the program for `rows` rows. */
 lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,
                          lg_plan **out, lg_error *error);
+/* Plans of `count` functions of the policy, or of each of its draws (`drawn`). */
+typedef struct lg_policy_plans {
+    const lg_context *context;
+    lg_plan **plan;               /* (machines, count) */
+    size_t machines, count, work; /* work: bytes that a plan needs */
+} lg_policy_plans;
+/* On failure too, lg_policy_plans_destroy must be called. */
+lg_status lg_policy_plans_create(const lg_policy *policy, bool drawn, const char *const *functions,
+                                 size_t count, lg_dtype dtype, size_t rows, lg_policy_plans *out,
+                                 lg_error *error);
+void lg_policy_plans_destroy(lg_policy_plans *plans);
 
 /* Rows of the plans that run batches: a batch is cut into pieces of so many rows, whatever the number of
  * threads. */

@@ -15,7 +15,7 @@ enum { PLANNED, TERMINAL, ADJOINT_PLANNED, ADJOINT_TERMINAL, PLANS };
 typedef struct search {
     const lg_policy *policy;
     size_t starts, rows, steps, n; /* n: numbers in y, (steps, inputs) */
-    lg_plan *plan[PLANS];
+    lg_policy_plans plans;
     lg_minimiser **minimiser;                              /* (rows) */
     double *z, *x, *policy_cost, *unit, *best, *by, *kept; /* (starts); by, kept: how and y of the best */
     double *guess, *how;                                   /* (rows): y and how of a run */
@@ -32,18 +32,18 @@ static void forward(search *s) {
     for (size_t r = 0; r < s->rows; r++) memcpy(s->path + r * x, s->x + r / GUESSES * x, x * sizeof *s->path);
     for (size_t k = 0; k <= s->steps; k++) {
         double *at = s->path + k * s->rows * x, *next = k < s->steps ? at + s->rows * x : s->cost;
-        lg_plan_eval(s->plan[k < s->steps ? PLANNED : TERMINAL], (const void *[]){at, s->y + k * u, s->how},
-                     (void *[]){next, s->cost, NULL}, s->work);
+        lg_plan_eval(s->plans.plan[k < s->steps ? PLANNED : TERMINAL],
+                     (const void *[]){at, s->y + k * u, s->how}, (void *[]){next, s->cost, NULL}, s->work);
         for (size_t r = 0; r < s->rows; r++) s->total[r] += s->cost[r];
     }
 }
 
 static void backward(search *s) {
     const size_t x = s->rows * s->policy->state, u = s->rows * s->policy->inputs;
-    lg_plan_eval(s->plan[ADJOINT_TERMINAL], (const void *[]){s->path + s->steps * x, s->one},
+    lg_plan_eval(s->plans.plan[ADJOINT_TERMINAL], (const void *[]){s->path + s->steps * x, s->one},
                  (void *[]){s->lambda[s->steps % 2]}, s->work);
     for (size_t k = s->steps; k-- > 0;)
-        lg_plan_eval(s->plan[ADJOINT_PLANNED],
+        lg_plan_eval(s->plans.plan[ADJOINT_PLANNED],
                      (const void *[]){s->path + k * x, s->y + k * u, s->how, s->lambda[(k + 1) % 2], s->one},
                      (void *[]){s->lambda[k % 2], s->slope + k * u}, s->work);
 }
@@ -153,12 +153,8 @@ static lg_status allocate(search *s, lg_error *error) {
     static const char *const names[PLANS] = {"planned", "terminal", "adj1_planned", "adj1_terminal"};
     const lg_policy *p = s->policy;
     const size_t x = p->state, errors = p->layout.errors, starts = s->starts, rows = s->rows, n = s->n;
-    size_t work = 0;
-    for (size_t i = 0; i < PLANS; i++) {
-        LG_TRY(lg_policy_plan(p, names[i], LG_F64, rows, &s->plan[i], error));
-        work = lg_plan_work_size(s->plan[i]) > work ? lg_plan_work_size(s->plan[i]) : work;
-    }
-    s->work = lg_alloc(p->context, work, 1);
+    LG_TRY(lg_policy_plans_create(p, false, names, PLANS, LG_F64, rows, &s->plans, error));
+    s->work = lg_alloc(p->context, s->plans.work, 1);
     s->minimiser = lg_alloc(p->context, rows, sizeof(lg_minimiser *));
     s->z = lg_alloc(p->context,
                     starts * (errors + x + 3 + HOW + n) + rows * (3 * n + HOW + (s->steps + 3) * x + 3) + n,
@@ -201,7 +197,7 @@ lg_status lg_policy_find_gaps(lg_policy *p, size_t starts, uint64_t seed, double
     if (status == LG_OK) status = allocate(&s, error);
     if (status == LG_OK) status = search_all(&s, seed, error);
     if (status == LG_OK) fill(&s, out, complete);
-    for (size_t i = 0; i < PLANS; i++) lg_plan_destroy(s.plan[i]);
+    lg_policy_plans_destroy(&s.plans);
     for (size_t r = 0; s.minimiser != NULL && r < s.rows; r++) lg_minimiser_destroy(s.minimiser[r]);
     lg_free(p->context, s.minimiser), lg_free(p->context, s.work), lg_free(p->context, s.z);
     return status;

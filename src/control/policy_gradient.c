@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "control/internal.h"
 #include "control/policy_gradient.h"
 
 enum { ROWS = LG_POLICY_ROWS };
@@ -16,10 +17,6 @@ typedef struct piece {
     size_t steps;
 } piece;
 
-static size_t aligned(size_t bytes) {
-    return (bytes + 63) / 64 * 64;
-}
-
 static size_t width(const lg_policy_batch *b) {
     return b->dtype == LG_F64 ? sizeof(double) : sizeof(float);
 }
@@ -31,24 +28,15 @@ static size_t lay_out(const lg_policy_batch *b, char *memory, piece *out) {
     const size_t x = ROWS * b->state, n = p->parameters, late = b->disturbed ? ROWS : 0,
                  noise = late * b->most * lg_policy_noise_sizes(&p->task, NULL),
                  counts[] = {(b->most + 1) * x, ROWS, n, ROWS, x, x, n, noise, late};
-    size_t used = 0, work = 0;
-    for (size_t i = 0; i < LG_COUNT(arrays); i++) {
-        if (memory != NULL) *arrays[i] = memory + used;
-        used += aligned(counts[i] * width(b));
-    }
+    lg_portions from = {memory, 0};
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) *arrays[i] = lg_portion(&from, counts[i], width(b));
     double **const doubles[] = {&out->total, &out->copy, &out->mean, &out->spread};
     const size_t most = n > noise + late ? n : noise + late;
     const size_t of_doubles[] = {ROWS, most > ROWS ? most : ROWS, b->state, b->state};
-    for (size_t i = 0; i < LG_COUNT(doubles); i++) {
-        if (memory != NULL) *doubles[i] = (double *)(void *)(memory + used);
-        used += aligned(of_doubles[i] * sizeof(double));
-    }
-    if (memory != NULL) out->work = memory + used;
-    for (size_t i = 0; i < b->machines * LG_POLICY_PLANS; i++) {
-        const size_t own = lg_plan_work_size(b->plan[i / LG_POLICY_PLANS][i % LG_POLICY_PLANS]);
-        work = own > work ? own : work;
-    }
-    return used + aligned(work);
+    for (size_t i = 0; i < LG_COUNT(doubles); i++)
+        *doubles[i] = lg_portion(&from, of_doubles[i], sizeof(double));
+    out->work = lg_portion(&from, b->plans.work, 1);
+    return from.used;
 }
 
 /* ---- numbers of the batch's type ---- */
@@ -189,7 +177,7 @@ static void run_piece(void *user, size_t own) {
     (void)lay_out(b, b->memory + index * b->piece_bytes, &w);
     w.steps = b->steps[point];
     const uint64_t number = b->draw * b->pieces + index % b->pieces;
-    w.plan = b->plan[b->disturbed ? number % b->machines : 0];
+    w.plan = b->plans.plan + number % b->plans.machines * LG_POLICY_PLANS;
     store_starts(b, b->starts[point] + first * p->state, &w);
     if (b->disturbed) disturb(b, number, &w);
     store(b, b->theta[point], n, w.theta);
@@ -205,27 +193,14 @@ static void run_piece(void *user, size_t own) {
     backward(b, &w, sum);
 }
 
-/* The plans of each machine. */
-static lg_status create_plans(lg_policy_batch *b, lg_error *error) {
+static lg_status allocate(lg_policy_batch *b, int threads, lg_error *error) {
     static const char *const names[2][LG_POLICY_PLANS] = {
         {"closed", "terminal", "adj1_closed", "adj1_terminal"},
         {"disturbed", "disturbed_end", "adj1_disturbed", "adj1_disturbed_end"}};
     const lg_policy *p = b->policy;
-    const size_t machines = b->disturbed && p->draw_count > 0 ? p->draw_count : 1;
-    b->plan = lg_alloc(p->context, machines, sizeof *b->plan);
-    if (b->plan == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the runs of a batch");
-    b->machines = machines;
-    for (size_t m = 0; m < machines; m++)
-        for (size_t i = 0; i < LG_POLICY_PLANS; i++)
-            LG_TRY(lg_policy_plan(lg_policy_drawn(p, m), names[b->disturbed][i], b->dtype, ROWS,
-                                  &b->plan[m][i], error));
-    return LG_OK;
-}
-
-static lg_status allocate(lg_policy_batch *b, int threads, lg_error *error) {
-    const lg_policy *p = b->policy;
     const size_t points = b->points;
-    LG_TRY(create_plans(b, error));
+    LG_TRY(lg_policy_plans_create(p, b->disturbed, names[b->disturbed], LG_POLICY_PLANS, b->dtype, ROWS,
+                                  &b->plans, error));
     LG_TRY(lg_thread_pool_create(p->context, threads, &b->pool));
     b->piece_bytes = lay_out(b, NULL, &(piece){0});
     b->memory = lg_alloc(p->context, points * b->pieces, b->piece_bytes);
@@ -255,9 +230,7 @@ lg_status lg_policy_batch_create(const lg_policy *policy, lg_dtype dtype, size_t
 void lg_policy_batch_destroy(lg_policy_batch *b) {
     if (b->policy == NULL) return;
     const lg_context *context = b->policy->context;
-    for (size_t i = 0; i < b->machines * LG_POLICY_PLANS; i++)
-        lg_plan_destroy(b->plan[i / LG_POLICY_PLANS][i % LG_POLICY_PLANS]);
-    lg_free(context, b->plan);
+    lg_policy_plans_destroy(&b->plans);
     lg_thread_pool_destroy(b->pool);
     lg_free(context, b->memory), lg_free(context, b->sums);
     lg_free(context, b->starts), lg_free(context, b->steps);

@@ -28,8 +28,7 @@ typedef struct lg_policy_batch {
      * the run is shortened to it. Then the gradient is not exact, but runs whose motion is chaotic do not
      * drown the others. INFINITY: none. */
     double bound;
-    lg_plan *(*plan)[LG_POLICY_PLANS]; /* of each machine: the policy, or its draws */
-    size_t machines;
+    lg_policy_plans plans;
     lg_thread_pool *pool;
     const lg_ranks *ranks; /* each runs a part of the pieces; NULL: this process runs all */
     size_t first;          /* piece of this rank */

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "control/internal.h"
 #include "control/policy.h"
 
 enum { ROWS = LG_POLICY_ROWS };
@@ -57,16 +58,12 @@ void lg_policy_draw_noise(const lg_policy *p, uint64_t seed, uint64_t piece, siz
         noise[i] = sizes[i % n] > 0.0 ? sizes[i % n] * lg_rng_normal(&rng) : 0.0;
 }
 
-/* The plans of a machine: the policy's, or a draw's. */
-typedef struct machine {
-    lg_plan *step, *errors;
-} machine;
+enum { STEP, ERRORS, PLANS };
 
 typedef struct running {
     const lg_policy *policy;
     const lg_policy_trial *trial;
-    machine *machines;
-    size_t machine_count;
+    lg_policy_plans plans;
     lg_policy_runs *runs;
     size_t pieces, hold; /* periods at the end that must be inside */
     size_t width, noise; /* numbers in the state of a run, and in its noise in a period */
@@ -81,20 +78,6 @@ typedef struct piece {
     void *work;
 } piece;
 
-static size_t aligned(size_t bytes) {
-    return (bytes + 63) / 64 * 64;
-}
-
-static size_t most_work(const running *r) {
-    size_t most = 0;
-    for (size_t m = 0; m < r->machine_count; m++) {
-        const size_t step = lg_plan_work_size(r->machines[m].step),
-                     errors = lg_plan_work_size(r->machines[m].errors), own = step > errors ? step : errors;
-        most = own > most ? own : most;
-    }
-    return most;
-}
-
 static size_t lay_out(const running *r, char *memory, piece *out) {
     const lg_policy *p = r->policy;
     double **const arrays[] = {&out->x,    &out->before, &out->state, &out->next, &out->z,
@@ -102,13 +85,11 @@ static size_t lay_out(const running *r, char *memory, piece *out) {
     const size_t counts[] = {
         p->state, p->inputs, r->width, r->width, p->layout.errors, 1, p->inputs, r->runs->steps * r->noise,
         1};
-    size_t used = 0;
-    for (size_t i = 0; i < LG_COUNT(arrays); i++) {
-        if (memory != NULL) *arrays[i] = (double *)(void *)(memory + used);
-        used += aligned(ROWS * counts[i] * sizeof(double));
-    }
-    if (memory != NULL) out->work = memory + used;
-    return used + aligned(most_work(r));
+    lg_portions from = {memory, 0};
+    for (size_t i = 0; i < LG_COUNT(arrays); i++)
+        *arrays[i] = lg_portion(&from, ROWS * counts[i], sizeof(double));
+    out->work = lg_portion(&from, r->plans.work, 1);
+    return from.used;
 }
 
 static bool at_limit(const lg_policy *p, const double *u) {
@@ -159,7 +140,7 @@ static void begin(const running *r, size_t index, size_t count, piece *w) {
 }
 
 /* Moves the states by period k. */
-static void step(const running *r, const machine *m, size_t k, piece *w) {
+static void step(const running *r, const lg_plan *plan, size_t k, piece *w) {
     const lg_policy *p = r->policy;
     const size_t x = p->state, n = r->width;
     for (size_t i = 0; i < ROWS; i++) {
@@ -173,7 +154,7 @@ static void step(const running *r, const machine *m, size_t k, piece *w) {
     else if (p->parameters > 0)
         in[count++] = r->trial->theta;
     in[count] = w->noise + k * ROWS * r->noise, in[count + 1] = w->late;
-    lg_plan_eval(m->step, in, (void *[]){w->next, w->cost, w->u}, w->work);
+    lg_plan_eval(plan, in, (void *[]){w->next, w->cost, w->u}, w->work);
     for (size_t i = 0; i < ROWS; i++) {
         memcpy(w->x + i * x, w->next + i * n, x * sizeof *w->x);
         if (n > x) memcpy(w->before + i * p->inputs, w->next + i * n + x, p->inputs * sizeof *w->x);
@@ -185,7 +166,7 @@ static void run_piece(void *user, size_t index) {
     const lg_policy *p = r->policy;
     lg_policy_runs *runs = r->runs;
     const size_t first = index * ROWS, left = runs->count - first, count = left < ROWS ? left : ROWS;
-    const machine *m = &r->machines[index % r->machine_count];
+    lg_plan *const *plan = r->plans.plan + index % r->plans.machines * PLANS;
     piece w = {0};
     (void)lay_out(r, r->memory + index * r->piece_bytes, &w);
     begin(r, index, count, &w);
@@ -193,31 +174,14 @@ static void run_piece(void *user, size_t index) {
         if (runs->motion != NULL)
             memcpy(runs->motion + (k * runs->count + first) * p->state, w.x, count * p->state * sizeof *w.x);
         if (runs->path != NULL || k + r->hold > runs->steps) {
-            lg_plan_eval(m->errors, (const void *[]){w.x}, (void *[]){w.z}, w.work);
+            lg_plan_eval(plan[ERRORS], (const void *[]){w.x}, (void *[]){w.z}, w.work);
             note(r, &w, first, count, k);
         }
         if (k == runs->steps) break;
-        step(r, m, k, &w);
+        step(r, plan[STEP], k, &w);
         tell(r, &w, first, count, k);
     }
     memcpy(runs->x + first * p->state, w.x, count * p->state * sizeof *w.x);
-}
-
-static lg_status create_machines(running *r, lg_error *error) {
-    const lg_policy *p = r->policy;
-    const bool disturbed = r->trial->disturbed;
-    static const char *const names[2][2] = {{"closed", "regulated"}, {"disturbed", "disturbed_regulator"}};
-    const char *step_name = names[disturbed][r->trial->gain != NULL];
-    const size_t count = disturbed && p->draw_count > 0 ? p->draw_count : 1;
-    r->machines = lg_alloc(p->context, count, sizeof *r->machines);
-    if (r->machines == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for runs");
-    r->machine_count = count;
-    for (size_t m = 0; m < count; m++) {
-        const lg_policy *of = disturbed ? lg_policy_drawn(p, m) : p;
-        LG_TRY(lg_policy_plan(of, step_name, LG_F64, ROWS, &r->machines[m].step, error));
-        LG_TRY(lg_policy_plan(of, "errors", LG_F64, ROWS, &r->machines[m].errors, error));
-    }
-    return LG_OK;
 }
 
 static void run_all(running *r, lg_thread_pool *pool) {
@@ -236,10 +200,13 @@ static void run_all(running *r, lg_thread_pool *pool) {
 
 lg_status lg_policy_run(const lg_policy *p, const lg_policy_trial *trial, lg_policy_runs *runs,
                         lg_error *error) {
+    static const char *const steps[2][2] = {{"closed", "regulated"}, {"disturbed", "disturbed_regulator"}};
+    const char *const names[PLANS] = {steps[trial->disturbed][trial->gain != NULL], "errors"};
     running r = {.policy = p, .trial = trial, .runs = runs, .width = p->state};
     lg_thread_pool *pool = NULL;
     if (trial->disturbed) r.width += p->inputs, r.noise = lg_policy_noise_sizes(&p->task, NULL);
-    lg_status status = create_machines(&r, error);
+    lg_status status =
+        lg_policy_plans_create(p, trial->disturbed, names, PLANS, LG_F64, ROWS, &r.plans, error);
     if (status == LG_OK) status = lg_thread_pool_create(p->context, trial->threads, &pool);
     if (status == LG_OK) {
         r.pieces = (runs->count + ROWS - 1) / ROWS;
@@ -251,10 +218,6 @@ lg_status lg_policy_run(const lg_policy *p, const lg_policy_trial *trial, lg_pol
     if (status == LG_OK) run_all(&r, pool);
     lg_free(p->context, r.memory);
     lg_thread_pool_destroy(pool);
-    for (size_t m = 0; m < r.machine_count; m++) {
-        lg_plan_destroy(r.machines[m].step);
-        lg_plan_destroy(r.machines[m].errors);
-    }
-    lg_free(p->context, r.machines);
+    lg_policy_plans_destroy(&r.plans);
     return status;
 }

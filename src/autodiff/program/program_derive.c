@@ -414,7 +414,6 @@ lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_e
 }
 
 lg_status lg_program_jacobian(lg_program *program, const char *function, lg_error *error) {
-    const lg_derivative what = {
-        .size = sizeof what, .kind = LG_DERIVATIVE_JACOBIAN, .function = function};
+    const lg_derivative what = {.size = sizeof what, .kind = LG_DERIVATIVE_JACOBIAN, .function = function};
     return lg_program_derive(program, &what, error);
 }
