@@ -265,16 +265,11 @@ lg_policy *control_read_policy(const app *self, const char *path) {
 
 /* ---- results ---- */
 
-/* What both kinds of proofs say. */
+/* What all kinds of proofs say. */
 typedef struct verdict {
-    bool verified, global, converges;
-    double level, volume, fraction, margin; /* margin: of the energy; for rotations the angle */
-    double input_error, eps_rounded;        /* of held inputs; 0: not covered */
-    const double *width;                    /* (sides) of {V <= level}; NULL: not known */
-    size_t boxes;
-    double seconds;
-    const char *claim, *reason;
-    const double *low, *high; /* the box that failed, from the goal; NULL: none */
+    lg_certify_result r; /* input_error: of held inputs; 0: not covered. The box is from the goal. */
+    bool global;
+    double margin; /* of the energy; for rotations the angle */
     size_t sides;
     const double *P, *gains; /* (sides, sides); (inputs, sides); NULL: none, or gains that were not chosen */
 } verdict;
@@ -282,11 +277,11 @@ typedef struct verdict {
 /* Why it is not proved, with the box. */
 static char *tell_reason(app_json *out, naming names, const verdict *v) {
     lg_text text = app_text();
-    lg_text_add(&text, "%s", v->reason);
+    lg_text_add(&text, "%s", v->r.reason);
     app_json_open(out, "failed", '{');
-    for (size_t i = 0; i < v->sides && v->low != NULL; i++) {
+    for (size_t i = 0; i < v->sides && v->r.failed_low != NULL; i++) {
         const double goal = i < names.positions ? names.of[i]->goal[0] : 0;
-        const double side[2] = {goal + v->low[i], goal + v->high[i]};
+        const double side[2] = {goal + v->r.failed_low[i], goal + v->r.failed_high[i]};
         app_json_reals(out, name_of(names, i), side, 2);
         lg_text_add(&text, "%s%s from %.6g to %.6g", i == 0 ? ", at " : ", ", name_of(names, i), side[0],
                     side[1]);
@@ -308,44 +303,49 @@ static void tell_forms(app_json *out, naming names, const verdict *v) {
 }
 
 static int tell(app *self, naming names, const verdict *v) {
+    const lg_certify_result *r = &v->r;
     app_json out;
     app_result_begin(&out, self);
-    app_json_bool(&out, "verified", v->verified);
-    app_json_bool(&out, "global", v->verified && v->global);
-    app_json_bool(&out, "converges", v->converges);
-    app_result_text(&out, "claim", v->claim, NULL);
-    APP_FREE char *reason = v->verified ? NULL : tell_reason(&out, names, v);
-    if (!v->verified) app_result_text(&out, "reason", reason, NULL);
+    app_json_bool(&out, "verified", r->verified);
+    app_json_bool(&out, "global", r->verified && v->global);
+    app_json_bool(&out, "converges", r->converges);
+    app_result_text(&out, "claim", r->claim, NULL);
+    APP_FREE char *reason = r->verified ? NULL : tell_reason(&out, names, v);
+    if (!r->verified) app_result_text(&out, "reason", reason, NULL);
     if (v->global) {
         app_result_real(&out, "margin", v->margin, "of the input's force over the potential's");
     } else if (values.lyapunov == ENERGY) {
-        app_result_real(&out, "level", v->level, NULL);
+        app_result_real(&out, "level", r->level, NULL);
         app_result_real(&out, "angle", v->margin, "radians: all rotations at rest up to it are in the set");
     } else {
-        app_result_real(&out, "level", v->level, NULL);
-        app_result_real(&out, "volume", v->volume, "of {V <= level}, a lower bound");
-        app_result_real(&out, "fraction", v->fraction, "of the box");
+        app_result_real(&out, "level", r->level, NULL);
+        app_result_real(&out, "volume", r->volume, "of {V <= level}, a lower bound");
+        app_result_real(&out, "fraction", r->fraction, "of the box");
     }
-    if (v->width != NULL)
-        app_result_reals(&out, "width", v->width, v->sides,
+    if (r->width != NULL)
+        app_result_reals(&out, "width", r->width, v->sides,
                          "the set's largest distance from the goal in each state");
-    if (v->input_error > 0) app_json_real(&out, "input_error", v->input_error);
-    if (v->input_error > 0 && v->verified) app_json_real(&out, "eps_rounded", v->eps_rounded);
+    if (r->input_error > 0) app_json_real(&out, "input_error", r->input_error);
+    if (r->input_error > 0 && r->verified) app_json_real(&out, "eps_rounded", r->eps_rounded);
     tell_forms(&out, names, v);
-    app_result_size(&out, "boxes", v->boxes, "examined");
-    app_result_real(&out, "seconds", v->seconds, NULL);
+    app_result_size(&out, "boxes", r->boxes, "examined");
+    app_result_real(&out, "seconds", r->seconds, NULL);
     app_json_warnings(&out, self);
     app_json_end(&out);
-    if (v->verified) return APP_EXIT_OK;
+    if (r->verified) return APP_EXIT_OK;
     return app_fail(self, LG_CHECK_FAILED, "not proved: %s", reason);
 }
 
 /* ---- the claim ---- */
 
+static const char *name_in(const char *path) {
+    const char *slash = strrchr(path, '/');
+    return slash == NULL ? path : slash + 1;
+}
+
 /* The name of a file with the first digits of the hash of its bytes. */
 static char *name_file(const app *self, const char *path) {
     char text[LG_SHA256_TEXT], part[4096];
-    const char *slash = strrchr(path, '/');
     lg_sha256 state;
     FILE *file = fopen(path, "rb");
     if (file == NULL) app_stop(self, LG_FILE, "%s: cannot be read again", path);
@@ -353,7 +353,7 @@ static char *name_file(const app *self, const char *path) {
     for (size_t n; (n = fread(part, 1, sizeof part, file)) > 0;) lg_sha256_add(&state, part, n);
     (void)fclose(file);
     lg_sha256_finish(&state, text);
-    return app_format("%s (SHA-256 %.12s)", slash == NULL ? path : slash + 1, text);
+    return app_format("%s (SHA-256 %.12s)", name_in(path), text);
 }
 
 /* The sentence of a proof, with what it is about before it, and what it covers after it. */
@@ -404,6 +404,16 @@ static char *name_all(naming names) {
 
 /* ---- proofs ---- */
 
+/* `what`: what was compared, and where. */
+static int tell_energy(app *self, naming names, const char *what, double start, verdict *v) {
+    APP_FREE char *more = app_format(" That %s, it was not proved.", what);
+    APP_FREE char *claim = tell_claim(self, names, false, false, v->r.claim, more);
+    v->r.claim = claim;
+    v->r.converges = v->r.verified;
+    v->r.seconds = app_seconds() - start;
+    return tell(self, names, v);
+}
+
 static int prove_energy(app *self, lg_policy *policy, naming names) {
     lg_certify_energy_spec spec;
     lg_certify_energy_result r;
@@ -416,22 +426,19 @@ static int prove_energy(app *self, lg_policy *policy, naming names) {
     spec.program = lg_policy_program(policy), spec.slope = "slope";
     spec.damping = loop.damping, spec.gain = loop.gain, spec.saturated = loop.saturated;
     APP_MUST(self, lg_certify_energy(self->context, &spec, &r, &error));
-    APP_FREE char *claim = tell_claim(
-        self, names, false, false, r.claim,
-        " That the mass, the damping and the map of the input are constant was compared at several "
-        "states, it was not proved.");
-    const verdict v = {.verified = r.verified,
-                       .global = true,
-                       .converges = r.verified,
-                       .margin = r.margin,
+    verdict v = {.r = {.verified = r.verified,
                        .boxes = r.boxes,
-                       .seconds = app_seconds() - start,
-                       .claim = claim,
+                       .claim = r.claim,
                        .reason = r.reason,
-                       .low = &r.failed_low,
-                       .high = &r.failed_high,
-                       .sides = 1};
-    return tell(self, names, &v);
+                       .failed_low = &r.failed_low,
+                       .failed_high = &r.failed_high},
+                 .global = true,
+                 .margin = r.margin,
+                 .sides = 1};
+    return tell_energy(self, names,
+                       "the mass, the damping and the map of the input are constant was compared at several "
+                       "states",
+                       start, &v);
 }
 
 static int prove_rotation(app *self, lg_policy *policy, naming names) {
@@ -449,18 +456,12 @@ static int prove_rotation(app *self, lg_policy *policy, naming names) {
     memcpy(spec.gains, loop.gains, sizeof spec.gains);
     memcpy(spec.limit, loop.limit, sizeof spec.limit);
     APP_MUST(self, lg_certify_rotation(&spec, &r, &error));
-    APP_FREE char *text = tell_claim(
-        self, names, false, false, r.claim,
-        " That the inertia, the damping and the map of the inputs are constant was compared at several "
-        "rotations, it was not proved.");
-    const verdict v = {.verified = r.verified,
-                       .converges = r.verified,
-                       .level = r.level,
-                       .margin = r.angle,
-                       .seconds = app_seconds() - start,
-                       .claim = text,
-                       .reason = r.reason};
-    return tell(self, names, &v);
+    verdict v = {.r = {.verified = r.verified, .level = r.level, .claim = r.claim, .reason = r.reason},
+                 .margin = r.angle};
+    return tell_energy(self, names,
+                       "the inertia, the damping and the map of the inputs are constant was compared at "
+                       "several rotations",
+                       start, &v);
 }
 
 /* Whether a plant that is a program has this function of its state x; the goal must be 0, so that z = x. */
@@ -632,41 +633,48 @@ static lg_policy *prepare(app *self, lg_policy *given, naming names, wanted *wha
 }
 
 static lg_certify *begin_proof(const app *self, const lg_program *program, double period, const wanted *what,
-                               lg_certify_spec *proof) {
+                               lg_certify_spec *spec) {
     static const char *const functions[] = {[POLYNOMIAL] = "polynomial", [FUNCTION] = "lyapunov"};
     static const double unit[] = {[F64] = 0x1p-53, [F32] = 0x1p-24, [EXACT] = 0};
     const bool quadratic = values.lyapunov == QUADRATIC;
     lg_certify *certify = NULL;
-    lg_certify_spec spec;
-    lg_certify_spec_init(&spec);
-    spec.program = program;
-    spec.rate = values.continuous ? "rate" : "rate_by_input";
-    spec.control = values.continuous ? NULL : "input_by_state";
-    spec.period = period;
-    spec.unit = values.continuous ? 0 : unit[values.precision];
-    spec.P = quadratic ? what->P : NULL;
-    spec.lyapunov = quadratic ? NULL : functions[values.lyapunov];
-    spec.level = what->level, spec.eps = what->eps;
-    spec.most = quadratic ? 0.98 : 0; /* the proposal has the level 1: more boxes would gain little */
-    spec.low = what->low, spec.high = what->high, spec.model_error = what->error;
-    spec.threads = (int)self->threads;
-    APP_MUST(self, lg_certify_create(self->context, &spec, &certify, &error));
-    *proof = spec;
+    lg_certify_spec_init(spec);
+    spec->program = program;
+    spec->rate = values.continuous ? "rate" : "rate_by_input";
+    spec->control = values.continuous ? NULL : "input_by_state";
+    spec->period = period;
+    spec->unit = values.continuous ? 0 : unit[values.precision];
+    spec->P = quadratic ? what->P : NULL;
+    spec->lyapunov = quadratic ? NULL : functions[values.lyapunov];
+    spec->level = what->level, spec->eps = what->eps;
+    spec->most = quadratic ? 0.98 : 0; /* the proposal has the level 1: more boxes would gain little */
+    spec->low = what->low, spec->high = what->high, spec->model_error = what->error;
+    spec->threads = (int)self->threads;
+    APP_MUST(self, lg_certify_create(self->context, spec, &certify, &error));
     return certify;
 }
 
-static void write_certificate(const app *self, naming names, const lg_certify_spec *proof,
-                              const lg_certify_result *r) {
-    const char *all[STATES];
-    lg_certify_spec spec = *proof;
-    for (size_t i = 0; i < names.n; i++) all[i] = name_of(names, i);
-    if (spec.control == NULL) {
-        spec.rate = "rate_by_input";
-        spec.control = "input_by_state";
-        spec.period = 0;
+static void copy_name(char out[LG_CERTIFICATE_NAME], const char *path) {
+    (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", name_in(path));
+}
+
+static void write_certificate(const app *self, naming names, lg_certify_spec *spec,
+                              const lg_certify_result *proved) {
+    const char *own = self->arguments[0];
+    lg_certificate file;
+    if (spec->control == NULL) {
+        spec->rate = "rate_by_input";
+        spec->control = "input_by_state";
+        spec->period = 0;
     }
-    APP_FREE char *plant = is_task(self) ? control_plant_path(self, self->arguments[0]) : NULL;
-    control_write_certificate(self, values.certificate, plant, &spec, r, all, values.seconds);
+    APP_MUST(self, lg_certificate_make(self->context, spec, proved, values.seconds, &file, &error));
+    for (size_t i = 0; i < file.states; i++) copy_name(file.names[i], name_of(names, i));
+    APP_FREE char *plant = is_task(self) ? control_plant_path(self, own) : app_format("%s", own);
+    copy_name(file.plant, plant);
+    copy_name(file.controller, own);
+    APP_MUST_FILE(self, values.certificate,
+                  lg_certificate_save(self->context, values.certificate, &file, &error));
+    lg_certificate_destroy(&file);
 }
 
 bool control_has_states(const lg_policy *policy, const lg_certificate *file) {
@@ -687,36 +695,24 @@ static int prove(app *self, lg_policy *given, naming names) {
     lg_certify *certify = begin_proof(self, program, names.task->period, &what, &spec);
     const double left = values.seconds - (app_seconds() - start);
     APP_MUST(self, lg_certify_run(certify, SIZE_MAX, fmax(left, 0), &r, &error));
-    const double *P = values.lyapunov == QUADRATIC ? what.P : NULL;
+    verdict v = {.r = r,
+                 .sides = names.n,
+                 .P = values.lyapunov == QUADRATIC ? what.P : NULL,
+                 .gains = what.chosen ? what.gains : NULL};
     const bool rounded = spec.unit > 0 && isfinite(r.input_error);
     if (spec.unit > 0 && !rounded)
         app_warn(self, "the rounding of the controller has no bound, because it may decide a jump, or leave "
                        "the domain of an operation: the proof is about exact arithmetic");
     APP_FREE char *all = name_all(names);
-    APP_FREE char *gate = tell_gate(given, P, r.level);
+    APP_FREE char *gate = tell_gate(given, v.P, r.level);
     APP_FREE char *more = app_format("%s%s", all, gate);
     APP_FREE char *claim = tell_claim(self, names, what.chosen, rounded, r.claim, more);
-    APP_FREE char *reason =
-        r.finished
-            ? app_format("%s", r.reason)
-            : app_format("neither proved nor refuted in %.3g s; --seconds allows more", values.seconds);
-    const verdict v = {.verified = r.verified,
-                       .converges = r.converges,
-                       .level = r.level,
-                       .volume = r.volume,
-                       .fraction = r.fraction,
-                       .width = r.width,
-                       .input_error = rounded ? r.input_error : 0,
-                       .eps_rounded = r.eps_rounded,
-                       .boxes = r.boxes,
-                       .seconds = app_seconds() - start,
-                       .claim = claim,
-                       .reason = reason,
-                       .low = r.failed_low,
-                       .high = r.failed_high,
-                       .sides = names.n,
-                       .P = P,
-                       .gains = what.chosen ? what.gains : NULL};
+    APP_FREE char *late =
+        app_format("neither proved nor refuted in %.3g s; --seconds allows more", values.seconds);
+    v.r.claim = claim;
+    v.r.reason = r.finished ? r.reason : late;
+    v.r.input_error = rounded ? r.input_error : 0;
+    v.r.seconds = app_seconds() - start;
     if (values.certificate != NULL && r.verified) write_certificate(self, names, &spec, &r);
     const int code = tell(self, names, &v);
     lg_certify_destroy(certify);

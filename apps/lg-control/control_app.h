@@ -57,11 +57,6 @@ void control_draw_error(const app *self, lg_policy *policy, const char *plant, b
 
 /* A policy, or a task with its controller before training (certify.c). */
 lg_policy *control_read_policy(const app *self, const char *path);
-/* Writes the certificate of a proof that succeeded (verify.c); names of the states; plant: its file, or NULL
- * if it lies in the policy's file. Ends the command if there is no certificate. */
-void control_write_certificate(const app *self, const char *path, const char *plant,
-                               const lg_certify_spec *spec, const lg_certify_result *proved,
-                               const char *const *names, double seconds);
 
 /* Whether the states of the certificate have the names of the policy's states (certify.c). */
 bool control_has_states(const lg_policy *policy, const lg_certificate *file);

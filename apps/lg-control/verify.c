@@ -16,23 +16,6 @@ static const lg_field options[] = {LG_OPTION(verify_values, seconds, REAL, "s", 
 
 static verify_values values;
 
-static void copy_name(char out[LG_CERTIFICATE_NAME], const char *path) {
-    const char *slash = strrchr(path, '/');
-    (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", slash != NULL ? slash + 1 : path);
-}
-
-void control_write_certificate(const app *self, const char *path, const char *plant,
-                               const lg_certify_spec *spec, const lg_certify_result *proved,
-                               const char *const *names, double seconds) {
-    lg_certificate file;
-    APP_MUST(self, lg_certificate_make(self->context, spec, proved, seconds, &file, &error));
-    for (size_t i = 0; i < file.states; i++) copy_name(file.names[i], names[i]);
-    copy_name(file.plant, plant != NULL ? plant : self->arguments[0]);
-    copy_name(file.controller, self->arguments[0]);
-    APP_MUST_FILE(self, path, lg_certificate_save(self->context, path, &file, &error));
-    lg_certificate_destroy(&file);
-}
-
 /* ---- the loop of a task or policy now ---- */
 
 typedef struct comparison {
