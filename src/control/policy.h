@@ -185,6 +185,9 @@ lg_status lg_policy_check_shifts(const lg_policy *policy, bool tracked, uint64_t
 
 /* ---- runs (policy_runs.c) ---- */
 
+/* States (count, state) from positions and velocities. */
+lg_status lg_policy_states_at(const lg_policy *policy, const double *q, const double *v, size_t count,
+                              double *x, lg_error *error);
 /* States (count, state) from errors z (count, errors), by the retraction and the plant's `momenta`. */
 lg_status lg_policy_states(const lg_policy *policy, const double *z, size_t count, double *x,
                            lg_error *error);

@@ -129,20 +129,18 @@ static lg_status record_positions(void *user, lg_tape *tape, const lg_var *theta
     return lg_tape_status(tape);
 }
 
-static lg_status record_velocities(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                   lg_var *out) {
-    const lg_var plant = lg_policy_plant_part(tape, user, in[0]);
-    (void)theta;
-    out[0] = lg_program_call(tape, "plant_velocities", 0, &plant);
-    return lg_tape_status(tape);
-}
-
-static lg_status record_value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const lg_var plant = lg_policy_plant_part(tape, user, in[0]);
-    (void)theta;
-    out[0] = lg_program_call(tape, "plant_value", 0, &plant);
-    return lg_tape_status(tape);
-}
+/* The same function of the plant's part */
+#define OF_PLANT(function, name)                                                                             \
+    static lg_status function(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,              \
+                              lg_var *out) {                                                                 \
+        const lg_var plant = lg_policy_plant_part(tape, user, in[0]);                                        \
+        (void)theta;                                                                                         \
+        out[0] = lg_program_call(tape, name, 0, &plant);                                                     \
+        return lg_tape_status(tape);                                                                         \
+    }
+OF_PLANT(record_velocities, "plant_velocities")
+OF_PLANT(record_value, "plant_value")
+#undef OF_PLANT
 
 /* Past inputs that the controller does not see begin as the inputs that hold the goal. */
 static lg_status record_momenta(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,

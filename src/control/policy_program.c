@@ -295,24 +295,6 @@ static lg_status close_loop(lg_tape *tape, const lg_policy *p, lg_var x, lg_poli
     return lg_tape_status(tape);
 }
 
-static lg_status record_regulated(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                  lg_var *out) {
-    const lg_policy *p = user;
-    const lg_policy_seen seen = seen_of(p, tape, in[0]);
-    (void)theta;
-    return close_loop(tape, p, in[0], seen,
-                      feedback(tape, p, lg_policy_record_errors(tape, &p->task, seen), in[1]), out);
-}
-
-static lg_status record_closed(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                               lg_var *out) {
-    const lg_policy *p = user;
-    const lg_policy_seen seen = seen_of(p, tape, in[0]);
-    (void)theta;
-    return close_loop(tape, p, in[0], seen, call_policy(tape, p, seen, p->parameters > 0 ? in[1] : LG_NONE),
-                      out);
-}
-
 static lg_status record_planned(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                 lg_var *out) {
     const lg_policy *p = user;
@@ -376,24 +358,28 @@ static lg_policy_seen sense(lg_tape *tape, const lg_policy *p, lg_var s, lg_var 
     return lg_policy_record_noise(tape, &p->task, seen_of(p, tape, plant_state(tape, p, s)), noise);
 }
 
-static lg_status record_disturbed(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                  lg_var *out) {
-    const lg_policy *p = user;
-    const bool own = p->parameters > 0;
-    const lg_policy_seen seen = sense(tape, p, in[0], in[own ? 2 : 1]);
-    (void)theta;
-    return close_late_loop(tape, p, in[0], call_policy(tape, p, seen, own ? in[1] : LG_NONE), in[own ? 3 : 2],
-                           out);
+/* A period of runs of the policy or of the saturated regulator of the gain in[1]. Inputs: the state, the
+ * weights if there are any, or the gain, and of disturbed runs noise and late. */
+static lg_status run_period(lg_tape *tape, const lg_policy *p, bool disturbed, bool regulated,
+                            const lg_var *in, lg_var *out) {
+    const size_t own = regulated || p->parameters > 0 ? 1 : 0;
+    const lg_policy_seen seen = disturbed ? sense(tape, p, in[0], in[1 + own]) : seen_of(p, tape, in[0]);
+    const lg_var u = regulated ? feedback(tape, p, lg_policy_record_errors(tape, &p->task, seen), in[1])
+                               : call_policy(tape, p, seen, own > 0 ? in[1] : LG_NONE);
+    return disturbed ? close_late_loop(tape, p, in[0], u, in[2 + own], out)
+                     : close_loop(tape, p, in[0], seen, u, out);
 }
-
-static lg_status record_disturbed_regulator(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                            lg_var *out) {
-    const lg_policy *p = user;
-    const lg_policy_seen seen = sense(tape, p, in[0], in[2]);
-    (void)theta;
-    return close_late_loop(
-        tape, p, in[0], feedback(tape, p, lg_policy_record_errors(tape, &p->task, seen), in[1]), in[3], out);
-}
+#define RUN(function, disturbed, regulated)                                                                  \
+    static lg_status function(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,              \
+                              lg_var *out) {                                                                 \
+        (void)theta;                                                                                         \
+        return run_period(tape, user, disturbed, regulated, in, out);                                        \
+    }
+RUN(record_closed, false, false)
+RUN(record_regulated, false, true)
+RUN(record_disturbed, true, false)
+RUN(record_disturbed_regulator, true, true)
+#undef RUN
 
 static lg_status record_disturbed_end(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                       lg_var *out) {

@@ -21,34 +21,23 @@ static bool is_free(const lg_policy *p, uint32_t coordinate) {
     return lg_policy_row_of(&p->task.coordinate[coordinate])->errors == 0;
 }
 
-/* How many coordinates from `first` on are all free, or are all not free. */
-static uint32_t run_of(const lg_policy *p, uint32_t first) {
-    uint32_t end = first + 1;
-    while (end < p->task.coordinate_count && is_free(p, end) == is_free(p, first)) end++;
-    return end - first;
-}
-
 /* A number for each coordinate (B, coordinates) from the numbers of z; 0 for a free coordinate. */
 static lg_var spread(const lg_policy *p, lg_tape *tape, lg_var z) {
     lg_var parts[LG_POLICY_COORDINATES];
-    uint32_t n = 0;
-    for (uint32_t i = 0, count; i < p->task.coordinate_count; i += count) {
-        count = run_of(p, i);
-        parts[n++] = is_free(p, i) ? lg_policy_filled(tape, z, count, 0.0)
-                                   : lg_slice(tape, z, 1, p->layout.at[i].error, count);
-    }
-    return lg_joined(tape, parts, n);
+    if (p->layout.at[0].rate == p->layout.positions) return lg_columns(tape, z, 0, p->layout.positions);
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++)
+        parts[i] =
+            is_free(p, i) ? lg_policy_filled(tape, z, 1, 0.0) : lg_columns(tape, z, p->layout.at[i].error, 1);
+    return lg_joined(tape, parts, p->task.coordinate_count);
 }
 
 /* The numbers of coordinates that are not free, from numbers of all coordinates. LG_NONE: all are free. */
 static lg_var gathered(const lg_policy *p, lg_tape *tape, lg_var all) {
     lg_var parts[LG_POLICY_COORDINATES];
     uint32_t n = 0;
-    for (uint32_t i = 0, count; i < p->task.coordinate_count; i += count) {
-        count = run_of(p, i);
-        if (!is_free(p, i))
-            parts[n++] = count == p->layout.positions ? all : lg_slice(tape, all, 1, i, count);
-    }
+    if (p->layout.at[0].rate == p->layout.positions) return all;
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++)
+        if (!is_free(p, i)) parts[n++] = lg_columns(tape, all, i, 1);
     return n == 0 ? LG_NONE : lg_joined(tape, parts, n);
 }
 

@@ -12,6 +12,15 @@ size_t lg_policy_periods(const lg_policy *policy, double seconds) {
     return n > 1.0 ? (size_t)n : 1;
 }
 
+lg_status lg_policy_states_at(const lg_policy *p, const double *q, const double *v, size_t count, double *x,
+                              lg_error *error) {
+    if (p->layout.velocities > 0)
+        return lg_program_eval(p->context, p->program, "momenta", count, (const double *const[]){q, v},
+                               (double *const[]){x}, error);
+    memcpy(x, q, count * p->layout.positions * sizeof *x);
+    return LG_OK;
+}
+
 lg_status lg_policy_states(const lg_policy *p, const double *z, size_t count, double *x, lg_error *error) {
     const size_t nq = p->layout.positions, nv = p->layout.velocities;
     double *q = lg_alloc(p->context, count * (nq + nv), sizeof *q);
@@ -19,12 +28,7 @@ lg_status lg_policy_states(const lg_policy *p, const double *z, size_t count, do
     double *v = q + count * nq;
     for (size_t i = 0; i < count; i++)
         lg_policy_retract(&p->task, &p->layout, z + i * p->layout.errors, q + i * nq, v + i * nv);
-    lg_status status = LG_OK;
-    if (nv == 0)
-        memcpy(x, q, count * nq * sizeof *x);
-    else
-        status = lg_program_eval(p->context, p->program, "momenta", count, (const double *const[]){q, v},
-                                 (double *const[]){x}, error);
+    const lg_status status = lg_policy_states_at(p, q, v, count, x, error);
     lg_free(p->context, q);
     return status;
 }

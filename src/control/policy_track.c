@@ -49,12 +49,7 @@ static lg_status move(const lg_policy *p, const double *seen, const double *u, u
         memcpy(v + i * nv, seen + i * (nq + nv) + nq, nv * sizeof *v);
         q[i * nq + at] += shift;
     }
-    lg_status status = LG_OK;
-    if (nv == 0)
-        memcpy(x, q, TRIALS * nq * sizeof *x);
-    else
-        status = lg_program_eval(p->context, p->program, "momenta", TRIALS, (const double *const[]){q, v},
-                                 (double *const[]){x}, error);
+    lg_status status = lg_policy_states_at(p, q, v, TRIALS, x, error);
     if (status == LG_OK) status = see(p, x, q, v, out->before, error);
     if (status == LG_OK)
         status = lg_program_eval(p->context, p->program, "period", TRIALS, (const double *const[]){x, u},
