@@ -12,7 +12,7 @@
 #include "machine/files/log_table.h"
 #include "liegrad/geometry.h"
 
-enum { SHORT_SPAN = 32, FEWEST = 8, MANY_SPANS = 12, MOST_COMPARED = 100000, MOST_SORTED = 50000 };
+enum { SHORT_SPAN = 32, FEWEST = 8, MANY_SPANS = 12, MOST_COMPARED = 100000 };
 #define SLOPE_LOW   0.8
 #define SLOPE_HIGH  1.25
 #define FITS        0.9  /* correlation of columns that belong together */
@@ -55,7 +55,7 @@ static const way rotation_ways[] = {
 typedef struct check check;
 struct check {
     lg_log_table *table;
-    double *sorted;    /* (MOST_SORTED + 1) work space */
+    double *sorted;    /* (LG_LOG_SAMPLES) work space */
     uint32_t file;     /* file of the first part */
     size_t begin, end; /* parts begin .. end - 1 are compared */
     /* The first column and the number of columns; messages name them, and their noise is looked up. */
@@ -238,14 +238,10 @@ static bool slope_is_right(const fit *f) {
  * quarter of its values between the smallest and the largest repeat others. A sensor at the end of its range
  * repeats only the smallest and the largest value. */
 static double step_of(const check *c, uint32_t column) {
-    const size_t first = c->table->first[c->begin], end = c->table->first[c->end];
-    size_t count = 0, inner = 0, different = 0;
+    const size_t count =
+        lg_log_sample(c->table, column, c->table->first[c->begin], c->table->first[c->end], c->sorted);
+    size_t inner = 0, different = 0;
     double least = INFINITY;
-    for (size_t row = first; row < end; row += (end - first) / MOST_SORTED + 1) {
-        const double x = lg_log_row(c->table, row)[column];
-        if (isfinite(x)) c->sorted[count++] = x;
-    }
-    qsort(c->sorted, count, sizeof *c->sorted, lg_compare_doubles);
     for (size_t i = 1; i < count; i++) {
         const double x = c->sorted[i], gap = x - c->sorted[i - 1];
         const bool between = x > c->sorted[0] && x < c->sorted[count - 1];
@@ -587,7 +583,7 @@ static lg_status check_files(check where, lg_error *error) {
 
 lg_status lg_log_check(lg_log_table *table, lg_error *error) {
     if (table->machine->measured != LG_MEASURED_VELOCITIES) return LG_OK;
-    double *sorted = lg_alloc(table->context, MOST_SORTED + 1, sizeof *sorted);
+    double *sorted = lg_alloc(table->context, LG_LOG_SAMPLES, sizeof *sorted);
     if (sorted == NULL) return lg_log_no_memory(table->paths[0], error);
     const lg_status status = check_files((check){.table = table, .sorted = sorted}, error);
     lg_free(table->context, sorted);

@@ -1,13 +1,38 @@
-/* The noise of columns, and splines through inputs. */
+/* Ranges, samples and noise of columns, and splines through inputs. */
 #include <math.h>
 #include <stdlib.h>
 
 #include "core/median.h"
 #include "machine/files/log_table.h"
 
+size_t lg_log_file_end(const lg_log_table *table, size_t first) {
+    size_t end = first + 1;
+    while (end < table->rows && table->origin[end].file == table->origin[first].file) end++;
+    return end;
+}
+
+void lg_log_range(const lg_log_table *table, uint32_t column) {
+    lg_log_statistics *s = &table->out->columns[column];
+    s->low = INFINITY, s->high = -INFINITY;
+    for (size_t row = 0; row < table->rows; row++) {
+        s->low = fmin(s->low, lg_log_row(table, row)[column]);
+        s->high = fmax(s->high, lg_log_row(table, row)[column]);
+    }
+}
+
+size_t lg_log_sample(const lg_log_table *table, uint32_t column, size_t first, size_t end, double *work) {
+    size_t count = 0;
+    for (size_t row = first; row < end; row += (end - first) / LG_LOG_SAMPLES + 1) {
+        const double x = lg_log_row(table, row)[column];
+        if (isfinite(x)) work[count++] = x;
+    }
+    qsort(work, count, sizeof *work, lg_compare_doubles);
+    return count;
+}
+
 /* ---- noise ---- */
 
-enum { FIRST_ORDER = 3, LAST_ORDER = 6, MOST_WINDOWS = 50000, FEWEST_WINDOWS = 8 };
+enum { FIRST_ORDER = 3, LAST_ORDER = 6, FEWEST_WINDOWS = 8 };
 #define NORMAL_MEDIAN 0.6744897501960817 /* median of |x| for standard normal x */
 #define WHITE         0.8                /* residuals of white noise stay as large when the order rises */
 
@@ -27,16 +52,16 @@ static double residual(const lg_log_table *table, uint32_t column, size_t row, i
     return sum / sqrt(squares);
 }
 
-/* Robust standard deviation of the residuals of order k; NaN: too few rows. `work` has MOST_WINDOWS
+/* Robust standard deviation of the residuals of order k; NaN: too few rows. `work` has LG_LOG_SAMPLES
  * numbers. */
 static double deviation(const lg_log_table *table, uint32_t column, int k, double *work) {
-    const size_t stride = table->rows / MOST_WINDOWS + 1;
+    const size_t stride = table->rows / LG_LOG_SAMPLES + 1;
     size_t count = 0;
     double squares = 0;
     for (size_t part = 0; part < table->parts; part++) {
         for (size_t row = table->first[part]; row + (size_t)k < table->first[part + 1]; row += stride) {
             const double r = residual(table, column, row, k);
-            if (!isfinite(r) || count == MOST_WINDOWS) continue;
+            if (!isfinite(r) || count == LG_LOG_SAMPLES) continue;
             squares += r * r;
             work[count++] = fabs(r);
         }
@@ -51,15 +76,10 @@ static double deviation(const lg_log_table *table, uint32_t column, int k, doubl
 /* The rounding step of a column whose values are multiples of a step, if at least half of them repeat others;
  * else 0. A steady motion also has equal steps, but each value only once. */
 static double step_of(const lg_log_table *table, uint32_t column, double *work) {
-    const size_t stride = table->rows / MOST_WINDOWS + 1;
-    size_t count = 0, different = 0;
+    size_t different = 0;
     double least = INFINITY;
-    for (size_t row = 0; row < table->rows; row += stride) { /* at most MOST_WINDOWS times */
-        const double x = lg_log_row(table, row)[column];
-        if (isfinite(x)) work[count++] = x;
-    }
     if (table->machine->columns[column].role == LG_LOG_INPUT) return 0;
-    qsort(work, count, sizeof *work, lg_compare_doubles);
+    const size_t count = lg_log_sample(table, column, 0, table->rows, work);
     for (size_t i = 1; i < count; i++) {
         const double gap = work[i] - work[i - 1];
         if (!(gap > 0)) continue;
@@ -75,7 +95,7 @@ static double step_of(const lg_log_table *table, uint32_t column, double *work) 
 }
 
 lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise, bool *at_most) {
-    double *work = lg_alloc(table->context, MOST_WINDOWS, sizeof *work);
+    double *work = lg_alloc(table->context, LG_LOG_SAMPLES, sizeof *work);
     if (work == NULL) return LG_OUT_OF_MEMORY;
     *noise = deviation(table, column, FIRST_ORDER, work);
     *at_most = false;

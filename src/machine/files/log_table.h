@@ -1,12 +1,14 @@
-/* The table through which logs are read into lg_logs. log_csv.c and log_h5.c fill it with the columns of the
- * machine's file, logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_spikes.c leaves out
- * outliers, log_jumps.c warns of values far from all others, log_check.c compares positions with velocities,
- * log_statistics.c has noise and splines. */
+/* The table through which logs are read into lg_logs. log_csv.c and log_h5.c fill it with the columns of
+ * the machine's file, logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_outliers.c
+ * leaves out or warns of values far from all others, log_check.c compares positions with velocities,
+ * log_statistics.c has ranges, noise and splines. */
 #ifndef LG_LOG_TABLE_H
 #define LG_LOG_TABLE_H
 
 #include "files/csv.h"
 #include "liegrad/machine.h"
+
+enum { LG_LOG_SAMPLES = 50000 };
 
 typedef struct lg_log_origin {
     size_t line; /* line of a CSV file, or row of an HDF5 file, from 1 */
@@ -59,10 +61,11 @@ lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error);
 lg_status lg_log_read_csv(lg_log_table *table, uint32_t file, lg_error *error);
 lg_status lg_log_read_h5(lg_log_table *table, uint32_t file, lg_error *error);
 
-/* For each file and column, refuses values so large that the other values are lost in rounding. */
-lg_status lg_log_refuse_huge(lg_log_table *table, lg_error *error);
-/* For each file and column, warns of values that jump far from all others and come back within two rows. */
-lg_status lg_log_warn_of_jumps(lg_log_table *table, lg_error *error);
+/* For each file and column, refuses values so large that the other values are lost in rounding, and warns of
+ * values that jump far from all others and come back within two rows. */
+lg_status lg_log_compare_with_range(lg_log_table *table, lg_error *error);
+/* The first row of the next file. */
+size_t lg_log_file_end(const lg_log_table *table, size_t first);
 
 /* ---- after the table is cut into parts ---- */
 
@@ -72,7 +75,7 @@ lg_status lg_log_warn_of_jumps(lg_log_table *table, lg_error *error);
 lg_status lg_log_clean(lg_log_table *table, lg_error *error);
 /* Leaves out outliers of positions of lines and angles and of velocities, with a warning for each column.
  * Returns LG_OK or LG_OUT_OF_MEMORY. */
-lg_status lg_log_leave_out_spikes(lg_log_table *table);
+lg_status lg_log_leave_out_outliers(lg_log_table *table);
 /* Replaces what is not measured of the rows of `out` by integrals: positions with `measured:
  * velocities-only`; with `measured: accelerations`, where v holds these, it moves them to a and fills q and v
  * (speeds.c). */
@@ -85,6 +88,11 @@ double lg_log_tidy(double scale);
 /* R (row-major) from 4 numbers (w, x, y, z) or 9 numbers. */
 void lg_log_rotation(const double *numbers, uint32_t count, double R[9]);
 
+/* Measures the smallest and the largest value of a column. */
+void lg_log_range(const lg_log_table *table, uint32_t column);
+/* Sorts values of rows first .. end - 1 of a column, at even distances, into `work` (LG_LOG_SAMPLES
+ * numbers), and returns how many there are. */
+size_t lg_log_sample(const lg_log_table *table, uint32_t column, size_t first, size_t end, double *work);
 /* Standard deviation of the noise of a column; NaN: too few rows. at_most: the noise may be smaller. */
 lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise, bool *at_most);
 /* Cubic spline, not-a-knot, through n >= 4 points. Coefficient k = 0..3 of interval i, in powers of s in [0,

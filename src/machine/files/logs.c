@@ -40,11 +40,6 @@ static const char *first_path(const reading *r) {
 
 /* ---- steps ---- */
 
-static double median(double *x, size_t n) {
-    qsort(x, n, sizeof *x, lg_compare_doubles);
-    return x[n / 2];
-}
-
 /* Appends the time steps of one file, from row *row on; *row becomes the first row of the next file. */
 static lg_status steps_of_file(reading *r, size_t *row, double *steps, size_t *count) {
     const lg_log_table *t = &r->table;
@@ -74,13 +69,13 @@ static lg_status find_steps(reading *r, double *steps) {
         const uint32_t file = r->table.origin[row].file;
         size_t count = 0;
         LG_TRY(steps_of_file(r, &row, steps + total, &count));
-        const double middle = count > 0 ? median(steps + total, count) : NAN;
+        const double middle = lg_median(steps + total, count);
         if (middle < least) least = middle, fast = file;
         if (middle > most) most = middle, slow = file;
         total += count;
     }
     if (total == 0) return lg_fail(r->error, LG_FORMAT, "%s: no run has two rows or more", first_path(r));
-    out->dt_median = median(steps, total);
+    out->dt_median = lg_median(steps, total);
     out->dt_max = steps[total - 1];
     out->max_step =
         r->table.machine->max_step > 0 ? r->table.machine->max_step : DEFAULT_STEP * out->dt_median;
@@ -109,14 +104,10 @@ static bool is_value(const lg_log_column *column) {
 }
 
 static void measure_column(const lg_log_table *t, uint32_t column) {
-    lg_log_statistics s = {.low = INFINITY, .high = -INFINITY, .noise = NAN};
-    for (size_t row = 0; row < t->rows; row++) {
-        const double x = lg_log_row(t, row)[column];
-        s.missing += isnan(x);
-        if (x < s.low) s.low = x;
-        if (x > s.high) s.high = x;
-    }
-    t->out->columns[column] = s;
+    lg_log_statistics *s = &t->out->columns[column];
+    *s = (lg_log_statistics){.noise = NAN};
+    for (size_t row = 0; row < t->rows; row++) s->missing += isnan(lg_log_row(t, row)[column]);
+    lg_log_range(t, column);
 }
 
 /* Whether a row has all positions and all measured velocities. */
@@ -151,10 +142,8 @@ static lg_status measure_columns(reading *r) {
     const lg_log_table *t = &r->table;
     for (uint32_t i = 0; i < t->columns; i++)
         if (is_value(&t->machine->columns[i])) measure_column(t, i);
-    for (size_t first = 0, end = 1; first < t->rows; first = end++) {
-        while (end < t->rows && t->origin[end].file == t->origin[first].file) end++;
-        LG_TRY(check_file(r, first, end));
-    }
+    for (size_t first = 0; first < t->rows; first = lg_log_file_end(t, first))
+        LG_TRY(check_file(r, first, lg_log_file_end(t, first)));
     return LG_OK;
 }
 
@@ -415,11 +404,10 @@ static lg_status read_logs(reading *r) {
     LG_TRY(measure_steps(r));
     LG_TRY(measure_columns(r));
     LG_TRY(warned(r, warn_of_columns(r)));
-    LG_TRY(lg_log_refuse_huge(t, r->error));
+    LG_TRY(lg_log_compare_with_range(t, r->error));
     LG_TRY(cut(r));
     LG_TRY(lg_log_clean(t, r->error));
-    LG_TRY(warned(r, lg_log_leave_out_spikes(t)));
-    LG_TRY(lg_log_warn_of_jumps(t, r->error));
+    LG_TRY(warned(r, lg_log_leave_out_outliers(t)));
     LG_TRY(find_noise(r));
     if (r->options->consistency) LG_TRY(lg_log_check(t, r->error));
     return fill(r);
