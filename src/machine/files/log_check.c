@@ -234,23 +234,6 @@ static bool slope_is_right(const fit *f) {
     return f->slope > SLOPE_LOW && f->slope < SLOPE_HIGH;
 }
 
-/* The smallest step of a column with coarsely rounded numbers; else 0. A column is coarse if at least a
- * quarter of its values between the smallest and the largest repeat others. A sensor at the end of its range
- * repeats only the smallest and the largest value. */
-static double step_of(const check *c, uint32_t column) {
-    const size_t count =
-        lg_log_sample(c->table, column, c->table->first[c->begin], c->table->first[c->end], c->sorted);
-    size_t inner = 0, different = 0;
-    double least = INFINITY;
-    for (size_t i = 1; i < count; i++) {
-        const double x = c->sorted[i], gap = x - c->sorted[i - 1];
-        const bool between = x > c->sorted[0] && x < c->sorted[count - 1];
-        inner += between;
-        if (gap > 0) least = fmin(least, gap), different += between;
-    }
-    return least < INFINITY && 4 * different <= 3 * inner ? least : 0;
-}
-
 static double noise_of(const check *c, uint32_t first, uint32_t count) {
     double most = 0;
     for (uint32_t i = first; i < first + count; i++) {
@@ -258,7 +241,9 @@ static double noise_of(const check *c, uint32_t first, uint32_t count) {
         /* For smooth columns the estimate is only an upper bound; their noise is far smaller. */
         const double noise = s->noise_at_most ? s->noise / 10 : s->noise;
         const double rounding = DBL_EPSILON * fmax(fabs(s->low), fabs(s->high));
-        most = fmax(most, fmax(fmax(noise, rounding), step_of(c, i) / sqrt(12)));
+        const double step =
+            lg_log_step(c->table, i, c->table->first[c->begin], c->table->first[c->end], c->sorted);
+        most = fmax(most, fmax(fmax(noise, rounding), step / sqrt(12)));
     }
     return most;
 }
@@ -332,18 +317,17 @@ static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_er
 
 /* ---- failing sensors ---- */
 
-/* The median change, in absolute value, of the watched column from row to row; 0 if every second row lacks
+/* The median change, in absolute value, of the watched column from row to row; NaN if every second row lacks
  * the column. */
-static double usual_change(const check *c, double *sizes) {
+static double usual_change(const check *c) {
+    const size_t first = c->table->first[c->begin], end = c->table->first[c->end];
     size_t count = 0;
-    for (size_t part = c->begin; part < c->end; part++)
-        for (size_t row = c->table->first[part]; row + 1 < c->table->first[part + 1]; row++) {
-            const double *here = lg_log_row(c->table, row) + c->watched;
-            const double size = fabs(here[c->table->columns] - *here);
-            if (isfinite(size)) sizes[count++] = size;
-        }
-    qsort(sizes, count, sizeof *sizes, lg_compare_doubles);
-    return count > 0 ? sizes[count / 2] : 0;
+    for (size_t row = first; row + 1 < end; row += (end - first) / LG_LOG_SAMPLES + 1) {
+        const double *here = lg_log_row(c->table, row) + c->watched;
+        const double size = fabs(here[c->table->columns] - *here);
+        if (isfinite(size)) c->sorted[count++] = size;
+    }
+    return lg_median(c->sorted, count);
 }
 
 /* Counts the jumps of the watched column; `first` gets the row after the first jump. */
@@ -361,11 +345,8 @@ static lg_status refuse_outliers(const check *c, const way *w, uint32_t column, 
     static const double far = 20;
     check without = *c;
     size_t row = 0;
-    double *sizes = lg_alloc(c->table->context, c->table->rows, sizeof *sizes);
-    if (sizes == NULL) return lg_log_no_memory(c->table->paths[c->file], error);
     without.watched = column;
-    without.jump = far * usual_change(&without, sizes);
-    lg_free(c->table->context, sizes);
+    without.jump = far * usual_change(&without);
     const size_t count = count_jumps(&without, &row);
     const fit f = compare(&without, w, 1);
     if (count == 0 || f.correlation < FITS || !slope_is_right(&f)) return LG_OK;
@@ -395,7 +376,7 @@ static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, s
     for (size_t row = first; row < end; row++) count += is_clipped(&without, row);
     if (count < MANY || count * PART < rows) return LG_OK;
     const fit rest = compare(&without, w, span);
-    if (step_of(c, column) > 0 &&
+    if (lg_log_step(table, column, first, end, c->sorted) > 0 &&
         (rest.n < FEWEST || !(1 - rest.correlation < better * (1 - f->correlation))))
         return LG_OK;
     return lg_fail(error, LG_FORMAT,
@@ -521,33 +502,16 @@ static lg_status check_coordinate(const check *where, uint32_t index, lg_error *
     lg_log_table *table = where->table;
     const lg_log_coordinate *w = &table->machine->coordinates[index];
     const lg_coordinate_kind kind = table->machine->machine.coordinates[index].kind;
-    check place = {.table = table,
-                   .sorted = where->sorted,
-                   .file = where->file,
-                   .begin = where->begin,
-                   .end = where->end,
-                   .position = w->place,
-                   .positions = w->places,
-                   .velocity = w->velocity,
-                   .velocities = w->places,
-                   .attitude = w->attitude,
-                   .attitudes = w->attitudes,
-                   .count = (int)w->places,
-                   .change = scalar_change,
-                   .velocity_of = scalar_velocity};
-    check attitude = {.table = table,
-                      .sorted = where->sorted,
-                      .file = where->file,
-                      .begin = where->begin,
-                      .end = where->end,
-                      .position = w->attitude,
-                      .positions = w->attitudes,
-                      .velocity = w->velocity + (w->velocities - 3),
-                      .velocities = 3,
-                      .count = 3,
-                      .turns = true,
-                      .change = rotation_change,
-                      .velocity_of = rotation_velocity};
+    check place = *where, attitude = *where;
+    place.position = w->place, place.positions = w->places;
+    place.velocity = w->velocity, place.velocities = w->places;
+    place.attitude = w->attitude, place.attitudes = w->attitudes;
+    place.count = (int)w->places;
+    place.change = scalar_change, place.velocity_of = scalar_velocity;
+    attitude.position = w->attitude, attitude.positions = w->attitudes;
+    attitude.velocity = w->velocity + (w->velocities - 3), attitude.velocities = 3;
+    attitude.count = 3, attitude.turns = true;
+    attitude.change = rotation_change, attitude.velocity_of = rotation_velocity;
     if (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE)
         return judge(&place, plain_ways, LG_COUNT(plain_ways), error);
     if (kind == LG_COORDINATE_DIRECTION) {

@@ -32,7 +32,7 @@ size_t lg_log_sample(const lg_log_table *table, uint32_t column, size_t first, s
 
 /* ---- noise ---- */
 
-enum { FIRST_ORDER = 3, LAST_ORDER = 6, FEWEST_WINDOWS = 8 };
+enum { FIRST_ORDER = 3, LAST_ORDER = 6, FEWEST_WINDOWS = 8, FEWEST_STEPS = 8 };
 #define NORMAL_MEDIAN 0.6744897501960817 /* median of |x| for standard normal x */
 #define WHITE         0.8                /* residuals of white noise stay as large when the order rises */
 
@@ -73,20 +73,17 @@ static double deviation(const lg_log_table *table, uint32_t column, int k, doubl
     return median > 0 ? median : sqrt(squares / (double)count);
 }
 
-/* The rounding step of a column whose values are multiples of a step, if at least half of them repeat others;
- * else 0. A steady motion also has equal steps, but each value only once. */
-static double step_of(const lg_log_table *table, uint32_t column, double *work) {
+double lg_log_step(const lg_log_table *table, uint32_t column, size_t first, size_t end, double *work) {
     size_t different = 0;
     double least = INFINITY;
-    if (table->machine->columns[column].role == LG_LOG_INPUT) return 0;
-    const size_t count = lg_log_sample(table, column, 0, table->rows, work);
+    const size_t count = lg_log_sample(table, column, first, end, work);
     for (size_t i = 1; i < count; i++) {
         const double gap = work[i] - work[i - 1];
         if (!(gap > 0)) continue;
         least = fmin(least, gap);
         different++;
     }
-    if (different < FEWEST_WINDOWS || 2 * different > count) return 0;
+    if (different == 0 || 2 * different > count) return 0;
     for (size_t i = 1; i < count; i++) {
         const double steps = (work[i] - work[i - 1]) / least;
         if (fabs(steps - round(steps)) > 1e-3) return 0;
@@ -107,7 +104,10 @@ lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise
     }
     /* Rounding to steps makes an error of step/sqrt(12). In a slow column the error is the same in many rows,
      * and differences do not show it. */
-    const double rounding = step_of(table, column, work) / sqrt(12);
+    const lg_log_statistics *of = &table->out->columns[column];
+    const bool input = table->machine->columns[column].role == LG_LOG_INPUT;
+    const double step = input ? 0 : lg_log_step(table, column, 0, table->rows, work),
+                 rounding = of->high - of->low > (FEWEST_STEPS - 0.5) * step ? step / sqrt(12) : 0;
     if (rounding > *noise) *noise = rounding, *at_most = false;
     lg_free(table->context, work);
     return LG_OK;
