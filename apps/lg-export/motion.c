@@ -1,7 +1,6 @@
 /* Faces of models that move: field and step, the state from positions and velocities of a log, and the
  * linearisation. They use functions of the model's program; code/hamiltonian and code/machine hold the code
  * around these functions. */
-#include <math.h>
 #include <stdlib.h>
 
 #include "lg-export/faces.h"

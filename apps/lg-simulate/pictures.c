@@ -1,7 +1,6 @@
 /* Plots of a run: components, drift of the invariants, distance from the manifold, step sizes; and in
  * space the links of a chain, the axis of a top, the angular momentum or the attitude of a body,
  * quadrotors. */
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

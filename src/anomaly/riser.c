@@ -1,5 +1,4 @@
 /* Riser scene: parameters, matrices, periods, the standard runs. */
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -251,85 +250,6 @@ lg_status lg_riser_parameters_check(const lg_riser_parameters *p, lg_error *erro
             error, LG_INVALID_ARGUMENT,
             "riser: with these parameters the structure does not stand (its stiffness is negative)");
     return lg_fail(error, LG_OK, "%s", "");
-}
-
-/* ---- periods ---- */
-
-/* a := L^-1 a L^-T. a is symmetric before and after. */
-static void reduce(const double *l, double *a) {
-    enum { N = LG_RISER_DOF };
-    for (int pass = 0; pass < 2; pass++) {
-        for (size_t c = 0; c < N; c++)
-            for (size_t i = 0; i < N; i++) {
-                for (size_t k = 0; k < i; k++) a[i * N + c] -= l[i * N + k] * a[k * N + c];
-                a[i * N + c] /= l[i * N + i];
-            }
-        for (size_t i = 0; i < N; i++)
-            for (size_t j = 0; j < i; j++) {
-                const double kept = a[i * N + j];
-                a[i * N + j] = a[j * N + i];
-                a[j * N + i] = kept;
-            }
-    }
-}
-
-/* One Jacobi rotation, which makes a[p, q] zero (Golub & Van Loan, Matrix Computations, 8.5). */
-static void rotate(double *a, size_t p, size_t q) {
-    enum { N = LG_RISER_DOF };
-    const double apq = a[p * N + q];
-    if (apq == 0.0) return;
-    const double tau = (a[q * N + q] - a[p * N + p]) / (2.0 * apq);
-    const double t = (tau >= 0.0 ? 1.0 : -1.0) / (fabs(tau) + sqrt(1.0 + tau * tau));
-    const double c = 1.0 / sqrt(1.0 + t * t), s = t * c;
-    for (size_t i = 0; i < N; i++) {
-        const double x = a[i * N + p], y = a[i * N + q];
-        a[i * N + p] = c * x - s * y;
-        a[i * N + q] = s * x + c * y;
-    }
-    for (size_t i = 0; i < N; i++) {
-        const double x = a[p * N + i], y = a[q * N + i];
-        a[p * N + i] = c * x - s * y;
-        a[q * N + i] = s * x + c * y;
-    }
-    a[p * N + q] = a[q * N + p] = 0.0;
-}
-
-/* Jacobi's method: the diagonal of a becomes the eigenvalues. Returns false if 50 sweeps do not suffice. */
-static bool diagonalise(double *a) {
-    enum { N = LG_RISER_DOF, SWEEPS = 50 };
-    for (int sweep = 0; sweep < SWEEPS; sweep++) {
-        double off = 0.0, on = 0.0;
-        for (size_t i = 0; i < N; i++)
-            for (size_t j = 0; j < N; j++) *(i == j ? &on : &off) += a[i * N + j] * a[i * N + j];
-        if (off <= on * DBL_EPSILON * DBL_EPSILON) return true;
-        for (size_t p = 0; p < N; p++)
-            for (size_t q = p + 1; q < N; q++) rotate(a, p, q);
-    }
-    return false;
-}
-
-lg_status lg_riser_periods(const lg_riser_parameters *p, bool locked, double periods[LG_RISER_DOF]) {
-    enum { N = LG_RISER_DOF };
-    lg_riser_matrices m;
-    lg_wellhead w;
-    if (!periods) return LG_INVALID_ARGUMENT;
-    LG_TRY(lg_riser_parameters_check(p, NULL));
-    lg_riser_matrices_make(p, &m);
-    lg_wellhead_make(p, &w);
-    add_springs(p, locked ? w.outer : w.inner, m.stiffness);
-    if (!factor(m.mass)) return LG_INVALID_ARGUMENT;
-    reduce(m.mass, m.stiffness);
-    if (!diagonalise(m.stiffness)) return LG_NO_CONVERGENCE;
-    double sorted[N];
-    for (size_t i = 0; i < N; i++) {
-        const double value = m.stiffness[i * N + i];
-        if (!(value > 0.0)) return LG_INVALID_ARGUMENT;
-        size_t at = i;
-        for (; at > 0 && sorted[at - 1] > value; at--) sorted[at] = sorted[at - 1];
-        sorted[at] = value;
-    }
-    for (size_t i = 0; i < N; i++) periods[i] = 2.0 * PI / sqrt(sorted[i]);
-    return LG_OK;
 }
 
 /* ---- the standard runs ---- */

@@ -33,8 +33,7 @@ void lg_riser_matrices_make(const lg_riser_parameters *p, lg_riser_matrices *out
 /* ---- foundation: force laws of the radial deflection ---- */
 
 /* Law of the wellhead: moment against rotation. The functions below take the deflection r >= 0 of the
- * wellhead or the soil. "secant" functions return force/deflection (for the wellhead, moment/rotation);
- * "energy" functions return the stored energy. */
+ * wellhead or the soil. "secant" functions return force/deflection (for the wellhead, moment/rotation). */
 typedef struct lg_wellhead {
     bool tight;
     double inner, outer;    /* stiffness below and beyond the gap, N m/rad */
@@ -43,9 +42,7 @@ typedef struct lg_wellhead {
 } lg_wellhead;
 void lg_wellhead_make(const lg_riser_parameters *p, lg_wellhead *out);
 double lg_wellhead_secant(const lg_wellhead *w, double r);
-double lg_wellhead_energy(const lg_wellhead *w, double r);
 double lg_soil_secant(double stiffness, double strength, double r);
-double lg_soil_energy(double stiffness, double strength, double r);
 
 /* ---- waves and current ---- */
 
@@ -129,22 +126,6 @@ lg_status lg_riser_motion_change(lg_riser_motion *motion, const lg_riser_paramet
 void lg_riser_motion_start(lg_riser_motion *motion, const double *water);
 /* Advances the motion by one step dt; `water` is the water at the end of the step. */
 void lg_riser_motion_step(lg_riser_motion *motion, const double *water);
-double lg_riser_motion_energy(const lg_riser_motion *motion);
-
-/* ---- for tests ---- */
-
-/* Computes the periods of the undamped linear system in seconds, longest first. If `locked`, the stiffness of
- * the housing is the one beyond its gap (or of a tight housing), otherwise the one within the gap. Errors:
- * LG_NO_CONVERGENCE; LG_INVALID_ARGUMENT (also for a structure that cannot stand with that stiffness). */
-lg_status lg_riser_periods(const lg_riser_parameters *parameters, bool locked, double periods[LG_RISER_DOF]);
-
-/* Integrates the free motion without waves, current and noise, for tests and pictures. q and v (2,
- * LG_RISER_DOF), x before y, are advanced in place over `steps` steps of dt. energy (steps + 1) may be NULL;
- * it becomes the kinetic plus potential energy of the conservative part, J. Damping and drag have the values
- * of the parameters; damped = false leaves both out. */
-lg_status lg_riser_free_motion(const lg_context *context, const lg_riser_parameters *parameters, double dt,
-                               size_t steps, bool damped, double *q, double *v, double *energy,
-                               lg_error *error);
 
 /* ---- streams ---- */
 

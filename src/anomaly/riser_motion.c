@@ -32,37 +32,9 @@ double lg_wellhead_secant(const lg_wellhead *w, double r) {
     return k / (1.0 + r / w->softening);
 }
 
-/* x - log(1 + x), x >= 0 */
-static double minus_log(double x) {
-    if (x > 0.1) return x - log1p(x);
-    double sum = 0.0, power = x;
-    for (int n = 2; n <= 18; n++) {
-        power *= -x;
-        sum -= power / n;
-    }
-    return sum;
-}
-
-double lg_wellhead_energy(const lg_wellhead *w, double r) {
-    if (w->tight) return 0.5 * w->outer * r * r;
-    const double s = w->softening, knee = r < w->gap ? r : w->gap;
-    const double below = w->inner * s * s * minus_log(knee / s);
-    if (r <= w->gap) return below;
-    const double ratio = log1p((r - w->gap) / (s + w->gap));
-    return below + (w->gap_moment - w->outer * w->gap) * s * ratio +
-           w->outer * s * ((r - w->gap) - s * ratio);
-}
-
 double lg_soil_secant(double stiffness, double strength, double r) {
     const double x = stiffness * r / strength;
     return x < 1e-8 ? stiffness : stiffness * (tanh(x) / x);
-}
-
-double lg_soil_energy(double stiffness, double strength, double r) {
-    const double x = stiffness * r / strength, s = sinh(0.5 * x);
-    if (x < 1e-8) return 0.5 * stiffness * r * r;
-    const double log_cosh = x > 20.0 ? x - log(2.0) : log1p(2.0 * s * s);
-    return strength * (strength / stiffness) * log_cosh;
 }
 
 /* ---- matrices of a step ---- */
@@ -236,32 +208,6 @@ void lg_riser_motion_step(lg_riser_motion *m, const double *water) {
     }
 }
 
-double lg_riser_motion_energy(const lg_riser_motion *m) {
-    enum { N = LG_RISER_DOF };
-    double sum = lg_wellhead_energy(&m->wellhead, radius(m->q, 1)) +
-                 lg_soil_energy(m->soil_stiffness, m->soil_strength, radius(m->q, 0));
-    for (size_t d = 0; d < 2; d++) {
-        const double *q = m->q + d * LG_RISER_ROW, *v = m->v + d * LG_RISER_ROW;
-        for (size_t i = 0; i < N; i++)
-            for (size_t j = 0; j < N; j++)
-                sum += 0.5 * (v[i] * m->matrices.mass[i * N + j] * v[j] +
-                              q[i] * m->matrices.stiffness[i * N + j] * q[j]);
-    }
-    return sum;
-}
-
-/* ---- free motion ---- */
-
-static bool finite_state(const lg_riser_motion *m) {
-    double sum = 0.0;
-    for (size_t i = 0; i < LG_RISER_STATE; i++) sum += fabs(m->q[i]) + fabs(m->v[i]) + fabs(m->a[i]);
-    return isfinite(sum);
-}
-
-static void copy_state(const double *from, size_t from_row, double *to, size_t to_row) {
-    for (size_t d = 0; d < 2; d++) memcpy(to + d * to_row, from + d * from_row, LG_RISER_DOF * sizeof *to);
-}
-
 static lg_status too_large_a_step(lg_error *error, double dt, double time) {
     return lg_fail(error, LG_NOT_FINITE,
                    "riser: the motion grew without bound by %g s: dt = %g s is too large", time, dt);
@@ -270,50 +216,6 @@ static lg_status too_large_a_step(lg_error *error, double dt, double time) {
 static lg_status not_stable(lg_error *error) {
     return lg_fail(error, LG_INVALID_ARGUMENT,
                    "riser: with these parameters the structure does not stand (its stiffness is negative)");
-}
-
-static lg_status run_freely(const lg_context *context, lg_riser_motion *m, size_t steps, double *energy,
-                            lg_error *error) {
-    enum { CHECK_EVERY = 1024 };
-    const double still[2 * LG_RISER_STATE] = {0.0};
-    lg_riser_motion_start(m, still);
-    for (size_t i = 0;; i++) {
-        if (energy) energy[i] = lg_riser_motion_energy(m);
-        if ((i % CHECK_EVERY == 0 || i == steps) && !finite_state(m))
-            return too_large_a_step(error, m->dt, (double)i * m->dt);
-        if (i == steps) return LG_OK;
-        if (i % CHECK_EVERY == 0 && lg_cancelled(context)) return lg_fail(error, LG_CANCELLED, "cancelled");
-        lg_riser_motion_step(m, still);
-    }
-}
-
-lg_status lg_riser_free_motion(const lg_context *context, const lg_riser_parameters *p, double dt,
-                               size_t steps, bool damped, double *q, double *v, double *energy,
-                               lg_error *error) {
-    if (!q || !v) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
-    if (!(dt > 0.0) || !isfinite(dt)) return lg_fail(error, LG_INVALID_ARGUMENT, "dt must be positive");
-    LG_TRY(lg_riser_parameters_check(p, error));
-    if (energy && steps == SIZE_MAX) return lg_fail(error, LG_OUT_OF_MEMORY, "too many steps");
-    lg_riser_motion *m = lg_alloc(context, 1, sizeof *m);
-    double *kept = energy ? lg_alloc(context, steps + 1, sizeof *kept) : NULL;
-    lg_status status = LG_OK;
-    if (!m || (energy && !kept)) {
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu steps", steps);
-    } else if (lg_riser_motion_init(p, dt, damped, 1.0, m) != LG_OK) {
-        status = not_stable(error);
-    } else {
-        copy_state(q, LG_RISER_DOF, m->q, LG_RISER_ROW);
-        copy_state(v, LG_RISER_DOF, m->v, LG_RISER_ROW);
-        status = run_freely(context, m, steps, kept, error);
-    }
-    if (status == LG_OK) {
-        copy_state(m->q, LG_RISER_ROW, q, LG_RISER_DOF);
-        copy_state(m->v, LG_RISER_ROW, v, LG_RISER_DOF);
-        if (energy) memcpy(energy, kept, (steps + 1) * sizeof *energy);
-    }
-    lg_free(context, kept);
-    lg_free(context, m);
-    return status;
 }
 
 /* ---- runs ---- */

@@ -598,10 +598,6 @@ void lg_flow_destroy(lg_flow *w) {
     lg_free(w->context, w);
 }
 
-size_t lg_flow_states(const lg_flow *w) {
-    return w->n;
-}
-
 uint32_t lg_flow_steps(const lg_flow *w) {
     return w->steps;
 }

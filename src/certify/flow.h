@@ -36,7 +36,6 @@ enum { LG_FLOW_BOXES = 128, LG_FLOW_DOUBLINGS = 4, LG_FLOW_ORDER = 6 };
  * goal. */
 lg_status lg_flow_create(const lg_context *context, const lg_flow_spec *spec, lg_flow **out, lg_error *error);
 void lg_flow_destroy(lg_flow *flow);
-size_t lg_flow_states(const lg_flow *flow);
 uint32_t lg_flow_steps(const lg_flow *flow);
 /* Replaces the number of steps in a period; a power of two. */
 void lg_flow_set_steps(lg_flow *flow, uint32_t steps);

@@ -6,6 +6,7 @@
 #include "support/dense_solve.h"
 #include "anomaly/riser_check.h"
 #include "anomaly/riser.h"
+#include "anomaly/riser_motion.h"
 #include "support/fixtures.h"
 
 enum { N = LG_RISER_DOF };
@@ -47,12 +48,12 @@ TEST("periods agree with the published ones to half a digit") {
         const lg_riser_parameters slack = standard(LG_HOUSING_SLACK, rows[r].severity);
         const lg_riser_parameters tight = standard(LG_HOUSING_TIGHT, rows[r].severity);
         double periods[N], other[N];
-        assert_ok(lg_riser_periods(&slack, rows[r].locked, periods));
+        assert_ok(riser_periods(&slack, rows[r].locked, periods));
         printf("r = %.2f, %s: %.4f %.4f %.4f s\n", rows[r].severity, rows[r].locked ? "locked" : "free",
                periods[0], periods[1], periods[2]);
         assert_all_close(periods, rows[r].periods, 3, 0.0, rows[r].half_digit);
         for (int i = 1; i < N; i++) assert_true(periods[i] < periods[i - 1] && periods[i] > 0.0);
-        assert_ok(lg_riser_periods(&tight, !rows[r].locked, other));
+        assert_ok(riser_periods(&tight, !rows[r].locked, other));
         for (int i = 0; i < 3 && rows[r].locked; i++) assert_close(other[i], periods[i], 1e-14, 0.0);
     }
 }
@@ -101,7 +102,7 @@ TEST("periods and matrices agree with those computed from the energies") {
         RISER_MATRIX(POTENTIAL, stiffness);
         RISER_MATRIX(LINE, line);
         inverse_iteration(mass, stiffness, 5, modes, expected);
-        assert_ok(lg_riser_periods(p, true, periods));
+        assert_ok(riser_periods(p, true, periods));
         assert_all_close(periods, expected, 5, 1e-10, 0.0);
 
         lg_riser_matrices m;
@@ -143,16 +144,16 @@ TEST("wires shorten every period; very stiff wires hold the BOP where they are f
         lg_riser_parameters p = standard(LG_HOUSING_SLACK, 1.0);
         double free[N], held[N];
         if (completion) lg_riser_complete(&p);
-        assert_ok(lg_riser_periods(&p, true, free));
+        assert_ok(riser_periods(&p, true, free));
         p.relief_stiffness = 2e6;
-        assert_ok(lg_riser_periods(&p, true, held));
+        assert_ok(riser_periods(&p, true, held));
         printf("%s: %.4f %.4f %.4f s without, %.4f %.4f %.4f s with wires of 2e6 N/m\n",
                completion ? "completion" : "drilling", free[0], free[1], free[2], held[0], held[1], held[2]);
         for (int i = 0; i < N; i++) assert_true(held[i] <= free[i] * (1.0 + 1e-12));
         assert_true(held[1] * held[2] < 0.9 * free[1] * free[2]);
         p.relief_stiffness = 1e13;
         double q[2 * N] = {-p.relief_height * 1e-3, 1e-3}, v[2 * N] = {0.0};
-        assert_ok(lg_riser_free_motion(NULL, &p, 0.01, 20, true, q, v, NULL, NULL));
+        assert_ok(riser_free_motion(NULL, &p, 0.01, 20, true, q, v, NULL, NULL));
         printf("held at %g m: turned by %.2e rad, moved there by %.2e m\n", p.relief_height, q[1],
                q[0] + p.relief_height * q[1]);
         assert_true(fabs(q[1]) > 1e-4);
@@ -173,20 +174,20 @@ TEST("moment and energy of the wellhead and of the soil are consistent") {
         assert_close(lg_wellhead_secant(&w, r) * r, moment, 1e-13, 0.0);
         const double d = 1e-5 * r;
         if (fabs(r - gap) > 2.0 * d) /* energy is the integral of the moment */
-            assert_close((lg_wellhead_energy(&w, r + d) - lg_wellhead_energy(&w, r - d)) / (2.0 * d), moment,
-                         1e-7, 0.0);
+            assert_close((wellhead_energy(&w, r + d) - wellhead_energy(&w, r - d)) / (2.0 * d), moment, 1e-7,
+                         0.0);
     }
-    assert_close(lg_wellhead_energy(&w, gap * (1.0 + 1e-13)), lg_wellhead_energy(&w, gap), 1e-12, 0.0);
+    assert_close(wellhead_energy(&w, gap * (1.0 + 1e-13)), wellhead_energy(&w, gap), 1e-12, 0.0);
     assert_close(lg_wellhead_secant(&w, 0.0), inner, 1e-14, 0.0);
     const lg_riser_parameters tight = standard(LG_HOUSING_TIGHT, 0.58);
     lg_wellhead_make(&tight, &w);
     assert_close(lg_wellhead_secant(&w, 0.02), casing, 0.0, 0.0);
-    assert_close(lg_wellhead_energy(&w, 0.02), 0.5 * casing * 4e-4, 1e-15, 0.0);
+    assert_close(wellhead_energy(&w, 0.02), 0.5 * casing * 4e-4, 1e-15, 0.0);
     for (double r = 1e-12; r < 10.0; r *= 3.0) {
         const double force = 3e6 * tanh(1.2e8 * r / 3e6), d = 1e-5 * r;
         assert_close(lg_soil_secant(1.2e8, 3e6, r) * r, force, 1e-13, 0.0);
-        assert_close((lg_soil_energy(1.2e8, 3e6, r + d) - lg_soil_energy(1.2e8, 3e6, r - d)) / (2.0 * d),
-                     force, 1e-7, 0.0);
+        assert_close((soil_energy(1.2e8, 3e6, r + d) - soil_energy(1.2e8, 3e6, r - d)) / (2.0 * d), force,
+                     1e-7, 0.0);
     }
 }
 
@@ -213,7 +214,7 @@ static double drift(const lg_riser_parameters *p, double dt, double time) {
     const size_t steps = (size_t)llround(time / dt);
     double q[2 * N], v[2 * N], *energy = TEST_ARRAY(double, steps + 1), worst = 0.0;
     kick(q, v);
-    assert_ok(lg_riser_free_motion(NULL, p, dt, steps, false, q, v, energy, NULL));
+    assert_ok(riser_free_motion(NULL, p, dt, steps, false, q, v, energy, NULL));
     for (size_t i = 0; i <= steps; i++) worst = fmax(worst, fabs(energy[i] / energy[0] - 1.0));
     return worst;
 }
@@ -244,7 +245,7 @@ TEST("damping reduces the energy in every step") {
     double q[2 * N], v[2 * N], energy[STEPS + 1], start = 0.0;
     kick(q, v);
     for (int d = 0; d < 2; d++) start += riser_kinetic(&p, v + d * N) + riser_potential(&p, 150e6, q + d * N);
-    assert_ok(lg_riser_free_motion(NULL, &p, 0.05, STEPS, true, q, v, energy, NULL));
+    assert_ok(riser_free_motion(NULL, &p, 0.05, STEPS, true, q, v, energy, NULL));
     assert_close(energy[0], start, 1e-12, 0.0);
     for (int i = 0; i < STEPS; i++) assert_true(energy[i + 1] < energy[i]);
     assert_true(energy[STEPS] < 1e-3 * start);
@@ -263,7 +264,7 @@ TEST("in still water drag takes the power force times velocity") {
         for (int d = 0; d < 2; d++) w[d] = s < 2 ? v[d * N] + z * v[d * N + 1] : v[d * N + s];
         power += 0.5 * 1025.0 * area * pow(hypot(w[0], w[1]), 3.0);
     }
-    assert_ok(lg_riser_free_motion(NULL, &p, dt, 1, true, q, v, energy, NULL));
+    assert_ok(riser_free_motion(NULL, &p, dt, 1, true, q, v, energy, NULL));
     assert_close((energy[1] - energy[0]) / dt, -power, 1e-3, 0.0);
 }
 
@@ -282,8 +283,7 @@ TEST("free motion has order 2, and a mode keeps its shape") {
             const double dt = 0.05 / (double)(1 << k), time = 3.0;
             double q[2 * N] = {0.0}, v[2 * N] = {0.0}, error = 0.0, size = 0.0;
             memcpy(q, modes + m * N, N * sizeof *q);
-            assert_ok(
-                lg_riser_free_motion(NULL, &p, dt, (size_t)llround(time / dt), false, q, v, NULL, NULL));
+            assert_ok(riser_free_motion(NULL, &p, dt, (size_t)llround(time / dt), false, q, v, NULL, NULL));
             for (size_t i = 0; i < N; i++) {
                 const double exact = cos(2.0 * RISER_PI / periods[m] * time) * modes[m * N + i];
                 error = fmax(error, fabs(q[i] - exact));
@@ -357,37 +357,35 @@ TEST("invalid arguments of free motion are refused, and nothing is written") {
     lg_error error;
     kick(q, v);
     memcpy(kept, q, sizeof q);
-    assert_status(lg_riser_free_motion(NULL, &p, 0.0, 2, false, q, v, energy, &error), LG_INVALID_ARGUMENT);
-    assert_status(lg_riser_free_motion(NULL, &p, NAN, 2, false, q, v, energy, &error), LG_INVALID_ARGUMENT);
-    assert_status(lg_riser_free_motion(NULL, &p, INFINITY, 2, false, q, v, energy, NULL),
-                  LG_INVALID_ARGUMENT);
-    assert_status(lg_riser_free_motion(NULL, &p, 0.05, 2, false, q, NULL, energy, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_riser_periods(&p, true, NULL), LG_INVALID_ARGUMENT);
+    assert_status(riser_free_motion(NULL, &p, 0.0, 2, false, q, v, energy, &error), LG_INVALID_ARGUMENT);
+    assert_status(riser_free_motion(NULL, &p, NAN, 2, false, q, v, energy, &error), LG_INVALID_ARGUMENT);
+    assert_status(riser_free_motion(NULL, &p, INFINITY, 2, false, q, v, energy, NULL), LG_INVALID_ARGUMENT);
+    assert_status(riser_free_motion(NULL, &p, 0.05, 2, false, q, NULL, energy, NULL), LG_INVALID_ARGUMENT);
+    assert_status(riser_periods(&p, true, NULL), LG_INVALID_ARGUMENT);
     const volatile int stop = 1;
     lg_context_options options;
     lg_context *context;
     lg_context_options_init(&options);
     options.cancel = &stop;
     assert_ok(lg_context_create(&options, &context));
-    assert_status(lg_riser_free_motion(context, &p, 0.05, 2, false, q, v, energy, &error), LG_CANCELLED);
+    assert_status(riser_free_motion(context, &p, 0.05, 2, false, q, v, energy, &error), LG_CANCELLED);
     lg_context_destroy(context);
-    assert_status(lg_riser_free_motion(NULL, &p, 0.05, 2, false, NULL, v, energy, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_riser_free_motion(NULL, NULL, 0.05, 2, false, q, v, energy, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_riser_free_motion(NULL, &p, 0.05, SIZE_MAX, false, q, v, energy, &error),
-                  LG_OUT_OF_MEMORY);
+    assert_status(riser_free_motion(NULL, &p, 0.05, 2, false, NULL, v, energy, NULL), LG_INVALID_ARGUMENT);
+    assert_status(riser_free_motion(NULL, NULL, 0.05, 2, false, q, v, energy, NULL), LG_INVALID_ARGUMENT);
+    assert_status(riser_free_motion(NULL, &p, 0.05, SIZE_MAX, false, q, v, energy, &error), LG_OUT_OF_MEMORY);
     q[3] = NAN;
-    assert_status(lg_riser_free_motion(NULL, &p, 0.05, 2, false, q, v, energy, &error), LG_NOT_FINITE);
+    assert_status(riser_free_motion(NULL, &p, 0.05, 2, false, q, v, energy, &error), LG_NOT_FINITE);
     q[3] = kept[3];
     p.bop_weight = 1e12; /* so heavy that the stack falls over */
-    assert_status(lg_riser_free_motion(NULL, &p, 0.05, 2, false, q, v, energy, &error), LG_INVALID_ARGUMENT);
+    assert_status(riser_free_motion(NULL, &p, 0.05, 2, false, q, v, energy, &error), LG_INVALID_ARGUMENT);
     assert_says(error.message, "stand");
-    assert_status(lg_riser_periods(&p, true, kept), LG_INVALID_ARGUMENT);
-    assert_status(lg_riser_periods(NULL, true, kept), LG_INVALID_ARGUMENT);
+    assert_status(riser_periods(&p, true, kept), LG_INVALID_ARGUMENT);
+    assert_status(riser_periods(NULL, true, kept), LG_INVALID_ARGUMENT);
     kick(kept, v);
     assert_memory_equal(q, kept, sizeof q);
     assert_true(energy[0] == 7.0 && energy[2] == 7.0);
     p = linear();
-    assert_ok(lg_riser_free_motion(NULL, &p, 0.05, 0, false, q, v, energy, NULL));
+    assert_ok(riser_free_motion(NULL, &p, 0.05, 0, false, q, v, energy, NULL));
     assert_memory_equal(q, kept, sizeof q);
     assert_true(energy[0] > 0.0 && energy[1] == 7.0);
 }
@@ -427,6 +425,6 @@ TEST("every allocation may fail") {
     double q[2 * N], v[2 * N], energy[3];
     EVERY_ALLOCATION_FAILS(context, 2, {
         kick(q, v);
-        status = lg_riser_free_motion(context, &p, 0.05, 2, true, q, v, energy, NULL);
+        status = riser_free_motion(context, &p, 0.05, 2, true, q, v, energy, NULL);
     });
 }

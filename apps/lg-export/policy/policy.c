@@ -1,7 +1,6 @@
 /* Controllers: the function `control`, words about it, and a self-test with a closed loop. */
 #include "lg-export/policy/policy.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,5 +1,4 @@
 /* Detectors as a kind of model: their attributes and arrays in model files. */
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 

@@ -1,5 +1,4 @@
 /* Table networks as a kind of model: their model file. */
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
