@@ -112,8 +112,8 @@ FORM(mul) {
         h = not_below(h, PHI * fabs(h) + eta);
         const double same = most(least(al, bl), least(-ah, -bh));  /* >= 0: the operands have one sign */
         const double other = most(least(al, -bh), least(-ah, bl)); /* >= 0: opposite signs */
-        YL = same >= 0.0 ? most(l, 0.0) : l;
-        YH = other >= 0.0 ? least(h, 0.0) : h;
+        YL = most(l, same >= 0.0 ? 0.0 : -(double)INFINITY);
+        YH = least(h, other >= 0.0 ? 0.0 : (double)INFINITY);
     }
 }
 
