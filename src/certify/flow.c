@@ -16,7 +16,7 @@ enum {
     FLAT = STEEP - 1,
     TRIES = 14,
     FINER = 3,
-    PARTS = 4
+    PARTS = 4 /* of a period, at least */
 };
 
 /* Evaluators, and the number of numbers of each of their inputs */
@@ -438,10 +438,11 @@ static void report_parts(desk *d, double h) {
     const lg_bounds *const in[INPUTS] = {&d->zm, &d->c, &d->r, &d->A, &d->dr, &d->fx,
                                          &d->W,  &d->S, &d->K, &d->k, &d->t,  &d->h};
     lg_bounds *const out[2] = {&d->D, &d->Q};
-    for (int p = 0; p < PARTS; p++) {
-        set(&d->t, b->count, p * h / PARTS, (p + 1) * h / PARTS);
+    const uint32_t steps = d->w->steps << b->doublings, parts = steps < PARTS ? PARTS / steps : 1;
+    for (uint32_t p = 0; p < parts; p++) {
+        set(&d->t, b->count, p * h / parts, (p + 1) * h / parts);
         EVALUATE(d, ADVANCE, in, out);
-        b->part(b->user, b->count, &d->zm, &d->S, &d->D, &d->Q, p * h / PARTS, (p + 1) * h / PARTS);
+        b->part(b->user, b->count, &d->zm, &d->S, &d->D, &d->Q, p * h / parts, (p + 1) * h / parts);
     }
 }
 
@@ -526,10 +527,10 @@ void lg_flow_eval(const lg_flow *w, const lg_flow_boxes *b, void *work) {
 
 /* ---- creation ---- */
 
-/* Two steps where the period times the fastest mode is above .15, and so on. Their number is a power of two,
+/* Two steps where the period times the fastest mode is above .05, and so on. Their number is a power of two,
  * so that the steps add up to the period without rounding. */
 static lg_status choose_steps(lg_flow *w) {
-    static const double longest = 0.15;
+    static const double longest = 0.05;
     enum { MOST_STEPS = 64, STATES = 16 };
     const size_t n = w->n, all = n + w->m;
     size_t used;
