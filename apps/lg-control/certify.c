@@ -667,7 +667,7 @@ static void write_certificate(const app *self, naming names, lg_certify_spec *sp
         spec->control = "input_by_state";
         spec->period = 0;
     }
-    APP_MUST(self, lg_certificate_make(self->context, spec, proved, values.seconds, &file, &error));
+    APP_MUST(self, lg_certificate_make(self->context, spec, proved, INFINITY, &file, &error));
     for (size_t i = 0; i < file.states; i++) copy_name(file.names[i], name_of(names, i));
     APP_FREE char *plant = is_task(self) ? control_plant_path(self, own) : app_format("%s", own);
     copy_name(file.plant, plant);

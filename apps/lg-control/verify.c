@@ -1,4 +1,5 @@
 /* lg-control verify: proves a certificate again. */
+#include <math.h>
 #include <stdint.h>
 #include <string.h>
 

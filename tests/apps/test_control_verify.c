@@ -70,7 +70,7 @@ TEST("files that were changed fail with what is wrong") {
     } rows[] = {{"[\"number\", ", "[\"number\", -", 3, "does not have the SHA-256 of \"plant\""},
                 {"\"sha256\": \"", "\"sha256\": \"0", 3, "does not have the SHA-256"},
                 {"\"version\": 1", "\"version\": 2", 3, "version 2 of certificates"},
-                {"\"steps\": ", "\"steps\": 3", 3, "a power of 2"},
+                {"\"steps\": ", "\"steps\": 30", 3, "a power of 2"},
                 {"\"in\", 0", "\"in\", 9", 3, "SHA-256"},
                 {"converge to the goal", "converge to the moon", 1, "claims something else"},
                 {"\"level\": 0.", "\"level\": 1.", 1, "not proved"},
@@ -91,6 +91,23 @@ TEST("files that were changed fail with what is wrong") {
     cli_write("bad.json", "{}");
     cli_expect(control, "verify bad.json", 3, "version");
     cli_expect(control, "verify task.yaml", 3, "task.yaml");
+}
+
+TEST("a proof that succeeds in the time has its certificate, which is not limited by --seconds") {
+    size_t proofs = 0, late = 0;
+    for (double seconds = 8; seconds > 1e-3; seconds *= 0.7) {
+        cli_run_limited(control,
+                        test_text("certify task.yaml --box th=1.5,w=12 --model-error 1e-5 --seconds %g "
+                                  "--certificate late.json --json",
+                                  seconds),
+                        0);
+        const bool proved = strstr(result.out, "\"verified\": true") != NULL;
+        if (proved != (result.code == 0) || proved != cli_exists("late.json"))
+            fail_msg("--seconds %g: exit code %d, %s", seconds, result.code, result.err);
+        *(proved ? &proofs : &late) += 1;
+        if (proved) cli_unlink("late.json");
+    }
+    assert_true(proofs > 0 && late > 0);
 }
 
 TEST("there is a certificate only of what is proved, with a quadratic V") {
