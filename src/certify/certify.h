@@ -31,7 +31,6 @@ typedef struct lg_certify_box {
     double gain;        /* in the phase BETWEEN: V grows by at most this during the period */
     uint32_t doublings; /* held loops: the period had 2^doublings times as many steps */
     uint32_t split;     /* the side to halve */
-    bool upper_last;    /* V is smaller in the upper half */
 } lg_certify_box;
 
 struct lg_certify {

@@ -159,7 +159,6 @@ static void combine(const lg_certify *c, const desk *d, size_t i, uint8_t most, 
         if (weight <= widest) continue;
         widest = weight;
         f->split = (uint32_t)k;
-        f->upper_last = at[k] < 0;
     }
 }
 

@@ -144,7 +144,7 @@ static bool volume(lg_certify *c, const double *box, const lg_certify_box *f) {
 static lg_status halve(lg_certify *c, double *box, const lg_certify_box *f) {
     const double low = box[f->split], high = box[c->n + f->split], middle = 0.5 * low + 0.5 * high;
     for (int half = 0; half < 2; half++) {
-        const bool upper = (half == 1) == f->upper_last;
+        const bool upper = (half == 1) == (middle < 0);
         box[f->split] = upper ? middle : low;
         box[c->n + f->split] = upper ? high : middle;
         LG_TRY(lg_certify_push(c, box, box + c->n));
