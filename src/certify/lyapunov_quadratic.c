@@ -24,8 +24,7 @@ typedef struct searching {
     const lg_lyapunov_search *spec;
     size_t n, m, numbers; /* numbers of theta */
     size_t generations;
-    lg_plan *plan; /* of ROWS rows */
-    size_t plan_bytes;
+    lg_plan *plan;                                                   /* of ROWS rows */
     double goal[STATES], scale[STATES], room[STATES], error[STATES]; /* room, error: scaled */
     double *y;                                                       /* (directions, n), of length 1 */
     double *pool;                                                    /* (POOL, n): z where proposals failed */

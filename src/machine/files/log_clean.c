@@ -144,19 +144,17 @@ typedef struct steps {
     double largest;
     size_t at;  /* the row after the largest step */
     size_t odd; /* first row whose step is not near a multiple of 2 pi; 0: none */
-    size_t jumps;
 } steps;
 
 static steps look_at_steps(const cleaning *c) {
     const lg_log_table *table = c->table;
     const uint32_t column = c->where->place;
-    steps s = {0, 0, 0, 0};
+    steps s = {0, 0, 0};
     for (size_t part = 0; part < table->parts; part++) {
         for (size_t row = table->first[part] + 1; row < table->first[part + 1]; row++) {
             const double step = lg_log_row(table, row)[column] - lg_log_row(table, row - 1)[column];
             const double size = fabs(step);
             if (!(size > PI)) continue;
-            s.jumps++;
             if (size > s.largest) s.largest = size, s.at = row;
             if (s.odd == 0 && fabs(size - TURN * round(size / TURN)) > 1) s.odd = row;
         }
