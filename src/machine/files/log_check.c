@@ -241,9 +241,9 @@ static double noise_of(const check *c, uint32_t first, uint32_t count) {
         /* For smooth columns the estimate is only an upper bound; their noise is far smaller. */
         const double noise = s->noise_at_most ? s->noise / 10 : s->noise;
         const double rounding = DBL_EPSILON * fmax(fabs(s->low), fabs(s->high));
-        const double step =
-            lg_log_step(c->table, i, c->table->first[c->begin], c->table->first[c->end], c->sorted);
-        most = fmax(most, fmax(fmax(noise, rounding), step / sqrt(12)));
+        const lg_log_steps steps =
+            lg_log_steps_of(c->table, i, c->table->first[c->begin], c->table->first[c->end], c->sorted);
+        most = fmax(most, fmax(fmax(noise, rounding), steps.coarse ? steps.least / sqrt(12) : 0));
     }
     return most;
 }
@@ -376,7 +376,7 @@ static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, s
     for (size_t row = first; row < end; row++) count += is_clipped(&without, row);
     if (count < MANY || count * PART < rows) return LG_OK;
     const fit rest = compare(&without, w, span);
-    if (lg_log_step(table, column, first, end, c->sorted) > 0 &&
+    if (lg_log_steps_of(table, column, first, end, c->sorted).coarse &&
         (rest.n < FEWEST || !(1 - rest.correlation < better * (1 - f->correlation))))
         return LG_OK;
     return lg_fail(error, LG_FORMAT,

@@ -32,7 +32,7 @@ size_t lg_log_sample(const lg_log_table *table, uint32_t column, size_t first, s
 
 /* ---- noise ---- */
 
-enum { FIRST_ORDER = 3, LAST_ORDER = 6, FEWEST_WINDOWS = 8, FEWEST_STEPS = 8 };
+enum { FIRST_ORDER = 3, LAST_ORDER = 6, FEWEST_WINDOWS = 8 };
 #define NORMAL_MEDIAN 0.6744897501960817 /* median of |x| for standard normal x */
 #define WHITE         0.8                /* residuals of white noise stay as large when the order rises */
 
@@ -73,22 +73,24 @@ static double deviation(const lg_log_table *table, uint32_t column, int k, doubl
     return median > 0 ? median : sqrt(squares / (double)count);
 }
 
-double lg_log_step(const lg_log_table *table, uint32_t column, size_t first, size_t end, double *work) {
-    size_t different = 0;
-    double least = INFINITY;
+lg_log_steps lg_log_steps_of(const lg_log_table *table, uint32_t column, size_t first, size_t end,
+                             double *work) {
     const size_t count = lg_log_sample(table, column, first, end, work);
+    size_t different = 0, inner = 0, inner_different = 0;
+    lg_log_steps out = {.least = INFINITY};
     for (size_t i = 1; i < count; i++) {
+        const bool between = work[i] > work[0] && work[i] < work[count - 1];
         const double gap = work[i] - work[i - 1];
-        if (!(gap > 0)) continue;
-        least = fmin(least, gap);
-        different++;
+        inner += between;
+        if (gap > 0) out.least = fmin(out.least, gap), different++, inner_different += between;
     }
-    if (different == 0 || 2 * different > count) return 0;
-    for (size_t i = 1; i < count; i++) {
-        const double steps = (work[i] - work[i - 1]) / least;
-        if (fabs(steps - round(steps)) > 1e-3) return 0;
+    out.coarse = different > 0 && 4 * inner_different <= 3 * inner;
+    out.exact = different >= FEWEST_WINDOWS && 2 * different <= count;
+    for (size_t i = 1; i < count && out.exact; i++) {
+        const double steps = (work[i] - work[i - 1]) / out.least;
+        out.exact = fabs(steps - round(steps)) <= 1e-3;
     }
-    return least;
+    return out;
 }
 
 lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise, bool *at_most) {
@@ -104,10 +106,9 @@ lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise
     }
     /* Rounding to steps makes an error of step/sqrt(12). In a slow column the error is the same in many rows,
      * and differences do not show it. */
-    const lg_log_statistics *of = &table->out->columns[column];
-    const bool input = table->machine->columns[column].role == LG_LOG_INPUT;
-    const double step = input ? 0 : lg_log_step(table, column, 0, table->rows, work),
-                 rounding = of->high - of->low > (FEWEST_STEPS - 0.5) * step ? step / sqrt(12) : 0;
+    const lg_log_steps steps = lg_log_steps_of(table, column, 0, table->rows, work);
+    const bool rounded = steps.exact && table->machine->columns[column].role != LG_LOG_INPUT;
+    const double rounding = rounded ? steps.least / sqrt(12) : 0;
     if (rounding > *noise) *noise = rounding, *at_most = false;
     lg_free(table->context, work);
     return LG_OK;

@@ -93,10 +93,15 @@ void lg_log_range(const lg_log_table *table, uint32_t column);
 /* Sorts values of rows first .. end - 1 of a column, at even distances, into `work` (LG_LOG_SAMPLES
  * numbers), and returns how many there are. */
 size_t lg_log_sample(const lg_log_table *table, uint32_t column, size_t first, size_t end, double *work);
-/* The rounding step of a column whose values in rows first .. end - 1 are multiples of a step, if at
- * least half of them repeat others; else 0. A steady motion also has equal steps, but each value only
- * once. */
-double lg_log_step(const lg_log_table *table, uint32_t column, size_t first, size_t end, double *work);
+/* The smallest difference of two values in rows first .. end - 1 of a column. Both are false for a steady
+ * motion, which has equal steps, too, but each value only once. */
+typedef struct lg_log_steps {
+    double least;
+    bool coarse; /* a quarter of the values between the smallest and the largest repeats others */
+    bool exact;  /* at least half of the values repeat others, and all are multiples of the step */
+} lg_log_steps;
+lg_log_steps lg_log_steps_of(const lg_log_table *table, uint32_t column, size_t first, size_t end,
+                             double *work);
 /* Standard deviation of the noise of a column; NaN: too few rows. at_most: the noise may be smaller. */
 lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise, bool *at_most);
 /* Cubic spline, not-a-knot, through n >= 4 points. Coefficient k = 0..3 of interval i, in powers of s in [0,
