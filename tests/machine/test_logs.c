@@ -598,6 +598,19 @@ TEST("rounded numbers of a correct log are not taken for a saturated sensor, whi
     }
 }
 
+TEST("a rounded angle is not taken for a saturated sensor where turns were undone") {
+    /* The value at 150 is a turn and a little away: then the values are multiples of no step. */
+    for (int step = 2; step <= 10; step++) {
+        text log = new_text("t,q,v");
+        for (int i = 0; i < 400; i++) {
+            const double a = 0.01 * step * round(70.0 / step * cos(0.02 * i));
+            const double row[] = {0.02 * i, a + (i == 150 ? 6.33 : 0), -0.7 * sin(0.02 * i)};
+            say_row(&log, row, 3);
+        }
+        (void)read_text(machine("coordinates: [{name: q, kind: angle, velocity: v}]\n"), log.at);
+    }
+}
+
 TEST("velocities that are constant to rounding are right, at any place and in any unit") {
     static const double speeds[] = {0, -3e-18, -3e-9, 1e-3, 1, 1e9}, places[] = {0, 1, -1e3, 1e6},
                         errors[] = {0, 1e-16, 1e-12, 1e-8};

@@ -306,15 +306,6 @@ static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
                    f->slope < 0 ? "sign" : "unit", scale, other);
 }
 
-static lg_status unrelated(const check *c, const fit *f, const char *hint, lg_error *error) {
-    lg_csv_names q, v;
-    lg_log_names_of(c->table, c->position, c->positions, &q);
-    lg_log_names_of(c->table, c->velocity, c->velocities, &v);
-    return lg_fail(error, LG_FORMAT,
-                   "%s: columns %s and %s do not belong together (correlation %.2f): are columns swapped?%s",
-                   path_of(c), q.text, v.text, f->correlation, hint);
-}
-
 /* ---- failing sensors ---- */
 
 /* The median change, in absolute value, of the watched column from row to row; NaN if every second row lacks
@@ -478,18 +469,20 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
         return lg_fail(error, LG_FORMAT, "%s: columns %s and %s: %s", path_of(c), q.text, v.text,
                        better->words);
     if (fits) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
-    if (agree)
-        return lg_log_warn(c->table,
-                           "%s: columns %s and %s agree over %zu rows (correlation %.2f), but not over fewer "
-                           "(%.2f): one of them vibrates or is noisy",
-                           path_of(c), q.text, v.text, span, f.correlation, first.correlation) == LG_OK
-                   ? LG_OK
-                   : lg_log_no_memory(c->table->paths[c->file], error);
-    if (f.correlation < UNRELATED || hint[0] != '\0') return unrelated(c, &f, hint, error);
-    if (lg_log_warn(c->table, "%s: columns %s and %s fit badly (correlation %.2f): check them", path_of(c),
-                    q.text, v.text, f.correlation) != LG_OK)
-        return lg_log_no_memory(c->table->paths[c->file], error);
-    return LG_OK;
+    if (!agree && (f.correlation < UNRELATED || hint[0] != '\0'))
+        return lg_fail(
+            error, LG_FORMAT,
+            "%s: columns %s and %s do not belong together (correlation %.2f): are columns swapped?%s",
+            path_of(c), q.text, v.text, f.correlation, hint);
+    const lg_status said =
+        agree
+            ? lg_log_warn(c->table,
+                          "%s: columns %s and %s agree over %zu rows (correlation %.2f), but not over fewer "
+                          "(%.2f): one of them vibrates or is noisy",
+                          path_of(c), q.text, v.text, span, f.correlation, first.correlation)
+            : lg_log_warn(c->table, "%s: columns %s and %s fit badly (correlation %.2f): check them",
+                          path_of(c), q.text, v.text, f.correlation);
+    return said == LG_OK ? LG_OK : lg_log_no_memory(c->table->paths[c->file], error);
 }
 
 static const way plain_ways[] = {{.words = ""}};
