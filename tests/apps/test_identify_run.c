@@ -38,7 +38,7 @@ static const char body_machine[] =
 static const char crane_scene[] =
     CRANE "mass: {kind: known, values: [3]}\ndamping: {kind: known, values: [1]}\n"
           "potential: {kind: known, form: gravity, of: s, values: [0, -20]}\n";
-static const char crane_machine[] = CRANE "mass: diagonal\ndamping: diagonal\n"
+static const char crane_machine[] = CRANE "mass: diagonal\npotential: {kind: network, of: [a]}\n"
                                           "potential: {kind: gravity, of: s}\n";
 
 static const double *column(const char *name, const char *of, size_t *rows) {
@@ -287,6 +287,37 @@ TEST("predict and evaluate warn of columns that leave the range of the training 
     assert_says(result.err, "column vx goes to ");
 }
 
+/* A log of an angle a = centre + size sin t. */
+static void write_swing(const char *name, double centre, double size) {
+    enum { SIZE = 1 << 14, ROWS = 100 };
+    char *text = lg_test_memory(SIZE);
+    size_t used = (size_t)snprintf(text, SIZE, "t,a,va\n");
+    for (int i = 0; i < ROWS; i++)
+        used += (size_t)snprintf(text + used, SIZE - used, "%.17g,%.17g,%.17g\n", 0.1 * i,
+                                 centre + size * sin(0.1 * i), size * cos(0.1 * i));
+    cli_write(name, text);
+}
+
+TEST("an angle is outside the training data if it is so after any number of full turns") {
+    static const struct {
+        double trained, size, centre;
+        bool outside;
+    } rows[] = {{3.1, 0.4, 3.1, false},  {3.1, 0.4, 3.1 - 6.283185307179586, false},
+                {3.1, 0.4, 0.3, true},   {-3.1, 0.4, -0.3, true},
+                {-3.1, 0.5, 3.1, false}, {0, 3.13, 3.1, false}};
+    cli_write("swing.yaml", "columns: {time: t}\ncoordinates:\n  - {name: a, kind: angle, velocity: va}\n"
+                            "mass: {kind: known, values: [1]}\npotential: {kind: network, of: [a]}\n");
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        write_swing("swing.csv", rows[i].trained, rows[i].size);
+        write_swing("other.csv", rows[i].centre, 0.4);
+        cli_forget("swing.h5 p.csv");
+        cli_run(identify, "fit swing.yaml swing.csv --out swing.h5 --epochs 2");
+        cli_run(identify, "predict swing.h5 other.csv --out p.csv");
+        if ((strstr(result.err, "column a goes to ") != NULL) != rows[i].outside)
+            fail_msg("row %zu: %s", i, result.err);
+    }
+}
+
 /* ---- evaluate, compared with errors that are computed here ---- */
 
 enum { POINTS = 201 };
@@ -488,15 +519,14 @@ TEST("the rows that estimate a start follow disturbance and noise, and all machi
                  {600, 0.05, 1, 0, 0.02, 25, 50}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         double sum = 0, sum_usual = 0;
-        cli_write(
-            "pushed.yaml",
-            test_text("columns: {time: t}\nmeasured: positions\ncoordinates:\n"
-                      "  - {name: y, kind: line}\n%s",
-                      cases[i].least > 50
-                          ? "inputs: {columns: [u], hold: zero}\nmass: diagonal\n"
-                            "input_map: {kind: known, values: [[1]]}\n"
-                            "damping: {kind: known, values: [0.3]}\n"
-                          : "inputs: {columns: [u]}\nmass: {kind: known, values: [1]}\ndamping: diagonal\n"));
+        cli_write("pushed.yaml",
+                  test_text("columns: {time: t}\nmeasured: positions\ncoordinates:\n"
+                            "  - {name: y, kind: line}\n%s",
+                            cases[i].least > 50 ? "inputs: {columns: [u], hold: zero}\nmass: diagonal\n"
+                                                  "input_map: {kind: known, values: [[1]]}\n"
+                                                  "damping: {kind: known, values: [0.3]}\n"
+                                                : "inputs: {columns: [u]}\nmass: {kind: known, values: "
+                                                  "[1]}\npotential: {kind: network, of: [a]}\n"));
         for (uint64_t seed = 1; seed <= SEEDS; seed++) {
             const double unit = cases[i].unit, h = cases[i].h;
             write_pushed("train.csv", cases[i].rows, h, unit, cases[i].push, cases[i].noise, 2 * seed);
@@ -551,7 +581,7 @@ TEST("numbers have errors only if the fit has converged, whatever ended it") {
     cli_forget("train.csv");
     cli_write("place.yaml", "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n"
                             "  - {name: x, kind: line}\ninputs: {columns: [u]}\nmass: diagonal\n"
-                            "potential: {kind: quadratic, of: x}\ndamping: diagonal\n"
+                            "potential: {kind: quadratic, of: x}\npotential: {kind: network, of: [a]}\n"
                             "input_map: {kind: known, values: [[1]]}\n");
     cli_write("spring.yaml", oscillator_network);
     cli_run(identify, "generate scene.yaml --runs 3 --t-end 4 --noise 0.01,0.01 --seed 5 --out train.csv");
@@ -660,7 +690,7 @@ TEST("angles are compared modulo full turns") {
     }
     cli_write("wrapped.csv", text);
     cli_write("spin.yaml", "unwrap: false\nmeasured: positions\ncoordinates:\n  - {name: a, kind: angle}\n"
-                           "mass: {kind: known, values: [1]}\ndamping: diagonal\n");
+                           "mass: {kind: known, values: [1]}\npotential: {kind: network, of: [a]}\n");
     cli_run(identify, "fit spin.yaml lap.csv --window 50 --out lap.h5");
     cli_json(identify, "evaluate lap.h5 wrapped.csv --horizons 2", "window_loss *");
     json_expect(json_find(result.out, "free_run"), "a <1e-2");
@@ -718,7 +748,7 @@ TEST("a row without its direction is not counted in the errors of runs") {
         "mass: {kind: known, values: [1, 1, 1]}\n"
         "potential: {kind: known, form: linear, of: d, values: [0, 0, 2]}\n%s";
     cli_write("rod-scene.yaml", test_text(scene, "damping: {kind: known, values: [0.1, 0.1, 0.1]}\n"));
-    cli_write("rod.yaml", test_text(scene, "damping: diagonal\n"));
+    cli_write("rod.yaml", test_text(scene, "potential: {kind: network, of: [a]}\n"));
     cli_run(identify, "generate rod-scene.yaml --runs 2 --t-end 3 --out rod.csv");
     cli_run(identify, "fit rod.yaml rod.csv --out rod.h5");
     leave_out_direction("rod.csv", 40);
