@@ -38,7 +38,7 @@ static const char body_machine[] =
 static const char crane_scene[] =
     CRANE "mass: {kind: known, values: [3]}\ndamping: {kind: known, values: [1]}\n"
           "potential: {kind: known, form: gravity, of: s, values: [0, -20]}\n";
-static const char crane_machine[] = CRANE "mass: diagonal\npotential: {kind: network, of: [a]}\n"
+static const char crane_machine[] = CRANE "mass: diagonal\ndamping: diagonal\n"
                                           "potential: {kind: gravity, of: s}\n";
 
 static const double *column(const char *name, const char *of, size_t *rows) {
@@ -519,14 +519,15 @@ TEST("the rows that estimate a start follow disturbance and noise, and all machi
                  {600, 0.05, 1, 0, 0.02, 25, 50}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         double sum = 0, sum_usual = 0;
-        cli_write("pushed.yaml",
-                  test_text("columns: {time: t}\nmeasured: positions\ncoordinates:\n"
-                            "  - {name: y, kind: line}\n%s",
-                            cases[i].least > 50 ? "inputs: {columns: [u], hold: zero}\nmass: diagonal\n"
-                                                  "input_map: {kind: known, values: [[1]]}\n"
-                                                  "damping: {kind: known, values: [0.3]}\n"
-                                                : "inputs: {columns: [u]}\nmass: {kind: known, values: "
-                                                  "[1]}\npotential: {kind: network, of: [a]}\n"));
+        cli_write(
+            "pushed.yaml",
+            test_text("columns: {time: t}\nmeasured: positions\ncoordinates:\n"
+                      "  - {name: y, kind: line}\n%s",
+                      cases[i].least > 50
+                          ? "inputs: {columns: [u], hold: zero}\nmass: diagonal\n"
+                            "input_map: {kind: known, values: [[1]]}\n"
+                            "damping: {kind: known, values: [0.3]}\n"
+                          : "inputs: {columns: [u]}\nmass: {kind: known, values: [1]}\ndamping: diagonal\n"));
         for (uint64_t seed = 1; seed <= SEEDS; seed++) {
             const double unit = cases[i].unit, h = cases[i].h;
             write_pushed("train.csv", cases[i].rows, h, unit, cases[i].push, cases[i].noise, 2 * seed);
@@ -581,7 +582,7 @@ TEST("numbers have errors only if the fit has converged, whatever ended it") {
     cli_forget("train.csv");
     cli_write("place.yaml", "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n"
                             "  - {name: x, kind: line}\ninputs: {columns: [u]}\nmass: diagonal\n"
-                            "potential: {kind: quadratic, of: x}\npotential: {kind: network, of: [a]}\n"
+                            "potential: {kind: quadratic, of: x}\ndamping: diagonal\n"
                             "input_map: {kind: known, values: [[1]]}\n");
     cli_write("spring.yaml", oscillator_network);
     cli_run(identify, "generate scene.yaml --runs 3 --t-end 4 --noise 0.01,0.01 --seed 5 --out train.csv");
@@ -690,7 +691,7 @@ TEST("angles are compared modulo full turns") {
     }
     cli_write("wrapped.csv", text);
     cli_write("spin.yaml", "unwrap: false\nmeasured: positions\ncoordinates:\n  - {name: a, kind: angle}\n"
-                           "mass: {kind: known, values: [1]}\npotential: {kind: network, of: [a]}\n");
+                           "mass: {kind: known, values: [1]}\ndamping: diagonal\n");
     cli_run(identify, "fit spin.yaml lap.csv --window 50 --out lap.h5");
     cli_json(identify, "evaluate lap.h5 wrapped.csv --horizons 2", "window_loss *");
     json_expect(json_find(result.out, "free_run"), "a <1e-2");
@@ -748,7 +749,7 @@ TEST("a row without its direction is not counted in the errors of runs") {
         "mass: {kind: known, values: [1, 1, 1]}\n"
         "potential: {kind: known, form: linear, of: d, values: [0, 0, 2]}\n%s";
     cli_write("rod-scene.yaml", test_text(scene, "damping: {kind: known, values: [0.1, 0.1, 0.1]}\n"));
-    cli_write("rod.yaml", test_text(scene, "potential: {kind: network, of: [a]}\n"));
+    cli_write("rod.yaml", test_text(scene, "damping: diagonal\n"));
     cli_run(identify, "generate rod-scene.yaml --runs 2 --t-end 3 --out rod.csv");
     cli_run(identify, "fit rod.yaml rod.csv --out rod.h5");
     leave_out_direction("rod.csv", 40);
