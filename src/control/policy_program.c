@@ -530,24 +530,3 @@ lg_status lg_policy_plan(const lg_policy *p, const char *function, lg_dtype dtyp
     LG_TRY(lg_program_find(p->program, function, &number, error));
     return lg_plan_create(p->program, number, &options, out, error);
 }
-
-lg_status lg_policy_plans_create(const lg_policy *p, bool drawn, const char *const *functions, size_t count,
-                                 lg_dtype dtype, size_t rows, lg_policy_plans *out, lg_error *error) {
-    const size_t machines = drawn && p->draw_count > 0 ? p->draw_count : 1, all = machines * count;
-    *out = (lg_policy_plans){.context = p->context, .machines = machines, .count = count};
-    out->plan = lg_alloc(p->context, all, sizeof(lg_plan *));
-    if (out->plan == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for plans of a policy");
-    for (size_t i = 0; i < all; i++) {
-        const lg_policy *of = drawn ? lg_policy_drawn(p, i / count) : p;
-        LG_TRY(lg_policy_plan(of, functions[i % count], dtype, rows, &out->plan[i], error));
-        const size_t own = lg_plan_work_size(out->plan[i]);
-        out->work = own > out->work ? own : out->work;
-    }
-    return LG_OK;
-}
-
-void lg_policy_plans_destroy(lg_policy_plans *plans) {
-    for (size_t i = 0; plans->plan != NULL && i < plans->machines * plans->count; i++)
-        lg_plan_destroy(plans->plan[i]);
-    lg_free(plans->context, plans->plan);
-}
