@@ -129,7 +129,7 @@ static lg_status read_texts(lg_h5 *h5, const char *name, lg_labels *labels, lg_e
 static lg_status check_shape(const lg_h5 *h5, const char *name, const lg_h5_about *about, size_t count,
                              lg_error *error) {
     const char *shown = lg_shown_path(h5->path);
-    if (about->kind == LG_H5_OTHER)
+    if (about->kind >= LG_H5_OTHER)
         return lg_fail(error, LG_FORMAT, "%s: /%s: holds neither numbers nor texts", shown, name);
     if (about->rank == 2 && about->dims[1] > 1 && about->dims[0] == count && about->count != count)
         return lg_fail(error, LG_FORMAT,

@@ -97,7 +97,7 @@ lg_status lg_series_convert(lg_h5 *h5, lg_series *series, lg_precision *out, lg_
     conversion all = {series, lg_alloc(h5->context, series->channels, sizeof *all.channel)};
     *out = (lg_precision){.part = 0};
     if (all.channel == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown);
-    const lg_status status = lg_h5_each_rows(h5, "X", LG_H5_EXACT, convert_rows, &all, error);
+    const lg_status status = lg_h5_each_rows(h5, "X", convert_rows, &all, error);
     const double n = (double)series->count * series->length;
     for (uint32_t k = 0; k < series->channels && status == LG_OK; k++) {
         const double part = part_lost(&all.channel[k], n);

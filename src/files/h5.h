@@ -95,9 +95,10 @@ lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
 lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
                             lg_error *error);
 /* ---- arrays of other programs, of any type ---- */
-typedef enum lg_h5_class { LG_H5_WHOLE, LG_H5_REAL, LG_H5_WORDS, LG_H5_OTHER } lg_h5_class;
+typedef enum lg_h5_class { LG_H5_WHOLE, LG_H5_REAL, LG_H5_WORDS, LG_H5_OTHER, LG_H5_TABLE } lg_h5_class;
 typedef struct lg_h5_about {
-    /* LG_H5_WHOLE: integers and enumerations. LG_H5_WORDS: texts of fixed or variable length. */
+    /* LG_H5_WHOLE: integers and enumerations. LG_H5_WORDS: texts of fixed or variable length. LG_H5_TABLE:
+     * records with named members. */
     lg_h5_class kind;
     uint32_t rank; /* at most 4 */
     uint64_t dims[4], count;
@@ -105,7 +106,16 @@ typedef struct lg_h5_about {
      * more. */
     bool wide;
     char raw; /* i, u: integers above four bytes, which LG_H5_RAW gives as int64_t or uint64_t; else 0 */
+    uint32_t members;  /* of a table */
+    uint64_t chunk[4]; /* shape of a chunk; zeros without chunks */
 } lg_h5_about;
+/* Indices first .. first + count - 1 along one axis of a data set, and all along its other axes. `member`: of
+ * a table, the member to read; else NULL. */
+typedef struct lg_h5_slice {
+    const char *name, *member;
+    uint32_t axis;
+    uint64_t first, count;
+} lg_h5_slice;
 /* Whether an array of numbers or texts is one row or one column: (n), (n, 1), (1, n), ..., not one number. */
 static inline bool lg_h5_is_vector(const lg_h5_about *about) {
     uint32_t wide = 0;
@@ -115,24 +125,33 @@ static inline bool lg_h5_is_vector(const lg_h5_about *about) {
 /* Describes a data set without reading its data. LG_NOT_FOUND if there is no such data set, LG_FORMAT if it
  * exceeds max_size at `bytes` bytes per element. */
 lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out, lg_error *error);
+/* The same for member `index` of a table, whose name is written to `text`. */
+lg_status lg_h5_look_member(lg_h5 *h5, const char *name, uint32_t index, char *text, size_t size,
+                            lg_h5_about *out, lg_error *error);
 /* Reads all numbers as floats into the caller's memory, from any stored type and without a second array.
  * Finiteness is not checked: numbers beyond the range of a float become infinite. */
 lg_status lg_h5_get_floats(lg_h5 *h5, const char *name, float *out, lg_error *error);
-/* Reads all numbers as doubles, in order, in blocks of whole rows of the first dimension, and calls
- * visit(user, first row, number of rows, values) for each block. A block takes about a megabyte, or one chunk
- * of up to 64 megabytes. LG_H5_EXACT: an integer that no double equals is LG_FORMAT; LG_H5_ROUNDED: it is
- * rounded; LG_H5_RAW: integers of more than four bytes are not converted, see lg_h5_about.raw. */
-typedef enum lg_h5_long { LG_H5_EXACT, LG_H5_ROUNDED, LG_H5_RAW } lg_h5_long;
+/* Reads the numbers of a slice as doubles into the caller's memory, in the order of the file. LG_H5_EXACT: an
+ * integer that no double equals is LG_FORMAT; LG_H5_RAW: integers of more than four bytes are not converted,
+ * see lg_h5_about.raw. */
+typedef enum lg_h5_long { LG_H5_EXACT, LG_H5_RAW } lg_h5_long;
+lg_status lg_h5_get_slice(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_long as, double *out, lg_error *error);
+/* Number of indices along an axis that are best read at once: about a megabyte, or whole chunks if these have
+ * at most 64 megabytes. The array must not be empty. */
+uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis);
+/* Reads all numbers as LG_H5_EXACT in blocks of whole rows of the first dimension, and calls visit(user,
+ * first row, number of rows, values) for each block (lg_h5_block). */
 typedef void (*lg_h5_rows)(void *user, uint64_t row, uint64_t rows, const double *values);
-lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_long as, lg_h5_rows visit, void *user,
-                          lg_error *error);
+lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error);
 /* Reads integers, or reals that are integers (up to 2^53), which must fit into int64_t. Fails with LG_FORMAT,
  * or with LG_NOT_FINITE; the message has the index. */
 lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,
                            lg_error *error);
 /* Calls visit(user, index, text, error) for each text of a data set, in order, until one call fails. Each
- * text must be shorter than LG_H5_TEXT; padding is removed. All dimensions but the first must be 1. */
+ * text must be shorter than LG_H5_TEXT; padding is removed. All dimensions but one must be 1. */
 typedef lg_status (*lg_h5_visit)(void *user, uint64_t index, const char *text, lg_error *error);
+lg_status lg_h5_each_text_of(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_visit visit, void *user,
+                             lg_error *error);
 lg_status lg_h5_each_text(lg_h5 *h5, const char *name, lg_h5_visit visit, void *user, lg_error *error);
 /* The same for the texts of an attribute, which is a single text or a list. A single text may have up to 64
  * KiB. If the attribute is missing or of another type, *words becomes false and visit is not called. */

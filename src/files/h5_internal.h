@@ -42,6 +42,7 @@ static inline void lg_quiet_end(lg_h5_quiet quiet) {
 /* An open data set. Use it only between lg_quiet_begin and lg_quiet_end. */
 typedef struct lg_dataset {
     hid_t set, type;
+    const char *member; /* of a table with named members: the one that is read, with its `type`; else NULL */
     uint32_t rank;
     uint64_t dims[LG_MAX_RANK], count;
 } lg_dataset;
@@ -49,7 +50,14 @@ typedef struct lg_dataset {
 /* Opens a data set of any type. Fails with LG_FORMAT if it exceeds max_size at `bytes` bytes per element.
  * lg_dataset_close may be called after a failure too. */
 lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error);
+/* Opens the data set of a slice, checks that the slice lies in it, and selects the slice in *part. The caller
+ * closes both, also after a failure. */
+lg_status lg_slice_open(lg_h5 *h5, const lg_h5_slice *slice, size_t bytes, lg_dataset *d, hid_t *part,
+                        lg_error *error);
 void lg_dataset_close(lg_dataset *d);
+/* Makes the type in memory of one element of the data set: `type`, or a record with one member of this type.
+ * The caller closes it. */
+hid_t lg_dataset_memory(const lg_dataset *d, hid_t type);
 /* Fails with LG_FORMAT and a message that names the data set. */
 lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error);
 /* True if every link of the path exists and the last one leads to an object, and for "", the root group. Also

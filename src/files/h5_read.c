@@ -124,6 +124,13 @@ void lg_dataset_close(lg_dataset *d) {
     (void)H5Dclose(d->set);
 }
 
+hid_t lg_dataset_memory(const lg_dataset *d, hid_t type) {
+    if (d->member == NULL) return H5Tcopy(type);
+    hid_t record = H5Tcreate(H5T_COMPOUND, H5Tget_size(type));
+    (void)H5Tinsert(record, d->member, 0, type);
+    return record;
+}
+
 lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error) {
     return lg_fail(error, LG_FORMAT, "%s: /%s: %s", lg_shown_path(h5->path), name, what);
 }
@@ -260,9 +267,10 @@ static bool missing_filter(hid_t set, char *name, size_t size) {
 static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, hid_t room,
                            hid_t part, bool checked, void *out, lg_error *error) {
     char filter[64] = "";
-    hid_t transfer = H5Pcreate(H5P_DATASET_XFER);
+    hid_t transfer = H5Pcreate(H5P_DATASET_XFER), element = lg_dataset_memory(d, memory);
     const bool read = (!checked || H5Pset_type_conv_cb(transfer, no_overflow, NULL) >= 0) &&
-                      H5Dread(d->set, memory, room, part, transfer, out) >= 0;
+                      H5Dread(d->set, element, room, part, transfer, out) >= 0;
+    (void)H5Tclose(element);
     (void)H5Pclose(transfer);
     if (read) return LG_OK;
     if (missing_filter(d->set, filter, sizeof filter))
@@ -437,6 +445,8 @@ static lg_h5_class class_of(hid_t type) {
         return is_sound(type) ? LG_H5_REAL : LG_H5_OTHER;
     case H5T_STRING:
         return LG_H5_WORDS;
+    case H5T_COMPOUND:
+        return LG_H5_TABLE;
     default:
         return LG_H5_OTHER;
     }
@@ -447,16 +457,56 @@ static bool is_wide(hid_t type) {
     return H5Tget_size(type) > exact;
 }
 
+static void find_chunk(const lg_dataset *d, uint64_t chunk[LG_MAX_RANK]) {
+    hsize_t shape[LG_MAX_RANK] = {0};
+    hid_t plist = H5Dget_create_plist(d->set);
+    if (H5Pget_layout(plist) == H5D_CHUNKED && H5Pget_chunk(plist, LG_MAX_RANK, shape) == (int)d->rank)
+        memcpy(chunk, shape, sizeof shape);
+    (void)H5Pclose(plist);
+}
+
+static void describe(const lg_dataset *d, lg_h5_about *out) {
+    *out = (lg_h5_about){
+        .kind = class_of(d->type), .rank = d->rank, .count = d->count, .wide = is_wide(d->type)};
+    find_chunk(d, out->chunk);
+    if (is_long(d->type)) out->raw = lg_h5_long_type(d->type) == H5T_NATIVE_INT64 ? 'i' : 'u';
+    if (out->kind == LG_H5_TABLE) out->members = (uint32_t)H5Tget_nmembers(d->type);
+    memcpy(out->dims, d->dims, sizeof d->dims);
+}
+
 lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out, lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     lg_dataset d;
     const lg_status status = lg_dataset_open(h5, name, bytes, &d, error);
-    if (status == LG_OK) {
-        *out = (lg_h5_about){
-            .kind = class_of(d.type), .rank = d.rank, .count = d.count, .wide = is_wide(d.type)};
-        if (is_long(d.type)) out->raw = lg_h5_long_type(d.type) == H5T_NATIVE_INT64 ? 'i' : 'u';
-        memcpy(out->dims, d.dims, sizeof d.dims);
-    }
+    if (status == LG_OK) describe(&d, out);
+    lg_dataset_close(&d);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+/* Makes `type` of the data set the type of its member. */
+static lg_status choose_member(lg_h5 *h5, const char *name, lg_dataset *d, const char *member, int index,
+                               lg_error *error) {
+    hid_t type = H5Tget_member_type(d->type, (unsigned)index);
+    if (index < 0 || type < 0) return lg_dataset_error(h5, name, "has no such member", error);
+    (void)H5Tclose(d->type);
+    d->type = type;
+    d->member = member;
+    return LG_OK;
+}
+
+lg_status lg_h5_look_member(lg_h5 *h5, const char *name, uint32_t index, char *text, size_t size,
+                            lg_h5_about *out, lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    lg_dataset d;
+    lg_status status = lg_dataset_open(h5, name, sizeof(double), &d, error);
+    char *member = status == LG_OK ? H5Tget_member_name(d.type, index) : NULL;
+    if (status == LG_OK && (member == NULL || strlen(member) >= size))
+        status = lg_dataset_error(h5, name, "has a member with a name that is too long", error);
+    if (status == LG_OK) status = choose_member(h5, name, &d, NULL, (int)index, error);
+    if (status == LG_OK) describe(&d, out);
+    if (status == LG_OK) (void)snprintf(text, size, "%s", member);
+    (void)H5free_memory(member);
     lg_dataset_close(&d);
     lg_quiet_end(quiet);
     return status;
@@ -477,54 +527,68 @@ lg_status lg_h5_get_floats(lg_h5 *h5, const char *name, float *out, lg_error *er
     return get_all(h5, name, sizeof *out, H5T_NATIVE_FLOAT, false, out, error);
 }
 
-/* Number of rows per block: about a megabyte, or whole chunks if these have at most 64 megabytes. */
-static hsize_t rows_of_block(const lg_dataset *d) {
-    const uint64_t row = d->count / d->dims[0], megabyte = (1u << 20) / sizeof(double);
-    hsize_t rows = row < megabyte ? megabyte / row : 1, chunk[LG_MAX_RANK] = {0};
-    hid_t plist = H5Dget_create_plist(d->set);
-    if (H5Pget_layout(plist) == H5D_CHUNKED && H5Pget_chunk(plist, LG_MAX_RANK, chunk) == (int)d->rank &&
-        chunk[0] > 0 && chunk[0] <= 64 * megabyte / row)
-        rows = (rows + chunk[0] - 1) / chunk[0] * chunk[0];
-    (void)H5Pclose(plist);
-    return rows < d->dims[0] ? rows : d->dims[0];
+uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis) {
+    const uint64_t all = about->dims[axis], row = about->count / all, megabyte = (1u << 20) / sizeof(double);
+    const uint64_t chunk = about->chunk[axis];
+    uint64_t rows = row < megabyte ? megabyte / row : 1;
+    if (chunk > 0 && chunk <= 64 * megabyte / row) rows = (rows + chunk - 1) / chunk * chunk;
+    return rows < all ? rows : all;
 }
 
-static lg_status each_block(lg_h5 *h5, const char *name, const lg_dataset *d, hsize_t rows, lg_h5_long as,
-                            double *values, lg_h5_rows visit, void *user, lg_error *error) {
-    const uint64_t row = d->count / d->dims[0];
-    lg_status status = LG_OK;
-    hsize_t start[LG_MAX_RANK] = {0}, extent[LG_MAX_RANK];
-    for (uint32_t i = 0; i < d->rank; i++) extent[i] = d->dims[i];
-    for (hsize_t at = 0; at < d->dims[0] && status == LG_OK; at += rows) {
-        start[0] = at;
-        extent[0] = d->dims[0] - at < rows ? d->dims[0] - at : rows;
-        hid_t part = H5Dget_space(d->set), room = H5Screate_simple((int)d->rank, extent, NULL);
+lg_status lg_slice_open(lg_h5 *h5, const lg_h5_slice *slice, size_t bytes, lg_dataset *d, hid_t *part,
+                        lg_error *error) {
+    hsize_t start[LG_MAX_RANK] = {0}, extent[LG_MAX_RANK] = {0};
+    *part = H5I_INVALID_HID;
+    LG_TRY(lg_dataset_open(h5, slice->name, bytes, d, error));
+    if (slice->member != NULL)
+        LG_TRY(choose_member(h5, slice->name, d, slice->member, H5Tget_member_index(d->type, slice->member),
+                             error));
+    *part = H5Dget_space(d->set);
+    if (d->rank == 0) return LG_OK;
+    memcpy(extent, d->dims, sizeof d->dims);
+    start[slice->axis] = slice->first;
+    extent[slice->axis] = slice->count;
+    if (slice->axis < d->rank && slice->count <= d->dims[slice->axis] &&
+        slice->first <= d->dims[slice->axis] - slice->count &&
+        H5Sselect_hyperslab(*part, H5S_SELECT_SET, start, NULL, extent, NULL) >= 0)
+        return LG_OK;
+    return lg_dataset_error(h5, slice->name, "cannot be read", error);
+}
+
+lg_status lg_h5_get_slice(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_long as, double *out, lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    lg_dataset d;
+    hid_t part;
+    lg_status status = lg_slice_open(h5, slice, sizeof(float), &d, &part, error);
+    if (status == LG_OK && d.count > 0) {
+        const uint64_t row = d.rank == 0 ? 1 : d.count / d.dims[slice->axis];
+        const hsize_t extent = row * slice->count;
+        hid_t room = H5Screate_simple(1, &extent, NULL);
         status =
-            H5Sselect_hyperslab(part, H5S_SELECT_SET, start, NULL, extent, NULL) >= 0
-                ? read_doubles(h5, name, d, room, part, at * row, extent[0] * row, false, as, values, error)
-                : lg_dataset_error(h5, name, "cannot be read", error);
+            read_doubles(h5, slice->name, &d, room, part, slice->first * row, extent, false, as, out, error);
         (void)H5Sclose(room);
-        (void)H5Sclose(part);
-        if (status == LG_OK) visit(user, at, extent[0], values);
     }
+    (void)H5Sclose(part);
+    lg_dataset_close(&d);
+    lg_quiet_end(quiet);
     return status;
 }
 
-lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_long as, lg_h5_rows visit, void *user,
-                          lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_dataset d;
-    lg_status status = lg_dataset_open(h5, name, sizeof(float), &d, error);
-    if (status == LG_OK && d.count > 0) {
-        const hsize_t rows = rows_of_block(&d);
-        double *values = lg_alloc(h5->context, (size_t)(rows * (d.count / d.dims[0])), sizeof *values);
-        status = values != NULL ? each_block(h5, name, &d, rows, as, values, visit, user, error)
-                                : lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory",
-                                          lg_shown_path(h5->path), name);
-        lg_free(h5->context, values);
+lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error) {
+    lg_h5_about about;
+    LG_TRY(lg_h5_look(h5, name, sizeof(float), &about, error));
+    if (about.count == 0) return LG_OK;
+    const uint64_t row = about.count / about.dims[0], rows = lg_h5_block(&about, 0);
+    double *values = lg_alloc(h5->context, rows * row, sizeof *values);
+    if (values == NULL) return lg_h5_no_memory(h5, error);
+    lg_status status = LG_OK;
+    for (uint64_t at = 0; at < about.dims[0] && status == LG_OK; at += rows) {
+        const uint64_t left = about.dims[0] - at;
+        const lg_h5_slice slice = {.name = name, .first = at, .count = left < rows ? left : rows};
+        status = lg_h5_get_slice(h5, &slice, LG_H5_EXACT, values, error);
+        if (status == LG_OK) visit(user, at, slice.count, values);
     }
-    lg_dataset_close(&d);
-    lg_quiet_end(quiet);
+    lg_free(h5->context, values);
     return status;
 }
 

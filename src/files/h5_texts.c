@@ -72,53 +72,62 @@ static lg_status no_texts(const texts *t, const char *name, lg_status status, lg
 
 /* ---- data sets ---- */
 
-/* Selects the elements first..first + count - 1 along the first axis. All other dimensions are 1. */
-static hid_t piece_space(const lg_dataset *d, uint64_t first, size_t count) {
-    hid_t space = H5Dget_space(d->set);
-    if (d->rank == 0) return space;
-    hsize_t start[LG_MAX_RANK] = {first}, extent[LG_MAX_RANK] = {count, 1, 1, 1};
-    if (H5Sselect_hyperslab(space, H5S_SELECT_SET, start, NULL, extent, NULL) >= 0) return space;
-    (void)H5Sclose(space);
-    return H5I_INVALID_HID;
-}
-
-static lg_status each_piece(texts *t, const lg_dataset *d, const char *name, lg_h5_visit visit, void *user,
+static lg_status each_piece(texts *t, const lg_h5_slice *slice, lg_h5_visit visit, void *user,
                             lg_error *error) {
     lg_status status = LG_OK;
-    for (uint64_t first = 0; first < d->count && status == LG_OK; first += t->piece) {
-        const size_t count = d->count - first < t->piece ? (size_t)(d->count - first) : t->piece;
-        const hsize_t extent = count;
-        memset(t->memory, 0, count * t->size);
-        hid_t stored = piece_space(d, first, count), memory = H5Screate_simple(1, &extent, NULL);
-        if (H5Dread(d->set, t->type, memory, stored, H5P_DEFAULT, t->memory) < 0)
-            status = lg_dataset_error(t->h5, name, "cannot be read: cut short or damaged", error);
-        else
-            status = visit_piece(t, first, count, name, visit, user, error);
+    lg_dataset d;
+    for (uint64_t at = 0; at < slice->count && status == LG_OK; at += t->piece) {
+        const uint64_t left = slice->count - at;
+        lg_h5_slice piece = *slice;
+        hid_t part;
+        piece.first += at;
+        piece.count = left < t->piece ? left : t->piece;
+        memset(t->memory, 0, (size_t)piece.count * t->size);
+        status = lg_slice_open(t->h5, &piece, 1, &d, &part, error);
+        const hsize_t extent = piece.count;
+        hid_t memory = H5Screate_simple(1, &extent, NULL), element = lg_dataset_memory(&d, t->type);
+        if (status == LG_OK && H5Dread(d.set, element, memory, part, H5P_DEFAULT, t->memory) < 0)
+            status = lg_dataset_error(t->h5, slice->name, "cannot be read: cut short or damaged", error);
+        if (status == LG_OK)
+            status = visit_piece(t, piece.first, (size_t)piece.count, slice->name, visit, user, error);
         if (t->variable) (void)H5Dvlen_reclaim(t->type, memory, H5P_DEFAULT, t->memory);
-        (void)H5Sclose(stored);
+        (void)H5Tclose(element);
         (void)H5Sclose(memory);
+        (void)H5Sclose(part);
+        lg_dataset_close(&d);
     }
+    return status;
+}
+
+lg_status lg_h5_each_text_of(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_visit visit, void *user,
+                             lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    lg_dataset d;
+    hid_t part;
+    texts t = {.h5 = h5};
+    lg_status status = lg_slice_open(h5, slice, 1, &d, &part, error);
+    if (status == LG_OK && H5Tget_class(d.type) != H5T_STRING)
+        status = lg_dataset_error(h5, slice->name, "does not hold texts", error);
+    for (uint32_t i = 0; i < d.rank && status == LG_OK; i++)
+        if (i != slice->axis && d.dims[i] != 1)
+            status = lg_dataset_error(h5, slice->name, "is not a list of texts", error);
+    if (status == LG_OK) {
+        status = begin_texts(h5, d.type, LG_H5_TEXT, slice->count, &t);
+        status = status == LG_OK ? each_piece(&t, slice, visit, user, error)
+                                 : no_texts(&t, slice->name, status, error);
+    }
+    end_texts(&t);
+    (void)H5Sclose(part);
+    lg_dataset_close(&d);
+    lg_quiet_end(quiet);
     return status;
 }
 
 lg_status lg_h5_each_text(lg_h5 *h5, const char *name, lg_h5_visit visit, void *user, lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_dataset d;
-    texts t = {.h5 = h5};
-    lg_status status = lg_dataset_open(h5, name, 1, &d, error);
-    if (status == LG_OK && H5Tget_class(d.type) != H5T_STRING)
-        status = lg_dataset_error(h5, name, "does not hold texts", error);
-    for (uint32_t i = 1; i < d.rank && status == LG_OK; i++)
-        if (d.dims[i] != 1) status = lg_dataset_error(h5, name, "is not a list of texts", error);
-    if (status == LG_OK) {
-        status = begin_texts(h5, d.type, LG_H5_TEXT, d.count, &t);
-        status = status == LG_OK ? each_piece(&t, &d, name, visit, user, error)
-                                 : no_texts(&t, name, status, error);
-    }
-    end_texts(&t);
-    lg_dataset_close(&d);
-    lg_quiet_end(quiet);
-    return status;
+    lg_h5_about about;
+    LG_TRY(lg_h5_look(h5, name, 1, &about, error));
+    const lg_h5_slice all = {.name = name, .count = about.rank == 0 ? about.count : about.dims[0]};
+    return lg_h5_each_text_of(h5, &all, visit, user, error);
 }
 
 /* ---- attributes ---- */

@@ -835,7 +835,7 @@ static const odd odds[] = {
     {"a,b,y\n1,0x10,3\n4,5,6\n", "", 3, "'0x10' is not a number"},
     {"1,2,3\n4,5,6\n7,8,9\n", "", 3, "line 1: has numbers where the names"},
     {"5.1,3.5,setosa\n4.9,3,setosa\n", "", 3, "there is no header"},
-    {"a,a,y\n1,2,3\n4,5,6\n", "", 3, "column 'a' is there twice"},
+    {"a,a,y\n1,2,3\n4,5,6\n", "", 3, "there are two columns 'a'"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,q", 3, "there is no column 'q'; the columns are: a, b, y"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--outputs x", 3, "there is no column 'x'"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--class x", 3, "there is no column 'x'"},

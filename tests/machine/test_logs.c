@@ -196,9 +196,10 @@ TEST("a file is a run, or a column names the runs") {
     refuse_paths(machine(LINE), paths, 2, LG_FORMAT, "a.csv: line 4", "does not increase");
     write_text_to(paths[0], "t,q,v,r\n0,1,0,\n");
     refuse_paths(machine("columns: {run: r}\n" LINE), paths, 1, LG_FORMAT, "line 2: column r",
-                 "expected 1 to 63");
+                 "the row names no run");
     write_text_to(paths[0], test_text("t,q,v,r\n0,1,0,%064d\n", 0));
-    refuse_paths(machine("columns: {run: r}\n" LINE), paths, 1, LG_FORMAT, "the run has 64 bytes", "");
+    refuse_paths(machine("columns: {run: r}\n" LINE), paths, 1, LG_FORMAT,
+                 "column r: the text has more than 63 bytes", "");
 }
 
 TEST("time steps longer than 1.4 medians, or longer than max_step, are gaps") {
@@ -1164,7 +1165,7 @@ TEST("columns of a log in HDF5 may be (rows), (rows, 1) or (1, rows), but no mat
         assert_true(logs->rows_read == ROWS && logs->u[4 * 30] == 33 && logs->u[4 * 24] == 27);
     }
     replace_dataset(path, "u", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, (hsize_t[]){ROWS / 2, 2}, data);
-    assert_refused(read_h5, path, LG_FORMAT, "/u: expected one number per row", "");
+    assert_refused(read_h5, path, LG_FORMAT, "there is no column 'u'; the columns are: ", "u0, u1");
     replace_dataset(path, "u", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, (hsize_t[]){1, 1}, data);
     assert_refused(read_h5, path, LG_FORMAT, "/u: has 1 rows, but /", "");
 }
@@ -1174,12 +1175,12 @@ TEST("HDF5 that is not a log is refused") {
     const hsize_t rows = ROWS, table[] = {ROWS, 2};
     double data[2 * ROWS] = {0};
     write_h5(path, "v", false);
-    assert_refused(read_h5, path, LG_FORMAT, "there is no data set 'v'", "group of runs, q, t, u");
+    assert_refused(read_h5, path, LG_FORMAT, "there is no column 'v'", "group of runs, q, t, u");
     write_h5(path, "", true);
-    assert_refused(read_h5, path, LG_FORMAT, "/v: has 49 rows, but /t has 50", "");
+    assert_refused(read_h5, path, LG_FORMAT, "/v: has 49 rows, but /u has 50", "");
     write_h5(path, "v", false);
     replace_dataset(path, "v", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, table, data);
-    assert_refused(read_h5, path, LG_FORMAT, "/v: expected one number per row", "");
+    assert_refused(read_h5, path, LG_FORMAT, "there is no column 'v'; the columns are: ", "t, u, v0, v1");
     write_h5(path, "v", false);
     data[7] = INFINITY;
     replace_dataset(path, "v", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &rows, data);
@@ -1188,11 +1189,11 @@ TEST("HDF5 that is not a log is refused") {
     replace_dataset(path, "v", H5T_C_S1, H5T_C_S1, 1, &rows, data);
     assert_refused(read_h5, path, LG_FORMAT, "/v: does not hold numbers", "");
     replace_dataset(path, "v", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 0, NULL, data);
-    assert_refused(read_h5, path, LG_FORMAT, "/v: expected one number per row", "");
+    assert_refused(read_h5, path, LG_FORMAT, "there is no column 'v'", "t, u");
     write_h5(path, "group of runs", false);
     data[7] = NAN;
     replace_dataset(path, "group of runs", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &rows, data);
-    assert_refused(read_h5, path, LG_FORMAT, "row 8 has no number of its run", "");
+    assert_refused(read_h5, path, LG_FORMAT, "row 8: column group of runs: the row names no run", "");
     refuse_paths(machine(LINE), &path, 1, LG_FORMAT, "row 26: column t: time does not increase", "");
     write_h5(path, "t", false);
     data[7] = 0;

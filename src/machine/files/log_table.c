@@ -2,18 +2,14 @@
 #include <math.h>
 #include <string.h>
 
+#include "files/frame.h"
 #include "files/h5.h"
 #include "machine/files/log_table.h"
 
-enum { FIRST_ROWS = 1024, FIRST_WARNINGS = 8 };
+enum { FIRST_WARNINGS = 8 };
 
 lg_status lg_log_no_memory(const char *path, lg_error *error) {
     return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-}
-
-static bool is_h5(const lg_log_table *table, uint32_t file) {
-    bool is = false;
-    return lg_file_is_h5(table->paths[file], &is, NULL) == LG_OK && is;
 }
 
 lg_status lg_log_fail(const lg_log_table *table, size_t row, lg_error *error, const char *format, ...) {
@@ -24,7 +20,7 @@ lg_status lg_log_fail(const lg_log_table *table, size_t row, lg_error *error, co
     (void)lg_format_list(text, sizeof text, format, arguments);
     va_end(arguments);
     return lg_fail(error, LG_FORMAT, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]),
-                   is_h5(table, o->file) ? "row" : "line", o->line, text);
+                   table->place[o->file], o->line, text);
 }
 
 lg_status lg_log_warn(lg_log_table *table, const char *format, ...) {
@@ -52,8 +48,8 @@ lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ..
     va_start(arguments, format);
     (void)lg_format_list(text, sizeof text, format, arguments);
     va_end(arguments);
-    return lg_log_warn(table, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]),
-                       is_h5(table, o->file) ? "row" : "line", o->line, text);
+    return lg_log_warn(table, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]), table->place[o->file],
+                       o->line, text);
 }
 
 double lg_log_tidy(double scale) {
@@ -61,56 +57,102 @@ double lg_log_tidy(double scale) {
     return fabs(scale / tidy - 1.0) < 0.01 ? tidy : scale;
 }
 
-static lg_status grow(lg_log_table *table) {
-    const size_t room = table->room == 0 ? FIRST_ROWS : 2 * table->room;
-    double *data = lg_alloc(table->context, room, table->columns * sizeof *data);
-    lg_log_origin *origin = lg_alloc(table->context, room, sizeof *origin);
-    if (data == NULL || origin == NULL) {
-        lg_free(table->context, data);
-        lg_free(table->context, origin);
-        return LG_OUT_OF_MEMORY;
-    }
-    if (table->rows > 0) {
-        memcpy(data, table->data, table->rows * table->columns * sizeof *data);
-        memcpy(origin, table->origin, table->rows * sizeof *origin);
-    }
-    lg_free(table->context, table->data);
-    lg_free(table->context, table->origin);
-    table->data = data;
-    table->origin = origin;
-    table->room = room;
-    return LG_OK;
-}
-
-lg_status lg_log_append(lg_log_table *table, uint32_t file, size_t line, const double *values, bool new_run,
-                        lg_error *error) {
-    const lg_log_column *columns = table->machine->columns;
-    table->runs += new_run;
-    table->rows_read++;
-    if (isnan(values[table->machine->time])) return LG_OK;
-    if (table->rows == table->room && grow(table) != LG_OK)
-        return lg_log_no_memory(table->paths[file], error);
-    const size_t row = table->rows++;
-    double *to = lg_log_row(table, row);
-    table->origin[row] = (lg_log_origin){line, file, table->runs - 1};
-    for (uint32_t i = 0; i < table->columns; i++) {
-        to[i] = values[i] * columns[i].scale;
-        if (isinf(to[i]))
-            return lg_log_fail(
-                table, row, error,
-                "column %s: the value is infinite; for a missing value leave the cell empty or write nan",
-                columns[i].name);
-    }
-    return LG_OK;
-}
-
 void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_csv_names *names) {
     *names = (lg_csv_names){.used = 0};
     for (uint32_t i = 0; i < count; i++) lg_csv_add_name(names, table->machine->columns[first + i].name);
 }
 
+/* ---- reading ---- */
+
+typedef struct file_reading {
+    lg_log_table *table;
+    uint32_t file;
+    lg_frame frame;
+    lg_frame_want want[LG_LOG_COLUMNS]; /* (columns) in the order of the machine's file */
+    lg_frame_text run;                  /* of the previous row */
+} file_reading;
+
+/* Makes room for the rows of a block. */
+static lg_status grow(lg_log_table *table, size_t rows) {
+    if (rows <= table->room - table->rows) return LG_OK;
+    const size_t room = 2 * table->room + rows;
+    double *data = lg_widen(table->context, table->data, table->rows * table->columns, room * table->columns,
+                            sizeof *data);
+    if (data != NULL) table->data = data;
+    lg_log_origin *origin = lg_widen(table->context, table->origin, table->rows, room, sizeof *origin);
+    if (origin != NULL) table->origin = origin;
+    if (data != NULL && origin != NULL) table->room = room;
+    return data != NULL && origin != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+/* Counts the row's run if it is a new one. */
+static lg_status count_run(file_reading *r, size_t row, lg_error *error) {
+    lg_log_table *table = r->table;
+    const lg_machine_file *machine = table->machine;
+    const bool begins = row == 0 && r->frame.before == 0, named = machine->run < table->columns;
+    const char *run = named ? lg_frame_text_of(&r->frame, row, &r->want[machine->run]) : "";
+    if (named && *run == '\0')
+        return lg_frame_fail(&r->frame, row, machine->columns[machine->run].name, error,
+                             "the row names no run");
+    table->runs += begins || strcmp(run, r->run) != 0;
+    memcpy(r->run, run, strlen(run) + 1);
+    return LG_OK;
+}
+
+/* Appends a row. A row without a time is counted in rows_read only. */
+static lg_status append_row(file_reading *r, size_t row, lg_error *error) {
+    lg_log_table *table = r->table;
+    const lg_log_column *columns = table->machine->columns;
+    const double *values = r->frame.value + row * r->frame.width;
+    LG_TRY(count_run(r, row, error));
+    table->rows_read++;
+    if (isnan(values[r->want[table->machine->time].first])) return LG_OK;
+    table->origin[table->rows] = (lg_log_origin){r->frame.line[row], r->file, table->runs - 1};
+    double *to = lg_log_row(table, table->rows);
+    for (uint32_t i = 0; i < table->columns; i++) {
+        to[i] = i == table->machine->run ? 0 : values[r->want[i].first] * columns[i].scale;
+        if (isinf(to[i]))
+            return lg_frame_fail(&r->frame, row, columns[i].name, error,
+                                 "the value is infinite when it is multiplied by its scale");
+    }
+    table->rows++;
+    return LG_OK;
+}
+
+static lg_status read_rows(file_reading *r, lg_error *error) {
+    enum { BLOCK = 1 << 12 };
+    lg_frame *f = &r->frame;
+    LG_TRY(lg_frame_open(f, error));
+    r->table->place[r->file] = f->place;
+    do {
+        LG_TRY(lg_frame_next(f, BLOCK, error));
+        if (grow(r->table, f->rows) != LG_OK) return lg_frame_no_memory(f, error);
+        for (size_t row = 0; row < f->rows; row++) LG_TRY(append_row(r, row, error));
+    } while (f->rows > 0);
+    return f->cut ? lg_log_warn(r->table, "%s: the last line was cut off and left out", f->shown) : LG_OK;
+}
+
 static lg_status read_file(lg_log_table *table, uint32_t file, lg_error *error) {
-    return is_h5(table, file) ? lg_log_read_h5(table, file, error) : lg_log_read_csv(table, file, error);
+    const lg_machine_file *machine = table->machine;
+    file_reading *r = lg_alloc(table->context, 1, sizeof *r);
+    if (r == NULL) return lg_log_no_memory(table->paths[file], error);
+    r->table = table;
+    r->file = file;
+    r->frame = (lg_frame){.context = table->context,
+                          .path = table->paths[file],
+                          .what = "log",
+                          .options = table->options,
+                          .want = r->want,
+                          .wants = table->columns};
+    for (uint32_t i = 0; i < table->columns; i++)
+        r->want[i] = (lg_frame_want){.name = machine->columns[i].name,
+                                     .as = i == machine->run    ? LG_FRAME_TEXT
+                                           : i == machine->time ? LG_FRAME_ROUNDED
+                                                                : LG_FRAME_NUMBER};
+    const lg_status status = read_rows(r, error);
+    lg_frame_close(&r->frame);
+    lg_free(table->context, r);
+    return status;
 }
 
 lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error) {

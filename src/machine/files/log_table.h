@@ -1,5 +1,5 @@
-/* The table through which logs are read into lg_logs. log_csv.c and log_h5.c fill it with the columns of
- * the machine's file, logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_outliers.c
+/* The table through which logs are read into lg_logs. log_table.c fills it with the columns of the
+ * machine's file, logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_outliers.c
  * leaves out or warns of values far from all others, log_check.c compares positions with velocities,
  * log_statistics.c has ranges, noise and splines. */
 #ifndef LG_LOG_TABLE_H
@@ -11,7 +11,7 @@
 enum { LG_LOG_SAMPLES = 50000 };
 
 typedef struct lg_log_origin {
-    size_t line; /* line of a CSV file, or row of an HDF5 file, from 1 */
+    size_t line; /* line of a text file, or number of the row, from 1 */
     uint32_t file, run;
 } lg_log_origin;
 
@@ -19,6 +19,7 @@ typedef struct lg_log_table {
     const lg_context *context;
     const lg_machine_file *machine;
     const char *const *paths;
+    const char **place; /* (files) what the lines of a file's rows count: "line" or "row" */
     uint32_t files;
     const lg_read_options *options;
     size_t rows, room;
@@ -49,17 +50,11 @@ lg_status lg_log_warn(lg_log_table *table, const char *format, ...) __attribute_
 /* As lg_log_warn; the warning begins with "FILE: line 7: " of the row. */
 lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
-/* Appends a row of values (columns), unscaled. A row without a time is counted in rows_read only. */
-lg_status lg_log_append(lg_log_table *table, uint32_t file, size_t line, const double *values, bool new_run,
-                        lg_error *error);
 /* Lists the names of columns first .. first + count - 1. */
 void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_csv_names *names);
 
-/* Reads all files. Files that begin with the signature of HDF5 are read as HDF5, others as CSV. */
+/* Reads all files. */
 lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error);
-/* Append the rows of one file. */
-lg_status lg_log_read_csv(lg_log_table *table, uint32_t file, lg_error *error);
-lg_status lg_log_read_h5(lg_log_table *table, uint32_t file, lg_error *error);
 
 /* For each file and column, refuses values so large that the other values are lost in rounding, and warns of
  * values that jump far from all others and come back within two rows. */

@@ -444,7 +444,9 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
                  .options = options,
                  .count = count,
                  .error = error};
-    const lg_status status = read_logs(&r);
+    r.table.place = lg_alloc(context, count, sizeof *r.table.place);
+    const lg_status status = r.table.place != NULL ? read_logs(&r) : no_memory(&r);
+    lg_free(context, r.table.place);
     lg_free(context, r.table.data);
     lg_free(context, r.table.origin);
     lg_free(context, r.table.first);

@@ -1,0 +1,246 @@
+/* Frames: what all formats share. Names, wanted columns, the block of rows, numbers and texts of cells. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "core/lookup.h"
+#include "files/csv.h"
+#include "files/frame.h"
+#include "files/h5.h"
+#include "files/read_file.h"
+
+enum { FIRST_NAMES = 16, FIRST_NUMBERS = 8192, FIRST_BYTES = 16 };
+
+/* The last one takes every file. */
+static const lg_frame_format *const formats[] = {&lg_frame_h5, &lg_frame_npy, &lg_frame_csv};
+
+void *lg_widen(const lg_context *context, void *old, size_t count, size_t room, size_t size) {
+    void *wider = lg_alloc(context, room, size);
+    if (wider == NULL) return NULL;
+    if (count > 0) memcpy(wider, old, count * size);
+    lg_free(context, old);
+    return wider;
+}
+
+/* ---- messages ---- */
+
+lg_status lg_frame_no_memory(const lg_frame *f, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", f->shown);
+}
+
+lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_error *error,
+                        const char *format, ...) {
+    char text[400];
+    va_list arguments;
+    va_start(arguments, format);
+    (void)lg_format_list(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return lg_fail(error, LG_FORMAT, "%s: %s %zu: column %s: %s", f->shown, f->place, f->line[row], column,
+                   text);
+}
+
+/* ---- names and wanted columns ---- */
+
+lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
+    if (f->columns == LG_FRAME_MOST_COLUMNS)
+        return lg_fail(error, LG_FORMAT, "%s: has more than %d columns", f->shown, LG_FRAME_MOST_COLUMNS);
+    if (f->columns == f->name_room) {
+        const size_t room = f->name_room == 0 ? FIRST_NAMES : 2 * f->name_room;
+        char **wider = lg_widen(f->context, f->name, f->columns, room, sizeof *wider);
+        if (wider == NULL) return lg_frame_no_memory(f, error);
+        f->name = wider;
+        f->name_room = room;
+    }
+    f->name[f->columns] = lg_strdup(f->context, name);
+    return f->name[f->columns] == NULL ? lg_frame_no_memory(f, error) : (f->columns++, LG_OK);
+}
+
+static lg_status at_header(const lg_frame *f, lg_error *error, const char *format, ...) {
+    char text[400], line[32] = "";
+    va_list arguments;
+    va_start(arguments, format);
+    (void)lg_format_list(text, sizeof text, format, arguments);
+    va_end(arguments);
+    if (f->header > 0) (void)snprintf(line, sizeof line, "line %zu: ", f->header);
+    return lg_fail(error, LG_FORMAT, "%s: %s%s", f->shown, line, text);
+}
+
+static lg_status missing_column(const lg_frame *f, const char *name, lg_error *error) {
+    lg_csv_names have = {.used = 0};
+    for (uint32_t i = 0; i < f->columns; i++) lg_csv_add_name(&have, f->name[i]);
+    return at_header(f, error, "there is no column '%s'; the columns are: %s", name, lg_tamed(have.text));
+}
+
+/* Sets *at to the column with this name, or to f->columns if there is none. */
+static lg_status find_column(const lg_frame *f, const lg_lookup *sorted, const char *name, uint32_t *at,
+                             lg_error *error) {
+    const lg_lookup *found = lg_lookup_find(sorted, f->columns, name);
+    *at = found == NULL ? f->columns : (uint32_t)found->at;
+    if (found != NULL && found + 1 < sorted + f->columns && strcmp(found[1].name, name) == 0)
+        return at_header(f, error, "there are two columns '%s'", name);
+    return LG_OK;
+}
+
+static lg_status use_column(lg_frame *f, lg_frame_want *want, uint32_t at, lg_error *error) {
+    lg_frame_use *use = &f->use[at];
+    size_t *to = want->as == LG_FRAME_TEXT ? &use->text : &use->value;
+    if (*to > 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: column '%s' is requested twice", f->shown,
+                       f->name[at]);
+    *to = 1 + (want->as == LG_FRAME_TEXT ? f->texts++ : f->width++);
+    use->rounds = use->rounds || want->as == LG_FRAME_ROUNDED;
+    want->width += want->as != LG_FRAME_TEXT;
+    return LG_OK;
+}
+
+/* The columns NAME0, NAME1, ... are an array. */
+static lg_status find_array(lg_frame *f, const lg_lookup *sorted, lg_frame_want *want, lg_error *error) {
+    char name[2 * LG_FRAME_NAME];
+    for (uint32_t i = 0;; i++) {
+        uint32_t at;
+        (void)snprintf(name, sizeof name, "%s%u", want->name, i);
+        LG_TRY(find_column(f, sorted, name, &at, error));
+        if (at == f->columns) break;
+        LG_TRY(use_column(f, want, at, error));
+    }
+    want->there = want->width > 0;
+    want->rank = 2;
+    want->dims[1] = want->width;
+    return LG_OK;
+}
+
+static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *want, lg_error *error) {
+    uint32_t at = f->columns;
+    want->width = 0;
+    want->first = want->as == LG_FRAME_TEXT ? f->texts : f->width;
+    if (want->as == LG_FRAME_ARRAY && f->format->array != NULL) {
+        LG_TRY(f->format->array(f, want, error));
+        f->width += want->width;
+    } else {
+        LG_TRY(find_column(f, sorted, want->name, &at, error));
+        want->there = at < f->columns;
+        want->rank = 1;
+        if (want->there) return use_column(f, want, at, error);
+        if (want->as == LG_FRAME_ARRAY) LG_TRY(find_array(f, sorted, want, error));
+    }
+    return want->there || want->optional ? LG_OK : missing_column(f, want->name, error);
+}
+
+static lg_status find_all(lg_frame *f, lg_lookup *sorted, lg_error *error) {
+    for (uint32_t i = 0; i < f->columns; i++) sorted[i] = (lg_lookup){f->name[i], i};
+    lg_lookup_sort(sorted, f->columns);
+    for (size_t i = 0; i < f->wants; i++) LG_TRY(find_want(f, sorted, &f->want[i], error));
+    return LG_OK;
+}
+
+lg_status lg_frame_find(lg_frame *f, lg_error *error) {
+    f->use = lg_alloc(f->context, (size_t)f->columns + 1, sizeof *f->use);
+    lg_lookup *sorted = lg_alloc(f->context, (size_t)f->columns + 1, sizeof *sorted);
+    const lg_status status =
+        f->use == NULL || sorted == NULL ? lg_frame_no_memory(f, error) : find_all(f, sorted, error);
+    lg_free(f->context, sorted);
+    return status;
+}
+
+/* ---- the block ---- */
+
+/* Widens one array of the block. */
+static bool widen(const lg_frame *f, void **array, size_t room, size_t columns, size_t size) {
+    void *wider =
+        columns > SIZE_MAX / size ? NULL : lg_widen(f->context, *array, f->rows, room, columns * size);
+    if (wider != NULL) *array = wider;
+    return wider != NULL;
+}
+
+lg_status lg_frame_reserve(lg_frame *f, size_t rows, lg_error *error) {
+    if (rows <= f->room && f->line != NULL) return LG_OK;
+    if (f->before + rows > UINT32_MAX)
+        return lg_fail(error, LG_FORMAT, "%s: has 2^32 rows or more", f->shown);
+    const size_t twice = f->room == 0 ? 1 + FIRST_NUMBERS / (f->width + 1) : 2 * f->room;
+    const size_t room = rows > twice || rows > 1 + f->rows ? rows : twice;
+    if (!widen(f, (void **)&f->value, room, f->width, sizeof *f->value) ||
+        !widen(f, (void **)&f->text, room, f->texts, sizeof *f->text) ||
+        !widen(f, (void **)&f->line, room, 1, sizeof *f->line))
+        return lg_frame_no_memory(f, error);
+    f->room = room;
+    return LG_OK;
+}
+
+lg_status lg_frame_number_rows(lg_frame *f, size_t most, uint64_t left, lg_error *error) {
+    if (left > UINT32_MAX) return lg_fail(error, LG_FORMAT, "%s: has 2^32 rows or more", f->shown);
+    const size_t rows = left < most ? (size_t)left : most;
+    LG_TRY(lg_frame_reserve(f, rows, error));
+    f->rows = rows;
+    for (size_t i = 0; i < rows; i++) f->line[i] = f->before + i + 1;
+    return LG_OK;
+}
+
+lg_status lg_frame_put_text(lg_frame *f, size_t row, uint32_t column, const char *text, lg_error *error) {
+    const size_t length = strlen(text);
+    if (length >= LG_FRAME_NAME)
+        return lg_frame_fail(f, row, f->name[column], error, "the text has more than %d bytes",
+                             LG_FRAME_NAME - 1);
+    memcpy(f->text[row * f->texts + f->use[column].text - 1], text, length + 1);
+    return LG_OK;
+}
+
+lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char type, const void *number,
+                              lg_error *error) {
+    char text[LG_SHORTEST] = "";
+    const lg_frame_use *use = &f->use[column];
+    const bool whole = type == 'i' || type == 'u';
+    double value;
+    uint64_t bits;
+    memcpy(&value, number, sizeof value);
+    memcpy(&bits, number, sizeof bits);
+    const bool minus = type == 'i' && bits >> 63 != 0;
+    const uint64_t magnitude = minus ? ~bits + 1 : bits;
+    if (whole) value = minus ? -(double)magnitude : (double)magnitude;
+    if (isinf(value))
+        return lg_frame_fail(f, row, f->name[column], error,
+                             "the value is infinite; for a missing value write nan");
+    if (whole)
+        (void)snprintf(text, sizeof text, "%s%llu", minus ? "-" : "", (unsigned long long)magnitude);
+    else if (use->text > 0 && !isnan(value))
+        lg_format_shortest(text, value == 0.0 ? 0.0 : value, type == 'f');
+    if (use->text > 0) LG_TRY(lg_frame_put_text(f, row, column, text, error));
+    if (use->value == 0) return LG_OK;
+    if (whole && !use->rounds && lg_whole_is_rounded(magnitude))
+        return lg_frame_fail(f, row, f->name[column], error, "%s is beyond 2^53 and " LG_ROUNDED, text);
+    f->value[row * f->width + use->value - 1] = value;
+    return LG_OK;
+}
+
+/* ---- the file ---- */
+
+lg_status lg_frame_open(lg_frame *f, lg_error *error) {
+    unsigned char first[FIRST_BYTES] = {0};
+    size_t got = 0;
+    bool is = false;
+    f->shown = lg_shown_path(f->path);
+    if (*f->path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", f->what);
+    LG_TRY(lg_read_first(f->path, first, sizeof first, &got, error));
+    for (size_t i = 0; i < LG_COUNT(formats) && !is; i++) {
+        f->format = formats[i];
+        LG_TRY(formats[i]->is(f->path, first, got, &is, error));
+    }
+    f->place = f->format->place;
+    return f->format->open(f, error);
+}
+
+lg_status lg_frame_next(lg_frame *f, size_t most, lg_error *error) {
+    f->before += f->rows;
+    f->rows = 0;
+    if (f->value == NULL || f->text == NULL || f->line == NULL) f->room = 0; /* the caller kept an array */
+    return f->format->rows(f, most, error);
+}
+
+void lg_frame_close(lg_frame *f) {
+    if (f->format != NULL) f->format->close(f);
+    for (uint32_t i = 0; i < f->columns; i++) lg_free(f->context, f->name[i]);
+    void *const owned[] = {f->name, f->use, f->value, f->text, f->line};
+    for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(f->context, owned[i]);
+    f->source = f->name = NULL, f->use = NULL, f->value = NULL, f->text = NULL, f->line = NULL;
+    f->format = NULL;
+    f->columns = 0, f->name_room = f->room = 0, f->width = f->texts = f->rows = f->before = 0;
+}

@@ -1,0 +1,139 @@
+/* Frames: named columns of a file, read in blocks of rows. CSV, HDF5 and numpy files look the same; a format
+ * is a row of the table in frame.c. A subject says which columns it wants and what they mean; it knows nothing
+ * of files. In a function of a subject:
+ *
+ *   lg_frame_want want[] = {{.name = "t", .as = LG_FRAME_ROUNDED},         a number; may be rounded
+ *                           {.name = "q"},                                 a number
+ *                           {.name = "run", .as = LG_FRAME_TEXT, .optional = true}};
+ *   lg_frame f = {.context = context, .path = path, .what = "log", .options = options,
+ *                 .want = want, .wants = LG_COUNT(want)};
+ *   lg_status status = lg_frame_open(&f, error);
+ *   while (status == LG_OK) {
+ *       status = lg_frame_next(&f, 4096, error);          SIZE_MAX: all rows that are left, in one block
+ *       if (status != LG_OK || f.rows == 0) break;
+ *       for (size_t row = 0; row < f.rows && status == LG_OK; row++) {
+ *           const double *x = f.value + row * f.width;    t = x[want[0].first], q = x[want[1].first]
+ *           const char *run = lg_frame_text_of(&f, row, &want[2]);           "": missing, or no such column
+ *           if (x[0] < 0) status = lg_frame_fail(&f, row, "t", error, "is negative");
+ *       }
+ *   }
+ *   lg_frame_close(&f);                                   also after a failure
+ *
+ * LG_FRAME_ARRAY gives all numbers of a row: of an HDF5 data set (n, a, b) it is the a b numbers of one n, of
+ * other files the columns NAME0, NAME1, ...; `dims` has the shape. Without wants only the names are read. With
+ * HDF5, lg_frame_open reads the whole file in the child process of lg_probe first; attributes that a subject
+ * needs are read by its function `also`, which is called in the child process, too.
+ *
+ * Numbers: "", nan, NA, N/A and null are missing (NaN). Infinities are rejected, and so are whole numbers that
+ * no double equals, unless they may be rounded. Texts: as written; "" if missing. In binary files a whole
+ * number is its exact decimal text, a real number the shortest text that reads back as the same number.
+ * Which files are understood is said in liegrad/table.h ("tables of numbers"); in addition the members of an
+ * HDF5 data set of records are columns. */
+#ifndef LG_FRAME_H
+#define LG_FRAME_H
+
+#include "core/core.h"
+#include "liegrad/files.h"
+
+struct lg_h5;
+struct lg_frame_format;
+
+enum { LG_FRAME_NAME = 64, LG_FRAME_MOST_COLUMNS = 1 << 16 };
+typedef char lg_frame_text[LG_FRAME_NAME];
+
+typedef enum lg_frame_as { LG_FRAME_NUMBER, LG_FRAME_ROUNDED, LG_FRAME_TEXT, LG_FRAME_ARRAY } lg_frame_as;
+typedef struct lg_frame_want {
+    const char *name;
+    lg_frame_as as;
+    bool optional; /* the file need not have the column */
+    /* Set by lg_frame_open. */
+    bool there;
+    /* Index in a row of `value` (numbers) or of `text`. A number or text that is not there has none. */
+    size_t first;
+    size_t width;     /* numbers in a row; 0 for texts */
+    uint32_t rank;    /* of an array: number of axes, the rows included */
+    uint64_t dims[4]; /* of an array; dims[0] is the number of rows, or 0 if it is not known */
+} lg_frame_want;
+
+/* Where a column of the file goes: indices plus 1, or 0. */
+typedef struct lg_frame_use {
+    size_t value, text;
+    bool rounds;
+} lg_frame_use;
+
+typedef struct lg_frame {
+    /* Set by the caller. */
+    const lg_context *context;
+    const char *path, *what; /* what: kind of the file in messages, "log" */
+    const lg_read_options *options;
+    lg_frame_want *want;
+    size_t wants;
+    lg_status (*also)(void *user, struct lg_h5 *h5, lg_error *error); /* may be NULL; for HDF5 only */
+    void *user;
+    /* Set by lg_frame_open. */
+    const char *shown, *place; /* shown: the path in messages; place: "line" or "row" */
+    uint32_t columns;          /* of the file */
+    char **name;               /* (columns) */
+    size_t header;             /* line of the names, or 0 */
+    size_t width, texts;       /* numbers and texts of a row */
+    /* Set by lg_frame_next. To keep an array, take the pointer and set it to NULL. */
+    size_t rows;
+    double *value;       /* (rows, width) */
+    lg_frame_text *text; /* (rows, texts) */
+    size_t *line;        /* (rows) line in a text file, or number of the row, from 1 */
+    bool cut;            /* the last line of the file is incomplete and was left out */
+    /* Internal. */
+    const struct lg_frame_format *format;
+    void *source;
+    lg_frame_use *use; /* (columns) */
+    size_t before, room, name_room;
+} lg_frame;
+
+lg_status lg_frame_open(lg_frame *f, lg_error *error);
+/* Reads up to `most` rows. f->rows becomes their number, 0 at the end of the file. */
+lg_status lg_frame_next(lg_frame *f, size_t most, lg_error *error);
+void lg_frame_close(lg_frame *f);
+/* Fails with LG_FORMAT and the message "FILE: line 7: column x: ...". */
+lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_error *error,
+                        const char *format, ...) __attribute__((format(printf, 5, 6)));
+static inline const char *lg_frame_text_of(const lg_frame *f, size_t row, const lg_frame_want *want) {
+    return want->there ? f->text[row * f->texts + want->first] : "";
+}
+/* Returns a copy of an array of `count` elements with room for `room`, and frees `old`. Returns NULL without
+ * memory; then `old` stays. */
+void *lg_widen(const lg_context *context, void *old, size_t count, size_t room, size_t size);
+
+/* ---- for formats ---- */
+
+typedef struct lg_frame_format {
+    const char *name, *place;
+    /* Whether a file is of this format, by its first bytes (count). */
+    lg_status (*is)(const char *path, const unsigned char *first, size_t count, bool *is, lg_error *error);
+    /* Adds the names of the columns. */
+    lg_status (*open)(lg_frame *f, lg_error *error);
+    /* Appends up to `most` rows to the block. */
+    lg_status (*rows)(lg_frame *f, size_t most, lg_error *error);
+    /* Sets `there`, `width`, `rank` and `dims` of a wanted array. NULL: its columns are NAME0, NAME1, ... */
+    lg_status (*array)(lg_frame *f, lg_frame_want *want, lg_error *error);
+    void (*close)(lg_frame *f); /* frees f->source, which may be NULL */
+} lg_frame_format;
+extern const lg_frame_format lg_frame_csv, lg_frame_h5, lg_frame_npy;
+
+lg_status lg_frame_no_memory(const lg_frame *f, lg_error *error);
+lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error);
+/* Finds the wanted columns, once all names are added. */
+lg_status lg_frame_find(lg_frame *f, lg_error *error);
+/* Makes room for `rows` rows in the block; new rows are not cleared. */
+lg_status lg_frame_reserve(lg_frame *f, size_t rows, lg_error *error);
+/* Sets f->rows and the lines of a file whose rows have numbers. `left`: rows that are left. */
+lg_status lg_frame_number_rows(lg_frame *f, size_t most, uint64_t left, lg_error *error);
+/* Put a cell of the block where it is wanted. `number` points to an int64_t (type i), an uint64_t (u) or a
+ * double (d; f: it was a float). */
+lg_status lg_frame_put_text(lg_frame *f, size_t row, uint32_t column, const char *text, lg_error *error);
+lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char type, const void *number,
+                              lg_error *error);
+static inline bool lg_frame_is_wanted(const lg_frame *f, uint32_t column) {
+    return f->use[column].value > 0 || f->use[column].text > 0;
+}
+
+#endif

@@ -1,0 +1,62 @@
+/* The source of rows for text files: a line of names, then one row per line. */
+#include "files/csv.h"
+#include "files/frame.h"
+
+static lg_status is_csv(const char *path, const unsigned char *first, size_t count, bool *is,
+                        lg_error *error) {
+    (void)path, (void)first, (void)count, (void)error;
+    *is = true;
+    return LG_OK;
+}
+
+static lg_status open_csv(lg_frame *f, lg_error *error) {
+    lg_csv *c = f->source = lg_alloc(f->context, 1, sizeof *c);
+    char *cell = NULL;
+    if (c == NULL) return lg_frame_no_memory(f, error);
+    LG_TRY(lg_csv_open(f->context, f->path, f->what, c, error));
+    LG_TRY(lg_csv_header(c, error));
+    f->header = c->number;
+    for (char *at = c->line; at != NULL;) {
+        LG_TRY(lg_csv_name(c, &at, &cell, error));
+        LG_TRY(lg_frame_add_name(f, cell, error));
+    }
+    if (f->columns != c->cells) return lg_csv_fail(c, error, "a cell has a quote inside");
+    return lg_frame_find(f, error);
+}
+
+static lg_status read_row(lg_frame *f, lg_csv *c, lg_error *error) {
+    char *at = c->line, *cell = NULL;
+    const size_t row = f->rows;
+    LG_TRY(lg_csv_check_row(c, &f->cut, error));
+    if (f->cut) return LG_OK;
+    LG_TRY(lg_frame_reserve(f, row + 1, error));
+    f->line[row] = c->number;
+    for (uint32_t i = 0; at != NULL; i++) {
+        LG_TRY(lg_csv_cell(c, &at, &cell, error));
+        if (i == f->columns) return lg_csv_fail(c, error, "a cell has a quote inside");
+        const lg_frame_use *use = &f->use[i];
+        if (use->text > 0)
+            LG_TRY(lg_frame_put_text(f, row, i, !c->quoted && lg_csv_missing(cell) ? "" : cell, error));
+        if (use->value > 0)
+            LG_TRY(lg_csv_number(c, cell, f->name[i], use->rounds, &f->value[row * f->width + use->value - 1],
+                                 error));
+    }
+    f->rows++;
+    return LG_OK;
+}
+
+static lg_status read_rows(lg_frame *f, size_t most, lg_error *error) {
+    for (bool more = true; f->rows < most && !f->cut;) {
+        LG_TRY(lg_csv_line(f->source, &more, error));
+        if (!more) return LG_OK;
+        LG_TRY(read_row(f, f->source, error));
+    }
+    return LG_OK;
+}
+
+static void close_csv(lg_frame *f) {
+    if (f->source != NULL) lg_csv_close(f->source);
+    lg_free(f->context, f->source);
+}
+
+const lg_frame_format lg_frame_csv = {"csv", "line", is_csv, open_csv, read_rows, NULL, close_csv};

@@ -1,0 +1,342 @@
+/* The source of rows for HDF5 files. The columns are data sets of the root group, columns of matrices, and
+ * members of records. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "files/frame.h"
+#include "files/h5_internal.h"
+
+/* A data set, or a member of one, and which columns of the frame it has. */
+typedef struct source {
+    char name[LG_FRAME_NAME], member[LG_FRAME_NAME]; /* member: "" if it is not a member */
+    lg_h5_about about;
+    uint32_t first, columns, axis; /* axis: the one along which the rows lie */
+    bool matlab;                   /* MATLAB wrote it, with its dimensions in reverse order */
+} source;
+
+enum { MOST_SOURCES = 4096 };
+typedef struct h5_file {
+    lg_frame *frame;
+    lg_h5 *h5;
+    source *sources; /* (MOST_SOURCES) */
+    uint32_t count;
+    uint64_t longest;   /* rows of the longest column */
+    uint64_t rows;      /* of the wanted columns */
+    const char *counts; /* the wanted data set that has them; NULL: none so far */
+    bool joined;        /* names are in one text, with commas between them */
+    const char *single; /* a single number that is left out of the columns, or NULL */
+} h5_file;
+
+static lg_status fail(const lg_frame *f, const char *name, lg_error *error, const char *what) {
+    return lg_fail(error, LG_FORMAT, "%s: /%s: %s", f->shown, name, what);
+}
+
+static bool is_numbers(const lg_h5_about *about) {
+    return about->kind == LG_H5_WHOLE || about->kind == LG_H5_REAL;
+}
+
+static uint64_t rows_of(const source *s) {
+    return s->about.dims[s->axis];
+}
+
+/* ---- names ---- */
+
+static lg_status add_text(void *user, uint64_t index, const char *text, lg_error *error) {
+    h5_file *h = user;
+    (void)index;
+    for (;;) {
+        char name[LG_H5_TEXT];
+        const size_t length = strcspn(text, h->joined ? "," : ""), blanks = h->joined ? strspn(text, " ") : 0;
+        (void)snprintf(name, sizeof name, "%.*s", (int)(length - blanks), text + blanks);
+        LG_TRY(lg_frame_add_name(h->frame, name, error));
+        if (text[length] == '\0') return LG_OK;
+        text += length + 1;
+    }
+}
+
+static void forget_names(lg_frame *f, uint32_t count) {
+    while (f->columns > count) lg_free(f->context, f->name[--f->columns]);
+}
+
+/* Names the columns of a data set (rows, k) by its attribute `columns`, or else by the data set's name with
+ * numbers. */
+static lg_status name_columns(h5_file *h, const source *s, lg_error *error) {
+    lg_frame *f = h->frame;
+    bool words = false;
+    h->joined = false;
+    LG_TRY(lg_h5_each_attribute_text(h->h5, s->name, "columns", &words, add_text, h, error));
+    if (words && f->columns - s->first != s->columns) { /* not a list: one text with commas */
+        h->joined = true;
+        forget_names(f, s->first);
+        LG_TRY(lg_h5_each_attribute_text(h->h5, s->name, "columns", &words, add_text, h, error));
+    }
+    if (words && f->columns - s->first != s->columns)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: attribute columns has %u names for %u columns", f->shown,
+                       s->name, f->columns - s->first, s->columns);
+    for (uint32_t i = 0; !words && i < s->columns; i++) {
+        char name[LG_FRAME_NAME + 16];
+        (void)snprintf(name, sizeof name, "%s%u", s->name, i);
+        LG_TRY(lg_frame_add_name(f, name, error));
+    }
+    return LG_OK;
+}
+
+/* Whether vector s (rank 2) is a column although its file shows it as one row: another data set has as many
+ * rows, or the file has no other array and its name is wanted. */
+static bool is_column(const h5_file *h, const source *s) {
+    const lg_frame *f = h->frame;
+    uint32_t arrays = 0;
+    for (const source *other = h->sources; other < h->sources + h->count; other++) {
+        const lg_h5_about *about = &other->about;
+        if (other == s) continue;
+        if (s->about.count == (lg_h5_is_vector(about) ? about->count : about->dims[other->matlab]))
+            return true;
+        arrays += about->count > 1;
+    }
+    for (size_t i = 0; i < f->wants && arrays == 0; i++)
+        if (strcmp(f->want[i].name, s->name) == 0) return true;
+    return false;
+}
+
+/* The axis along which the rows lie. MATLAB stores arrays as (columns, rows). */
+static uint32_t axis_of(const h5_file *h, const source *s) {
+    const lg_h5_about *about = &s->about;
+    uint32_t longest = 0;
+    for (uint32_t i = 1; i < about->rank; i++)
+        if (about->dims[i] != 1) longest = i;
+    if (about->rank != 2) return longest;
+    const bool row = lg_h5_is_vector(about) && about->dims[!s->matlab] != 1 &&
+                     !lg_h5_has_attribute(h->h5, s->name, "columns");
+    return row && is_column(h, s) ? longest : s->matlab;
+}
+
+static void add_members(h5_file *h, const source *table) {
+    for (uint32_t i = 0; i < table->about.members && h->count < MOST_SOURCES; i++) {
+        source *s = &h->sources[h->count];
+        *s = *table;
+        if (lg_h5_look_member(h->h5, s->name, i, s->member, sizeof s->member, &s->about, NULL) == LG_OK)
+            h->count += is_numbers(&s->about) || s->about.kind == LG_H5_WORDS;
+    }
+}
+
+/* Adds the data set behind one link of the root. Objects that are not arrays of rows are skipped. */
+static herr_t add_source(hid_t group, const char *name, const H5L_info_t *info, void *user) {
+    h5_file *h = user;
+    source s = {.columns = 1};
+    (void)group, (void)info;
+    if (h->count == MOST_SOURCES || strlen(name) >= sizeof s.name) return 0;
+    (void)snprintf(s.name, sizeof s.name, "%s", name);
+    if (lg_h5_look(h->h5, name, sizeof(double), &s.about, NULL) != LG_OK || s.about.rank < 1) return 0;
+    const bool vector = lg_h5_is_vector(&s.about) || s.about.rank == 1 || s.about.count == 1;
+    if (s.about.kind == LG_H5_TABLE && vector) add_members(h, &s);
+    if (!is_numbers(&s.about) && s.about.kind != LG_H5_WORDS) return 0;
+    if (!vector && (s.about.rank > 2 || s.about.kind == LG_H5_WORDS)) return 0;
+    s.matlab = s.about.rank == 2 && lg_h5_has_attribute(h->h5, name, "MATLAB_class");
+    h->sources[h->count++] = s;
+    return 0;
+}
+
+/* Adds the names of the columns of a data set. */
+static lg_status add_columns(h5_file *h, source *s, lg_error *error) {
+    const lg_h5_about *about = &s->about;
+    const uint64_t columns = about->rank == 2 ? about->dims[!s->axis] : 1;
+    s->first = h->frame->columns;
+    s->columns = 0;
+    const bool single = about->count == 1 && about->kind != LG_H5_WORDS && h->longest > 1;
+    if (single && h->frame->wants == 0) {
+        h->single = s->name;
+        return LG_OK;
+    }
+    if (columns == 0 || columns > LG_FRAME_MOST_COLUMNS) return LG_OK;
+    if (about->kind == LG_H5_WORDS && columns > 1) return LG_OK;
+    s->columns = (uint32_t)columns;
+    if (s->columns > 1) return name_columns(h, s, error);
+    return lg_frame_add_name(h->frame, s->member[0] != '\0' ? s->member : s->name, error);
+}
+
+static lg_status list_sources(h5_file *h, lg_error *error) {
+    lg_frame *f = h->frame;
+    h->count = 0;
+    if (h->sources == NULL) h->sources = lg_alloc(f->context, MOST_SOURCES, sizeof *h->sources);
+    if (h->sources == NULL) return lg_frame_no_memory(f, error);
+    lg_h5_quiet quiet = lg_quiet_begin();
+    const herr_t end = H5Literate(h->h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_source, h);
+    lg_quiet_end(quiet);
+    if (end < 0) return lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", f->shown);
+    for (source *s = h->sources; s < h->sources + h->count; s++) {
+        s->axis = axis_of(h, s);
+        if (rows_of(s) > h->longest) h->longest = rows_of(s);
+    }
+    for (uint32_t i = 0; i < h->count; i++) LG_TRY(add_columns(h, &h->sources[i], error));
+    return LG_OK;
+}
+
+/* ---- wanted columns ---- */
+
+/* All wanted data sets must have as many rows. */
+static lg_status count_rows(h5_file *h, const char *name, uint64_t rows, lg_error *error) {
+    if (h->counts != NULL && rows != h->rows)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu", h->frame->shown, name,
+                       (unsigned long long)rows, h->counts, (unsigned long long)h->rows);
+    h->counts = name;
+    h->rows = rows;
+    return LG_OK;
+}
+
+static lg_status find_array(lg_frame *f, lg_frame_want *want, lg_error *error) {
+    h5_file *h = f->source;
+    lg_h5_about about;
+    want->there = lg_h5_has(h->h5, want->name);
+    if (!want->there) return LG_OK;
+    LG_TRY(lg_as_format(lg_h5_look(h->h5, want->name, sizeof(double), &about, error), error));
+    if (!is_numbers(&about)) return fail(f, want->name, error, "does not hold numbers");
+    if (about.rank < 1) return fail(f, want->name, error, "is a single number, not an array");
+    want->rank = about.rank;
+    memcpy(want->dims, about.dims, sizeof about.dims);
+    want->width = about.count > 0 ? (size_t)(about.count / about.dims[0]) : 0;
+    return count_rows(h, want->name, about.dims[0], error);
+}
+
+static bool is_wanted(const lg_frame *f, const source *s) {
+    bool wanted = false;
+    for (uint32_t i = 0; i < s->columns; i++) wanted = wanted || lg_frame_is_wanted(f, s->first + i);
+    return wanted;
+}
+
+static lg_status check_sources(h5_file *h, lg_error *error) {
+    for (const source *s = h->sources; s < h->sources + h->count; s++) {
+        if (!is_wanted(h->frame, s)) continue;
+        if (s->about.kind == LG_H5_WORDS && h->frame->use[s->first].value > 0)
+            return fail(h->frame, s->name, error, "does not hold numbers");
+        LG_TRY(count_rows(h, s->name, rows_of(s), error));
+    }
+    return LG_OK;
+}
+
+/* ---- rows ---- */
+
+static lg_status put_text(void *user, uint64_t index, const char *text, lg_error *error) {
+    const void *const *call = user;
+    const source *s = call[1];
+    lg_frame *f = ((const h5_file *)call[0])->frame;
+    return lg_frame_put_text(f, (size_t)(index - f->before), s->first, text, error);
+}
+
+static lg_status put_numbers(lg_frame *f, const source *s, const double *values, size_t row, size_t rows,
+                             lg_error *error) {
+    const lg_h5_about *about = &s->about;
+    const char type = about->raw != 0 ? about->raw : about->kind == LG_H5_REAL && !about->wide ? 'f' : 'd';
+    for (size_t i = 0; i < rows; i++)
+        for (size_t c = 0; c < s->columns; c++) {
+            const uint32_t column = s->first + (uint32_t)c;
+            const double *value = &values[s->axis == 0 ? i * s->columns + c : c * rows + i];
+            if (lg_frame_is_wanted(f, column))
+                LG_TRY(lg_frame_put_number(f, row + i, column, type, value, error));
+        }
+    return LG_OK;
+}
+
+static lg_status read_source(h5_file *h, const source *s, lg_error *error) {
+    lg_frame *f = h->frame;
+    lg_h5_slice slice = {s->name, s->member[0] != '\0' ? s->member : NULL, s->axis, f->before, f->rows};
+    if (s->about.kind == LG_H5_WORDS)
+        return lg_h5_each_text_of(h->h5, &slice, put_text, (const void *[]){h, s}, error);
+    const uint64_t most = lg_h5_block(&s->about, s->axis);
+    double *values = lg_alloc(f->context, (most < f->rows ? most : f->rows) * s->columns, sizeof *values);
+    lg_status status = values == NULL ? lg_frame_no_memory(f, error) : LG_OK;
+    for (size_t row = 0; row < f->rows && status == LG_OK; row += (size_t)slice.count) {
+        slice.first = f->before + row;
+        slice.count = f->rows - row < most ? f->rows - row : most;
+        status = lg_h5_get_slice(h->h5, &slice, LG_H5_RAW, values, error);
+        if (status == LG_OK) status = put_numbers(f, s, values, row, (size_t)slice.count, error);
+    }
+    lg_free(f->context, values);
+    return status;
+}
+
+static lg_status put_array(lg_frame *f, const lg_frame_want *want, const double *values, lg_error *error) {
+    for (size_t i = 0; i < f->rows * want->width; i++) {
+        if (isinf(values[i]))
+            return lg_frame_fail(f, i / want->width, want->name, error, "number %zu of the row is infinite",
+                                 i % want->width + 1);
+        f->value[i / want->width * f->width + want->first + i % want->width] = values[i];
+    }
+    return LG_OK;
+}
+
+static lg_status read_array(h5_file *h, const lg_frame_want *want, lg_error *error) {
+    lg_frame *f = h->frame;
+    const lg_h5_slice slice = {.name = want->name, .first = f->before, .count = f->rows};
+    double *values = lg_alloc(f->context, f->rows, want->width * sizeof *values);
+    lg_status status = values == NULL ? lg_frame_no_memory(f, error)
+                                      : lg_h5_get_slice(h->h5, &slice, LG_H5_EXACT, values, error);
+    if (status == LG_OK) status = put_array(f, want, values, error);
+    lg_free(f->context, values);
+    return status;
+}
+
+static lg_status read_rows(lg_frame *f, size_t most, lg_error *error) {
+    h5_file *h = f->source;
+    LG_TRY(lg_frame_number_rows(f, most, h->rows - f->before, error));
+    for (uint32_t i = 0; i < h->count && f->rows > 0; i++)
+        if (is_wanted(f, &h->sources[i])) LG_TRY(read_source(h, &h->sources[i], error));
+    for (size_t i = 0; i < f->wants && f->rows > 0; i++)
+        if (f->want[i].as == LG_FRAME_ARRAY && f->want[i].width > 0)
+            LG_TRY(read_array(h, &f->want[i], error));
+    return LG_OK;
+}
+
+/* ---- the file ---- */
+
+static lg_status is_h5(const char *path, const unsigned char *first, size_t count, bool *is,
+                       lg_error *error) {
+    (void)first, (void)count;
+    return lg_file_is_h5(path, is, error);
+}
+
+static lg_status begin(lg_frame *f, lg_error *error) {
+    h5_file *h = f->source;
+    LG_TRY(lg_h5_open(f->context, f->path, f->options, &h->h5, error));
+    LG_TRY(list_sources(h, error));
+    bool any = f->columns > 0;
+    for (size_t i = 0; i < f->wants; i++) any = any || f->want[i].as == LG_FRAME_ARRAY;
+    if (!any)
+        return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers",
+                       f->shown);
+    LG_TRY(lg_frame_find(f, error));
+    LG_TRY(check_sources(h, error));
+    return f->also != NULL ? f->also(f->user, h->h5, error) : LG_OK;
+}
+
+/* What the child process does: reads all that is wanted. */
+static lg_status read_whole(void *user, lg_error *error) {
+    enum { ROWS = 1 << 14 };
+    lg_frame *f = user;
+    LG_TRY(begin(f, error));
+    do LG_TRY(lg_frame_next(f, ROWS, error));
+    while (f->rows > 0);
+    return LG_OK;
+}
+
+static lg_status open_h5(lg_frame *f, lg_error *error) {
+    h5_file *h = f->source = lg_alloc(f->context, 1, sizeof *h);
+    if (h == NULL) return lg_frame_no_memory(f, error);
+    h->frame = f;
+    LG_TRY(lg_probe(f->context, f->path, f->options, read_whole, f, error));
+    LG_TRY(begin(f, error));
+    if (h->single != NULL)
+        lg_log_message(f->context, LG_LOG_WARNING,
+                       "%s: /%s: is a single number and is left out of the columns", f->shown, h->single);
+    return LG_OK;
+}
+
+static void close_h5(lg_frame *f) {
+    h5_file *h = f->source;
+    if (h == NULL) return;
+    lg_h5_close(h->h5);
+    lg_free(f->context, h->sources);
+    lg_free(f->context, h);
+}
+
+const lg_frame_format lg_frame_h5 = {"h5", "row", is_h5, open_h5, read_rows, find_array, close_h5};
