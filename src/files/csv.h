@@ -10,6 +10,7 @@
 #define LG_CSV_H
 
 #include <stdio.h>
+#include <string.h>
 
 #include "core/core.h"
 
@@ -69,6 +70,23 @@ bool lg_csv_missing(const char *cell);
 /* Fails with the message "FILE: line N: `what`". */
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what);
 lg_status lg_csv_no_memory(const lg_csv *c, lg_error *error);
+enum { LG_CSV_QUOTED = 2 * 64 + 2 };
+/* Formats a name for a list with commas. Names with a comma, a quote or a blank at an end are quoted, as in
+ * CSV. Returns `out` (LG_CSV_QUOTED bytes). A name of 64 bytes or more is cut. */
+static inline const char *lg_csv_quote(const char *name, char *out) {
+    const size_t length = strnlen(name, 63);
+    const bool plain =
+        strpbrk(name, ",\"") == NULL && length > 0 && name[0] != ' ' && name[length - 1] != ' ';
+    size_t used = 0;
+    if (!plain) out[used++] = '"';
+    for (const char *c = name; c < name + length; c++) {
+        if (*c == '"') out[used++] = '"';
+        out[used++] = *c;
+    }
+    if (!plain) out[used++] = '"';
+    out[used] = '\0';
+    return out;
+}
 /* Joins names to the list "a, b, ...", for messages. When there is no more room, the list ends with "...". */
 typedef struct lg_csv_names {
     char text[200];

@@ -67,7 +67,8 @@ static lg_status at_header(const lg_frame *f, lg_error *error, const char *forma
 
 static lg_status missing_column(const lg_frame *f, const char *name, lg_error *error) {
     lg_csv_names have = {.used = 0};
-    for (uint32_t i = 0; i < f->columns; i++) lg_csv_add_name(&have, f->name[i]);
+    char quoted[LG_CSV_QUOTED];
+    for (uint32_t i = 0; i < f->columns; i++) lg_csv_add_name(&have, lg_csv_quote(f->name[i], quoted));
     return at_header(f, error, "there is no column '%s'; the columns are: %s", name, lg_tamed(have.text));
 }
 

@@ -1,7 +1,7 @@
 /* lg-fit: what it learns, what it predicts, and how it reports unusual tables.
  * ctest-labels: apps/lg-fit src/table */
 #include "cli_files.h"
-#include "datasets/table_names.h"
+#include "files/csv.h"
 #include "files/csv.h"
 #include "files/h5.h"
 #include "liegrad/program.h"
@@ -506,11 +506,11 @@ TEST("names and labels of any bytes survive training, prediction, and training o
     lg_rng_seed(&rng, 3, 0);
     for (int k = 0; k < 12; k++) {
         lg_table_text column, label[LABELS];
-        char option[LG_TABLE_QUOTED];
+        char option[LG_CSV_QUOTED];
         cli_forget("predicted.csv again.csv");
         write_drawn("drawn.csv", &rng, &column, label);
         expect_drawn("drawn.csv", column, label);
-        (void)lg_table_quote(column, option);
+        (void)lg_csv_quote(column, option);
         cli_run(
             fit,
             "train drawn.csv --class %s --hidden 8 --validation 0 --method lbfgs --epochs 300 --out drawn.h5",

@@ -36,6 +36,8 @@ const fuzz_harness *fuzz_find(const char *name);
 #define FUZZ_ENDING ".board"
 const char *fuzz_file(const void *data, size_t size);
 int fuzz_file_descriptor(void);
+/* Reads a file of any format as a table and as a frame. */
+void fuzz_read_table(const char *path);
 
 /* The harnesses of texts, of trees, and of what one process leaves for another. */
 void fuzz_scene(const uint8_t *data, size_t size);

@@ -7,6 +7,7 @@
 
 #include "common/study.h"
 #include "control/policy.h"
+#include "files/frame.h"
 #include "fuzz.h"
 #include "liegrad/anomaly.h"
 #include "liegrad/elastica.h"
@@ -186,8 +187,31 @@ void fuzz_study(const uint8_t *data, size_t size) {
 
 /* ---- tables and logs ---- */
 
+/* Reads rows in blocks. The first columns are numbers, one of them also a text; the last one is an array. */
+static void read_frame(const char *path, const lg_table_names *names) {
+    enum { WANTS = 4, BLOCK = 3 };
+    const uint32_t last = names->count - 1, second = last > 0;
+    lg_frame_want want[WANTS] = {{.name = names->name[0], .as = LG_FRAME_ROUNDED},
+                                 {.name = names->name[second], .as = LG_FRAME_TEXT},
+                                 {.name = names->name[last], .as = LG_FRAME_ARRAY},
+                                 {.name = "x", .as = LG_FRAME_ARRAY, .optional = true}};
+    lg_frame f = {.path = path, .what = "table", .want = want, .wants = WANTS};
+    lg_error error = {LG_OK, ""};
+    size_t before = 0;
+    lg_status status = lg_frame_open(&f, &error);
+    do {
+        if (status == LG_OK) status = lg_frame_next(&f, BLOCK, &error);
+        if (status == LG_OK && (f.rows > BLOCK || f.before != before)) abort();
+        before += f.rows;
+        for (size_t i = 0; i < f.rows && status == LG_OK; i++)
+            if (memchr(lg_frame_text_of(&f, i, &want[1]), '\0', LG_FRAME_NAME) == NULL) abort();
+    } while (status == LG_OK && f.rows > 0);
+    refused(status, &error);
+    lg_frame_close(&f);
+}
+
 /* The first columns are inputs, the last one is the class. */
-static void read_table_file(const char *path) {
+void fuzz_read_table(const char *path) {
     lg_error error = {LG_OK, ""};
     lg_table_names names;
     lg_status status = lg_table_names_read(NULL, path, NULL, &names, &error);
@@ -206,12 +230,13 @@ static void read_table_file(const char *path) {
             (void)lg_table_keep_complete(&all, 1, NULL, &error);
             lg_table_data_destroy(&table);
         }
+        read_frame(path, &names);
     }
     lg_table_names_destroy(&names);
 }
 
 void fuzz_table(const uint8_t *data, size_t size) {
-    read_table_file(fuzz_file(data, size));
+    fuzz_read_table(fuzz_file(data, size));
 }
 
 /* The bytes follow the magic string of numpy. */
@@ -222,7 +247,7 @@ void fuzz_npy(const uint8_t *data, size_t size) {
     if (size > sizeof bytes - head) size = sizeof bytes - head;
     memcpy(bytes, magic, head);
     if (size > 0) memcpy(bytes + head, data, size);
-    read_table_file(fuzz_file(bytes, head + size));
+    fuzz_read_table(fuzz_file(bytes, head + size));
 }
 
 void fuzz_tensors(const uint8_t *data, size_t size) {

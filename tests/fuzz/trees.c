@@ -135,25 +135,6 @@ static void read_log(const char *path) {
     if (status == LG_OK) lg_logs_destroy(&logs);
 }
 
-static void read_table(const char *path) {
-    lg_error error = {LG_OK, ""};
-    lg_table_names names;
-    lg_status status = lg_table_names_read(NULL, path, NULL, &names, &error);
-    refused(status, &error);
-    if (status != LG_OK) return;
-    const char *columns[3];
-    const uint32_t count = names.count < 3 ? names.count : 3;
-    for (uint32_t i = 0; i < count; i++) columns[i] = names.name[i];
-    lg_table_data table;
-    if (count > 0) {
-        status = lg_table_read(NULL, path, columns, count, count == 3 ? names.name[names.count - 1] : NULL,
-                               NULL, &table, &error);
-        refused(status, &error);
-        if (status == LG_OK) lg_table_data_destroy(&table);
-    }
-    lg_table_names_destroy(&names);
-}
-
 /* Each reader gets only files that contain its own data set. */
 void fuzz_data(const uint8_t *data, size_t size) {
     static const struct {
@@ -163,7 +144,7 @@ void fuzz_data(const uint8_t *data, size_t size) {
                    {"boundary", read_curves},
                    {"X", read_series},
                    {"time", read_log},
-                   {"column", read_table}};
+                   {"column", fuzz_read_table}};
     const size_t count = tree_read(data, size, records);
     const char *path = tree_file(data, size);
     for (size_t i = 0; i < LG_COUNT(readers); i++)

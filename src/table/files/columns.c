@@ -2,7 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/table_names.h"
+#include "files/csv.h"
 #include "table/files/recipe.h"
 
 #define COLUMNS                                                                                              \
@@ -101,9 +101,9 @@ lg_status lg_table_class_parse(const char *text, lg_table_text out, lg_error *er
 }
 
 void lg_table_names_list(const lg_table_names *names, lg_text *to) {
-    char quoted[LG_TABLE_QUOTED];
+    char quoted[LG_CSV_QUOTED];
     for (uint32_t i = 0; i < names->count; i++)
-        lg_text_add(to, "%s%s", i > 0 ? "," : "", lg_table_quote(names->name[i], quoted));
+        lg_text_add(to, "%s%s", i > 0 ? "," : "", lg_csv_quote(names->name[i], quoted));
 }
 
 /* ---- roles of columns ---- */
@@ -134,7 +134,7 @@ static bool may_be_used(const lg_table_state *s, const char *name) {
 /* Makes an output of the last column that has a name and is not left out. */
 static lg_status default_outputs(lg_training *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
-    char quoted[LG_TABLE_QUOTED];
+    char quoted[LG_CSV_QUOTED];
     uint32_t last = all->count;
     while (last > 0 && !may_be_used(s, all->name[last - 1])) last--;
     if (last == 0) return lg_fail(error, LG_FORMAT, "%s: there is no column with a name", self->paths[0]);
@@ -142,7 +142,7 @@ static lg_status default_outputs(lg_training *self, const lg_table_names *all, l
     add_name(&s->outputs, all->name[last - 1]);
     lg_log_message(self->context, LG_LOG_INFO,
                    "the output is the last column, %s; --outputs or --class names others",
-                   lg_table_quote(all->name[last - 1], quoted));
+                   lg_csv_quote(all->name[last - 1], quoted));
     return LG_OK;
 }
 

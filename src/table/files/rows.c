@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "core/rounding.h"
-#include "datasets/table_names.h"
+#include "files/csv.h"
 #include "files/csv.h"
 #include "table/files/recipe.h"
 
@@ -176,17 +176,16 @@ static void keep_columns(lg_table_state *s, const bool *keep) {
 static lg_status leave_constant(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
-    char quoted[LG_TABLE_QUOTED];
+    char quoted[LG_CSV_QUOTED];
     bool *keep;
     LG_TRAINING_ARRAY(self, keep, data->columns, error);
     for (uint32_t c = 0; c < data->columns; c++) {
         const bool input = c < s->inputs.count, constant = is_constant(data, c);
         keep[c] = !input || !constant;
         if (constant)
-            LG_WARN(self, "%s: column %s is constant: %s", s->table.path,
-                    lg_table_quote(column_name(s, c), quoted),
-                    input ? "it carries no information and is left out"
-                          : "there is nothing to learn about it");
+            LG_WARN(
+                self, "%s: column %s is constant: %s", s->table.path, lg_csv_quote(column_name(s, c), quoted),
+                input ? "it carries no information and is left out" : "there is nothing to learn about it");
     }
     keep_columns(s, keep);
     if (s->inputs.count > 0) return LG_OK;
@@ -203,7 +202,7 @@ static lg_status check_spread(lg_training *self, uint32_t column, lg_error *erro
     const lg_table_data *data = &s->table.data;
     const double *values = data->values + column;
     size_t low = 0, high = 0;
-    char quoted[LG_TABLE_QUOTED];
+    char quoted[LG_CSV_QUOTED];
     for (size_t i = 1; i < data->rows; i++) {
         if (values[i * data->columns] < values[low * data->columns]) low = i;
         if (values[i * data->columns] > values[high * data->columns]) high = i;
@@ -215,12 +214,12 @@ static lg_status check_spread(lg_training *self, uint32_t column, lg_error *erro
             self,
             "%s: column %s: its values, near %.17g, differ only in their last digits, which are rounded: the "
             "column is used as a constant; subtract its mean before the table is written",
-            s->table.path, lg_table_quote(column_name(s, column), quoted), least);
+            s->table.path, lg_csv_quote(column_name(s, column), quoted), least);
     if (largest == least || largest - least >= DBL_MIN * sqrt(2.0 * (double)data->rows)) return LG_OK;
     return lg_fail(error, LG_FORMAT,
                    "%s: column %s: its values, from %.3g in %s %zu to %.3g in %s %zu, differ by too little "
                    "to be scaled: give the column in a smaller unit",
-                   s->table.path, lg_table_quote(column_name(s, column), quoted), least, data->place,
+                   s->table.path, lg_csv_quote(column_name(s, column), quoted), least, data->place,
                    data->line[low], largest, data->place, data->line[high]);
 }
 
@@ -232,14 +231,14 @@ lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *she
     for (uint32_t c = 0; c < count; c++) {
         const double *values = data->values + first + c;
         lg_table_far far;
-        char quoted[LG_TABLE_QUOTED];
+        char quoted[LG_CSV_QUOTED];
         const lg_status status = lg_table_find_far(context, values, data->columns, data->rows, &far);
         if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
         if (far.count == 0 || told++ >= MOST_TOLD) continue;
         lg_log_message(context, LG_LOG_WARNING,
                        "%s: column %s: %zu of %zu cells %s far from all others, the farthest in %s %zu: %.6g "
                        "(the median is %.6g); %s; if a cell is an error, leave it empty",
-                       sheet->path, lg_table_quote(name[c], quoted), far.count, data->rows,
+                       sheet->path, lg_csv_quote(name[c], quoted), far.count, data->rows,
                        far.count == 1 ? "lies" : "lie", data->place, data->line[far.farthest],
                        values[far.farthest * data->columns], far.median, follows);
     }

@@ -1,0 +1,288 @@
+/* Frames: the same columns, whatever the format and the size of the blocks. */
+#include "support/io_test.h"
+
+#include "files/frame.h"
+#include "support/fixtures.h"
+
+enum { ROWS = 11, COLUMNS = 3 };
+
+/* The number in a column; one is missing, one is beyond 2^53. */
+static double number_of(size_t row, size_t column) {
+    if (row == 4 && column == 1) return NAN;
+    return column == 2 ? 3.0 + (double)(row / 3) : (double)row * 0.5 - (double)column;
+}
+
+/* ---- files with columns c0, c1, c2 ---- */
+
+static void write_csv(const char *path) {
+    char text[40 * (ROWS + 1)] = "c0,c1,c2\n";
+    for (size_t i = 0; i < ROWS; i++)
+        lg_append(text, sizeof text, "%g,%g,%g\n", number_of(i, 0), number_of(i, 1), number_of(i, 2));
+    write_text_to(path, text);
+}
+
+static void write_numpy(const char *path, bool fortran, bool big) {
+    char header[128];
+    double numbers[ROWS * COLUMNS];
+    (void)snprintf(header, sizeof header, "{'descr': '%sf8', 'fortran_order': %s, 'shape': (%d, %d), }\n",
+                   big ? ">" : "<", fortran ? "True" : "False", ROWS, COLUMNS);
+    for (size_t i = 0; i < ROWS * COLUMNS; i++) {
+        numbers[i] = fortran ? number_of(i % ROWS, i / ROWS) : number_of(i / COLUMNS, i % COLUMNS);
+        unsigned char *byte = (unsigned char *)&numbers[i];
+        for (size_t k = 0; k < 4 && big; k++) {
+            const unsigned char last = byte[7 - k];
+            byte[7 - k] = byte[k], byte[k] = last;
+        }
+    }
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    const unsigned char length = (unsigned char)strlen(header);
+    assert_int_equal(fwrite("\x93NUMPY\1\0", 1, 8, file), 8);
+    assert_true(fputc(length, file) >= 0 && fputc(0, file) >= 0);
+    assert_int_equal(fwrite(header, 1, length, file), length);
+    assert_int_equal(fwrite(numbers, sizeof *numbers, ROWS * COLUMNS, file), ROWS * COLUMNS);
+    assert_int_equal(fclose(file), 0);
+}
+
+typedef enum layout { SETS, ROW_SETS, MATRIX, MATLAB, TABLE, LAYOUTS } layout;
+
+static void put_sets(hid_t file, layout how) {
+    for (size_t c = 0; c < COLUMNS; c++) {
+        double numbers[ROWS];
+        for (size_t i = 0; i < ROWS; i++) numbers[i] = number_of(i, c);
+        const hsize_t dims[3] = {how == SETS ? ROWS : 1, how == SETS ? 1 : ROWS, 1};
+        put_dataset(file, test_text("c%zu", c), c == 0 ? H5T_IEEE_F64BE : H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE,
+                    how == SETS ? 1
+                    : c == 1    ? 3
+                                : 2,
+                    dims, c == 2, numbers);
+    }
+}
+
+static void put_matrix(hid_t file, layout how) {
+    double numbers[ROWS * COLUMNS];
+    for (size_t i = 0; i < ROWS * COLUMNS; i++)
+        numbers[i] = how == MATLAB ? number_of(i % ROWS, i / ROWS) : number_of(i / COLUMNS, i % COLUMNS);
+    const hsize_t dims[2] = {how == MATLAB ? COLUMNS : ROWS, how == MATLAB ? ROWS : COLUMNS};
+    put_dataset(file, "c", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, dims, true, numbers);
+    if (how != MATLAB) return;
+    hid_t set = H5Dopen2(file, "c", H5P_DEFAULT), space = H5Screate(H5S_SCALAR);
+    hid_t mark = H5Acreate2(set, "MATLAB_class", H5T_NATIVE_INT, space, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(H5Aclose(mark) >= 0 && H5Sclose(space) >= 0 && H5Dclose(set) >= 0);
+}
+
+/* Records as pandas and PyTables write them: an index, the columns, and a text of fixed length. */
+static void put_table(hid_t file) {
+    struct record {
+        double c1;
+        int64_t c2;
+        char word[6];
+        double c0;
+    } records[ROWS];
+    for (size_t i = 0; i < ROWS; i++) {
+        records[i] =
+            (struct record){.c0 = number_of(i, 0), .c1 = number_of(i, 1), .c2 = (int64_t)number_of(i, 2)};
+        (void)snprintf(records[i].word, sizeof records[i].word, "w%zu", i % 2);
+    }
+    hid_t type = H5Tcreate(H5T_COMPOUND, sizeof *records), word = H5Tcopy(H5T_C_S1);
+    assert_true(H5Tset_size(word, 6) >= 0 &&
+                H5Tinsert(type, "c1", HOFFSET(struct record, c1), H5T_NATIVE_DOUBLE) >= 0 &&
+                H5Tinsert(type, "c2", HOFFSET(struct record, c2), H5T_NATIVE_INT64) >= 0 &&
+                H5Tinsert(type, "word", HOFFSET(struct record, word), word) >= 0 &&
+                H5Tinsert(type, "c0", HOFFSET(struct record, c0), H5T_NATIVE_DOUBLE) >= 0);
+    put_dataset(file, "records", type, type, 1, (hsize_t[]){ROWS}, true, records);
+    assert_true(H5Tclose(word) >= 0 && H5Tclose(type) >= 0);
+}
+
+static void write_hdf(const char *path, layout how) {
+    hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    if (how == TABLE)
+        put_table(file);
+    else if (how == SETS || how == ROW_SETS)
+        put_sets(file, how);
+    else
+        put_matrix(file, how);
+    assert_true(H5Fclose(file) >= 0);
+}
+
+/* Writes file number `which` of all formats; false if there is no such file. */
+static bool write_file(const char *path, size_t which) {
+    if (which == 0)
+        write_csv(path);
+    else if (which <= 4)
+        write_numpy(path, (which & 1) != 0, which > 2);
+    else if (which < 5 + LAYOUTS)
+        write_hdf(path, (layout)(which - 5));
+    return which < 5 + LAYOUTS;
+}
+
+/* ---- reading ---- */
+
+static lg_frame new_frame(const char *path, const lg_read_options *options, lg_frame_want *want,
+                          size_t wants) {
+    return (lg_frame){.path = path, .what = "table", .options = options, .want = want, .wants = wants};
+}
+
+/* Compares the columns c2 and c0, and c2 as a text. */
+static void check_block(const lg_frame *f, const lg_frame_want *want, size_t before) {
+    const size_t header = strcmp(f->place, "line") == 0;
+    assert_true(f->width == 2 && f->texts == 1);
+    for (size_t i = 0; i < f->rows; i++) {
+        char shown[16];
+        const double *row = f->value + i * f->width;
+        assert_true(row[want[0].first] == number_of(before + i, 2) &&
+                    row[want[2].first] == number_of(before + i, 0));
+        (void)snprintf(shown, sizeof shown, "%g", number_of(before + i, 2));
+        assert_string_equal(lg_frame_text_of(f, i, &want[1]), shown);
+        assert_string_equal(lg_frame_text_of(f, i, &want[3]), "");
+        assert_int_equal(f->line[i], before + i + 1 + header);
+    }
+}
+
+TEST("columns are the same in every format, in blocks of any size") {
+    static const size_t blocks[] = {1, 3, ROWS, SIZE_MAX};
+    const lg_read_options here = without_probe();
+    for (size_t which = 0; write_file(scratch_path("frame"), which); which++)
+        for (size_t b = 0; b < LG_COUNT(blocks); b++) {
+            lg_frame_want want[] = {{.name = "c2"},
+                                    {.name = "c2", .as = LG_FRAME_TEXT},
+                                    {.name = "c0"},
+                                    {.name = "none", .as = LG_FRAME_TEXT, .optional = true}};
+            lg_frame f = new_frame(scratch_path("frame"), &here, want, LG_COUNT(want));
+            lg_error error = {LG_OK, ""};
+            size_t read = 0;
+            lg_status status;
+            while (lg_test_again(status = lg_frame_open(&f, &error))) lg_frame_close(&f);
+            do {
+                if (status == LG_OK) status = lg_frame_next(&f, blocks[b], &error);
+                if (status != LG_OK) fail_msg("file %zu: %s", which, error.message);
+                assert_true(f.rows <= blocks[b]);
+                check_block(&f, want, read);
+                read += f.rows;
+            } while (f.rows > 0);
+            assert_int_equal(read, ROWS);
+            assert_true(!want[3].there && want[0].there);
+            lg_frame_close(&f);
+        }
+}
+
+TEST("missing numbers are NaN in every format, and columns c0, c1, ... are an array") {
+    const lg_read_options here = without_probe();
+    for (size_t which = 0; write_file(scratch_path("frame"), which); which++) {
+        lg_frame_want want = {.name = "c", .as = LG_FRAME_ARRAY};
+        lg_frame f = new_frame(scratch_path("frame"), &here, &want, 1);
+        lg_error error = {LG_OK, ""};
+        const bool sets = which == 5 || which == 6 || which == 9; /* of one file there is no array */
+        lg_status status;
+        while (lg_test_again(status = lg_frame_open(&f, &error))) lg_frame_close(&f);
+        if (sets) {
+            assert_status(status, LG_FORMAT);
+            assert_says(error.message, "there is no column 'c'; the columns are: c");
+        } else {
+            assert_status(status, LG_OK);
+            assert_ok(lg_frame_next(&f, SIZE_MAX, &error));
+            assert_true(f.width == (which == 8 ? ROWS : COLUMNS) && want.rank == 2);
+            for (size_t i = 0; i < ROWS * COLUMNS; i++) {
+                const double expected =
+                    which == 8 ? number_of(i % ROWS, i / ROWS) : number_of(i / COLUMNS, i % COLUMNS);
+                assert_true(isnan(expected) ? isnan(f.value[i]) : f.value[i] == expected);
+            }
+        }
+        lg_frame_close(&f);
+    }
+}
+
+/* ---- arrays and attributes of HDF5 ---- */
+
+static void write_arrays(const char *path) {
+    double numbers[ROWS * 6];
+    for (int i = 0; i < ROWS * 6; i++) numbers[i] = i;
+    hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    put_dataset(file, "q", H5T_IEEE_F32LE, H5T_NATIVE_DOUBLE, 3, (hsize_t[]){ROWS, 2, 3}, true, numbers);
+    put_dataset(file, "e", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, (hsize_t[]){ROWS}, false, numbers);
+    put_dataset(file, "t", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, (hsize_t[]){ROWS + 1}, false, numbers);
+    numbers[9] = INFINITY;
+    put_dataset(file, "far", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, (hsize_t[]){ROWS, 6}, false, numbers);
+    assert_true(H5Fclose(file) >= 0);
+}
+
+static lg_status count_calls(void *user, struct lg_h5 *h5, lg_error *error) {
+    (void)error;
+    assert_non_null(h5);
+    ++*(int *)user;
+    return LG_OK;
+}
+
+static bool damaged; /* the numbers of the file may be any */
+
+static lg_status read_arrays(const lg_context *context, const char *path, const lg_read_options *options,
+                             lg_error *error) {
+    lg_frame_want want[] = {{.name = "e"}, {.name = "q", .as = LG_FRAME_ARRAY}};
+    lg_frame f = new_frame(path, options, want, 2);
+    f.context = context;
+    lg_status status = lg_frame_open(&f, error);
+    do {
+        if (status == LG_OK) status = lg_frame_next(&f, 4, error);
+        for (size_t i = 0; i < f.rows && status == LG_OK && !damaged; i++)
+            for (size_t k = 0; k < 6; k++) {
+                const double row = (double)(f.line[i] - 1);
+                assert_true(f.value[i * 7 + want[1].first + k] == 6 * row + (double)k);
+                assert_true(f.value[i * 7 + want[0].first] == row);
+            }
+    } while (status == LG_OK && f.rows > 0);
+    if (status == LG_OK && !damaged)
+        assert_true(want[1].rank == 3 && want[1].dims[0] == ROWS && want[1].dims[1] == 2 &&
+                    want[1].dims[2] == 3 && want[1].width == 6);
+    lg_frame_close(&f);
+    return status;
+}
+
+TEST("an array of HDF5 of any rank is one column, and its file may have attributes") {
+    const char *path = fresh_copy("arrays.h5", write_arrays);
+    const lg_read_options here = without_probe();
+    assert_told(read_arrays(NULL, path, &here, &told));
+    int calls = 0;
+    lg_frame f = new_frame(path, &here, NULL, 0);
+    f.also = count_calls;
+    f.user = &calls;
+    assert_told(lg_frame_open(&f, &told));
+    assert_int_equal(f.columns, 8); /* e, far0 to far5, t */
+    assert_true(calls >= 1);
+    lg_frame_close(&f);
+    assert_true(fail_every_reading(read_arrays, path) > 10);
+    damaged = true;
+    survive_changed_bytes(read_arrays, path, 60);
+    damaged = false;
+}
+
+TEST("columns that do not belong together are rejected with file, row and column") {
+    static const struct {
+        lg_frame_want want[2];
+        const char *says;
+    } rows[] = {
+        {{{.name = "e"}, {.name = "t"}}, "arrays.h5: /t: has 12 rows, but /e has 11"},
+        {{{.name = "e"}, {.name = "t", .as = LG_FRAME_ARRAY}}, "/e: has 11 rows, but /t has 12"},
+        {{{.name = "e"}, {.name = "x"}}, "there is no column 'x'; the columns are: e, far0, far1"},
+        {{{.name = "e"}, {.name = "x", .as = LG_FRAME_ARRAY}}, "there is no column 'x'"},
+        {{{.name = "e"}, {.name = "e"}}, "column 'e' is requested twice"},
+        {{{.name = "e"}, {.name = "far", .as = LG_FRAME_ARRAY}},
+         "row 2: column far: number 4 of the row is infinite"},
+        {{{.name = "e"}, {.name = "far3"}}, "row 2: column far3: the value is infinite"},
+    };
+    const char *path = fresh_copy("arrays.h5", write_arrays);
+    const lg_read_options here = without_probe();
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_frame_want want[] = {rows[i].want[0], rows[i].want[1]};
+        lg_frame f = new_frame(path, &here, want, 2);
+        lg_error error = {LG_OK, ""};
+        lg_status status;
+        while (lg_test_again(status = lg_frame_open(&f, &error))) lg_frame_close(&f);
+        if (status == LG_OK) status = lg_frame_next(&f, SIZE_MAX, &error);
+        assert_true(status == LG_FORMAT || status == LG_INVALID_ARGUMENT);
+        assert_says(error.message, rows[i].says);
+        lg_frame_close(&f);
+    }
+    lg_frame f = new_frame("", NULL, NULL, 0);
+    assert_status(lg_frame_open(&f, NULL), LG_INVALID_ARGUMENT);
+    lg_frame_close(&f);
+}
