@@ -1040,7 +1040,7 @@ TEST("files that are not tables cause a message and an exit code too") {
     }
     write_npy("odd.npy", "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }\n", infinite,
               sizeof infinite);
-    cli_expect(fit, "train odd.npy --out m.h5", 3, "row 2: column c0: is infinite");
+    cli_expect(fit, "train odd.npy --out m.h5", 3, "row 2: column c0: the value is infinite");
     cli_write("cut.npy", "\x93NUMPY\x01");
     cli_expect(fit, "train cut.npy --out m.h5", 3, "ends within numpy's header");
 }
