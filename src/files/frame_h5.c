@@ -164,6 +164,9 @@ static lg_status list_sources(h5_file *h, lg_error *error) {
     const herr_t end = H5Literate(h->h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_source, h);
     lg_quiet_end(quiet);
     if (end < 0) return lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", f->shown);
+    for (size_t i = 0; i < f->wants; i++) /* paths of data sets in groups */
+        if (strchr(f->want[i].name, '/') != NULL && f->want[i].as != LG_FRAME_ARRAY)
+            (void)add_source(h->h5->file, f->want[i].name, NULL, h);
     for (source *s = h->sources; s < h->sources + h->count; s++) {
         s->axis = axis_of(h, s);
         if (rows_of(s) > h->longest) h->longest = rows_of(s);

@@ -1170,6 +1170,31 @@ TEST("columns of a log in HDF5 may be (rows), (rows, 1) or (1, rows), but no mat
     assert_refused(read_h5, path, LG_FORMAT, "/u: has 1 rows, but /", "");
 }
 
+TEST("columns of a log in HDF5 may be in groups, and runs may be texts") {
+    static const char yaml[] = "columns: {run: group/run}\n"
+                               "coordinates:\n  - {name: q, kind: line, velocity: motor/v}\n"
+                               "inputs: {columns: [u]}\n";
+    const char *path = scratch_path("log.h5");
+    char words[ROWS][4];
+    double data[ROWS];
+    for (int i = 0; i < ROWS; i++) {
+        data[i] = cos(0.1 * (i % 25));
+        (void)snprintf(words[i], sizeof words[i], "r%d", i / 25);
+    }
+    write_h5(path, "v", false);
+    hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT), word = H5Tcopy(H5T_C_S1);
+    assert_true(H5Tset_size(word, sizeof *words) >= 0);
+    assert_true(H5Gclose(H5Gcreate2(file, "group", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)) >= 0 &&
+                H5Gclose(H5Gcreate2(file, "motor", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)) >= 0);
+    put_dataset(file, "motor/v", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, (hsize_t[]){ROWS}, false, data);
+    put_dataset(file, "group/run", word, word, 2, (hsize_t[]){1, ROWS}, false, words);
+    assert_true(H5Tclose(word) >= 0 && H5Fclose(file) >= 0);
+    static const size_t first[] = {0, 25, 50};
+    const lg_logs *logs = read_all(machine(yaml), &path, 1, NULL);
+    assert_parts(logs, 2, first);
+    assert_true(logs->runs == 2 && logs->v[30] == cos(0.1 * 5));
+}
+
 TEST("HDF5 that is not a log is refused") {
     const char *path = scratch_path("log.h5");
     const hsize_t rows = ROWS, table[] = {ROWS, 2};
