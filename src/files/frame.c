@@ -30,13 +30,15 @@ lg_status lg_frame_no_memory(const lg_frame *f, lg_error *error) {
 
 lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_error *error,
                         const char *format, ...) {
-    char text[400];
+    char text[400], line[32] = "";
     va_list arguments;
+    const size_t number = column != NULL ? f->line[row] : f->header;
     va_start(arguments, format);
     (void)lg_format_list(text, sizeof text, format, arguments);
     va_end(arguments);
-    return lg_fail(error, LG_FORMAT, "%s: %s %zu: column %s: %s", f->shown, f->place, f->line[row], column,
-                   text);
+    if (number > 0) (void)snprintf(line, sizeof line, "%s %zu: ", f->place, number);
+    return lg_fail(error, LG_FORMAT, "%s: %s%s%s%s%s", f->shown, line, column != NULL ? "column " : "",
+                   column != NULL ? column : "", column != NULL ? ": " : "", text);
 }
 
 /* ---- names and wanted columns ---- */
@@ -55,21 +57,12 @@ lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
     return f->name[f->columns] == NULL ? lg_frame_no_memory(f, error) : (f->columns++, LG_OK);
 }
 
-static lg_status at_header(const lg_frame *f, lg_error *error, const char *format, ...) {
-    char text[400], line[32] = "";
-    va_list arguments;
-    va_start(arguments, format);
-    (void)lg_format_list(text, sizeof text, format, arguments);
-    va_end(arguments);
-    if (f->header > 0) (void)snprintf(line, sizeof line, "line %zu: ", f->header);
-    return lg_fail(error, LG_FORMAT, "%s: %s%s", f->shown, line, text);
-}
-
 static lg_status missing_column(const lg_frame *f, const char *name, lg_error *error) {
     lg_csv_names have = {.used = 0};
     char quoted[LG_CSV_QUOTED];
     for (uint32_t i = 0; i < f->columns; i++) lg_csv_add_name(&have, lg_csv_quote(f->name[i], quoted));
-    return at_header(f, error, "there is no column '%s'; the columns are: %s", name, lg_tamed(have.text));
+    return lg_frame_fail(f, 0, NULL, error, "there is no column '%s'; the columns are: %s", name,
+                         lg_tamed(have.text));
 }
 
 /* Sets *at to the column with this name, or to f->columns if there is none. */
@@ -78,7 +71,7 @@ static lg_status find_column(const lg_frame *f, const lg_lookup *sorted, const c
     const lg_lookup *found = lg_lookup_find(sorted, f->columns, name);
     *at = found == NULL ? f->columns : (uint32_t)found->at;
     if (found != NULL && found + 1 < sorted + f->columns && strcmp(found[1].name, name) == 0)
-        return at_header(f, error, "there are two columns '%s'", name);
+        return lg_frame_fail(f, 0, NULL, error, "there are two columns '%s'", name);
     return LG_OK;
 }
 

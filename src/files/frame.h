@@ -19,16 +19,16 @@
  *   }
  *   lg_frame_close(&f);                                   also after a failure
  *
- * LG_FRAME_ARRAY gives all numbers of a row: of an HDF5 data set (n, a, b) it is the a b numbers of one n, of
- * other files the columns NAME0, NAME1, ...; `dims` has the shape. Without wants only the names are read. With
- * HDF5, lg_frame_open reads the whole file in the child process of lg_probe first; attributes that a subject
- * needs are read by its function `also`, which is called in the child process, too.
+ * LG_FRAME_ARRAY gives all numbers of a row: of an HDF5 data set (n, a, b) the a b numbers of one n, of
+ * other files the columns NAME0, NAME1, ...; `dims` has the shape. Without wants only the names are read.
+ * With HDF5, lg_frame_open first reads the whole file in the child process of lg_probe. Attributes that a
+ * subject needs are read by its function `also`, which is called in the child process, too. A want may be
+ * the path of a data set in a group ("parameters/mass").
  *
- * Numbers: "", nan, NA, N/A and null are missing (NaN). Infinities are rejected, and so are whole numbers that
- * no double equals, unless they may be rounded. Texts: as written; "" if missing. In binary files a whole
- * number is its exact decimal text, a real number the shortest text that reads back as the same number.
- * Which files are understood is said in liegrad/table.h ("tables of numbers"); in addition the members of an
- * HDF5 data set of records are columns. */
+ * Numbers: "", nan, NA, N/A and null are missing (NaN). Infinities are rejected, and so are whole numbers
+ * that no double equals, unless they may be rounded. Texts: as written; "" if missing. In binary files a
+ * whole number is its exact decimal text, a real number the shortest text that reads back as the same
+ * number. liegrad/table.h ("tables of numbers") says which files are understood. */
 #ifndef LG_FRAME_H
 #define LG_FRAME_H
 
@@ -93,7 +93,8 @@ lg_status lg_frame_open(lg_frame *f, lg_error *error);
 /* Reads up to `most` rows. f->rows becomes their number, 0 at the end of the file. */
 lg_status lg_frame_next(lg_frame *f, size_t most, lg_error *error);
 void lg_frame_close(lg_frame *f);
-/* Fails with LG_FORMAT and the message "FILE: line 7: column x: ...". */
+/* Fails with LG_FORMAT and the message "FILE: line 7: column x: ...". column NULL: about the line of the
+ * names. */
 lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_error *error,
                         const char *format, ...) __attribute__((format(printf, 5, 6)));
 static inline const char *lg_frame_text_of(const lg_frame *f, size_t row, const lg_frame_want *want) {
