@@ -1,6 +1,6 @@
-/* Frames: named columns of a file, read in blocks of rows. CSV, HDF5 and numpy files look the same; a format
- * is a row of the table in frame.c. A subject says which columns it wants and what they mean; it knows nothing
- * of files. In a function of a subject:
+/* Frames: named columns of a file, read in blocks of rows. CSV, HDF5 and numpy files look the same; a
+ * format is a row of the table in frame.c. A subject says which columns it wants and what they mean; it
+ * knows nothing of files. In a function of a subject:
  *
  *   lg_frame_want want[] = {{.name = "t", .as = LG_FRAME_ROUNDED},         a number; may be rounded
  *                           {.name = "q"},                                 a number

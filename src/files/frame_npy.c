@@ -1,5 +1,5 @@
-/* The source of rows for files of numpy. Such a file has a magic number, a version, the length of the header, the
- * header (a Python dictionary as text) and the numbers
+/* The source of rows for files of numpy. Such a file has a magic number, a version, the length of the
+ * header, the header (a Python dictionary as text) and the numbers
  * (https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html). */
 #include <errno.h>
 #include <stdio.h>
