@@ -5,24 +5,19 @@
 #include <string.h>
 
 #include "common/app.h"
+#include "core/stored.h"
 
 /* ---- the values in the group /run ---- */
 
-typedef struct stored {
-    const char *path;
-    lg_element type;
-    void *value;
-} stored;
-
 enum { STORED = 7, NEEDED = STORED - 2 /* the last two may be missing in a file */ };
-static void list_stored(classifier_file *file, stored out[STORED]) {
-    const stored rows[STORED] = {{"run/test_fraction", LG_ELEMENT_F64, &file->test_fraction},
-                                 {"run/seed", LG_ELEMENT_U64, &file->seed},
-                                 {"run/windows", LG_ELEMENT_U64, &file->windows},
-                                 {"run/window", LG_ELEMENT_U64, &file->window},
-                                 {"run/hop", LG_ELEMENT_U64, &file->hop},
-                                 {"run/accuracy", LG_ELEMENT_F64, &file->accuracy},
-                                 {"run/f1", LG_ELEMENT_F64, &file->f1}};
+static void list_stored(classifier_file *file, lg_stored out[STORED]) {
+    const lg_stored rows[STORED] = {{"run/test_fraction", LG_ELEMENT_F64, .data = &file->test_fraction},
+                                    {"run/seed", LG_ELEMENT_U64, .data = &file->seed},
+                                    {"run/windows", LG_ELEMENT_U64, .data = &file->windows},
+                                    {"run/window", LG_ELEMENT_U64, .data = &file->window},
+                                    {"run/hop", LG_ELEMENT_U64, .data = &file->hop},
+                                    {"run/accuracy", LG_ELEMENT_F64, .data = &file->accuracy},
+                                    {"run/f1", LG_ELEMENT_F64, .data = &file->f1}};
     memcpy(out, rows, sizeof rows);
 }
 
@@ -39,11 +34,11 @@ static lg_status write_models(const lg_archive_writer *to, const classifier_file
 
 static lg_status write_run(const lg_archive_writer *to, const classifier_file *file) {
     classifier_file copy = *file;
-    stored rows[STORED];
+    lg_stored rows[STORED];
     list_stored(&copy, rows);
     for (size_t i = 0; i < STORED; i++)
-        if (i < NEEDED || isfinite(*(const double *)rows[i].value))
-            LG_TRY(to->array(to->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value));
+        if (i < NEEDED || isfinite(*(const double *)rows[i].data))
+            LG_TRY(lg_stored_save(to, &rows[i], 1, NULL));
     const char *const texts[][2] = {{"run/method", file->method},
                                     {"run/split", lg_split_name(file->split)},
                                     {"run/data_sha256", file->data_sha256},
@@ -116,17 +111,15 @@ static lg_status read_names(lg_file_reader *reader, classifier_file *out, lg_err
 }
 
 static lg_status read_run(const lg_archive_reader *from, classifier_file *out, lg_error *error) {
-    stored rows[STORED];
+    lg_stored rows[STORED];
     list_stored(out, rows);
-    for (size_t i = 0; i < NEEDED; i++)
-        LG_TRY(from->array(from->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value));
+    LG_TRY(lg_stored_load(from, rows, NEEDED, NULL));
     const uint32_t length =
         classifier_file_is_novelty(out) ? out->novelty.length : out->classifier.features.length;
     if (out->window != length || out->hop < 1 || !(out->test_fraction >= 0 && out->test_fraction < 1))
         return app_error(error, LG_FORMAT, "/run does not fit the classifier: window, hop or test_fraction");
     for (size_t i = NEEDED; i < STORED; i++)
-        if (from->array(from->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value) != LG_OK)
-            *(double *)rows[i].value = NAN;
+        if (lg_stored_load(from, &rows[i], 1, NULL) != LG_OK) *(double *)rows[i].data = NAN;
     return LG_OK;
 }
 

@@ -3,65 +3,52 @@
 #include <string.h>
 
 #include "anomaly/novelty_internal.h"
+#include "core/stored.h"
 
 #define ROOT "novelty/"
 
-typedef struct item {
-    const char *path;
-    double **data;
-    uint32_t rank;
-    uint64_t dims[3];
-    bool positive;
-} item;
+enum { ARRAYS = 9, SIZES = 4 };
 
-enum { ITEMS = 9, SIZES = 4 };
+/* Whether all numbers of an array must be above 0. */
+static const bool positive[ARRAYS] = {[1] = true, [2] = true, [3] = true, [6] = true, [8] = true};
 
 /* Lists the arrays with their shapes. The sizes in *v must be set. */
-static void list(lg_novelty *v, item out[ITEMS]) {
+static void list(lg_novelty *v, lg_stored out[ARRAYS]) {
     const uint64_t m = v->channels, k = v->classes, d = v->features;
-    const item rows[ITEMS] = {{ROOT "mean", &v->mean, 1, {m}, false},
-                              {ROOT "scale", &v->scale, 1, {m}, true},
-                              {ROOT "still", &v->still, 1, {m}, true},
-                              {ROOT "extreme", &v->extreme, 1, {m}, true},
-                              {ROOT "windows", &v->windows, 1, {k}, false},
-                              {ROOT "centre", &v->centre, 2, {k, d}, false},
-                              {ROOT "spread", &v->spread, 1, {d}, true},
-                              {ROOT "precision", &v->precision, 3, {k, d, d}, false},
-                              {ROOT "limit", &v->limit, 1, {lg_novelty_groups(v)}, true}};
+    const lg_stored rows[ARRAYS] = {
+        {ROOT "mean", LG_ELEMENT_F64, 1, {m}, &v->mean, true},
+        {ROOT "scale", LG_ELEMENT_F64, 1, {m}, &v->scale, true},
+        {ROOT "still", LG_ELEMENT_F64, 1, {m}, &v->still, true},
+        {ROOT "extreme", LG_ELEMENT_F64, 1, {m}, &v->extreme, true},
+        {ROOT "windows", LG_ELEMENT_F64, 1, {k}, &v->windows, true},
+        {ROOT "centre", LG_ELEMENT_F64, 2, {k, d}, &v->centre, true},
+        {ROOT "spread", LG_ELEMENT_F64, 1, {d}, &v->spread, true},
+        {ROOT "precision", LG_ELEMENT_F64, 3, {k, d, d}, &v->precision, true},
+        {ROOT "limit", LG_ELEMENT_F64, 1, {lg_novelty_groups(v)}, &v->limit, true}};
     memcpy(out, rows, sizeof rows);
 }
 
-static const char *const sizes[SIZES] = {ROOT "channels", ROOT "length", ROOT "classes", ROOT "bands"};
+static void list_sizes(uint32_t size[SIZES], lg_stored out[SIZES]) {
+    static const char *const names[SIZES] = {ROOT "channels", ROOT "length", ROOT "classes", ROOT "bands"};
+    for (size_t i = 0; i < SIZES; i++) out[i] = (lg_stored){names[i], LG_ELEMENT_U32, .data = &size[i]};
+}
 
 lg_status lg_novelty_save(const lg_novelty *novelty, const lg_archive_writer *w, lg_error *error) {
     LG_NEEDS(error, novelty, w);
-    lg_novelty v = *novelty; /* a copy that is only read, because list takes a pointer without const */
-    item items[ITEMS];
-    const uint32_t size[SIZES] = {v.channels, v.length, v.classes, v.bands};
-    lg_status status = LG_OK;
-    list(&v, items);
-    for (size_t i = 0; i < SIZES && status == LG_OK; i++)
-        status = w->array(w->user, sizes[i], LG_ELEMENT_U32, 0, NULL, &size[i]);
-    for (size_t i = 0; i < ITEMS && status == LG_OK; i++)
-        status =
-            w->array(w->user, items[i].path, LG_ELEMENT_F64, items[i].rank, items[i].dims, *items[i].data);
-    return status == LG_OK
-               ? LG_OK
-               : lg_fail(error, status, "novelty could not be saved: %s", lg_status_sentence(status));
+    lg_novelty v = *novelty; /* a copy that is only read, because list takes pointers without const */
+    lg_stored rows[SIZES + ARRAYS];
+    list_sizes((uint32_t[SIZES]){v.channels, v.length, v.classes, v.bands}, rows);
+    list(&v, rows + SIZES);
+    return lg_stored_save(w, rows, SIZES + ARRAYS, error);
 }
 
 /* ---- reading ---- */
 
-static lg_status refused(lg_status status, const char *path, lg_error *error) {
-    if (status == LG_OK) return LG_OK;
-    if (status == LG_SHAPE || status == LG_NOT_FOUND) status = LG_FORMAT;
-    return lg_fail(error, status, "%s: %s", path, lg_status_sentence(status));
-}
-
 static lg_status read_sizes(const lg_archive_reader *r, uint32_t size[SIZES], lg_error *error) {
-    if (r->array(r->user, sizes[0], LG_ELEMENT_U32, 0, NULL, &size[0]) == LG_NOT_FOUND) return LG_NOT_FOUND;
-    for (size_t i = 0; i < SIZES; i++)
-        LG_TRY(refused(r->array(r->user, sizes[i], LG_ELEMENT_U32, 0, NULL, &size[i]), sizes[i], error));
+    lg_stored rows[SIZES];
+    list_sizes(size, rows);
+    if (r->array(r->user, rows[0].path, LG_ELEMENT_U32, 0, NULL, size) == LG_NOT_FOUND) return LG_NOT_FOUND;
+    LG_TRY(lg_as_format(lg_stored_load(r, rows, SIZES, error), error));
     const uint32_t channels = size[0], length = size[1], classes = size[2], bands = size[3];
     const bool fits = channels >= 1 && channels <= LG_NOVELTY_FEATURES / NOVELTY_BAND && length >= 2 &&
                       length <= UINT32_MAX / channels && classes >= 1 && classes <= 65536 &&
@@ -74,31 +61,16 @@ static lg_status read_sizes(const lg_archive_reader *r, uint32_t size[SIZES], lg
                       channels, length, classes, bands);
 }
 
-/* Compares the shapes in the file with the expected ones before any array of that size is allocated. */
-static lg_status check_shapes(const lg_archive_reader *r, lg_novelty *sized, lg_error *error) {
-    item items[ITEMS];
-    list(sized, items);
-    for (size_t i = 0; i < ITEMS; i++) {
-        uint32_t rank;
-        uint64_t dims[4];
-        LG_TRY(refused(r->shape(r->user, items[i].path, &rank, dims), items[i].path, error));
-        if (rank != items[i].rank || memcmp(dims, items[i].dims, rank * sizeof *dims) != 0)
-            return refused(LG_SHAPE, items[i].path, error);
-    }
-    return LG_OK;
-}
-
-static lg_status read_item(const lg_archive_reader *r, const item *it, lg_error *error) {
-    size_t count = 1;
-    double *data = *it->data;
-    LG_TRY(refused(r->array(r->user, it->path, LG_ELEMENT_F64, it->rank, it->dims, data), it->path, error));
-    for (uint32_t i = 0; i < it->rank; i++) count *= (size_t)it->dims[i];
-    for (size_t i = 0; i < count; i++) {
-        if (!isfinite(data[i]))
-            return lg_fail(error, LG_NOT_FINITE, "%s: entry %zu is %g", it->path, i, data[i]);
-        if (it->positive && !(data[i] > 0))
-            return lg_fail(error, LG_FORMAT, "%s: entry %zu is %g, expected more than 0", it->path, i,
-                           data[i]);
+/* Reads the arrays, whose shapes must be the right ones. */
+static lg_status read_arrays(const lg_archive_reader *r, const lg_stored rows[ARRAYS], lg_error *error) {
+    LG_TRY(lg_as_format(lg_stored_load(r, rows, ARRAYS, error), error));
+    for (size_t a = 0; a < ARRAYS; a++) {
+        const double *data = *(double **)rows[a].data;
+        LG_TRY(lg_stored_finite(&rows[a], error));
+        for (size_t i = 0; positive[a] && i < rows[a].dims[0]; i++)
+            if (!(data[i] > 0))
+                return lg_fail(error, LG_FORMAT, "%s: entry %zu is %g, expected more than 0", rows[a].path, i,
+                               data[i]);
     }
     return LG_OK;
 }
@@ -107,15 +79,14 @@ lg_status lg_novelty_load(const lg_context *context, const lg_archive_reader *r,
                           lg_error *error) {
     LG_NEEDS(error, r, out);
     uint32_t size[SIZES];
-    item items[ITEMS];
+    lg_stored rows[ARRAYS];
     *out = (lg_novelty){.channels = 0};
     LG_TRY(read_sizes(r, size, error));
     lg_novelty made = lg_novelty_sized(size[0], size[1], size[2], size[3]);
-    LG_TRY(check_shapes(r, &made, error));
+    list(&made, rows);
+    LG_TRY(lg_as_format(lg_stored_check(r, rows, ARRAYS, error), error)); /* before memory is allocated */
     LG_TRY(lg_novelty_allocate(context, size[0], size[1], size[2], size[3], &made, error));
-    list(&made, items);
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < ITEMS && status == LG_OK; i++) status = read_item(r, &items[i], error);
+    lg_status status = read_arrays(r, rows, error);
     if (status == LG_OK) status = lg_novelty_factor(&made, error);
     if (status == LG_OK)
         *out = made;

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "control/policy_gradient.h"
+#include "core/stored.h"
 #include "liegrad/fit.h"
 #include "liegrad/minimise.h"
 
@@ -485,20 +486,14 @@ static void list_facts(const training *t, uint64_t out[FACTS]) {
     memcpy(out, all, sizeof all);
 }
 
-/* The arrays of a saved state, in the order in which they are written and read. `facts` come first. */
-typedef struct saved {
-    const char *name;
-    lg_element type;
-    uint64_t count;
-    void *at;
-} saved;
+/* The arrays of a saved state. `facts` come first. */
 enum { SAVED = 4 };
-
-static void list_saved(const training *t, uint64_t facts[FACTS], double best[2], saved out[SAVED]) {
-    const saved all[SAVED] = {{"facts", LG_ELEMENT_U64, FACTS, facts},
-                              {"best", LG_ELEMENT_F64, 2, best},
-                              {"number", LG_ELEMENT_U64, t->seeds, t->number},
-                              {"theta", LG_ELEMENT_F64, (4 * (uint64_t)t->seeds + 1) * t->n, t->theta}};
+static void list_saved(const training *t, uint64_t facts[FACTS], double best[2], lg_stored out[SAVED]) {
+    const lg_stored all[SAVED] = {
+        {"facts", LG_ELEMENT_U64, 1, {FACTS}, .data = facts},
+        {"best", LG_ELEMENT_F64, 1, {2}, .data = best},
+        {"number", LG_ELEMENT_U64, 1, {t->seeds}, .data = t->number},
+        {"theta", LG_ELEMENT_F64, 1, {(4 * (uint64_t)t->seeds + 1) * t->n}, .data = t->theta}};
     memcpy(out, all, sizeof all);
 }
 
@@ -506,14 +501,10 @@ lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_wr
     LG_NEEDS(error, t, to);
     uint64_t facts[FACTS];
     double best[2] = {t->of_best.success, isfinite(t->of_best.cost) ? t->of_best.cost : 0.0};
-    saved arrays[SAVED];
+    lg_stored arrays[SAVED];
     list_facts(t, facts);
     list_saved(t, facts, best, arrays);
-    for (size_t i = 0; i < SAVED; i++) {
-        const saved *a = &arrays[i];
-        const lg_status status = to->array(to->user, a->name, a->type, 1, &a->count, a->at);
-        if (status != LG_OK) return lg_fail(error, status, "the state of training cannot be stored");
-    }
+    LG_TRY(lg_stored_save(to, arrays, SAVED, error));
     return t->minimiser != NULL ? lg_minimiser_save(t->minimiser, to, error) : LG_OK;
 }
 
@@ -542,14 +533,12 @@ lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *
     LG_NEEDS(error, t, from);
     uint64_t facts[FACTS];
     double best[2];
-    saved arrays[SAVED];
+    lg_stored arrays[SAVED];
     list_saved(t, facts, best, arrays);
-    for (size_t i = 0; i < SAVED; i++) {
-        const saved *a = &arrays[i];
-        if (from->array(from->user, a->name, a->type, 1, &a->count, a->at) != LG_OK)
-            return lg_fail(error, LG_FORMAT, "the file has no state of training of a policy");
-        if (i == 0) LG_TRY(check_facts(t, facts, error));
-    }
+    if (lg_stored_load(from, arrays, 1, error) != LG_OK)
+        return lg_fail(error, LG_FORMAT, "the file has no state of training of a policy");
+    LG_TRY(check_facts(t, facts, error));
+    LG_TRY(lg_as_format(lg_stored_load(from, arrays + 1, SAVED - 1, error), error));
     if (facts[8] > DONE || facts[10] >= t->seeds || facts[12] == 0 || facts[12] > t->seeds ||
         facts[13] >= MOST_ROUNDS)
         return lg_fail(error, LG_FORMAT, "the state of training is damaged");

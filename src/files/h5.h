@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "core/stored.h"
 #include "core/text.h"
 #include "liegrad/files.h"
 
@@ -94,6 +95,24 @@ lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
  * Fails with LG_FORMAT if the rank differs. The numbers must be finite. */
 lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
                             lg_error *error);
+/* An array of doubles in a list that says what a file holds. A size of 0 is not known: reading sets it to the
+ * size in the file, which must not be 0. `what`: what it counts, in messages; may be NULL. */
+typedef struct lg_h5_size {
+    uint64_t n;
+    const char *what;
+} lg_h5_size;
+typedef struct lg_h5_array {
+    const char *name;
+    double **data;       /* NULL at *data: is not written */
+    lg_h5_size *dims[3]; /* as many as the rank */
+    bool optional;       /* the file may lack it */
+} lg_h5_array;
+/* Writes the arrays, whose numbers must be finite. */
+lg_status lg_h5_put_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, lg_error *error);
+/* Reads the arrays into new memory, as lg_h5_get_doubles does. LG_FORMAT if one is missing or its shape does
+ * not fit the sizes. The caller frees them, also after a failure. */
+lg_status lg_h5_get_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, lg_error *error);
+
 /* ---- arrays of other programs, of any type ---- */
 typedef enum lg_h5_class { LG_H5_WHOLE, LG_H5_REAL, LG_H5_WORDS, LG_H5_OTHER, LG_H5_TABLE } lg_h5_class;
 typedef struct lg_h5_about {
@@ -174,10 +193,6 @@ const char *lg_h5_what_is(const char *kind);
 /* Checks format, version and kind of the file. kind NULL accepts any kind. `foreign` also accepts files of
  * another format and files that name no format. */
 lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error);
-
-/* Turns the statuses LG_NOT_FOUND and LG_SHAPE of a key into LG_FORMAT, in the result and in `error` (may be
- * NULL). */
-lg_status lg_as_format(lg_status status, lg_error *error);
 
 void lg_h5_close(lg_h5 *h5); /* h5 may be NULL */
 

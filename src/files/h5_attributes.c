@@ -168,9 +168,3 @@ void lg_h5_provenance(lg_h5 *h5, lg_provenance *out) {
     (void)lg_h5_text(h5, "", "cpu", out->cpu, sizeof out->cpu, NULL);
     out->has_seed = lg_h5_number(h5, "", "seed", LG_ELEMENT_U64, &out->seed, NULL) == LG_OK;
 }
-
-lg_status lg_as_format(lg_status status, lg_error *error) {
-    if (status != LG_NOT_FOUND && status != LG_SHAPE) return status;
-    if (error != NULL) error->status = LG_FORMAT;
-    return LG_FORMAT;
-}

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/stored.h"
 #include "nn/fit_internal.h"
 
 /* ---- hyperparameters ---- */
@@ -108,14 +109,6 @@ static lg_status check_hyperparameters(const lg_fit *fit, const lg_archive_reade
 
 /* ---- the state as a list of arrays ---- */
 
-typedef struct item {
-    const char *path;
-    lg_element type;
-    uint32_t rank; /* 0 or 1 */
-    uint64_t count;
-    void *data;
-} item;
-
 #define ALWAYS   7 /* scalars that every state has */
 #define PHASES   6 /* the next scalars, which a plan of Adam alone does not store */
 #define RESTARTS 2 /* the last scalars, stored only with options.restarts */
@@ -124,23 +117,23 @@ typedef struct item {
 
 /* Lists the scalars and returns their number. They come before the arrays, since they tell how long the
  * arrays are. `open` stands for s->open as a number. */
-static size_t list_scalars(const lg_fit *fit, lg_fit_state *s, uint64_t *open, item out[SCALARS]) {
-    const item list[SCALARS] = {
-        {"train/epoch", LG_ELEMENT_U64, 0, 1, &s->epoch},
-        {"train/position", LG_ELEMENT_U64, 0, 1, &s->position},
-        {"train/open", LG_ELEMENT_U64, 0, 1, open},
-        {"train/best_epoch", LG_ELEMENT_U64, 0, 1, &s->best_epoch},
-        {"train/running_loss", LG_ELEMENT_F64, 0, 1, &s->running_loss},
-        {"train/running_seconds", LG_ELEMENT_F64, 0, 1, &s->running_seconds},
-        {"optimizer/adam/step", LG_ELEMENT_U64, 0, 1, &s->step},
-        {"train/adam_epochs", LG_ELEMENT_U64, 0, 1, &s->adam_epochs},
-        {"train/phase", LG_ELEMENT_U64, 0, 1, &s->phase},
-        {"train/phase_start", LG_ELEMENT_U64, 0, 1, &s->phase_start},
-        {"train/noise", LG_ELEMENT_F64, 0, 1, &s->noise},
-        {"train/plateau", LG_ELEMENT_F64, 0, 1, &s->plateau},
-        {"train/plateau_start", LG_ELEMENT_U64, 0, 1, &s->plateau_start},
-        {"train/restarts", LG_ELEMENT_U64, 0, 1, &s->restarts},
-        {"train/restart_seconds", LG_ELEMENT_F64, 0, 1, &s->lost_seconds},
+static size_t list_scalars(const lg_fit *fit, lg_fit_state *s, uint64_t *open, lg_stored out[SCALARS]) {
+    const lg_stored list[SCALARS] = {
+        {"train/epoch", LG_ELEMENT_U64, .data = &s->epoch},
+        {"train/position", LG_ELEMENT_U64, .data = &s->position},
+        {"train/open", LG_ELEMENT_U64, .data = open},
+        {"train/best_epoch", LG_ELEMENT_U64, .data = &s->best_epoch},
+        {"train/running_loss", LG_ELEMENT_F64, .data = &s->running_loss},
+        {"train/running_seconds", LG_ELEMENT_F64, .data = &s->running_seconds},
+        {"optimizer/adam/step", LG_ELEMENT_U64, .data = &s->step},
+        {"train/adam_epochs", LG_ELEMENT_U64, .data = &s->adam_epochs},
+        {"train/phase", LG_ELEMENT_U64, .data = &s->phase},
+        {"train/phase_start", LG_ELEMENT_U64, .data = &s->phase_start},
+        {"train/noise", LG_ELEMENT_F64, .data = &s->noise},
+        {"train/plateau", LG_ELEMENT_F64, .data = &s->plateau},
+        {"train/plateau_start", LG_ELEMENT_U64, .data = &s->plateau_start},
+        {"train/restarts", LG_ELEMENT_U64, .data = &s->restarts},
+        {"train/restart_seconds", LG_ELEMENT_F64, .data = &s->lost_seconds},
     };
     const size_t used = fit->options.plan.phases == 0 ? ALWAYS : ALWAYS + PHASES;
     memcpy(out, list, used * sizeof *list);
@@ -155,7 +148,7 @@ static bool has_minimiser(const lg_fit *fit, const lg_fit_state *s) {
 }
 
 /* Lists the arrays in `out` and returns their number. */
-static size_t list_arrays(const lg_fit *fit, lg_fit_state *s, item *out) {
+static size_t list_arrays(const lg_fit *fit, lg_fit_state *s, lg_stored *out) {
     const lg_element type = fit->options.dtype == LG_F64 ? LG_ELEMENT_F64 : LG_ELEMENT_F32;
     const uint64_t n = fit->problem.parameters;
     static const char *const series[LG_FIT_SERIES_COUNT] = {
@@ -165,22 +158,17 @@ static size_t list_arrays(const lg_fit *fit, lg_fit_state *s, item *out) {
         [LG_FIT_RATE] = "train/history/rate",
     };
     size_t used = 0;
-    out[used++] = (item){"optimizer/parameters", type, 1, n, s->theta};
-    out[used++] = (item){"optimizer/adam/m", type, 1, n, s->m};
-    out[used++] = (item){"optimizer/adam/v", type, 1, n, s->v};
-    out[used++] = (item){"rng", LG_ELEMENT_U64, 1, 4, s->rng.s};
-    out[used++] = (item){"train/permutation", LG_ELEMENT_U32, 1, fit->problem.samples, s->order};
+    out[used++] = (lg_stored){"optimizer/parameters", type, 1, {n}, .data = s->theta};
+    out[used++] = (lg_stored){"optimizer/adam/m", type, 1, {n}, .data = s->m};
+    out[used++] = (lg_stored){"optimizer/adam/v", type, 1, {n}, .data = s->v};
+    out[used++] = (lg_stored){"rng", LG_ELEMENT_U64, 1, {4}, .data = s->rng.s};
+    out[used++] =
+        (lg_stored){"train/permutation", LG_ELEMENT_U32, 1, {fit->problem.samples}, .data = s->order};
     if (s->epoch == 0) return used;
-    out[used++] = (item){"optimizer/best", type, 1, n, s->best};
+    out[used++] = (lg_stored){"optimizer/best", type, 1, {n}, .data = s->best};
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
-        out[used++] = (item){series[i], LG_ELEMENT_F64, 1, s->epoch, s->history[i]};
+        out[used++] = (lg_stored){series[i], LG_ELEMENT_F64, 1, {s->epoch}, .data = s->history[i]};
     return used;
-}
-
-static lg_status write_item(const lg_archive_writer *writer, const item *it, lg_error *error) {
-    const lg_status status = writer->array(writer->user, it->path, it->type, it->rank, &it->count, it->data);
-    if (status == LG_OK) return LG_OK;
-    return lg_fail(error, status, "%s could not be saved: %s", it->path, lg_status_sentence(status));
 }
 
 lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error) {
@@ -188,7 +176,7 @@ lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_err
     (void)lg_fail(error, LG_OK, "%s", "");
     lg_fit_state copy = fit->state; /* shares the arrays with fit->state, which are only read */
     uint64_t open = copy.open;
-    item items[ITEMS];
+    lg_stored items[ITEMS];
     size_t count = list_scalars(fit, &copy, &open, items);
     count += list_arrays(fit, &copy, items + count);
     hyperparameter list[HYPERPARAMETERS];
@@ -196,23 +184,12 @@ lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_err
     for (size_t i = 0; i < HYPERPARAMETERS; i++) {
         hyperparameter *h = &list[i];
         if (h->added && h->whole == 0 && h->value == 0.0) continue;
-        const item it = {h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64, 0, 1,
-                         h->real ? (void *)&h->value : (void *)&h->whole};
-        LG_TRY(write_item(writer, &it, error));
+        const lg_stored row = {h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64,
+                               .data = h->real ? (void *)&h->value : (void *)&h->whole};
+        LG_TRY(lg_stored_save(writer, &row, 1, error));
     }
-    for (size_t i = 0; i < count; i++) LG_TRY(write_item(writer, &items[i], error));
+    LG_TRY(lg_stored_save(writer, items, count, error));
     return has_minimiser(fit, &copy) ? lg_minimiser_save(copy.minimiser, writer, error) : LG_OK;
-}
-
-static lg_status read_items(const lg_archive_reader *reader, const item *items, size_t count,
-                            lg_error *error) {
-    for (size_t i = 0; i < count; i++) {
-        const item *it = &items[i];
-        const lg_status status =
-            reader->array(reader->user, it->path, it->type, it->rank, &it->count, it->data);
-        if (status != LG_OK) return lg_fail(error, status, "%s: %s", it->path, lg_status_sentence(status));
-    }
-    return LG_OK;
 }
 
 /* ---- what a state must satisfy ---- */
@@ -319,13 +296,12 @@ static lg_status load_minimiser(const lg_fit *fit, const lg_archive_reader *read
 static lg_status load_state(const lg_fit *fit, const lg_archive_reader *reader, lg_fit_state *s,
                             lg_error *error) {
     uint64_t open = 0;
-    item items[ITEMS];
-    LG_TRY(read_items(reader, items, list_scalars(fit, s, &open, items), error));
+    lg_stored items[ITEMS];
+    LG_TRY(lg_stored_load(reader, items, list_scalars(fit, s, &open, items), error));
     if (fit->options.plan.phases == 0) s->adam_epochs = s->epoch;
     LG_TRY(check_scalars(fit, s, open, error));
     s->open = open == 1;
-    const size_t count = list_arrays(fit, s, items);
-    LG_TRY(read_items(reader, items, count, error));
+    LG_TRY(lg_stored_load(reader, items, list_arrays(fit, s, items), error));
     LG_TRY(check_arrays(fit, s, error));
     return has_minimiser(fit, s) ? load_minimiser(fit, reader, s, error) : LG_OK;
 }

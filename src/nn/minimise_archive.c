@@ -2,28 +2,22 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/stored.h"
 #include "nn/minimise_internal.h"
-
-typedef struct item {
-    const char *path;
-    lg_element type;
-    uint64_t count;
-    void *data;
-} item;
 
 enum { ITEMS = 7 };
 
 /* Lists all arrays. `memory` has the layout of m->memory; `curvature` has the rows of all ranks. */
 static void list(const lg_minimiser *m, double *memory, double *curvature, lg_minimise_counts *counts,
-                 lg_minimise_numbers *numbers, item out[ITEMS]) {
-    const item all[ITEMS] = {
-        {"minimise/counts", LG_ELEMENT_U64, sizeof *counts / sizeof(uint64_t), counts},
-        {"minimise/numbers", LG_ELEMENT_F64, sizeof *numbers / sizeof(double), numbers},
-        {"minimise/x", LG_ELEMENT_F64, m->n, memory + (m->x - m->memory)},
-        {"minimise/gradient", LG_ELEMENT_F64, m->n, memory + (m->g - m->memory)},
-        {"minimise/direction", LG_ELEMENT_F64, m->n, memory + (m->d - m->memory)},
-        {"minimise/point", LG_ELEMENT_F64, m->n, memory + (m->point - m->memory)},
-        {"minimise/curvature", LG_ELEMENT_F64, m->length, curvature},
+                 lg_minimise_numbers *numbers, lg_stored out[ITEMS]) {
+    const lg_stored all[ITEMS] = {
+        {"minimise/counts", LG_ELEMENT_U64, 1, {sizeof *counts / sizeof(uint64_t)}, .data = counts},
+        {"minimise/numbers", LG_ELEMENT_F64, 1, {sizeof *numbers / sizeof(double)}, .data = numbers},
+        {"minimise/x", LG_ELEMENT_F64, 1, {m->n}, .data = memory + (m->x - m->memory)},
+        {"minimise/gradient", LG_ELEMENT_F64, 1, {m->n}, .data = memory + (m->g - m->memory)},
+        {"minimise/direction", LG_ELEMENT_F64, 1, {m->n}, .data = memory + (m->d - m->memory)},
+        {"minimise/point", LG_ELEMENT_F64, 1, {m->n}, .data = memory + (m->point - m->memory)},
+        {"minimise/curvature", LG_ELEMENT_F64, 1, {m->length}, .data = curvature},
     };
     memcpy(out, all, sizeof all);
 }
@@ -81,15 +75,9 @@ static lg_status save_all(const lg_minimiser *m, double *curvature, const lg_arc
                           lg_error *error) {
     lg_minimise_counts counts = m->counts;
     lg_minimise_numbers numbers = m->numbers;
-    item items[ITEMS];
+    lg_stored items[ITEMS];
     list(m, m->memory, curvature, &counts, &numbers, items);
-    for (size_t i = 0; i < ITEMS; i++) {
-        const item *it = &items[i];
-        const lg_status status = writer->array(writer->user, it->path, it->type, 1, &it->count, it->data);
-        if (status != LG_OK)
-            return lg_fail(error, status, "%s could not be saved: %s", it->path, lg_status_sentence(status));
-    }
-    return LG_OK;
+    return lg_stored_save(writer, items, ITEMS, error);
 }
 
 lg_status lg_minimiser_save(const lg_minimiser *m, const lg_archive_writer *writer, lg_error *error) {
@@ -134,13 +122,9 @@ static lg_status check(const lg_minimiser *m, const double *memory, const double
 static lg_status load(const lg_minimiser *m, const lg_archive_reader *reader, double *memory,
                       double *curvature, lg_minimise_counts *counts, lg_minimise_numbers *numbers,
                       lg_error *error) {
-    item items[ITEMS];
+    lg_stored items[ITEMS];
     list(m, memory, curvature, counts, numbers, items);
-    for (size_t i = 0; i < ITEMS; i++) {
-        const item *it = &items[i];
-        const lg_status status = reader->array(reader->user, it->path, it->type, 1, &it->count, it->data);
-        if (status != LG_OK) return lg_fail(error, status, "%s: %s", it->path, lg_status_sentence(status));
-    }
+    LG_TRY(lg_stored_load(reader, items, ITEMS, error));
     return check(m, memory, curvature, counts, numbers, error);
 }
 

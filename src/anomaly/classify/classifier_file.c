@@ -1,23 +1,14 @@
 /* Saving and loading of classifiers in archives. The same lists name the stored items for reading and for
  * writing. The reader checks all sizes before it allocates, and all values afterwards. */
 #include "anomaly/classify/classify_internal.h"
+#include "core/stored.h"
 
 #include <math.h>
 #include <string.h>
 
 #define ROOT "classifier/"
 
-typedef struct item {
-    const char *path;
-    lg_element type;
-    /* 0: `data` points to the number itself; otherwise `data` points to a pointer to the array. */
-    uint32_t rank;
-    uint64_t dims[2];
-    void *data;
-    bool used;
-} item;
-
-#define SCALARS 16
+#define SCALARS 18
 #define ARRAYS  19
 
 /* The numbers in the file that determine the sizes of all arrays. */
@@ -27,98 +18,104 @@ typedef struct header {
 } header;
 
 /* `bands` is stored for spectrum features only, `convolutions` and `listed` for random convolutions. */
-static void list_scalars(header *h, lg_feature_kind kind, item out[SCALARS]) {
-    const struct {
-        const char *path;
-        uint32_t *data;
-        bool used;
-    } rows[SCALARS] = {
-        {ROOT "classes", &h->classes, true},
-        {ROOT "features/channels", &h->channels, true},
-        {ROOT "features/length", &h->length, true},
-        {ROOT "features/selected", &h->selected, true},
-        {ROOT "features/segments", &h->segments, true},
-        {ROOT "features/pairs", &h->pairs, true},
-        {ROOT "features/bands", &h->bands, kind == LG_FEATURES_SPECTRUM},
-        {ROOT "features/count", &h->count, true},
-        {ROOT "pca/inputs", &h->inputs, true},
-        {ROOT "pca/components", &h->components, true},
-        {ROOT "pca/variances", &h->variances, true},
-        {ROOT "tree/nodes", &h->nodes, true},
-        {ROOT "svm/vectors", &h->vectors, true},
-        {ROOT "logistic/iterations", &h->iterations, true},
-        {ROOT "rocket/convolutions", &h->convolutions, kind == LG_FEATURES_ROCKET},
-        {ROOT "rocket/listed", &h->listed, kind == LG_FEATURES_ROCKET},
+static void list_scalars(header *h, lg_classifier *c, lg_stored out[SCALARS]) {
+    const bool spectrum = c->features.kind == LG_FEATURES_SPECTRUM;
+    const bool rocket = c->features.kind == LG_FEATURES_ROCKET;
+    const lg_stored rows[SCALARS] = {
+        {ROOT "classes", LG_ELEMENT_U32, .data = &h->classes},
+        {ROOT "features/channels", LG_ELEMENT_U32, .data = &h->channels},
+        {ROOT "features/length", LG_ELEMENT_U32, .data = &h->length},
+        {ROOT "features/selected", LG_ELEMENT_U32, .data = &h->selected},
+        {ROOT "features/segments", LG_ELEMENT_U32, .data = &h->segments},
+        {ROOT "features/pairs", LG_ELEMENT_U32, .data = &h->pairs},
+        {ROOT "features/bands", LG_ELEMENT_U32, .data = spectrum ? &h->bands : NULL},
+        {ROOT "features/count", LG_ELEMENT_U32, .data = &h->count},
+        {ROOT "pca/inputs", LG_ELEMENT_U32, .data = &h->inputs},
+        {ROOT "pca/components", LG_ELEMENT_U32, .data = &h->components},
+        {ROOT "pca/variances", LG_ELEMENT_U32, .data = &h->variances},
+        {ROOT "tree/nodes", LG_ELEMENT_U32, .data = &h->nodes},
+        {ROOT "svm/vectors", LG_ELEMENT_U32, .data = &h->vectors},
+        {ROOT "logistic/iterations", LG_ELEMENT_U32, .data = &h->iterations},
+        {ROOT "rocket/convolutions", LG_ELEMENT_U32, .data = rocket ? &h->convolutions : NULL},
+        {ROOT "rocket/listed", LG_ELEMENT_U32, .data = rocket ? &h->listed : NULL},
+        {ROOT "svm/gamma", LG_ELEMENT_F64, .data = &c->svm.gamma},
+        {ROOT "svm/c", LG_ELEMENT_F64, .data = &c->svm.c},
     };
-    for (size_t i = 0; i < SCALARS; i++)
-        out[i] = (item){rows[i].path, LG_ELEMENT_U32, 0, {0, 0}, rows[i].data, rows[i].used};
+    memcpy(out, rows, sizeof rows);
 }
 
 /* Lists the arrays of the method and features in *c, whose sizes must be set. The nodes of a tree are stored
  * as one array *nodes (count, 6): feature, left, right, threshold, impurity, samples. */
-static void list_arrays(lg_classifier *c, double **nodes, item out[ARRAYS]) {
+static void list_arrays(lg_classifier *c, double **nodes, lg_stored out[ARRAYS]) {
     const bool features = c->features.count > 0, logistic = lg_method_is_linear(c->method);
     const bool tree = c->method == LG_METHOD_TREE, svm = lg_method_is_svm(c->method);
     const bool rocket = features && c->features.kind == LG_FEATURES_ROCKET;
     lg_rocket *r = &c->features.rocket;
     const uint64_t m = c->features.selected, d = c->pca.inputs, k = c->pca.components, classes = c->classes;
     const uint64_t inputs = lg_pca_outputs(&c->pca), rows = classes == 2 ? 1 : classes;
-    const item list[ARRAYS] = {
-        {ROOT "features/select", LG_ELEMENT_U32, 1, {m, 0}, &c->features.select, features},
+    const lg_stored list[ARRAYS] = {
+        {ROOT "features/select", LG_ELEMENT_U32, 1, {m}, features ? &c->features.select : NULL, true},
         {ROOT "features/pair",
          LG_ELEMENT_U32,
          2,
          {c->features.pairs, 2},
-         &c->features.pair,
-         c->features.pairs > 0},
-        {ROOT "features/scale", LG_ELEMENT_F64, 1, {c->features.channels, 0}, &c->features.scale, features},
-        {ROOT "pca/mean", LG_ELEMENT_F64, 1, {d, 0}, &c->pca.mean, true},
-        {ROOT "pca/scale", LG_ELEMENT_F64, 1, {d, 0}, &c->pca.scale, true},
-        {ROOT "pca/vectors", LG_ELEMENT_F64, 2, {d, k}, &c->pca.vectors, k > 0},
+         c->features.pairs > 0 ? &c->features.pair : NULL,
+         true},
+        {ROOT "features/scale",
+         LG_ELEMENT_F64,
+         1,
+         {c->features.channels},
+         features ? &c->features.scale : NULL,
+         true},
+        {ROOT "pca/mean", LG_ELEMENT_F64, 1, {d}, &c->pca.mean, true},
+        {ROOT "pca/scale", LG_ELEMENT_F64, 1, {d}, &c->pca.scale, true},
+        {ROOT "pca/vectors", LG_ELEMENT_F64, 2, {d, k}, k > 0 ? &c->pca.vectors : NULL, true},
         {ROOT "pca/variance",
          LG_ELEMENT_F64,
          1,
-         {c->pca.variances, 0},
-         &c->pca.variance,
-         c->pca.variances > 0},
-        {ROOT "logistic/weight", LG_ELEMENT_F64, 2, {rows, inputs}, &c->logistic.weight, logistic},
-        {ROOT "logistic/intercept", LG_ELEMENT_F64, 1, {rows, 0}, &c->logistic.intercept, logistic},
-        {ROOT "tree/node", LG_ELEMENT_F64, 2, {c->tree.count, 6}, nodes, tree},
-        {ROOT "tree/counts", LG_ELEMENT_U32, 2, {c->tree.count, classes}, &c->tree.counts, tree},
-        {ROOT "svm/vectors_of", LG_ELEMENT_U32, 1, {classes, 0}, &c->svm.vectors_of, svm},
-        {ROOT "svm/vector", LG_ELEMENT_F64, 2, {c->svm.vectors, inputs}, &c->svm.vector, svm},
-        {ROOT "svm/coefficient", LG_ELEMENT_F64, 2, {classes - 1, c->svm.vectors}, &c->svm.coefficient, svm},
-        {ROOT "svm/rho", LG_ELEMENT_F64, 1, {classes * (classes - 1) / 2, 0}, &c->svm.rho, svm},
-        {ROOT "rocket/convolution", LG_ELEMENT_U32, 2, {r->count, 5}, &r->convolution, rocket},
-        {ROOT "rocket/channel", LG_ELEMENT_U32, 1, {r->listed, 0}, &r->channel, rocket},
-        {ROOT "rocket/bias", LG_ELEMENT_F32, 1, {c->features.count, 0}, &r->bias, rocket},
-        {ROOT "rocket/mean", LG_ELEMENT_F64, 1, {c->features.channels, 0}, &r->mean, rocket},
+         {c->pca.variances},
+         c->pca.variances > 0 ? &c->pca.variance : NULL,
+         true},
+        {ROOT "logistic/weight",
+         LG_ELEMENT_F64,
+         2,
+         {rows, inputs},
+         logistic ? &c->logistic.weight : NULL,
+         true},
+        {ROOT "logistic/intercept",
+         LG_ELEMENT_F64,
+         1,
+         {rows},
+         logistic ? &c->logistic.intercept : NULL,
+         true},
+        {ROOT "tree/node", LG_ELEMENT_F64, 2, {c->tree.count, 6}, tree ? nodes : NULL, true},
+        {ROOT "tree/counts",
+         LG_ELEMENT_U32,
+         2,
+         {c->tree.count, classes},
+         tree ? &c->tree.counts : NULL,
+         true},
+        {ROOT "svm/vectors_of", LG_ELEMENT_U32, 1, {classes}, svm ? &c->svm.vectors_of : NULL, true},
+        {ROOT "svm/vector", LG_ELEMENT_F64, 2, {c->svm.vectors, inputs}, svm ? &c->svm.vector : NULL, true},
+        {ROOT "svm/coefficient",
+         LG_ELEMENT_F64,
+         2,
+         {classes - 1, c->svm.vectors},
+         svm ? &c->svm.coefficient : NULL,
+         true},
+        {ROOT "svm/rho", LG_ELEMENT_F64, 1, {classes * (classes - 1) / 2}, svm ? &c->svm.rho : NULL, true},
+        {ROOT "rocket/convolution", LG_ELEMENT_U32, 2, {r->count, 5}, rocket ? &r->convolution : NULL, true},
+        {ROOT "rocket/channel", LG_ELEMENT_U32, 1, {r->listed}, rocket ? &r->channel : NULL, true},
+        {ROOT "rocket/bias", LG_ELEMENT_F32, 1, {c->features.count}, rocket ? &r->bias : NULL, true},
+        {ROOT "rocket/mean", LG_ELEMENT_F64, 1, {c->features.channels}, rocket ? &r->mean : NULL, true},
     };
     memcpy(out, list, sizeof list);
 }
 
+enum { METHOD, KIND, CRITERION, TEXTS };
+static const char *const text_paths[TEXTS] = {ROOT "method", ROOT "features/kind", ROOT "tree/criterion"};
+
 /* ---- writing ---- */
-
-static lg_status written(lg_status status, const char *path, lg_error *error) {
-    if (status == LG_OK) return LG_OK;
-    return lg_fail(error, status, "%s could not be saved: %s", path, lg_status_sentence(status));
-}
-
-static lg_status write_text(const lg_archive_writer *w, const char *path, const char *value,
-                            lg_error *error) {
-    return written(w->text(w->user, path, value), path, error);
-}
-
-static lg_status write_items(const lg_archive_writer *w, const item *items, size_t count, lg_error *error) {
-    for (size_t i = 0; i < count; i++) {
-        const item *it = &items[i];
-        const void *data = it->data;
-        if (it->rank > 0) memcpy(&data, it->data, sizeof data);
-        if (it->used)
-            LG_TRY(written(w->array(w->user, it->path, it->type, it->rank, it->dims, data), it->path, error));
-    }
-    return LG_OK;
-}
 
 static double *pack_nodes(const lg_tree *tree) {
     double *out = lg_alloc(NULL, tree->count, 6 * sizeof *out);
@@ -142,62 +139,45 @@ lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_w
                 f->pairs,        f->bands,     f->count,      c.pca.inputs,          c.pca.components,
                 c.pca.variances, c.tree.count, c.svm.vectors, c.logistic.iterations, f->rocket.count,
                 f->rocket.listed};
-    double gamma = c.svm.gamma, penalty = c.svm.c, *nodes = NULL;
-    item scalars[SCALARS], arrays[ARRAYS];
-    list_scalars(&h, f->kind, scalars);
+    double *nodes = NULL;
+    lg_stored rows[SCALARS + ARRAYS];
+    const char *const texts[TEXTS] = {lg_classifier_method_name(c.method), lg_feature_kind_name(f->kind),
+                                      lg_tree_criterion_name(c.tree.criterion)};
+    for (size_t i = 0; i < TEXTS; i++) {
+        const lg_status status = writer->text(writer->user, text_paths[i], texts[i]);
+        if (status != LG_OK)
+            return lg_fail(error, status, "%s could not be saved: %s", text_paths[i],
+                           lg_status_sentence(status));
+    }
     if (c.method == LG_METHOD_TREE && (nodes = pack_nodes(&c.tree)) == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to save %u nodes", c.tree.count);
-    list_arrays(&c, &nodes, arrays);
-    const item reals[2] = {{ROOT "svm/gamma", LG_ELEMENT_F64, 0, {0, 0}, &gamma, true},
-                           {ROOT "svm/c", LG_ELEMENT_F64, 0, {0, 0}, &penalty, true}};
-    lg_status status = write_text(writer, ROOT "method", lg_classifier_method_name(c.method), error);
-    if (status == LG_OK)
-        status = write_text(writer, ROOT "features/kind", lg_feature_kind_name(f->kind), error);
-    if (status == LG_OK)
-        status = write_text(writer, ROOT "tree/criterion", lg_tree_criterion_name(c.tree.criterion), error);
-    if (status == LG_OK) status = write_items(writer, scalars, SCALARS, error);
-    if (status == LG_OK) status = write_items(writer, reals, 2, error);
-    if (status == LG_OK) status = write_items(writer, arrays, ARRAYS, error);
+    list_scalars(&h, &c, rows);
+    list_arrays(&c, &nodes, rows + SCALARS);
+    const lg_status status = lg_stored_save(writer, rows, LG_COUNT(rows), error);
     lg_free(NULL, nodes);
     return status;
 }
 
 /* ---- reading ---- */
 
-static lg_status refused(lg_status status, const char *path, lg_error *error) {
-    if (status == LG_OK) return LG_OK;
-    if (status == LG_SHAPE) status = LG_FORMAT;
-    return lg_fail(error, status, "%s: %s", path, lg_status_sentence(status));
-}
-
 static lg_status wrong(lg_error *error, const char *path, const char *what) {
     return lg_fail(error, LG_FORMAT, ROOT "%s %s", path, what);
 }
 
 static lg_status read_texts(const lg_archive_reader *r, lg_classifier *c, lg_error *error) {
-    char text[32];
-    LG_TRY(refused(r->text(r->user, ROOT "method", text, sizeof text), ROOT "method", error));
-    if (lg_classifier_method_parse(text, &c->method) != LG_OK) return wrong(error, "method", "is unknown");
-    LG_TRY(refused(r->text(r->user, ROOT "features/kind", text, sizeof text), ROOT "features/kind", error));
-    if (lg_feature_kind_parse(text, &c->features.kind) != LG_OK)
+    char text[TEXTS][32];
+    for (size_t i = 0; i < TEXTS; i++) {
+        const lg_status status = r->text(r->user, text_paths[i], text[i], sizeof text[i]);
+        if (status != LG_OK && status != LG_SHAPE)
+            return lg_fail(error, status, "%s: %s", text_paths[i], lg_status_sentence(status));
+        if (status == LG_SHAPE) text[i][0] = '\0'; /* too long for any name */
+    }
+    if (lg_classifier_method_parse(text[METHOD], &c->method) != LG_OK)
+        return wrong(error, "method", "is unknown");
+    if (lg_feature_kind_parse(text[KIND], &c->features.kind) != LG_OK)
         return wrong(error, "features/kind", "is unknown");
-    LG_TRY(refused(r->text(r->user, ROOT "tree/criterion", text, sizeof text), ROOT "tree/criterion", error));
-    if (lg_tree_criterion_parse(text, &c->tree.criterion) != LG_OK)
+    if (lg_tree_criterion_parse(text[CRITERION], &c->tree.criterion) != LG_OK)
         return wrong(error, "tree/criterion", "is unknown");
-    return LG_OK;
-}
-
-static lg_status read_scalars(const lg_archive_reader *r, header *h, lg_classifier *c, lg_error *error) {
-    item items[SCALARS];
-    list_scalars(h, c->features.kind, items);
-    for (size_t i = 0; i < SCALARS; i++)
-        if (items[i].used)
-            LG_TRY(refused(r->array(r->user, items[i].path, LG_ELEMENT_U32, 0, NULL, items[i].data),
-                           items[i].path, error));
-    double *const reals[2] = {&c->svm.gamma, &c->svm.c};
-    const char *const paths[2] = {ROOT "svm/gamma", ROOT "svm/c"};
-    for (size_t i = 0; i < 2; i++)
-        LG_TRY(refused(r->array(r->user, paths[i], LG_ELEMENT_F64, 0, NULL, reals[i]), paths[i], error));
     return LG_OK;
 }
 
@@ -254,35 +234,6 @@ static lg_status take_sizes(const header *h, lg_classifier *c, lg_error *error) 
     };
     LG_TRY(check_rules(rules, LG_COUNT(rules), error));
     f->rocket.count = h->convolutions, f->rocket.listed = h->listed;
-    return LG_OK;
-}
-
-static size_t element_size(lg_element type) {
-    return type == LG_ELEMENT_F64 ? sizeof(double) : sizeof(uint32_t);
-}
-
-/* Checks the shape in the file before it allocates the array. */
-static lg_status read_array(const lg_context *context, const lg_archive_reader *r, const item *it,
-                            lg_error *error) {
-    uint32_t rank = 0;
-    uint64_t dims[4] = {0};
-    LG_TRY(refused(r->shape(r->user, it->path, &rank, dims), it->path, error));
-    const bool same = rank == it->rank && dims[0] == it->dims[0] && (rank < 2 || dims[1] == it->dims[1]);
-    if (!same) return refused(LG_SHAPE, it->path, error);
-    const uint64_t columns = it->rank == 2 ? it->dims[1] : 1;
-    if (columns != 0 && it->dims[0] > SIZE_MAX / sizeof(double) / columns)
-        return refused(LG_SHAPE, it->path, error);
-    const size_t count = (size_t)(it->dims[0] * columns);
-    void *block = lg_alloc(context, count, element_size(it->type));
-    if (block == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to read %s", it->path);
-    memcpy(it->data, &block, sizeof block); /* sets the array pointer, whatever its type */
-    LG_TRY(refused(r->array(r->user, it->path, it->type, it->rank, it->dims, block), it->path, error));
-    for (size_t i = 0; i < count && it->type != LG_ELEMENT_U32; i++) {
-        const double number =
-            it->type == LG_ELEMENT_F64 ? ((const double *)block)[i] : (double)((const float *)block)[i];
-        if (!isfinite(number))
-            return lg_fail(error, LG_NOT_FINITE, "%s: entry %zu is %g", it->path, i, number);
-    }
     return LG_OK;
 }
 
@@ -362,13 +313,15 @@ static lg_status check_svm(const lg_svm *svm, lg_error *error) {
 static lg_status read_classifier(const lg_context *context, const lg_archive_reader *r, lg_classifier *c,
                                  double **nodes, lg_error *error) {
     header h = {0};
-    item arrays[ARRAYS];
+    lg_stored scalars[SCALARS], arrays[ARRAYS];
     LG_TRY(read_texts(r, c, error));
-    LG_TRY(read_scalars(r, &h, c, error));
+    list_scalars(&h, c, scalars);
+    lg_status status = lg_stored_load(r, scalars, SCALARS, error);
+    if (status == LG_SHAPE) status = lg_as_format(status, error);
+    LG_TRY(status);
     LG_TRY(take_sizes(&h, c, error));
     list_arrays(c, nodes, arrays);
-    for (size_t i = 0; i < ARRAYS; i++)
-        if (arrays[i].used) LG_TRY(read_array(context, r, &arrays[i], error));
+    LG_TRY(lg_stored_make(context, r, arrays, ARRAYS, error));
     LG_TRY(check_features(c, error));
     if (c->features.bands > 0)
         LG_TRY(

@@ -1,0 +1,87 @@
+#include <math.h>
+#include <string.h>
+
+#include "core/stored.h"
+
+lg_status lg_as_format(lg_status status, lg_error *error) {
+    if (status != LG_NOT_FOUND && status != LG_SHAPE) return status;
+    if (error != NULL) error->status = LG_FORMAT;
+    return LG_FORMAT;
+}
+
+static void *numbers_of(const lg_stored *row) {
+    void *data = row->data;
+    if (row->pointed) memcpy(&data, row->data, sizeof data);
+    return data;
+}
+
+static uint64_t count_of(const lg_stored *row) {
+    uint64_t count = 1;
+    for (uint32_t i = 0; i < row->rank; i++)
+        count = row->dims[i] > 0 && count > SIZE_MAX / sizeof(double) / row->dims[i] ? SIZE_MAX
+                                                                                     : count * row->dims[i];
+    return count;
+}
+
+static lg_status move(const lg_archive_writer *to, const lg_archive_reader *from, const lg_stored *row,
+                      lg_error *error) {
+    void *data = row->data == NULL ? NULL : numbers_of(row);
+    const lg_status status = row->data == NULL ? LG_OK
+                             : to != NULL
+                                 ? to->array(to->user, row->path, row->type, row->rank, row->dims, data)
+                                 : from->array(from->user, row->path, row->type, row->rank, row->dims, data);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, to != NULL ? "%s could not be saved: %s" : "%s: %s", row->path,
+                   lg_status_sentence(status));
+}
+
+lg_status lg_stored_save(const lg_archive_writer *to, const lg_stored *rows, size_t count, lg_error *error) {
+    for (size_t i = 0; i < count; i++) LG_TRY(move(to, NULL, &rows[i], error));
+    return LG_OK;
+}
+
+lg_status lg_stored_load(const lg_archive_reader *from, const lg_stored *rows, size_t count,
+                         lg_error *error) {
+    for (size_t i = 0; i < count; i++) LG_TRY(move(NULL, from, &rows[i], error));
+    return LG_OK;
+}
+
+lg_status lg_stored_check(const lg_archive_reader *from, const lg_stored *rows, size_t count,
+                          lg_error *error) {
+    for (const lg_stored *row = rows; row < rows + count; row++) {
+        uint32_t rank = 0;
+        uint64_t dims[4] = {0};
+        if (row->data == NULL) continue;
+        lg_status status = from->shape(from->user, row->path, &rank, dims);
+        if (status == LG_OK && (rank != row->rank || memcmp(dims, row->dims, rank * sizeof *dims) != 0))
+            status = LG_FORMAT;
+        if (status != LG_OK) return lg_fail(error, status, "%s: %s", row->path, lg_status_sentence(status));
+    }
+    return LG_OK;
+}
+
+lg_status lg_stored_finite(const lg_stored *row, lg_error *error) {
+    const void *data = numbers_of(row);
+    for (uint64_t i = 0; i < count_of(row); i++) {
+        const double x = row->type == LG_ELEMENT_F64   ? ((const double *)data)[i]
+                         : row->type == LG_ELEMENT_F32 ? (double)((const float *)data)[i]
+                                                       : 0.0;
+        if (!isfinite(x))
+            return lg_fail(error, LG_NOT_FINITE, "%s: entry %zu is %g", row->path, (size_t)i, x);
+    }
+    return LG_OK;
+}
+
+lg_status lg_stored_make(const lg_context *context, const lg_archive_reader *from, const lg_stored *rows,
+                         size_t count, lg_error *error) {
+    for (const lg_stored *row = rows; row < rows + count; row++) {
+        if (row->data == NULL) continue;
+        LG_TRY(lg_stored_check(from, row, 1, error));
+        void *made = lg_alloc(context, count_of(row), sizeof(double));
+        if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to read %s", row->path);
+        memcpy(row->data, &made, sizeof made); /* sets the pointer, whatever its type */
+        LG_TRY(lg_as_format(lg_stored_load(from, row, 1, error), error));
+        LG_TRY(lg_stored_finite(row, error));
+    }
+    return LG_OK;
+}
