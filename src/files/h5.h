@@ -96,10 +96,11 @@ lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
 lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
                             lg_error *error);
 /* An array of doubles in a list that says what a file holds. A size of 0 is not known: reading sets it to the
- * size in the file, which must not be 0. `what`: what it counts, in messages; may be NULL. */
+ * size in the file, which must not be 0, and `from` to the array's name. `what`: what it counts, in messages;
+ * may be NULL. */
 typedef struct lg_h5_size {
     uint64_t n;
-    const char *what;
+    const char *what, *from;
 } lg_h5_size;
 typedef struct lg_h5_array {
     const char *name;

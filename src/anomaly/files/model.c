@@ -188,17 +188,22 @@ static lg_status check_scales(const char *path, const lg_scaler *scaler, lg_stat
     return LG_OK;
 }
 
+enum { ARRAYS = 2 };
+static void list_arrays(lg_scaler *scaler, lg_h5_size *channels, lg_h5_array out[ARRAYS]) {
+    out[0] = (lg_h5_array){"scaler/mean", &scaler->mean, {channels}, false};
+    out[1] = (lg_h5_array){"scaler/scale", &scaler->scale, {channels}, false};
+}
+
 static lg_status put_scaler(lg_h5 *h5, const lg_detector_file *file, lg_error *error) {
-    const lg_scaler *scaler = &file->scaler;
-    const uint64_t channels = file->run.model.net.channels;
-    if (scaler->channels != channels || scaler->mean == NULL || scaler->scale == NULL)
+    lg_scaler scaler = file->scaler;
+    lg_h5_size channels = {file->run.model.net.channels, "channels", NULL};
+    lg_h5_array arrays[ARRAYS];
+    if (scaler.channels != channels.n || scaler.mean == NULL || scaler.scale == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /scaler: has %u channels, but the model has %u",
-                       lg_shown_path(h5->path), scaler->channels, file->run.model.net.channels);
-    LG_TRY(lg_check_finite(h5->path, "scaler/mean", 1, &channels, scaler->mean, error));
-    LG_TRY(lg_check_finite(h5->path, "scaler/scale", 1, &channels, scaler->scale, error));
-    LG_TRY(check_scales(h5->path, scaler, LG_INVALID_ARGUMENT, error));
-    LG_TRY(lg_h5_put(h5, "scaler/mean", LG_ELEMENT_F64, 1, &channels, scaler->mean, error));
-    return lg_h5_put(h5, "scaler/scale", LG_ELEMENT_F64, 1, &channels, scaler->scale, error);
+                       lg_shown_path(h5->path), scaler.channels, file->run.model.net.channels);
+    LG_TRY(check_scales(h5->path, &scaler, LG_INVALID_ARGUMENT, error));
+    list_arrays(&scaler, &channels, arrays);
+    return lg_h5_put_arrays(h5, arrays, ARRAYS, error);
 }
 
 static lg_status check_novelty(const lg_h5 *h5, const lg_detector_file *file, lg_status status,
@@ -243,20 +248,11 @@ static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *er
 }
 
 static lg_status get_scaler(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
-    const struct {
-        const char *name;
-        double **out;
-    } arrays[] = {{"scaler/mean", &file->scaler.mean}, {"scaler/scale", &file->scaler.scale}};
-    file->scaler.context = h5->context;
-    for (size_t i = 0; i < LG_COUNT(arrays); i++) {
-        uint64_t dims[4];
-        LG_TRY(lg_as_format(lg_h5_get_doubles(h5, arrays[i].name, 1, dims, arrays[i].out, error), error));
-        if (dims[0] != file->run.model.net.channels)
-            return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu numbers, but the model has %u channels",
-                           lg_shown_path(h5->path), arrays[i].name, (unsigned long long)dims[0],
-                           file->run.model.net.channels);
-    }
-    file->scaler.channels = file->run.model.net.channels;
+    lg_h5_size channels = {file->run.model.net.channels, "channels", NULL};
+    lg_h5_array arrays[ARRAYS];
+    file->scaler = (lg_scaler){.channels = file->run.model.net.channels, .context = h5->context};
+    list_arrays(&file->scaler, &channels, arrays);
+    LG_TRY(lg_h5_get_arrays(h5, arrays, ARRAYS, error));
     return check_scales(h5->path, &file->scaler, LG_FORMAT, error);
 }
 

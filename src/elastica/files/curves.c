@@ -31,6 +31,30 @@ static void hash(lg_elastica_data *data) {
     lg_sha256_finish(&state, data->sha256);
 }
 
+/* ---- the arrays of a file ---- */
+
+enum { ARRAYS = 5 };
+
+typedef struct sizes {
+    lg_h5_size curves, boundary, nodes, plane;
+} sizes;
+
+static sizes sizes_of(const lg_elastica_curves *c) {
+    return (sizes){{c->count, "curves", NULL},
+                   {BOUNDARY, NULL, NULL},
+                   {c->intervals > 0 ? (uint64_t)c->intervals + 1 : 0, "nodes", NULL},
+                   {2, NULL, NULL}};
+}
+
+static void list_arrays(lg_elastica_curves *c, sizes *s, lg_h5_array out[ARRAYS]) {
+    const lg_h5_array list[ARRAYS] = {{"boundary", &c->boundary, {&s->curves, &s->boundary}, false},
+                                      {"q", &c->q, {&s->curves, &s->nodes, &s->plane}, false},
+                                      {"v", &c->v, {&s->curves, &s->nodes, &s->plane}, false},
+                                      {"energy", &c->energy, {&s->curves}, true},
+                                      {"x", &c->x, {&s->curves}, true}};
+    memcpy(out, list, sizeof list);
+}
+
 /* ---- reading ---- */
 
 typedef struct read_call {
@@ -40,46 +64,19 @@ typedef struct read_call {
     lg_elastica_data *out;
 } read_call;
 
-static lg_status get_doubles(read_call *call, const char *name, uint32_t rank, uint64_t dims[4], double **out,
-                             lg_error *error) {
-    return lg_missing_is_format(lg_h5_get_doubles(call->h5, name, rank, dims, out, error), error);
-}
-
-/* Reads an array of nodes or tangents (n, N + 1, 2). */
-static lg_status read_nodes(read_call *call, const char *name, uint64_t dims[4], double **out,
-                            lg_error *error) {
-    LG_TRY(get_doubles(call, name, 3, dims, out, error));
-    if (dims[1] < LG_ELASTICA_MIN_INTERVALS + 1 || dims[1] > LG_ELASTICA_MAX_INTERVALS + 1 || dims[2] != 2)
-        return lg_fail(
-            error, LG_FORMAT, "%s: /%s: shape (%llu, %llu, %llu), expected (n, N + 1, 2) with N of %d to %d",
-            lg_shown_path(call->path), name, (unsigned long long)dims[0], (unsigned long long)dims[1],
-            (unsigned long long)dims[2], LG_ELASTICA_MIN_INTERVALS, LG_ELASTICA_MAX_INTERVALS);
-    return LG_OK;
-}
-
-static lg_status wrong_count(const read_call *call, const char *name, uint64_t got, lg_error *error) {
-    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu curves, but /boundary has %zu",
-                   lg_shown_path(call->path), name, (unsigned long long)got, call->out->curves.count);
-}
-
 static lg_status read_arrays(read_call *call, lg_error *error) {
     lg_elastica_curves *c = &call->out->curves;
-    uint64_t boundary[4], q[4], v[4];
-    const char *shown = lg_shown_path(call->path);
-    LG_TRY(get_doubles(call, "boundary", 2, boundary, &c->boundary, error));
-    if (boundary[0] < 1 || boundary[1] != BOUNDARY)
-        return lg_fail(error, LG_FORMAT, "%s: /boundary: shape (%llu, %llu), expected (n, 8) with n >= 1",
-                       shown, (unsigned long long)boundary[0], (unsigned long long)boundary[1]);
-    c->count = (size_t)boundary[0];
-    LG_TRY(read_nodes(call, "q", q, &c->q, error));
-    if (q[0] != c->count) return wrong_count(call, "q", q[0], error);
-    LG_TRY(read_nodes(call, "v", v, &c->v, error));
-    if (v[0] != c->count) return wrong_count(call, "v", v[0], error);
-    if (v[1] != q[1])
-        return lg_fail(error, LG_FORMAT, "%s: /v: has %llu nodes per curve, but /q has %llu", shown,
-                       (unsigned long long)v[1], (unsigned long long)q[1]);
-    c->intervals = (uint32_t)(q[1] - 1);
-    return LG_OK;
+    lg_h5_array arrays[ARRAYS];
+    sizes s = sizes_of(c);
+    list_arrays(c, &s, arrays);
+    LG_TRY(lg_h5_get_arrays(call->h5, arrays, 2, error));
+    if (s.nodes.n < LG_ELASTICA_MIN_INTERVALS + 1 || s.nodes.n > LG_ELASTICA_MAX_INTERVALS + 1)
+        return lg_fail(error, LG_FORMAT, "%s: /q: has %llu nodes, expected N + 1 with N of %d to %d",
+                       lg_shown_path(call->path), (unsigned long long)s.nodes.n, LG_ELASTICA_MIN_INTERVALS,
+                       LG_ELASTICA_MAX_INTERVALS);
+    c->count = (size_t)s.curves.n;
+    c->intervals = (uint32_t)(s.nodes.n - 1);
+    return lg_h5_get_arrays(call->h5, arrays + 2, ARRAYS - 2, error);
 }
 
 static lg_status kinds_of(read_call *call, const double *values, lg_error *error) {
@@ -98,28 +95,12 @@ static lg_status kinds_of(read_call *call, const double *values, lg_error *error
 /* Reads /case, whole numbers in any number type, because other programs write floats. */
 static lg_status read_kinds(read_call *call, lg_error *error) {
     double *values = NULL;
-    uint64_t dims[4];
-    if (!lg_h5_has(call->h5, "case")) return LG_OK;
-    LG_TRY(get_doubles(call, "case", 1, dims, &values, error));
-    const lg_status status = dims[0] == call->out->curves.count ? kinds_of(call, values, error)
-                                                                : wrong_count(call, "case", dims[0], error);
+    sizes s = sizes_of(&call->out->curves);
+    const lg_h5_array kinds = {"case", &values, {&s.curves}, true};
+    lg_status status = lg_h5_get_arrays(call->h5, &kinds, 1, error);
+    if (status == LG_OK && values != NULL) status = kinds_of(call, values, error);
     lg_free(call->context, values);
     return status;
-}
-
-static lg_status read_optional(read_call *call, lg_error *error) {
-    lg_elastica_curves *c = &call->out->curves;
-    const struct {
-        const char *name;
-        double **out;
-    } arrays[] = {{"energy", &c->energy}, {"x", &c->x}};
-    for (size_t i = 0; i < LG_COUNT(arrays); i++) {
-        uint64_t dims[4];
-        if (!lg_h5_has(call->h5, arrays[i].name)) continue;
-        LG_TRY(get_doubles(call, arrays[i].name, 1, dims, arrays[i].out, error));
-        if (dims[0] != c->count) return wrong_count(call, arrays[i].name, dims[0], error);
-    }
-    return read_kinds(call, error);
 }
 
 /* ---- checks of the curves ---- */
@@ -280,7 +261,7 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
     LG_TRY(lg_h5_check_format(call->h5, "elastica", true, error));
     LG_TRY(read_arrays(call, error));
     LG_TRY(check_ends(call, error));
-    LG_TRY(read_optional(call, error));
+    LG_TRY(read_kinds(call, error));
     LG_TRY(read_attributes(call, error));
     lg_h5_provenance(call->h5, &call->out->provenance);
     return LG_OK;
@@ -304,38 +285,12 @@ lg_status lg_elastica_data_read(const lg_context *context, const char *path, con
 
 /* ---- writing ---- */
 
-/* An array of doubles to be written. `data` of optional arrays may be NULL. */
-typedef struct array {
-    const char *name;
-    uint32_t rank;
-    uint64_t dims[3];
-    const double *data;
-} array;
-
-enum { ARRAYS = 5 };
-
-static void list_arrays(const lg_elastica_curves *c, array out[ARRAYS]) {
-    const uint64_t n = c->count, nodes = (uint64_t)c->intervals + 1;
-    const array list[ARRAYS] = {{"boundary", 2, {n, BOUNDARY, 0}, c->boundary},
-                                {"q", 3, {n, nodes, 2}, c->q},
-                                {"v", 3, {n, nodes, 2}, c->v},
-                                {"energy", 1, {n, 0, 0}, c->energy},
-                                {"x", 1, {n, 0, 0}, c->x}};
-    memcpy(out, list, sizeof list);
-}
-
 static lg_status check_written(const char *path, const lg_elastica_curves *c, lg_error *error) {
-    array arrays[ARRAYS];
-    list_arrays(c, arrays);
     if (!isfinite(c->length) || !isfinite(c->stiffness))
         return lg_fail(error, LG_NOT_FINITE, "%s: length or stiffness is not finite", lg_shown_path(path));
     if (c->length <= 0 || c->stiffness <= 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: length and stiffness must be positive",
                        lg_shown_path(path));
-    for (size_t i = 0; i < ARRAYS; i++)
-        if (arrays[i].data != NULL)
-            LG_TRY(
-                lg_check_finite(path, arrays[i].name, arrays[i].rank, arrays[i].dims, arrays[i].data, error));
     for (size_t i = 0; c->kind != NULL && i < c->count; i++)
         if (c->kind[i] >= LG_ELASTICA_CASE_COUNT)
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /case: is %u at index (%zu), expected 0 to %d",
@@ -346,17 +301,17 @@ static lg_status check_written(const char *path, const lg_elastica_curves *c, lg
 static lg_status put_all(lg_h5 *h5, const lg_elastica_data *data, lg_error *error) {
     const lg_elastica_curves *c = &data->curves;
     const uint64_t n = c->count;
-    array arrays[ARRAYS];
-    list_arrays(c, arrays);
+    lg_elastica_curves copy =
+        *c; /* a copy that is only read, because the list takes pointers without const */
+    lg_h5_array arrays[ARRAYS];
+    sizes s = sizes_of(c);
+    list_arrays(&copy, &s, arrays);
     LG_TRY(lg_h5_put_header(h5, "elastica", &data->provenance, error));
     LG_TRY(lg_h5_put_number(h5, "", "length", LG_ELEMENT_F64, &c->length, error));
     LG_TRY(lg_h5_put_number(h5, "", "stiffness", LG_ELEMENT_F64, &c->stiffness, error));
     LG_TRY(lg_h5_put_text(h5, "", "values", lg_name_values(c->continuous), error));
     LG_TRY(lg_h5_put_text(h5, "", "data_sha256", data->sha256, error));
-    for (size_t i = 0; i < ARRAYS; i++)
-        if (arrays[i].data != NULL)
-            LG_TRY(lg_h5_put(h5, arrays[i].name, LG_ELEMENT_F64, arrays[i].rank, arrays[i].dims,
-                             arrays[i].data, error));
+    LG_TRY(lg_h5_put_arrays(h5, arrays, ARRAYS, error));
     return c->kind != NULL ? lg_h5_put(h5, "case", LG_ELEMENT_U32, 1, &n, c->kind, error) : LG_OK;
 }
 

@@ -111,13 +111,11 @@ static lg_status get_modes(lg_h5 *h5, lg_surrogate_file *file, lg_error *error) 
 
 static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
     const lg_surrogate_file *file = user;
-    const uint64_t dims[2] = {file->trained_count, BOUNDARY};
+    double *known = file->trained;
+    lg_h5_size count = {file->trained_count, NULL, NULL}, numbers = {BOUNDARY, NULL, NULL};
     (void)fitted;
     LG_TRY(put_modes(h5, &file->run.model, error));
-    if (file->trained != NULL) {
-        LG_TRY(lg_check_finite(h5->path, "trained", 2, dims, file->trained, error));
-        LG_TRY(lg_h5_put(h5, "trained", LG_ELEMENT_F64, 2, dims, file->trained, error));
-    }
+    LG_TRY(lg_h5_put_arrays(h5, &(lg_h5_array){"trained", &known, {&count, &numbers}, false}, 1, error));
     if (!file->has_errors) return LG_OK;
     if (!isfinite(file->train_mse))
         return lg_fail(error, LG_NOT_FINITE, "%s: attribute train_mse is not finite",
@@ -130,16 +128,11 @@ static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *er
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_surrogate_file *file = user;
     bool tested;
-    uint64_t dims[4];
+    lg_h5_size count = {0, "curves", NULL}, numbers = {BOUNDARY, NULL, NULL};
+    const lg_h5_array trained = {"trained", &file->trained, {&count, &numbers}, true};
     LG_TRY(get_modes(h5, file, error));
-    if (lg_h5_has(h5, "trained")) {
-        LG_TRY(lg_as_format(lg_h5_get_doubles(h5, "trained", 2, dims, &file->trained, error), error));
-        if (dims[0] < 1 || dims[1] != BOUNDARY)
-            return lg_fail(error, LG_FORMAT, "%s: /trained: shape (%llu, %llu), expected (n, %d), n >= 1",
-                           lg_shown_path(h5->path), (unsigned long long)dims[0], (unsigned long long)dims[1],
-                           BOUNDARY);
-        file->trained_count = (size_t)dims[0];
-    }
+    LG_TRY(lg_h5_get_arrays(h5, &trained, 1, error));
+    file->trained_count = (size_t)count.n;
     file->test_mse = NAN;
     LG_TRY(lg_model_get_number(h5, "train_mse", &file->has_errors, &file->train_mse, error));
     return lg_model_get_number(h5, "test_mse", &tested, &file->test_mse, error);

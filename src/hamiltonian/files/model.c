@@ -208,19 +208,13 @@ static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *er
     return fitted ? LG_OK : put_optimizer(h5, file, error);
 }
 
-static lg_status get_moment(lg_h5 *h5, const char *name, size_t count, double **out, lg_error *error) {
-    uint64_t dims[4];
-    LG_TRY(lg_as_format(lg_h5_get_doubles(h5, name, 1, dims, out, error), error));
-    if (dims[0] == count) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu values, but the model has %zu parameters",
-                   lg_shown_path(h5->path), name, (unsigned long long)dims[0], count);
-}
-
 static lg_status get_optimizer(lg_h5 *h5, lg_hamiltonian_file *out, lg_error *error) {
     const uint64_t words = 4;
+    lg_h5_size count = {out->parameters, "parameters", NULL};
+    const lg_h5_array moments[] = {{"optimizer/adam/m", &out->adam_m, {&count}, false},
+                                   {"optimizer/adam/v", &out->adam_v, {&count}, false}};
     if (lg_h5_has(h5, "optimizer/adam")) {
-        LG_TRY(get_moment(h5, "optimizer/adam/m", out->parameters, &out->adam_m, error));
-        LG_TRY(get_moment(h5, "optimizer/adam/v", out->parameters, &out->adam_v, error));
+        LG_TRY(lg_h5_get_arrays(h5, moments, LG_COUNT(moments), error));
         LG_TRY(lg_as_format(
             lg_h5_get(h5, "optimizer/adam/step", LG_ELEMENT_U64, 0, NULL, &out->adam_step, error), error));
         for (size_t i = 0; i < out->parameters; i++)

@@ -138,6 +138,31 @@ static void hash(lg_trajectories *data) {
     lg_sha256_finish(&state, data->sha256);
 }
 
+/* ---- the arrays of a file ---- */
+
+enum { TIMES, TRAJECTORIES, OTHERS, ARRAYS = 4 };
+
+typedef struct sizes {
+    lg_h5_size trajectories, points, dim, intervals, inputs;
+} sizes;
+
+static sizes sizes_of(const lg_trajectories *data) {
+    return (sizes){{data->count, "trajectories", NULL},
+                   {data->points, "points", NULL},
+                   {data->state_dim, "numbers per state", NULL},
+                   {data->points > 0 ? data->points - 1 : 0, "intervals", NULL},
+                   {data->input_dim, "inputs", NULL}};
+}
+
+static void list_arrays(lg_trajectories *data, sizes *s, lg_h5_array out[ARRAYS]) {
+    const lg_h5_array list[ARRAYS] = {
+        {"t", &data->t, {&s->points}, false},
+        {"trajectories", &data->data, {&s->trajectories, &s->points, &s->dim}, false},
+        {"hamiltonian", &data->hamiltonian, {&s->trajectories}, true},
+        {"inputs", &data->inputs, {&s->trajectories, &s->intervals, &s->inputs}, true}};
+    memcpy(out, list, sizeof list);
+}
+
 /* ---- reading ---- */
 
 typedef struct read_call {
@@ -145,7 +170,6 @@ typedef struct read_call {
     const char *path;
     lg_h5 *h5;
     lg_trajectories *out;
-    bool has_hamiltonian;
     double epsilon; /* relative rounding error of the type that stores /t */
     bool project;
     const lg_program *constraint; /* of the options */
@@ -153,39 +177,26 @@ typedef struct read_call {
 
 static lg_status read_arrays(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
-    const char *shown = lg_shown_path(call->path);
-    uint64_t data[4] = {0}, t[4] = {0}, h[4] = {0}, inputs[4] = {0};
+    sizes s = sizes_of(out);
+    lg_h5_array arrays[ARRAYS];
+    uint64_t dims[4];
     uint32_t rank;
-    LG_TRY(lg_missing_is_format(lg_h5_shape(call->h5, "t", &rank, t, &call->epsilon, error), error));
-    LG_TRY(
-        lg_missing_is_format(lg_h5_get_doubles(call->h5, "trajectories", 3, data, &out->data, error), error));
-    if (data[0] < 1 || data[1] < 2 || data[2] < 2 || data[2] > 6 * LG_HAMILTONIAN_MAX_COPIES)
+    LG_TRY(lg_missing_is_format(lg_h5_shape(call->h5, "t", &rank, dims, &call->epsilon, error), error));
+    list_arrays(out, &s, arrays);
+    LG_TRY(lg_h5_get_arrays(call->h5, arrays + TRAJECTORIES, 1, error));
+    if (s.points.n < 2 || s.dim.n < 2 || s.dim.n > 6 * LG_HAMILTONIAN_MAX_COPIES)
         return lg_fail(
             error, LG_FORMAT,
-            "%s: /trajectories: shape (%llu, %llu, %llu), expected N >= 1, M >= 2 and d of 2 to %d", shown,
-            (unsigned long long)data[0], (unsigned long long)data[1], (unsigned long long)data[2],
-            6 * LG_HAMILTONIAN_MAX_COPIES);
-    LG_TRY(lg_h5_get_doubles(call->h5, "t", 1, t, &out->t, error));
-    if (t[0] != data[1])
-        return lg_fail(error, LG_FORMAT, "%s: /t: has %llu times, but /trajectories has %llu points", shown,
-                       (unsigned long long)t[0], (unsigned long long)data[1]);
-    call->has_hamiltonian = lg_h5_has(call->h5, "hamiltonian");
-    if (call->has_hamiltonian)
-        LG_TRY(lg_h5_get_doubles(call->h5, "hamiltonian", 1, h, &out->hamiltonian, error));
-    if (call->has_hamiltonian && h[0] != data[0])
-        return lg_fail(error, LG_FORMAT, "%s: /hamiltonian: has %llu values, but there are %llu trajectories",
-                       shown, (unsigned long long)h[0], (unsigned long long)data[0]);
-    if (lg_h5_has(call->h5, "inputs")) {
-        LG_TRY(lg_h5_get_doubles(call->h5, "inputs", 3, inputs, &out->inputs, error));
-        if (inputs[0] != data[0] || inputs[1] != data[1] - 1 || inputs[2] < 1 || inputs[2] > UINT32_MAX)
-            return lg_fail(error, LG_FORMAT,
-                           "%s: /inputs: shape (%llu, %llu, %llu), expected (%llu, %llu, m) with m >= 1",
-                           shown, (unsigned long long)inputs[0], (unsigned long long)inputs[1],
-                           (unsigned long long)inputs[2], (unsigned long long)data[0],
-                           (unsigned long long)data[1] - 1);
-    }
-    out->count = (size_t)data[0], out->points = (size_t)data[1], out->state_dim = (uint32_t)data[2];
-    out->input_dim = (uint32_t)inputs[2];
+            "%s: /trajectories: shape (%llu, %llu, %llu), expected N >= 1, M >= 2 and d of 2 to %d",
+            lg_shown_path(call->path), (unsigned long long)s.trajectories.n, (unsigned long long)s.points.n,
+            (unsigned long long)s.dim.n, 6 * LG_HAMILTONIAN_MAX_COPIES);
+    s.intervals.n = s.points.n - 1;
+    LG_TRY(lg_h5_get_arrays(call->h5, arrays + TIMES, 1, error));
+    LG_TRY(lg_h5_get_arrays(call->h5, arrays + OTHERS, ARRAYS - OTHERS, error));
+    if (s.inputs.n > UINT32_MAX)
+        return lg_fail(error, LG_FORMAT, "%s: /inputs: has too many inputs", lg_shown_path(call->path));
+    out->count = (size_t)s.trajectories.n, out->points = (size_t)s.points.n;
+    out->state_dim = (uint32_t)s.dim.n, out->input_dim = (uint32_t)s.inputs.n;
     return LG_OK;
 }
 
@@ -469,17 +480,6 @@ lg_status lg_trajectories_read(const lg_context *context, const char *path, cons
 
 /* ---- writing ---- */
 
-static lg_status check_written(const char *path, const lg_trajectories *data, lg_error *error) {
-    uint64_t shape[3] = {data->count, data->points, data->state_dim};
-    uint64_t inputs[3] = {data->count, data->points - 1, data->input_dim};
-    LG_TRY(lg_check_finite(path, "t", 1, &shape[1], data->t, error));
-    LG_TRY(lg_check_finite(path, "trajectories", 3, shape, data->data, error));
-    if (data->hamiltonian != NULL)
-        LG_TRY(lg_check_finite(path, "hamiltonian", 1, shape, data->hamiltonian, error));
-    if (data->inputs != NULL) LG_TRY(lg_check_finite(path, "inputs", 3, inputs, data->inputs, error));
-    return LG_OK;
-}
-
 static lg_status put_truth(lg_h5 *h5, const lg_system *truth, lg_error *error) {
     if (truth == NULL) return LG_OK;
     const double *values = lg_system_parameter_values(truth);
@@ -494,21 +494,18 @@ static lg_status put_truth(lg_h5 *h5, const lg_system *truth, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status put_all(lg_h5 *h5, const lg_trajectories *data, lg_error *error) {
-    uint64_t shape[3] = {data->count, data->points, data->state_dim};
-    uint64_t inputs[3] = {data->count, data->points - 1, data->input_dim};
+static lg_status put_all(lg_h5 *h5, lg_trajectories *data, lg_error *error) {
     char layout[LG_LAYOUT_TEXT];
+    lg_h5_array arrays[ARRAYS];
+    sizes s = sizes_of(data);
+    list_arrays(data, &s, arrays);
     lg_layout_text(data->family, data->n, layout);
     LG_TRY(lg_h5_put_header(h5, "trajectories", &data->provenance, error));
     if (data->system[0] != '\0') LG_TRY(lg_h5_put_text(h5, "", "system", data->system, error));
     LG_TRY(lg_h5_put_text(h5, "", "layout", layout, error));
     LG_TRY(lg_h5_put_number(h5, "", "links", LG_ELEMENT_U32, &data->n, error));
     LG_TRY(lg_h5_put_text(h5, "", "data_sha256", data->sha256, error));
-    LG_TRY(lg_h5_put(h5, "t", LG_ELEMENT_F64, 1, &shape[1], data->t, error));
-    LG_TRY(lg_h5_put(h5, "trajectories", LG_ELEMENT_F64, 3, shape, data->data, error));
-    if (data->hamiltonian != NULL)
-        LG_TRY(lg_h5_put(h5, "hamiltonian", LG_ELEMENT_F64, 1, shape, data->hamiltonian, error));
-    if (data->inputs != NULL) LG_TRY(lg_h5_put(h5, "inputs", LG_ELEMENT_F64, 3, inputs, data->inputs, error));
+    LG_TRY(lg_h5_put_arrays(h5, arrays, ARRAYS, error));
     if (data->constraint != NULL) LG_TRY(lg_h5_put_constraint(h5, data->constraint, error));
     return put_truth(h5, data->truth, error);
 }
@@ -521,7 +518,6 @@ lg_status lg_trajectories_write(const lg_context *context, const char *path, lg_
             error, LG_INVALID_ARGUMENT,
             "to write trajectories, a path, times, and at least one trajectory of two points are needed");
     lg_h5 *h5;
-    LG_TRY(check_written(path, data, error));
     LG_TRY(lg_h5_create(context, path, &h5, error));
     hash(data);
     return lg_h5_finish(h5, put_all(h5, data, error), error);

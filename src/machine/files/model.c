@@ -225,25 +225,18 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
 
 /* ---- other contents of the file ---- */
 
-static const char spread_name[] = "spread";
-
 static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
     const lg_machine_model_file *file = user;
-    const uint64_t dims[2] = {file->parameters, file->parameters};
+    double *known = file->spread;
+    lg_h5_size n = {file->parameters, "parameters", NULL};
     (void)fitted;
-    if (file->spread == NULL) return LG_OK;
-    return lg_h5_put(h5, spread_name, LG_ELEMENT_F64, 2, dims, file->spread, error);
+    return lg_h5_put_arrays(h5, &(lg_h5_array){"spread", &known, {&n, &n}, false}, 1, error);
 }
 
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_machine_model_file *file = user;
-    uint64_t dims[4];
-    if (!lg_h5_has(h5, spread_name)) return LG_OK;
-    LG_TRY(lg_as_format(lg_h5_get_doubles(h5, spread_name, 2, dims, &file->spread, error), error));
-    if (dims[0] == file->parameters && dims[1] == file->parameters) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu x %llu values, but the model has %zu parameters",
-                   lg_shown_path(h5->path), spread_name, (unsigned long long)dims[0],
-                   (unsigned long long)dims[1], file->parameters);
+    lg_h5_size n = {file->parameters, "parameters", NULL};
+    return lg_h5_get_arrays(h5, &(lg_h5_array){"spread", &file->spread, {&n, &n}, true}, 1, error);
 }
 
 void lg_machine_model_file_destroy(lg_machine_model_file *file) {

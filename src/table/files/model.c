@@ -79,30 +79,33 @@ static bool is_regression(const lg_table_file *file) {
 
 static lg_status check_scales(const lg_h5 *h5, const char *name, const lg_scaler *scaler, lg_status status,
                               lg_error *error) {
-    for (uint32_t c = 0; c < scaler->channels; c++)
+    for (uint32_t c = 0; scaler->scale != NULL && c < scaler->channels; c++)
         if (!(scaler->scale[c] > 0))
             return lg_fail(error, status, "%s: /scaler/%s/scale: is %g at index (%u), expected more than 0",
                            lg_shown_path(h5->path), name, scaler->scale[c], c);
     return LG_OK;
 }
 
-static lg_status put_column(lg_h5 *h5, const char *name, const double *values, uint64_t count,
-                            lg_error *error) {
-    LG_TRY(lg_check_finite(h5->path, name, 1, &count, values, error));
-    return lg_h5_put(h5, name, LG_ELEMENT_F64, 1, &count, values, error);
+enum { ARRAYS = 6 };
+static void list_arrays(lg_table_file *file, lg_h5_size sizes[2], lg_h5_array out[ARRAYS]) {
+    const bool scaled = is_regression(file); /* the outputs */
+    const lg_h5_array list[ARRAYS] = {{"scaler/inputs/mean", &file->inputs.mean, {sizes}, false},
+                                      {"scaler/inputs/scale", &file->inputs.scale, {sizes}, false},
+                                      {"scaler/outputs/mean", &file->outputs.mean, {sizes + 1}, !scaled},
+                                      {"scaler/outputs/scale", &file->outputs.scale, {sizes + 1}, !scaled},
+                                      {"range/low", &file->low, {sizes}, true},
+                                      {"range/high", &file->high, {sizes}, true}};
+    memcpy(out, list, sizeof list);
+    sizes[0] = (lg_h5_size){file->run.model.net.inputs, "inputs", NULL};
+    sizes[1] = (lg_h5_size){file->run.model.net.outputs, "outputs", NULL};
 }
 
-static lg_status put_scaler(lg_h5 *h5, const char *name, const lg_scaler *scaler, uint32_t columns,
-                            lg_error *error) {
-    char path[64];
+static lg_status check_scaler(lg_h5 *h5, const char *name, const lg_scaler *scaler, uint32_t columns,
+                              lg_error *error) {
     if (scaler->channels != columns || scaler->mean == NULL || scaler->scale == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /scaler/%s: has %u columns, but the model has %u",
                        lg_shown_path(h5->path), name, scaler->channels, columns);
-    LG_TRY(check_scales(h5, name, scaler, LG_INVALID_ARGUMENT, error));
-    (void)snprintf(path, sizeof path, "scaler/%s/mean", name);
-    LG_TRY(put_column(h5, path, scaler->mean, columns, error));
-    (void)snprintf(path, sizeof path, "scaler/%s/scale", name);
-    return put_column(h5, path, scaler->scale, columns, error);
+    return check_scales(h5, name, scaler, LG_INVALID_ARGUMENT, error);
 }
 
 static lg_status put_names(lg_h5 *h5, const char *name, char (*names)[LG_TABLE_NAME], uint32_t count,
@@ -113,11 +116,14 @@ static lg_status put_names(lg_h5 *h5, const char *name, char (*names)[LG_TABLE_N
 static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
     const lg_table_file *file = user;
     const lg_net *net = &file->run.model.net;
+    lg_table_file copy = *file; /* it is only read; the list takes pointers without const */
+    lg_h5_size sizes[2];
+    lg_h5_array arrays[ARRAYS];
     (void)fitted;
-    LG_TRY(put_scaler(h5, "inputs", &file->inputs, net->inputs, error));
-    if (is_regression(file)) LG_TRY(put_scaler(h5, "outputs", &file->outputs, net->outputs, error));
-    if (file->low != NULL) LG_TRY(put_column(h5, "range/low", file->low, net->inputs, error));
-    if (file->high != NULL) LG_TRY(put_column(h5, "range/high", file->high, net->inputs, error));
+    LG_TRY(check_scaler(h5, "inputs", &file->inputs, net->inputs, error));
+    if (is_regression(file)) LG_TRY(check_scaler(h5, "outputs", &file->outputs, net->outputs, error));
+    list_arrays(&copy, sizes, arrays);
+    LG_TRY(lg_h5_put_arrays(h5, arrays, ARRAYS, error));
     LG_TRY(put_names(h5, "names/inputs", file->input_name, net->inputs, error));
     LG_TRY(put_names(h5, "names/outputs", file->output_name, net->outputs, error));
     if (file->class_column[0] != '\0')
@@ -126,25 +132,6 @@ static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *er
 }
 
 /* ---- reading ---- */
-
-static lg_status get_column(lg_h5 *h5, const char *name, uint32_t count, double **out, lg_error *error) {
-    uint64_t dims[4];
-    LG_TRY(lg_as_format(lg_h5_get_doubles(h5, name, 1, dims, out, error), error));
-    if (dims[0] == count) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu numbers, but the model has %u columns",
-                   lg_shown_path(h5->path), name, (unsigned long long)dims[0], count);
-}
-
-static lg_status get_scaler(lg_h5 *h5, const char *name, uint32_t columns, lg_scaler *scaler,
-                            lg_error *error) {
-    char path[64];
-    *scaler = (lg_scaler){.channels = columns, .context = h5->context};
-    (void)snprintf(path, sizeof path, "scaler/%s/mean", name);
-    LG_TRY(get_column(h5, path, columns, &scaler->mean, error));
-    (void)snprintf(path, sizeof path, "scaler/%s/scale", name);
-    LG_TRY(get_column(h5, path, columns, &scaler->scale, error));
-    return check_scales(h5, name, scaler, LG_FORMAT, error);
-}
 
 typedef struct names_call {
     const lg_h5 *h5;
@@ -192,10 +179,14 @@ static lg_status get_class_column(lg_h5 *h5, lg_table_file *file, lg_error *erro
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_table_file *file = user;
     const lg_net *net = &file->run.model.net;
-    LG_TRY(get_scaler(h5, "inputs", net->inputs, &file->inputs, error));
-    if (is_regression(file)) LG_TRY(get_scaler(h5, "outputs", net->outputs, &file->outputs, error));
-    if (lg_h5_has(h5, "range/low")) LG_TRY(get_column(h5, "range/low", net->inputs, &file->low, error));
-    if (lg_h5_has(h5, "range/high")) LG_TRY(get_column(h5, "range/high", net->inputs, &file->high, error));
+    lg_h5_size sizes[2];
+    lg_h5_array arrays[ARRAYS];
+    file->inputs = (lg_scaler){.channels = net->inputs, .context = h5->context};
+    file->outputs = (lg_scaler){.channels = is_regression(file) ? net->outputs : 0, .context = h5->context};
+    list_arrays(file, sizes, arrays);
+    LG_TRY(lg_h5_get_arrays(h5, arrays, ARRAYS, error));
+    LG_TRY(check_scales(h5, "inputs", &file->inputs, LG_FORMAT, error));
+    LG_TRY(check_scales(h5, "outputs", &file->outputs, LG_FORMAT, error));
     LG_TRY(get_names(h5, "names/inputs", "x", net->inputs, &file->input_name, error));
     LG_TRY(get_names(h5, "names/outputs", is_regression(file) ? "y" : "class", net->outputs,
                      &file->output_name, error));

@@ -1,0 +1,58 @@
+/* Lists of arrays: what a file holds is said once, for reading and for writing. */
+#include <stdio.h>
+#include <string.h>
+
+#include "files/h5.h"
+
+enum { SHAPE = 256 };
+
+static uint32_t rank_of(const lg_h5_array *array) {
+    uint32_t rank = 0;
+    while (rank < LG_COUNT(array->dims) && array->dims[rank] != NULL) rank++;
+    return rank;
+}
+
+lg_status lg_h5_put_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, lg_error *error) {
+    for (const lg_h5_array *a = arrays; a < arrays + count; a++) {
+        uint64_t dims[LG_COUNT(a->dims)];
+        const uint32_t rank = rank_of(a);
+        for (uint32_t i = 0; i < rank; i++) dims[i] = a->dims[i]->n;
+        if (*a->data == NULL) continue;
+        LG_TRY(lg_check_finite(h5->path, a->name, rank, dims, *a->data, error));
+        LG_TRY(lg_h5_put(h5, a->name, LG_ELEMENT_F64, rank, dims, *a->data, error));
+    }
+    return LG_OK;
+}
+
+/* Formats a shape, of the file (`found`), or as it should be: "(5 curves as in /boundary, >= 1 nodes, 2)". */
+static const char *show(const lg_h5_array *a, const uint64_t *found, char text[SHAPE]) {
+    size_t used = 0;
+    for (uint32_t i = 0; i < rank_of(a); i++) {
+        const lg_h5_size *size = a->dims[i];
+        const bool any = found == NULL && size->n == 0, named = found == NULL && size->from != NULL;
+        used += (size_t)snprintf(text + used, SHAPE - used, "%s%s%llu%s%s%s%s", i > 0 ? ", " : "",
+                                 any ? ">= " : "",
+                                 (unsigned long long)(found != NULL ? found[i]
+                                                      : any         ? 1
+                                                                    : size->n),
+                                 size->what != NULL ? " " : "", size->what != NULL ? size->what : "",
+                                 named ? " as in /" : "", named ? size->from : "");
+    }
+    return text;
+}
+
+lg_status lg_h5_get_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, lg_error *error) {
+    for (const lg_h5_array *a = arrays; a < arrays + count; a++) {
+        uint64_t found[4] = {0};
+        char is[SHAPE], want[SHAPE];
+        if (a->optional && !lg_h5_has(h5, a->name)) continue;
+        LG_TRY(lg_as_format(lg_h5_get_doubles(h5, a->name, rank_of(a), found, a->data, error), error));
+        for (uint32_t i = 0; i < rank_of(a); i++)
+            if (a->dims[i]->n > 0 ? found[i] != a->dims[i]->n : found[i] == 0)
+                return lg_fail(error, LG_FORMAT, "%s: /%s: has shape (%s), expected (%s)",
+                               lg_shown_path(h5->path), a->name, show(a, found, is), show(a, NULL, want));
+        for (uint32_t i = 0; i < rank_of(a); i++)
+            if (a->dims[i]->n == 0) *a->dims[i] = (lg_h5_size){found[i], a->dims[i]->what, a->name};
+    }
+    return LG_OK;
+}
