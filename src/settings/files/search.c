@@ -7,8 +7,8 @@
 #include <yaml.h>
 
 #include "core/bytes.h"
+#include "files/csv.h"
 #include "files/h5.h"
-#include "files/read_file.h"
 #include "settings/files/yaml.h"
 
 /* ---- ranges ---- */
@@ -210,7 +210,6 @@ lg_status lg_search_file_read(const lg_context *context, const char *path, lg_se
 
 #define HASH_DIGITS 16
 #define HEAD_SIZE   128 /* room for "# seed S space HASH setting HASH" */
-#define MAX_BYTES   ((size_t)64 << 20)
 
 static const char *const columns[] = {"trial", "state", "objective", "parameters", "epochs", "seconds"};
 
@@ -416,37 +415,20 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
 /* ---- reading ---- */
 
 typedef struct table {
-    const char *path;
-    char *at;      /* the next line */
-    uint32_t line; /* number of the current line */
+    lg_csv csv;
     uint32_t reports;
     lg_error *error;
 } table;
 
-/* Returns the next complete line, terminated and without its line ending, or NULL if there is none. */
-static char *next_line(table *t) {
-    char *line = t->at, *end = strchr(line, '\n');
-    if (end == NULL) return NULL;
-    *end = '\0';
-    if (end > line && end[-1] == '\r') end[-1] = '\0';
-    t->at = end + 1;
-    t->line++;
-    return line;
-}
-
-/* Returns the next cell of a line, terminated, or NULL if there is none. */
-static char *next_cell(char **line) {
-    char *cell = *line;
-    if (cell == NULL) return NULL;
-    char *comma = strchr(cell, ',');
-    if (comma != NULL) *comma = '\0';
-    *line = comma != NULL ? comma + 1 : NULL;
-    return cell;
-}
-
 static lg_status bad(const table *t, const char *column, const char *cell) {
-    return lg_fail(t->error, LG_FORMAT, "%s: line %u: %s: '%.60s' is not allowed here",
-                   lg_shown_path(t->path), t->line, column, cell != NULL ? cell : "");
+    return lg_fail(t->error, LG_FORMAT, "%s: line %zu: %s: '%.60s' is not allowed here", t->csv.shown,
+                   t->csv.number, column, cell != NULL ? cell : "");
+}
+
+/* Returns the next cell of a line, or NULL if there is none. */
+static char *next_cell(table *t, char **line) {
+    char *cell = NULL;
+    return *line != NULL && lg_csv_cell(&t->csv, line, &cell, NULL) == LG_OK ? cell : NULL;
 }
 
 /* Reads a number as add_number writes it. */
@@ -500,19 +482,20 @@ static bool parse_column(size_t column, const char *cell, lg_trial *trial) {
     }
 }
 
-static lg_status parse_trial(const table *t, const lg_search_space *space, char *line, lg_trial *trial) {
+static lg_status parse_trial(table *t, const lg_search_space *space, lg_trial *trial) {
+    char *line = t->csv.line;
     *trial = (lg_trial){.number = 0};
     for (size_t i = 0; i < LG_COUNT(columns); i++) {
-        const char *cell = next_cell(&line);
+        const char *cell = next_cell(t, &line);
         if (cell == NULL || !parse_column(i, cell, trial)) return bad(t, columns[i], cell);
     }
     for (size_t i = 0; i < space->count; i++) {
-        const char *cell = next_cell(&line);
+        const char *cell = next_cell(t, &line);
         if (cell == NULL || !parse_value(&space->ranges[i], cell, &trial->value[i]))
             return bad(t, space->ranges[i].name, cell);
     }
     for (uint32_t i = 0; i < t->reports; i++) {
-        const char *cell = next_cell(&line);
+        const char *cell = next_cell(t, &line);
         if (cell != NULL && *cell == '\0') continue; /* the trial did not reach this rung */
         if (cell == NULL || trial->reports != i || !parse_number(cell, &trial->report[i]))
             return bad(t, "a report", cell);
@@ -521,19 +504,20 @@ static lg_status parse_trial(const table *t, const lg_search_space *space, char 
     return line == NULL ? LG_OK : bad(t, "the line has more cells than columns", line);
 }
 
-/* Checks that the first line is the `# seed S space HASH setting HASH` of this search. */
+/* Reads the first line and checks that it is the `# seed S space HASH setting HASH` of this search. */
 static lg_status check_head(table *t, const lg_search_file *search, uint64_t seed, const char *setting) {
     char want[2][HASH_DIGITS + 1], seen_hash[2][HASH_DIGITS + 1], seen_seed[24];
-    const char *shown = lg_shown_path(t->path);
-    const char *line = next_line(t);
+    char line[HEAD_SIZE];
+    const char *shown = t->csv.shown;
     uint64_t number = 0;
     int end = 0;
+    t->csv.lines = 1;
     space_hash(&search->space, want[0]);
     setting_hash(search, setting, want[1]);
-    if (line == NULL ||
+    if (fgets(line, sizeof line, t->csv.from) == NULL ||
         sscanf(line, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen_hash[0],
                seen_hash[1], &end) != 3 ||
-        line[end] != '\0' || lg_integer_parse(seen_seed, &number) != LG_OK)
+        line[end + strspn(line + end, "\r")] != '\n' || lg_integer_parse(seen_seed, &number) != LG_OK)
         return lg_fail(t->error, LG_FORMAT, "%s: line 1: '# seed S space HASH setting HASH' is expected",
                        shown);
     if (number != seed)
@@ -549,15 +533,16 @@ static lg_status check_head(table *t, const lg_search_file *search, uint64_t see
 }
 
 /* Checks the names of the columns, and sets the number of reports. */
-static lg_status check_columns(table *t, const lg_search_space *space, char *line) {
+static lg_status check_columns(table *t, const lg_search_space *space) {
+    char *line = t->csv.line;
     for (size_t i = 0; i < LG_COUNT(columns) + space->count; i++) {
         const char *name = i < LG_COUNT(columns) ? columns[i] : space->ranges[i - LG_COUNT(columns)].name;
-        const char *cell = next_cell(&line);
+        const char *cell = next_cell(t, &line);
         if (cell == NULL || strcmp(cell, name) != 0)
-            return lg_fail(t->error, LG_FORMAT, "%s: line %u: column '%s' is expected",
-                           lg_shown_path(t->path), t->line, name);
+            return lg_fail(t->error, LG_FORMAT, "%s: line %zu: column '%s' is expected", t->csv.shown,
+                           t->csv.number, name);
     }
-    for (char *cell; (cell = next_cell(&line)) != NULL; t->reports++) {
+    for (char *cell; (cell = next_cell(t, &line)) != NULL; t->reports++) {
         char name[16];
         (void)snprintf(name, sizeof name, "rung%u", t->reports + 1);
         if (t->reports == LG_TRIAL_REPORTS || strcmp(cell, name) != 0) return bad(t, "a column", cell);
@@ -565,85 +550,62 @@ static lg_status check_columns(table *t, const lg_search_space *space, char *lin
     return LG_OK;
 }
 
+/* A last line without its line end is left out. */
 static lg_status read_rows(table *t, const lg_search_space *space, lg_trial *trials, size_t room,
                            size_t *count) {
     lg_trial one;
-    char *line;
-    size_t found = 0;
-    for (; (line = next_line(t)) != NULL; found++) {
+    for (size_t found = 0;; found++) {
         lg_trial *trial = found < room ? &trials[found] : &one;
-        LG_TRY(parse_trial(t, space, line, trial));
+        bool more;
+        *count = found;
+        LG_TRY(lg_csv_line(&t->csv, &more, t->error));
+        if (!more || !t->csv.closed) return LG_OK;
+        if (t->csv.number != found + 3) { /* an empty line or a comment */
+            t->csv.number = found + 3;
+            return bad(t, "trial", "");
+        }
+        LG_TRY(parse_trial(t, space, trial));
         for (size_t i = 0; i < found && i < room; i++)
-            if (trials[i].number == trial->number) return bad(t, "this trial is in the table already", line);
+            if (trials[i].number == trial->number)
+                return bad(t, "this trial is in the table already", t->csv.line);
     }
-    *count = found;
-    return LG_OK;
 }
 
-static lg_status parse_table(table *t, const lg_search_file *search, uint64_t seed, const char *setting,
-                             lg_trial *trials, size_t room, size_t *count) {
-    LG_TRY(check_head(t, search, seed, setting));
-    char *line = next_line(t);
+static lg_status read_table(table *t, const lg_context *context, const char *path,
+                            const lg_search_file *search, uint64_t seed, const char *setting,
+                            lg_trial *trials, size_t room, size_t *count) {
     *count = 0;
-    if (line == NULL) return LG_OK;
-    LG_TRY(check_columns(t, &search->space, line));
+    LG_TRY(lg_csv_open(context, path, "table of trials", &t->csv, t->error));
+    LG_TRY(check_head(t, search, seed, setting));
+    const int more = fgetc(t->csv.from);
+    if (more == EOF || ungetc(more, t->csv.from) == EOF) return LG_OK;
+    LG_TRY(lg_csv_header(&t->csv, t->error));
+    if (!t->csv.closed) return LG_OK;
+    LG_TRY(check_columns(t, &search->space));
     return read_rows(t, &search->space, trials, room, count);
-}
-
-static lg_status read_text(const lg_context *context, const char *path, char **out, lg_error *error) {
-    const char *shown = lg_shown_path(path);
-    FILE *file;
-    uint64_t bytes;
-    LG_TRY(lg_read_open(path, &file, &bytes, error));
-    const size_t size = bytes <= MAX_BYTES ? (size_t)bytes : 0;
-    char *data = size > 0 ? lg_alloc(context, size + 1, 1) : NULL;
-    const bool whole = data != NULL && fread(data, 1, size, file) == size;
-    (void)fclose(file);
-    const char *hole = whole ? memchr(data, '\0', size) : NULL;
-    lg_status status = LG_OK;
-    if (bytes == 0)
-        status = lg_fail(error, LG_FORMAT, "%s: line 1: is empty", shown);
-    else if (bytes > MAX_BYTES)
-        status = lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", shown, MAX_BYTES);
-    else if (data == NULL)
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown);
-    else if (!whole)
-        status = lg_fail(error, LG_FILE, "%s: cannot be read", shown);
-    else if (hole != NULL) {
-        uint32_t line = 1;
-        for (const char *c = data; c < hole; c++) line += *c == '\n';
-        status = lg_fail(error, LG_FORMAT, "%s: line %u: is not text", shown, line);
-    }
-    if (status == LG_OK)
-        *out = data;
-    else
-        lg_free(context, data);
-    return status;
 }
 
 lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
                          uint64_t seed, const char *setting, size_t room, lg_trial *trials, size_t *count,
                          lg_error *error) {
-    char *data = NULL;
     size_t found = 0;
     if (path == NULL || *path == '\0' || count == NULL || (trials == NULL && room > 0))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the file's name is missing, or the memory for its trials is NULL");
     LG_TRY(check_search(search, error));
-    LG_TRY(read_text(context, path, &data, error));
-    table t = {.path = path, .at = data, .error = error};
+    table t = {.error = error};
     lg_trial *made = trials == NULL ? NULL : lg_alloc(context, room, sizeof *made);
     lg_status status = LG_OK;
     if (trials != NULL && made == NULL)
         status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     else
-        status = parse_table(&t, search, seed, setting, made, room, &found);
+        status = read_table(&t, context, path, search, seed, setting, made, room, &found);
     if (status == LG_OK && trials != NULL && found > room)
         status = lg_fail(error, LG_INVALID_ARGUMENT, "%s: holds %zu trials, but at most %zu fit",
                          lg_shown_path(path), found, room);
     if (status == LG_OK && trials != NULL && found > 0) memcpy(trials, made, found * sizeof *made);
     if (status == LG_OK) *count = found;
     lg_free(context, made);
-    lg_free(context, data);
+    lg_csv_close(&t.csv);
     return status;
 }
