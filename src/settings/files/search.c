@@ -307,29 +307,12 @@ static lg_status check_trials(const lg_search_space *space, const lg_trial *tria
 
 /* ---- writing ---- */
 
-#define CELL_SIZE 40 /* longer than any cell: a number with 17 digits, a name or an integer */
-
-typedef struct text {
-    char *data;
-    size_t used, size;
-} text;
-
-static void add(text *t, const char *format, ...) __attribute__((format(printf, 2, 3)));
-
-static void add(text *t, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    const int length = lg_format_list(t->data + t->used, t->size - t->used, format, arguments);
-    va_end(arguments);
-    t->used += (size_t)length;
-}
-
 /* Adds a number with 17 digits, or nan, inf or -inf. */
-static void add_number(text *t, double x) {
+static void add_number(lg_text *t, double x) {
     if (isnan(x))
-        add(t, ",nan");
+        lg_text_add(t, ",nan");
     else
-        add(t, ",%.17g", x);
+        lg_text_add(t, ",%.17g", x);
 }
 
 void lg_search_label(const lg_search_file *search, uint64_t seed, const char *setting,
@@ -341,33 +324,33 @@ void lg_search_label(const lg_search_file *search, uint64_t seed, const char *se
                    settings);
 }
 
-static void add_head(text *t, const lg_search_file *search, uint64_t seed, const char *setting,
+static void add_head(lg_text *t, const lg_search_file *search, uint64_t seed, const char *setting,
                      uint32_t reports) {
     char label[LG_SEARCH_LABEL];
     lg_search_label(search, seed, setting, label);
-    add(t, "# %s\n", label);
-    for (size_t i = 0; i < LG_COUNT(columns); i++) add(t, "%s%s", i > 0 ? "," : "", columns[i]);
-    for (size_t i = 0; i < search->space.count; i++) add(t, ",%s", search->space.ranges[i].name);
-    for (uint32_t i = 0; i < reports; i++) add(t, ",rung%u", i + 1);
-    add(t, "\n");
+    lg_text_add(t, "# %s\n", label);
+    for (size_t i = 0; i < LG_COUNT(columns); i++) lg_text_add(t, "%s%s", i > 0 ? "," : "", columns[i]);
+    for (size_t i = 0; i < search->space.count; i++) lg_text_add(t, ",%s", search->space.ranges[i].name);
+    for (uint32_t i = 0; i < reports; i++) lg_text_add(t, ",rung%u", i + 1);
+    lg_text_add(t, "\n");
 }
 
-static void add_trial(text *t, const lg_search_space *space, const lg_trial *trial, uint32_t reports) {
-    add(t, "%" PRIu64 ",%s", trial->number, lg_trial_state_name(trial->state));
+static void add_trial(lg_text *t, const lg_search_space *space, const lg_trial *trial, uint32_t reports) {
+    lg_text_add(t, "%" PRIu64 ",%s", trial->number, lg_trial_state_name(trial->state));
     add_number(t, trial->objective);
-    add(t, ",%" PRIu64 ",%" PRIu64, trial->parameters, trial->epochs);
+    lg_text_add(t, ",%" PRIu64 ",%" PRIu64, trial->parameters, trial->epochs);
     add_number(t, trial->seconds);
     for (size_t i = 0; i < space->count; i++)
         if (space->ranges[i].kind == LG_RANGE_CHOICE)
-            add(t, ",%s", space->ranges[i].choice[(size_t)trial->value[i]]);
+            lg_text_add(t, ",%s", space->ranges[i].choice[(size_t)trial->value[i]]);
         else
             add_number(t, trial->value[i]);
     for (uint32_t i = 0; i < reports; i++)
         if (i < trial->reports)
             add_number(t, trial->report[i]);
         else
-            add(t, ",");
-    add(t, "\n");
+            lg_text_add(t, ",");
+    lg_text_add(t, "\n");
 }
 
 /* Returns the position of the trial with the lowest number above `last`, or with the lowest number of all if
@@ -381,7 +364,7 @@ static size_t next_trial(const lg_trial *trials, size_t count, uint64_t last, bo
     return found;
 }
 
-static void compose(text *t, const lg_search_file *search, uint64_t seed, const char *setting,
+static void compose(lg_text *t, const lg_search_file *search, uint64_t seed, const char *setting,
                     const lg_trial *trials, size_t count, uint32_t reports) {
     add_head(t, search, seed, setting, reports);
     uint64_t last = 0;
@@ -402,13 +385,12 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
     uint32_t reports = 0;
     for (size_t i = 0; i < count; i++)
         if (trials[i].reports > reports) reports = trials[i].reports;
-    const size_t row = (LG_COUNT(columns) + search->space.count + reports) * CELL_SIZE;
-    text t = {.size = HEAD_SIZE + (count + 1) * row};
-    t.data = lg_alloc(context, t.size, 1);
-    if (t.data == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    lg_text t = {.context = context};
     compose(&t, search, seed, setting, trials, count, reports);
-    const lg_status status = lg_file_write(context, path, t.data, t.used, error);
-    lg_free(context, t.data);
+    const lg_status status = t.failed
+                                 ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
+                                 : lg_file_write(context, path, t.data, t.length, error);
+    lg_text_destroy(&t);
     return status;
 }
 
