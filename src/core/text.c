@@ -3,6 +3,7 @@
 #include <float.h>
 #include <math.h>
 #include <stdarg.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "core/bytes.h"
@@ -195,4 +196,13 @@ void lg_text_add_comment(lg_text *to, const char *value) {
             lg_text_append(to, " ", 1);
         if (*s == '\\' && (next == '\n' || next == '\0')) lg_text_append(to, ".", 1);
     }
+}
+
+void lg_name_list_add(lg_name_list *names, const char *name) {
+    const size_t room = sizeof names->text - names->used, length = strlen(name);
+    if (room < 8) return;
+    const bool fits = length + 8 <= room;
+    const int added =
+        snprintf(names->text + names->used, room, "%s%s", names->used > 0 ? ", " : "", fits ? name : "...");
+    names->used = fits ? names->used + (size_t)added : sizeof names->text;
 }

@@ -35,6 +35,12 @@ bool lg_in_word(char c);
 bool lg_is_word(const char *text);
 /* True if a double is so small that it becomes 0 or loses digits in this type. */
 bool lg_is_lost(lg_dtype dtype, double value);
+/* Names joined to the list "a, b, ...", for messages. When there is no more room, the list ends with "...". */
+typedef struct lg_name_list {
+    char text[240];
+    size_t used;
+} lg_name_list;
+void lg_name_list_add(lg_name_list *names, const char *name);
 /* Adds a number as a C literal of this type: 17 digits for double, or 9 digits and the suffix f for float,
  * always with a point or an exponent. */
 void lg_text_add_real(lg_text *to, lg_dtype dtype, double value);

@@ -360,15 +360,3 @@ void lg_csv_close(lg_csv *c) {
     if (c->from != NULL) (void)fclose(c->from);
     c->from = NULL;
 }
-
-void lg_csv_add_name(lg_csv_names *names, const char *name) {
-    const size_t room = sizeof names->text - names->used, length = strlen(name);
-    if (room < 8) return;
-    if (length + 8 > room) {
-        names->used += (size_t)snprintf(names->text + names->used, room, ", ...");
-        names->used = sizeof names->text;
-        return;
-    }
-    names->used +=
-        (size_t)snprintf(names->text + names->used, room, "%s%s", names->used > 0 ? ", " : "", name);
-}

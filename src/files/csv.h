@@ -87,11 +87,5 @@ static inline const char *lg_csv_quote(const char *name, char *out) {
     out[used] = '\0';
     return out;
 }
-/* Joins names to the list "a, b, ...", for messages. When there is no more room, the list ends with "...". */
-typedef struct lg_csv_names {
-    char text[200];
-    size_t used;
-} lg_csv_names;
-void lg_csv_add_name(lg_csv_names *names, const char *name);
 
 #endif

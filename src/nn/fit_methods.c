@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "core/text.h"
 #include "nn/fit_internal.h"
 #include "nn/minimise_internal.h"
 
@@ -49,14 +50,12 @@ bool lg_fit_method_batches(lg_fit_method method) {
 /* ---- plans ---- */
 
 static lg_status no_method(const char *text, size_t length, bool squares, lg_error *error) {
-    char names[128] = "";
+    lg_name_list names = {.used = 0};
     const char *name;
-    size_t used = 0;
-    for (int i = 0; (name = lg_fit_method_name((lg_fit_method)i)) != NULL && used < sizeof names; i++)
-        if (squares || !lg_fit_method_squares((lg_fit_method)i))
-            used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "", name);
+    for (int i = 0; (name = lg_fit_method_name((lg_fit_method)i)) != NULL; i++)
+        if (squares || !lg_fit_method_squares((lg_fit_method)i)) lg_name_list_add(&names, name);
     return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is not a method of training; the methods are %s",
-                   (int)(length < 40 ? length : 40), text, names);
+                   (int)(length < 40 ? length : 40), text, names.text);
 }
 
 /* Parses one phase, such as "adam:100", from the first `length` characters. *epochs is 0 if there is no

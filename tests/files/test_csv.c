@@ -1,6 +1,7 @@
 /* CSV: lines, quotes and names that are too long. */
 #include "support/io_test.h"
 
+#include "core/text.h"
 #include "files/csv.h"
 
 /* Reads the header and one row of two cells; says what went wrong, or "". */
@@ -139,12 +140,12 @@ TEST("a written name that begins like a comment is read again") {
 }
 
 TEST("a list of names ends with dots where there is no more room, and stays as it is after that") {
-    lg_csv_names names = {.used = 0};
+    lg_name_list names = {.used = 0};
     char before[sizeof names.text];
-    for (int i = 0; i < 60; i++) lg_csv_add_name(&names, "name");
+    for (int i = 0; i < 60; i++) lg_name_list_add(&names, "name");
     assert_true(strlen(names.text) < sizeof names.text);
     assert_string_equal(names.text + strlen(names.text) - 5, ", ...");
     memcpy(before, names.text, sizeof before);
-    lg_csv_add_name(&names, "x");
+    lg_name_list_add(&names, "x");
     assert_memory_equal(before, names.text, sizeof before);
 }

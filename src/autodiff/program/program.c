@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "core/text.h"
+
 /* ---- creation and destruction ---- */
 
 void lg_program_spec_init(lg_program_spec *spec) {
@@ -260,12 +262,10 @@ lg_status lg_program_set_fitted(lg_program *p, size_t function, bool fitted) {
 }
 
 static lg_status refuse_name(const lg_program *p, const char *name, lg_error *error) {
-    char names[160] = "none";
-    for (size_t i = 0, used = 0; i < p->functions && used < sizeof names; i++)
-        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "",
-                                 p->function[i].name);
-    if (strlen(names) == sizeof names - 1) memcpy(names + sizeof names - 4, "...", 4);
-    return lg_fail(error, LG_NOT_FOUND, "the program has no function '%.64s'; it has %s", name, names);
+    lg_name_list names = {.used = 0};
+    for (size_t i = 0; i < p->functions; i++) lg_name_list_add(&names, p->function[i].name);
+    return lg_fail(error, LG_NOT_FOUND, "the program has no function '%.64s'; it has %s", name,
+                   names.used > 0 ? names.text : "none");
 }
 
 lg_status lg_program_find(const lg_program *program, const char *name, size_t *function, lg_error *error) {

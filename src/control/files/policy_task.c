@@ -7,6 +7,7 @@
 #include <yaml.h>
 
 #include "control/policy.h"
+#include "core/text.h"
 #include "settings/files/yaml.h"
 
 typedef struct reading {
@@ -178,19 +179,14 @@ typedef const char *(*take_entry)(lg_policy_task *task, named of, const char *na
                                   uint32_t count);
 
 static lg_status unknown(const reading *r, const yaml_node_t *key, const char *what, const char *name) {
-    char known[400] = "";
-    size_t used = 0;
+    lg_name_list known = {.used = 0};
     const lg_policy_task *t = r->task;
-    for (uint32_t i = 0; i < t->coordinate_count && used < sizeof known; i++)
-        used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", i > 0 ? ", " : "",
-                                 t->coordinate[i].name);
-    for (uint32_t i = 0; i < t->coordinate_count && used < sizeof known; i++)
-        if (t->coordinate[i].velocity[0] != '\0')
-            used += (size_t)snprintf(known + used, sizeof known - used, ", %s", t->coordinate[i].velocity);
-    for (uint32_t l = 0; l < t->input_count && used < sizeof known; l++)
-        used += (size_t)snprintf(known + used, sizeof known - used, ", %s", t->input[l].name);
+    for (uint32_t i = 0; i < t->coordinate_count; i++) lg_name_list_add(&known, t->coordinate[i].name);
+    for (uint32_t i = 0; i < t->coordinate_count; i++)
+        if (t->coordinate[i].velocity[0] != '\0') lg_name_list_add(&known, t->coordinate[i].velocity);
+    for (uint32_t l = 0; l < t->input_count; l++) lg_name_list_add(&known, t->input[l].name);
     return lg_yaml_fail(r->yaml, line_of(key), LG_FORMAT, r->error,
-                        "%s: unknown name '%.40s'; the plant has %s", what, name, known);
+                        "%s: unknown name '%.40s'; the plant has %s", what, name, known.text);
 }
 
 static lg_status read_entries(reading *r, const lg_key_value *value, const char *what, take_entry take) {

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "core/text.h"
 #include "machine/files/recipe.h"
 
 /* ---- directions ---- */
@@ -113,12 +114,11 @@ static const adaptable *find(const char *name, size_t length) {
 }
 
 static lg_status refuse(const char *name, size_t length, lg_error *error) {
-    char list[128] = "";
-    for (size_t i = 0, used = 0; i < LG_COUNT(kinds); i++)
-        used += (size_t)snprintf(list + used, sizeof list - used, "%s%s", i > 0 ? ", " : "", kinds[i].name);
+    lg_name_list list = {.used = 0};
+    for (size_t i = 0; i < LG_COUNT(kinds); i++) lg_name_list_add(&list, kinds[i].name);
     return lg_fail(error, LG_INVALID_ARGUMENT,
                    "--numbers: \"%.*s\" is no number that can be adapted; take of: %s", (int)length, name,
-                   list);
+                   list.text);
 }
 
 /* Finds the next name of a list in which commas separate the names. Returns false if the list has ended. */

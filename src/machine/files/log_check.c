@@ -286,7 +286,7 @@ static void other_scale(const check *c, const fit *f, char *text, size_t size) {
 
 static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
     const lg_log_column *column = &c->table->machine->columns[c->velocity];
-    lg_csv_names q, v;
+    lg_name_list q, v;
     char scale[200] = "", other[2 * LG_LOG_NAME + 96];
     lg_log_names_of(c->table, c->position, c->positions, &q);
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
@@ -462,7 +462,7 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
     const bool agree =
         !fits && better == NULL && hint[0] == '\0' && agree_longer(c, &ways[0], &span, &f, hint, sizeof hint);
     if (agree) better = better_way(c, ways, count, span, &f);
-    lg_csv_names q, v;
+    lg_name_list q, v;
     lg_log_names_of(c->table, c->position, c->positions, &q);
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     if (better != NULL)

@@ -68,7 +68,7 @@ static double project(double *R) {
 static lg_status mend_attitude(cleaning *c, size_t row, double *x) {
     const uint32_t count = c->where->attitudes;
     static const char *const whats[] = {[3] = "direction", [4] = "quaternion", [9] = "rotation matrix"};
-    lg_csv_names names;
+    lg_name_list names;
     const bool reflection = count == 9 && determinant(x) < 0;
     const double before = norm_of(x, count);
     double off = INFINITY;
@@ -207,7 +207,7 @@ static lg_status check_angle(cleaning *c) {
 /* ---- whole table ---- */
 
 static lg_status tell(const cleaning *c) {
-    lg_csv_names names;
+    lg_name_list names;
     lg_log_table *table = c->table;
     const lg_log_coordinate *where = c->where;
     lg_log_names_of(c->table, where->attitudes > 0 ? where->attitude : where->place,

@@ -57,9 +57,9 @@ double lg_log_tidy(double scale) {
     return fabs(scale / tidy - 1.0) < 0.01 ? tidy : scale;
 }
 
-void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_csv_names *names) {
-    *names = (lg_csv_names){.used = 0};
-    for (uint32_t i = 0; i < count; i++) lg_csv_add_name(names, table->machine->columns[first + i].name);
+void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_name_list *names) {
+    *names = (lg_name_list){.used = 0};
+    for (uint32_t i = 0; i < count; i++) lg_name_list_add(names, table->machine->columns[first + i].name);
 }
 
 /* ---- reading ---- */

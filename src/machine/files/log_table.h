@@ -5,7 +5,7 @@
 #ifndef LG_LOG_TABLE_H
 #define LG_LOG_TABLE_H
 
-#include "files/csv.h"
+#include "core/text.h"
 #include "liegrad/machine.h"
 
 enum { LG_LOG_SAMPLES = 50000 };
@@ -51,7 +51,7 @@ lg_status lg_log_warn(lg_log_table *table, const char *format, ...) __attribute_
 lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 /* Lists the names of columns first .. first + count - 1. */
-void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_csv_names *names);
+void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_name_list *names);
 
 /* Reads all files. */
 lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error);

@@ -188,15 +188,12 @@ static lg_status build_table(const char *system, const char *form, scene_table *
 
 static lg_status wrong_form(const lg_yaml *yaml, const char *system, const lg_key_value *value,
                             lg_error *error) {
-    char known[120] = "";
-    size_t used = 0;
-    for (size_t i = 0; form_of(system, i) != NULL && used < sizeof known; i++)
-        used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", i > 0 ? ", " : "",
-                                 form_of(system, i));
-    if (used == 0 && !plainly_hamiltonian(system))
+    lg_name_list known = {.used = 0};
+    for (size_t i = 0; form_of(system, i) != NULL; i++) lg_name_list_add(&known, form_of(system, i));
+    if (known.used == 0 && !plainly_hamiltonian(system))
         return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "form: system %s has one form only", system);
     return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "form: '%.40s' is none of %s", value->text,
-                        used > 0 ? known : "hamiltonian");
+                        known.used > 0 ? known.text : "hamiltonian");
 }
 
 /* The first form for which `initial` has all parts without a default; if there is none, the first form. */

@@ -40,12 +40,10 @@ static const char *what_is(const char *kind) {
 }
 
 static lg_status refuse(const char *path, const char *kind, lg_error *error) {
-    char names[256] = "";
-    for (size_t i = 0, used = 0; lg_recipes[i] != NULL && used < sizeof names; i++)
-        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i == 0 ? "" : ", ",
-                                 lg_recipes[i]->name);
+    lg_name_list names = {.used = 0};
+    for (size_t i = 0; lg_recipes[i] != NULL; i++) lg_name_list_add(&names, lg_recipes[i]->name);
     return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected %s or any kind with functions: %s",
-                   lg_shown_path(path), kind, names, what_is(kind));
+                   lg_shown_path(path), kind, names.text, what_is(kind));
 }
 
 /* ---- loading ---- */

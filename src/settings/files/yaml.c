@@ -247,22 +247,21 @@ static lg_status read_number(const lg_yaml *yaml, const lg_field *key, const yam
 
 static lg_status read_name(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, double *out,
                            lg_error *error) {
-    char show[NAME_SIZE], known[160] = "";
+    char show[NAME_SIZE];
+    lg_name_list known = {.used = 0};
     const char *text = plain_text(node, NAME_SIZE);
     if (node->type != YAML_SCALAR_NODE)
         return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a name is expected", key->name);
-    size_t used = 0;
     const char *name;
     for (uint32_t value = 0; (name = lg_field_name(key, value)) != NULL; value++) {
         if (text != NULL && strcmp(text, name) == 0) {
             *out = value;
             return LG_OK;
         }
-        if (used < sizeof known)
-            used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", value > 0 ? ", " : "", name);
+        lg_name_list_add(&known, name);
     }
     return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: '%s' is none of %s%s", key->name,
-                        shown(node, show), known, key->hint != NULL ? key->hint : "");
+                        shown(node, show), known.text, key->hint != NULL ? key->hint : "");
 }
 
 /* ---- values ---- */
@@ -476,23 +475,20 @@ static const char *name_below(const lg_field *key, const char *prefix) {
 
 /* Reports a key that is not in the tables. `elsewhere` says that other systems have this key. */
 static lg_status unknown_key(const reading *r, const yaml_node_t *node, const char *prefix, bool elsewhere) {
-    char known[240] = "", show[NAME_SIZE];
-    size_t used = 0;
-    for (size_t s = 0; s < r->set_count; s++) {
+    char show[NAME_SIZE];
+    lg_name_list known = {.used = 0};
+    for (size_t s = 0; s < r->set_count; s++)
         for (size_t i = 0; i < r->sets[s].count; i++) {
             const char *name = name_below(&r->sets[s].keys[i], prefix);
-            if (name != NULL && used < sizeof known)
-                used +=
-                    (size_t)snprintf(known + used, sizeof known - used, "%s%s", used > 0 ? ", " : "", name);
+            if (name != NULL) lg_name_list_add(&known, name);
         }
-    }
-    const char *more = used >= sizeof known ? " ..." : "", *key = shown(node, show);
+    const char *key = shown(node, show);
     if (elsewhere)
         return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "key '%s%s' does not belong to system %s; known: %s%s", prefix, key, r->system,
-                            known, more);
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "unknown key '%s%s'; known: %s%s",
-                        prefix, key, known, more);
+                            "key '%s%s' does not belong to system %s; known: %s", prefix, key, r->system,
+                            known.text);
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "unknown key '%s%s'; known: %s", prefix,
+                        key, known.text);
 }
 
 static lg_status read_map(const reading *r, const yaml_node_t *map, const char *prefix);
