@@ -849,12 +849,12 @@ static const odd odds[] = {
     {"a,b,k\n1,2,3\n4,5,6\n", "--class \"k\",b", 2, "one name of 1 to 63 bytes"},
     {"a,b,k\n1,2,3\n4,5,6\n", "--class \"k", 2, "one name of 1 to 63 bytes"},
     {"a,b,k\n1,2,3\n4,5,6\n", "--class " LONG, 2, "one name of 1 to 63 bytes"},
-    {"a,b,c,d,e,f,g,h,i,j,k,l,m,n,o,p,q,r,s,t,u\n", "--without v", 3, "r,s,t, ..."},
+    {"a,b,c,d,e,f,g,h,i,j,k,l,m,n,o,p,q,r,s,t,u\n", "--without v", 3, "r, s, t, u"},
     {"a,\"b,c\",\"d\"\"\",y\n1,2,3,4\n4,5,6,7\n", "--inputs q", 3,
      "the columns are: a, \"b,c\", \"d\"\"\", y"},
     {"a,\"b,c\",y\n1,x,3\n4,y,6\n", "", 3, "--without '\"b,c\"' leaves out"},
     {"a,b,u,y\n1,x,kg,3\n4,y,kg,6\n", "", 3, "'x' is not a number; --without b,u leaves out"},
-    {"a,b,y\n1,2,3\n4,5,6\n", "--without q", 3, "there is no column 'q'; the columns are: a,b,y"},
+    {"a,b,y\n1,2,3\n4,5,6\n", "--without q", 3, "there is no column 'q'; the columns are: a, b, y"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--without a --inputs a,b", 2, "--without: column a is an input"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--without y --outputs y", 2, "--without: column y is an output"},
     {"a,b,k\n1,2,3\n4,5,6\n", "--without k --class k", 2, "--without: column k is an output"},
@@ -1014,7 +1014,7 @@ TEST("a model whose names or scales do not fit its network is refused") {
     cli_expect(fit, train, 0, "");
     put_instead("model.h5", "/scaler/inputs/mean", H5T_NATIVE_DOUBLE, 2, two);
     cli_expect(fit, "predict model.h5 smooth.csv", 3,
-               "/scaler/inputs/mean: has 2 numbers, but the model has 3 columns");
+               "/scaler/inputs/mean: has shape (2 inputs), expected (3 inputs as in /model)");
     lg_table_file_destroy(NULL);
 }
 

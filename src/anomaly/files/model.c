@@ -196,7 +196,7 @@ static void list_arrays(lg_scaler *scaler, lg_h5_size *channels, lg_h5_array out
 
 static lg_status put_scaler(lg_h5 *h5, const lg_detector_file *file, lg_error *error) {
     lg_scaler scaler = file->scaler;
-    lg_h5_size channels = {file->run.model.net.channels, "channels", NULL};
+    lg_h5_size channels = {file->run.model.net.channels, "channels", "model"};
     lg_h5_array arrays[ARRAYS];
     if (scaler.channels != channels.n || scaler.mean == NULL || scaler.scale == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /scaler: has %u channels, but the model has %u",
@@ -248,7 +248,7 @@ static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *er
 }
 
 static lg_status get_scaler(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
-    lg_h5_size channels = {file->run.model.net.channels, "channels", NULL};
+    lg_h5_size channels = {file->run.model.net.channels, "channels", "model"};
     lg_h5_array arrays[ARRAYS];
     file->scaler = (lg_scaler){.channels = file->run.model.net.channels, .context = h5->context};
     list_arrays(&file->scaler, &channels, arrays);

@@ -210,7 +210,7 @@ static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *er
 
 static lg_status get_optimizer(lg_h5 *h5, lg_hamiltonian_file *out, lg_error *error) {
     const uint64_t words = 4;
-    lg_h5_size count = {out->parameters, "parameters", NULL};
+    lg_h5_size count = {out->parameters, "parameters", "model"};
     const lg_h5_array moments[] = {{"optimizer/adam/m", &out->adam_m, {&count}, false},
                                    {"optimizer/adam/v", &out->adam_v, {&count}, false}};
     if (lg_h5_has(h5, "optimizer/adam")) {

@@ -228,14 +228,14 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
 static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
     const lg_machine_model_file *file = user;
     double *known = file->spread;
-    lg_h5_size n = {file->parameters, "parameters", NULL};
+    lg_h5_size n = {file->parameters, "parameters", "model"};
     (void)fitted;
     return lg_h5_put_arrays(h5, &(lg_h5_array){"spread", &known, {&n, &n}, false}, 1, error);
 }
 
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_machine_model_file *file = user;
-    lg_h5_size n = {file->parameters, "parameters", NULL};
+    lg_h5_size n = {file->parameters, "parameters", "model"};
     return lg_h5_get_arrays(h5, &(lg_h5_array){"spread", &file->spread, {&n, &n}, true}, 1, error);
 }
 

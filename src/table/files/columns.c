@@ -37,39 +37,10 @@ static bool has_name(const lg_table_names *names, const char *name) {
     return false;
 }
 
-/* Reads a quoted name; two quotes in a row are one quote of the name. Returns the place behind the closing
- * quote; NULL: no closing quote, or the name is too long. */
-static const char *take_quoted(const char *at, char *name) {
-    for (size_t used = 0; *at != '\0'; at++) {
-        if (*at == '"' && at[1] != '"') return at + 1;
-        if (used + 1 == LG_TABLE_NAME) return NULL;
-        at += *at == '"';
-        name[used++] = *at;
-        name[used] = '\0';
-    }
-    return NULL;
-}
-
-/* Reads a name up to a comma. Returns the comma or the end of the text; NULL: the name is too long. */
-static const char *take_plain(const char *at, char *name) {
-    const size_t length = strcspn(at, ",");
-    size_t kept = length;
-    while (kept > 0 && at[kept - 1] == ' ') kept--;
-    if (kept >= LG_TABLE_NAME) return NULL;
-    memcpy(name, at, kept);
-    name[kept] = '\0';
-    return at + length;
-}
-
-/* Reads the next name of a list and returns where it ends, at a comma or at the end of the text. Returns NULL
- * if no name stands there, or if something else follows the name. */
-static const char *take_name(const char *at, char *name) {
-    name[0] = '\0';
-    at += strspn(at, " ");
-    at = *at == '"' ? take_quoted(at + 1, name) : take_plain(at, name);
-    if (at == NULL || name[0] == '\0') return NULL;
-    at += strspn(at, " ");
-    return *at == ',' || *at == '\0' ? at : NULL;
+/* Takes the next name of a list, in place. A name with a comma is in quotes, as in CSV. */
+static bool take_name(char **at, char **name) {
+    lg_csv list = {.separator = ',', .shown = ""};
+    return lg_csv_cell(&list, at, name, NULL) == LG_OK && **name != '\0' && strlen(*name) < LG_TABLE_NAME;
 }
 
 lg_status lg_table_names_parse(const lg_context *context, const char *option, const char *text,
@@ -77,25 +48,30 @@ lg_status lg_table_names_parse(const lg_context *context, const char *option, co
     size_t count = 1;
     for (const char *c = text; *c != '\0'; c++) count += *c == ',';
     LG_TRY(make_names(context, count, out, error));
-    for (const char *at = text;; at++) {
-        char name[LG_TABLE_NAME];
-        at = take_name(at, name);
-        if (at == NULL)
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "--%s: expected names of 1 to %d bytes, with commas between them", option,
-                           LG_TABLE_NAME - 1);
-        if (has_name(out, name))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "--%s: '%s' is given twice", option, name);
-        add_name(out, name);
-        if (*at == '\0') return LG_OK;
+    char *copy = lg_strdup(context, text), *at = copy, *name = NULL;
+    lg_status status = copy != NULL ? LG_OK : lg_no_memory(error);
+    while (status == LG_OK && at != NULL) {
+        if (!take_name(&at, &name))
+            status = lg_fail(error, LG_INVALID_ARGUMENT,
+                             "--%s: expected names of 1 to %d bytes, with commas between them", option,
+                             LG_TABLE_NAME - 1);
+        else if (has_name(out, name))
+            status = lg_fail(error, LG_INVALID_ARGUMENT, "--%s: '%s' is given twice", option, name);
+        else
+            add_name(out, name);
     }
+    lg_free(context, copy);
+    return status;
 }
 
 lg_status lg_table_class_parse(const char *text, lg_table_text out, lg_error *error) {
-    out[0] = '\0';
-    const char *end = text[0] == '"' ? take_name(text, out) : text + strlen(text);
-    if (text[0] != '"' && strlen(text) < LG_TABLE_NAME) (void)snprintf(out, LG_TABLE_NAME, "%s", text);
-    if (end != NULL && *end == '\0' && out[0] != '\0') return LG_OK;
+    char copy[2 * LG_TABLE_NAME + 2], *at = NULL, *name = copy;
+    (void)snprintf(copy, sizeof copy, "%s", text);
+    if (text[0] == '"') at = copy;
+    if ((at != NULL ? take_name(&at, &name) : strlen(text) < LG_TABLE_NAME) && at == NULL && *name != '\0') {
+        memcpy(out, name, strlen(name) + 1);
+        return LG_OK;
+    }
     return lg_fail(error, LG_INVALID_ARGUMENT, "--class: expected one name of 1 to %d bytes",
                    LG_TABLE_NAME - 1);
 }
@@ -148,14 +124,11 @@ static lg_status default_outputs(lg_training *self, const lg_table_names *all, l
 
 static lg_status no_column(const lg_training *self, const lg_table_names *have, const char *name,
                            lg_error *error) {
-    enum { SHOWN = 20 };
-    const lg_table_names first = {.count = have->count < SHOWN ? have->count : SHOWN, .name = have->name};
-    lg_text list = {.context = self->context};
-    lg_table_names_list(&first, &list);
-    (void)lg_fail(error, LG_FORMAT, "%s: there is no column '%s'; the columns are: %s%s", self->paths[0],
-                  name, list.data != NULL ? list.data : "", have->count > SHOWN ? ", ..." : "");
-    lg_text_destroy(&list);
-    return LG_FORMAT;
+    lg_name_list list = {.used = 0};
+    char quoted[LG_CSV_QUOTED];
+    for (uint32_t i = 0; i < have->count; i++) lg_name_list_add(&list, lg_csv_quote(have->name[i], quoted));
+    return lg_fail(error, LG_FORMAT, "%s: there is no column '%s'; the columns are: %s", self->paths[0], name,
+                   list.text);
 }
 
 /* Reads --class, one name, and --without, names of columns of the table. */

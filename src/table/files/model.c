@@ -96,8 +96,8 @@ static void list_arrays(lg_table_file *file, lg_h5_size sizes[2], lg_h5_array ou
                                       {"range/low", &file->low, {sizes}, true},
                                       {"range/high", &file->high, {sizes}, true}};
     memcpy(out, list, sizeof list);
-    sizes[0] = (lg_h5_size){file->run.model.net.inputs, "inputs", NULL};
-    sizes[1] = (lg_h5_size){file->run.model.net.outputs, "outputs", NULL};
+    sizes[0] = (lg_h5_size){file->run.model.net.inputs, "inputs", "model"};
+    sizes[1] = (lg_h5_size){file->run.model.net.outputs, "outputs", "model"};
 }
 
 static lg_status check_scaler(lg_h5 *h5, const char *name, const lg_scaler *scaler, uint32_t columns,
