@@ -1,6 +1,7 @@
 /* lg-anomaly feed: simulates the stream of samples that a logger on a rig would send, for `watch`. */
 #include <errno.h>
 #include <fcntl.h>
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -46,49 +47,11 @@ static const lg_field feed_options[] = {
 
 static feed_values values = {.crack_at = NAN};
 
-/* ---- numbers with nine significant digits, so that every float reads back exactly ---- */
-
-static char *put_digits(char *at, uint64_t value, int digits) {
-    for (int i = digits - 1; i >= 0; i--, value /= 10) at[i] = (char)('0' + value % 10);
-    return at + digits;
-}
-
-/* Writes d.dddddddde[+-]xx. The value must be finite, and 0 or 1e-38 <= |value| < 1e39. */
+/* Writes a number with nine significant digits, so that every float reads back exactly. Digits that end half
+ * way between two numbers are rounded away from 0. */
 static char *put_float(char *at, float value) {
-    static const double powers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
-                                    1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
-    double x = fabs((double)value);
-    if (value < 0) *at++ = '-';
-    if (x == 0) {
-        *at++ = '0';
-        return at;
-    }
-    if (x < 1e-13 || x >= 1e22) return at + snprintf(at, 16, "%.8e", x);
-    int exponent = (int)floor(log10(x));
-    const int shift = 8 - exponent;
-    uint64_t digits = (uint64_t)((shift >= 0 ? x * powers[shift] : x / powers[-shift]) + 0.5);
-    if (digits >= 1000000000u) { /* an error of log10 or the rounding gave ten digits */
-        digits = (digits + 5) / 10;
-        exponent++;
-    }
-    *at++ = (char)('0' + digits / 100000000u);
-    *at++ = '.';
-    at = put_digits(at, digits % 100000000u, 8);
-    *at++ = 'e';
-    *at++ = exponent < 0 ? '-' : '+';
-    return put_digits(at, (uint64_t)(exponent < 0 ? -exponent : exponent), 2);
-}
-
-/* Writes a time as seconds with one decimal. It is given in tenths of a second since the start, so the rate
- * must divide 10. */
-static char *put_time(char *at, uint64_t tenths) {
-    char text[24];
-    int n = 0;
-    for (uint64_t whole = tenths / 10; whole > 0 || n == 0; whole /= 10) text[n++] = (char)('0' + whole % 10);
-    while (n > 0) *at++ = text[--n];
-    *at++ = '.';
-    *at++ = (char)('0' + tenths % 10);
-    return at;
+    if (value == 0) return strcpy(at, "0") + 1;
+    return at + lg_format(at, 17, "%.8e", (double)value * (1 + DBL_EPSILON));
 }
 
 /* ---- simulating an hour ---- */
@@ -151,7 +114,8 @@ static void put_hour(const feeding *self, uint64_t index, uint64_t count, hour *
         }
         out->nans += hole;
         out->lines++;
-        at = put_time(at, (index * HOUR * self->rate + i) * 10 / self->rate);
+        const uint64_t tenths = (index * HOUR * self->rate + i) * 10 / self->rate; /* the rate divides 10 */
+        at += snprintf(at, 32, "%llu.%llu", (unsigned long long)tenths / 10, (unsigned long long)tenths % 10);
         for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) {
             *at++ = ',';
             if (c == where) {

@@ -3,19 +3,28 @@
 #define LG_APPS_SAMPLES_H
 
 #include "common/app.h"
+#include "core/text.h"
+#include "files/csv.h"
+#include "files/frame.h"
 
 typedef enum sample_kind {
     SAMPLE_READ,      /* The line has all its numbers. A number may be NaN: an empty field, nan or inf. */
     SAMPLE_MALFORMED, /* the line is malformed; `problem` says why */
-    SAMPLE_END,
-    SAMPLE_STOPPED, /* stopped by Ctrl-C */
-    SAMPLE_REFUSED, /* the feed's column names do not fit the model's channels; `problem` says how */
-    SAMPLE_FAILED   /* read(2) failed with the errno in `failure` */
+    SAMPLE_END        /* the feed has ended, Ctrl-C stopped it, or `error` says what is wrong with it */
 } sample_kind;
 
-enum { SAMPLE_HEADERS = 20 }; /* most lines of words before the first sample */
+enum {
+    SAMPLE_HEADERS = 20, /* most lines of words before the first sample */
+    SAMPLE_AHEAD = 50    /* most lines that are examined for the layout */
+};
 
 typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sample_layout;
+
+typedef struct sample_line {
+    char *text;
+    uint64_t number;
+    bool closed, cut; /* as in lg_csv */
+} sample_line;
 
 /* A line has C numbers, or a time in seconds and C numbers, separated by commas, semicolons or blanks. An
  * additional separator at its end, blanks around numbers, and a carriage return before the newline are
@@ -31,13 +40,11 @@ typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sampl
  * names. A column of times is the first one before the channels whose name is that of a time, or the first
  * column if it is the only other one and holds a number in the first sample; a column with the name of a time
  * behind a channel is an error.
- * `unnamed`: there was a line of names, but without any channel of the model.
  *
  * The last line of a feed may lack its line end, and then its last number may be cut. Such a line is
  * malformed (its time is used), unless a separator, a blank, \r or a comment follows the number, or it is the
  * only line. */
 typedef struct sample_reader {
-    int file;
     uint32_t channels;
     sample_layout layout;
     uint64_t line;   /* number of the last line read, from 1 */
@@ -48,27 +55,26 @@ typedef struct sample_reader {
     uint64_t header[SAMPLE_HEADERS]; /* hashes of the lines of words before the first sample */
     uint32_t headers;
     char problem[160];
+    lg_error error;
     /* (channels): names of the model's channels, borrowed; NULL if they have none. */
     const char *const *names;
-    uint32_t *place; /* (channels): index of each channel among the numbers of a line, without the time */
-    /* named: a line of names has set `place`; unnamed: a line of names had no channel of the model. */
-    bool named, unnamed;
-    bool *left_out; /* (columns): columns that are left out; NULL if none is */
-    uint32_t columns;
-    char separator;  /* of the line of names */
-    char guess[64];  /* name of the first column while only its place makes it one of times; else "" */
-    char extra[160]; /* names of the columns that are left out */
-    int failure;
-    char *buffer; /* (room + 1) */
-    size_t room, begin, end;
-    bool at_end, skipping; /* skipping: inside a line that is longer than the buffer */
-    bool looked;           /* the first lines have been examined for the layout */
-    bool unended;          /* the line is the last one and has no line end */
+    lg_frame frame;      /* the columns, if a line of names has channels */
+    lg_frame_want *want; /* (channels) */
+    uint32_t time;       /* column of times + 1; 0: none */
+    bool guessed;        /* only its place makes it one of times */
+    bool unnamed;        /* a line of names had no channel of the model */
+    uint32_t *place;     /* (channels): index of each channel among the numbers of a line, without the time */
+    lg_csv_names extra;  /* names of the columns that are left out */
+    lg_csv csv;
+    sample_line ahead[SAMPLE_AHEAD]; /* (looked): the first lines; `given` of them have been used */
+    uint32_t looked, given;
     void (*idle)(void *); /* if not NULL, idle(user) is called several times a second while no sample comes */
     void *user;
 } sample_reader;
 
-void sample_reader_open(int file, uint32_t channels, const char *const *names, sample_reader *out);
+/* `name` is that of the feed in messages. The reader must not be moved. */
+void sample_reader_open(int file, const char *name, uint32_t channels, const char *const *names,
+                        sample_reader *out);
 void sample_reader_close(sample_reader *reader); /* frees the memory; the caller closes the file */
 /* Reads the next line into sample (channels); *time is NaN if the feed has no times. A malformed line whose
  * time is known sets *time and fills `sample` with NaN. Flushes stdout before it waits. */

@@ -467,28 +467,16 @@ static const char **names_of(const well_model *model) {
     return names;
 }
 
-static void refuse_feed(const app *self, const sample_reader *reader, sample_kind kind) {
-    if (kind == SAMPLE_READ && reader->unnamed && !reader->named)
-        app_stop(self, LG_FILE,
-                 "%s: no column of the feed has the name of a channel of the model (%s, ...): rename the "
-                 "columns, or leave the line of names out; columns without names are taken in their order",
-                 feed_name(), reader->names[0]);
-    if (kind == SAMPLE_REFUSED)
-        app_stop(self, LG_FILE, "%s: line %llu: %s", feed_name(), (unsigned long long)reader->line,
-                 reader->problem);
-    if (kind == SAMPLE_FAILED) app_stop(self, LG_FILE, "%s: %s", feed_name(), strerror(reader->failure));
-}
-
 /* Reads the feed until it ends, a signal comes, or standard output fails, which app_main reports. */
 static void read_feed(watching *self, sample_reader *reader, float *sample) {
     while (!app_interrupted() && !self->refused && !ferror(stdout)) {
         double time;
         const sample_kind kind = sample_next(reader, sample, &time);
-        refuse_feed(self->app, reader, kind);
-        if (reader->extra[0] != '\0')
+        if (reader->error.status != LG_OK) app_stop(self->app, LG_FILE, "%s", reader->error.message);
+        if (reader->extra.used > 0)
             app_warn(self->app, "%s: columns that are not channels of the model are left out: %s",
-                     feed_name(), reader->extra);
-        reader->extra[0] = '\0';
+                     feed_name(), reader->extra.text);
+        reader->extra.used = 0;
         if (kind == SAMPLE_MALFORMED) {
             watch_take_malformed(self, reader, sample, time);
         } else if (kind == SAMPLE_READ) {
@@ -518,9 +506,9 @@ static void watch_feed(watching *self, int file, size_t watch_bytes) {
     const uint32_t channels = self->bench.model->channels;
     APP_FREE float *sample = app_alloc(channels, sizeof *sample);
     APP_FREE const char **names = names_of(self->bench.model);
-    APP_CLEAN(sample_reader_close) sample_reader reader = {.file = -1};
+    APP_CLEAN(sample_reader_close) sample_reader reader = {.channels = 0};
     watch_time_open(self);
-    sample_reader_open(file, channels, names, &reader);
+    sample_reader_open(file, feed_name(), channels, names, &reader);
     reader.idle = on_idle;
     reader.user = self;
     const uint64_t start_rss = max_rss_kb();

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/text.h"
 
 /* The locale of the thread is "C" between point_begin and point_end. The C libraries of Linux keep this
  * locale ready, so newlocale allocates nothing and cannot fail. */
@@ -72,24 +72,71 @@ void lg_format_shortest(char text[LG_SHORTEST], double value, bool single) {
         }
 }
 
-static const char *digits(const char *text, bool *any) {
-    while (*text >= '0' && *text <= '9') text++, *any = true;
-    return text;
+/* The first 19 digits as an integer, the number of digits without zeros at the beginning, and the power of ten
+ * of the last of the first 19 digits. */
+typedef struct scan {
+    uint64_t digits;
+    int count, power;
+} scan;
+
+static inline const char *scan_digits(const char *at, int behind, scan *out) {
+    for (unsigned digit; (digit = (unsigned)(unsigned char)*at - '0') < 10; at++) {
+        if (out->count < 19)
+            out->digits = 10 * out->digits + digit, out->power -= behind;
+        else
+            out->power += !behind;
+        out->count += out->count > 0 || digit > 0;
+    }
+    return at;
+}
+
+/* Returns the end of the number at the beginning of a text, or NULL if there is none. */
+static inline const char *scan_number(const char *text, scan *out) {
+    enum { FAR = 100000 };
+    scan number = {.count = 0};
+    const char *first = text + (*text == '+' || *text == '-'), *at = scan_digits(first, 0, &number);
+    bool any = at > first;
+    if (*at == '.') {
+        const char *behind = at + 1;
+        at = scan_digits(behind, 1, &number);
+        any = any || at > behind;
+    }
+    if (*at == 'e' || *at == 'E') {
+        const bool down = *++at == '-';
+        int power = 0;
+        at += *at == '+' || down;
+        const char *begin = at;
+        for (; *at >= '0' && *at <= '9'; at++)
+            if (power < FAR) power = 10 * power + (*at - '0');
+        number.power += down ? -power : power;
+        any = any && at > begin;
+    }
+    *out = number;
+    return any ? at : NULL;
 }
 
 bool lg_is_decimal(const char *text) {
-    bool mantissa = false, exponent = false;
-    if (*text == '+' || *text == '-') text++;
-    text = digits(text, &mantissa);
-    if (*text == '.') text = digits(text + 1, &mantissa);
-    if (!mantissa) return false;
-    if (*text == 'e' || *text == 'E') {
-        text++;
-        if (*text == '+' || *text == '-') text++;
-        text = digits(text, &exponent);
-        if (!exponent) return false;
+    scan number;
+    const char *end = scan_number(text, &number);
+    return end != NULL && *end == '\0';
+}
+
+/* Digits below 2^53 and powers of ten up to 10^22 are exact as doubles, so that their product or quotient is
+ * rounded once (Clinger 1990). The C library converts other numbers. */
+const char *lg_decimal(const char *text, double *out) {
+    static const double powers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
+                                    1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+    scan number;
+    const char *end = scan_number(text, &number);
+    if (end == NULL) return NULL;
+    if (number.count > 19 || number.digits >> 53 != 0 || number.power < -22 || number.power > 22) {
+        *out = lg_real(text, NULL);
+        return end;
     }
-    return *text == '\0';
+    const double digits = (double)(int64_t)number.digits;
+    *out = number.power < 0 ? digits / powers[-number.power] : digits * powers[number.power];
+    if (*text == '-') *out = -*out;
+    return end;
 }
 
 /* The number is sign 0.DIGITS 10^power; the first of the digits at `at` is not 0. 0 has the sign 0. */

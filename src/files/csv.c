@@ -1,10 +1,13 @@
 /* CSV files: text files with one row per line. */
 #include "files/csv.h"
+#include "files/frame.h"
 #include "files/h5.h"
 #include "files/read_file.h"
 
+#include <errno.h>
 #include <math.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "liegrad/settings.h"
 
@@ -20,34 +23,47 @@ lg_status lg_csv_no_memory(const lg_csv *c, lg_error *error) {
 
 /* ---- lines ---- */
 
-static int next_byte(lg_csv *c) {
-    if (c->block_at == c->block_used) {
-        c->block_used = fread(c->block, 1, BLOCK, c->from);
-        c->block_at = 0;
-        c->broken = ferror(c->from) != 0;
-        if (c->block_used == 0) return EOF;
+/* Reads the next block. False: there is none. */
+static bool fill(lg_csv *c) {
+    ssize_t got = -1;
+    while (got < 0 && !c->ended) {
+        c->ended = c->wait != NULL && !c->wait(c->user);
+        if (!c->ended) got = read(c->file, c->block, BLOCK);
+        if (got < 0 && !c->ended && errno != EINTR && errno != EAGAIN) c->failure = errno;
+        c->ended = c->ended || got == 0 || c->failure != 0;
     }
-    return (unsigned char)c->block[c->block_at++];
+    c->block_at = 0;
+    c->block_used = got > 0 ? (size_t)got : 0;
+    return got > 0;
 }
 
 static lg_status widen(lg_csv *c, lg_error *error) {
-    char *line = lg_alloc(c->context, 2 * c->room, 1);
+    char *line = lg_widen(c->context, c->line, c->length, 2 * c->room, 1);
     if (line == NULL) return lg_csv_no_memory(c, error);
-    memcpy(line, c->line, c->length);
-    lg_free(c->context, c->line);
     c->line = line;
     c->room *= 2;
     return LG_OK;
 }
 
-/* Takes one more byte of the record; `quoted` says that it is inside quotes. */
-static lg_status take_byte(lg_csv *c, int byte, bool quoted, lg_error *error) {
-    if (byte == '\0') return lg_csv_fail(c, error, "is not text: neither CSV nor HDF5");
-    if (c->length + 1 == c->room && c->room >= LONGEST_LINE)
-        return lg_csv_fail(c, error, quoted ? "a quote is not closed" : "is longer than a million bytes");
-    if (c->length + 1 == c->room) LG_TRY(widen(c, error));
-    c->line[c->length++] = (char)byte;
-    if (c->number == 1 && c->length == 3 && memcmp(c->line, "\xef\xbb\xbf", 3) == 0) c->length = 0;
+/* Adds bytes to the line; `quoted` says that they are inside quotes. */
+static lg_status take_bytes(lg_csv *c, const char *from, size_t count, bool quoted, lg_error *error) {
+    while (!c->cut && c->length + count >= c->room) {
+        c->cut = c->room >= c->longest;
+        if (c->cut && c->wait == NULL)
+            return lg_csv_fail(c, error, quoted ? "a quote is not closed" : "is longer than a million bytes");
+        if (!c->cut) LG_TRY(widen(c, error));
+    }
+    if (c->cut) return LG_OK;
+    char *to = c->line + c->length;
+    memcpy(to, from, count);
+    for (char *zero; (zero = memchr(to, '\0', count)) != NULL; *zero = '?')
+        if (c->wait == NULL) return lg_csv_fail(c, error, "is not text: neither CSV nor HDF5");
+    c->length += count;
+    if (c->number == 1 && c->length >= 3 && memcmp(c->line, "\xef\xbb\xbf", 3) == 0) {
+        c->length -= 3;
+        memmove(c->line, c->line + 3, c->length);
+    }
+    c->line[c->length] = '\0';
     return LG_OK;
 }
 
@@ -55,24 +71,31 @@ size_t lg_csv_comment(const char *line) {
     return line[0] == '#' || line[0] == '%' ? 1 : line[0] == '/' && line[1] == '/' ? 2 : 0;
 }
 
-/* Reads the next line without its line ending, and further lines as long as a quote is open; in a comment
- * quotes mean nothing. *more becomes false when there is no further line. */
-static lg_status next_line(lg_csv *c, bool *more, lg_error *error) {
-    int byte = EOF;
+/* The line continues as long as a quote is open; in a comment quotes mean nothing. */
+lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error) {
     bool quoted = false;
     if (lg_cancelled(c->context)) return LG_CANCELLED;
     c->length = 0;
+    c->closed = c->cut = false;
     c->number = ++c->lines;
-    while ((byte = next_byte(c)) != EOF && (quoted || byte != '\n')) {
-        LG_TRY(take_byte(c, byte, quoted, error));
-        if (byte == '"') c->line[c->length] = '\0', quoted = quoted != (lg_csv_comment(c->line) == 0);
-        c->lines += byte == '\n';
+    while (!c->closed && (c->block_at < c->block_used || fill(c))) {
+        const char *from = c->block + c->block_at, *end = memchr(from, '\n', c->block_used - c->block_at);
+        const size_t count = (end != NULL ? (size_t)(end - c->block) : c->block_used) - c->block_at;
+        c->block_at += count + (end != NULL);
+        LG_TRY(take_bytes(c, from, count, quoted, error));
+        if (c->wait == NULL && lg_csv_comment(c->line) == 0)
+            for (; (from = memchr(from, '"', (size_t)(c->block + c->block_at - from))) != NULL; from++)
+                quoted = !quoted;
+        c->closed = end != NULL && !quoted;
+        if (end == NULL || !quoted) continue;
+        LG_TRY(take_bytes(c, "\n", 1, true, error));
+        c->lines++;
     }
-    if (c->broken) return lg_fail(error, LG_FILE, "%s: cannot be read", c->shown);
+    if (c->failure != 0)
+        return lg_fail(error, LG_FILE, "%s: cannot be read: %s", c->shown, strerror(c->failure));
     if (quoted && c->lines > c->number) return lg_csv_fail(c, error, "a quote is not closed");
-    c->closed = byte == '\n';
-    *more = c->closed || c->length > 0;
-    while (c->length > 0 && c->line[c->length - 1] == '\r') c->length--;
+    *more = c->closed || c->length > 0 || c->cut;
+    for (; c->length > 0 && c->line[c->length - 1] == '\r'; c->length--) c->closed = true;
     c->line[c->length] = '\0';
     return LG_OK;
 }
@@ -82,8 +105,7 @@ static bool is_empty(const lg_csv *c) {
     return lg_csv_comment(c->line) > 0 || c->line[strspn(c->line, " \t\r")] == '\0';
 }
 
-/* Makes each stretch of blanks between words one separator. */
-static void join_blanks(char *line, char separator) {
+void lg_csv_join_blanks(char *line, char separator) {
     char *to = line;
     for (const char *from = line; *from != '\0';) {
         const size_t blanks = strspn(from, " \t");
@@ -102,9 +124,9 @@ lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error) {
         c->row = NULL;
         return LG_OK;
     }
-    do LG_TRY(next_line(c, more, error));
+    do LG_TRY(lg_csv_next(c, more, error));
     while (*more && is_empty(c));
-    if (c->blanks) join_blanks(c->line, c->separator);
+    if (c->blanks) lg_csv_join_blanks(c->line, c->separator);
     return LG_OK;
 }
 
@@ -174,7 +196,7 @@ void lg_csv_put(FILE *to, const char *before, const char *text, bool name) {
 
 /* ---- the header ---- */
 
-static size_t count_cells(const char *line, char separator, bool *open) {
+size_t lg_csv_count(const char *line, char separator, bool *open) {
     size_t count = 1;
     bool quoted = false;
     for (const char *at = line; *at != '\0'; at++) {
@@ -191,7 +213,7 @@ static char separator_of(const char *line) {
     char best = ',';
     bool open;
     for (size_t i = 0; i < sizeof candidates; i++) {
-        const size_t count = count_cells(line, candidates[i], &open);
+        const size_t count = lg_csv_count(line, candidates[i], &open);
         if (count > most) most = count, best = candidates[i];
     }
     return best;
@@ -231,9 +253,9 @@ static lg_status keep_comment(lg_csv *c, lg_error *error) {
 static bool take_comment(lg_csv *c, size_t i) {
     bool open, counting;
     char *text = c->comment[i].text;
-    if (strchr(text, c->separator) == NULL) join_blanks(text, c->separator);
+    if (strchr(text, c->separator) == NULL) lg_csv_join_blanks(text, c->separator);
     const size_t skip = strspn(text, " ");
-    size_t names = count_cells(text, c->separator, &open);
+    size_t names = lg_csv_count(text, c->separator, &open);
     if (text[skip] == c->separator && names == c->cells + 1) {
         memmove(text, text + skip + 1, strlen(text + skip));
         names--;
@@ -260,10 +282,10 @@ static lg_status split_blanks(lg_csv *c, lg_error *error) {
     bool open, counting;
     char *copy = lg_strdup(c->context, c->line);
     if (copy == NULL) return lg_csv_no_memory(c, error);
-    join_blanks(copy, c->separator);
-    const size_t cells = count_cells(copy, c->separator, &open);
+    lg_csv_join_blanks(copy, c->separator);
+    const size_t cells = lg_csv_count(copy, c->separator, &open);
     c->blanks = cells > 1 && count_numbers(copy, c->separator, &counting) == cells;
-    if (c->blanks) join_blanks(c->line, c->separator), c->cells = cells;
+    if (c->blanks) lg_csv_join_blanks(c->line, c->separator), c->cells = cells;
     lg_free(c->context, copy);
     return LG_OK;
 }
@@ -287,14 +309,14 @@ static lg_status check_header(lg_csv *c, lg_error *error) {
 lg_status lg_csv_header(lg_csv *c, lg_error *error) {
     bool more = true, open = false;
     for (;;) {
-        LG_TRY(next_line(c, &more, error));
+        LG_TRY(lg_csv_next(c, &more, error));
         if (!more)
             return lg_csv_fail(c, error, "is empty: a header with the names of the columns is expected");
         if (lg_csv_comment(c->line) > 0) LG_TRY(keep_comment(c, error));
         if (!is_empty(c)) break;
     }
     c->separator = separator_of(c->line);
-    c->cells = count_cells(c->line, c->separator, &open);
+    c->cells = lg_csv_count(c->line, c->separator, &open);
     if (open) return lg_csv_fail(c, error, "a quote is not closed");
     if (c->cells == 1 && c->comments > 0) LG_TRY(split_blanks(c, error));
     return check_header(c, error);
@@ -304,7 +326,7 @@ lg_status lg_csv_header(lg_csv *c, lg_error *error) {
 
 lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error) {
     bool open = false;
-    const size_t cells = count_cells(c->line, c->separator, &open);
+    const size_t cells = lg_csv_count(c->line, c->separator, &open);
     *cut = cells < c->cells && !c->closed;
     if (*cut) return LG_OK;
     if (open) return lg_csv_fail(c, error, "a quote is not closed");
@@ -343,9 +365,26 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, b
 lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,
                       lg_error *error) {
     uint64_t bytes;
-    *c = (lg_csv){.context = context, .path = path, .shown = lg_shown_path(path), .room = FIRST_LINE};
+    FILE *from = NULL;
+    *c = (lg_csv){.context = context};
     if (*path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", what);
-    LG_TRY(lg_read_open(path, &c->from, &bytes, error));
+    LG_TRY(lg_read_open(path, &from, &bytes, error));
+    const lg_status status =
+        lg_csv_open_feed(context, fileno(from), path, LONGEST_LINE, NULL, NULL, c, error);
+    c->from = from;
+    return status;
+}
+
+lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name, size_t longest,
+                           bool (*wait)(void *user), void *user, lg_csv *c, lg_error *error) {
+    *c = (lg_csv){.context = context,
+                  .path = name,
+                  .shown = lg_shown_path(name),
+                  .file = file,
+                  .room = FIRST_LINE,
+                  .longest = longest,
+                  .wait = wait,
+                  .user = user};
     c->block = lg_alloc(context, BLOCK, 1);
     c->line = lg_alloc(context, FIRST_LINE, 1);
     return c->block == NULL || c->line == NULL ? lg_csv_no_memory(c, error) : LG_OK;

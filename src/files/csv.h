@@ -17,12 +17,18 @@
 typedef struct lg_csv {
     const lg_context *context;
     const char *path, *shown;
-    FILE *from;
+    FILE *from;         /* NULL if another descriptor is read */
+    int file;           /* descriptor */
     char *block, *line; /* line: the current line, terminated */
-    size_t block_used, block_at, length, room;
+    size_t block_used, block_at, length, room, longest;
     size_t number, lines; /* number of the current line, from 1, and of the last one that was read */
-    bool broken, closed;  /* broken: reading failed; closed: the line ended with a newline */
-    bool quoted;          /* the last cell was in quotes */
+    int failure;          /* errno of reading, or 0 */
+    bool ended, closed;   /* ended: nothing more can be read; closed: the line has a line end */
+    bool cut;             /* of a feed: the line is longer than `longest` bytes and was cut */
+    /* of a feed: called before each read; false ends the feed */
+    bool (*wait)(void *user);
+    void *user;
+    bool quoted; /* the last cell was in quotes */
     struct {
         char *text;
         size_t number;
@@ -39,7 +45,17 @@ typedef struct lg_csv {
  * too. */
 lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,
                       lg_error *error);
+/* Opens a feed: lines of any kind, which are read from a descriptor as they come, with lg_csv_next. Each line
+ * end ends a line, zero bytes become '?', and lines are cut at `longest` bytes. The caller closes `file`. */
+lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name, size_t longest,
+                           bool (*wait)(void *user), void *user, lg_csv *c, lg_error *error);
 void lg_csv_close(lg_csv *c);
+/* Reads the next line, also if it is blank or a comment. *more becomes false when there is none. */
+lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error);
+/* Number of cells of a line. *open: a quote is not closed. */
+size_t lg_csv_count(const char *line, char separator, bool *open);
+/* Makes each stretch of blanks between words one separator. */
+void lg_csv_join_blanks(char *line, char separator);
 /* Returns the length of the sign (#, % or //) with which a comment begins; 0 if the line is not a comment. */
 size_t lg_csv_comment(const char *line);
 /* Reads the next line that is neither blank nor a comment. *more becomes false when there is none. */

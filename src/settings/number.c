@@ -1,13 +1,14 @@
 /* Parses numbers. The whole text must be a number; the locale does not matter. */
 #include <math.h>
 
-#include "core/core.h"
+#include "core/text.h"
 #include "liegrad/settings.h"
 
 lg_status lg_number_parse(const char *text, double *out) {
     if (text == NULL || out == NULL) return LG_INVALID_ARGUMENT;
-    if (!lg_is_decimal(text)) return LG_FORMAT;
-    const double value = lg_real(text, NULL);
+    double value;
+    const char *end = lg_decimal(text, &value);
+    if (end == NULL || *end != '\0') return LG_FORMAT;
     if (!isfinite(value)) return LG_NOT_FINITE;
     *out = value;
     return lg_decimal_is_rounded(text, value) ? LG_UNSUPPORTED : LG_OK;

@@ -59,12 +59,8 @@ static void take_feed(const app *by, const well_model *model, uint8_t options) {
     /* Hz; low rates, so that the longest gap that watch fills, a week, has few samples */
     if (self.rate_known) self.rate = (options & 2) != 0 ? 1e-3 : 0.05;
     self.timing.follow = (options & 4) != 0;
-    static sample_reader fresh; /* its large buffer is allocated only once */
-    if (fresh.buffer == NULL) sample_reader_open(fuzz_file_descriptor(), CHANNELS, NULL, &fresh);
-    sample_reader reader = fresh;
-    reader.names = (options & 8) != 0 ? names : NULL;
-    reader.place[0] = 0;
-    reader.place[1] = 1;
+    sample_reader reader;
+    sample_reader_open(fuzz_file_descriptor(), "feed", CHANNELS, (options & 8) != 0 ? names : NULL, &reader);
     float sample[CHANNELS];
     double time;
     open_monitor(&self, options);
@@ -76,6 +72,7 @@ static void take_feed(const app *by, const well_model *model, uint8_t options) {
             watch_take_malformed(&self, &reader, sample, time);
     watch_settle(&self);
     watch_time_close(&self);
+    sample_reader_close(&reader);
 }
 
 void fuzz_feed(const uint8_t *data, size_t size) {
