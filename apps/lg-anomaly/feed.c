@@ -152,40 +152,9 @@ static void make_hour(void *user, size_t slot) {
 /* A regular file appears under its name only when it is complete, whatever its length. An existing target of
  * another type (a pipe, a device) is written to directly. */
 typedef struct sink {
-    int fd;
-    bool direct; /* written directly, not under a temporary name */
-    lg_temporary temporary;
-    char head[64 * (LG_RISER_CHANNELS + 1)]; /* the line of names */
+    FILE *stream;
+    lg_temporary temporary; /* of a regular file */
 } sink;
-
-static lg_status sink_open(const app *self, const char *path, sink *out, lg_error *error) {
-    struct stat information;
-    *out = (sink){.fd = STDOUT_FILENO, .direct = true, .head = "time"};
-    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++)
-        lg_append(out->head, sizeof out->head, ",%s", lg_riser_channel(c));
-    lg_append(out->head, sizeof out->head, "\n");
-    if (path == NULL) return LG_OK;
-    out->direct = stat(path, &information) == 0 && !S_ISREG(information.st_mode);
-    if (!out->direct) {
-        lg_status status = lg_may_replace(self->context, path, out->head, strlen(out->head), error);
-        if (status == LG_OK) status = lg_temporary_create(self->context, path, false, &out->temporary, error);
-        out->fd = status == LG_OK ? out->temporary.fd : -1;
-        return status;
-    }
-    out->fd = open(path, O_WRONLY | O_CLOEXEC);
-    return out->fd >= 0 ? LG_OK : app_error(error, LG_FILE, "%s: %s", path, strerror(errno));
-}
-
-static bool sink_write(const sink *to, const char *text, size_t bytes) {
-    while (bytes > 0) {
-        const ssize_t n = write(to->fd, text, bytes);
-        if (n < 0 && errno == EINTR && !app_interrupted()) continue;
-        if (n < 0) return false;
-        text += n;
-        bytes -= (size_t)n;
-    }
-    return true;
-}
 
 /* Returns LG_FILE with the message of errno, or LG_CANCELLED if a signal interrupted the write. */
 static lg_status file_failed(lg_error *error) {
@@ -194,10 +163,29 @@ static lg_status file_failed(lg_error *error) {
                      strerror(errno));
 }
 
+/* Opens the sink and writes the line of names. */
+static lg_status sink_open(const app *self, const char *path, sink *out, lg_error *error) {
+    struct stat information;
+    char head[64 * (LG_RISER_CHANNELS + 1)] = "time";
+    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) lg_append(head, sizeof head, ",%s", lg_riser_channel(c));
+    lg_append(head, sizeof head, "\n");
+    *out = (sink){.stream = stdout, .temporary = {.fd = -1}};
+    if (path != NULL && stat(path, &information) == 0 && !S_ISREG(information.st_mode)) {
+        out->stream = fopen(path, "we");
+    } else if (path != NULL) {
+        LG_TRY(lg_may_replace(self->context, path, head, strlen(head), error));
+        LG_TRY(lg_temporary_create(self->context, path, false, &out->temporary, error));
+        out->stream = fdopen(dup(out->temporary.fd), "w");
+    }
+    /* without a buffer, so that nothing is left to write to a pipe that nobody reads */
+    const bool ready = out->stream != NULL && setvbuf(out->stream, NULL, _IONBF, 0) == 0;
+    return ready && fputs(head, out->stream) >= 0 ? LG_OK : file_failed(error);
+}
+
 /* Closes the sink. The file appears under its name only if `status`, the status of the writes, is LG_OK. */
 static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
-    if (values.out == NULL) return status;
-    if (to->direct) return close(to->fd) != 0 && status == LG_OK ? file_failed(error) : status;
+    if (to->stream != stdout && fclose(to->stream) != 0 && status == LG_OK) status = file_failed(error);
+    if (to->temporary.fd < 0) return status;
     if (status == LG_OK) status = lg_temporary_publish(&to->temporary, values.out, error);
     if (status != LG_OK) (void)unlink(to->temporary.name);
     lg_temporary_end(&to->temporary);
@@ -230,7 +218,7 @@ static lg_status write_hour(feeding *feed, uint64_t index, const hour *h, const 
     if (h->status != LG_OK)
         return app_error(error, h->status, "hour %llu: %s", (unsigned long long)index,
                          app_sentence(h->status, &h->error));
-    if (!sink_write(to, h->text, h->bytes)) return file_failed(error);
+    if (fwrite(h->text, 1, h->bytes, to->stream) != h->bytes) return file_failed(error);
     feed->lines += h->lines;
     feed->gaps += h->gaps;
     feed->nans += h->nans;
@@ -286,9 +274,7 @@ static int run(app *self) {
     feeding_create(self, &feed);
     app_must(self, sink_open(self, values.out, &to, &error), &error);
     const double begin = app_seconds();
-    lg_status status =
-        sink_write(&to, to.head, strlen(to.head)) ? write_hours(&feed, &to, &error) : file_failed(&error);
-    status = sink_close(&to, status, &error);
+    const lg_status status = sink_close(&to, write_hours(&feed, &to, &error), &error);
     app_must(self, status, &error);
     if (values.out != NULL) report(&feed, app_seconds() - begin);
     return APP_EXIT_OK;

@@ -81,8 +81,8 @@ static const char *scan_word(const char *p) {
     return NULL;
 }
 
-/* Returns the end of a cell. A cell that begins with a quote ends behind the closing quote: separators between
- * the quotes belong to the cell, and two quotes stand for one. */
+/* Returns the end of a cell. A cell that begins with a quote ends behind the closing quote: separators
+ * between the quotes belong to the cell, and two quotes stand for one. */
 static char *cell_end(char *at, char separator) {
     bool quoted = *at == '"';
     for (at += quoted; quoted && *at != '\0'; at++) {
@@ -286,9 +286,9 @@ static lg_status find_columns(sample_reader *reader) {
     return LG_OK;
 }
 
-/* Processes a line of words before the first sample. Fails if it names only some of the channels, or names one
- * twice. If it names no channel, the feed may be rejected at the first sample. A comment, as numpy.savetxt
- * writes it, is a comment only, unless it names all channels. */
+/* Processes a line of words before the first sample. Fails if it names only some of the channels, or names
+ * one twice. If it names no channel, the feed may be rejected at the first sample. A comment, as
+ * numpy.savetxt writes it, is a comment only, unless it names all channels. */
 static lg_status take_names(sample_reader *reader, char *line, bool comment) {
     lg_frame *f = &reader->frame;
     uint32_t found = 0;

@@ -72,8 +72,8 @@ void lg_format_shortest(char text[LG_SHORTEST], double value, bool single) {
         }
 }
 
-/* The first 19 digits as an integer, the number of digits without zeros at the beginning, and the power of ten
- * of the last of the first 19 digits. */
+/* The first 19 digits as an integer, the number of digits without zeros at the beginning, and the power of
+ * ten of the last digit. */
 typedef struct scan {
     uint64_t digits;
     int count, power;
@@ -81,10 +81,8 @@ typedef struct scan {
 
 static inline const char *scan_digits(const char *at, int behind, scan *out) {
     for (unsigned digit; (digit = (unsigned)(unsigned char)*at - '0') < 10; at++) {
-        if (out->count < 19)
-            out->digits = 10 * out->digits + digit, out->power -= behind;
-        else
-            out->power += !behind;
+        if (out->count < 19) out->digits = 10 * out->digits + digit;
+        out->power -= behind;
         out->count += out->count > 0 || digit > 0;
     }
     return at;

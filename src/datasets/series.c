@@ -61,7 +61,6 @@ typedef struct read_call {
     const lg_series *like;
     lg_h5 *h5;
     lg_series_data *out;
-    bool wide;     /* `wide` of lg_h5_about for /X */
     bool bad_rate; /* the attribute rate, written by another program, is not a number */
     lg_precision precision;
     bool ours;               /* the file was written by this library, so its attributes must be valid */
@@ -96,7 +95,6 @@ static lg_status read_shape(read_call *call, lg_error *error) {
     if (about.dims[0] > UINT32_MAX || channels > UINT32_MAX || length > UINT32_MAX)
         return lg_fail(error, LG_FORMAT, "%s: /X: more than %u windows, channels or samples", shown,
                        UINT32_MAX);
-    call->wide = about.wide;
     s->count = (size_t)about.dims[0];
     s->channels = (uint32_t)channels;
     s->length = (uint32_t)length;
@@ -161,9 +159,7 @@ static lg_status check_runs(read_call *call, lg_error *error) {
 
 static lg_status read_samples(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
-    LG_TRY(lg_as_format(call->wide ? lg_series_convert(call->h5, s, &call->precision, error)
-                                   : lg_h5_get_floats(call->h5, "X", s->x, error),
-                        error));
+    LG_TRY(lg_as_format(lg_series_convert(call->h5, s, &call->precision, error), error));
     LG_TRY(check_samples(call->path, s, error));
     return lg_precision_check(call->path, &call->precision, error);
 }

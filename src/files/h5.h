@@ -148,9 +148,6 @@ lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out
 /* The same for member `index` of a table, whose name is written to `text`. */
 lg_status lg_h5_look_member(lg_h5 *h5, const char *name, uint32_t index, char *text, size_t size,
                             lg_h5_about *out, lg_error *error);
-/* Reads all numbers as floats into the caller's memory, from any stored type and without a second array.
- * Finiteness is not checked: numbers beyond the range of a float become infinite. */
-lg_status lg_h5_get_floats(lg_h5 *h5, const char *name, float *out, lg_error *error);
 /* Reads the numbers of a slice as doubles into the caller's memory, in the order of the file. LG_H5_EXACT: an
  * integer that no double equals is LG_FORMAT; LG_H5_RAW: integers of more than four bytes are not converted,
  * see lg_h5_about.raw. */

@@ -348,13 +348,12 @@ static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, 
     return LG_OK;
 }
 
-static lg_status read_all(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, bool checked,
-                          void *out, lg_error *error) {
+static lg_status read_all(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, void *out,
+                          lg_error *error) {
     if (memory == H5T_NATIVE_DOUBLE)
-        return read_doubles(h5, name, d, H5S_ALL, H5S_ALL, 0, d->count, checked, LG_H5_EXACT, out, error);
-    LG_TRY(read_part(h5, name, d, memory, H5S_ALL, H5S_ALL, checked, out, error));
-    if (!checked || !is_reinterpreted(d->type, memory) || !has_highest_bit(out, d->count, memory))
-        return LG_OK;
+        return read_doubles(h5, name, d, H5S_ALL, H5S_ALL, 0, d->count, true, LG_H5_EXACT, out, error);
+    LG_TRY(read_part(h5, name, d, memory, H5S_ALL, H5S_ALL, true, out, error));
+    if (!is_reinterpreted(d->type, memory) || !has_highest_bit(out, d->count, memory)) return LG_OK;
     return lg_dataset_error(h5, name, "cannot be read: a number is out of range", error);
 }
 
@@ -364,7 +363,7 @@ static lg_status read_dataset(lg_h5 *h5, const char *name, const lg_dataset *d, 
     if (!to_float && H5Tget_class(d->type) != H5T_INTEGER)
         return lg_dataset_error(h5, name, "does not hold integers", error);
     if (d->count == 0) return LG_OK;
-    return read_all(h5, name, d, lg_h5_memory_type(type), true, out, error);
+    return read_all(h5, name, d, lg_h5_memory_type(type), out, error);
 }
 
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
@@ -512,19 +511,14 @@ lg_status lg_h5_look_member(lg_h5 *h5, const char *name, uint32_t index, char *t
     return status;
 }
 
-static lg_status get_all(lg_h5 *h5, const char *name, size_t bytes, hid_t memory, bool checked, void *out,
-                         lg_error *error) {
+static lg_status get_all(lg_h5 *h5, const char *name, hid_t memory, void *out, lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     lg_dataset d;
-    lg_status status = lg_dataset_open(h5, name, bytes, &d, error);
-    if (status == LG_OK && d.count > 0) status = read_all(h5, name, &d, memory, checked, out, error);
+    lg_status status = lg_dataset_open(h5, name, sizeof(double), &d, error);
+    if (status == LG_OK && d.count > 0) status = read_all(h5, name, &d, memory, out, error);
     lg_dataset_close(&d);
     lg_quiet_end(quiet);
     return status;
-}
-
-lg_status lg_h5_get_floats(lg_h5 *h5, const char *name, float *out, lg_error *error) {
-    return get_all(h5, name, sizeof *out, H5T_NATIVE_FLOAT, false, out, error);
 }
 
 uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis) {
@@ -605,11 +599,11 @@ static lg_status not_whole(const lg_h5 *h5, const char *name, double value, uint
 
 lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,
                            lg_error *error) {
-    if (about->kind == LG_H5_WHOLE) return get_all(h5, name, sizeof *out, H5T_NATIVE_INT64, true, out, error);
+    if (about->kind == LG_H5_WHOLE) return get_all(h5, name, H5T_NATIVE_INT64, out, error);
     double *values = lg_alloc(h5->context, (size_t)about->count, sizeof *values);
     if (values == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
-    lg_status status = get_all(h5, name, sizeof *values, H5T_NATIVE_DOUBLE, true, values, error);
+    lg_status status = get_all(h5, name, H5T_NATIVE_DOUBLE, values, error);
     for (uint64_t i = 0; i < about->count && status == LG_OK; i++) {
         if (lg_is_whole(values[i]))
             out[i] = (int64_t)values[i];

@@ -1,6 +1,8 @@
 /* CSV: lines, quotes and names that are too long. */
 #include "support/io_test.h"
 
+#include <unistd.h>
+
 #include "core/text.h"
 #include "files/csv.h"
 
@@ -148,4 +150,74 @@ TEST("a list of names ends with dots where there is no more room, and stays as i
     memcpy(before, names.text, sizeof before);
     lg_name_list_add(&names, "x");
     assert_memory_equal(before, names.text, sizeof before);
+}
+
+TEST("lines, quotes and byte order marks may lie anywhere in the blocks that are read") {
+    enum { BLOCK = 1 << 16, AROUND = 12 };
+    static const char row[] = "\xef\xbb\xbf#\"\r\n \r\na,\"b\n\"\"c\"\r\n//\"\n1,\"2\n\n3\"\r\n";
+    static char text[BLOCK + sizeof row + 1];
+    for (size_t shift = 0; shift < sizeof row + AROUND; shift++) {
+        lg_error error = {LG_OK, ""};
+        lg_csv c;
+        bool more = false;
+        const size_t before = BLOCK - sizeof row + shift - AROUND; /* bytes of a comment before the rest */
+        (void)snprintf(text, sizeof text, "\xef\xbb\xbf#%*s\n%s", (int)before - 5, "", row + 3);
+        write_text_to(scratch_path("rows.csv"), text);
+        lg_status status = lg_csv_open(NULL, scratch_path("rows.csv"), "table", &c, &error);
+        if (status == LG_OK) status = lg_csv_header(&c, &error);
+        if (status == LG_OK && strcmp(c.line, "a,\"b\n\"\"c\"") != 0) fail_msg("%zu: '%s'", shift, c.line);
+        if (status == LG_OK) assert_int_equal(c.number, 4);
+        if (status == LG_OK) status = lg_csv_line(&c, &more, &error);
+        if (status == LG_OK && (strcmp(c.line, "1,\"2\n\n3\"") != 0 || !more || c.number != 7))
+            fail_msg("%zu: line %zu: '%s'", shift, c.number, c.line);
+        if (status == LG_OK) status = lg_csv_line(&c, &more, &error);
+        if (status == LG_OK) assert_false(more);
+        lg_csv_close(&c);
+        if (lg_test_again(status))
+            shift--;
+        else
+            assert_int_equal(status, LG_OK);
+    }
+}
+
+static bool two_reads(void *user) {
+    return (*(int *)user)++ < 2;
+}
+
+TEST("a feed gives any lines as they come: open quotes end with the line, long lines are cut") {
+    int pipes[2], reads = 0;
+    char *text = lg_test_memory(9000);
+    lg_error error = {LG_OK, ""};
+    lg_csv c;
+    bool more = false;
+    memset(text, 'x', 9000);
+    memcpy(text, "1,\"2\n\n#a\0b\r\n", 13);
+    text[8990] = '\n';
+    memcpy(text + 8991, "5,6", 3);
+    assert_int_equal(pipe(pipes), 0);
+    assert_int_equal(write(pipes[1], text, 8994), 8994);
+    lg_status status;
+    while (
+        lg_test_again(status = lg_csv_open_feed(NULL, pipes[0], "pipe", 8000, two_reads, &reads, &c, &error)))
+        lg_csv_close(&c);
+    assert_ok(status);
+    static const struct {
+        const char *line;
+        bool closed, cut;
+    } rows[] = {{"1,\"2", true, false},
+                {"", true, false},
+                {"#a?b", true, false},
+                {NULL, true, true},
+                {"5,6", false, false}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        if (i == 4) assert_int_equal(reads, 1);
+        if (i == 4) assert_int_equal(close(pipes[1]), 0);
+        assert_ok(lg_csv_next(&c, &more, &error));
+        assert_true(more && c.number == i + 1 && c.closed == rows[i].closed && c.cut == rows[i].cut);
+        if (rows[i].line != NULL) assert_string_equal(c.line, rows[i].line);
+    }
+    assert_ok(lg_csv_next(&c, &more, &error));
+    assert_false(more);
+    lg_csv_close(&c);
+    assert_int_equal(close(pipes[0]), 0);
 }

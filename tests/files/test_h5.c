@@ -439,7 +439,7 @@ static void assert_outcome(const char *name, lg_status status, const char *messa
 }
 
 TEST("arrays that other programs wrote are read in every layout, or refused with the array's name") {
-    enum { DOUBLES, FLOATS, SINGLES, SIGNED, UNSIGNED, NATURAL, WORDS, SHAPED, LOOKED, ROWS };
+    enum { DOUBLES, SINGLES, SIGNED, UNSIGNED, NATURAL, WORDS, SHAPED, LOOKED, ROWS };
     static const struct {
         const char *name;
         int as;
@@ -447,9 +447,7 @@ TEST("arrays that other programs wrote are read in every layout, or refused with
         const char *word;
     } rows[] = {
         {"compact", DOUBLES, LG_OK, ""},
-        {"compact", FLOATS, LG_OK, ""},
         {"compact", SINGLES, LG_FORMAT, "out of range"},
-        {"empty", FLOATS, LG_OK, ""},
         {"empty", ROWS, LG_OK, ""},
         {"vast", ROWS, LG_OK, ""},
         {"absent", ROWS, LG_NOT_FOUND, "has no /absent"},
@@ -491,7 +489,6 @@ TEST("arrays that other programs wrote are read in every layout, or refused with
         lg_h5_about about;
         const lg_status status =
             rows[i].as == DOUBLES    ? lg_h5_get(h5, name, LG_ELEMENT_F64, 1, dims, doubles, &error)
-            : rows[i].as == FLOATS   ? lg_h5_get_floats(h5, name, floats, &error)
             : rows[i].as == SINGLES  ? lg_h5_get(h5, name, LG_ELEMENT_F32, 1, dims, floats, &error)
             : rows[i].as == NATURAL  ? lg_h5_get(h5, name, LG_ELEMENT_U32, 1, dims, wholes, &error)
             : rows[i].as == ROWS     ? lg_h5_each_rows(h5, name, count_rows, &rows_seen, &error)
@@ -503,7 +500,6 @@ TEST("arrays that other programs wrote are read in every layout, or refused with
         assert_outcome(name, status, error.message, rows[i].status, rows[i].word);
         if (status != LG_OK) assert_says(error.message, "foreign.h5: ");
         if (rows[i].as == DOUBLES && status == LG_OK) assert_true(doubles[0] == 1.5 && doubles[1] == 1e300);
-        if (rows[i].as == FLOATS) assert_true(floats[0] == 1.5f && isinf(floats[1]));
         if (rows[i].as == SHAPED) assert_true(rank == 0 && epsilon == 0x1p-10);
         if (strcmp(name, "vast") == 0) assert_int_equal(rows_seen, 2);
         if (strcmp(name, "list") == 0) assert_string_equal(text, "odd");

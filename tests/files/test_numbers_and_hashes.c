@@ -1,6 +1,7 @@
 /* SHA-256 for the test vectors of FIPS 180-4; conversion of texts to numbers. */
 #include <locale.h>
 
+#include "core/text.h"
 #include "liegrad/settings.h"
 
 #include "support/io_test.h"
@@ -87,4 +88,32 @@ TEST("a number must be the whole text and finite") {
     for (size_t i = 0; i < LG_COUNT(refused); i++)
         assert_status(lg_integer_parse(refused[i], &whole), LG_FORMAT);
     assert_true(whole == UINT64_MAX);
+}
+
+TEST("a number at the beginning of a text is the one that strtod reads, and ends where it ends") {
+    lg_rng rng;
+    lg_rng_seed(&rng, 7, 0);
+    for (int i = 0; i < 200000; i++) {
+        char text[80] = "";
+        const int whole = (int)lg_rng_below(&rng, 12), part = (int)lg_rng_below(&rng, 14);
+        if (lg_rng_below(&rng, 2) > 0) lg_append(text, sizeof text, "-");
+        for (int k = 0; k < whole; k++)
+            lg_append(text, sizeof text, "%u", (unsigned)lg_rng_below(&rng, k > 0 ? 10 : 2));
+        lg_append(text, sizeof text, whole == 0 || part > 0 ? "." : "");
+        for (int k = 0; k < part || (k == 0 && whole == 0); k++)
+            lg_append(text, sizeof text, "%u", (unsigned)lg_rng_below(&rng, 10));
+        if (lg_rng_below(&rng, 2) > 0)
+            lg_append(text, sizeof text, "e%d", (int)lg_rng_below(&rng, i % 9 > 0 ? 60 : 700) - 30);
+        double value = 0;
+        char *stop;
+        lg_append(text, sizeof text, "%s", i % 3 == 0 ? ",5" : i % 3 == 1 ? "" : ".e1");
+        const char *end = lg_decimal(text, &value);
+        const double expected = lg_real(text, &stop);
+        if (end != stop || value != expected || signbit(value) != signbit(expected))
+            fail_msg("%s: %.17g, not %.17g", text, value, expected);
+    }
+    static const char *const none[] = {"", "-", ".", "e5", "1e", "1e+", "nan", "inf", " 1", ",1", "+-1"};
+    double value;
+    for (size_t i = 0; i < LG_COUNT(none); i++)
+        if (lg_decimal(none[i], &value) != NULL) fail_msg("'%s'", none[i]);
 }
