@@ -160,7 +160,7 @@ static bool read_line(sample_reader *reader, char *p, bool *open) {
         reader->time = 1;
         return false;
     }
-    lg_csv_add_name(&reader->extra, reader->frame.name[0]);
+    lg_name_list_add(&reader->extra, reader->frame.name[0]);
     reader->guessed = false;
     reader->layout = LAYOUT_VALUES;
     return true;
@@ -279,7 +279,7 @@ static lg_status find_columns(sample_reader *reader) {
                                  "column of times",
                                  f->name[i]);
         } else {
-            lg_csv_add_name(&reader->extra, f->name[i]);
+            lg_name_list_add(&reader->extra, f->name[i]);
         }
     }
     if (reader->extra.used > 0) reader->layout = reader->time > 0 ? LAYOUT_TIMED : LAYOUT_VALUES;

@@ -64,7 +64,7 @@ typedef struct sample_reader {
     bool guessed;        /* only its place makes it one of times */
     bool unnamed;        /* a line of names had no channel of the model */
     uint32_t *place;     /* (channels): index of each channel among the numbers of a line, without the time */
-    lg_csv_names extra;  /* names of the columns that are left out */
+    lg_name_list extra;  /* names of the columns that are left out */
     lg_csv csv;
     sample_line ahead[SAMPLE_AHEAD]; /* (looked): the first lines; `given` of them have been used */
     uint32_t looked, given;
