@@ -209,7 +209,6 @@ lg_status lg_search_file_read(const lg_context *context, const char *path, lg_se
 /* ---- hashes that tie a table of trials to its search ---- */
 
 #define HASH_DIGITS 16
-#define HEAD_SIZE   128 /* room for "# seed S space HASH setting HASH" */
 
 static const char *const columns[] = {"trial", "state", "objective", "parameters", "epochs", "seconds"};
 
@@ -489,17 +488,17 @@ static lg_status parse_trial(table *t, const lg_search_space *space, lg_trial *t
 /* Reads the first line and checks that it is the `# seed S space HASH setting HASH` of this search. */
 static lg_status check_head(table *t, const lg_search_file *search, uint64_t seed, const char *setting) {
     char want[2][HASH_DIGITS + 1], seen_hash[2][HASH_DIGITS + 1], seen_seed[24];
-    char line[HEAD_SIZE];
     const char *shown = t->csv.shown;
     uint64_t number = 0;
+    bool more;
     int end = 0;
-    t->csv.lines = 1;
+    LG_TRY(lg_csv_next(&t->csv, &more, t->error));
     space_hash(&search->space, want[0]);
     setting_hash(search, setting, want[1]);
-    if (fgets(line, sizeof line, t->csv.from) == NULL ||
-        sscanf(line, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen_hash[0],
+    if (!t->csv.closed ||
+        sscanf(t->csv.line, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen_hash[0],
                seen_hash[1], &end) != 3 ||
-        line[end + strspn(line + end, "\r")] != '\n' || lg_integer_parse(seen_seed, &number) != LG_OK)
+        t->csv.line[end] != '\0' || lg_integer_parse(seen_seed, &number) != LG_OK)
         return lg_fail(t->error, LG_FORMAT, "%s: line 1: '# seed S space HASH setting HASH' is expected",
                        shown);
     if (number != seed)
@@ -556,13 +555,13 @@ static lg_status read_rows(table *t, const lg_search_space *space, lg_trial *tri
 static lg_status read_table(table *t, const lg_context *context, const char *path,
                             const lg_search_file *search, uint64_t seed, const char *setting,
                             lg_trial *trials, size_t room, size_t *count) {
+    bool more;
     *count = 0;
     LG_TRY(lg_csv_open(context, path, "table of trials", &t->csv, t->error));
     LG_TRY(check_head(t, search, seed, setting));
-    const int more = fgetc(t->csv.from);
-    if (more == EOF || ungetc(more, t->csv.from) == EOF) return LG_OK;
-    LG_TRY(lg_csv_header(&t->csv, t->error));
+    LG_TRY(lg_csv_next(&t->csv, &more, t->error));
     if (!t->csv.closed) return LG_OK;
+    t->csv.separator = ',';
     LG_TRY(check_columns(t, &search->space));
     return read_rows(t, &search->space, trials, room, count);
 }
