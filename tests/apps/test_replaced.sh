@@ -70,6 +70,7 @@ cost: {x: 1, vx: 0.1, u: 0.05}
 success: {x: 0.1, hold: 0.5, within: 4}
 controller: {kind: network, hidden: [4], gate: lqr}
 END
+sed 's/^controller:.*/controller: {kind: lqr}/' task.yaml >lqr.yaml
 cat >fit.yaml <<'END'
 fixed: {epochs: 2, method: adam}
 ranges: {hidden: {choice: [2, 3]}}
@@ -219,6 +220,7 @@ writes 0 'plot' '' lg-hamiltonian evaluate $in/energy.h5 $in/data.h5 --plot p.sv
 writes 0 'plot' '' lg-elastica evaluate $in/beam.h5 $in/curves.h5 --plot p.svg
 writes 0 'scores plot' '' lg-anomaly evaluate $in/detector.h5 $in/well.h5 --scores s.csv --plot p.svg
 writes 0 'runs plot' '' lg-control evaluate $in/policy.h5 --starts 10 --runs r.csv --plot p.svg
+writes 0 'certificate' '' lg-control certify $in/lqr.yaml --box x=1,vx=1 --certificate c.json
 writes 0 'plot' '' lg-identify evaluate $in/body.h5 $in/log.csv --plot p.svg
 writes 0 'plot' '' lg-identify check $in/machine.yaml $in/log.csv --plot p.svg
 writes 0 'out' '' lg-fit predict $in/fit.h5 $in/table.csv --out p.csv
