@@ -5,15 +5,14 @@
 #include <string.h>
 
 #include "certify/certify.h"
+#include "core/widen.h"
 
 lg_status lg_certify_push(lg_certify *c, const double *low, const double *high) {
     const size_t n = c->n;
     if (c->stacked == c->capacity) {
         const size_t capacity = c->capacity == 0 ? 4096 : 2 * c->capacity;
-        double *grown = lg_alloc(c->context, capacity, 2 * n * sizeof *grown);
+        double *grown = lg_widen(c->context, c->stack, c->stacked, capacity, 2 * n * sizeof *grown);
         if (grown == NULL) return LG_OUT_OF_MEMORY;
-        if (c->stacked > 0) memcpy(grown, c->stack, c->stacked * 2 * n * sizeof *grown);
-        lg_free(c->context, c->stack);
         c->stack = grown;
         c->capacity = capacity;
     }

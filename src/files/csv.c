@@ -1,4 +1,5 @@
 /* CSV files: text files with one row per line. */
+#include "core/widen.h"
 #include "files/csv.h"
 #include "files/frame.h"
 #include "files/h5.h"

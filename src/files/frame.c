@@ -14,14 +14,6 @@ enum { FIRST_NAMES = 16, FIRST_NUMBERS = 8192, FIRST_BYTES = 16 };
 /* The last one takes every file. */
 static const lg_frame_format *const formats[] = {&lg_frame_h5, &lg_frame_npy, &lg_frame_csv};
 
-void *lg_widen(const lg_context *context, void *old, size_t count, size_t room, size_t size) {
-    void *wider = lg_alloc(context, room, size);
-    if (wider == NULL) return NULL;
-    if (count > 0) memcpy(wider, old, count * size);
-    lg_free(context, old);
-    return wider;
-}
-
 /* ---- messages ---- */
 
 lg_status lg_frame_no_memory(const lg_frame *f, lg_error *error) {

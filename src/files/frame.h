@@ -33,6 +33,7 @@
 #define LG_FRAME_H
 
 #include "core/core.h"
+#include "core/widen.h"
 #include "liegrad/files.h"
 
 struct lg_h5;
@@ -100,9 +101,6 @@ lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_er
 static inline const char *lg_frame_text_of(const lg_frame *f, size_t row, const lg_frame_want *want) {
     return want->there ? f->text[row * f->texts + want->first] : "";
 }
-/* Returns a copy of an array of `count` elements with room for `room`, and frees `old`. Returns NULL without
- * memory; then `old` stays. */
-void *lg_widen(const lg_context *context, void *old, size_t count, size_t room, size_t size);
 
 /* ---- for formats ---- */
 

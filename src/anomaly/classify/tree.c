@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/widen.h"
 
 /* ---- names, options ---- */
 
@@ -91,20 +91,12 @@ static lg_status reserve(grower *g) {
     lg_tree *tree = &g->tree;
     if (tree->count + 2 <= g->room) return LG_OK;
     const uint32_t room = g->room < 32 ? 64 : 2 * g->room;
-    lg_tree_node *node = lg_alloc(g->context, room, sizeof *node);
-    uint32_t *counts = lg_alloc(g->context, (size_t)room * tree->classes, sizeof *counts);
-    if (node == NULL || counts == NULL) {
-        lg_free(g->context, node);
-        lg_free(g->context, counts);
-        return LG_OUT_OF_MEMORY;
-    }
-    if (tree->count > 0) {
-        memcpy(node, tree->node, tree->count * sizeof *node);
-        memcpy(counts, tree->counts, (size_t)tree->count * tree->classes * sizeof *counts);
-    }
-    lg_free(g->context, tree->node);
-    lg_free(g->context, tree->counts);
+    lg_tree_node *node = lg_widen(g->context, tree->node, tree->count, room, sizeof *node);
+    if (node == NULL) return LG_OUT_OF_MEMORY;
     tree->node = node;
+    uint32_t *counts = lg_widen(g->context, tree->counts, (size_t)tree->count * tree->classes,
+                                (size_t)room * tree->classes, sizeof *counts);
+    if (counts == NULL) return LG_OUT_OF_MEMORY;
     tree->counts = counts;
     g->room = room;
     return LG_OK;

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/text.h"
+#include "core/widen.h"
 
 /* ---- creation and destruction ---- */
 
@@ -130,10 +131,8 @@ lg_status lg_program_take_function(lg_program *p, lg_function *f, lg_error *erro
     LG_TRY(lg_program_check_function(p, f, error));
     if (p->functions == p->capacity) {
         const size_t capacity = p->capacity == 0 ? 8 : 2 * p->capacity;
-        lg_function *grown = lg_alloc(p->context, capacity, sizeof *grown);
+        lg_function *grown = lg_widen(p->context, p->function, p->functions, capacity, sizeof *grown);
         if (grown == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for function '%s'", f->name);
-        if (p->functions > 0) memcpy(grown, p->function, p->functions * sizeof *grown);
-        lg_free(p->context, p->function);
         p->function = grown;
         p->capacity = capacity;
     }

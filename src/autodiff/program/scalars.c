@@ -1,5 +1,7 @@
 #include "autodiff/program/scalars.h"
 
+#include "core/widen.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -56,16 +58,11 @@ static uint32_t *slot_of(const lg_scalars *s, const lg_scalar_code *c) {
 static bool grow(lg_scalars *s) {
     const uint32_t capacity = s->capacity == 0 ? 256 : 2 * s->capacity;
     if (s->failed || s->count >= LG_SCALARS_MOST) return false;
-    lg_scalar_code *code = lg_alloc(s->context, capacity, sizeof *code);
     uint32_t *table = lg_alloc(s->context, 2 * (size_t)capacity, sizeof *table);
-    if (code == NULL || table == NULL) {
-        lg_free(s->context, code);
-        lg_free(s->context, table);
-        return false;
-    }
-    if (s->count > 0) memcpy(code, s->code, s->count * sizeof *code);
-    lg_free(s->context, s->code);
-    lg_free(s->context, s->table);
+    lg_scalar_code *code =
+        table == NULL ? NULL : lg_widen(s->context, s->code, s->count, capacity, sizeof *code);
+    lg_free(s->context, code == NULL ? table : s->table);
+    if (code == NULL) return false;
     s->code = code;
     s->table = table;
     s->capacity = capacity;

@@ -29,10 +29,9 @@ lg_status lg_log_warn(lg_log_table *table, const char *format, ...) {
     const uint32_t count = out->warning_count;
     if (count == 0 || (count >= FIRST_WARNINGS && (count & (count - 1)) == 0)) {
         char(*more)[LG_LOG_SENTENCE] =
-            lg_alloc(table->context, count == 0 ? FIRST_WARNINGS : 2 * (size_t)count, sizeof *more);
+            lg_widen(table->context, out->warnings, count, count == 0 ? FIRST_WARNINGS : 2 * (size_t)count,
+                     sizeof *more);
         if (more == NULL) return LG_OUT_OF_MEMORY;
-        if (count > 0) memcpy(more, out->warnings, count * sizeof *more);
-        lg_free(table->context, out->warnings);
         out->warnings = more;
     }
     va_start(arguments, format);

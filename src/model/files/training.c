@@ -1,5 +1,6 @@
 /* What all trainers share: memory, presets, results, loss, the model file. */
 #include "model/files/training.h"
+#include "core/widen.h"
 
 #include <math.h>
 #include <stdint.h>
@@ -105,10 +106,8 @@ const char *lg_training_preset(const lg_training *self) {
 
 static bool make_room(lg_training *self) {
     const size_t room = 2 * self->result_room + 32;
-    lg_result *longer = lg_alloc(self->context, room, sizeof *longer);
+    lg_result *longer = lg_widen(self->context, self->results, self->result_count, room, sizeof *longer);
     if (longer == NULL) return false;
-    if (self->result_count > 0) memcpy(longer, self->results, self->result_count * sizeof *longer);
-    lg_free(self->context, self->results);
     self->results = longer;
     self->result_room = room;
     return true;

@@ -3,6 +3,7 @@
 #include <string.h>
 #include <yaml.h>
 
+#include "core/text.h"
 #include "settings/files/yaml.h"
 
 /* Nodes are never changed in place: an edit makes new nodes from the root down to the changed one. A node is
@@ -245,32 +246,15 @@ static void set_root(editing *e, int index) {
 
 /* ---- text ---- */
 
-typedef struct written {
-    const lg_context *context;
-    char *text;
-    size_t used, room;
-} written;
-
 /* libyaml's handler of output: 0 for a failure. */
 static int put(void *user, unsigned char *bytes, size_t size) {
-    written *w = user;
-    if (w->used + size + 1 > w->room) {
-        const size_t room = 2 * (w->used + size) + 256;
-        char *longer = lg_alloc(w->context, room, 1);
-        if (longer == NULL) return 0;
-        if (w->used > 0) memcpy(longer, w->text, w->used);
-        lg_free(w->context, w->text);
-        w->text = longer;
-        w->room = room;
-    }
-    memcpy(w->text + w->used, bytes, size);
-    w->used += size;
-    w->text[w->used] = '\0';
-    return 1;
+    lg_text *text = user;
+    lg_text_append(text, (const char *)bytes, size);
+    return !text->failed;
 }
 
 /* Writes the document, which is empty afterwards. */
-static bool dump(editing *e, written *out) {
+static bool dump(editing *e, lg_text *out) {
     enum { INDENT = 2, WIDTH = 110 };
     yaml_emitter_t emitter;
     if (!yaml_emitter_initialize(&emitter)) return false;
@@ -281,11 +265,11 @@ static bool dump(editing *e, written *out) {
     e->document->start_implicit = e->document->end_implicit = 1;
     const bool good = yaml_emitter_dump(&emitter, e->document) && yaml_emitter_flush(&emitter);
     yaml_emitter_delete(&emitter);
-    return good && out->text != NULL;
+    return good && out->data != NULL;
 }
 
 static lg_status change(editing *e, const lg_yaml_edit *edits, size_t count, char **out) {
-    written text = {.context = e->context};
+    lg_text text = {.context = e->context};
     lg_status status = LG_OK;
     for (size_t i = 0; i < count && status == LG_OK; i++) {
         int fragment = 0, root = 0;
@@ -296,9 +280,9 @@ static lg_status change(editing *e, const lg_yaml_edit *edits, size_t count, cha
     }
     if (status == LG_OK && !dump(e, &text)) status = LG_OUT_OF_MEMORY;
     if (status == LG_OK)
-        *out = text.text;
+        *out = text.data;
     else
-        lg_free(e->context, text.text);
+        lg_text_destroy(&text);
     return status == LG_OUT_OF_MEMORY ? lg_fail(e->error, status, "%s", lg_status_sentence(status)) : status;
 }
 
