@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "datasets/series_files.h"
+#include "files/frame.h"
 
 enum { FIRST_ROOM = 16 };
 
@@ -24,20 +25,11 @@ char (*lg_names_take(lg_names *names))[LG_SERIES_NAME] {
 
 static lg_status grow(lg_names *names) {
     const uint32_t room = names->room == 0 ? FIRST_ROOM : 2 * names->room;
-    char(*name)[LG_SERIES_NAME] = lg_alloc(names->context, room, sizeof *name);
-    uint32_t *order = lg_alloc(names->context, room, sizeof *order);
-    if (name == NULL || order == NULL) {
-        lg_free(names->context, name);
-        lg_free(names->context, order);
-        return LG_OUT_OF_MEMORY;
-    }
-    if (names->count > 0) {
-        memcpy(name, names->name, names->count * sizeof *name);
-        memcpy(order, names->order, names->count * sizeof *order);
-    }
-    lg_free(names->context, names->name);
-    lg_free(names->context, names->order);
+    char(*name)[LG_SERIES_NAME] = lg_widen(names->context, names->name, names->count, room, sizeof *name);
+    if (name == NULL) return LG_OUT_OF_MEMORY;
     names->name = name;
+    uint32_t *order = lg_widen(names->context, names->order, names->count, room, sizeof *order);
+    if (order == NULL) return LG_OUT_OF_MEMORY;
     names->order = order;
     names->room = room;
     return LG_OK;
