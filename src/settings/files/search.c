@@ -496,8 +496,8 @@ static lg_status check_head(table *t, const lg_search_file *search, uint64_t see
     space_hash(&search->space, want[0]);
     setting_hash(search, setting, want[1]);
     if (!t->csv.closed ||
-        sscanf(t->csv.line, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen_hash[0],
-               seen_hash[1], &end) != 3 ||
+        sscanf(t->csv.line, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed,
+               seen_hash[0], seen_hash[1], &end) != 3 ||
         t->csv.line[end] != '\0' || lg_integer_parse(seen_seed, &number) != LG_OK)
         return lg_fail(t->error, LG_FORMAT, "%s: line 1: '# seed S space HASH setting HASH' is expected",
                        shown);
