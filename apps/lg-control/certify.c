@@ -302,6 +302,16 @@ static void tell_forms(app_json *out, naming names, const verdict *v) {
         app_result_line(out, "chosen for a large set: controller: {kind: lqr, gains: [%s]}", line.data);
 }
 
+/* A number of at most 6 digits that is not above x > 0. */
+static double rounded_down(double x) {
+    char text[32];
+    for (int i = 0; i <= 10; i++) {
+        (void)lg_format(text, sizeof text, "%.6g", x * (1 - i * 1e-6));
+        if (lg_real(text, NULL) <= x) break;
+    }
+    return lg_real(text, NULL);
+}
+
 static int tell(app *self, naming names, const verdict *v) {
     const lg_certify_result *r = &v->r;
     app_json out;
@@ -318,9 +328,9 @@ static int tell(app *self, naming names, const verdict *v) {
         app_result_real(&out, "level", r->level, NULL);
         app_result_real(&out, "angle", v->margin, "radians: all rotations at rest up to it are in the set");
     } else {
-        app_result_real(&out, "level", r->level, NULL);
-        app_result_real(&out, "volume", r->volume, "of {V <= level}, a lower bound");
-        app_result_real(&out, "fraction", r->fraction, "of the box");
+        app_result_real(&out, "level", rounded_down(r->level), NULL);
+        app_result_real(&out, "volume", rounded_down(r->volume), "of {V <= level}, a lower bound");
+        app_result_real(&out, "fraction", rounded_down(r->fraction), "of the box");
     }
     if (r->width != NULL)
         app_result_reals(&out, "width", r->width, v->sides,

@@ -171,8 +171,11 @@ static void write_box(const lg_certify *c, char text[BOX]) {
     char low[NUMBER], high[NUMBER];
     size_t at = 0;
     for (size_t i = 0; i < c->n; i++)
-        at += (size_t)lg_format(text + at, BOX - at, "%s[%s, %s]", i == 0 ? "" : " x ",
-                                number(low, c->low[i], 1), number(high, c->high[i], -1));
+        if (isfinite(c->low[i]))
+            at += (size_t)lg_format(text + at, BOX - at, "%s[%s, %s]", i == 0 ? "" : " x ",
+                                    number(low, c->low[i], 1), number(high, c->high[i], -1));
+        else
+            at += (size_t)lg_format(text + at, BOX - at, "%s(-inf, inf)", i == 0 ? "" : " x ");
 }
 
 /* The longest bound has 9 bytes. */

@@ -63,7 +63,7 @@ static bool is_tiny(const lg_certify *c, const double *box, const lg_certify_box
  * small for that may hold a state where motions jump or end, so the level is lowered, or the proof fails. */
 static bool is_lost(lg_certify *c, const double *box, const lg_certify_box *f, bool *done) {
     static const char *const lost[LG_INTERVAL_LIPSCHITZ] = {
-        "be undefined there", "jump there",
+        "be undefined there, or a motion has no bound over a period", "jump there",
         "have an infinite slope there, or a derivative that lg_stop_gradient or a custom operation hides"};
     const bool raises = c->raises;
     char reason[192];

@@ -241,7 +241,7 @@ static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_
             status = lg_fail(
                 error, LG_CHECK_FAILED,
                 "%d steps of the integrator in a period of %g s leave an error of %.1e: take a shorter "
-                "period%s",
+                "period, or give `substeps`%s",
                 MOST_STEPS, p->task.period, off,
                 lagged ? ", or leave out a lag that is much shorter than the period" : "");
     }

@@ -179,6 +179,15 @@ TEST("one state, and a goal away from 0") {
     assert_false(holds(&file, NULL));
 }
 
+TEST("a certificate may have no bound between the samples") {
+    lg_certificate *file = certificate_of(oscillator_program(0, 0.5), HELD);
+    const char *path = scratch_path("unbounded.json");
+    file->between = INFINITY;
+    assert_told(lg_certificate_save(NULL, path, file, &told));
+    assert_true(isinf(loaded(path)->between));
+    assert_true(holds(loaded(path), file->claim));
+}
+
 /* ---- changes ---- */
 
 /* A change of a certificate that is proved, or false where this loop has nothing to change. `afresh`: the

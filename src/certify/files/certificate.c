@@ -34,7 +34,7 @@ typedef struct values {
     bool continuous;
 } values;
 
-typedef enum kind { SCALAR, LIST, UNBOUNDED, SQUARE, CLAIM, NAMES, CODE, OUTPUTS, TREE, MAP, KINDS } kind;
+typedef enum kind { SCALAR, BOUND, LIST, UNBOUNDED, SQUARE, CLAIM, NAMES, CODE, OUTPUTS, TREE, MAP, KINDS } kind;
 
 #define ROW(name_, type_, member_, ...)                                                                      \
     { LG_FIELD(values, NULL, name_, type_, member_, .required = true, __VA_ARGS__), 0, SCALAR }
@@ -81,7 +81,7 @@ static const struct {
             ROW("eps", REAL, f.eps, LG_POSITIVE),
             KEY("error", LIST, error),
             ROW("converges", FLAG, f.converges, YES_NO),
-            ROW("between", REAL, f.between, .high = 1e300),
+            KEY("between", BOUND, between),
             BELOW("proof"),
             KEY("proof.T", SQUARE, T),
             ROW("proof.order", U32, f.order, .high = 64),
@@ -113,6 +113,12 @@ static void add_text(lg_text *to, const char *text) {
 }
 
 /* null: no bound */
+static void write_bound(lg_text *to, const lg_certificate *f, const void *member) {
+    const double *x = member;
+    (void)f;
+    lg_text_add(to, isfinite(*x) ? "%.17g" : "null", *x);
+}
+
 static void write_list(lg_text *to, const lg_certificate *f, const void *member) {
     const double *x = member;
     for (size_t i = 0; i < f->states; i++)
@@ -221,14 +227,25 @@ static bool line_of(const yaml_node_t *node, uint32_t *out) {
     return true;
 }
 
+static bool is_null(const yaml_node_t *node) {
+    const char *text = text_of(node, 64);
+    return text != NULL && strcmp(text, "null") == 0;
+}
+
+static lg_status read_bound(const reading *r, size_t row, const yaml_node_t *node, void *member) {
+    double *out = member;
+    *out = INFINITY;
+    if (is_null(node) || (number_of(node, out) && *out >= 0)) return LG_OK;
+    return bad(r, row, node, "a number of 0 or more, or null, is expected");
+}
+
 static lg_status read_list(const reading *r, size_t row, const yaml_node_t *list, void *member) {
     double *out = member;
     if (length_of(list) != r->to->f.states)
         return bad(r, row, list, "a list with a number for each state is expected");
     for (size_t i = 0; i < length_of(list); i++) {
         const yaml_node_t *at = item(r, list, i);
-        const char *text = text_of(at, 64);
-        if (rows[row].kind == UNBOUNDED && text != NULL && strcmp(text, "null") == 0)
+        if (rows[row].kind == UNBOUNDED && is_null(at))
             out[i] = out == r->to->f.low ? -(double)INFINITY : (double)INFINITY;
         else if (!number_of(at, &out[i]))
             return bad(r, row, at, "a finite number is expected");
@@ -320,7 +337,8 @@ static lg_status read_tree(const reading *r, size_t row, const yaml_node_t *list
 static const struct {
     void (*write)(lg_text *to, const lg_certificate *f, const void *member);
     lg_status (*read)(const reading *r, size_t row, const yaml_node_t *node, void *member);
-} kinds[KINDS] = {[LIST] = {write_list, read_list},          [UNBOUNDED] = {write_list, read_list},
+} kinds[KINDS] = {[BOUND] = {write_bound, read_bound},
+                  [LIST] = {write_list, read_list},          [UNBOUNDED] = {write_list, read_list},
                   [SQUARE] = {write_square, read_square},    [CLAIM] = {write_claim, read_claim},
                   [NAMES] = {write_names, read_names},       [CODE] = {write_code, read_code},
                   [OUTPUTS] = {write_outputs, read_outputs}, [TREE] = {write_tree, read_tree}};
