@@ -38,7 +38,7 @@ bool lg_in_word(char c);
 bool lg_is_word(const char *text);
 /* True if a double is so small that it becomes 0 or loses digits in this type. */
 bool lg_is_lost(lg_dtype dtype, double value);
-/* Names joined to the list "a, b, ...", for messages. When there is no more room, the list ends with "...". */
+/* Names joined to the list "a, b, ...", for messages. Where there is no more room, it ends with "...". */
 typedef struct lg_name_list {
     char text[240];
     size_t used;
