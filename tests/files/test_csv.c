@@ -1,6 +1,7 @@
 /* CSV: lines, quotes and names that are too long. */
 #include "support/io_test.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include "core/text.h"
@@ -195,6 +196,7 @@ TEST("a feed gives any lines as they come: open quotes end with the line, long l
     text[8990] = '\n';
     memcpy(text + 8991, "5,6", 3);
     assert_int_equal(pipe(pipes), 0);
+    assert_int_equal(fcntl(pipes[0], F_SETFL, O_NONBLOCK), 0);
     assert_int_equal(write(pipes[1], text, 8994), 8994);
     lg_status status;
     while (
