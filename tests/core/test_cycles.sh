@@ -15,9 +15,8 @@ anomaly/riser anomaly/riser_motion anomaly/riser_sea
 anomaly/classify/features anomaly/classify/features_baseline anomaly/classify/features_channel
 anomaly/classify/features_cov anomaly/classify/features_rocket anomaly/classify/features_spectrum
 anomaly/classify/tree anomaly/classify/tree_prune
-datasets/table_csv datasets/table_h5 datasets/table_npy datasets/table_reading
+files/frame files/frame_csv files/frame_h5 files/frame_npy
 machine/friction machine/record
-machine/files/log_csv machine/files/log_h5 machine/files/log_table
 machine/files/machine machine/files/terms
 machine/files/model machine/files/recipe
 '

@@ -34,7 +34,20 @@ typedef struct values {
     bool continuous;
 } values;
 
-typedef enum kind { SCALAR, BOUND, LIST, UNBOUNDED, SQUARE, CLAIM, NAMES, CODE, OUTPUTS, TREE, MAP, KINDS } kind;
+typedef enum kind {
+    SCALAR,
+    BOUND,
+    LIST,
+    UNBOUNDED,
+    SQUARE,
+    CLAIM,
+    NAMES,
+    CODE,
+    OUTPUTS,
+    TREE,
+    MAP,
+    KINDS
+} kind;
 
 #define ROW(name_, type_, member_, ...)                                                                      \
     { LG_FIELD(values, NULL, name_, type_, member_, .required = true, __VA_ARGS__), 0, SCALAR }
@@ -337,11 +350,11 @@ static lg_status read_tree(const reading *r, size_t row, const yaml_node_t *list
 static const struct {
     void (*write)(lg_text *to, const lg_certificate *f, const void *member);
     lg_status (*read)(const reading *r, size_t row, const yaml_node_t *node, void *member);
-} kinds[KINDS] = {[BOUND] = {write_bound, read_bound},
-                  [LIST] = {write_list, read_list},          [UNBOUNDED] = {write_list, read_list},
-                  [SQUARE] = {write_square, read_square},    [CLAIM] = {write_claim, read_claim},
-                  [NAMES] = {write_names, read_names},       [CODE] = {write_code, read_code},
-                  [OUTPUTS] = {write_outputs, read_outputs}, [TREE] = {write_tree, read_tree}};
+} kinds[KINDS] = {[BOUND] = {write_bound, read_bound},   [LIST] = {write_list, read_list},
+                  [UNBOUNDED] = {write_list, read_list}, [SQUARE] = {write_square, read_square},
+                  [CLAIM] = {write_claim, read_claim},   [NAMES] = {write_names, read_names},
+                  [CODE] = {write_code, read_code},      [OUTPUTS] = {write_outputs, read_outputs},
+                  [TREE] = {write_tree, read_tree}};
 
 static void compose(lg_text *to, values *v) {
     char shown[LG_FIELD_TEXT_SIZE];
