@@ -184,7 +184,8 @@ static lg_status sink_open(const app *self, const char *path, sink *out, lg_erro
 
 /* Closes the sink. The file appears under its name only if `status`, the status of the writes, is LG_OK. */
 static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
-    if (to->stream != stdout && fclose(to->stream) != 0 && status == LG_OK) status = file_failed(error);
+    const bool own = to->stream != NULL && to->stream != stdout;
+    if (own && fclose(to->stream) != 0 && status == LG_OK) status = file_failed(error);
     if (to->temporary.fd < 0) return status;
     if (status == LG_OK) status = lg_temporary_publish(&to->temporary, values.out, error);
     if (status != LG_OK) (void)unlink(to->temporary.name);
@@ -272,10 +273,10 @@ static int run(app *self) {
     if (values.out == NULL && self->json)
         app_stop_usage(self, "--json: the feed would also go to standard output; give --out FILE.csv");
     feeding_create(self, &feed);
-    app_must(self, sink_open(self, values.out, &to, &error), &error);
     const double begin = app_seconds();
-    const lg_status status = sink_close(&to, write_hours(&feed, &to, &error), &error);
-    app_must(self, status, &error);
+    lg_status status = sink_open(self, values.out, &to, &error);
+    if (status == LG_OK) status = write_hours(&feed, &to, &error);
+    app_must(self, sink_close(&to, status, &error), &error);
     if (values.out != NULL) report(&feed, app_seconds() - begin);
     return APP_EXIT_OK;
 }
