@@ -1,6 +1,5 @@
 /* lg-anomaly feed: simulates the stream of samples that a logger on a rig would send, for `watch`. */
 #include <errno.h>
-#include <fcntl.h>
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -184,8 +183,8 @@ static lg_status sink_open(const app *self, const char *path, sink *out, lg_erro
 
 /* Closes the sink. The file appears under its name only if `status`, the status of the writes, is LG_OK. */
 static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
-    const bool own = to->stream != NULL && to->stream != stdout;
-    if (own && fclose(to->stream) != 0 && status == LG_OK) status = file_failed(error);
+    if (to->stream != NULL && to->stream != stdout && fclose(to->stream) != 0 && status == LG_OK)
+        status = file_failed(error);
     if (to->temporary.fd < 0) return status;
     if (status == LG_OK) status = lg_temporary_publish(&to->temporary, values.out, error);
     if (status != LG_OK) (void)unlink(to->temporary.name);
