@@ -3,7 +3,7 @@
 # those of share/liegrad.
 
 #: lg-simulate
-# A heavy top by the default method, with a picture; then 2000 equal steps of a commutator-free method.
+# A heavy top by the default method, with a plot; then 2000 equal steps of a commutator-free method.
 lg-simulate scenes/heavy-top.yaml --plot top.svg
 lg-simulate scenes/heavy-top.yaml --method cf4 --steps 2000 --out top.h5
 # The derivatives of the last position of a double pendulum by the start, the masses and the lengths.
@@ -143,7 +143,7 @@ lg-anomaly train well.h5 --method svm-rbf --features cov --out detector.h5
 lg-anomaly train well.h5 --method cnn --epochs 2 --out network.h5
 
 #: lg-anomaly evaluate
-lg-anomaly evaluate detector.h5 well.h5 --part test --plot confusion.svg --picture confusion
+lg-anomaly evaluate detector.h5 well.h5 --part test --plot confusion.svg --plot-kind confusion
 
 #: lg-anomaly search
 lg-anomaly search searches/anomaly.yaml well.h5 --trials 1 --out trials.csv
@@ -161,7 +161,7 @@ lg-fit train table.csv --inputs a,b --outputs y --out table.h5
 lg-fit predict table.h5 table.csv --out predictions.csv
 
 #: lg-fit train
-# A validation part of a tenth, and a picture of predicted against true values.
+# A validation part of a tenth, and a plot of predicted against true values.
 lg-fit train table.csv --outputs y --validation 0.1 --plot fit.svg --out table.h5
 
 #: lg-fit evaluate

@@ -1,4 +1,4 @@
-"""What bench/figures stands on: scenes, runs of lg-simulate and what they leave, exact solutions, pictures by gnuplot."""
+"""What bench/figures stands on: scenes, runs of lg-simulate and what they leave, exact solutions, plots by gnuplot."""
 import json
 import math
 import os
@@ -12,7 +12,7 @@ try:
     import h5py
     import numpy as np
 except ImportError:
-    np = None  # pictures need neither
+    np = None  # plots need neither
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#666666", "#000000", "#7a5c2e", "#b8242f")
 
@@ -26,7 +26,7 @@ def find_lg_simulate(build):
 
 
 def rows_of(path):
-    """The rows of numbers in the data of a picture, FILE.dat, as words; its texts begin with =."""
+    """The rows of numbers in the data of a plot, FILE.dat, as words; its texts begin with =."""
     with open(path) as file:
         return [line.split() for line in file if line.strip() and not line.startswith("=")]
 
@@ -214,7 +214,7 @@ def by_method(points):
     return out
 
 
-# ---- pictures ----
+# ---- plots ----
 
 def quoted(text):
     """The text as a string of gnuplot, in which nothing is a command: of ASCII only letters, blanks, commas and points stand as
@@ -254,7 +254,7 @@ LOG = LOG_X + LOG_Y
 
 
 def draw(path, columns, panels, width=560, height=400):
-    """Draws a picture .svg or .png. gnuplot writes it to its standard output, so it never sees the name."""
+    """Draws a plot .svg or .png. gnuplot writes it to its standard output, so it never sees the name."""
     if not shutil.which("gnuplot"):
         lib.say("gnuplot is not installed: no %s" % os.path.basename(path))
         return
@@ -263,8 +263,8 @@ def draw(path, columns, panels, width=560, height=400):
     lines = ["set terminal " + terminal % (width * columns, height * rows), "set multiplot layout %d,%d" % (rows, columns)]
     for i, panel in enumerate(panels):
         lines += panel.script("p%dc" % i)
-    with open(path, "wb") as picture:
-        subprocess.run(["gnuplot", "-d"], input="\n".join(lines + ["unset multiplot", ""]).encode(), stdout=picture, check=True)
+    with open(path, "wb") as plot:
+        subprocess.run(["gnuplot", "-d"], input="\n".join(lines + ["unset multiplot", ""]).encode(), stdout=plot, check=True)
 
 
 def thin(rows, most=700):

@@ -1,5 +1,5 @@
 """What the scripts behind the pages of docs/reports share: running a program, a cache of trained models, tables between the
-markers of a page, pictures, options."""
+markers of a page, plots, options."""
 import argparse
 import json
 import os
@@ -30,7 +30,7 @@ def processor(bench):
 
 class Study:
     """What `program` makes of one subject: tables of `page_file`.md (by default `page`.md), data/`page`.json and
-    pictures/`page`-*.svg below `out`. PARTS: by name the methods that fill `tables` and `data`. `also`: other pages with places
+    plots/`page`-*.svg below `out`. PARTS: by name the methods that fill `tables` and `data`. `also`: other pages with places
     for tables. `prefix`: stands before the names in markers, where several scripts fill one page. SHOWN: by the name of a table
     a function of (head, rows) that gives the head and the rows of the page; None: the table is in the data only."""
     page = program = page_file = None
@@ -79,20 +79,20 @@ class Study:
         if choose:
             self.tables[name] = lib.table(*choose(head, rows))
 
-    def picture(self, name):
-        folder = os.path.join(self.out, "pictures")
+    def plot(self, name):
+        folder = os.path.join(self.out, "plots")
         os.makedirs(folder, exist_ok=True)
         path = os.path.join(folder, "%s-%s.svg" % (self.page, name))
-        if os.path.exists(path):  # programs replace a picture only if its data are beside it
+        if os.path.exists(path):  # programs replace a plot only if its data are beside it
             os.remove(path)
         return path
 
     def panel(self, name, panels, **size):
-        draw(self.picture(name), len(panels), panels, **size)
+        draw(self.plot(name), len(panels), panels, **size)
 
     def sweep(self):
         """What gnuplot was given stays out of the report."""
-        folder = os.path.dirname(self.picture("x"))
+        folder = os.path.dirname(self.plot("x"))
         for name in os.listdir(folder):
             if name.startswith(self.page + "-") and not name.endswith(".svg"):
                 os.remove(os.path.join(folder, name))

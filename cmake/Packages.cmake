@@ -76,7 +76,7 @@ cluster, started by mpirun."
   DEPENDS "${same}" RECOMMENDS openmpi-bin)
 liegrad_package(documentation liegrad-doc "pages"
 "This package has the pages on conventions, files and models, the reports with
-their pictures, and all of them and the headers as a site for a browser:
+their plots, and all of them and the headers as a site for a browser:
 /usr/share/doc/liegrad/html/index.html."
   SECTION doc ARCHITECTURE all)
 include(CPack)

@@ -136,7 +136,7 @@ static lg_status draw(const app *self, const app_plot *plot, lg_error *error) {
     app_file_discard(&image);
     app_warn(self, "gnuplot %s, so %s is not drawn; its data and script are in %s and %s%s",
              code == 127 ? "is not installed" : "failed", plot->image, plot->data_path, plot->script_path,
-             code == 127 ? " (to draw it, in their folder: gnuplot -d ./SCRIPT > PICTURE)" : "");
+             code == 127 ? " (to draw it, in their folder: gnuplot -d ./SCRIPT > PLOT)" : "");
     return LG_OK;
 }
 

@@ -1,5 +1,5 @@
 /* What every `search` command shares: a random search over the hyperparameters of its program's `train`. It
- * can be resumed and stops bad trials early. Also its options, table of trials, result and picture. */
+ * can be resumed and stops bad trials early. Also its options, table of trials, result and plot. */
 #ifndef LG_APPS_SEARCH_H
 #define LG_APPS_SEARCH_H
 

@@ -317,7 +317,7 @@ static bool run_together(study *self) {
 /* ---- the command ---- */
 
 static void check_outputs(const app *self, const study_task *task) {
-    const app_path paths[] = {{"out", study_given.out, LG_FILE_TEXT}, {"plot", task->picture, LG_FILE_DRAWN}};
+    const app_path paths[] = {{"out", study_given.out, LG_FILE_TEXT}, {"plot", task->plot, LG_FILE_DRAWN}};
     const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) app_end(code);
 }
@@ -342,6 +342,6 @@ void study_main(app *host, const study_task *task) {
         collect_pending(self);
         run_jobs(self, jobs_of(self), self->pending_count, run_task, self->file.path, rows_of);
     }
-    if (task->picture != NULL) task->draw(host, task->picture, &self->file);
+    if (task->plot != NULL) task->draw(host, task->plot, &self->file);
     task->report(host, &self->file, self->done, app_seconds() - begin);
 }

@@ -115,8 +115,8 @@ typedef struct study_task {
     void (*show)(const study_plan *plan, const study_row *row, char *text, size_t size);
     /* Prints tables or JSON. `fresh`: number of runs that this call of the command added. */
     void (*report)(const app *app, const study_file *file, uint64_t fresh, double seconds);
-    const char *picture; /* path given by --plot; NULL: no picture */
-    void (*draw)(const app *app, const char *picture, const study_file *file);
+    const char *plot; /* path given by --plot; NULL: no plot */
+    void (*draw)(const app *app, const char *path, const study_file *file);
 } study_task;
 
 void study_main(app *app, const study_task *task);

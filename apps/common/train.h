@@ -35,7 +35,7 @@ extern const lg_field train_file_options[];
         train_files, size, STRING, "auto|W,...",                                                             \
         "Widths of the network, as --hidden; or auto: train a few widths, each for half of the epochs and "  \
         "all together for at most a third of --seconds, and take the one with the best validation loss")
-/* The rows of the other options. `drawn` is the help text of --plot, for a command whose picture is not the
+/* The rows of the other options. `drawn` is the help text of --plot, for a command whose plot is not the
  * loss. */
 #define TRAIN_FILE_ROWS(drawn)                                                                               \
     LG_OPTION(train_files, out, STRING, "FILE", "The model file to write"),                                  \
@@ -74,8 +74,8 @@ typedef struct train_task {
     int (*check)(const app *app, const lg_training *training);
     /* Prints the outcome for people. NULL: each result is printed on a line of its own. */
     void (*print)(const lg_training *training);
-    /* draws the picture of --plot; NULL: the loss is drawn */
-    void (*draw)(const app *app, const char *picture, const lg_training *training);
+    /* draws the plot of --plot; NULL: the loss is drawn */
+    void (*draw)(const app *app, const char *path, const lg_training *training);
     lg_training training; /* set and used by the driver */
 } train_task;
 
@@ -159,6 +159,6 @@ lg_provenance app_provenance(const app *app, uint64_t seed);
 #define TRAIN_HISTORY "epoch,loss,validation,rate,seconds\n"
 lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error);
 /* Draws the loss over the epochs, and that of the validation part if there is one. */
-void train_draw_loss(const app *app, const char *picture, const lg_fit *fit, bool validated);
+void train_draw_loss(const app *app, const char *path, const lg_fit *fit, bool validated);
 
 #endif

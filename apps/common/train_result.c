@@ -145,19 +145,19 @@ lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *erro
     return app_file_end(&file, error);
 }
 
-void train_draw_loss(const app *self, const char *picture, const lg_fit *fit, bool validated) {
+void train_draw_loss(const app *self, const char *path, const lg_fit *fit, bool validated) {
     const double *loss = lg_fit_history(fit, LG_FIT_LOSS),
                  *validation = lg_fit_history(fit, LG_FIT_VALIDATION);
     app_plot plot;
-    app_plot_begin(&plot, "training", picture);
+    app_plot_begin(&plot, "training", path);
     app_plot_text(&plot, "%d", validated);
     for (size_t i = 0; i < lg_fit_epochs_done(fit); i++)
         APP_PLOT_ROW(&plot, 17, (double)i + 1, loss[i], validated ? validation[i] : (double)NAN);
     app_plot_end(self, &plot);
 }
 
-static void draw_loss(const app *self, const char *picture, const lg_training *training) {
-    train_draw_loss(self, picture, training->fit, lg_training_settings(training)->validation > 0);
+static void draw_loss(const app *self, const char *path, const lg_training *training) {
+    train_draw_loss(self, path, training->fit, lg_training_settings(training)->validation > 0);
 }
 
 /* ---- the end of a training ---- */

@@ -1,4 +1,4 @@
-/* Declarations that the commands of lg-anomaly share: labelled data, models, judging, pictures. A function
+/* Declarations that the commands of lg-anomaly share: labelled data, models, judging, plots. A function
  * that returns int returns an exit code and has printed a message if it is not APP_EXIT_OK. A function that
  * returns a status explains a failure in `error`. Any other function ends the command if it fails. */
 #ifndef LG_APPS_ANOMALY_H

@@ -12,7 +12,7 @@ enum { MAX_FILES = 7, MAX_VOTES = 64, SHOWN_GROUPS = 40 };
 typedef struct evaluate_values {
     const char *plot, *scores;
     char healthy[LG_SERIES_NAME];
-    int part, picture;
+    int part, plot_kind;
     lg_wholes votes;
 } evaluate_values;
 
@@ -31,8 +31,8 @@ static const lg_field evaluate_options[] = {
               .low = 1, .high = MAX_VOTES),
     LG_OPTION(evaluate_values, scores, STRING, "FILE.csv",
               "Write one row for each window: run, group, truth, class, scores", .file = LG_FILE_TEXT),
-    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png", "Draw a picture", .file = LG_FILE_DRAWN),
-    LG_OPTION(evaluate_values, picture, NAME, NULL, EVALUATE_VIEW_HELP, .names = evaluate_view_names),
+    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png", "Draw a plot", .file = LG_FILE_DRAWN),
+    LG_OPTION(evaluate_values, plot_kind, NAME, NULL, EVALUATE_VIEW_HELP, .names = evaluate_view_names),
     LG_FIELD_END};
 
 static evaluate_values values;
@@ -372,8 +372,8 @@ static void check_options(const app *self) {
                        self->command->arguments);
     if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
         app_stop_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
-    if (app_given(self, "picture") && values.plot == NULL)
-        app_stop_usage(self, "--picture: needs --plot FILE");
+    if (app_given(self, "plot-kind") && values.plot == NULL)
+        app_stop_usage(self, "--plot-kind: needs --plot FILE");
     if ((values.plot != NULL || values.scores != NULL) && self->argument_count > 2)
         app_stop_usage(self, "--plot and --scores take one data file only");
 }
@@ -391,14 +391,14 @@ static int run(app *self) {
     evaluation list[MAX_FILES];
     check_options(self);
     well_model_load(self, self->arguments[0], &model);
-    if (values.plot != NULL) check_view(self, &model, values.picture, false);
+    if (values.plot != NULL) check_view(self, &model, values.plot_kind, false);
     for (size_t i = 0; i < count; i++) {
         list[i] = (evaluation){.app = self, .model = &model, .path = self->arguments[i + 1]};
         evaluate(&list[i]);
     }
     if (values.scores != NULL) write_scores(&list[0]);
     if (values.plot != NULL)
-        draw_view(self, values.plot, view_of(&model, values.picture, false), &model, &list[0].from,
+        draw_view(self, values.plot, view_of(&model, values.plot_kind, false), &model, &list[0].from,
                   &list[0].judged);
     report(self, list, count);
     for (size_t i = 0; i < count; i++) evaluation_destroy(&list[i]);

@@ -11,7 +11,7 @@ enum { CONDITIONS = LG_RISER_RUNS / 2, MAX_RUNS = 1000 * LG_RISER_RUNS };
 typedef struct generate_values {
     const char *out, *plot;
     uint64_t runs;
-    int picture;
+    int plot_kind;
     double noise, hours, severity, window;
     well_setup well;
     board_values board;
@@ -27,8 +27,8 @@ void well_set_up(const well_setup *setup, lg_riser_parameters *parameters) {
     if (setup->operation == COMPLETION) lg_riser_complete(parameters);
 }
 
-enum { PICTURE_STATES, PICTURE_HOUSINGS };
-static const char *const pictures[] = {"states", "housings", NULL};
+enum { PLOT_STATES, PLOT_HOUSINGS };
+static const char *const plots[] = {"states", "housings", NULL};
 
 static const lg_field generate_options[] = {
     LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .required = true),
@@ -49,9 +49,9 @@ static const lg_field generate_options[] = {
               .high = 1e6),
     LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png",
               "Draw recordings against time, and their moments against their accelerations"),
-    LG_OPTION(generate_values, picture, NAME, NULL,
+    LG_OPTION(generate_values, plot_kind, NAME, NULL,
               "With --plot: states, intact and broken (default), or housings, slack and tight",
-              .names = pictures),
+              .names = plots),
     BOARD_ROWS(generate_values),
     LG_FIELD_END};
 
@@ -140,13 +140,13 @@ enum { SHOWN_SECONDS = 3600, SHOWN_SAMPLES = 1800 };
 /* Draws two recordings of the first condition: intact and broken, or, both broken, slack and tight. */
 static void draw(const app *self, double rate) {
     static const char *const names[] = {"intact", "broken", "slack, broken", "tight, broken"};
-    const bool states = values.picture == PICTURE_STATES;
+    const bool states = values.plot_kind == PLOT_STATES;
     const size_t count = (size_t)(fmin(values.hours * 3600, SHOWN_SECONDS) * rate);
     APP_FREE float *samples = app_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
     app_plot plot;
     app_plot_begin(&plot, "recordings", values.plot);
-    app_plot_text(&plot, "2\t%d\t%s\t%s", LG_RISER_CHANNELS, names[2 * values.picture],
-                  names[2 * values.picture + 1]);
+    app_plot_text(&plot, "2\t%d\t%s\t%s", LG_RISER_CHANNELS, names[2 * values.plot_kind],
+                  names[2 * values.plot_kind + 1]);
     for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) app_plot_text(&plot, "%s", channel_names[c]);
     for (int i = 0; i < 2; i++) {
         lg_riser_parameters parameters;
@@ -253,8 +253,8 @@ static int run(app *self) {
     uint32_t length;
     size_t windows;
     pieces made;
-    if (app_given(self, "picture") && values.plot == NULL)
-        app_stop_usage(self, "--picture: needs --plot FILE");
+    if (app_given(self, "plot-kind") && values.plot == NULL)
+        app_stop_usage(self, "--plot-kind: needs --plot FILE");
     (void)board_wanted(self, &values.board, values.out);
     const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;

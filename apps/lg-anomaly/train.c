@@ -17,8 +17,8 @@ void save_trained(const app *self, const well_model *model) {
     APP_MUST_FILE(self, path, well_model_save(self, path, model, metrics->accuracy, metrics->f1, &error));
 }
 
-void check_picture(const app *self, const well_model *model) {
-    if (train_given_files.plot != NULL) check_view(self, model, train_given.picture, true);
+void check_plot(const app *self, const well_model *model) {
+    if (train_given_files.plot != NULL) check_view(self, model, train_given.plot_kind, true);
 }
 
 void draw_tested(const app *self, int view, const well_model *model, const lg_judgement *judged) {

@@ -25,7 +25,7 @@ typedef struct name_or_number {
 
 /* Values from the command line, except for files, train_run and train_state. */
 typedef struct train_values {
-    int picture;
+    int plot_kind;
     lg_reals grid;
     /* Hyperparameters of the classical methods. */
     uint32_t method;
@@ -62,15 +62,15 @@ void train_novelty(const app *app);
 well_model trained_model(well_sort sort, const char *method);
 /* Writes the file of a model that is not a network. */
 void save_trained(const app *app, const well_model *model);
-/* If --plot is given: check_picture checks that the model has the plot of --picture, draw_tested draws it
+/* If --plot is given: check_plot checks that the model has the plot of --plot-kind, draw_tested draws it
  * for the windows of the test part (lg_detector_tested). */
-void check_picture(const app *app, const well_model *model);
+void check_plot(const app *app, const well_model *model);
 void draw_tested(const app *app, int view, const well_model *model, const lg_judgement *judged);
 /* Writes the JSON keys that all methods have; prints the metrics for people. */
 void json_trained(app_json *json, const well_model *model);
 void print_trained(const well_model *model);
 
-/* ---- plots of a model (pictures.c) ---- */
+/* ---- plots of a model (plots.c) ---- */
 
 /* Indices into view_names. */
 enum {
@@ -103,7 +103,7 @@ int view_of(const well_model *model, int wanted, bool training);
 /* Ends the command if the model has no such plot. */
 void check_view(const app *app, const well_model *model, int view, bool training);
 /* Draws the windows of `judged`; not VIEW_LOSS and VIEW_PRUNING. */
-void draw_view(const app *app, const char *picture, int view, const well_model *model,
-               const lg_cut_series *from, const lg_judgement *judged);
+void draw_view(const app *app, const char *path, int view, const well_model *model, const lg_cut_series *from,
+               const lg_judgement *judged);
 
 #endif

@@ -263,25 +263,25 @@ static double tree_accuracy(const lg_tree *tree, const lg_pca *pca, const double
 }
 
 /* Draws accuracy, nodes and depth against alpha: of the tree without pruning, pruned at each step. */
-static void draw_pruning(const classical *self, const char *picture) {
+static void draw_pruning(const classical *self, const char *path) {
     const app *program = self->app;
     lg_classifier_options options = self->chosen.options[self->chosen.best];
     APP_CLEAN(lg_classifier_destroy) lg_classifier whole = {.classes = 0};
     app_plot plot;
     size_t count = 0;
-    app_plot_begin(&plot, "pruning", picture);
+    app_plot_begin(&plot, "pruning", path);
     app_plot_text(&plot, "%.9g", options.tree.ccp_alpha);
     options.tree.ccp_alpha = 0;
-    APP_MUST_FILE(program, picture, fit(self, &options, &whole, &error));
+    APP_MUST_FILE(program, path, fit(self, &options, &whole, &error));
     const lg_tree *tree = &whole.tree;
     APP_FREE lg_pruning_step *steps = app_alloc(tree->count, sizeof *steps);
-    APP_MUST_FILE(program, picture, lg_tree_pruning_path(program->context, tree, tree->count, steps, &count));
+    APP_MUST_FILE(program, path, lg_tree_pruning_path(program->context, tree, tree->count, steps, &count));
     /* The windows of --test have their labels in a series of their own. */
     const lg_cut_series *tested = lg_detector_tested(state);
     APP_FREE uint32_t *label = of_windows(tested, tested->data.series.label);
     for (size_t i = 0; i < count; i++) {
         lg_tree pruned;
-        APP_MUST_FILE(program, picture, lg_tree_prune(program->context, tree, steps[i].alpha, &pruned));
+        APP_MUST_FILE(program, path, lg_tree_prune(program->context, tree, steps[i].alpha, &pruned));
         APP_PLOT_ROW(&plot, 9, steps[i].alpha,
                      tree_accuracy(&pruned, &whole.pca, self->table, self->label, &state->train),
                      tree_accuracy(&pruned, &whole.pca, self->tested_table, label, &state->tested),
@@ -292,7 +292,7 @@ static void draw_pruning(const classical *self, const char *picture) {
 }
 
 static void draw(const classical *self) {
-    const int view = view_of(&self->model, train_given.picture, true);
+    const int view = view_of(&self->model, train_given.plot_kind, true);
     if (train_given_files.plot != NULL && view == VIEW_PRUNING)
         draw_pruning(self, train_given_files.plot);
     else
@@ -441,7 +441,7 @@ void train_classical(const app *program) {
     APP_MUST(program, fit(&self, &self.chosen.options[self.chosen.best], &self.model.classifier, &error));
     APP_MUST(program, prune(&self, &self.chosen.options[self.chosen.best], &error));
     network_recipe.training.seconds = app_seconds() - begin;
-    check_picture(program, &self.model);
+    check_plot(program, &self.model);
     judge(&self);
     APP_MUST(program, lg_detector_fit_novelty(&network_recipe.training, &self.model.novelty, &error));
     save_trained(program, &self.model);

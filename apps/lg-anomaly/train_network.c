@@ -3,7 +3,7 @@
 
 #include "lg-anomaly/train.h"
 
-/* Returns the network as a model. `theta` are its parameters; there is no plan, because pictures do not need
+/* Returns the network as a model. `theta` are its parameters; there is no plan, because plots do not need
  * one. */
 static well_model model_of(double *theta) {
     well_model out = trained_model(WELL_NETWORK, "cnn");
@@ -14,7 +14,7 @@ static well_model model_of(double *theta) {
 static int check(const app *self, const lg_training *training) {
     const well_model shape = model_of(NULL);
     (void)training;
-    check_picture(self, &shape);
+    check_plot(self, &shape);
     return APP_EXIT_OK;
 }
 
@@ -37,14 +37,14 @@ static void print(const lg_training *training) {
                 state->train_judged.mse);
 }
 
-static void draw(const app *self, const char *picture, const lg_training *training) {
+static void draw(const app *self, const char *path, const lg_training *training) {
     const lg_fit *fit = training->fit;
     APP_FREE double *theta = app_alloc(training->problem.parameters, sizeof *theta);
     lg_fit_parameters(fit, theta);
     const well_model model = model_of(theta);
-    const int view = view_of(&model, train_given.picture, true);
+    const int view = view_of(&model, train_given.plot_kind, true);
     if (view == VIEW_LOSS)
-        train_draw_loss(self, picture, fit, train_state.validation.count > 0);
+        train_draw_loss(self, path, fit, train_state.validation.count > 0);
     else
         draw_tested(self, view, &model, &train_state.judged);
 }

@@ -80,11 +80,11 @@ void train_novelty(const app *program) {
     alone self = {.app = program};
     describe(&self);
     keep_healthy();
-    check_picture(program, &self.model);
+    check_plot(program, &self.model);
     fit(&self);
     judge(&self);
     save_trained(program, &self.model);
-    draw_tested(program, view_of(&self.model, train_given.picture, true), &self.model, &state->judged);
+    draw_tested(program, view_of(&self.model, train_given.plot_kind, true), &self.model, &state->judged);
     report(&self);
     lg_novelty_destroy(&self.model.novelty);
 }

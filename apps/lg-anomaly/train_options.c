@@ -117,7 +117,7 @@ static const lg_field train_options[] = {
               "Choose C among these by cross-validation on the training part (default for svm: "
               "0.1,1,10,100)",
               LG_ANY_REAL),
-    LG_OPTION(train_values, picture, NAME, NULL, VIEW_HELP, .names = view_names), LG_FIELD_END};
+    LG_OPTION(train_values, plot_kind, NAME, NULL, VIEW_HELP, .names = view_names), LG_FIELD_END};
 
 const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof train_run},
                                        {rows, &train_given, sizeof train_given},
@@ -164,8 +164,8 @@ int train_check_options(const app *self) {
         return app_usage(self, "--ccp-alpha: needs --prune post");
     if (pre && (app_given(self, "max-depth") || app_given(self, "min-samples-leaf")))
         return app_usage(self, "--prune pre: chooses --max-depth and --min-samples-leaf");
-    if (app_given(self, "picture") && train_given_files.plot == NULL)
-        return app_usage(self, "--picture: needs --plot FILE");
+    if (app_given(self, "plot-kind") && train_given_files.plot == NULL)
+        return app_usage(self, "--plot-kind: needs --plot FILE");
     if (train_state.test != NULL && app_given(self, "test-fraction"))
         return app_usage(self, "--test and --test-fraction cannot be given together");
     return APP_EXIT_OK;

@@ -72,7 +72,7 @@ uint32_t control_count_lagged(const lg_policy_task *task, bool remembered);
 void control_tell_robustness(const app *self, const lg_policy *policy, control_machine *machine,
                              uint64_t starts, app_json *out);
 
-/* ---- what runs did (runs.c, pictures.c) ---- */
+/* ---- what runs did (runs.c, plots.c) ---- */
 
 /* Runs from `starts` random starts over the steps of the task. */
 typedef struct control_runs {
@@ -104,7 +104,7 @@ size_t control_list_quantities(const lg_policy_task *task, control_quantity *out
 void control_write_runs(const app *self, const control_runs *runs, const char *path);
 /* Draws three panels: the motion of the first 40 runs, the starts of all runs, and the inputs of the first 8
  * runs. */
-void control_draw_runs(const app *self, const control_runs *runs, const char *picture);
+void control_draw_runs(const app *self, const control_runs *runs, const char *path);
 
 /* Prints success and costs below `prefix` in JSON. */
 void control_tell_outcome(app_json *out, const lg_policy_outcome *outcome);

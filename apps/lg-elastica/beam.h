@@ -1,5 +1,5 @@
 /* Declarations that the commands of lg-elastica share: boundary conditions as options, curves, learned
- * curves, pictures. A function that does not return a status ends the command if it fails. */
+ * curves, plots. A function that does not return a status ends the command if it fails. */
 #ifndef LG_APPS_BEAM_H
 #define LG_APPS_BEAM_H
 
@@ -169,12 +169,12 @@ void learned_close(learned *curves);
 /* Number k, from 0, of n equidistant arc lengths on [0, length]. */
 double equidistant(double length, size_t k, size_t n);
 
-/* ---- pictures (pictures.c); nothing is drawn if `picture` is NULL ---- */
+/* ---- plots (plots.c); nothing is drawn if `plot` is NULL ---- */
 
 /* Draws curves in the plane, with equal scales on both axes; `labelled`: with their energies. */
-void draw_curves(const app *app, const char *picture, const beam_curve *curves, size_t count, bool labelled);
+void draw_curves(const app *app, const char *path, const beam_curve *curves, size_t count, bool labelled);
 /* Draws some curves of a set, evenly chosen. */
-void draw_set(const app *app, const char *picture, const lg_elastica_curves *curves);
+void draw_set(const app *app, const char *path, const lg_elastica_curves *curves);
 
 typedef struct sweep_point {
     double x, energy;
@@ -183,9 +183,9 @@ typedef struct sweep_point {
     size_t branch;
 } sweep_point;
 /* The points are sorted by branch, then by x. */
-void draw_sweep(const app *app, const char *picture, const sweep_point *points, size_t count);
+void draw_sweep(const app *app, const char *path, const sweep_point *points, size_t count);
 
 /* Draws a learned curve and, if `truth` is not NULL, the solution. */
-void draw_prediction(const app *app, const char *picture, const beam_curve *curve, const beam_curve *truth);
+void draw_prediction(const app *app, const char *path, const beam_curve *curve, const beam_curve *truth);
 
 #endif

@@ -66,7 +66,7 @@ static void report(const app *self, const evaluation *e) {
     app_json_end(&out);
 }
 
-/* ---- the picture ---- */
+/* ---- the plot ---- */
 
 /* A block for each shown curve, with its true and learned nodes; then the mean errors at each node. */
 static void draw(const app *self, const evaluation *e) {

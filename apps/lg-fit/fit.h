@@ -9,7 +9,7 @@ extern const app_command train_command, evaluate_command, predict_command, searc
 
 /* The outcome of judging a model: draw_judgement draws predicted against true values, or the confusion
  * matrix; judgement_print prints the errors. */
-void draw_judgement(const app *self, const char *picture, const lg_table_state *of);
+void draw_judgement(const app *self, const char *path, const lg_table_state *of);
 void judgement_print(const lg_table_state *of);
 
 #endif

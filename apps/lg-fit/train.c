@@ -26,9 +26,9 @@ static void print(const lg_training *training) {
     judgement_print(&state);
 }
 
-static void draw(const app *self, const char *picture, const lg_training *training) {
+static void draw(const app *self, const char *path, const lg_training *training) {
     (void)training;
-    draw_judgement(self, picture, &state);
+    draw_judgement(self, path, &state);
 }
 
 static train_task recipe = {

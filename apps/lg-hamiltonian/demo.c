@@ -9,8 +9,7 @@ typedef struct demo_values {
 } demo_values;
 
 static const lg_field demo_options[] = {
-    LG_OPTION(demo_values, out, STRING, "DIR", "Folder for data, model and pictures",
-              .value = "liegrad-demo"),
+    LG_OPTION(demo_values, out, STRING, "DIR", "Folder for data, model and plots", .value = "liegrad-demo"),
     LG_OPTION(demo_values, epochs, U64, "E", "Evaluations of the loss (default 2000)", .low = 1, .high = 1e6),
     LG_OPTION(demo_values, t_end, REAL, "T", "Length of the long prediction", LG_POSITIVE, .value = "100"),
     LG_FIELD_END};

@@ -6,15 +6,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct picture_values {
+typedef struct plot_values {
     const char *plot;
-} picture_values;
+} plot_values;
 
-static const lg_field picture_options[] = {
-    LG_OPTION(picture_values, plot, STRING, "FILE.svg|.png", "Draw median E1 against training time"),
+static const lg_field plot_options[] = {
+    LG_OPTION(plot_values, plot, STRING, "FILE.svg|.png", "Draw median E1 against training time"),
     LG_FIELD_END};
 
-static picture_values values;
+static plot_values values;
 
 enum { SEED_TEST = 1 }; /* kind of seed (study_seed) for the test trajectories; kind 0 is the row's seed */
 
@@ -210,7 +210,7 @@ static int run(app *host) {
                              .run = do_run,
                              .show = show_row,
                              .report = study_report,
-                             .picture = values.plot,
+                             .plot = values.plot,
                              .draw = study_draw_work};
     study_main(host, &task);
     return APP_EXIT_OK;
@@ -229,6 +229,6 @@ const app_command study_command = {.name = "study",
                                               "over all runs of an integrator. The default seed is the "
                                               "grid's; other keys that it lacks have the values of train "
                                               "--preset thesis.",
-                                   .settings = APP_SETTINGS(APP_GIVEN(picture_options, values), STUDY_SHARED),
+                                   .settings = APP_SETTINGS(APP_GIVEN(plot_options, values), STUDY_SHARED),
                                    .run = run,
                                    .together = APP_WORKERS};

@@ -1,4 +1,4 @@
-/* The study of lg-hamiltonian: its columns, tables and picture. */
+/* The study of lg-hamiltonian: its columns, tables and plot. */
 #ifndef LG_APPS_STUDY_H
 #define LG_APPS_STUDY_H
 
@@ -23,6 +23,6 @@ static inline double number_at(const study_plan *plan, const study_row *row, uin
 void study_report(const app *app, const study_file *file, uint64_t fresh, double seconds);
 
 /* Draws median E1 against median training time: one mark per cell, one series per integrator and M. */
-void study_draw_work(const app *app, const char *picture, const study_file *file);
+void study_draw_work(const app *app, const char *path, const study_file *file);
 
 #endif

@@ -71,13 +71,13 @@ lg_status judge_relative(const lg_trajectories *test, const double *predicted, v
 lg_status record_verdict(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
                          double *theta, const lg_trajectories *test, const verdict *result, lg_error *error);
 
-/* ---- drawing (pictures.c) ---- */
+/* ---- drawing (plots.c) ---- */
 
-enum { SHOWN_TRAJECTORIES = 10 }; /* default number of trajectories in the picture */
+enum { SHOWN_TRAJECTORIES = 10 }; /* default number of trajectories in the plot */
 /* Draws true (may be NULL) and predicted trajectories, both (n, points, d), at times t (points). Chains: each
  * link on a sphere. One degree of freedom: the phase portrait, and q and p against t. Otherwise: q_2 against
  * q_1. */
-void draw_trajectories(const app *app, const char *picture, const char *title, const lg_hamiltonian *model,
+void draw_trajectories(const app *app, const char *path, const char *title, const lg_hamiltonian *model,
                        const double *t, const double *truth, const double *predicted, size_t n,
                        size_t points);
 

@@ -8,7 +8,7 @@ typedef struct demo_values {
 } demo_values;
 
 static const lg_field options[] = {
-    LG_OPTION(demo_values, out, STRING, "DIR", "Folder for files and pictures", .value = "liegrad-machine"),
+    LG_OPTION(demo_values, out, STRING, "DIR", "Folder for files and plots", .value = "liegrad-machine"),
     LG_OPTION(demo_values, seconds, REAL, "S", "Time for the fit", LG_POSITIVE, .value = "20"),
     LG_OPTION(demo_values, epochs, U64, "E", "Evaluations of the loss, if the time allows (default 300)",
               .low = 1, .high = 1e6),

@@ -1,5 +1,5 @@
 /* Declarations that the commands of lg-identify share: models and logs, states in a log's columns, runs of
- * all parts, ranges, comparisons, pictures. */
+ * all parts, ranges, comparisons, plots. */
 #ifndef LG_APPS_IDENTIFY_H
 #define LG_APPS_IDENTIFY_H
 
@@ -170,18 +170,17 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
 void identify_values(const app *self, const lg_learned_machine *model, size_t count, const double *q,
                      const double *v, double *potential, double *damping);
 
-/* ---- pictures (pictures.c) ---- */
+/* ---- plots (plots.c) ---- */
 
 /* Draws each column of the first run against time. q, v (rows, ...): predictions, or NULL; bands (rows,
  * columns of the file): standard deviations of the predictions, or NULL. */
-void identify_draw_run(const app *self, const char *picture, const char *title, const lg_machine_file *file,
+void identify_draw_run(const app *self, const char *path, const char *title, const lg_machine_file *file,
                        const lg_machine_log *log, size_t parts, const double *q, const double *v,
                        const double *bands);
 
-/* Draws the picture of evaluate --plot: a free run (q, v at the rows of the log), errors against horizons,
+/* Draws the plot of evaluate --plot: a free run (q, v at the rows of the log), errors against horizons,
  * and what was learned. */
-void identify_draw_evaluation(const app *self, const char *picture, const identify_given *given,
-                              const double *q, const double *v, const lg_horizon *horizons,
-                              size_t horizon_count);
+void identify_draw_evaluation(const app *self, const char *path, const identify_given *given, const double *q,
+                              const double *v, const lg_horizon *horizons, size_t horizon_count);
 
 #endif

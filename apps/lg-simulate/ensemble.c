@@ -374,7 +374,7 @@ static lg_status close_rows(study *all, lg_error *error) {
 static int write_out(study *all, bool *written) {
     const app *self = all->sim->self;
     const ensemble_files *files = all->files;
-    const char *picture = self->ranks == NULL ? all->sim->values->plot : NULL;
+    const char *path = self->ranks == NULL ? all->sim->values->plot : NULL;
     result *total = all->total;
     lg_error error = {LG_OK, ""}, lost = {LG_OK, ""};
     lg_status status = LG_OK;
@@ -388,7 +388,7 @@ static int write_out(study *all, bool *written) {
                               all->rows != NULL && rows_status == LG_OK ? &rows : NULL, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, files->out);
     *written = true;
-    if (picture != NULL) ensemble_draw(self, total, picture);
+    if (path != NULL) ensemble_draw(self, total, path);
     if (rows_status == LG_OK) return APP_EXIT_OK;
     return app_fail(self, rows_status, "%s; the statistics are in %s", lost.message, files->out);
 }

@@ -97,7 +97,7 @@ lg_status result_write(const app *self, const char *path, const result *what, co
 /* The caller must free `out` after a failure, too. */
 lg_status result_read(const app *self, const char *path, result *out, lg_error *error);
 
-/* ensemble_report.c: results and picture of an ensemble. */
+/* ensemble_report.c: results and plot of an ensemble. */
 typedef struct ensemble_run {
     const result *what;
     const lg_ensemble_stats *stats; /* NULL if the results were merged from files */

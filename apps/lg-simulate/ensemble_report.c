@@ -1,4 +1,4 @@
-/* The results of an ensemble, and a picture with bands of quantiles. */
+/* The results of an ensemble, and a plot with bands of quantiles. */
 #include "lg-simulate/ensemble.h"
 
 #include <string.h>
@@ -116,7 +116,7 @@ int ensemble_conclude(const app *self, const ensemble_run *run) {
                : APP_EXIT_OK;
 }
 
-/* ---- the picture: bands of quantiles over time, histograms of the times of events ---- */
+/* ---- the plot: bands of quantiles over time, histograms of the times of events ---- */
 
 enum { PANELS = 6, BARS = 64 };
 

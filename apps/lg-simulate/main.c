@@ -5,8 +5,8 @@
 
 static simulate_values values = {.atol = -1, .theta = 0.5};
 
-static const char *const picture_kinds[] = {"overview", "components", "invariants", "manifold",
-                                            "steps",    "3d",         NULL};
+static const char *const plot_kinds[] = {"overview", "components", "invariants", "manifold",
+                                         "steps",    "3d",         NULL};
 
 static const lg_field options[] = {
     LG_OPTION(simulate_values, method, STRING, "NAME",
@@ -40,7 +40,7 @@ static const lg_field options[] = {
     LG_OPTION(simulate_values, plot, STRING, "FILE.svg|.png", "Draw the run, or the diagram"),
     LG_OPTION(simulate_values, plot_kind, NAME, NULL,
               "overview, components, invariants, manifold, steps or 3d (default overview)",
-              .names = picture_kinds),
+              .names = plot_kinds),
     LG_OPTION(simulate_values, work_precision, SWITCH, NULL,
               "Compare methods: error at the final time against CPU time and evaluations"),
     LG_OPTION(simulate_values, methods, STRING, "NAME,NAME,...",
@@ -187,8 +187,8 @@ static void run_once(const simulation *sim) {
     APP_CLEAN(samples_free) samples path = {0};
     APP_CLEAN(gradient_free) gradient slope = {0};
     APP_CLEAN(watch_end) watch seen = {.sim = NULL};
-    if (values.plot != NULL && values.plot_kind == PICTURE_SPACE && !has_space_picture(sim))
-        app_stop_usage(sim->self, "--plot-kind 3d: there is no spatial picture of %s",
+    if (values.plot != NULL && values.plot_kind == PLOT_SPACE && !has_space_plot(sim))
+        app_stop_usage(sim->self, "--plot-kind 3d: there is no spatial plot of %s",
                        lg_system_name(sim->system));
     APP_CLEAN(method_free) method chosen = method_choose(sim);
     const bool sloped = values.gradient != NULL;
@@ -274,7 +274,7 @@ int main(int argc, char **argv) {
     const app_command command[] = {
         {.arguments = "SCENE.yaml",
          .summary = "Integrates a mechanical system with a classical or a Lie group method. Gives the final "
-                    "state, invariants, the distance from the manifold, pictures, work-precision diagrams "
+                    "state, invariants, the distance from the manifold, plots, work-precision diagrams "
                     "and gradients.",
          .details = details,
          .settings = APP_SETTINGS(APP_GIVEN(options, values)),

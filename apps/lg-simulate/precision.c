@@ -221,7 +221,7 @@ static void report_diagram(const diagram *d) {
     app_json_end(&out);
 }
 
-/* ---- the picture ---- */
+/* ---- the plot ---- */
 
 static void draw(const diagram *d) {
     app_plot plot;

@@ -10,14 +10,14 @@
 #include "liegrad/settings.h"
 #include "liegrad/taped.h"
 
-typedef enum picture_kind {
-    PICTURE_OVERVIEW,
-    PICTURE_COMPONENTS,
-    PICTURE_INVARIANTS,
-    PICTURE_MANIFOLD,
-    PICTURE_STEPS,
-    PICTURE_SPACE
-} picture_kind;
+typedef enum plot_kind {
+    PLOT_OVERVIEW,
+    PLOT_COMPONENTS,
+    PLOT_INVARIANTS,
+    PLOT_MANIFOLD,
+    PLOT_STEPS,
+    PLOT_SPACE
+} plot_kind;
 
 typedef struct simulate_values {
     const char *method, *scheme, *dexpinv, *out, *plot, *methods, *gradient;
@@ -197,9 +197,9 @@ void report_run(const report *what); /* in report.c */
 /* output.c: writes the file of --out. */
 lg_status write_trajectory(const report *what, lg_error *error);
 
-/* pictures.c: has_space_picture returns whether there is a 3d picture of this system; draw_run draws
+/* plots.c: has_space_plot returns whether there is a 3d plot of this system; draw_run draws
  * --plot. */
-bool has_space_picture(const simulation *sim);
+bool has_space_plot(const simulation *sim);
 void draw_run(const report *what);
 
 /* precision.c: compares methods, for --work-precision. */

@@ -11,8 +11,8 @@ set datafile separator "\t"
 stats datafile index 0 using (1) nooutput
 array T[STATS_records]
 count = -2
-picture = ""
-take(text) = (count = count + 1, count > 0 ? (T[count] = text) : count == 0 ? (picture = text) : 0, 1)
+plot = ""
+take(text) = (count = count + 1, count > 0 ? (T[count] = text) : count == 0 ? (plot = text) : 0, 1)
 stats datafile index 0 using (take(strcol(1)[2:*])) nooutput
 set datafile separator whitespace
 set datafile commentschars
@@ -26,8 +26,8 @@ do for [k = 32:126] { ascii = ascii.sprintf("%c", k) }
 bytes(text) = sum [at = 1:strlen(text)] (strstrt(ascii, text[at:at]) > 0 ? 1 : 4)
 tic(text) = strstrt(text, "%") == 0 ? text : percent(text, bytes(text) < 50 ? "%%" : "％")
 # `eval size(W, H)` begins a plot of this size in pixels.
-size(w, h) = "set terminal ".(picture eq "svg" ? "svg" : "pngcairo")." size ".int(w).",".int(h). \
-    (picture eq "svg" ? " dynamic background rgb 'white' font 'Helvetica,13'" : " font 'Helvetica,11'")
+size(w, h) = "set terminal ".(plot eq "svg" ? "svg" : "pngcairo")." size ".int(w).",".int(h). \
+    (plot eq "svg" ? " dynamic background rgb 'white' font 'Helvetica,13'" : " font 'Helvetica,11'")
 colour(k) = "#".word("1f5fa8 d1641f 2e8b57 8b3a8b b8860b 17a2b8 6b4423 5d6d7e 7cb342 e377c2", int(k - 1) % 10 + 1)
 small(text) = strlen(text) > 16 ? ",7" : ""
 set grid lc rgb '#dddddd'

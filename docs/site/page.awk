@@ -71,7 +71,7 @@ function heading(text) { # its code would be seen as HTML
 FNR == 1 { page = FILENAME; if (index(page, ENVIRON["root"] "/") == 1) page = substr(page, length(ENVIRON["root"]) + 2) }
 /^ *(```|~~~)/ { fence = !fence; if (!terms) print; next }
 fence { if (!terms) print; next }
-/^<!-- site: .* -->$/ { # a picture that the site alone has
+/^<!-- site: .* -->$/ { # a plot that the site alone has
     file = $3; sub(/^<!-- site: [^ ]+ /, ""); sub(/ -->$/, ""); if (!terms) print "<a href=\"" file "\"><img src=\"" file "\" alt=\"" $0 "\"/></a>\n\n" $0
     next
 }

@@ -13,7 +13,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "pictures.h"
+#include "plots.h"
 #include "trial.h"
 
 typedef struct settings {
@@ -171,8 +171,8 @@ static bool draw(const settings *set, const controller *control, const buffers *
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         if (all[i].from->count > 0) series[count++] = all[i];
     (void)mkdir(set->plots, 0777);
-    return picture_energy(set->plots, &memory->record, control->energy_up, set->trial.tolerance) &&
-           picture_latency(set->plots, series, count);
+    return plot_energy(set->plots, &memory->record, control->energy_up, set->trial.tolerance) &&
+           plot_latency(set->plots, series, count);
 }
 
 static int run(const settings *set, const lg_model *model, plant *true_plant, buffers *memory) {

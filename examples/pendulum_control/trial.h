@@ -21,7 +21,7 @@ typedef struct trial_result {
     double manifold; /* largest of ||q| - 1| and |q.p| */
 } trial_result;
 
-/* A row of the trace, for the picture. One row is kept every `every` steps. */
+/* A row of the trace, for the plot. One row is kept every `every` steps. */
 typedef struct trace_row {
     double t, learned, energy, angle, torque;
 } trace_row;

@@ -78,7 +78,7 @@ typedef struct lg_field {
     const char *option;
     /* For a hyperparameter: the HDF5 group in which files store it, "model" or "run" (a resumed run must have
      * the same value), or "" if no file stores it. NULL: the field is not a hyperparameter (but a path, a
-     * picture, or a key of a scene), and a search cannot vary it. */
+     * plot, or a key of a scene), and a search cannot vary it. */
     const char *group;
     lg_field_type type;
     size_t offset, size; /* offset and size of the member in the structure, bytes */

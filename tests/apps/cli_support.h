@@ -206,7 +206,7 @@ static inline void cli_run(const char *program, const char *format, ...) {
     cli_expect(program, line, 0, "");
 }
 
-/* ---- names that a picture shows as they are ---- */
+/* ---- names that a plot shows as they are ---- */
 
 enum { CLI_NAMES = 6 };
 static inline const char *cli_strange_name(size_t i) {
@@ -218,14 +218,14 @@ static inline const char *cli_strange_name(size_t i) {
     return names[i];
 }
 
-/* Asserts that the picture is drawn and shows the names first to end - 1, each behind the text `before`, and
- * that no command in them ran. Without gnuplot there is no picture. */
-static inline void cli_shows_names(const char *picture, const char *before, size_t first, size_t end) {
+/* Asserts that the plot is drawn and shows the names first to end - 1, each behind the text `before`, and
+ * that no command in them ran. Without gnuplot there is no plot. */
+static inline void cli_shows_names(const char *path, const char *before, size_t first, size_t end) {
     static char text[4 * CLI_TEXT];
     assert_false(cli_exists("RAN"));
     if (strstr(result.err, "gnuplot is not installed") != NULL) return;
-    if (strstr(result.err, "gnuplot") != NULL) fail_msg("%s: %s", picture, result.err);
-    (void)cli_read(picture, text, sizeof text);
+    if (strstr(result.err, "gnuplot") != NULL) fail_msg("%s: %s", path, result.err);
+    (void)cli_read(path, text, sizeof text);
     for (size_t i = first; i < end; i++) {
         char name[256];
         size_t used = (size_t)snprintf(name, sizeof name, "%s", before);
@@ -235,7 +235,7 @@ static inline void cli_shows_names(const char *picture, const char *before, size
                                      : *c == '&' ? "&amp;"
                                                  : "",
                                      *c != '<' && *c != '&', c);
-        if (strstr(text, name) == NULL) fail_msg("%s does not show %s", picture, name);
+        if (strstr(text, name) == NULL) fail_msg("%s does not show %s", path, name);
     }
 }
 

@@ -7,7 +7,7 @@ with --seconds by random texts, random commands and random strings of the HDF5 f
 - no program ran (each text tries to make the file RAN), and the command was not ended by a signal,
 - nothing but its outputs is new in its folder, and nothing is new or changed above it,
 - standard output and standard error have no control character, and text read with --json is JSON,
-- a picture that was drawn shows each name that it must show.
+- a plot that was drawn shows each name that it must show.
 Every program and verb of BIN (from --help) must be a row here or be named in NOT_RUN; every option --plot must be used.
 """
 import argparse, ctypes, ctypes.util, glob, json, os, random, re, shutil, subprocess, sys, tempfile, time, html
@@ -169,8 +169,8 @@ def feed():
     return "\n".join(rows) + "\n"
 
 
-# A row: program, verb and arguments, the inputs that hold names, the names that its picture shows (None: there is no --plot).
-# {pic} is the picture's name and {out} the output's. JSON is asked for where the row's last word is --json.
+# A row: program, verb and arguments, the inputs that hold names, the names that its plot shows (None: there is no --plot).
+# {pic} is the plot's name and {out} the output's. JSON is asked for where the row's last word is --json.
 ROWS = [
     ("lg-fit", "train table.csv --outputs {2} --epochs 2 --hidden 4 --test table.csv --out {out}.h5 --history {out}.csv --plot {pic}", [2]),
     ("lg-fit", "train classes.csv --class {3} --epochs 2 --hidden 4 --test classes.csv --out {out}.h5 --plot {pic} --json", [4, 5, 6]),
@@ -245,7 +245,7 @@ class Names:
         return self.names.get(k, PLACE[k])
 
     def words(self, line, texts, pic="", out=""):
-        """The words of a line, in which {2} is a name, {pic} the picture and {out} the beginning of the outputs."""
+        """The words of a line, in which {2} is a name, {pic} the plot and {out} the beginning of the outputs."""
         words = [word.replace("{pic}", pic).replace("{out}", out) for word in line.split()]
         return [re.sub(r"\{(\d+)\}", lambda m: texts.get(int(m.group(1)), self.name(int(m.group(1)))), word) for word in words]
 
@@ -349,16 +349,16 @@ class Names:
                 json.loads(stdout)
             except ValueError as error:
                 self.fault(told, texts, "--json: %s" % error)
-        picture = os.path.join(folder, pic)
+        plot = os.path.join(folder, pic)
         if want_success and code == 0 and "{pic}" in line:
-            if not os.path.exists(picture):
-                self.fault(told, texts, "no picture: %s" % stderr[-300:])
+            if not os.path.exists(plot):
+                self.fault(told, texts, "no plot: %s" % stderr[-300:])
             elif shown and pic.endswith(".svg"):
-                seen = re.sub("\\s", "", html.unescape("".join(re.findall("<text>(.*?)</text>", open(picture, encoding="utf-8", errors="replace").read(), re.S))))
+                seen = re.sub("\\s", "", html.unescape("".join(re.findall("<text>(.*?)</text>", open(plot, encoding="utf-8", errors="replace").read(), re.S))))
                 for k in shown:
                     name = re.sub("[\x00-\x20\x7f]", "", texts.get(k, self.name(k)))
                     if name and name not in seen:
-                        self.fault(told, texts, "the picture does not show %r" % name)
+                        self.fault(told, texts, "the plot does not show %r" % name)
         if not self.keep:
             shutil.rmtree(top)
 
@@ -396,7 +396,7 @@ def names_of(turn):
 
 
 def table_test(names, only):
-    """Each row with names as the programs take them, with names that were put into their files, and with hostile names of pictures."""
+    """Each row with names as the programs take them, with names that were put into their files, and with hostile names of plots."""
     for turn in range(3):
         names.make_base(names_of(turn) if turn > 0 else None)
         for n, row in enumerate(ROWS):

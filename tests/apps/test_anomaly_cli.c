@@ -1,5 +1,5 @@
 /* Runs lg-anomaly (in LG_BIN_DIR): the scene's data, models of every method on these and on data of other
- * shapes, votes, scores, pictures. Elsewhere: what it shares with other executables is in test_runs, what it
+ * shapes, votes, scores, plots. Elsewhere: what it shares with other executables is in test_runs, what it
  * refuses in test_refused, and watching in test_watch_cli.
  * ctest-labels: apps/lg-anomaly src/anomaly */
 #include "cli_support.h"
@@ -378,19 +378,18 @@ TEST("a model remembers the class labels of its training file, also when the fil
     cli_expect(lg, "evaluate from-1.model.h5 from-0.h5", 3, "class '0' is none of the classes 1|2");
 }
 
-TEST("pictures for a file without names use the names of the training data; a single feature can be drawn") {
+TEST("plots for a file without names use the names of the training data; a single feature can be drawn") {
     static char text[CLI_TEXT];
     write_numbered("unnamed.h5", 0, false);
     cli_run(lg, "train data.h5 --method tree --features std --out named.h5 --plot named.svg");
     (void)cli_read("named.dat", text, sizeof text);
     assert_says(text, "\n=std acc_lower_x\n= <= ");
-    cli_run(lg, "evaluate named.h5 unnamed.h5 --plot pairs.svg --picture pairs");
+    cli_run(lg, "evaluate named.h5 unnamed.h5 --plot pairs.svg --plot-kind pairs");
     (void)cli_read("pairs.dat", text, sizeof text);
     assert_says(text, "\n=std moment_y\n");
-    cli_run(
-        lg,
-        "train one-channel.h5 --method logistic --features std --out one-std.h5 --plot single.svg --picture "
-        "pairs");
+    cli_run(lg, "train one-channel.h5 --method logistic --features std --out one-std.h5 --plot single.svg "
+                "--plot-kind "
+                "pairs");
     assert_null(strstr(result.err, "gnuplot failed"));
     (void)cli_read("single.dat", text, sizeof text);
     assert_says(text, "\n=1\n=2\n=std 0\n=0\n=1\n");
@@ -669,23 +668,23 @@ TEST("a search varies the features of rocket, and judges by the held-out part al
     assert_close(json_number(json_find(result.out, "best"), "parameters"), 84.5, 0, 0.5);
 }
 
-/* ---- pictures: the default one, and each one by name ---- */
+/* ---- plots: the default one, and each one by name ---- */
 
-TEST("pictures are drawn") {
+TEST("plots are drawn") {
     static const char *const lines[] = {
         "train data.h5 --epochs 2 --out p.h5 --plot p.svg",
         "train data.h5 --method tree --criterion entropy --out p.h5 --plot p.svg",
-        "train data.h5 --method tree --out p.h5 --plot p.svg --picture pruning",
+        "train data.h5 --method tree --out p.h5 --plot p.svg --plot-kind pruning",
         "train data.h5 --method svm-linear --components 3 --out p.h5 --plot p.svg",
         "train data.h5 --method logistic --components 4 --out p.h5 --plot p.svg",
         "train data.h5 --method baseline --window 60 --split run --out p.h5 --plot p.svg",
         "evaluate model.h5 data.h5 --plot p.svg",
-        "evaluate model.h5 data.h5 --plot p.svg --picture confusion",
-        "evaluate three-model.h5 three.h5 --plot p.svg --picture roc",
-        "evaluate logistic.h5 data.h5 --plot p.svg --picture pairs",
-        "evaluate logistic.h5 data.h5 --plot p.svg --picture clouds",
+        "evaluate model.h5 data.h5 --plot p.svg --plot-kind confusion",
+        "evaluate three-model.h5 three.h5 --plot p.svg --plot-kind roc",
+        "evaluate logistic.h5 data.h5 --plot p.svg --plot-kind pairs",
+        "evaluate logistic.h5 data.h5 --plot p.svg --plot-kind clouds",
         "generate --runs 2 --hours 0.05 --out q.h5 --plot p.svg",
-        "generate --runs 2 --hours 0.05 --out q.h5 --plot p.svg --picture housings",
+        "generate --runs 2 --hours 0.05 --out q.h5 --plot p.svg --plot-kind housings",
     };
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
         cli_run(lg, "%s", lines[i]);
@@ -710,16 +709,16 @@ static void write_strange(const char *name, const char *from, bool channels) {
     data->series.channel_name = usual;
 }
 
-TEST("pictures show names of classes and channels as they are, and no name is a command") {
+TEST("plots show names of classes and channels as they are, and no name is a command") {
     static const struct {
         const char *line;
         size_t classes, channels;
     } cases[] = {
         {"train many.h5 --method tree --features std --out n.h5 --plot n.svg", 6, 0},
-        {"evaluate n.h5 many.h5 --picture confusion --plot n.svg", 6, 0},
-        {"evaluate n.h5 many.h5 --picture roc --plot n.svg", 6, 0},
-        {"evaluate n.h5 many.h5 --picture pairs --plot n.svg", 6, 6},
-        {"evaluate n.h5 many.h5 --picture clouds --plot n.svg", 6, 0},
+        {"evaluate n.h5 many.h5 --plot-kind confusion --plot n.svg", 6, 0},
+        {"evaluate n.h5 many.h5 --plot-kind roc --plot n.svg", 6, 0},
+        {"evaluate n.h5 many.h5 --plot-kind pairs --plot n.svg", 6, 6},
+        {"evaluate n.h5 many.h5 --plot-kind clouds --plot n.svg", 6, 0},
         {"train two.h5 --method svm-linear --components 3 --out n.h5 --plot n.svg", 2, 0},
         {"train two.h5 --method baseline --window 60 --split run --out n.h5 --plot n.svg", 2, 0},
         {"train two.h5 --epochs 1 --plane 2 --out n.h5", 0, 0},

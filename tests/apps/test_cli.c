@@ -1,4 +1,4 @@
-/* Runs lg-hamiltonian (in LG_BIN_DIR): judging and recording, pictures, studies. Elsewhere: what it shares
+/* Runs lg-hamiltonian (in LG_BIN_DIR): judging and recording, plots, studies. Elsewhere: what it shares
  * with other executables is in test_runs, what it refuses in test_refused.
  * ctest-labels: apps/lg-hamiltonian src/hamiltonian */
 #include "cli_files.h"
@@ -66,26 +66,26 @@ TEST("all commands take scenes with and without `initial`, and say which start t
     assert_non_null(strstr(result.err, "`initial` is a single start and was not used"));
 }
 
-static void expect_drawn(const char *arguments, const char *picture) {
-    cli_expect(lg, test_text("%s --plot %s", arguments, picture), 0, "");
-    if (!cli_exists(picture) && strstr(result.err, "gnuplot is not installed") == NULL)
-        fail_msg("%s: no picture: %s", arguments, result.err);
+static void expect_drawn(const char *arguments, const char *path) {
+    cli_expect(lg, test_text("%s --plot %s", arguments, path), 0, "");
+    if (!cli_exists(path) && strstr(result.err, "gnuplot is not installed") == NULL)
+        fail_msg("%s: no plot: %s", arguments, result.err);
 }
 
 /* `curves`: in all panels, without the spheres. */
 static void expect_curves(const char *arguments, size_t curves) {
-    static char picture[1 << 20];
+    static char path[1 << 20];
     size_t found = 0;
     expect_drawn(arguments, "flow.svg");
     if (!cli_exists("flow.svg")) return;
-    (void)cli_read("flow.svg", picture, sizeof picture);
-    for (const char *at = picture; (at = strstr(at, "id=\"gnuplot_plot_")) != NULL; at++) found++;
-    if (strstr(picture, "gravity") != NULL) found--;
+    (void)cli_read("flow.svg", path, sizeof path);
+    for (const char *at = path; (at = strstr(at, "id=\"gnuplot_plot_")) != NULL; at++) found++;
+    if (strstr(path, "gravity") != NULL) found--;
     if (found != curves) fail_msg("%s: %zu curves, expected %zu", arguments, found, curves);
     assert_int_equal(unlink(cli_at("flow.svg")), 0);
 }
 
-TEST("pictures of trajectories show all curves: spheres, phase portraits, planes, with and without the "
+TEST("plots of trajectories show all curves: spheres, phase portraits, planes, with and without the "
      "truth") {
     expect_curves("predict model.h5 start.yaml", 2);
     expect_curves("predict model.h5 --initial 1,0,0,0,0.5,0 --t-end 0.5", 1);
@@ -104,7 +104,7 @@ TEST("pictures of trajectories show all curves: spheres, phase portraits, planes
     }
 }
 
-TEST("pictures and histories are drawn") {
+TEST("plots and histories are drawn") {
     static char script[65536];
     expect_drawn("evaluate model.h5 test.h5", "./sphere.svg");
     assert_true(cli_exists("sphere.dat") && cli_exists("sphere.gp"));
@@ -416,7 +416,7 @@ TEST("a study runs, and continues where it was stopped") {
     cli_json(lg, "study grid.yaml --out limited.csv", "done 8");
 }
 
-TEST("the picture of a study has a block for each integrator, also when runs failed") {
+TEST("the plot of a study has a block for each integrator, also when runs failed") {
     static char text[65536];
     cli_expect(lg, "study grid.yaml --out lost.csv --jobs 1", 0, "");
     shell("sed 's/^\\(cf4,1,6,.*\\),[^,]*,[^,]*,[^,]*,\\([^,]*,[^,]*\\),ok,/\\1,,,,\\2,failed,/' lost.csv > "

@@ -309,7 +309,7 @@ TEST("the axes of the map of starts do not depend on the unit of length") {
     assert_says(shown, "=Starts of 10 runs\n=th\n=w\n");
 }
 
-TEST("of a rotation the picture shows the angle and the speed, the table its nine numbers") {
+TEST("of a rotation the plot shows the angle and the speed, the table its nine numbers") {
     static double far[PERIODS][2];
     cli_write("body.yaml",
               "columns: {time: t}\ncoordinates: [{name: R, kind: rotation, columns: [a, b, c, d], velocity: "
@@ -338,7 +338,7 @@ TEST("of a rotation the picture shows the angle and the speed, the table its nin
     assert_true(fabs(far[0][0] - 3) < 1e-4 && far[0][1] < 1e-6 && far[20][1] > 0.1 && far[120][0] < 0.05);
 }
 
-TEST("a picture shows names of velocities and inputs as they are, and runs nothing") {
+TEST("a plot shows names of velocities and inputs as they are, and runs nothing") {
     /* as YAML writes them, as they are */
     static const char *const names[][2] = {{"`touch RAN`", "`touch RAN`"},
                                            {"''.system(\"touch RAN\").''", "'.system(\"touch RAN\").'"},

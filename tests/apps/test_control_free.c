@@ -1,4 +1,4 @@
-/* lg-control with a coordinate whose position does not matter: tables, pictures, proofs and what is refused.
+/* lg-control with a coordinate whose position does not matter: tables, plots, proofs and what is refused.
  * ctest-labels: apps/lg-control src/control */
 #include "cli_support.h"
 
@@ -22,7 +22,7 @@ static int setup(void **state) {
     return 0;
 }
 
-TEST("tables have the free position, pictures have what is not free") {
+TEST("tables have the free position, plots have what is not free") {
     static char text[1 << 20];
     cli_expect(control, "train task.yaml --out p.h5 --json", 0, "");
     cli_expect(control, "evaluate p.h5 --starts 20 --runs r.csv --plot p.svg --json", 0, "");

@@ -263,7 +263,7 @@ TEST("statistics are the same with lanes and one member at a time") {
     assert_close(at_end("q", "mean"), mean, 0, 1e-4);
 }
 
-TEST("the printed table and the picture contain what they should") {
+TEST("the printed table and the plot contain what they should") {
     cli_expect(lg, "circles.yaml --ensemble 100 --event q=0 --plot bands.svg", 0, "");
     assert_says(result.out, "Time of the first event");
     static char text[65536];
@@ -284,7 +284,7 @@ static void replace(const char *from, const char *to, const char *text, const ch
     assert_true(file != NULL && fwrite(bytes, 1, count, file) == count && fclose(file) == 0);
 }
 
-TEST("the picture shows names of columns from a file as they are") {
+TEST("the plot shows names of columns from a file as they are") {
     static const char columns[] = "q1.x|q1.y|q1.z|omega1.x|omega1.y|omega1.z|energy|";
     cli_run(lg, "pendulums.yaml --ensemble 20 --points 3 --vary q=sphere --task 0/1 --out named.h5");
     for (size_t i = 0; i < CLI_NAMES; i++) {

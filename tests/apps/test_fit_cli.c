@@ -614,7 +614,7 @@ TEST("a constant column and one that --without excludes have no effect: the bits
     cli_expect(fit, "evaluate tag.h5 pump.csv", 0, "accuracy");
 }
 
-TEST("the help says what --plot draws, where the picture's data are written, and how the width is chosen") {
+TEST("the help says what --plot draws, where the plot's data are written, and how the width is chosen") {
     static char text[1 << 17];
     size_t used = 0;
     cli_expect(fit, "train --help", 0, "");
@@ -634,7 +634,7 @@ static void put_quoted(sheet *s, const char *name) {
     put(s, "\"");
 }
 
-TEST("pictures show names of columns and classes as they are, and no name is a command") {
+TEST("plots show names of columns and classes as they are, and no name is a command") {
     for (size_t n = 0; n <= CLI_NAMES; n++) { /* each name as the output; then all as classes */
         sheet *s = TEST_ARRAY(sheet, 1);
         put(s, "a,");

@@ -116,7 +116,7 @@ TEST(
     }
 }
 
-TEST("a linear model is compared in logs of positions alone, and the picture of friction has the logged "
+TEST("a linear model is compared in logs of positions alone, and the plot of friction has the logged "
      "forces") {
     cli_write("p.yaml",
               "columns: {time: t}\ncoordinates: [{name: x, kind: line}]\nmeasured: positions\n"

@@ -914,7 +914,7 @@ TEST("the demo learns a body from a log and controls the true body with the mode
 static int finish(void **state) {
     static const char *const names[] = {"truth.yaml", "machine.yaml",  "train.csv", "test.csv",
                                         "model.h5",   "predicted.csv", "task.yaml", "policy.h5"};
-    static const char *const pictures[] = {"log", "fit", "learned", "predicted"};
+    static const char *const plots[] = {"log", "fit", "learned", "predicted"};
     static const char *const endings[] = {"svg", "dat", "gp"};
     char path[1024], name[64];
     for (size_t i = 0; i < LG_COUNT(names); i++) {
@@ -922,8 +922,8 @@ static int finish(void **state) {
         cli_path(name, path, sizeof path);
         (void)unlink(path);
     }
-    for (size_t i = 0; i < LG_COUNT(pictures) * LG_COUNT(endings); i++) {
-        (void)snprintf(name, sizeof name, "shown/%s.%s", pictures[i / 3], endings[i % 3]);
+    for (size_t i = 0; i < LG_COUNT(plots) * LG_COUNT(endings); i++) {
+        (void)snprintf(name, sizeof name, "shown/%s.%s", plots[i / 3], endings[i % 3]);
         cli_path(name, path, sizeof path);
         (void)unlink(path);
     }

@@ -47,7 +47,7 @@ static const double *column(const char *name, const char *of, size_t *rows) {
     return out;
 }
 
-/* Numbers in the first row of a picture's data. */
+/* Numbers in the first row of a plot's data. */
 static int drawn_columns(const char *name) {
     char *text = lg_test_memory(1 << 20), *save = NULL;
     int count = 0;
@@ -240,7 +240,7 @@ static void write_named(const char *file, const char *name, const char *rest) {
                               name, name, name, rest));
 }
 
-TEST("pictures show names of columns and inputs as they are, and run nothing") {
+TEST("plots show names of columns and inputs as they are, and run nothing") {
     /* as YAML writes them, as they are */
     static const char *const names[][2] = {{"`touch RAN`", "`touch RAN`"},
                                            {"''.system(''touch RAN'').''", "'.system('touch RAN').'"},
@@ -251,7 +251,7 @@ TEST("pictures show names of columns and inputs as they are, and run nothing") {
         "check model.yaml log.csv --plot check.svg", "fit model.yaml log.csv --out m.h5",
         "predict m.h5 log.csv --bands --out p.csv --plot predict.svg",
         "evaluate m.h5 log.csv --plot evaluate.svg"};
-    static const char *const pictures[] = {"generate", "check", "predict", "evaluate"};
+    static const char *const plots[] = {"generate", "check", "predict", "evaluate"};
     static char shown[1 << 20];
     for (size_t i = 0; i < LG_COUNT(names); i++) {
         write_named("named.yaml", names[i][0], strstr(oscillator_scene, "mass"));
@@ -262,12 +262,12 @@ TEST("pictures show names of columns and inputs as they are, and run nothing") {
             if (cli_exists("RAN")) fail_msg("%s: %s ran", lines[k], names[i][1]);
             assert_null(strstr(result.err, "gnuplot failed"));
         }
-        for (size_t k = 0; k < LG_COUNT(pictures); k++) {
-            const char *picture = test_text("%s.svg", pictures[k]);
-            if (!cli_exists(picture)) continue; /* gnuplot is not installed */
-            (void)cli_read(picture, shown, sizeof shown);
+        for (size_t k = 0; k < LG_COUNT(plots); k++) {
+            const char *path = test_text("%s.svg", plots[k]);
+            if (!cli_exists(path)) continue; /* gnuplot is not installed */
+            (void)cli_read(path, shown, sizeof shown);
             for (const char *c = "pvu"; *c != '\0'; c++)
-                if (*c != 'u' || strcmp(pictures[k], "evaluate") != 0)
+                if (*c != 'u' || strcmp(plots[k], "evaluate") != 0)
                     assert_says(shown, test_text("<text>%c%s</text>", *c, names[i][1]));
         }
     }

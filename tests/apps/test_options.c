@@ -24,7 +24,7 @@ static const char *const meanings[][2] = {
     {"out", "says what is written"},
     {"part", "windows, curves"},
     {"penalty-form", "published name: of two penalties"},
-    {"picture", "which pictures there are"},
+    {"plot-kind", "which plots there are"},
     {"plant", "errors of derivatives, a machine"},
     {"plot", "says what is drawn"},
     {"points", "of a trajectory, of a curve, of each trajectory"},

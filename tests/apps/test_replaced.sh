@@ -99,7 +99,7 @@ make lg-simulate pendulum.yaml --ensemble 20 --t-end 0.2 --task 1/2 --out e.h5
 # HDF5 of another program: the attribute `format` has another value
 sed 's/liegrad/another/g' data.h5 >foreign.h5
 
-# foreign files: a text without a line end, bytes without a line, pictures that liegrad did not draw
+# foreign files: a text without a line end, bytes without a line, plots that liegrad did not draw
 printf 'important notes' >notes
 head -c 600 /dev/zero >zeros
 printf '\211PNG\r\n\032\nphoto' >photo.png

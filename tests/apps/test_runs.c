@@ -338,7 +338,7 @@ TEST("a full disk is reported with the file's name, and no file is left") {
         {"lg-hamiltonian", "predict chain-model.h5 start.yaml --points 500 --out full.h5", 2048, "full.h5"},
         {"lg-hamiltonian", "train chain.h5 --batch 8 --epochs 60 --out m.h5 --history full.csv", 512,
          "full.csv"},
-        /* There is room for the picture's data, but not for the picture. */
+        /* There is room for the plot's data, but not for the plot. */
         {"lg-hamiltonian", "evaluate chain-model.h5 chain-2.h5 --plot full.svg", 8192, "full.svg"},
         {"lg-elastica", "generate --count 100 --out full.h5", 4096, "full.h5"},
         {"lg-elastica", "train beam.h5 --hidden 12 --epochs 1 --out full.h5", 2048, "full.h5"},
@@ -347,7 +347,7 @@ TEST("a full disk is reported with the file's name, and no file is left") {
         {"lg-elastica", "predict beam-model.h5 --x 1 --points 500 --out full.csv", 2048, "full.csv"},
         {"lg-elastica", "solve --x 1 --intervals 500 --out full.csv", 2048, "full.csv"},
         {"lg-elastica", "search ranges.yaml beam.h5 --trials 6 --rungs 5,2 --out full.csv", 200, "full.csv"},
-        /* There is no room for the data, then not for the script, then not for the picture. */
+        /* There is no room for the data, then not for the script, then not for the plot. */
         {"lg-elastica", "solve --x 1 --intervals 500 --plot full.svg", 2048, "full.dat"},
         {"lg-elastica", "solve --sweep 3 --intervals 4 --plot full.svg", 1024, "full.gp"},
         {"lg-elastica", "solve --x 1 --intervals 20 --plot full.svg", 16384, "full.svg"},
@@ -363,7 +363,7 @@ TEST("a full disk is reported with the file's name, and no file is left") {
     const int before = cli_count_files("");
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         cli_run_limited(rows[i].program, rows[i].line, rows[i].limit);
-        /* Without gnuplot there is no picture to write; then the row is replaced by one that fails. */
+        /* Without gnuplot there is no plot to write; then the row is replaced by one that fails. */
         if (result.code == 0 && strstr(rows[i].line, "--plot") != NULL &&
             strstr(result.err, "gnuplot") != NULL)
             cli_run_limited("lg-elastica", "solve --x 1 --intervals 500 --plot full.svg", 2048);

@@ -1,4 +1,4 @@
-/* Runs lg-simulate (in LG_BIN_DIR): known solutions, schemes from files, trajectories, pictures, gradients.
+/* Runs lg-simulate (in LG_BIN_DIR): known solutions, schemes from files, trajectories, plots, gradients.
  * What it refuses is in test_refused.
  * ctest-labels: apps/lg-simulate src/mechanics */
 #include "cli_support.h"
@@ -266,7 +266,7 @@ TEST("schemes are read from files") {
     assert_says(result.out, "kutta3");
 }
 
-/* ---- trajectories and pictures ---- */
+/* ---- trajectories and plots ---- */
 
 static void open_trajectory(const char *name, lg_file_reader **reader, lg_archive_reader *archive) {
     assert_ok(lg_file_reader_create(NULL, cli_at(name), "trajectory", NULL, reader, NULL));
@@ -321,7 +321,7 @@ TEST("a trajectory is written as it was computed") {
     json("no-end.yaml --times 1,2 --out o.h5", "t 2");
 }
 
-TEST("pictures are drawn") {
+TEST("plots are drawn") {
     static const char *const arguments[] = {
         "chain.yaml", "oscillator.yaml", "chain.yaml --plot-kind components",
         "chain.yaml --plot-kind invariants", "chain.yaml --plot-kind manifold",
@@ -338,11 +338,11 @@ TEST("pictures are drawn") {
         cli_run(lg, "%s --plot p%zu.svg", arguments[i], i);
         assert_true(cli_exists(test_text("p%zu.gp", i)));
         if (!cli_exists(test_text("p%zu.svg", i)) && strstr(result.err, "gnuplot is not installed") == NULL)
-            fail_msg("%s: no picture: %s", arguments[i], result.err);
+            fail_msg("%s: no plot: %s", arguments[i], result.err);
     }
 }
 
-TEST("gnuplot draws a picture whatever the names of its file and folder are") {
+TEST("gnuplot draws a plot whatever the names of its file and folder are") {
     static const char *const paths[] = {"it's/p.svg",     "'/''.svg",
                                         "share/-y.svg",   "$(touch\tRAN)/`touch\tRAN`.svg",
                                         "\\/\"a\"&*.svg", "./<p;.svg"};
@@ -394,7 +394,7 @@ TEST("--work-precision compares the error and the work of schemes") {
     assert_true(cli_exists("w.gp"));
 }
 
-TEST("the picture shows the name of a scheme's file as it is, and its script does not have the name") {
+TEST("the plot shows the name of a scheme's file as it is, and its script does not have the name") {
     static char script[65536], first[65536];
     for (size_t i = 0; i < CLI_NAMES; i++) {
         char name[128];

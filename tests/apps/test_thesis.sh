@@ -1,4 +1,4 @@
-# The page docs/reports/thesis.md: every row of its list is complete, its commands, options, files and pictures exist, and data
+# The page docs/reports/thesis.md: every row of its list is complete, its commands, options, files and plots exist, and data
 # and page are what bench/thesis makes of the list. Nothing is run. Planted errors in copies have to be told.
 # ctest-labels: bench/thesis docs/reports
 set -u
@@ -33,7 +33,7 @@ planted "an unknown option" thesis.ini 's/--method variational/--methodic x/' be
 planted "an unknown program" thesis.ini 's/^run = lg-gradcheck/run = lg-gradchecks/' bench "there is no program"
 planted "an unknown command" thesis.ini 's/lg-elastica solve --/lg-elastica solves --/' bench "there is no command solves"
 planted "an unknown scene" thesis.ini 's,scenes/rigid-body.yaml,scenes/no.yaml,' bench "there is no file scenes/no.yaml"
-planted "a picture that is not there" thesis.ini 's/integrators-event.svg/no-event.svg/' bench "there is no pictures/no-event.svg"
+planted "a plot that is not there" thesis.ini 's/integrators-event.svg/no-event.svg/' bench "there is no plots/no-event.svg"
 planted "a key that nobody reads" thesis.ini 's/^better = lower/beter = lower/' bench "unknown key beter"
 planted "no comparison and no reason" thesis.ini '0,/^unlike = other data/s/^unlike = other data.*//' bench "do not both say"
 planted "other data that count" thesis.ini '/^\[table 6.8\]$/,/^unlike/s/^better = unlike unlike/better = lower higher/' bench "do not both say"

@@ -7,7 +7,7 @@
 
 #include "../../examples/pendulum_control/controller.c"
 #include "../../examples/pendulum_control/latency.c"
-#include "../../examples/pendulum_control/pictures.c"
+#include "../../examples/pendulum_control/plots.c"
 #include "../../examples/pendulum_control/plant.c"
 #include "../../examples/pendulum_control/trial.c"
 #include "support/malloc_count.h"
@@ -238,7 +238,7 @@ TEST("the histogram counts each sample once, in its bin") {
     const histogram_series series[] = {{"a", &a}, {"b", &b}};
     double edge[2][EDGES], height[2][EDGES];
     assert_non_null(mkdtemp(folder));
-    assert_true(picture_latency(folder, series, 2));
+    assert_true(plot_latency(folder, series, 2));
     (void)snprintf(path, sizeof path, "%s/latency.dat", folder);
     FILE *data = fopen(path, "r");
     assert_non_null(data);

@@ -25,10 +25,10 @@ static void put_beam(app_plot *plot, const beam_curve *curve) {
 }
 
 /* Draws beams, with their energies if `labelled`. `width` is that of the lines of minima. */
-static void draw_beams(const app *self, const char *picture, const char *title, bool labelled, double width,
+static void draw_beams(const app *self, const char *path, const char *title, bool labelled, double width,
                        const beam_curve *curves, size_t count) {
     app_plot plot;
-    app_plot_begin(&plot, "elastica_beams", picture);
+    app_plot_begin(&plot, "elastica_beams", path);
     app_plot_text(&plot, "%s\t%d\t%g", title, labelled, width);
     for (const beam_curve *at = curves; at < curves + count; at++) {
         const bool saddle = at->solution.negative_eigenvalues > 0;
@@ -38,31 +38,30 @@ static void draw_beams(const app *self, const char *picture, const char *title, 
     app_plot_end(self, &plot);
 }
 
-void draw_curves(const app *self, const char *picture, const beam_curve *curves, size_t count,
-                 bool labelled) {
-    if (picture != NULL) draw_beams(self, picture, "", labelled, 2.5, curves, count);
+void draw_curves(const app *self, const char *path, const beam_curve *curves, size_t count, bool labelled) {
+    if (path != NULL) draw_beams(self, path, "", labelled, 2.5, curves, count);
 }
 
-void draw_set(const app *self, const char *picture, const lg_elastica_curves *curves) {
+void draw_set(const app *self, const char *path, const lg_elastica_curves *curves) {
     beam_curve beams[SHOWN_CURVES];
     const size_t nodes = (size_t)curves->intervals + 1;
     const size_t shown = curves->count < SHOWN_CURVES ? curves->count : (size_t)SHOWN_CURVES;
     APP_FREE char *title = app_format("%zu of %zu curves", shown, curves->count);
-    if (picture == NULL) return;
+    if (path == NULL) return;
     for (size_t i = 0; i < shown; i++) {
         const size_t at = 2 * nodes * (i * curves->count / shown);
         beams[i] = (beam_curve){.problem = {.length = curves->length, .intervals = curves->intervals},
                                 .at = {.count = nodes, .q = curves->q + at, .v = curves->v + at}};
     }
-    draw_beams(self, picture, title, false, 1.3, beams, shown);
+    draw_beams(self, path, title, false, 1.3, beams, shown);
 }
 
 /* Branches are drawn as pieces of equal stability, since stable and unstable ones have different dashes. */
-void draw_sweep(const app *self, const char *picture, const sweep_point *points, size_t count) {
-    if (picture == NULL) return;
+void draw_sweep(const app *self, const char *path, const sweep_point *points, size_t count) {
+    if (path == NULL) return;
     app_plot plot;
     double before = NAN;
-    app_plot_begin(&plot, "elastica_sweep", picture);
+    app_plot_begin(&plot, "elastica_sweep", path);
     for (const sweep_point *at = points; at < points + count; at++) {
         const bool follows = at > points && at[-1].branch == at->branch;
         const double saddle = at->negative_eigenvalues > 0, branch = (double)at->branch;
@@ -76,10 +75,10 @@ void draw_sweep(const app *self, const char *picture, const sweep_point *points,
     app_plot_end(self, &plot);
 }
 
-void draw_prediction(const app *self, const char *picture, const beam_curve *curve, const beam_curve *truth) {
-    if (picture == NULL) return;
+void draw_prediction(const app *self, const char *path, const beam_curve *curve, const beam_curve *truth) {
+    if (path == NULL) return;
     app_plot plot;
-    app_plot_begin(&plot, "elastica_beams", picture);
+    app_plot_begin(&plot, "elastica_beams", path);
     app_plot_text(&plot, "\t2\t2.5\t%d", truth != NULL);
     for (size_t k = 0; k < curve->at.count; k++) app_plot_numbers(&plot, 9, curve->at.q + 2 * k, 2);
     app_plot_block(&plot);

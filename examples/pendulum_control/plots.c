@@ -1,4 +1,4 @@
-#include "pictures.h"
+#include "plots.h"
 
 #include <errno.h>
 #include <math.h>
@@ -93,7 +93,7 @@ static bool draw_by_script(const char *folder, const char *name, const char *tex
     return true;
 }
 
-bool picture_energy(const char *folder, const trace *record, double target, double tolerance) {
+bool plot_energy(const char *folder, const trace *record, double target, double tolerance) {
     FILE *data = open_in(folder, "energy.dat");
     if (data == NULL) return false;
     (void)fputs("# t learned_energy energy angle torque tolerance\n", data);
@@ -115,7 +115,7 @@ static void bin(const samples *from, double *fraction) {
     }
 }
 
-bool picture_latency(const char *folder, const histogram_series *series, int count) {
+bool plot_latency(const char *folder, const histogram_series *series, int count) {
     FILE *data = open_in(folder, "latency.dat");
     if (data == NULL) return false;
     (void)fputs("# for each title: left end of the bin in us, fraction\n", data);

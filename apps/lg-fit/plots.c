@@ -6,10 +6,10 @@
 
 enum { PANELS = 4, POINTS = 5000 };
 
-static void put_scatter(app_plot *plot, const char *picture, const lg_table_state *of) {
+static void put_scatter(app_plot *plot, const char *path, const lg_table_state *of) {
     const lg_table_judgement *j = &of->judged;
     const uint32_t outputs = of->file.run.model.net.outputs, panels = outputs < PANELS ? outputs : PANELS;
-    app_plot_begin(plot, "scatter", picture);
+    app_plot_begin(plot, "scatter", path);
     app_plot_text(plot, "%zu", j->rows);
     for (uint32_t o = 0; o < panels; o++)
         app_plot_text(plot, "%s: rmse %.3g, R^2 %.3f", of->file.output_name[o], j->rmse[o], j->r2[o]);
@@ -21,14 +21,14 @@ static void put_scatter(app_plot *plot, const char *picture, const lg_table_stat
     }
 }
 
-void draw_judgement(const app *self, const char *picture, const lg_table_state *of) {
+void draw_judgement(const app *self, const char *path, const lg_table_state *of) {
     const lg_table_judgement *j = &of->judged;
     APP_FREE char *title = app_format("accuracy %.4f, f1 %.4f on %zu rows", j->accuracy, j->f1, j->rows);
     app_plot plot;
     if (of->file.run.model.options.task == LG_TABLE_REGRESSION)
-        put_scatter(&plot, picture, of);
+        put_scatter(&plot, path, of);
     else
-        app_plot_confusion(&plot, picture, title, j->confusion, of->file.run.model.net.outputs,
+        app_plot_confusion(&plot, path, title, j->confusion, of->file.run.model.net.outputs,
                            of->file.output_name);
     app_plot_end(self, &plot);
 }

@@ -203,7 +203,7 @@ static const struct {
     const char *system, *title;
     sphere_curve curves[3];
     put_motion *motion;
-} pictures[] = {
+} plots[] = {
     {"pendulum-chain", "chain", .motion = put_chain},
     {"quadrotors", "quadrotors", .motion = put_quadrotors},
     {"heavy-top", "axis of the top", .curves = {{"Qχ", "Q", "chi", 0}}},
@@ -217,15 +217,15 @@ static const struct {
 /* Returns the row of the system's plot, or LG_COUNT(plots) if there is none. */
 static size_t find_space(const simulation *sim) {
     size_t i = 0;
-    for (; i < LG_COUNT(pictures); i++)
-        if (strcmp(pictures[i].system, lg_system_name(sim->system)) == 0 &&
-            (pictures[i].motion != NULL || find_block(sim, pictures[i].curves[0].key, 1) != NULL))
+    for (; i < LG_COUNT(plots); i++)
+        if (strcmp(plots[i].system, lg_system_name(sim->system)) == 0 &&
+            (plots[i].motion != NULL || find_block(sim, plots[i].curves[0].key, 1) != NULL))
             break;
     return i;
 }
 
-bool has_space_picture(const simulation *sim) {
-    return find_space(sim) < LG_COUNT(pictures);
+bool has_space_plot(const simulation *sim) {
+    return find_space(sim) < LG_COUNT(plots);
 }
 
 static void put_sphere(drawing *to, const sphere_curve *curve) {
@@ -262,29 +262,29 @@ static void put_path(drawing *to, put_motion *put) {
 
 static void put_space(drawing *to) {
     const size_t row = find_space(to->sim);
-    app_plot_text(&to->plot, "%s", pictures[row].title);
-    if (pictures[row].motion != NULL) put_path(to, pictures[row].motion);
-    for (size_t c = 0; c < LG_COUNT(pictures[row].curves) && pictures[row].curves[c].key != NULL; c++)
-        put_sphere(to, &pictures[row].curves[c]);
+    app_plot_text(&to->plot, "%s", plots[row].title);
+    if (plots[row].motion != NULL) put_path(to, plots[row].motion);
+    for (size_t c = 0; c < LG_COUNT(plots[row].curves) && plots[row].curves[c].key != NULL; c++)
+        put_sphere(to, &plots[row].curves[c]);
 }
 
 /* ---- plots ---- */
 
 static void (*const kinds[])(drawing *to) = {
-    [PICTURE_OVERVIEW] = put_overview,     [PICTURE_COMPONENTS] = put_all_components,
-    [PICTURE_INVARIANTS] = put_invariants, [PICTURE_MANIFOLD] = put_manifold,
-    [PICTURE_STEPS] = put_steps,           [PICTURE_SPACE] = put_space};
+    [PLOT_OVERVIEW] = put_overview,     [PLOT_COMPONENTS] = put_all_components,
+    [PLOT_INVARIANTS] = put_invariants, [PLOT_MANIFOLD] = put_manifold,
+    [PLOT_STEPS] = put_steps,           [PLOT_SPACE] = put_space};
 
-/* For PICTURE_SPACE there must be a 3d plot of the system. */
+/* For PLOT_SPACE there must be a 3d plot of the system. */
 void draw_run(const report *what) {
     const simulate_values *values = what->sim->values;
     const trace *at = &what->seen->trace;
     drawing to = {.what = what, .sim = what->sim};
-    const bool space = values->plot_kind == PICTURE_SPACE;
+    const bool space = values->plot_kind == PLOT_SPACE;
     app_plot_begin(&to.plot,
-                   !space                                           ? "simulation"
-                   : pictures[find_space(what->sim)].motion != NULL ? "motion"
-                                                                    : "sphere",
+                   !space                                        ? "simulation"
+                   : plots[find_space(what->sim)].motion != NULL ? "motion"
+                                                                 : "sphere",
                    values->plot);
     for (size_t i = 0; i < at->count && !space; i++)
         app_plot_numbers(&to.plot, 9, at->rows + i * at->width, at->width);

@@ -19,10 +19,10 @@ static void put_work_block(app_plot *plot, const study_file *file, uint32_t i, u
     app_plot_block(plot);
 }
 
-void study_draw_work(const app *self, const char *picture, const study_file *file) {
+void study_draw_work(const app *self, const char *path, const study_file *file) {
     app_plot plot;
     const study_axis *integrator = &file->plan->axes[AXIS_INTEGRATOR], *points = &file->plan->axes[AXIS_M];
-    app_plot_begin(&plot, "training_time", picture);
+    app_plot_begin(&plot, "training_time", path);
     app_plot_text(&plot, "%d\t%u\t%u", file->plan->axes[AXIS_SUBSTEPS].count > 1, integrator->count,
                   points->count);
     for (uint32_t i = 0; i < integrator->count; i++) app_plot_text(&plot, "%s", integrator->text[i]);

@@ -10,7 +10,7 @@ enum { SHOWN_COLUMNS = 8, SHOWN_DEPTH = 6, SHOWN_LINES = 150, SHOWN_POINTS = 400
 
 typedef struct viewing {
     const app *app;
-    const char *picture;
+    const char *path;
     const well_model *model;
     const lg_series *series;
     const lg_windows *windows;
@@ -26,8 +26,8 @@ static size_t chosen(const lg_judgement *judged, size_t i) {
     return i * judged->count / shown(judged);
 }
 
-static void no_picture(const viewing *v, const char *why) {
-    app_end(app_fail(v->app, LG_FILE, "%s: %s", v->picture, why));
+static void no_plot(const viewing *v, const char *why) {
+    app_end(app_fail(v->app, LG_FILE, "%s: %s", v->path, why));
 }
 
 /* ---- points by class ---- */
@@ -67,7 +67,7 @@ static void put_points(viewing *v, const char *view, bool components, const doub
     APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
     APP_FREE double *seen = app_alloc(v->model->classes, sizeof *seen);
     double *reduction = f + features->count;
-    app_plot_begin(&v->plot, "points", v->picture);
+    app_plot_begin(&v->plot, "points", v->path);
     app_plot_text(&v->plot, "%u\t%u", columns, v->model->classes);
     for (uint32_t c = 0; c < columns; c++) {
         APP_FREE char *name = column_name(features, v->series, reduced, c);
@@ -77,7 +77,7 @@ static void put_points(viewing *v, const char *view, bool components, const doub
     for (size_t i = 0; i < shown(v->judged); i++) {
         const size_t at = chosen(v->judged, i);
         lg_windows_copy(v->series, v->windows, v->judged->window[at], x);
-        app_must_file(v->app, lg_features_compute(features, x, f, work), NULL, v->picture);
+        app_must_file(v->app, lg_features_compute(features, x, f, work), NULL, v->path);
         if (reduced) lg_pca_eval(pca, f, 1, reduction, reduction + features->count);
         put_point(v, at, reduced ? reduction : f, columns, seen);
     }
@@ -93,7 +93,7 @@ static void put_clouds(viewing *v) {
 
 static void put_margin(viewing *v) {
     double w[3], b;
-    app_must_file(v->app, lg_svm_plane(&v->model->classifier.svm, w, &b), NULL, v->picture);
+    app_must_file(v->app, lg_svm_plane(&v->model->classifier.svm, w, &b), NULL, v->path);
     put_points(v, "margin", true, w, b);
 }
 
@@ -117,7 +117,7 @@ static bool output_line(const well_model *model, double w[2], double *b) {
 static void put_plane(viewing *v) {
     double w[2], b = 0;
     APP_FREE double *seen = app_alloc(v->model->classes, sizeof *seen);
-    app_plot_begin(&v->plot, "points", v->picture);
+    app_plot_begin(&v->plot, "points", v->path);
     app_plot_text(&v->plot, "2\t%u", v->model->classes);
     for (int c = 0; c < 2; c++) app_plot_text(&v->plot, "output %d of the last hidden layer", c + 1);
     put_classes(v, "plane", 2, output_line(v->model, w, &b) ? w : NULL, b);
@@ -131,7 +131,7 @@ static void put_plane(viewing *v) {
 
 static void put_variance(viewing *v) {
     const lg_pca *pca = &v->model->classifier.pca;
-    app_plot_begin(&v->plot, "variance", v->picture);
+    app_plot_begin(&v->plot, "variance", v->path);
     app_plot_text(&v->plot, "%u", pca->components);
     for (uint32_t i = 0; i < pca->variances; i++) APP_PLOT_ROW(&v->plot, 9, pca->variance[i]);
 }
@@ -166,7 +166,7 @@ static double put_node(viewing *v, uint32_t node, uint32_t depth, double *leaves
 static void put_tree(viewing *v) {
     const lg_tree *tree = &v->model->classifier.tree;
     double leaves = 0;
-    app_plot_begin(&v->plot, "tree", v->picture);
+    app_plot_begin(&v->plot, "tree", v->path);
     app_plot_text(&v->plot, "%u\t%u", lg_tree_depth(tree), tree->count);
     (void)put_node(v, 0, 0, &leaves);
 }
@@ -195,7 +195,7 @@ static void put_regressions(viewing *v) {
     APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
     APP_FREE size_t *of_class = app_alloc(v->model->classes, sizeof *of_class);
     const size_t every = shown(v->judged) / ((size_t)SHOWN_LINES * v->model->classes) + 1;
-    app_plot_begin(&v->plot, "regressions", v->picture);
+    app_plot_begin(&v->plot, "regressions", v->path);
     app_plot_text(&v->plot, "%u", v->model->classes);
     for (uint32_t c = 0; c < v->model->classes; c++) app_plot_text(&v->plot, "%s", v->model->class_name[c]);
     for (size_t i = 0; i < shown(v->judged); i += every) {
@@ -203,7 +203,7 @@ static void put_regressions(viewing *v) {
         double least = DBL_MAX, most = -DBL_MAX;
         if (of_class[class]++ >= SHOWN_LINES) continue;
         lg_windows_copy(v->series, v->windows, v->judged->window[at], x);
-        app_must_file(v->app, lg_features_compute(features, x, f, work), NULL, v->picture);
+        app_must_file(v->app, lg_features_compute(features, x, f, work), NULL, v->path);
         for (uint32_t s = 0; s < features->segments; s++) {
             least = fmin(least, segment_deviation(features, x, s));
             most = fmax(most, segment_deviation(features, x, s));
@@ -215,8 +215,7 @@ static void put_regressions(viewing *v) {
 /* ---- outcomes ---- */
 
 static void put_confusion(viewing *v) {
-    app_plot_confusion(&v->plot, v->picture, "", v->judged->confusion, v->model->classes,
-                       v->model->class_name);
+    app_plot_confusion(&v->plot, v->path, "", v->judged->confusion, v->model->classes, v->model->class_name);
 }
 
 static void put_roc(viewing *v) {
@@ -230,7 +229,7 @@ static void put_roc(viewing *v) {
     APP_FREE uint32_t *order = app_alloc(n, sizeof *order);
     double *tpr = fpr + room, *threshold = tpr + room, *score = threshold + room;
     size_t curves = 0;
-    app_plot_begin(&v->plot, "roc", v->picture);
+    app_plot_begin(&v->plot, "roc", v->path);
     for (uint32_t c = 0; c < classes; c++) {
         if (c == left_out) continue;
         for (size_t i = 0; i < n; i++) score[i] = judged->score[i * classes + c];
@@ -245,7 +244,7 @@ static void put_roc(viewing *v) {
         app_plot_block(&v->plot);
         curves++;
     }
-    if (curves == 0) no_picture(v, "all windows are of one class: there is no ROC curve");
+    if (curves == 0) no_plot(v, "all windows are of one class: there is no ROC curve");
 }
 
 /* ---- which plots a model has ---- */
@@ -302,20 +301,20 @@ int view_of(const well_model *model, int wanted, bool training) {
 void check_view(const app *self, const well_model *model, int wanted, bool training) {
     const int view = view_of(model, wanted, training);
     if (!has_view(model, view, training))
-        app_stop_usage(self, "--picture %s: %s", view_names[view], views[view].missing);
+        app_stop_usage(self, "--plot-kind %s: %s", view_names[view], views[view].missing);
 }
 
-void draw_view(const app *self, const char *picture, int view, const well_model *model,
+void draw_view(const app *self, const char *path, int view, const well_model *model,
                const lg_cut_series *from, const lg_judgement *judged) {
     lg_series named = from->data.series; /* the model's channel names are used if the file has none */
     if (named.channel_name == NULL) named.channel_name = model->channel_name;
     viewing v = {.app = self,
-                 .picture = picture,
+                 .path = path,
                  .model = model,
                  .series = &named,
                  .windows = &from->windows,
                  .judged = judged};
-    if (judged->count == 0) no_picture(&v, "there are no windows to draw");
+    if (judged->count == 0) no_plot(&v, "there are no windows to draw");
     views[view].put(&v);
     app_plot_end(self, &v.plot);
 }

@@ -1,6 +1,6 @@
-/* Pictures, drawn by gnuplot: energy over time, and the histogram of latencies. */
-#ifndef PICTURES_H
-#define PICTURES_H
+/* Plots, drawn by gnuplot: energy over time, and the histogram of latencies. */
+#ifndef PLOTS_H
+#define PLOTS_H
 
 #include "latency.h"
 #include "trial.h"
@@ -12,7 +12,7 @@ typedef struct histogram_series {
 
 /* Write energy.{dat,gp,svg} and latency.{dat,gp,svg} into `folder`, which must exist. Without gnuplot only
  * the .dat and .gp files are written, with a message on stderr. Return false if a file cannot be written. */
-bool picture_energy(const char *folder, const trace *record, double target, double tolerance);
-bool picture_latency(const char *folder, const histogram_series *series, int count);
+bool plot_energy(const char *folder, const trace *record, double target, double tolerance);
+bool plot_latency(const char *folder, const histogram_series *series, int count);
 
 #endif

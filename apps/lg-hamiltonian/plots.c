@@ -17,12 +17,12 @@ static size_t put_blocks(app_plot *plot, const lg_hamiltonian *model, const doub
     return n * parts;
 }
 
-void draw_trajectories(const app *self, const char *picture, const char *title, const lg_hamiltonian *model,
+void draw_trajectories(const app *self, const char *path, const char *title, const lg_hamiltonian *model,
                        const double *t, const double *truth, const double *predicted, size_t n,
                        size_t points) {
     const bool chain = model->family->factor[0] == LG_SPACE_TS2;
     app_plot plot;
-    app_plot_begin(&plot, chain ? "spheres" : "learned_flow", picture);
+    app_plot_begin(&plot, chain ? "spheres" : "learned_flow", path);
     app_plot_text(&plot, "%s\t%u", title, chain ? model->n : lg_hamiltonian_state_dim(model) == 2 ? 3 : 1);
     app_plot_text(&plot, "%zu", truth != NULL ? put_blocks(&plot, model, t, truth, n, points) : 0);
     app_plot_text(&plot, "%zu", put_blocks(&plot, model, t, predicted, n, points));
