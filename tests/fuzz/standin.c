@@ -186,6 +186,10 @@ typedef struct handle {
     const tree_record *record;
     int node;
     bool checked; /* a property list for reading: numbers out of range are errors */
+    /* for types made by H5Tcopy and H5Tcreate: the type of HDF5 that was copied, or 0, and the part of a
+     * complex number that is read: 1 "r", 2 "i", or 0 if the type has no members */
+    hid_t native;
+    int member;
     /* for data spaces */
     unsigned rank;
     bool none, selected;
@@ -478,6 +482,49 @@ static const tree_record *type_record(hid_t type) {
     }
     return record_of(type, A_TYPE);
 }
+hid_t H5Tcopy(hid_t type) {
+    const tree_record *r = type_record(type);
+    NEEDS(r);
+    const hid_t copy = open_handle(A_TYPE, r, 0);
+    const handle *from = get(type, A_TYPE);
+    get(copy, A_TYPE)->native = from == NULL ? type : from->native;
+    return copy;
+}
+
+/* A complex number is a record of two numbers. */
+static const char *const parts[] = {"r", "i"};
+static bool is_complex(hid_t type) {
+    const tree_record *r = record_of(type, A_TYPE);
+    return r != NULL && r->type % TREE_TYPES == TYPE_COMPLEX;
+}
+int H5Tget_nmembers(hid_t type) {
+    return is_complex(type) ? 2 : -1;
+}
+int H5Tget_member_index(hid_t type, const char *name) {
+    for (int i = 0; i < 2 && is_complex(type); i++)
+        if (strcmp(name, parts[i]) == 0) return i;
+    return -1;
+}
+char *H5Tget_member_name(hid_t type, unsigned index) {
+    return is_complex(type) && index < 2 ? strdup(parts[index]) : NULL;
+}
+hid_t H5Tget_member_type(hid_t type, unsigned index) {
+    return is_complex(type) && index < 2 ? open_handle(A_TYPE, type_record(H5T_NATIVE_DOUBLE), 0)
+                                         : H5I_INVALID_HID;
+}
+hid_t H5Tcreate(H5T_class_t class, size_t size) {
+    (void)size;
+    return class == H5T_COMPOUND ? open_handle(A_TYPE, NULL, 0) : H5I_INVALID_HID;
+}
+herr_t H5Tinsert(hid_t record, const char *name, size_t offset, hid_t type) {
+    handle *h = get(record, A_TYPE);
+    (void)offset;
+    NEEDS(h);
+    h->record = type_record(type);
+    h->native = type;
+    h->member = strcmp(name, parts[0]) == 0 ? 1 : 2;
+    return 0;
+}
 H5T_class_t H5Tget_class(hid_t type) {
     if (type_record(type) == NULL) return H5T_NO_CLASS;
     const unsigned t = type_record(type)->type % TREE_TYPES;
@@ -666,12 +713,17 @@ static char *text_at(const tree_record *r, size_t at) {
 static herr_t read_elements(const tree_record *r, hid_t memory, const handle *part, bool checked, void *out) {
     static uint8_t bytes[TREE_BYTES];
     const size_t size = bytes_of(r), stored = tree_count(r, size);
+    const handle *made = get(memory, A_TYPE);
+    const int member = made == NULL ? 0 : made->member;
+    if (made != NULL && made->native != 0) memory = made->native;
+    if (member > 0 && r->type % TREE_TYPES != TYPE_COMPLEX) return -1;
+    const tree_record *element = member > 0 ? type_record(H5T_NATIVE_DOUBLE) : r;
     const bool words = get(memory, A_TYPE) != NULL, there = stored <= TREE_BYTES;
     const size_t wanted = H5Tget_size(memory);
     if (words ? tree_types[r->type % TREE_TYPES].nature != NATURE_TEXT &&
                     tree_types[r->type % TREE_TYPES].nature != NATURE_OTHER
-              : !is_number(r))
-        if (!words || !is_number(r)) return -1;
+              : !is_number(element))
+        if (!words || !is_number(element)) return -1;
     if (there) tree_fill(r, bytes, stored * size);
     const hsize_t count = points(part);
     for (hsize_t i = 0; i < count; i++) {
@@ -680,12 +732,12 @@ static herr_t read_elements(const tree_record *r, hid_t memory, const handle *pa
             index[d] = part->start[d] + rest % part->count[d];
         for (unsigned d = 0; d < part->rank; d++) at = at * part->dims[d] + index[d];
         static const uint8_t zeros[65536];
-        const uint8_t *from = there ? bytes + at * size : zeros;
+        const uint8_t *from = there ? bytes + at * size + (member > 1 ? 8 : 0) : zeros;
         if (words && r->type % TREE_TYPES == TYPE_ANY_LENGTH)
             ((char **)out)[i] = there ? text_at(r, at) : NULL;
         else if (words)
             memcpy((uint8_t *)out + i * size, from, size);
-        else if (!store(number_of(r, from), memory, checked, (uint8_t *)out + i * wanted))
+        else if (!store(number_of(element, from), memory, checked, (uint8_t *)out + i * wanted))
             return -1;
     }
     return 0;
