@@ -57,6 +57,7 @@ static void run_path(const fuzz_harness *harness, const char *path) {
     if (count >= 0) free(names);
 }
 
+#ifndef LG_FUZZ_STANDIN
 static int pack(const char *from, const char *to) {
     enum { MOST = 1 << 16 };
     static uint8_t out[MOST];
@@ -76,6 +77,7 @@ static int unpack(const char *from, const char *to) {
     free(bytes);
     return code;
 }
+#endif
 
 int main(int argc, char **argv) {
     if (argc == 2 && strcmp(argv[1], "list") == 0) {
@@ -84,8 +86,10 @@ int main(int argc, char **argv) {
                          h->reader);
         return 0;
     }
+#ifndef LG_FUZZ_STANDIN
     if (argc == 4 && strcmp(argv[1], "pack") == 0) return pack(argv[2], argv[3]);
     if (argc == 4 && strcmp(argv[1], "unpack") == 0) return unpack(argv[2], argv[3]);
+#endif
     const fuzz_harness *harness = argc > 2 ? fuzz_find(argv[1]) : NULL;
     if (harness == NULL) {
         (void)fprintf(stderr, "usage: replay NAME FILE|FOLDER ... | list | pack FILE.h5 TREE | unpack TREE "

@@ -203,10 +203,10 @@ static const hid_t mark = (hid_t)1 << 40; /* differs from all handles of HDF5 */
 #define NEEDS(pointer)                                                                                       \
     if ((pointer) == NULL) return -1
 
-static hid_t open_handle(handle_kind kind, const tree_record *record, int node) {
+static hid_t open_handle(handle_kind kind, const tree_record *record, int at) {
     for (int i = 0; i < HANDLES; i++) {
         if (handles[i].kind != FREE) continue;
-        handles[i] = (handle){.kind = kind, .record = record, .node = node};
+        handles[i] = (handle){.kind = kind, .record = record, .node = at};
         return mark | i;
     }
     abort(); /* some handles are never closed */
@@ -468,14 +468,14 @@ herr_t H5Tclose(hid_t type) {
     return close_handle(type, A_TYPE);
 }
 static const tree_record *type_record(hid_t type) {
-    static tree_record records[6];
+    static tree_record memory_records[6];
     const struct {
         hid_t type;
         const char *name; /* of tree_types */
     } memory[] = {{H5T_NATIVE_DOUBLE, "f8"}, {H5T_NATIVE_FLOAT, "f4"},  {H5T_NATIVE_INT64, "i8"},
                   {H5T_NATIVE_UINT64, "u8"}, {H5T_NATIVE_UINT32, "u4"}, {H5T_NATIVE_UINT8, "u1"}};
     for (size_t i = 0; i < sizeof memory / sizeof memory[0]; i++) {
-        tree_record *r = &records[i];
+        tree_record *r = &memory_records[i];
         if (type != memory[i].type) continue;
         while (strcmp(tree_types[r->type].name, memory[i].name) != 0) r->type++;
         return r;
