@@ -69,7 +69,6 @@ static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_
 }
 
 static lg_status probability(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)theta;
     y[0] = probabilities(t, user, lg_program_call(t, "value", 0, x));
     return lg_tape_status(t);
 }

@@ -1,5 +1,4 @@
 /* Saving and loading of lg_novelty in archives. */
-#include <math.h>
 #include <string.h>
 
 #include "anomaly/novelty_internal.h"

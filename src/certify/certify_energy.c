@@ -132,7 +132,6 @@ typedef struct slope_of {
 
 static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const slope_of *s = user;
-    (void)theta;
     return lg_program_record(tape, s->program, s->function, NULL, in, out);
 }
 

@@ -57,7 +57,6 @@ static lg_var slope(lg_tape *tape, lg_var v, lg_var z) {
 /* The gradient of V by z, and the rate (for steps: the next deviation) */
 static lg_status local(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const recording *r = user;
-    (void)theta;
     const lg_var z = deviation(r->c, tape, in[0]);
     out[0] = slope(tape, value(r, tape, z), z);
     out[1] = r->held ? in[1] : rate(r, tape, z);
@@ -140,7 +139,6 @@ static lg_status between(void *user, lg_tape *tape, const lg_var *theta, const l
     const lg_var PQ = weighed(tape, P, Q, rows, n);
     const lg_var M = lg_add(tape, product(tape, lg_scale(tape, S, 2), PQ, rows, n),
                             lg_mul(tape, t3, product(tape, Q, PQ, rows, n)));
-    (void)theta;
     out[0] = lg_rowdot(tape, PD, lg_add(tape, lg_scale(tape, F, 2), moved));
     out[1] = lg_scale(tape, lg_add(tape, times(tape, S, PD, rows, n), times(tape, Q, PF, rows, n)), 2);
     out[2] = lg_add(tape, M, lg_permute(tape, M, (const int[]){0, 2, 1}));

@@ -48,7 +48,6 @@ static lg_var shifted(const lg_flow *w, lg_tape *tape, lg_var z) {
 static lg_status start(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_flow *w = user;
     const uint32_t n = (uint32_t)w->n;
-    (void)theta;
     out[0] = lg_matmul_nt(tape, in[0], lg_input_f64(tape, lg_shape2(n, n), w->T));
     const lg_var x = shifted(w, tape, out[0]);
     return lg_program_record(tape, w->from, w->control, NULL, &x, &out[1]);
@@ -58,13 +57,11 @@ static lg_status start(void *user, lg_tape *tape, const lg_var *theta, const lg_
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_flow *w = user;
     const lg_var x[2] = {shifted(w, tape, in[0]), in[1]};
-    (void)theta;
     return lg_program_record(tape, w->from, w->rate, NULL, x, out);
 }
 
 /* Picard's map of a tube: z_0, u, Z, [0, h] -> z_0 + [0, h] f(Z, u) */
 static lg_status tube(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    (void)user, (void)theta;
     const lg_var f = lg_program_call(tape, "field", 0, (const lg_var[]){in[2], in[1]});
     out[0] = lg_add(tape, in[0], lg_mul(tape, in[3], f));
     return lg_tape_status(tape);
@@ -98,7 +95,6 @@ static lg_status advance(void *user, lg_tape *tape, const lg_var *theta, const l
                  h3 = lg_reshape(tape, in[IN_H], lg_shape3(rows, 1, 1));
     lg_var c[ORDER], by_x[STEEP], by_u[STEEP], one = LG_NONE;
     double unit[16 * 16] = {0};
-    (void)theta;
     for (size_t i = 0; i < w->n; i++) unit[i * (w->n + 1)] = 1;
     one = lg_input_f64(tape, lg_shape2(n, n), unit);
 #define SPLIT(from, x, u) const lg_var x = lg_slice(tape, from, 2, 0, n), u = lg_slice(tape, from, 2, n, m)

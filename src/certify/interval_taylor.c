@@ -43,15 +43,12 @@ typedef lg_scalar slope_of(taylor *t, const lg_scalar_code *c, lg_scalar y, uint
 #define SLOPE(name) static lg_scalar name(taylor *t, const lg_scalar_code *c, lg_scalar y, uint32_t k)
 
 SLOPE(by_one) {
-    (void)c, (void)y, (void)k;
     return number(t, 1);
 }
 SLOPE(by_sign) {
-    (void)y;
     return number(t, k == 1 || c->op == LG_S_NEG ? -1 : 1);
 }
 SLOPE(by_other) {
-    (void)y;
     return c->in[0] == c->in[1] && k == 0 ? lg_s_scale(t->s, 2, c->in[0]) : c->in[1 - k];
 }
 SLOPE(of_quotient) {
@@ -59,41 +56,32 @@ SLOPE(of_quotient) {
     return lg_s_neg(t->s, lg_s_div(t->s, y, c->in[1]));
 }
 SLOPE(of_root) {
-    (void)c, (void)k;
     return lg_s_div(t->s, number(t, 0.5), y);
 }
 /* p a^(p-1), if p - 1 is exact */
 SLOPE(of_power) {
-    (void)k;
     const bool exact = 2 * c->p == (double)(int)(2 * c->p);
     return lg_s_scale(t->s, c->p, exact ? lg_s_pow(t->s, c->in[0], c->p - 1) : lg_s_div(t->s, y, c->in[0]));
 }
 SLOPE(of_exp) {
-    (void)t, (void)c, (void)k;
     return y;
 }
 SLOPE(of_log) {
-    (void)y, (void)k;
     return lg_s_div(t->s, number(t, 1), c->in[0]);
 }
 SLOPE(of_sin) {
-    (void)y, (void)k;
     return lg_s(t->s, LG_S_COS, c->in[0], 0);
 }
 SLOPE(of_cos) {
-    (void)y, (void)k;
     return lg_s_neg(t->s, lg_s(t->s, LG_S_SIN, c->in[0], 0));
 }
 SLOPE(of_tanh) {
-    (void)c, (void)k;
     return lg_s_sub(t->s, number(t, 1), lg_s_mul(t->s, y, y));
 }
 SLOPE(of_sigmoid) {
-    (void)c, (void)k;
     return lg_s_mul(t->s, y, lg_s_sub(t->s, number(t, 1), y));
 }
 SLOPE(of_angle) {
-    (void)y;
     const lg_scalar a = c->in[0], b = c->in[1],
                     square = lg_s_add(t->s, lg_s_mul(t->s, a, a), lg_s_mul(t->s, b, b));
     return lg_s_div(t->s, k == 0 ? b : lg_s_neg(t->s, a), square);
@@ -101,7 +89,6 @@ SLOPE(of_angle) {
 /* The next derivative of a numbered function */
 SLOPE(of_numbered) {
     const bool stumpff = c->op == LG_S_STUMPFF;
-    (void)y, (void)k;
     if ((stumpff ? c->n / 16 : c->n) + 1 > LG_STUMPFF_MAX_ORDER) t->unsupported = "a Stumpff function";
     return lg_s_numbered(t->s, c->op, c->in[0], c->n + (stumpff ? 16 : 1));
 }
@@ -112,7 +99,6 @@ SLOPE(of_numbered) {
  * half. */
 
 SLOPE(chord_of_product) {
-    (void)y;
     const lg_scalar a = c->in[0], first = t->point[a];
     if (a == c->in[1]) return lg_s_add(t->s, a, first);
     return k == 0 ? c->in[1] : first;
@@ -122,7 +108,6 @@ SLOPE(chord_of_quotient) {
     return lg_s_neg(t->s, lg_s_div(t->s, t->point[y], c->in[1]));
 }
 SLOPE(chord_of_root) {
-    (void)c, (void)k;
     return lg_s_div(t->s, number(t, 1), lg_s_add(t->s, y, t->point[y]));
 }
 /* sin a - sin b = cos((a + b)/2) (a - b) sin(w)/w with w = (a - b)/2, and 1 - w^2/6 <= sin(w)/w <= 1. The
@@ -133,7 +118,6 @@ SLOPE(chord_of_wave) {
                     least = lg_s_sub(t->s, number(t, 1), lg_s_scale(t->s, 0x1.5555555555556p-5, square)),
                     slope = lg_s(t->s, c->op == LG_S_SIN ? LG_S_COS : LG_S_SIN, half, 0),
                     out = lg_s_mul(t->s, slope, least);
-    (void)y, (void)k;
     return c->op == LG_S_SIN ? out : lg_s_neg(t->s, out);
 }
 
@@ -168,13 +152,11 @@ static lg_scalar chosen(taylor *t, lg_scalar condition, lg_scalar yes, lg_scalar
     return jumps ? lg_s_add(t->s, value, jump(t, condition)) : value;
 }
 CHOICE(of_jump) {
-    (void)smooth;
     const bool sign = c->op == LG_S_SIGN;
     if (is_zero(t, d[0]) && (sign || is_zero(t, d[1]))) return number(t, 0);
     return jump(t, lg_s(t->s, LG_S_GE, c->in[0], sign ? number(t, 0) : c->in[1]));
 }
 CHOICE(of_select) {
-    (void)smooth;
     return chosen(t, c->in[0], d[1], d[2], !is_zero(t, d[0]));
 }
 CHOICE(of_maximum) {
@@ -204,13 +186,11 @@ static lg_scalar convolved(taylor *t, lg_scalar a, lg_scalar b, uint32_t k, uint
     return sum;
 }
 SERIES(sum_series) {
-    (void)y;
     const lg_scalar a = at(t, c->in[0], k);
     if (c->op == LG_S_NEG) return lg_s_neg(t->s, a);
     return lg_s(t->s, c->op, a, at(t, c->in[1], k));
 }
 SERIES(product_series) {
-    (void)y;
     return convolved(t, c->in[0], c->in[1], k, 0, k);
 }
 SERIES(quotient_series) {

@@ -71,7 +71,6 @@ static void monomials(const fitting *f, const double *q, const double *dq, doubl
 static lg_status sample(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const fitting *f = user;
     lg_var rate, q = in[0];
-    (void)theta;
     LG_TRY(lg_program_record(tape, f->program, f->rate, NULL, in, &rate));
     if (f->spec->map != NULL) LG_TRY(lg_program_record(tape, f->program, f->map, NULL, in, &q));
     if (f->spec->map == NULL && f->spec->goal != NULL)
@@ -194,7 +193,6 @@ static lg_status solve(fitting *f, double *matrices) {
 static lg_status polynomial(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const fitting *f = user;
     lg_var powers[STATES][DEGREE + 1], term[TERMS], q = in[0];
-    (void)theta;
     if (f->spec->map != NULL) LG_TRY(lg_program_record(tape, f->program, f->map, NULL, in, &q));
     if (f->spec->map == NULL && f->spec->goal != NULL)
         q = lg_sub(tape, q, lg_input_f64(tape, lg_shape1((uint32_t)f->n), f->spec->goal));

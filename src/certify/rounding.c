@@ -1,7 +1,6 @@
 /* Bounds of the rounding of programs: a running analysis of scalar code over a box. */
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "certify/interval.h"
 

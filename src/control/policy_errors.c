@@ -26,7 +26,6 @@ typedef struct motion {
 /* ---- lines and angles ---- */
 
 static lg_var from_goal(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
-    (void)basis;
     return lg_add_scalar(tape, q, -goal[0]);
 }
 
@@ -35,12 +34,10 @@ static lg_var line_features(lg_tape *tape, const double *goal, lg_var q) {
 }
 
 static void line_retract(const double *goal, const double *basis, const double *z, double *q) {
-    (void)basis;
     q[0] = goal[0] + z[0];
 }
 
 static void line_tangent(const double *goal, const double *basis, double *T) {
-    (void)goal, (void)basis;
     T[0] = 1.0;
 }
 
@@ -49,7 +46,6 @@ static lg_var line_noisy(lg_tape *tape, lg_var q, lg_var n) {
 }
 
 static void free_retract(const double *goal, const double *basis, const double *z, double *q) {
-    (void)basis, (void)z;
     q[0] = goal[0];
 }
 
@@ -69,7 +65,6 @@ static lg_var angle_features(lg_tape *tape, const double *goal, lg_var q) {
 /* ---- directions ---- */
 
 static lg_var direction_sine(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
-    (void)goal;
     return lg_matmul(tape, q, lg_input_f64(tape, lg_shape2(3, 2), basis));
 }
 
@@ -78,7 +73,6 @@ static lg_var direction_cosine(lg_tape *tape, const double *goal, lg_var q) {
 }
 
 static lg_var direction_features(lg_tape *tape, const double *goal, lg_var q) {
-    (void)tape, (void)goal;
     return q;
 }
 
@@ -94,7 +88,6 @@ static void direction_retract(const double *goal, const double *basis, const dou
 }
 
 static void direction_tangent(const double *goal, const double *basis, double *T) {
-    (void)goal;
     memcpy(T, basis, 6 * sizeof *T);
 }
 
@@ -112,7 +105,6 @@ static lg_var turned(lg_tape *tape, const double *goal, lg_var q) {
 static lg_var rotation_sine(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
     static const double vee[27] = {[5 * 3 + 0] = -0.5, [7 * 3 + 0] = 0.5,  [2 * 3 + 1] = 0.5,
                                    [6 * 3 + 1] = -0.5, [1 * 3 + 2] = -0.5, [3 * 3 + 2] = 0.5};
-    (void)basis;
     return lg_matmul(tape, turned(tape, goal, q), lg_input_f64(tape, lg_shape2(9, 3), vee));
 }
 
@@ -134,7 +126,6 @@ static lg_var rotation_noisy(lg_tape *tape, lg_var q, lg_var n) {
 
 static void rotation_retract(const double *goal, const double *basis, const double *z, double *q) {
     double by[9];
-    (void)basis;
     lg_so3_exp(z, by);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
@@ -146,7 +137,6 @@ static void rotation_retract(const double *goal, const double *basis, const doub
 static void rotation_tangent(const double *goal, const double *basis, double *T) {
     static const double hat[9][3] = {{0},        {0, 0, -1}, {0, 1, 0}, {0, 0, 1}, {0},
                                      {-1, 0, 0}, {0, -1, 0}, {1, 0, 0}, {0}};
-    (void)basis;
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             for (int l = 0; l < 3; l++) {

@@ -116,7 +116,6 @@ static lg_status record_positions(void *user, lg_tape *tape, const lg_var *theta
     const lg_var plant = lg_policy_plant_part(tape, p, in[0]);
     lg_var parts[LG_POLICY_INPUTS + 3];
     uint32_t n = 0;
-    (void)theta;
     parts[n++] = lg_program_call(tape, "plant_positions", 0, &plant);
     if (m->believed > 0) {
         parts[0] = lg_columns(tape, parts[0], 0, m->positions - m->lags);
@@ -150,7 +149,6 @@ static lg_status record_momenta(void *user, lg_tape *tape, const lg_var *theta, 
     const lg_var q = lg_columns(tape, in[0], 0, m->positions);
     lg_var parts[2 * LG_POLICY_INPUTS + 3];
     uint32_t n = 0, at = m->positions;
-    (void)theta;
     parts[n++] = lg_program_call(tape, "plant_momenta", 0, (const lg_var[]){q, in[1]});
     for (uint32_t l = 0; l < p->inputs; at += m->known[l++]) {
         const uint32_t hidden = m->line[l] - m->known[l];
@@ -169,7 +167,6 @@ static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, con
     const lg_var plant = lg_policy_plant_part(tape, p, in[0]);
     const lg_var parts[2] = {lg_program_call(tape, "plant_step", 0, (const lg_var[]){plant, in[1], in[2]}),
                              lg_columns(tape, in[0], p->memory.plant, p->memory.count)};
-    (void)theta;
     out[0] = lg_concat(tape, parts, 2, 1);
     return lg_tape_status(tape);
 }
@@ -349,7 +346,6 @@ static lg_status record_remember(void *user, lg_tape *tape, const lg_var *theta,
     const uint32_t given = p->layout.given, behind = m->lines + m->integrals;
     lg_var parts[2 * LG_POLICY_INPUTS + 3];
     uint32_t n = 0;
-    (void)theta;
     /* A state whose plant part is not used. */
     const lg_var kept = lg_columns(tape, in[0], given - behind, behind),
                  x = lg_concat(tape, (lg_var[]){lg_policy_filled(tape, in[0], m->plant, 0.0), kept}, 2, 1);
@@ -373,7 +369,6 @@ static lg_status record_reset(void *user, lg_tape *tape, const lg_var *theta, co
     const lg_policy *p = user;
     double first[LG_POLICY_COORDINATES];
     uint32_t n = 0;
-    (void)theta;
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
         if (c->follows > 0 || c->integrates > 0) first[n++] = c->goal[0];

@@ -71,7 +71,6 @@ static lg_policy_seen seen_of(const lg_policy *p, lg_tape *tape, lg_var x) {
 
 static lg_status record_period(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                lg_var *out) {
-    (void)theta;
     out[0] = lg_policy_record_period(tape, user, in[0], in[1], LG_NONE, LG_NONE);
     return lg_tape_status(tape);
 }
@@ -79,7 +78,6 @@ static lg_status record_period(void *user, lg_tape *tape, const lg_var *theta, c
 static lg_status record_errors(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                lg_var *out) {
     const lg_policy *p = user;
-    (void)theta;
     out[0] = lg_policy_record_errors(tape, &p->task, seen_of(p, tape, in[0]));
     return lg_tape_status(tape);
 }
@@ -89,7 +87,6 @@ static lg_status record_linear(void *user, lg_tape *tape, const lg_var *theta, c
     const lg_policy *p = user;
     double T[9 * LG_POLICY_COORDINATES * LG_POLICY_ERRORS], U[3 * LG_POLICY_COORDINATES * LG_POLICY_ERRORS];
     double goal[9 * LG_POLICY_COORDINATES];
-    (void)theta;
     lg_policy_tangent(&p->task, &p->layout, T, U);
     for (uint32_t i = 0; i < p->task.coordinate_count; i++)
         memcpy(goal + p->layout.at[i].position, p->task.coordinate[i].goal,
@@ -109,7 +106,6 @@ static lg_status record_linear(void *user, lg_tape *tape, const lg_var *theta, c
 static lg_status record_lagged(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                lg_var *out) {
     const lg_policy *p = user;
-    (void)theta;
     out[0] = lg_program_call(
         tape, "lag", 0, (const lg_var[]){in[0], in[1], lg_policy_filled(tape, in[0], 1, p->task.period)});
     return lg_tape_status(tape);
@@ -161,7 +157,6 @@ static lg_var level_of(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, l
 }
 
 static lg_var record_lqr(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z, lg_var weights) {
-    (void)seen;
     return regulator_of(tape, p, z, p->regulator.K, weights);
 }
 
@@ -202,7 +197,6 @@ static lg_var record_energy(lg_tape *tape, const lg_policy *p, lg_policy_seen se
     const uint32_t m = p->inputs, n = p->layout.errors;
     double shape[LG_POLICY_INPUTS * LG_POLICY_ERRORS], damp[LG_POLICY_INPUTS * LG_POLICY_ERRORS];
     const uint32_t positions = p->layout.at[0].rate;
-    (void)seen;
     for (uint32_t i = 0; i < m * n; i++) {
         const bool rate = i % n >= positions;
         shape[i] = rate ? 0.0 : p->G[i], damp[i] = rate ? p->G[i] : 0.0;
@@ -226,7 +220,6 @@ static lg_status record_policy(void *user, lg_tape *tape, const lg_var *theta, c
     const lg_policy_seen seen = {in[0], moves(p) ? in[1] : LG_NONE};
     const lg_var z = p->task.kind == LG_POLICY_ENERGY ? lg_policy_record_counted(tape, &p->task, seen)
                                                       : lg_policy_record_errors(tape, &p->task, seen);
-    (void)theta;
     out[0] = kinds[p->task.kind](tape, p, seen, z, p->parameters > 0 ? in[moves(p) ? 2 : 1] : LG_NONE);
     return lg_tape_status(tape);
 }
@@ -271,7 +264,6 @@ static lg_var relative(lg_tape *tape, const lg_policy *p, lg_var x, lg_var refer
 
 static lg_status record_track(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_var x = relative(tape, user, in[0], in[1]);
-    (void)theta;
     out[0] = lg_program_call(tape, "control", 0, &x);
     return lg_tape_status(tape);
 }
@@ -323,7 +315,6 @@ static lg_status record_terminal(void *user, lg_tape *tape, const lg_var *theta,
                                  lg_var *out) {
     static const double end = 13.0; /* V_end/c */
     const lg_policy *p = user;
-    (void)theta;
     const lg_policy_seen seen = seen_of(p, tape, in[0]);
     const lg_var z = lg_policy_record_errors(tape, &p->task, seen);
     const lg_var from = lg_add_scalar(tape, lg_scale(tape, level_of(tape, p, seen, z), 1.0 / end), 1.0);
@@ -385,7 +376,6 @@ static lg_status record_disturbed_end(void *user, lg_tape *tape, const lg_var *t
                                       lg_var *out) {
     const lg_policy *p = user;
     const lg_var x = plant_state(tape, p, in[0]);
-    (void)theta;
     out[0] = lg_program_call(tape, "terminal", 0, &x);
     return lg_tape_status(tape);
 }

@@ -78,7 +78,6 @@ static lg_status record_rate_by_input(void *user, lg_tape *tape, const lg_var *t
                                      (const lg_var[]){x, lg_columns(tape, in[1], 0, p->inputs)});
     lg_var parts[3] = {moves(p) ? at.v : f};
     uint32_t n = 1;
-    (void)theta;
     if (moves(p) && m->lags > 0) parts[n++] = lg_columns(tape, f, m->plant - m->lags, m->lags);
     if (m->count > 0) parts[n++] = lg_columns(tape, in[1], p->inputs, m->count);
     out[0] = gathered(p, tape, lg_joined(tape, parts, n));
@@ -96,7 +95,6 @@ static lg_status record_advance_by_input(void *user, lg_tape *tape, const lg_var
     const lg_policy *p = user;
     const double h = p->task.period / p->task.substeps, to[4] = {0, 0.5 * h, 0.5 * h, h},
                  weight[4] = {h / 6, h / 3, h / 3, h / 6};
-    (void)theta;
     out[0] = in[0];
     for (uint32_t step = 0; step < p->task.substeps; step++) {
         const lg_var z = out[0];

@@ -204,7 +204,6 @@ static void take_input_out(const riccati *s) {
 }
 
 static int in_left_half(const double *re, const double *im, const double *beta) {
-    (void)im;
     return *beta > 0.0 && *re < 0.0;
 }
 

@@ -1,6 +1,5 @@
 /* Lists of arrays: what a file holds is said once, for reading and for writing. */
 #include <stdio.h>
-#include <string.h>
 
 #include "files/h5.h"
 

@@ -238,7 +238,6 @@ lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims
 
 static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, void *source, void *target,
                                   void *user) {
-    (void)from, (void)to, (void)source, (void)target, (void)user;
     return kind == H5T_CONV_EXCEPT_RANGE_HI || kind == H5T_CONV_EXCEPT_RANGE_LOW ? H5T_CONV_ABORT
                                                                                  : H5T_CONV_UNHANDLED;
 }
@@ -623,7 +622,6 @@ typedef struct sweep {
 } sweep;
 
 static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t *info, void *user) {
-    (void)info, (void)user;
     unsigned char small[LG_H5_TEXT];
     hid_t attribute_id = H5Aopen(location, name, H5P_DEFAULT);
     if (attribute_id < 0) return -1;

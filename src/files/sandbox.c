@@ -125,7 +125,6 @@ static bool load_filter(int report) {
 #endif
 
 const char *lg_sandbox_enter(int report) {
-    (void)report;
 #if defined(__linux__) && defined(PR_SET_NO_NEW_PRIVS)
     if (prctl(PR_SET_NO_NEW_PRIVS, 1ul, 0ul, 0ul, 0ul) != 0) return "it could gain rights";
 #endif

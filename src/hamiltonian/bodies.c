@@ -358,7 +358,6 @@ static bool learns_satellite(const lg_system *system, size_t *n) {
 }
 
 static bool learns_none(const lg_system *system, size_t *n) {
-    (void)system;
     *n = 0;
     return false;
 }

@@ -11,7 +11,6 @@ enum {
 }; /* vars->kinetic: m^-1 (1, n, n), NaN unless m is positive definite; 1/m_ii (1, n, 1); m (1, n, n) */
 
 bool lg_hamiltonian_usable_mass(const lg_hamiltonian_family *family, uint32_t n, const double *arrays) {
-    (void)family;
     return lg_hamiltonian_gram_usable(n, arrays);
 }
 
@@ -91,7 +90,6 @@ static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var
 
 static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
                   lg_var *algebra) {
-    (void)model;
     const lg_var g = dH[0], v = dH[1];
     lg_var xi = lg_cross(tape, y[0], v);
     lg_var eta = lg_add(tape, lg_cross(tape, g, y[0]), lg_cross(tape, v, y[1]));

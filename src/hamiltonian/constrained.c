@@ -27,13 +27,11 @@ static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
 
 static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
                   lg_var *out) {
-    (void)model;
     const lg_var force = lg_is_none(input) ? input : lg_hamiltonian_input_like(tape, input, y[1]);
     lg_constraint_record_field(tape, NULL, 1.0, y, dH, force, out);
 }
 
 static bool learns(const lg_system *system, size_t *n) {
-    (void)system, (void)n;
     return false;
 }
 

@@ -101,7 +101,6 @@ typedef struct source {
 /* The parameters of the user's program become constants. */
 static lg_status copy(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const source *from = user;
-    (void)theta;
     return lg_program_record(tape, from->program, from->function, NULL, x, y);
 }
 
@@ -266,7 +265,6 @@ static lg_status motion(void *user, lg_tape *tape, const lg_var *theta, const lg
     const lg_var W = lg_input_f64(tape, lg_shape3(1, n, n), c->inverse);
     lg_var slope, dH[2] = {LG_NONE, LG_NONE}, out[2];
     size_t function;
-    (void)theta;
     LG_TRY(lg_program_find(c->program, "slope", &function, NULL));
     LG_TRY(lg_program_record(tape, c->program, function, NULL, y, &slope));
     slope = lg_reshape(tape, slope, lg_var_shape(tape, y[0]));

@@ -229,7 +229,6 @@ typedef struct flow {
 
 static lg_status field(void *user, double t, const double *y, const double *input, double *f) {
     const flow *self = user;
-    (void)t, (void)input;
     lg_plan_eval(self->of->field, (const void *[]){y}, (void *[]){f}, self->work);
     for (size_t i = 0; i < 2 * (size_t)self->of->n; i++)
         if (!isfinite(f[i])) return LG_NOT_FINITE;

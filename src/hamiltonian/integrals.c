@@ -14,7 +14,6 @@ static lg_var column(lg_tape *tape, lg_var x, uint32_t j) {
 /* (q_j^2 + p_j^2)/2 */
 static lg_var oscillator(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
                          const lg_var *y) {
-    (void)user, (void)vars;
     lg_var q = lg_square(tape, column(tape, y[0], j)), p = lg_square(tape, column(tape, y[1], j));
     return lg_scale(tape, lg_add(tape, q, p), 0.5);
 }
@@ -29,13 +28,11 @@ static lg_var anharmonic(void *user, lg_tape *tape, const lg_hamiltonian_vars *v
 /* The momenta of symmetries: q_1 p_2 - q_2 p_1, and sum e3.pi + sum_i e3.(q_i x p_i). */
 static lg_var planar_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
                               const lg_var *y) {
-    (void)user, (void)j;
     return lg_symmetry_row_of(LG_SYMMETRY_SPHERICAL)->momentum(tape, vars->model, y);
 }
 
 static lg_var vertical_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
                                 const lg_var *y) {
-    (void)user, (void)j;
     return lg_symmetry_row_of(LG_SYMMETRY_AXIAL)->momentum(tape, vars->model, y);
 }
 
@@ -96,7 +93,6 @@ static lg_var of_program(void *user, lg_tape *tape, const lg_hamiltonian_vars *v
     const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
     size_t function = 0;
     lg_var g;
-    (void)j;
     (void)lg_program_find(program, function_name, &function, NULL);
     const lg_var state = lg_taped_join(tape, &space, y);
     if (lg_program_record(tape, program, function, NULL, &state, &g) != LG_OK) return LG_NONE;

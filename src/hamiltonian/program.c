@@ -36,7 +36,6 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     const recording *r = user;
     const lg_space space = lg_hamiltonian_space_of(r->model->family, r->model->n);
     lg_var state[LG_HAMILTONIAN_MAX_PARTS], dH[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
-    (void)theta;
     LG_TRY(lg_taped_split(tape, &space, x[0], state));
     LG_TRY(lg_taped_split(tape, &space, lg_program_call(tape, "grad", 1, x), dH));
     lg_hamiltonian_record_algebra(tape, r->model, 1.0, state, dH, input_of(r, x), out);
@@ -73,7 +72,6 @@ static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const 
 static lg_status constraint(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const lg_program *own = lg_constraint_program(((const recording *)user)->model->constraint);
     size_t function;
-    (void)theta;
     LG_TRY(lg_program_find(own, "constraint", &function, NULL));
     return lg_program_record(tape, own, function, NULL, x, y);
 }
@@ -94,7 +92,6 @@ static lg_status mass(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     const uint32_t n = model->n;
     double unit[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES] = {0.0};
     lg_hamiltonian_vars vars;
-    (void)x;
     for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
     LG_TRY(lg_hamiltonian_bind(tape, model, theta[0], &vars));
     const lg_var M = lg_spd_solve(tape, vars.kinetic[0], lg_input_f64(tape, lg_shape3(1, n, n), unit));

@@ -240,19 +240,16 @@ lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *
 
 static lg_status ode_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                            lg_var *algebra) {
-    (void)t;
     field_parts(tape, user, y, input, gradient_parts, algebra);
     return lg_tape_status(tape);
 }
 
 static lg_status ode_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
-    (void)t;
     *out = lg_hamiltonian_record_force(tape, user, q, input);
     return lg_tape_status(tape);
 }
 
 static lg_status ode_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
-    (void)t, (void)input;
     *out = lg_hamiltonian_record_drift(tape, user, p);
     return lg_tape_status(tape);
 }
@@ -276,7 +273,6 @@ static lg_status inner_field(void *user, lg_tape *tape, lg_taped_time t, const l
                              lg_var *algebra) {
     const lg_hamiltonian_vars *vars = user;
     const gradient_of on_manifold = vars->model->family->gradient_on_manifold;
-    (void)t;
     field_parts(tape, vars, y, input, on_manifold != NULL ? on_manifold : gradient_inside, algebra);
     return lg_tape_status(tape);
 }
@@ -284,7 +280,6 @@ static lg_status inner_field(void *user, lg_tape *tape, lg_taped_time t, const l
 static lg_status inner_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
                              lg_var *out) {
     const lg_hamiltonian_vars *vars = user;
-    (void)t;
     *out = vars->model->family->force(tape, vars, q, input);
     return lg_tape_status(tape);
 }
@@ -292,7 +287,6 @@ static lg_status inner_force(void *user, lg_tape *tape, lg_taped_time t, lg_var 
 static lg_status inner_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input,
                              lg_var *out) {
     const lg_hamiltonian_vars *vars = user;
-    (void)t, (void)input;
     *out = vars->model->family->drift(tape, vars, p);
     return lg_tape_status(tape);
 }
@@ -300,7 +294,6 @@ static lg_status inner_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var 
 static lg_status ambient_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                                lg_var *out) {
     const lg_hamiltonian_vars *vars = user;
-    (void)t;
     if (vars->model->family->velocity == NULL)
         return velocity_parts(tape, vars, y, input, gradient_inside, out);
     vars->model->family->velocity(tape, vars, y, out);

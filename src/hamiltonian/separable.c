@@ -39,7 +39,6 @@ static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
 
 static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
                   lg_var *out) {
-    (void)model, (void)y;
     out[1] = lg_neg(tape, dH[0]);
     if (!lg_is_none(input)) out[1] = lg_add(tape, out[1], lg_hamiltonian_input_like(tape, input, out[1]));
     out[0] = dH[1];

@@ -484,7 +484,6 @@ static lg_status shard_slope(void *user, lg_tape *tape, lg_var theta, const uint
     const lg_hamiltonian_vars vars = {.model = problem->model};
     const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
     lg_var y[LG_HAMILTONIAN_MAX_PARTS], slope[LG_HAMILTONIAN_MAX_PARTS], total;
-    (void)theta;
     LG_TRY(given_points(tape, problem, &space, samples, count, 0, problem->points - 1, y));
     const size_t parts = lg_taped_parts(&space);
     const lg_var values = lg_sum(tape, conserved(tape, problem, &vars, parts, y));

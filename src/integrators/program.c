@@ -16,19 +16,16 @@ static lg_status call_field(void *user, lg_tape *tape, lg_taped_time t, const lg
                             lg_var *algebra) {
     const recording *r = user;
     const lg_var in[2] = {lg_taped_join(tape, r->space, y), input};
-    (void)t;
     return lg_taped_split_algebra(tape, r->space, lg_program_call(tape, "field", 0, in), algebra);
 }
 
 static lg_status call_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
     const lg_var in[2] = {q, input};
-    (void)user, (void)t;
     *out = lg_program_call(tape, "force", 0, in);
     return lg_tape_status(tape);
 }
 
 static lg_status call_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
-    (void)user, (void)t, (void)input;
     *out = lg_program_call(tape, "drift", 0, &p);
     return lg_tape_status(tape);
 }
@@ -42,7 +39,6 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
                               .user = user};
     const lg_taped_interval over = {.h_rows = x[r->inputs], .input = r->inputs > 1 ? x[1] : LG_NONE};
     lg_var parts[LG_TAPED_MAX_PARTS];
-    (void)theta;
     LG_TRY(lg_taped_split(tape, r->space, x[0], parts));
     LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
     y[0] = lg_taped_join(tape, r->space, parts);

@@ -371,7 +371,6 @@ static const char *theta_fault(const lg_scheme *s) {
 }
 
 static const char *variational_fault(const lg_scheme *s) {
-    (void)s;
     return NULL;
 }
 

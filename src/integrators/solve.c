@@ -6,7 +6,6 @@
 
 /* Keeps the time that the solution has reached, for the message of an error. */
 static lg_status keep_time(void *reached, double t, double h, const double *y) {
-    (void)y;
     *(double *)reached = t + h;
     return LG_OK;
 }

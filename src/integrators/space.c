@@ -39,13 +39,10 @@ static void rn_act(size_t count, const double *a, const double *y, double *out) 
 }
 
 static void rn_generator(size_t count, const double *a, const double *y, double *out) {
-    (void)y;
     memmove(out, a, count * sizeof(*a));
 }
 
 static void free_project(size_t count, double *y) {
-    (void)count;
-    (void)y;
 }
 
 static double rn_manifold_error(size_t count, const double *y) {
@@ -57,9 +54,6 @@ static double rn_angle(size_t count, const double *a) {
 }
 
 static void free_gradient(size_t count, const double *y, double *g) {
-    (void)count;
-    (void)y;
-    (void)g;
 }
 
 /* ---- algebras so(3) and se(3), shared by several spaces ---- */

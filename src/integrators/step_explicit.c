@@ -157,7 +157,6 @@ lg_status lg_step_splitting(lg_stepper *s, double t, double h, const double *y, 
 /* ---- variational ---- */
 
 lg_status lg_step_variational(lg_stepper *s, double t, double h, const double *y, const double *input) {
-    (void)input;
     memcpy(s->y_next, y, s->ode.space.dim * sizeof(*y));
     s->evaluations++;
     return s->ode.step(s->ode.user, t, h, s->y_next);

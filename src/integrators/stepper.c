@@ -21,7 +21,6 @@ struct lg_step_form {
 };
 
 static bool slgi_fits(const lg_scheme *scheme, const lg_space *space) {
-    (void)scheme;
     return lg_slgi_fits(space);
 }
 

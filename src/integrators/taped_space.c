@@ -66,7 +66,6 @@ static void act_so3(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out
 /* ---- generators: a . y ---- */
 
 static void generator_rn(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
-    (void)tape, (void)y;
     out[0] = a[0];
 }
 

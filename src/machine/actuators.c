@@ -74,7 +74,6 @@ lg_var lg_machine_record_actuated(lg_tape *tape, const lg_machine_vars *vars, co
 /* ---- curves: u + c_2 u^2 + c_3 u^3 ---- */
 
 static size_t curve_parameters(const lg_machine *machine, const lg_machine_term *term) {
-    (void)machine;
     return (size_t)term->of_count * (term->degree - 1);
 }
 
@@ -130,12 +129,10 @@ void lg_numbers_curve(lg_number_list *l, const lg_machine *machine, const lg_mac
 /* ---- dead zones: 0 for |u| < d, else u - d sign u; a learned d is a square ---- */
 
 static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
-    (void)machine;
     return term->of_count;
 }
 
 static void one_value_each(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    (void)machine;
     fits[0] = fits[1] = term->of_count;
 }
 
@@ -150,7 +147,6 @@ static lg_var scaled_values(lg_tape *tape, const lg_machine_vars *vars, uint32_t
 static const double dead_zone_start = 0.4;
 
 static void start_dead_zone(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    (void)machine;
     for (size_t i = 0; i < term->parameters; i++) theta[i] = dead_zone_start;
 }
 
@@ -239,7 +235,6 @@ static lg_var lag_of(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) 
 
 /* The lag acts in time: its inputs are lagged before they come here. */
 static lg_var lagged(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    (void)tape, (void)vars, (void)term;
     return seen->u;
 }
 

@@ -50,7 +50,6 @@ static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, 
     uint32_t columns[LG_MACHINE_FEATURES * 6];
     const uint32_t count = columns_of(machine, &machine->terms[term], columns);
     void *memory;
-    (void)seen;
     const lg_var place = lg_input_buffer(tape, lg_shape2(count, n), &memory);
     if (lg_is_none(place)) return place;
     memset(memory, 0, (size_t)count * n * sizeof(double));

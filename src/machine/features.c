@@ -183,7 +183,6 @@ lg_var lg_machine_unit_matrix(lg_tape *tape, uint32_t n) {
 }
 
 void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    (void)term;
     fits[0] = machine->velocities;
     fits[1] = (size_t)machine->velocities * machine->velocities;
 }

@@ -371,7 +371,6 @@ lg_var lg_machine_bristle_after(lg_tape *tape, const lg_machine_vars *vars, lg_v
 }
 
 static lg_var lugre(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    (void)term;
     const lg_var z = seen->parts[lg_machine_parts(vars->machine).z],
                  rate = lg_machine_bristle_rate(tape, vars, seen->v, z);
     return lg_neg(tape, lg_add(tape, lg_mul(tape, z, vars->bristles[SPRING]),
@@ -452,7 +451,6 @@ static lg_var weighted(const rubbing *r, lg_var x, lg_var (*shaped)(lg_tape *, l
 }
 
 static lg_var itself(lg_tape *tape, lg_var x) {
-    (void)tape;
     return x;
 }
 
@@ -552,7 +550,6 @@ static void start_lugre(const lg_machine *machine, const lg_machine_term *term, 
 
 static void scale_own(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                       double *direction) {
-    (void)theta;
     for (size_t i = 0; i < term->parameters; i++)
         direction[i] = is_whole(machine, term) && i < machine->velocities ? 1.0 : 0.0;
 }
@@ -598,7 +595,6 @@ static const char *lugre_fault(const lg_machine *machine, const lg_machine_term 
 }
 
 static const char *load_fault(const lg_machine *machine, const lg_machine_term *term) {
-    (void)machine;
     for (uint32_t k = 0; k < term->value_count; k++)
         if (!(term->values[k] >= 0.0)) return "friction and its factors must not be below 0";
     return NULL;

@@ -182,7 +182,6 @@ lg_status lg_machine_bound_parameter(lg_machine *machine, const char *key, size_
 static size_t unknown_numbers(const lg_machine *machine, const lg_machine_term *term) {
     const lg_machine_grey *grey = &machine->grey;
     size_t count = 0;
-    (void)term;
     for (uint32_t i = 0; i < grey->count; i++) count += grey->unknown[i];
     for (const lg_parameter_entry *p = lg_grey_system_parameters(grey->system); p->key != NULL; p++)
         count -= p->rule == LG_PARAMETER_UNIT_VECTOR && grey->unknown[place_of(machine, p)];
@@ -341,20 +340,17 @@ static lg_var scaled_mass(lg_tape *tape, const lg_machine *machine, bool directi
 
 static lg_var mass(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
     const lg_grey_view at = view_of(tape, vars, seen);
-    (void)term;
     return scaled_mass(tape, vars->machine, false, vars->machine->grey.system->mass(tape, &at));
 }
 
 static lg_var directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
     const lg_grey_view at = view_of(tape, vars, NULL);
-    (void)term;
     return scaled_mass(tape, vars->machine, true, vars->machine->grey.system->directions(tape, &at));
 }
 
 static lg_var potential(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                         const lg_machine_seen *seen) {
     const lg_grey_view at = view_of(tape, vars, seen);
-    (void)term;
     return lg_scale(tape, vars->machine->grey.system->potential(tape, &at),
                     1.0 / vars->machine->scales.energy);
 }

@@ -20,7 +20,6 @@ static lg_var known(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, c
     uint32_t list[LG_MACHINE_VELOCITIES], index[LG_MACHINE_VALUES];
     double factor[LG_MACHINE_VALUES];
     const uint32_t n = lg_machine_mass_velocities(machine, false, list);
-    (void)seen;
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = 0; j < n; j++) {
             index[i * n + j] = place_of(machine, &machine->terms[term], list[i], list[j]);
@@ -55,7 +54,6 @@ static void known_entry(const lg_machine *machine, const lg_machine_term *term, 
 
 /* One value each: a diagonal. */
 static void diagonal_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    (void)term;
     fits[0] = fits[1] = machine->velocities;
 }
 
@@ -70,12 +68,10 @@ static uint32_t held(const lg_machine *machine) {
 }
 
 static size_t diagonal_parameters(const lg_machine *machine, const lg_machine_term *term) {
-    (void)term;
     return machine->momenta + machine->directions - held(machine);
 }
 
 static size_t constant_parameters(const lg_machine *machine, const lg_machine_term *term) {
-    (void)term;
     return lg_triangle(machine->momenta) + machine->directions - held(machine);
 }
 
@@ -102,7 +98,6 @@ static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term
     const uint32_t n = vars->machine->momenta;
     if (vars->machine->terms[term].value_count > 0) return known(tape, vars, term, seen);
     const lg_var m = lg_exp(tape, numbers(tape, vars, term, 0, n));
-    (void)seen;
     return lg_mul(tape, lg_reshape(tape, m, lg_shape3(1, 1, n)), lg_machine_unit_matrix(tape, n));
 }
 
@@ -121,7 +116,6 @@ static lg_var constant(lg_tape *tape, const lg_machine_vars *vars, uint32_t term
     const uint32_t n = vars->machine->momenta;
     const lg_var packed = numbers(tape, vars, term, 0, lg_triangle(n));
     const lg_var L = lg_machine_record_triangle(tape, packed, n, true);
-    (void)seen;
     return lg_matmul_nt(tape, L, L);
 }
 
@@ -136,7 +130,6 @@ static uint32_t triangle_outputs(const lg_machine *machine) {
 }
 
 static bool always(const lg_machine *machine) {
-    (void)machine;
     return true;
 }
 

@@ -83,7 +83,6 @@ void lg_numbers_diagonal_mass(lg_number_list *l, const lg_machine *machine, cons
                               const double *theta) {
     uint32_t at[LG_MACHINE_VELOCITIES];
     const uint32_t n = lg_machine_mass_velocities(machine, false, at);
-    (void)term;
     for (uint32_t i = 0; i < n; i++)
         lg_numbers_put(l, exp(mass_number(machine, theta, i)) * mass_unit(machine, at[i], at[i]),
                        "mass.%u.%u", at[i] + 1, at[i] + 1);
@@ -111,7 +110,6 @@ void lg_numbers_constant_mass(lg_number_list *l, const lg_machine *machine, cons
     uint32_t at[LG_MACHINE_VELOCITIES];
     double packed[LG_MACHINE_VALUES] = {0.0}, L[LG_MACHINE_VALUES];
     const uint32_t n = lg_machine_mass_velocities(machine, false, at);
-    (void)term;
     for (uint32_t i = 0; i < lg_triangle(n); i++) packed[i] = mass_number(machine, theta, i);
     unpack(packed, n, true, L);
     for (uint32_t i = 0; i < n; i++)
@@ -225,7 +223,6 @@ void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, c
                                  const double *theta) {
     double L[LG_MACHINE_VALUES];
     const uint32_t n = machine->velocities;
-    (void)term;
     unpack(theta, n, false, L);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < n; j++)
@@ -236,7 +233,6 @@ void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, c
 void lg_numbers_constant_map(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                              const double *theta) {
     const uint32_t m = machine->input_count;
-    (void)term;
     for (uint32_t i = 0; i < machine->velocities; i++)
         for (uint32_t j = 0; j < m; j++)
             lg_numbers_put(

@@ -51,7 +51,6 @@ static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t te
 /* ---- network ---- */
 
 static uint32_t one(const lg_machine *machine) {
-    (void)machine;
     return 1;
 }
 

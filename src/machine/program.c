@@ -152,7 +152,6 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
 static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     lg_var algebra[LG_TAPED_MAX_PARTS], parts[LG_TAPED_MAX_PARTS], rate[LG_TAPED_MAX_PARTS];
-    (void)theta;
     LG_TRY(lg_taped_split_algebra(tape, &r->full, lg_program_call(tape, "field", 0, x), algebra));
     LG_TRY(lg_taped_split(tape, &r->full, x[0], parts));
     LG_TRY(lg_taped_generator(tape, &r->full, algebra, parts, rate));

@@ -78,7 +78,6 @@ static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var 
                        lg_var *algebra) {
     const interval *over = user;
     lg_space space;
-    (void)input;
     const lg_var u = input_at(tape, over, t.value / over->length);
     LG_TRY(lg_machine_record_field(tape, over->vars, y, u, algebra));
     lg_machine_hold_bristles(tape, over->vars->machine, algebra);

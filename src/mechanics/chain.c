@@ -29,7 +29,6 @@ size_t lg_chain_constants(size_t links) {
 }
 
 void lg_chain_prepare(lg_system *system, double *constants) {
-    (void)constants;
     const lg_chain c = lg_chain_of(system);
     double mu = 0.0;
     for (size_t i = c.links; i-- > 0;) {

@@ -1,7 +1,6 @@
 /* The chain of k spherical pendulums in Hamiltonian form on (T*S^2)^k.
  * Its fields are in fields/chain_hamiltonian.inc. */
 #include <math.h>
-#include <string.h>
 
 #include "liegrad/geometry.h"
 #include "mechanics/chain.h"
@@ -62,7 +61,6 @@ lg_status lg_chain_velocity_of_momentum(const lg_chain *chain, const double *y, 
 static lg_status field_lie(void *user, double t, const double *y, const double *input, double *algebra) {
     const lg_system_user *own = user;
     const lg_chain chain = lg_chain_of(own->system);
-    (void)t, (void)input;
     hamiltonian_lie_of(&chain, y, own->work, algebra);
     return sound(split_work(chain.links, own->work + 6 * chain.links).lambda);
 }
@@ -70,7 +68,6 @@ static lg_status field_lie(void *user, double t, const double *y, const double *
 static lg_status field_ambient(void *user, double t, const double *y, const double *input, double *out) {
     const lg_system_user *own = user;
     const lg_chain chain = lg_chain_of(own->system);
-    (void)t, (void)input;
     hamiltonian_ambient_of(&chain, y, own->work, out);
     return sound(split_work(chain.links, own->work + 6 * chain.links).lambda);
 }
@@ -81,7 +78,6 @@ static lg_status step(void *user, double t, double h, double *y) {
     const lg_system_user *own = user;
     const lg_chain chain = lg_chain_of(own->system);
     double *v = own->work, *rest = v + 3 * chain.links;
-    (void)t;
     LG_TRY(lg_chain_gradient(&chain, y, v, rest, rest + 3 * chain.links));
     LG_TRY(lg_chain_rattle(&chain, h, y, v, rest));
     lg_chain_momentum_of_velocity(&chain, v, y, rest);

@@ -22,7 +22,6 @@ static inline void write_lie(const double *y, const double *a, double *out) {
 static lg_status field_lie(void *user, double t, const double *y, const double *input, double *algebra) {
     const lg_system_user *own = user;
     const lg_chain chain = lg_chain_of(own->system);
-    (void)t, (void)input;
     if (chain.links == 1)
         pendulum_lie(&chain, y, algebra);
     else
@@ -33,7 +32,6 @@ static lg_status field_lie(void *user, double t, const double *y, const double *
 static lg_status field_ambient(void *user, double t, const double *y, const double *input, double *out) {
     const lg_system_user *own = user;
     const lg_chain chain = lg_chain_of(own->system);
-    (void)t, (void)input;
     if (chain.links == 1)
         pendulum_ambient(&chain, y, out);
     else
@@ -45,7 +43,6 @@ static lg_status step(void *user, double t, double h, double *y) {
     const lg_system_user *own = user;
     const lg_chain chain = lg_chain_of(own->system);
     double *v = own->work;
-    (void)t;
     lg_chain_velocity_of_omega(chain.links, y, v);
     LG_TRY(lg_chain_rattle(&chain, h, y, v, v + 3 * chain.links));
     lg_chain_omega_of_velocity(chain.links, v, y);

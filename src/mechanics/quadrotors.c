@@ -73,7 +73,6 @@ static const lg_state_entry state[] = {
 static lg_status space(size_t links, lg_space *out) {
     static const lg_space_factor factors[] = {{LG_SPACE_RN, 6},  {LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3},
                                               {LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3},  {LG_SPACE_TS2, 2}};
-    (void)links;
     return lg_space_init(out, factors, LG_COUNT(factors));
 }
 
@@ -223,7 +222,6 @@ static lg_status field(void *user, double t, const double *y, const double *inpu
     const double *const q[2] = {y + LINK, y + LINK + LINK_SIZE};
     const double *const w[2] = {y + LINK + 3, y + LINK + LINK_SIZE + 3};
     double A[3], dA[3], x[3], c[3], acceleration[3];
-    (void)input;
     if (!track(p, t, y, q, w, A, dA, x)) return LG_NOT_FINITE;
     const directions wanted = directions_from(A, dA);
     for (int i = 0; i < 3; i++) {
@@ -414,7 +412,6 @@ static lg_status taped(const lg_system *system, lg_tape *tape, lg_taped_time t, 
     lg_var velocity = lg_reshape(tape, lg_slice(tape, y[0], 1, VELOCITY, 3), vector);
     lg_var down = lg_mul(tape, number(&s, GRAVITY), constant3(tape, e3));
     lg_var J = lg_slice(tape, parameter, 0, INERTIA, 3), A, dA, x;
-    (void)system, (void)input;
     taped_track(&s, t, position, velocity, down, &A, &dA, &x);
     lg_var rates[2] = {velocity, lg_add(tape, x, down)};
     algebra[0] = lg_reshape(tape, lg_concat(tape, rates, 2, 2), flat);

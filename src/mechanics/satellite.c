@@ -49,7 +49,6 @@ static const lg_state_entry state[] = {
 };
 
 static lg_status space(size_t links, lg_space *out) {
-    (void)links;
     const lg_space_factor factors[] = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}, {LG_SPACE_TS2, 1}};
     return lg_space_init(out, factors, 3);
 }
@@ -77,7 +76,6 @@ static lg_status field(void *user, double t, const double *y, const double *inpu
     const double *parameter = ((const lg_system_user *)user)->system->parameters;
     const double *q = y + DIRECTION, *p = y + MOMENTUM, mu = parameter[MASS], length = parameter[LENGTH];
     double *omega = out, D[3], c[3], A[3], carried[3], v[3], g[3], turn[3];
-    (void)t, (void)input;
     rates(parameter, y, omega, D, c);
     field_rotate(y + ATTITUDE, parameter + AXIS, A);
     field_cross(omega, D, carried);
@@ -112,7 +110,6 @@ static const char *const invariants[] = {"energy", "angular-momentum-x", "angula
 
 static double invariant(const lg_system *system, size_t index, const double *y, double *work) {
     double turn[3];
-    (void)work;
     if (index == 0) return energy(system->parameters, y);
     field_cross(y + DIRECTION, y + MOMENTUM, turn);
     return y[SPATIAL_MOMENTUM + index - 1] + turn[index - 1];
@@ -130,7 +127,6 @@ static lg_status taped(const lg_system *system, lg_tape *tape, lg_taped_time t, 
     const lg_var k = lg_slice(tape, parameter, 0, STIFFNESS, 1);
     const lg_var d = lg_taped_spread(tape, lg_slice(tape, parameter, 0, PIVOT, 3), q);
     const lg_var a = lg_taped_spread(tape, lg_slice(tape, parameter, 0, AXIS, 3), q);
-    (void)system, (void)t, (void)input;
     const lg_var D = lg_taped_rotate(tape, R, d), A = lg_taped_rotate(tape, R, a), c = lg_cross(tape, D, q);
     const lg_var b = lg_sub(tape, pi, lg_div(tape, lg_cross(tape, D, p), length));
     const lg_var Sb = lg_taped_body_velocity(tape, inertia, R, b);

@@ -14,7 +14,6 @@ static void box_start(lg_rng *rng, double low, double high, size_t n, double *y)
 /* q is uniform on the sphere; p = q x u, with u uniform in the box. */
 static void sphere_start(lg_rng *rng, double low, double high, size_t n, double *y) {
     double norm = 0.0, u[3];
-    (void)n;
     while (!(norm > 1e-8)) { /* almost always one draw is enough */
         for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
         norm = sqrt(lg_dot3(y, y));
@@ -27,7 +26,6 @@ static void sphere_start(lg_rng *rng, double low, double high, size_t n, double 
 /* A uniform (Haar) rotation: of the quaternion of four normal numbers, divided by its norm. */
 static void rotation_start(lg_rng *rng, double low, double high, size_t n, double *R) {
     double x[4], norm = 0.0;
-    (void)low, (void)high, (void)n;
     while (!(norm > 1e-8)) {
         norm = 0.0;
         for (int i = 0; i < 4; i++) x[i] = lg_rng_normal(rng);

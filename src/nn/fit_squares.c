@@ -164,7 +164,6 @@ static void shard_task(void *user, size_t index) {
 }
 
 static void add_matrices(const lg_fit *fit, void *user, size_t to, size_t from) {
-    (void)user;
     fit->k->axpy(lg_fit_squares_length(fit), 1.0, fit->shards[from].matrix, fit->shards[to].matrix);
 }
 

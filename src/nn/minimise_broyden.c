@@ -24,7 +24,6 @@ static void coefficients(size_t n, double b, double h, double *tau, double *phi)
 /* m->curvature holds the rows of H, at a stride, then the vector Hy, then the first pairs. With ranks, each
  * rank holds only its own rows of H. */
 static size_t length(size_t n, const lg_minimise_options *options) {
-    (void)options;
     return (n + 1) * lg_minimise_stride(n) + lg_minimise_pairs_length(n, FIRST_PAIRS);
 }
 

@@ -97,7 +97,6 @@ void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta) {
 }
 
 void lg_mlp_draw(void *net, size_t parameter, size_t count, lg_rng *rng, double *theta) {
-    (void)parameter;
     if (count == lg_mlp_parameters(net)) lg_mlp_initialise(net, rng, theta);
 }
 

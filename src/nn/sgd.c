@@ -16,7 +16,6 @@ STEP(step_f32, float)
 
 static void step(const lg_fit_options *o, uint64_t number, double rate, double clip, const void *gradient,
                  size_t n, void *m, void *v, void *theta) {
-    (void)number, (void)v;
     if (o->dtype == LG_F32)
         step_f32(&o->adam, rate, clip, gradient, n, m, theta);
     else

@@ -41,7 +41,6 @@ static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_
 }
 
 static lg_status probability(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const lg_var logits = lg_program_call(t, "value", 0, x);
     const lg_var part = lg_exp(t, lg_sub(t, logits, lg_max_axis(t, logits, 1, true)));
     y[0] = lg_div(t, part, lg_sum_axis(t, part, 1, true));

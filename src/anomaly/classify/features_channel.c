@@ -44,7 +44,6 @@ static size_t raw_work(const lg_features *f) {
 }
 
 static lg_status compute_raw(const lg_features *f, const float *x, double *out, double *work) {
-    (void)work;
     for (uint32_t i = 0; i < f->selected; i++) {
         const float *channel = x + (size_t)f->select[i] * f->length;
         for (uint32_t t = 0; t < f->length; t++) *out++ = (double)channel[t];
@@ -53,7 +52,6 @@ static lg_status compute_raw(const lg_features *f, const float *x, double *out, 
 }
 
 static void reverse_raw(const lg_features *f, const double *cotangent, double *work, double *gradient) {
-    (void)work;
     for (uint32_t i = 0; i < f->selected; i++, cotangent += f->length)
         memcpy(gradient + (size_t)f->select[i] * f->length, cotangent, f->length * sizeof *gradient);
 }

@@ -156,7 +156,6 @@ static lg_place moved_place(const lg_place *place, const moving *m) {
 }
 
 static void move_place(void *user, lg_place *place, bool written) {
-    (void)written;
     *place = moved_place(place, user);
 }
 

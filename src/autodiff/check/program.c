@@ -57,7 +57,6 @@ static lg_status on_tape(check *k, lg_status status) {
 static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, const lg_var *in, lg_var *out) {
     const check *k = user;
     lg_var x[MOST];
-    (void)parameters;
     for (uint32_t i = 0; i < k->f->inputs; i++) {
         const lg_gradcheck_argument *a = &k->f->arguments[i];
         x[i] = in[i];

@@ -28,7 +28,6 @@ static const helper helpers[LG_ACTIVATION_COUNT] = {HELPER_NONE,  HELPER_VALUE, 
                                                     HELPER_VALUE, HELPER_VALUE, HELPER_NONE};
 
 static lg_status act_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    (void)inputs;
     if (attr->i[0] >= LG_ACTIVATION_COUNT) return LG_INVALID_ARGUMENT;
     if (attr->i[1] > LG_K_ACT_ORDERS) return LG_NOT_DIFFERENTIABLE;
     *out = *in[0];
@@ -112,7 +111,6 @@ static lg_scalar derivative_element(lg_scalars *s, const lg_attr *attr, const lg
 
 static lg_scalar act_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
     lg_scalar h = x[0];
-    (void)inputs;
     if (attr->i[0] == LG_TANH) h = lg_s(s, LG_S_TANH, x[0], x[0]);
     if (attr->i[0] == LG_SIGMOID || attr->i[0] == LG_SWISH) h = lg_s(s, LG_S_SIGMOID, x[0], x[0]);
     return derivative_code(s, attr->i[0], 0, x[0], h, false);
@@ -146,7 +144,6 @@ static lg_status derivative_shape(const lg_shape *const *in, uint32_t inputs, co
 
 /* Input x is not read when the helper is the activation's value; without a helper, input 1 is not read. */
 static uint32_t derivative_unread(const lg_attr *attr, uint32_t inputs) {
-    (void)inputs;
     if (attr->i[2] == 0) return 2u;
     return helpers[attr->i[0]] == HELPER_VALUE ? 1u : 0u;
 }
@@ -161,7 +158,6 @@ static lg_status derivative_forward(lg_evaluation *e) {
 }
 
 static bool derivative_factor(const lg_attr *attr, uint32_t inputs, lg_attr *rest) {
-    (void)inputs;
     *rest = *attr;
     rest->i[3] = 0;
     return attr->i[3] != 0;

@@ -61,7 +61,6 @@ static lg_status conv1d_shape(const lg_shape *const *in, uint32_t inputs, const 
 
 static lg_status conv1d_input_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                     lg_shape *out) {
-    (void)inputs;
     const lg_shape *g = in[0], *w = in[1];
     if (g->rank != 3 || w->rank != 3) return LG_SHAPE;
     *out = lg_shape3(g->dims[0], attr->i[2], w->dims[1]);
@@ -73,7 +72,6 @@ static lg_status conv1d_input_shape(const lg_shape *const *in, uint32_t inputs, 
 
 static lg_status conv1d_weight_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                      lg_shape *out) {
-    (void)inputs;
     const lg_shape *x = in[0], *g = in[1];
     if (x->rank != 3 || g->rank != 3) return LG_SHAPE;
     *out = lg_shape3(attr->i[2], x->dims[2], g->dims[2]);
@@ -310,17 +308,14 @@ static lg_var conv1d_weight_jvp(const lg_forward *f) {
 
 /* lg_op.terms: number of elements of a window. */
 static size_t conv1d_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
-    (void)attr, (void)shape;
     return (size_t)in[1]->dims[0] * in[1]->dims[1];
 }
 
 static size_t conv1d_input_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
-    (void)attr, (void)shape;
     return (size_t)in[1]->dims[0] * in[1]->dims[2];
 }
 
 static size_t conv1d_weight_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
-    (void)attr, (void)shape;
     return (size_t)in[1]->dims[0] * in[1]->dims[1];
 }
 

@@ -11,7 +11,6 @@ extern const lg_op lg_op_custom;
 
 static lg_status custom_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                               lg_shape *out) {
-    (void)in, (void)inputs;
     *out = lg_shape_of(LG_MAX_RANK, attr->i);
     out->rank = 0;
     while (out->rank < LG_MAX_RANK && attr->i[out->rank] != UINT32_MAX) out->rank++;
@@ -122,7 +121,6 @@ const lg_op lg_op_custom = {
     .payload = LG_PAYLOAD_IN_PROCESS};
 
 static lg_status no_forward(lg_evaluation *e) {
-    (void)e;
     return LG_INVALID_ARGUMENT;
 }
 

@@ -208,7 +208,6 @@ lg_var lg_dual_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation 
 
 static lg_status dual_mix_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                 lg_shape *out) {
-    (void)inputs, (void)attr;
     if (!is_pairs(in[0]) || !lg_same_shape(in[0], in[1]) || !lg_same_shape(in[0], in[2])) return LG_SHAPE;
     *out = *in[0];
     return LG_OK;

@@ -10,7 +10,6 @@ extern const lg_op lg_op_gather, lg_op_scatter;
 
 static lg_status gather_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                               lg_shape *out) {
-    (void)inputs;
     if (in[0]->rank == 0 || in[0]->dims[0] != attr->i[1]) return LG_SHAPE;
     *out = *in[0];
     out->dims[0] = attr->i[0];
@@ -19,7 +18,6 @@ static lg_status gather_shape(const lg_shape *const *in, uint32_t inputs, const 
 
 static lg_status scatter_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
-    (void)inputs;
     if (in[0]->rank == 0 || in[0]->dims[0] != attr->i[0]) return LG_SHAPE;
     *out = *in[0];
     out->dims[0] = attr->i[1];
@@ -104,7 +102,6 @@ static lg_var record_indexed(lg_tape *tape, const lg_op *op, lg_var x, const lg_
 static void gather_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     const uint32_t *indices = e->attr->pointer;
     const size_t length = row_length(e->in[0]);
-    (void)s;
     for (size_t i = 0; i < e->count; i++) y[i] = x[0][indices[i / length] * length + i % length];
 }
 

@@ -13,7 +13,6 @@ extern const lg_op lg_op_rowdot;
 
 static lg_status rowdot_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                               lg_shape *out) {
-    (void)inputs, (void)attr;
     if (in[0]->rank == 0 || !lg_same_shape(in[0], in[1])) return LG_SHAPE;
     *out = *in[0];
     out->dims[out->rank - 1] = 1;
@@ -55,7 +54,6 @@ static lg_var rowdot_jvp(const lg_forward *f) {
 }
 
 static size_t rowdot_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
-    (void)attr, (void)shape;
     return in[0]->dims[in[0]->rank - 1];
 }
 
@@ -75,7 +73,6 @@ lg_var lg_rownorm2(lg_tape *tape, lg_var a) {
 /* ---- row-wise cross product of vectors of length 3 ---- */
 
 static lg_status cross_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    (void)inputs, (void)attr;
     const lg_shape *a = in[0];
     if (a->rank == 0 || a->dims[a->rank - 1] != 3 || !lg_same_shape(a, in[1])) return LG_SHAPE;
     *out = *a;
@@ -136,7 +133,6 @@ lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b) {
 
 static lg_status factor_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                               lg_shape *out) {
-    (void)inputs, (void)attr;
     const lg_shape *a = in[0];
     if (a->rank != 3 || a->dims[1] != a->dims[2]) return LG_SHAPE;
     *out = *a;
@@ -207,7 +203,6 @@ static void factor_c(lg_c *c, const lg_evaluation *e) {
 
 /* Number of terms (lg_op.terms) of a factorisation and of a solve. */
 static size_t order_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
-    (void)in, (void)attr;
     return (size_t)shape->dims[1] * shape->dims[1];
 }
 
@@ -216,7 +211,6 @@ const lg_op lg_op_spd_factor = {
     .expand = factor_expand, .write_c = factor_c, .rows = lg_rows_each, .terms = order_terms};
 
 static lg_status solve_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    (void)inputs, (void)attr;
     const lg_shape *a = in[0], *b = in[1];
     if (a->rank != 3 || b->rank != 3 || a->dims[0] != b->dims[0] || a->dims[2] != b->dims[1] ||
         !lg_same_shape(a, in[2]) || a->dims[1] != a->dims[2])
@@ -233,7 +227,6 @@ static lg_status solve_forward(lg_evaluation *e) {
 
 /* Forward uses only the factor; the matrix itself is read only by derivatives. */
 static uint32_t solve_unread(const lg_attr *attr, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return 1u;
 }
 
@@ -332,7 +325,6 @@ static bool is_column(const lg_shape *shape) {
 
 static lg_status stumpff_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
-    (void)inputs;
     if (!is_column(in[0])) return LG_SHAPE;
     if (attr->i[0] > 8) return LG_INVALID_ARGUMENT;
     if (attr->i[1] > HIGHEST_ORDER) return LG_NOT_DIFFERENTIABLE;
@@ -395,7 +387,6 @@ lg_var lg_stumpff_functions(lg_tape *tape, lg_var w, int K) {
 
 static lg_status dexpinv_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
-    (void)inputs;
     if (!is_column(in[0])) return LG_SHAPE;
     if (attr->i[1] > HIGHEST_ORDER) return LG_NOT_DIFFERENTIABLE;
     *out = *in[0];
@@ -417,7 +408,6 @@ static lg_var dexpinv_jvp(const lg_forward *f) {
 }
 
 static lg_scalar dexpinv_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)inputs;
     return lg_s_numbered(s, LG_S_DEXPINV, x[0], attr->i[1]);
 }
 

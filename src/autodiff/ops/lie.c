@@ -50,13 +50,11 @@ static lg_var build_exp(lg_tape *tape, const lg_var *x, uint32_t columns) {
 
 static lg_var build_dexp(lg_tape *tape, const lg_var *x, uint32_t columns) {
     const coefficients k = stumpff_of(tape, x[0]);
-    (void)columns;
     return second_order(tape, x[0], x[1], k.c[2], k.c[3]);
 }
 
 static lg_var build_act(lg_tape *tape, const lg_var *x, uint32_t columns) {
     const coefficients k = stumpff_of(tape, x[0]);
-    (void)columns;
     lg_var r = second_order(tape, x[0], x[1], k.c[2], k.c[3]);
     lg_var q = second_order(tape, x[0], x[2], k.c[1], k.c[2]);
     lg_var p = second_order(tape, x[0], x[3], k.c[1], k.c[2]);
@@ -73,7 +71,6 @@ static lg_var moved(lg_tape *tape, lg_var from, double weight, lg_var by) {
 static lg_var build_dexpinv(lg_tape *tape, const lg_var *x, uint32_t columns) {
     lg_var g2 = lg_dexpinv_coefficient(tape, lg_rownorm2(tape, x[0]), 0);
     lg_var ab = lg_cross(tape, x[0], x[1]), aab = lg_cross(tape, x[0], ab);
-    (void)columns;
     return lg_add(tape, moved(tape, x[1], -0.5, ab), lg_mul(tape, g2, aab));
 }
 
@@ -86,7 +83,6 @@ static lg_var build_dexpinv_second(lg_tape *tape, const lg_var *x, uint32_t colu
     lg_var g2 = lg_dexpinv_coefficient(tape, w, 0);
     lg_var gt2 = lg_scale(tape, lg_dexpinv_coefficient(tape, w, 1), 2.0);
     lg_var rho = lg_rowdot(tape, A, a);
-    (void)columns;
     lg_var AB = lg_cross(tape, A, B), AAB = lg_cross(tape, A, AB);
     lg_var mixed = lg_add(tape, lg_cross(tape, a, B), lg_cross(tape, A, b));
     lg_var triple = lg_add(tape, lg_cross(tape, a, AB), lg_cross(tape, A, mixed));

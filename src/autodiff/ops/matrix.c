@@ -256,7 +256,6 @@ static lg_var matmul_jvp(const lg_forward *f) {
 
 static lg_row_use matmul_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
                               uint32_t copies, lg_attr *attr) {
-    (void)copies;
     if (shape->rank == 3) return LG_ROWS_BROADCAST;
     /* Whether the third input has its own row for each row of the result. */
     const bool added = inputs > 2 && lg_shape_count(*in[2]) == lg_shape_count(*shape);
@@ -269,7 +268,6 @@ static lg_instead matmul_instead(const lg_known *k) {
 }
 
 static size_t matmul_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
-    (void)shape;
     return in[0]->dims[in[0]->rank - (attr->i[0] == TN ? 2 : 1)];
 }
 

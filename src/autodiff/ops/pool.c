@@ -38,7 +38,6 @@ static bool pooled_from(const lg_shape *g, const lg_shape *x, const lg_attr *att
 
 static lg_status spread_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                               lg_shape *out) {
-    (void)inputs;
     const lg_shape *g = in[0];
     if (g->rank != 3) return LG_SHAPE;
     *out = lg_shape3(g->dims[0], attr->i[2], g->dims[2]);
@@ -46,7 +45,6 @@ static lg_status spread_shape(const lg_shape *const *in, uint32_t inputs, const 
 }
 
 static lg_status place_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    (void)inputs;
     *out = *in[1];
     return pooled_from(in[0], out, attr) ? LG_OK : LG_SHAPE;
 }
@@ -151,7 +149,6 @@ static lg_var avg_pool1d_adjoint_jvp(const lg_forward *f) {
 }
 
 static size_t pool_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
-    (void)in, (void)shape;
     return attr->i[0];
 }
 

@@ -29,19 +29,16 @@ static bool sizes_fit(const lg_shape *whole, const lg_shape *part, const lg_attr
 
 static lg_status reduce_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                               lg_shape *out) {
-    (void)inputs;
     return sizes_fit(in[0], out, attr) ? LG_OK : LG_SHAPE;
 }
 
 static lg_status repeat_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                               lg_shape *out) {
-    (void)inputs;
     return out->rank <= LG_MAX_RANK && sizes_fit(out, in[0], attr) ? LG_OK : LG_SHAPE;
 }
 
 static lg_status mask_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     const lg_shape part = lg_shape2(attr->i[0], attr->i[2]);
-    (void)inputs;
     return attr->i[1] > 0 && lg_same_shape(in[0], out) && sizes_fit(in[0], &part, attr) ? LG_OK : LG_SHAPE;
 }
 
@@ -137,7 +134,6 @@ static lg_var reduce_jvp(const lg_forward *f) {
 /* Row rule of sums and broadcasts: rows stay apart if they lie within the outer axis. */
 static lg_row_use outer_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
                              uint32_t copies, lg_attr *attr) {
-    (void)in, (void)inputs;
     if (attr->i[0] % shape->dims[0] != 0) return LG_ROWS_MEET;
     attr->i[0] /= copies;
     return LG_ROWS_EACH;
@@ -148,7 +144,6 @@ static lg_instead single_instead(const lg_known *k) {
 }
 
 static size_t length_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
-    (void)in, (void)shape;
     return attr->i[1];
 }
 
@@ -192,7 +187,6 @@ static lg_status repeat_forward(lg_evaluation *e) {
 
 static void repeat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     const size_t length = e->attr->i[1], inner = e->attr->i[2];
-    (void)s;
     for (size_t i = 0; i < e->count; i++) y[i] = x[0][i / (length * inner) * inner + i % inner];
 }
 

@@ -18,7 +18,6 @@ static lg_instead same_instead(const lg_known *k) {
 
 static lg_status reshape_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
-    (void)inputs, (void)attr;
     return out->rank <= LG_MAX_RANK && lg_shape_count(*out) == lg_shape_count(*in[0]) ? LG_OK : LG_SHAPE;
 }
 
@@ -40,13 +39,11 @@ static void reshape_c(lg_c *c, const lg_evaluation *e) {
 }
 
 static bool reshape_view(const lg_shape *const *in, const lg_attr *attr, size_t *offset) {
-    (void)in, (void)attr;
     *offset = 0;
     return true;
 }
 
 static void reshape_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
-    (void)s;
     for (size_t i = 0; i < e->count; i++) y[i] = x[0][i];
 }
 
@@ -59,12 +56,10 @@ static lg_var reshape_jvp(const lg_forward *f) {
 }
 
 static lg_instead reshape_instead(const lg_known *k) {
-    (void)k;
     return lg_instead_input(0);
 }
 
 static lg_var reshape_again(lg_tape *tape, lg_var x, const lg_attr *attr, lg_shape shape) {
-    (void)attr;
     return lg_reshape(tape, x, shape);
 }
 
@@ -124,7 +119,6 @@ static void copy_runs(size_t rows, size_t run, const unsigned char *from, size_t
 
 static lg_status slice_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     const uint32_t axis = attr->i[0], start = attr->i[1], length = attr->i[2];
-    (void)inputs;
     if (axis >= in[0]->rank || start > in[0]->dims[axis] || length > in[0]->dims[axis] - start)
         return LG_INVALID_ARGUMENT;
     *out = *in[0];
@@ -151,7 +145,6 @@ static lg_status slice_forward(lg_evaluation *e) {
 static void slice_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     const size_t start = e->attr->i[1], length = e->attr->i[2];
     size_t outer, whole, inner;
-    (void)s;
     lg_around(e->in[0], e->attr->i[0], &outer, &whole, &inner);
     for (size_t i = 0; i < e->count; i++) {
         const size_t o = i / (length * inner), l = i / inner % length;
@@ -179,7 +172,6 @@ static lg_var slice_jvp(const lg_forward *f) {
 }
 
 static lg_var slice_again(lg_tape *tape, lg_var x, const lg_attr *attr, lg_shape shape) {
-    (void)shape;
     return lg_slice(tape, x, (int)attr->i[0], attr->i[1], attr->i[2]);
 }
 
@@ -219,7 +211,6 @@ lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t leng
 
 static lg_status pad_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     const uint32_t axis = attr->i[0];
-    (void)inputs;
     if (axis >= in[0]->rank || (uint64_t)in[0]->dims[axis] + attr->i[1] + attr->i[2] > UINT32_MAX)
         return LG_INVALID_ARGUMENT;
     *out = *in[0];
@@ -326,7 +317,6 @@ static lg_status concat_forward(lg_evaluation *e) {
 
 static void concat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     size_t outer, whole, inner, at = 0;
-    (void)s;
     lg_around(e->shape, e->attr->i[0], &outer, &whole, &inner);
     for (uint32_t p = 0; p < e->inputs; p++) {
         const size_t run = e->in[p]->dims[e->attr->i[0]] * inner;
@@ -398,7 +388,6 @@ lg_var lg_concat(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
 static lg_status permute_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
     uint32_t seen = 0;
-    (void)inputs;
     *out = *in[0];
     for (uint32_t i = 0; i < in[0]->rank; i++) {
         const uint32_t a = attr->i[i];
@@ -447,7 +436,6 @@ static lg_status permute_forward(lg_evaluation *e) {
 }
 
 static void permute_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
-    (void)s;
     for (size_t i = 0; i < e->count; i++) {
         size_t index[LG_MAX_RANK] = {0, 0, 0, 0}, rest = i, at = 0;
         for (uint32_t d = e->shape->rank; d-- > 0; rest /= e->shape->dims[d])
@@ -497,7 +485,6 @@ static lg_var permute_jvp(const lg_forward *f) {
 
 static lg_row_use permute_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
                                uint32_t copies, lg_attr *attr) {
-    (void)in, (void)inputs, (void)shape, (void)copies;
     return attr->i[0] == 0 ? LG_ROWS_EACH : LG_ROWS_MEET;
 }
 

@@ -12,7 +12,6 @@ typedef struct element_ends {
 static void element_input(lg_c *c, lg_text *to, const void *user, uint32_t number) {
     const element_ends *e = user;
     const char *plus = "";
-    (void)c;
     if (e->over >> number & 1u) {
         lg_text_add(to, e->levels == 0 ? "y[i]" : "*y");
         return;
@@ -31,12 +30,10 @@ static void element_input(lg_c *c, lg_text *to, const void *user, uint32_t numbe
 }
 
 static void element_output(lg_c *c, lg_text *to, const void *user, uint32_t number) {
-    (void)c, (void)user, (void)number;
     lg_text_add(to, "*y++");
 }
 
 static void element_output_i(lg_c *c, lg_text *to, const void *user, uint32_t number) {
-    (void)c, (void)user, (void)number;
     lg_text_add(to, "y[i]");
 }
 

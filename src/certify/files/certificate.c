@@ -128,7 +128,6 @@ static void add_text(lg_text *to, const char *text) {
 /* null: no bound */
 static void write_bound(lg_text *to, const lg_certificate *f, const void *member) {
     const double *x = member;
-    (void)f;
     lg_text_add(to, isfinite(*x) ? "%.17g" : "null", *x);
 }
 
@@ -148,12 +147,10 @@ static void write_square(lg_text *to, const lg_certificate *f, const void *membe
 }
 
 static void write_claim(lg_text *to, const lg_certificate *f, const void *member) {
-    (void)f;
     add_text(to, member);
 }
 
 static void write_names(lg_text *to, const lg_certificate *f, const void *member) {
-    (void)member;
     for (size_t i = 0; i < f->states; i++) {
         lg_text_add(to, "%s", i == 0 ? "[" : ", ");
         add_text(to, f->names[i]);
@@ -163,7 +160,6 @@ static void write_names(lg_text *to, const lg_certificate *f, const void *member
 
 static void write_code(lg_text *to, const lg_certificate *f, const void *member) {
     const lg_certificate_code *code = member;
-    (void)f;
     lg_text_append(to, "[", 1);
     for (size_t i = 0; i < code->lines; i++) {
         const lg_certificate_line *l = &code->line[i];
@@ -177,14 +173,12 @@ static void write_code(lg_text *to, const lg_certificate *f, const void *member)
 
 static void write_outputs(lg_text *to, const lg_certificate *f, const void *member) {
     const lg_certificate_code *code = member;
-    (void)f;
     lg_text_append(to, "[", 1);
     for (size_t j = 0; j < code->outputs; j++) lg_text_add(to, "%s%u", j > 0 ? ", " : "", code->output[j]);
     lg_text_append(to, "]", 1);
 }
 
 static void write_tree(lg_text *to, const lg_certificate *f, const void *member) {
-    (void)member;
     for (const char *line = f->tree; *line != '\0';) {
         const size_t length = strcspn(line, "\n");
         lg_text_add(to, "%s\"", line == f->tree ? "[" : ",\n  ");
@@ -281,7 +275,6 @@ static lg_status read_claim(const reading *r, size_t row, const yaml_node_t *nod
 }
 
 static lg_status read_names(const reading *r, size_t row, const yaml_node_t *list, void *member) {
-    (void)member;
     if (length_of(list) != r->to->f.states)
         return bad(r, row, list, "a list with a name for each state is expected");
     for (size_t i = 0; i < length_of(list); i++) {
