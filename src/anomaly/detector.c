@@ -128,8 +128,7 @@ lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *
     double *numbers = lg_alloc(context, 2 * channels, sizeof *numbers);
     lg_status status = LG_OUT_OF_MEMORY;
     if (made == NULL || numbers == NULL) {
-        lg_free(context, numbers);
-        lg_free(context, made);
+        LG_FREE_ALL(context, numbers, made);
         return lg_fail(error, status, "no memory for a detector of %zu channels", channels);
     }
     memcpy(numbers, scaler->mean, channels * sizeof *numbers);
@@ -151,8 +150,7 @@ lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *
 void lg_detector_plan_destroy(lg_detector_plan *plan) {
     if (plan == NULL) return;
     lg_plan_destroy(plan->scores);
-    lg_free(plan->context, plan->numbers);
-    lg_free(plan->context, plan);
+    LG_FREE_ALL(plan->context, plan->numbers, plan);
 }
 
 void lg_detector_eval(const lg_detector_plan *plan, const float *x, double *probability, double *plane,

@@ -81,8 +81,7 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
 
 void lg_detector_data_destroy(lg_detector_data *data) {
     if (data == NULL) return;
-    lg_free(data->context, data->x);
-    lg_free(data->context, data->label);
+    LG_FREE_ALL(data->context, data->x, data->label);
     *data = (lg_detector_data){0};
 }
 

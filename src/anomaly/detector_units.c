@@ -32,10 +32,7 @@ typedef struct survey {
 static void survey_end(survey *s) {
     const lg_context *context = s->problem->data->context;
     lg_tape_destroy(s->tape);
-    lg_free(context, s->theta);
-    lg_free(context, s->low);
-    lg_free(context, s->values);
-    lg_free(context, s->samples);
+    LG_FREE_ALL(context, s->theta, s->low, s->values, s->samples);
 }
 
 /* Returns the number of units of all layers but the output. *largest becomes the number of values that the

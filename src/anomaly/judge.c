@@ -31,8 +31,7 @@ static void visit_bundle(void *user, size_t index) {
         lg_windows_copy(self->series, self->windows, self->part->list[i], x);
         status = lg_cancelled(self->context) ? LG_CANCELLED : self->each(self->user, i, x, work);
     }
-    lg_free(self->context, x);
-    lg_free(self->context, work);
+    LG_FREE_ALL(self->context, x, work);
     self->status[index] = status;
 }
 

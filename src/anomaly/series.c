@@ -40,13 +40,8 @@ lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool 
 
 void lg_series_destroy(lg_series *series) {
     if (series == NULL) return;
-    lg_free(series->context, series->x);
-    lg_free(series->context, series->label);
-    lg_free(series->context, series->group);
-    lg_free(series->context, series->run);
-    lg_free(series->context, series->class_name);
-    lg_free(series->context, series->class_label);
-    lg_free(series->context, series->channel_name);
+    LG_FREE_ALL(series->context, series->x, series->label, series->group, series->run, series->class_name,
+                series->class_label, series->channel_name);
     *series = (lg_series){0};
 }
 
@@ -141,8 +136,7 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
 
 void lg_windows_destroy(lg_windows *windows) {
     if (windows == NULL) return;
-    lg_free(windows->context, windows->first);
-    lg_free(windows->context, windows->offset);
+    LG_FREE_ALL(windows->context, windows->first, windows->offset);
     *windows = (lg_windows){0};
 }
 
@@ -251,8 +245,7 @@ lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, cons
         if (centred) memset(made.mean, 0, channels * sizeof *made.mean);
         fit_scales(&s, centred, made.mean, made.scale);
     }
-    lg_free(context, s.window);
-    lg_free(context, mean);
+    LG_FREE_ALL(context, s.window, mean);
     if (!good) {
         lg_scaler_destroy(&made);
         return LG_OUT_OF_MEMORY;
@@ -263,8 +256,7 @@ lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, cons
 
 void lg_scaler_destroy(lg_scaler *scaler) {
     if (scaler == NULL) return;
-    lg_free(scaler->context, scaler->mean);
-    lg_free(scaler->context, scaler->scale);
+    LG_FREE_ALL(scaler->context, scaler->mean, scaler->scale);
     *scaler = (lg_scaler){0};
 }
 

@@ -54,9 +54,7 @@ static lg_status allocate_units(const lg_context *context, size_t items, unit_se
 }
 
 static void free_units(const lg_context *context, unit_set *set) {
-    lg_free(context, set->keys);
-    lg_free(context, set->classes);
-    lg_free(context, set->unit);
+    LG_FREE_ALL(context, set->keys, set->classes, set->unit);
 }
 
 static uint64_t unit_key(uint32_t id, uint32_t label) {
@@ -305,7 +303,6 @@ lg_status lg_series_folds(const lg_context *context, const uint32_t *label, cons
         status = LG_OK;
     }
     free_units(context, &t.set);
-    lg_free(context, t.total);
-    lg_free(context, t.held);
+    LG_FREE_ALL(context, t.total, t.held);
     return status;
 }

@@ -26,11 +26,7 @@ LG_CERTIFICATE_OPS(X)
 
 void lg_certificate_destroy(lg_certificate *f) {
     if (f == NULL) return;
-    lg_free(f->context, f->rate.line);
-    lg_free(f->context, f->rate.output);
-    lg_free(f->context, f->control.line);
-    lg_free(f->context, f->control.output);
-    lg_free(f->context, f->tree);
+    LG_FREE_ALL(f->context, f->rate.line, f->rate.output, f->control.line, f->control.output, f->tree);
     memset(f, 0, sizeof *f);
 }
 
@@ -60,8 +56,7 @@ static lg_status take_code(const lg_context *context, const lg_expansion *x, siz
     }
     for (size_t j = 0; j < outputs && memory; j++) out->output[j] = number[x->result[j]];
     out->lines = lines;
-    lg_free(context, number);
-    lg_free(context, needed);
+    LG_FREE_ALL(context, number, needed);
     return memory ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
@@ -145,21 +140,18 @@ static lg_status record_code(const lg_certificate *f, const lg_certificate_code 
 
 static lg_status record_rate(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_certificate *f = user;
-    (void)theta;
     return record_code(f, &f->rate, tape, in, out);
 }
 
 static lg_status record_control(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                 lg_var *out) {
     const lg_certificate *f = user;
-    (void)theta;
     return record_code(f, &f->control, tape, in, out);
 }
 
 static lg_status record_closed(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                lg_var *out) {
     const lg_var u = lg_program_call(tape, "control", 0, in);
-    (void)user, (void)theta;
     out[0] = lg_program_call(tape, "rate", 0, (const lg_var[]){in[0], u});
     return lg_tape_status(tape);
 }

@@ -16,11 +16,7 @@ void lg_certify_destroy(lg_certify *c) {
     if (c == NULL) return;
     lg_certify_forget(c);
     if (c->pool != NULL) lg_thread_pool_destroy(c->pool);
-    lg_free(c->context, c->stack);
-    lg_free(c->context, c->work);
-    lg_free(c->context, c->batch);
-    lg_free(c->context, c->found);
-    lg_free(c->context, c);
+    LG_FREE_ALL(c->context, c->stack, c->work, c->batch, c->found, c);
 }
 
 static lg_status check_spec(const lg_certify_spec *spec, lg_error *error) {

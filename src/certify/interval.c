@@ -78,12 +78,7 @@ lg_status lg_interval_taylor(const lg_program *program, const lg_interval_taylor
 
 void lg_interval_destroy(lg_interval *f) {
     if (f == NULL) return;
-    lg_free(f->context, f->constant);
-    lg_free(f->context, f->code);
-    lg_free(f->context, f->stored);
-    lg_free(f->context, f->constant_flag);
-    lg_free(f->context, f->parity);
-    lg_free(f->context, f);
+    LG_FREE_ALL(f->context, f->constant, f->code, f->stored, f->constant_flag, f->parity, f);
 }
 
 size_t lg_interval_inputs(const lg_interval *f) {

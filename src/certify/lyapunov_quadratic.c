@@ -592,7 +592,6 @@ lg_status lg_lyapunov_quadratic(const lg_context *context, const lg_program *pro
     if (status == LG_OK) status = run(&s, b, error);
     if (status == LG_OK) write_out(&s, &b[0], P, K, volume);
     lg_plan_destroy(s.plan);
-    lg_free(context, s.desks);
-    lg_free(context, s.y);
+    LG_FREE_ALL(context, s.desks, s.y);
     return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "no memory for a search") : status;
 }

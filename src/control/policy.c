@@ -245,8 +245,7 @@ static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_
                 MOST_STEPS, p->task.period, off,
                 lagged ? ", or leave out a lag that is much shorter than the period" : "");
     }
-    lg_free(p->context, start);
-    lg_free(p->context, work);
+    LG_FREE_ALL(p->context, start, work);
     lg_plan_destroy(step);
     return status;
 }
@@ -592,8 +591,7 @@ void lg_policy_destroy(lg_policy *p) {
     lg_policy_destroy(p->warm);
     lg_free(p->context, p->draws);
     lg_program_destroy(p->program);
-    lg_free(p->context, p->theta);
-    lg_free(p->context, p);
+    LG_FREE_ALL(p->context, p->theta, p);
 }
 
 const lg_policy_task *lg_policy_task_of(const lg_policy *p) {

@@ -66,7 +66,6 @@ lg_status lg_policy_evaluate(const lg_policy *p, lg_policy_test test, uint64_t s
             if (wanted->x != NULL) memcpy(wanted->x, runs.x, n * p->state * sizeof *runs.x);
         }
     }
-    lg_free(p->context, memory);
-    lg_free(p->context, held);
+    LG_FREE_ALL(p->context, memory, held);
     return status;
 }

@@ -199,6 +199,6 @@ lg_status lg_policy_find_gaps(lg_policy *p, size_t starts, uint64_t seed, double
     if (status == LG_OK) fill(&s, out, complete);
     lg_policy_plans_destroy(&s.plans);
     for (size_t r = 0; s.minimiser != NULL && r < s.rows; r++) lg_minimiser_destroy(s.minimiser[r]);
-    lg_free(p->context, s.minimiser), lg_free(p->context, s.work), lg_free(p->context, s.z);
+    LG_FREE_ALL(p->context, s.minimiser, s.work, s.z);
     return status;
 }

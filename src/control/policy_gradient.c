@@ -232,8 +232,7 @@ void lg_policy_batch_destroy(lg_policy_batch *b) {
     const lg_context *context = b->policy->context;
     lg_policy_plans_destroy(&b->plans);
     lg_thread_pool_destroy(b->pool);
-    lg_free(context, b->memory), lg_free(context, b->sums);
-    lg_free(context, b->starts), lg_free(context, b->steps);
+    LG_FREE_ALL(context, b->memory, b->sums, b->starts, b->steps);
     memset(b, 0, sizeof *b);
 }
 

@@ -229,8 +229,7 @@ static lg_status solve(const design *d, const weights *w, double *K, double *P, 
         for (uint32_t j = 0; j < n; j++) P[i * n + j] /= d->size[i] * d->size[j];
     }
     *radius = 1.0 - result.margin;
-    lg_free(p->context, A);
-    lg_free(p->context, work);
+    LG_FREE_ALL(p->context, A, work);
     return status;
 }
 
@@ -620,8 +619,7 @@ static lg_status begin(design *d, lg_policy *p, lg_policy *sliding, uint64_t see
 }
 
 static void end(design *d) {
-    lg_free(d->policy->context, d->A);
-    lg_free(d->policy->context, d->held);
+    LG_FREE_ALL(d->policy->context, d->A, d->held);
 }
 
 lg_status lg_policy_find_rest(lg_policy *p, lg_policy *sliding, lg_error *error) {

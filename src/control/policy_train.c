@@ -423,8 +423,7 @@ void lg_policy_trainer_destroy(lg_policy_trainer *t) {
     if (t == NULL) return;
     const lg_context *context = t->policy->context;
     end_phase(t);
-    lg_free(context, t->theta), lg_free(context, t->gradients), lg_free(context, t->number);
-    lg_free(context, t);
+    LG_FREE_ALL(context, t->theta, t->gradients, t->number, t);
 }
 
 lg_status lg_policy_trainer_run(lg_policy_trainer *t, lg_policy_train_result *result, lg_error *error) {

@@ -15,7 +15,6 @@ struct lg_context {
 #define LARGE_PAGE ((size_t)1 << 21)
 
 static void *default_allocate(void *user, size_t bytes) {
-    (void)user;
     void *memory = NULL;
     const bool large = bytes >= 2 * LARGE_PAGE;
     if (posix_memalign(&memory, large ? LARGE_PAGE : LG_ALIGNMENT, bytes) != 0) return NULL;
@@ -26,7 +25,6 @@ static void *default_allocate(void *user, size_t bytes) {
 }
 
 static void default_release(void *user, void *memory) {
-    (void)user;
     free(memory);
 }
 
@@ -84,6 +82,10 @@ void lg_free(const lg_context *context, void *memory) {
         context->options.release(context->options.allocator_user, memory);
     else
         default_release(NULL, memory);
+}
+
+void lg_free_list(const lg_context *context, const void *const *list, size_t count) {
+    for (size_t i = 0; i < count; i++) lg_free(context, (void *)list[i]);
 }
 
 char *lg_strdup(const lg_context *context, const char *text) {

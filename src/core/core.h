@@ -43,6 +43,10 @@
  * size is 0, the pointer is valid. With a NULL context the C library's allocator is used. */
 void *lg_alloc(const lg_context *context, uint64_t count, size_t size);
 void lg_free(const lg_context *context, void *memory);
+/* Frees each of these blocks, in order; NULL is skipped. */
+void lg_free_list(const lg_context *context, const void *const *list, size_t count);
+#define LG_FREE_ALL(context, ...)                                                                            \
+    lg_free_list(context, (const void *const[]){__VA_ARGS__}, LG_COUNT(((const void *const[]){__VA_ARGS__})))
 char *lg_strdup(const lg_context *context, const char *text);
 
 /* A context like this one (NULL: with the defaults), but without a log, for work whose messages no one

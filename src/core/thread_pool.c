@@ -112,8 +112,7 @@ void lg_thread_pool_destroy(lg_thread_pool *pool) {
     pthread_cond_destroy(&pool->done);
     pthread_cond_destroy(&pool->start);
     pthread_mutex_destroy(&pool->mutex);
-    lg_free(pool->context, pool->threads);
-    lg_free(pool->context, pool);
+    LG_FREE_ALL(pool->context, pool->threads, pool);
 }
 
 static void open_round(lg_thread_pool *pool) {

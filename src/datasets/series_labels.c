@@ -13,9 +13,7 @@
 enum { NUMBER_TEXT = 32 }; /* bytes of a number with 17 digits */
 
 void lg_labels_destroy(lg_labels *labels) {
-    lg_free(labels->context, labels->label);
-    lg_free(labels->context, labels->value);
-    lg_free(labels->context, labels->class_of);
+    LG_FREE_ALL(labels->context, labels->label, labels->value, labels->class_of);
     lg_names_destroy(&labels->text);
     lg_names_destroy(&labels->of_class);
     *labels = (lg_labels){.context = labels->context};
@@ -183,8 +181,7 @@ static const char *write_number(double value, char digits[NUMBER_TEXT]) {
 }
 
 static void end_finder(const lg_labels *labels, finder *f) {
-    lg_free(labels->context, f->text);
-    lg_free(labels->context, f->digits);
+    LG_FREE_ALL(labels->context, f->text, f->digits);
 }
 
 /* Returns false and sets labels->starved if memory runs out. */

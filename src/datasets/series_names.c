@@ -11,8 +11,7 @@ enum { FIRST_ROOM = 16 };
 /* ---- lists ---- */
 
 void lg_names_destroy(lg_names *names) {
-    lg_free(names->context, names->name);
-    lg_free(names->context, names->order);
+    LG_FREE_ALL(names->context, names->name, names->order);
     *names = (lg_names){.context = names->context};
 }
 
@@ -115,18 +114,15 @@ static lg_status split_names(const names_call *call, const char *text, lg_error 
 
 static lg_status visit_joined(void *user, uint64_t index, const char *text, lg_error *error) {
     const names_call *call = user;
-    (void)index;
     return split_names(call, text, error);
 }
 
 static lg_status visit_listed(void *user, uint64_t index, const char *text, lg_error *error) {
-    (void)index;
     return add_name(user, text, error);
 }
 
 /* Counts the texts of an attribute. */
 static lg_status count_text(void *user, uint64_t index, const char *text, lg_error *error) {
-    (void)text, (void)error;
     *(uint64_t *)user = index + 1;
     return LG_OK;
 }
@@ -188,9 +184,7 @@ lg_status lg_names_put(lg_h5 *h5, const char *key, const char (*name)[LG_SERIES_
 /* ---- classes, channels, rate ---- */
 
 void lg_sensing_destroy(const lg_context *context, lg_sensing *sensing) {
-    lg_free(context, sensing->class_name);
-    lg_free(context, sensing->class_label);
-    lg_free(context, sensing->channel_name);
+    LG_FREE_ALL(context, sensing->class_name, sensing->class_label, sensing->channel_name);
     *sensing = (lg_sensing){.classes = 0};
 }
 

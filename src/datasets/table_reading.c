@@ -1,6 +1,5 @@
 /* Tables of numbers: columns of a file as numbers, and one of them as classes. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -19,10 +18,7 @@ void lg_table_names_destroy(lg_table_names *names) {
 
 void lg_table_data_destroy(lg_table_data *data) {
     if (data == NULL) return;
-    lg_free(data->context, data->values);
-    lg_free(data->context, data->line);
-    lg_free(data->context, data->label);
-    lg_free(data->context, data->class_name);
+    LG_FREE_ALL(data->context, data->values, data->line, data->label, data->class_name);
     *data = (lg_table_data){.rows = 0};
 }
 

@@ -92,8 +92,7 @@ lg_status lg_table_windows_read(const lg_context *context, const char *path, con
 
 void lg_table_windows_destroy(lg_table_windows *windows) {
     if (windows == NULL) return;
-    lg_free(windows->data.context, windows->rows);
-    lg_free(windows->data.context, windows->step);
+    LG_FREE_ALL(windows->data.context, windows->rows, windows->step);
     lg_table_data_destroy(&windows->data);
     *windows = (lg_table_windows){.count = 0};
 }

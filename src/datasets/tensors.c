@@ -278,8 +278,7 @@ lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensor
     const lg_status status = read_all(&r, error);
     lg_yaml_close(r.header);
     if (r.from != NULL) (void)fclose(r.from);
-    lg_free(context, r.text);
-    lg_free(context, r.places);
+    LG_FREE_ALL(context, r.text, r.places);
     if (status == LG_OK)
         *out = made;
     else

@@ -255,8 +255,7 @@ lg_status lg_beam_search(const lg_beam *beam, lg_beam_work *work, bool saddles, 
         status =
             first.theta && first.branches ? search(&coarse, work, saddles, quick, &first) : LG_OUT_OF_MEMORY;
         if (status == LG_OK) status = refine_all(&first, beam, work, saddles, &list);
-        lg_free(work->context, first.theta);
-        lg_free(work->context, first.branches);
+        LG_FREE_ALL(work->context, first.theta, first.branches);
     }
     if (status == LG_OK) *count = list.count;
     return status;
@@ -314,9 +313,7 @@ lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *pro
     } else {
         lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
     }
-    lg_free(context, branches);
-    lg_free(context, angles);
-    lg_free(context, curve);
+    LG_FREE_ALL(context, branches, angles, curve);
     lg_beam_work_destroy(&work);
     return status;
 }

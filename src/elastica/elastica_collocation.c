@@ -146,9 +146,9 @@ lg_status lg_collocation_create(const lg_context *context, lg_collocation **out)
 
 void lg_collocation_destroy(const lg_context *context, lg_collocation *collocation) {
     if (!collocation) return;
-    lg_free(context, collocation->matrix);
-    lg_free(context, collocation->panels < collocation->halves ? collocation->panels : collocation->halves);
-    lg_free(context, collocation);
+    LG_FREE_ALL(context, collocation->matrix,
+                collocation->panels < collocation->halves ? collocation->panels : collocation->halves,
+                collocation);
 }
 
 static size_t unknowns(size_t panels) {

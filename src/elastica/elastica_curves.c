@@ -36,12 +36,8 @@ lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uin
 
 void lg_elastica_curves_destroy(lg_elastica_curves *curves) {
     if (!curves) return;
-    lg_free(curves->context, curves->boundary);
-    lg_free(curves->context, curves->q);
-    lg_free(curves->context, curves->v);
-    lg_free(curves->context, curves->energy);
-    lg_free(curves->context, curves->x);
-    lg_free(curves->context, curves->kind);
+    LG_FREE_ALL(curves->context, curves->boundary, curves->q, curves->v, curves->energy, curves->x,
+                curves->kind);
     *curves = (lg_elastica_curves){.count = 0};
 }
 

@@ -545,8 +545,7 @@ lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *m
     } else {
         (void)lg_fail(error, status, "no memory for curves of %zu nodes", nodes);
     }
-    lg_free(context, numbers);
-    lg_free(context, work);
+    LG_FREE_ALL(context, numbers, work);
     lg_surrogate_curves_destroy(plans);
     return status;
 }

@@ -392,8 +392,7 @@ lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name
 }
 
 void lg_csv_close(lg_csv *c) {
-    lg_free(c->context, c->block);
-    lg_free(c->context, c->line);
+    LG_FREE_ALL(c->context, c->block, c->line);
     for (size_t i = 0; i < c->comments; i++) lg_free(c->context, c->comment[i].text);
     c->comments = 0;
     lg_free(c->context, c->row);

@@ -44,7 +44,6 @@ static uint64_t rows_of(const source *s) {
 
 static lg_status add_text(void *user, uint64_t index, const char *text, lg_error *error) {
     h5_file *h = user;
-    (void)index;
     for (;;) {
         char name[LG_H5_TEXT];
         const size_t length = strcspn(text, h->joined ? "," : ""), blanks = h->joined ? strspn(text, " ") : 0;
@@ -124,7 +123,6 @@ static void add_members(h5_file *h, const source *table) {
 static herr_t add_source(hid_t group, const char *name, const H5L_info_t *info, void *user) {
     h5_file *h = user;
     source s = {.columns = 1};
-    (void)group, (void)info;
     if (h->count == MOST_SOURCES || strlen(name) >= sizeof s.name) return 0;
     (void)snprintf(s.name, sizeof s.name, "%s", name);
     if (lg_h5_look(h->h5, name, sizeof(double), &s.about, NULL) != LG_OK || s.about.rank < 1) return 0;
@@ -294,7 +292,6 @@ static lg_status read_rows(lg_frame *f, size_t most, lg_error *error) {
 
 static lg_status is_h5(const char *path, const unsigned char *first, size_t count, bool *is,
                        lg_error *error) {
-    (void)first, (void)count;
     return lg_file_is_h5(path, is, error);
 }
 
@@ -338,8 +335,7 @@ static void close_h5(lg_frame *f) {
     h5_file *h = f->source;
     if (h == NULL) return;
     lg_h5_close(h->h5);
-    lg_free(f->context, h->sources);
-    lg_free(f->context, h);
+    LG_FREE_ALL(f->context, h->sources, h);
 }
 
 const lg_frame_format lg_frame_h5 = {"h5", "row", is_h5, open_h5, read_rows, find_array, close_h5};

@@ -32,8 +32,6 @@ hid_t lg_h5_memory_type(lg_element type) {
 
 static herr_t refuse_external(const char *parent_file, const char *parent_group, const char *child_file,
                               const char *child_object, unsigned *flags, hid_t access, void *user) {
-    (void)parent_file, (void)parent_group, (void)child_file, (void)child_object, (void)flags, (void)access,
-        (void)user;
     return -1;
 }
 
@@ -73,8 +71,7 @@ void lg_h5_close(lg_h5 *h5) {
     (void)H5Fclose(h5->file);
     (void)H5Pclose(h5->links);
     lg_quiet_end(quiet);
-    lg_free(h5->context, h5->path);
-    lg_free(h5->context, h5);
+    LG_FREE_ALL(h5->context, h5->path, h5);
 }
 
 /* ---- existence of objects ---- */

@@ -34,8 +34,7 @@ static lg_status begin_texts(lg_h5 *h5, hid_t type, size_t longest, uint64_t cou
 }
 
 static void end_texts(texts *t) {
-    lg_free(t->h5->context, t->memory);
-    lg_free(t->h5->context, t->one);
+    LG_FREE_ALL(t->h5->context, t->memory, t->one);
 }
 
 /* Returns text number `index` of the current piece, or NULL if it is too long. It is valid until the next

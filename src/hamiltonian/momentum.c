@@ -133,7 +133,6 @@ lg_status lg_hamiltonian_momentum_motion(const lg_context *context, const lg_ham
         status = take_trajectory(tape, problem, i, context, &m);
     if (status == LG_OK) compare(&m, out);
     lg_tape_destroy(tape);
-    lg_free(context, m.J);
-    lg_free(context, m.square);
+    LG_FREE_ALL(context, m.J, m.square);
     return status;
 }

@@ -463,8 +463,7 @@ static lg_status allocate(normal *s) {
 }
 
 static void release(normal *s) {
-    lg_free(s->context, s->jacobian);
-    lg_free(s->context, s->scores);
+    LG_FREE_ALL(s->context, s->jacobian, s->scores);
 }
 
 lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
@@ -510,9 +509,7 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
     release(&s);
-    lg_free(context, at);
-    lg_free(context, moved);
-    lg_free(context, order);
+    LG_FREE_ALL(context, at, moved, order);
     return status;
 }
 
@@ -553,8 +550,7 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
     (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
     release(&s);
-    lg_free(context, work);
-    lg_free(context, order);
+    LG_FREE_ALL(context, work, order);
     return status;
 }
 

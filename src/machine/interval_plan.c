@@ -25,9 +25,7 @@ static void release(void *kept) {
     interval_plan *p = kept;
     if (p == NULL) return;
     lg_plan_destroy(p->plan);
-    lg_free(p->context, p->work);
-    lg_free(p->context, p->z);
-    lg_free(p->context, p);
+    LG_FREE_ALL(p->context, p->work, p->z, p);
 }
 
 /* ---- recording ---- */
@@ -55,7 +53,6 @@ static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, con
     lg_machine_vars vars;
     lg_machine_flow flow = {.vars = &vars, .scheme = lg_scheme_find("cf4"), .substeps = p->substeps};
     lg_var u[4] = {LG_NONE, LG_NONE, LG_NONE, LG_NONE}, parts[LG_TAPED_MAX_PARTS], columns[COLUMNS];
-    (void)parameters;
     LG_TRY(lg_machine_bind(tape, machine, theta, &vars));
     LG_TRY(lg_machine_space(machine, &flow.space));
     LG_TRY(lg_machine_record_state(tape, &vars, lg_machine_columns(tape, in[0], 0, machine->positions),

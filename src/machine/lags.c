@@ -137,8 +137,7 @@ lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *
     lg_machine_filter *made = lg_alloc(context, 1, sizeof *made);
     double *start = lg_alloc(context, log->parts * n + 1, sizeof *start);
     if (made == NULL || start == NULL) {
-        lg_free(context, made);
-        lg_free(context, start);
+        LG_FREE_ALL(context, made, start);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the lags of %u inputs", machine->input_count);
     }
     *made = (lg_machine_filter){.context = context, .log = *log, .lags = n, .start = start};
@@ -153,8 +152,7 @@ void lg_machine_filter_destroy(lg_machine_filter *kept) {
     if (kept == NULL) return;
     for (uint32_t k = 0; k < kept->lags; k++) lg_free(kept->context, kept->x[k]);
     pthread_mutex_destroy(&kept->mutex);
-    lg_free(kept->context, kept->start);
-    lg_free(kept->context, kept);
+    LG_FREE_ALL(kept->context, kept->start, kept);
 }
 
 /* The filter of the lagged inputs from `first` on. */

@@ -150,8 +150,6 @@ lg_status lg_machine_find_missing(const lg_context *context, const lg_machine_pr
         memcpy(at + n - 1, theta + own, starts * sizeof *at);
         status = look(context, &more, at, own, work, out, error);
     }
-    lg_free(context, extended);
-    lg_free(context, at);
-    lg_free(context, work);
+    LG_FREE_ALL(context, extended, at, work);
     return status;
 }

@@ -113,7 +113,6 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
         (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     }
     lg_tape_destroy(tape);
-    lg_free(context, r.state);
-    lg_free(context, r.at);
+    LG_FREE_ALL(context, r.state, r.at);
     return status;
 }

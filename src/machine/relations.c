@@ -20,8 +20,7 @@ lg_status lg_machine_eigen(const lg_context *context, size_t n, double *matrix, 
     int *iwork = lg_alloc(context, (size_t)iroom, sizeof *iwork);
     const bool room_left = work != NULL && iwork != NULL;
     if (room_left) dsyevd_("V", "U", &size, matrix, &size, values, work, &room, iwork, &iroom, &info);
-    lg_free(context, work);
-    lg_free(context, iwork);
+    LG_FREE_ALL(context, work, iwork);
     return !room_left ? LG_OUT_OF_MEMORY : info == 0 ? LG_OK : LG_NOT_FINITE;
 }
 

@@ -53,10 +53,7 @@ lg_status lg_statistics_create(const lg_context *context, size_t rows, size_t co
 
 void lg_statistics_destroy(lg_statistics *statistics) {
     if (!statistics) return;
-    lg_free(statistics->context, statistics->logarithmic);
-    lg_free(statistics->context, statistics->cells);
-    lg_free(statistics->context, statistics->bin);
-    lg_free(statistics->context, statistics);
+    LG_FREE_ALL(statistics->context, statistics->logarithmic, statistics->cells, statistics->bin, statistics);
 }
 
 lg_status lg_statistics_create_like(const lg_statistics *s, lg_statistics **out) {

@@ -2,7 +2,6 @@
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/median.h"
@@ -250,17 +249,11 @@ void lg_fit_destroy(lg_fit *fit) {
     for (size_t i = 0; fit->shards != NULL && i < fit->options.shards; i++) {
         lg_tape_destroy(fit->shards[i].tape);
         lg_fit_recordings_destroy(fit, &fit->shards[i]);
-        lg_free(fit->context, fit->shards[i].gradient);
-        lg_free(fit->context, fit->shards[i].matrix);
-        lg_free(fit->context, fit->shards[i].jacobian);
+        LG_FREE_ALL(fit->context, fit->shards[i].gradient, fit->shards[i].matrix, fit->shards[i].jacobian);
     }
     lg_free(fit->context, fit->shards);
     lg_fit_ranks_destroy(fit);
-    lg_free(fit->context, fit->partial);
-    lg_free(fit->context, fit->overflowed);
-    lg_free(fit->context, fit->backup);
-    lg_free(fit->context, fit->scratch);
-    lg_free(fit->context, fit->revived);
+    LG_FREE_ALL(fit->context, fit->partial, fit->overflowed, fit->backup, fit->scratch, fit->revived);
     lg_fit_state_destroy(fit, &fit->state);
     lg_free(fit->context, fit);
 }

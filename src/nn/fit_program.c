@@ -298,8 +298,7 @@ lg_status lg_program_fit(const lg_context *context, lg_program *program, const c
     if (status == LG_OK) status = give_parameters(program, t.theta);
     if (status == LG_OK) status = lg_program_set_fitted(program, t.function, true);
     if (status == LG_OK && result != NULL) *result = made;
-    lg_free(context, t.theta);
-    lg_free(context, t.best);
+    LG_FREE_ALL(context, t.theta, t.best);
     return status;
 }
 

@@ -86,9 +86,7 @@ lg_status lg_fit_ranks_create(lg_fit *fit) {
 }
 
 void lg_fit_ranks_destroy(lg_fit *fit) {
-    lg_free(fit->context, fit->message);
-    lg_free(fit->context, fit->message_bytes);
-    lg_free(fit->context, fit->stops);
+    LG_FREE_ALL(fit->context, fit->message, fit->message_bytes, fit->stops);
 }
 
 /* ---- messages ---- */
@@ -101,7 +99,6 @@ typedef struct message {
 typedef void (*take)(message *m, void *data, size_t bytes);
 
 static void count_bytes(message *m, void *data, size_t bytes) {
-    (void)data;
     m->length += bytes;
 }
 

@@ -26,8 +26,7 @@ static void clear(const lg_fit *fit, lg_fit_recording *r) {
 void lg_fit_recordings_destroy(const lg_fit *fit, lg_shard *shard) {
     for (size_t i = 0; shard->recordings != NULL && i < LG_FIT_RECORDINGS; i++)
         clear(fit, &shard->recordings[i]);
-    lg_free(fit->context, shard->recordings);
-    lg_free(fit->context, shard->part);
+    LG_FREE_ALL(fit->context, shard->recordings, shard->part);
 }
 
 size_t lg_fit_recordings_size(const lg_shard *shard, size_t *plans) {

@@ -157,10 +157,7 @@ void lg_minimise_gather(lg_minimiser *m, double *x) {
 
 void lg_minimiser_destroy(lg_minimiser *m) {
     if (m == NULL) return;
-    lg_free(m->context, m->memory);
-    lg_free(m->context, m->bytes);
-    lg_free(m->context, m->whole);
-    lg_free(m->context, m);
+    LG_FREE_ALL(m->context, m->memory, m->bytes, m->whole, m);
 }
 
 /* ---- helpers of the states ---- */

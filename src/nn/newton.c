@@ -21,8 +21,7 @@ typedef struct newton {
 
 static void destroy(newton *w) {
     lg_tape_destroy(w->tape);
-    lg_free(w->context, w->samples);
-    lg_free(w->context, w->theta);
+    LG_FREE_ALL(w->context, w->samples, w->theta);
 }
 
 static lg_status create(newton *w) {

@@ -262,8 +262,7 @@ lg_status lg_table_evidence(const lg_context *context, const lg_table_problem *p
     while (e.slices < MOST_SLICES && lg_table_slice(problem->model, e.slices, &e.slice[e.slices])) e.slices++;
     const lg_status status = run(&e, &chosen, theta, decay, result);
     lg_tape_destroy(e.tape);
-    lg_free(context, e.chosen);
-    lg_free(context, e.memory);
+    LG_FREE_ALL(context, e.chosen, e.memory);
     if (status == LG_OK) return LG_OK;
     return lg_fail(error, status, "the priors of %zu weights: %s", e.n, lg_status_sentence(status));
 }

@@ -117,9 +117,6 @@ lg_status lg_table_fit(const lg_context *context, const double *x, uint32_t inpu
     if (status == LG_OK && result != NULL) *result = f.result;
     lg_scaler_destroy(&f.inputs);
     lg_scaler_destroy(&f.outputs);
-    lg_free(context, f.samples.x);
-    lg_free(context, f.samples.y);
-    lg_free(context, f.theta);
-    lg_free(context, f.best);
+    LG_FREE_ALL(context, f.samples.x, f.samples.y, f.theta, f.best);
     return status;
 }

@@ -101,8 +101,7 @@ lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_optio
     fitting f = {.context = context, .options = options, .n = count, .d = d};
     const lg_status status = fit_chain(&f, x, label, chosen, &made, error);
     if (f.p != f.x) lg_free(context, f.p);
-    lg_free(context, f.x);
-    lg_free(context, f.label);
+    LG_FREE_ALL(context, f.x, f.label);
     if (status != LG_OK) {
         free_fitted(&made);
         return status;

@@ -167,9 +167,7 @@ lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bo
 
 void lg_features_destroy(lg_features *features) {
     if (features == NULL) return;
-    lg_free(features->context, features->select);
-    lg_free(features->context, features->pair);
-    lg_free(features->context, features->scale);
+    LG_FREE_ALL(features->context, features->select, features->pair, features->scale);
     lg_spectrum_destroy(&features->spectrum);
     lg_rocket_destroy(features->context, &features->rocket);
     *features = (lg_features){0};

@@ -174,7 +174,6 @@ static uint64_t rocket_count(const lg_features *f) {
 
 /* A count does not change with a sample, except where it jumps. */
 static void reverse_rocket(const lg_features *f, const double *cotangent, double *work, double *gradient) {
-    (void)f, (void)cotangent, (void)work, (void)gradient;
 }
 
 static int describe_rocket(const lg_features *f, const lg_series *series, uint32_t index, char *text,
@@ -207,10 +206,7 @@ const lg_feature_row lg_feature_rocket = {.name = "rocket",
 /* ---- memory and files ---- */
 
 void lg_rocket_destroy(const lg_context *context, lg_rocket *r) {
-    lg_free(context, r->convolution);
-    lg_free(context, r->channel);
-    lg_free(context, r->bias);
-    lg_free(context, r->mean);
+    LG_FREE_ALL(context, r->convolution, r->channel, r->bias, r->mean);
     *r = (lg_rocket){0};
 }
 

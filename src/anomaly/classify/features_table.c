@@ -69,8 +69,6 @@ lg_status lg_features_table(const lg_context *context, const lg_features *featur
         (void)lg_fail(error, status, "no memory for features by %d threads", threads);
     else
         status = run_table(&job, (int)job.parts, error);
-    lg_free(context, job.memory);
-    lg_free(context, job.status);
-    lg_free(context, job.failed);
+    LG_FREE_ALL(context, job.memory, job.status, job.failed);
     return status;
 }

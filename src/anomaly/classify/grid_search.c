@@ -194,11 +194,6 @@ lg_status lg_classifier_search(const lg_context *context, const lg_classifier_op
                 .d = d,
                 .classes = classes};
     const lg_status status = run(&s, folds, threads, accuracy, best, error);
-    lg_free(context, s.fold);
-    lg_free(context, s.own);
-    lg_free(context, s.own_unit);
-    lg_free(context, s.part);
-    lg_free(context, s.status);
-    lg_free(context, s.error);
+    LG_FREE_ALL(context, s.fold, s.own, s.own_unit, s.part, s.status, s.error);
     return status;
 }

@@ -400,9 +400,7 @@ typedef struct span {
 } span;
 
 static void span_free(const lg_context *context, span *s) {
-    lg_free(context, s->qr);
-    lg_free(context, s->tau);
-    lg_free(context, s->work);
+    LG_FREE_ALL(context, s->qr, s->tau, s->work);
 }
 
 static void column_means(const double *x, size_t n, size_t d, double *mean) {
@@ -563,8 +561,7 @@ lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint
 
 void lg_logistic_destroy(lg_logistic *model) {
     if (model == NULL) return;
-    lg_free(model->context, model->weight);
-    lg_free(model->context, model->intercept);
+    LG_FREE_ALL(model->context, model->weight, model->intercept);
     *model = (lg_logistic){0};
 }
 

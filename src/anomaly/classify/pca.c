@@ -176,11 +176,7 @@ static lg_status fit_components(const lg_context *context, const double *x, size
     lg_status status = LG_OUT_OF_MEMORY;
     if (s.z != NULL && s.a != NULL && s.values != NULL && s.rows != NULL && s.work != NULL)
         status = decompose(x, n, p, &s);
-    lg_free(context, s.z);
-    lg_free(context, s.a);
-    lg_free(context, s.values);
-    lg_free(context, s.rows);
-    lg_free(context, s.work);
+    LG_FREE_ALL(context, s.z, s.a, s.values, s.rows, s.work);
     if (status == LG_OK) return LG_OK;
     return lg_fail(error, status, "principal components of %zu rows and %u features: %s", n, p->inputs,
                    lg_status_sentence(status));
@@ -227,10 +223,7 @@ lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint3
 
 void lg_pca_destroy(lg_pca *pca) {
     if (pca == NULL) return;
-    lg_free(pca->context, pca->mean);
-    lg_free(pca->context, pca->scale);
-    lg_free(pca->context, pca->vectors);
-    lg_free(pca->context, pca->variance);
+    LG_FREE_ALL(pca->context, pca->mean, pca->scale, pca->vectors, pca->variance);
     *pca = (lg_pca){0};
 }
 

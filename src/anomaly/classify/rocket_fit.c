@@ -200,10 +200,7 @@ lg_status lg_rocket_fit(const lg_context *context, const lg_rocket_options *opti
         memcpy(f.rocket.mean, scaler->mean, f.channels * sizeof *f.rocket.mean);
         status = draw(&fit, context, options->features / LG_ROCKET_KERNELS, &f, error);
     }
-    lg_free(context, fit.deck);
-    lg_free(context, fit.x);
-    lg_free(context, fit.sorted);
-    lg_free(context, fit.work);
+    LG_FREE_ALL(context, fit.deck, fit.x, fit.sorted, fit.work);
     if (status == LG_OK)
         *out = f;
     else

@@ -3,7 +3,6 @@
 #include "anomaly/classify/classify_internal.h"
 
 #include <libsvm/svm.h>
-#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -26,7 +25,6 @@
 /* ---- training ---- */
 
 static void silent(const char *text) {
-    (void)text;
 }
 
 /* The rows are sorted by class, because libsvm numbers the classes in the order in which they first
@@ -123,11 +121,7 @@ static lg_status training_allocate(training *t) {
 }
 
 static void training_free(training *t) {
-    lg_free(t->context, t->order);
-    lg_free(t->context, t->target);
-    lg_free(t->context, t->scaled);
-    lg_free(t->context, t->rows);
-    lg_free(t->context, t->nodes);
+    LG_FREE_ALL(t->context, t->order, t->target, t->scaled, t->rows, t->nodes);
 }
 
 /* libsvm does not check its allocations. This function allocates as much memory as libsvm will need, and
@@ -342,10 +336,7 @@ lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, doub
 
 void lg_svm_destroy(lg_svm *svm) {
     if (svm == NULL) return;
-    lg_free(svm->context, svm->vectors_of);
-    lg_free(svm->context, svm->vector);
-    lg_free(svm->context, svm->coefficient);
-    lg_free(svm->context, svm->rho);
+    LG_FREE_ALL(svm->context, svm->vectors_of, svm->vector, svm->coefficient, svm->rho);
     *svm = (lg_svm){0};
 }
 

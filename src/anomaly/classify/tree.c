@@ -392,8 +392,7 @@ lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options,
 
 void lg_tree_destroy(lg_tree *tree) {
     if (tree == NULL) return;
-    lg_free(tree->context, tree->node);
-    lg_free(tree->context, tree->counts);
+    LG_FREE_ALL(tree->context, tree->node, tree->counts);
     *tree = (lg_tree){.inputs = 0};
 }
 

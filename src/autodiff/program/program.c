@@ -58,14 +58,7 @@ lg_status lg_ports_copy(const lg_context *context, const lg_port *ports, size_t 
 void lg_function_destroy(const lg_context *context, lg_function *f) {
     free_ports(context, f->input, f->inputs);
     free_ports(context, f->output, f->outputs);
-    lg_free(context, f->name);
-    lg_free(context, f->node);
-    lg_free(context, f->edges);
-    lg_free(context, f->reals);
-    lg_free(context, f->indices);
-    lg_free(context, f->result);
-    lg_free(context, f->carry);
-    lg_free(context, f->path);
+    LG_FREE_ALL(context, f->name, f->node, f->edges, f->reals, f->indices, f->result, f->carry, f->path);
     *f = (lg_function){.name = NULL};
 }
 
@@ -74,13 +67,9 @@ void lg_program_destroy(lg_program *p) {
     const lg_context *context = p->context;
     for (size_t i = 0; i < p->functions; i++) lg_function_destroy(context, &p->function[i]);
     for (size_t i = 0; i < p->parameters; i++) {
-        lg_free(context, p->parameter[i].name);
-        lg_free(context, p->parameter[i].values);
+        LG_FREE_ALL(context, p->parameter[i].name, p->parameter[i].values);
     }
-    lg_free(context, p->function);
-    lg_free(context, p->parameter);
-    lg_free(context, p->description);
-    lg_free(context, p);
+    LG_FREE_ALL(context, p->function, p->parameter, p->description, p);
 }
 
 /* ---- adding parts ---- */
@@ -107,9 +96,7 @@ lg_status lg_program_add_parameter(lg_program *p, const lg_parameter_spec *spec,
                                      .count = count,
                                      .values = lg_alloc(p->context, count, sizeof(double))};
     if (grown == NULL || made.name == NULL || made.values == NULL) {
-        lg_free(p->context, grown);
-        lg_free(p->context, made.name);
-        lg_free(p->context, made.values);
+        LG_FREE_ALL(p->context, grown, made.name, made.values);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for parameter '%s'", spec->name);
     }
     if (spec->values != NULL) memcpy(made.values, spec->values, count * sizeof(double));

@@ -302,8 +302,7 @@ static void close_trial(row_trial *t) {
     const lg_context *context = t->f->program->context;
     for (size_t i = 0; i < t->f->inputs; i++) lg_free(context, t->in[i]);
     for (size_t j = 0; j < t->f->outputs; j++) {
-        lg_free(context, t->out[j]);
-        lg_free(context, t->one[j]);
+        LG_FREE_ALL(context, t->out[j], t->one[j]);
     }
     lg_free(context, t->work);
     lg_plan_destroy(t->batch);

@@ -30,8 +30,7 @@ void lg_scalars_init(lg_scalars *s, const lg_context *context) {
 }
 
 void lg_scalars_destroy(lg_scalars *s) {
-    lg_free(s->context, s->code);
-    lg_free(s->context, s->table);
+    LG_FREE_ALL(s->context, s->code, s->table);
     *s = (lg_scalars){.context = s->context};
 }
 

@@ -44,11 +44,7 @@ void lg_tape_destroy(lg_tape *tape) {
     lg_thread_pool_destroy(tape->workers);
     lg_arena_destroy(tape, &tape->arena);
     lg_arena_destroy(tape, &tape->pool.arena);
-    lg_free(tape->context, tape->nodes);
-    lg_free(tape->context, tape->parents);
-    lg_free(tape->context, tape->transposed);
-    lg_free(tape->context, tape->lasting);
-    lg_free(tape->context, tape);
+    LG_FREE_ALL(tape->context, tape->nodes, tape->parents, tape->transposed, tape->lasting, tape);
 }
 
 lg_dtype lg_tape_dtype(const lg_tape *tape) {

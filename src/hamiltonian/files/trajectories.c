@@ -22,10 +22,7 @@ static uint32_t numbers_per_copy(const lg_hamiltonian_family *family) {
 
 void lg_trajectories_destroy(lg_trajectories *data) {
     if (data == NULL) return;
-    lg_free(data->context, data->t);
-    lg_free(data->context, data->data);
-    lg_free(data->context, data->hamiltonian);
-    lg_free(data->context, data->inputs);
+    LG_FREE_ALL(data->context, data->t, data->data, data->hamiltonian, data->inputs);
     lg_system_destroy(data->truth);
     lg_constraint_destroy(data->constraint);
     *data = (lg_trajectories){0};

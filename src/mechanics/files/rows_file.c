@@ -156,8 +156,7 @@ void lg_rows_file_destroy(lg_rows_file *file) {
         (void)unlink(file->temporary.name);
         lg_temporary_end(&file->temporary);
     }
-    lg_free(file->context, file->path);
-    lg_free(file->context, file);
+    LG_FREE_ALL(file->context, file->path, file);
 }
 
 /* ---- contents of a file ---- */

@@ -329,8 +329,7 @@ static lg_status read_system(reading *r) {
     lg_named_values *named = lg_alloc(r->context, rows, sizeof *named);
     const lg_status status =
         values != NULL && named != NULL ? create_system(r, values, named) : lg_scene_no_memory(r);
-    lg_free(r->context, named);
-    lg_free(r->context, values);
+    LG_FREE_ALL(r->context, named, values);
     return status;
 }
 

@@ -202,7 +202,6 @@ lg_status lg_scene_read_start(reading *r) {
         r->out->state = s.y;
     else
         lg_free(r->context, s.y);
-    lg_free(r->context, s.numbers);
-    lg_free(r->context, s.lines);
+    LG_FREE_ALL(r->context, s.numbers, s.lines);
     return status;
 }
