@@ -1,9 +1,6 @@
-/* The chain's fields on a tape, in both forms, as compositions of plain operations on k x k matrices. In
- * Lagrangian form a custom operation computes the value, and the first derivatives for lg_backward and
- * lg_jvp, in O(k) (chain_derivatives.c). All other derivatives use the composition.
- */
+/* The chain's fields on a tape, in both forms, with operations on k x k matrices. */
 #include "liegrad/ops.h"
-#include "mechanics/chain_derivatives.h"
+#include "mechanics/chain.h"
 
 /* ---- constants ---- */
 
@@ -70,12 +67,13 @@ static taped_chain bind(lg_tape *tape, uint32_t k, lg_var parameters) {
     return c;
 }
 
-/* ---- Lagrangian ---- */
+/* ---- Lagrangian; notation as at lg_system_ode ---- */
 
-/* The second part v = (q_i (q_i.q_i'') - q_i'') of the LIE field, (B, k, 3); notation as at lg_system_ode. */
-static lg_var compose(lg_tape *tape, lg_var q, lg_var omega, lg_var parameters) {
-    const uint32_t k = lg_var_shape(tape, q).dims[1];
+lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                    lg_var input, lg_var parameters, lg_var *algebra) {
+    const uint32_t k = (uint32_t)system->links;
     const taped_chain c = bind(tape, k, parameters);
+    lg_var q = y[0], omega = y[1];
     lg_var gravity = lg_mul(tape, c.gravity, e3_first(tape, k)); /* (1, k, 3) */
     lg_var gram = lg_matmul_nt(tape, q, q);
     lg_var T = lg_add(tape, c.links, lg_mul(tape, c.coupling, gram));
@@ -84,135 +82,9 @@ static lg_var compose(lg_tape *tape, lg_var q, lg_var omega, lg_var parameters) 
     lg_var pull = lg_mul(tape, lg_spd_solve(tape, T, b), q);
     lg_var a = lg_mul(tape, c.light, lg_matmul(tape, band(tape, k, 0.0, -1.0, 1.0), pull));
     lg_var jump = lg_sub(tape, lg_matmul(tape, band(tape, k, -1.0, 1.0, 0.0), a), gravity);
-    lg_var second = lg_mul(tape, c.curvature, jump);
-    return lg_sub(tape, lg_mul(tape, q, lg_rowdot(tape, q, second)), second);
-}
-
-enum { Q, OMEGA, PARAMETERS, VARIABLES };
-enum { SIZES = VARIABLES, SCRATCH, INPUTS };                             /* further inputs of field_op */
-enum { TANGENT_SIZES = 2 * VARIABLES, TANGENT_SCRATCH, TANGENT_INPUTS }; /* further inputs of tangent_op */
-
-/* Copies the inputs to new variables, for partial derivatives: one input may depend on another input. */
-static void separate(lg_tape *tape, const lg_var *in, size_t n, lg_var *out) {
-    for (size_t i = 0; i < n; i++) out[i] = lg_scale(tape, in[i], 1.0);
-}
-
-/* For each i < n with need[i], sets out[i] to the cotangent of x[i] for the cotangent g of y. */
-static lg_status pull_back(lg_tape *tape, lg_var y, lg_var g, const lg_var *x, size_t n, const bool *need,
-                           lg_var *out) {
-    lg_var wanted[2 * VARIABLES], found[2 * VARIABLES];
-    size_t count = 0;
-    for (size_t i = 0; i < n; i++)
-        if (need[i]) wanted[count++] = x[i];
-    LG_TRY(lg_vjp(tape, &y, &g, 1, wanted, count, found));
-    count = 0;
-    for (size_t i = 0; i < n; i++)
-        if (need[i]) out[i] = found[count++];
-    return LG_OK;
-}
-
-/* *out = the derivative of the composition at x in the directions dx. */
-static lg_status push(lg_tape *tape, const lg_var *x, const lg_var *dx, lg_var *out) {
-    lg_var y = compose(tape, x[Q], x[OMEGA], x[PARAMETERS]);
-    return lg_jvp(tape, &y, 1, x, dx, VARIABLES, out);
-}
-
-static lg_status tangent_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
-                             const bool *need, lg_var *out) {
-    lg_var x[2 * VARIABLES], value;
-    (void)user, (void)n, (void)y;
-    separate(tape, in, 2 * VARIABLES, x);
-    LG_TRY(push(tape, x, x + VARIABLES, &value));
-    return pull_back(tape, value, g, x, 2 * VARIABLES, need, out);
-}
-
-static lg_status tangent_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
-                             const lg_var *tangents, lg_var *out) {
-    lg_var x[2 * VARIABLES], moving[2 * VARIABLES], direction[2 * VARIABLES], value;
-    size_t count = 0;
-    (void)user, (void)n, (void)y;
-    separate(tape, in, 2 * VARIABLES, x);
-    LG_TRY(push(tape, x, x + VARIABLES, &value));
-    for (size_t i = 0; i < 2 * VARIABLES; i++) {
-        if (lg_is_none(tangents[i])) continue;
-        moving[count] = x[i];
-        direction[count++] = tangents[i];
-    }
-    return lg_jvp(tape, &value, 1, moving, direction, count, out);
-}
-
-/* Inputs: q, omega, parameters, their tangents, sizes, scratch. */
-static lg_status tangent_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
-    (void)user;
-    lg_chain_batch_tangent(&(lg_chain_batch){dtype, in[TANGENT_SIZES], in[TANGENT_SCRATCH]}, in,
-                           in + VARIABLES, y);
-    return LG_OK;
-}
-
-static const lg_custom_op tangent_op = {
-    .name = "pendulum-chain, derivative", .forward = tangent_forward, .vjp = tangent_vjp, .jvp = tangent_jvp};
-
-static lg_status field_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
-    (void)user;
-    lg_chain_batch_value(&(lg_chain_batch){dtype, in[SIZES], in[SCRATCH]}, in, y);
-    return LG_OK;
-}
-
-static lg_status field_numeric_vjp(void *user, lg_dtype dtype, const void *const *in, const void *y,
-                                   const void *g, void *const *out) {
-    (void)user, (void)y;
-    lg_chain_batch_adjoint(&(lg_chain_batch){dtype, in[SIZES], in[SCRATCH]}, in, g, out);
-    return LG_OK;
-}
-
-static lg_status field_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
-                           const bool *need, lg_var *out) {
-    lg_var x[VARIABLES];
-    (void)user, (void)n, (void)y;
-    separate(tape, in, VARIABLES, x);
-    return pull_back(tape, compose(tape, x[Q], x[OMEGA], x[PARAMETERS]), g, x, VARIABLES, need, out);
-}
-
-static lg_status field_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
-                           const lg_var *tangents, lg_var *out) {
-    lg_var all[TANGENT_INPUTS];
-    (void)user, (void)n;
-    for (size_t i = 0; i < VARIABLES; i++) {
-        all[i] = in[i];
-        all[VARIABLES + i] =
-            lg_is_none(tangents[i]) ? lg_full(tape, lg_var_shape(tape, in[i]), 0.0) : tangents[i];
-    }
-    all[TANGENT_SIZES] = in[SIZES];
-    all[TANGENT_SCRATCH] = in[SCRATCH];
-    *out = lg_custom(tape, &tangent_op, all, TANGENT_INPUTS, lg_var_shape(tape, y));
-    return lg_tape_status(tape);
-}
-
-static const lg_custom_op field_op = {.name = "pendulum-chain",
-                                      .forward = field_forward,
-                                      .vjp = field_vjp,
-                                      .numeric_vjp = field_numeric_vjp,
-                                      .jvp = field_jvp};
-
-lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
-                                    lg_var input, lg_var parameters, lg_var *algebra) {
-    const uint32_t k = (uint32_t)system->links, batch = lg_var_shape(tape, y[0]).dims[0];
-    const size_t scratch = lg_chain_scratch(k) * (lg_tape_dtype(tape) == LG_F64 ? 1 : 2);
-    void *unused = NULL;
-    (void)t, (void)input;
-    if (scratch > UINT32_MAX) {
-        (void)lg_tape_fail(tape, LG_OUT_OF_MEMORY, "pendulum-chain", "too many links for a tape");
-        return lg_tape_status(tape);
-    }
-    const double sizes[2] = {batch, k};
-    lg_var in[INPUTS] = {[Q] = y[0],
-                         [OMEGA] = y[1],
-                         [PARAMETERS] = parameters,
-                         [SIZES] = lg_input_f64(tape, lg_shape1(2), sizes),
-                         [SCRATCH] = lg_input_buffer(tape, lg_shape1((uint32_t)scratch), &unused)};
-    lg_var v = lg_custom(tape, &field_op, in, INPUTS, lg_shape3(batch, k, 3));
-    algebra[0] = y[1];
-    algebra[1] = v;
+    lg_var second = lg_mul(tape, c.curvature, jump); /* q_i'' */
+    algebra[0] = omega;
+    algebra[1] = lg_sub(tape, lg_mul(tape, q, lg_rowdot(tape, q, second)), second);
     return lg_tape_status(tape);
 }
 
@@ -223,7 +95,6 @@ lg_status lg_chain_taped_hamiltonian(const lg_system *system, lg_tape *tape, lg_
     const uint32_t k = (uint32_t)system->links;
     const taped_chain c = bind(tape, k, parameters);
     lg_var q = y[0], p = y[1];
-    (void)t, (void)input;
     lg_var scaled = lg_mul(tape, lg_add(tape, c.links, c.coupling), c.curvature);
     lg_var W = lg_mul(tape, scaled, lg_transpose(tape, c.curvature));
     lg_var u = lg_rowdot(tape, q, lg_matmul(tape, W, p));

@@ -34,7 +34,7 @@ TEST("momenta and velocities are converted back and forth exactly, and both form
     }
 }
 
-/* ---- the field on a tape, a single hand-written operation ---- */
+/* ---- the field on a tape ---- */
 
 TEST("NaN in one row of a tape is no error and stays in that row") {
     lg_system *system = make_chain("lagrangian", 2, GRAVITY, masses, lengths);
@@ -54,9 +54,8 @@ TEST("NaN in one row of a tape is no error and stays in that row") {
     for (int i = 0; i < 12; i++) assert_true(isfinite(f[i]) && isfinite(f[24 + i]));
 }
 
-/* The inputs q and omega are both computed from x. Inside the operation derivatives are partial, outside they
- * are total. */
-TEST("inputs may depend on each other: derivatives are total outside the operation") {
+/* q and omega are both computed from x. */
+TEST("q and omega may depend on each other: derivatives are total, recorded and swept") {
     lg_system *system = make_chain("lagrangian", 2, GRAVITY, masses, lengths);
     lg_tape *t = test_tape(LG_F64);
     const double x0[6] = {0.6, 0.0, 0.8, 0.0, 1.0, 0.0};
