@@ -166,7 +166,7 @@ lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_va
     P = lg_taped_moved(tape, P, -0.5 * h, lg_hamiltonian_potential_gradient(tape, vars, z));
     s.free = lg_taped_moved(tape, z, h, lg_matmul(tape, P, s.W));
     lg_var nu = lg_full(tape, lg_shape2(rows, constraints_of(tape, &s)), 0.0);
-    LG_TRY(lg_taped_root(tape, held, &s, nu, &nu));
+    LG_TRY(lg_taped_root(tape, &(lg_root){.equations = held, .user = &s, .scale = 1.0}, nu, &nu));
     const lg_var normal = all_normals(tape, &s, nu);
     const lg_var z1 = lg_sub(tape, s.free, lg_matmul(tape, normal, s.W));
     P = lg_taped_moved(tape, P, -1.0 / h, normal);

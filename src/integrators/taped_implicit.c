@@ -1,31 +1,20 @@
 /* Implicit steps on the tape. The unknown x solves x = h f(t + theta h, Y(x)); it is an algebra element for
  * each row of the batch. Y(x) is the stage point, and the end of the step is a function of y and x.
- *
- * Newton's method finds the solution x* as plain numbers; what it records is rewound. With the residual
- * r(x) = x - h f(t + theta h, Y(x)) and the constant matrix K = (dr/dx)^-1 at x*, the tape keeps
- *
- *   x1 = x* - K r(x*),   x2 = x1 - K r(x1).
- *
- * Let x(p) be the solution for the parameters p, with x(p0) = x*. As I - K dr/dx vanishes at (x*, p0), the
- * error x1 - x(p) is of second order in p - p0, and x2 - x(p) is of third order. So the first and second
- * derivatives of x2 with respect to p are exact. */
+ * taped_root.c solves r(x) = x - h f(t + theta h, Y(x)) = 0. */
 #include "integrators/taped_internal.h"
 
-#include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "autodiff/ops/lie.h"
-#include "autodiff/tape/tape_internal.h"
-#include "integrators/stepper.h"
+#include "liegrad/ops.h"
 
 typedef struct problem {
     lg_tape *tape;
     const lg_scheme *scheme;
     const lg_taped_ode *ode;
     lg_taped_span over;
+    double h; /* the whole step; over.h may be a part of it */
     const lg_parts *y;
-    uint32_t batch, n; /* number of rows; numbers in an algebra element */
 } problem;
 
 /* ---- stages and ends ---- */
@@ -96,145 +85,23 @@ static const kind_row kinds[LG_SCHEME_KINDS] = {
 };
 
 /* *out = r(x) = x - h f(t + theta h, Y(x)), (B, n). */
-static lg_status residual(const problem *s, lg_var x, lg_var *out) {
+static lg_status residual(void *user, lg_tape *tape, lg_var x, lg_var *out) {
+    const problem *s = user;
     const lg_space *space = &s->ode->space;
     lg_parts increment, stage, f;
-    LG_TRY(lg_taped_split_algebra(s->tape, space, x, increment.part));
+    LG_TRY(lg_taped_split_algebra(tape, space, x, increment.part));
     kinds[s->scheme->kind].stage(s, &increment, &stage);
     const lg_taped_time t = lg_taped_stage_time(&s->over, s->scheme->theta);
-    LG_TRY(s->ode->field(s->ode->user, s->tape, t, stage.part, s->over.input, f.part));
-    if (!lg_taped_fits(s->tape, space, true, f.part, stage.part, "field")) return lg_tape_status(s->tape);
-    lg_var all = lg_taped_join_algebra(s->tape, space, f.part);
-    *out = lg_taped_moved(s->tape, x, -s->over.h, lg_taped_by_rows(s->tape, &s->over, all));
-    return lg_tape_status(s->tape);
+    LG_TRY(s->ode->field(s->ode->user, tape, t, stage.part, s->over.input, f.part));
+    if (!lg_taped_fits(tape, space, true, f.part, stage.part, "field")) return lg_tape_status(tape);
+    lg_var all = lg_taped_join_algebra(tape, space, f.part);
+    *out = lg_taped_moved(tape, x, -s->over.h, lg_taped_by_rows(tape, &s->over, all));
+    return lg_tape_status(tape);
 }
 
-/* ---- Newton's method on plain numbers ---- */
-
-/* Each of the B rows has its own system of n equations. */
-typedef struct newton {
-    double *x, *r;   /* (B, n) */
-    double *column;  /* (B, n) */
-    double *inverse; /* (B, n, n): dr/dx, then its inverse */
-    double *seed;    /* (B, n) */
-} newton;
-
-bool lg_taped_invert(size_t n, double *a, double *swaps) {
-    for (size_t c = 0; c < n; c++) {
-        size_t best = c;
-        for (size_t i = c + 1; i < n; i++)
-            if (fabs(a[i * n + c]) > fabs(a[best * n + c])) best = i;
-        swaps[c] = (double)best;
-        if (!(fabs(a[best * n + c]) > 0.0)) return false;
-        for (size_t j = 0; best != c && j < n; j++) {
-            const double kept = a[c * n + j];
-            a[c * n + j] = a[best * n + j];
-            a[best * n + j] = kept;
-        }
-        const double pivot = 1.0 / a[c * n + c];
-        a[c * n + c] = 1.0;
-        for (size_t j = 0; j < n; j++) a[c * n + j] *= pivot;
-        for (size_t i = 0; i < n; i++) {
-            const double factor = a[i * n + c];
-            if (i == c || factor == 0.0) continue;
-            a[i * n + c] = 0.0;
-            for (size_t j = 0; j < n; j++) a[i * n + j] -= factor * a[c * n + j];
-        }
-    }
-    for (size_t c = n; c-- > 0;) {
-        const size_t other = (size_t)swaps[c];
-        for (size_t i = 0; other != c && i < n; i++) {
-            const double kept = a[i * n + c];
-            a[i * n + c] = a[i * n + other];
-            a[i * n + other] = kept;
-        }
-    }
-    return true;
-}
-
-/* Computes r and dr/dx at w->x: one forward pass (lg_jvp) per column, for all rows of the batch at once. */
-static lg_status linearise(const problem *s, newton *w) {
-    const size_t n = s->n, count = (size_t)s->batch * n;
-    const lg_mark mark = lg_tape_mark(s->tape);
-    const lg_shape shape = lg_shape2(s->batch, s->n);
-    lg_var x = lg_input_f64(s->tape, shape, w->x), r;
-    LG_TRY(residual(s, x, &r));
-    LG_TRY(lg_read(s->tape, r, count, w->r));
-    const lg_mark recorded = lg_tape_mark(s->tape);
-    for (size_t j = 0; j < n; j++) {
-        for (size_t i = 0; i < count; i++) w->seed[i] = i % n == j ? 1.0 : 0.0;
-        lg_var direction = lg_input_f64(s->tape, shape, w->seed), moved;
-        LG_TRY(lg_jvp(s->tape, &r, 1, &x, &direction, 1, &moved));
-        LG_TRY(lg_read(s->tape, moved, count, w->column));
-        for (size_t i = 0; i < count; i++) w->inverse[i * n + j] = w->column[i];
-        LG_TRY(lg_tape_rewind(s->tape, recorded));
-    }
-    return lg_tape_rewind(s->tape, mark);
-}
-
-/* One Newton step in each row. *moved and *size become the largest |change| and the largest |x_i|. False if a
- * matrix dr/dx is singular. */
-static bool improve(const problem *s, newton *w, double *moved, double *size) {
-    const size_t n = s->n;
-    *moved = *size = 0.0;
-    for (size_t b = 0; b < s->batch; b++) {
-        double *x = w->x + b * n, *inverse = w->inverse + b * n * n;
-        const double *r = w->r + b * n;
-        if (!lg_taped_invert(n, inverse, w->column)) return false;
-        for (size_t i = 0; i < n; i++) {
-            double change = 0.0;
-            for (size_t j = 0; j < n; j++) change += inverse[i * n + j] * r[j];
-            x[i] -= change;
-            *moved = fmax(*moved, isfinite(change) ? fabs(change) : INFINITY);
-            *size = fmax(*size, fabs(x[i]));
-        }
-    }
-    return true;
-}
-
-/* Newton's method, starting from w->x. It ends when the change of x is no larger than the rounding of x, or
- * when a change that is small relative to x or y no longer falls to a quarter. `state` is the norm of y.
- * Errors: LG_NO_CONVERGENCE, LG_NOT_FINITE (at the first x), both not put on the tape; errors of the
- * field. */
-static lg_status iterate(const problem *s, newton *w, double state) {
-    enum { LONGEST = 30 };
-    const double eps = lg_tape_dtype(s->tape) == LG_F64 ? DBL_EPSILON : FLT_EPSILON;
-    double before = INFINITY;
-    for (int i = 0; i < LONGEST; i++) {
-        double moved, size;
-        LG_TRY(linearise(s, w));
-        if (i == 0 && !lg_all_finite((size_t)s->batch * s->n, w->r)) return LG_NOT_FINITE;
-        if (!improve(s, w, &moved, &size) || !(moved < INFINITY)) return LG_NO_CONVERGENCE;
-        if (moved <= 4.0 * eps * size) return LG_OK;
-        if (moved >= 0.25 * before && moved <= 1024.0 * eps * fmax(size, state)) return LG_OK;
-        before = moved;
-    }
-    return LG_NO_CONVERGENCE;
-}
-
-static bool failed(lg_status status) {
-    return status == LG_NO_CONVERGENCE || status == LG_NOT_FINITE;
-}
-
-/* Finds x* for the step h. If Newton's method fails, the equation is solved for 4, 16 or 64 increasing step
- * sizes up to h. Each guess is the solution before, scaled by the ratio of the step sizes, as x is nearly
- * proportional to h. */
-static lg_status solve(const problem *s, newton *w, double state) {
-    enum { PARTS_MAX = 64 };
-    const size_t count = (size_t)s->batch * s->n;
-    lg_status status = LG_NO_CONVERGENCE;
-    for (int parts = 1; parts <= PARTS_MAX && failed(status); parts *= 4) {
-        problem piece = *s;
-        memset(w->x, 0, count * sizeof(double));
-        status = LG_OK;
-        for (int part = 1; part <= parts && status == LG_OK; part++) {
-            piece.over.h = part == parts ? s->over.h : s->over.h * part / parts;
-            for (size_t i = 0; part > 1 && i < count; i++) w->x[i] *= (double)part / (part - 1);
-            status = iterate(&piece, w, state);
-        }
-    }
-    if (failed(status)) (void)lg_tape_fail(s->tape, status, "implicit step", lg_status_sentence(status));
-    return status;
+static void take_part(void *user, int part, int parts) {
+    problem *s = user;
+    s->over.h = part == parts ? s->h : s->h * part / parts;
 }
 
 /* ---- the step ---- */
@@ -252,59 +119,20 @@ static lg_status size_of(const problem *s, double *size) {
     return lg_tape_rewind(s->tape, mark);
 }
 
-/* Computes x* (B, n) and K (B, n, n) as constants on the tape. Scratch memory is allocated on the tape and
- * freed by rewinding it. */
-static lg_status stage_of(const problem *s, lg_var *x, lg_var *inverse) {
-    lg_tape *tape = s->tape;
-    const size_t count = (size_t)s->batch * s->n;
-    void *x_values = NULL, *inverse_values = NULL;
-    *x = lg_input_buffer(tape, lg_shape2(s->batch, s->n), &x_values);
-    *inverse = lg_input_buffer(tape, lg_shape3(s->batch, s->n, s->n), &inverse_values);
-    LG_TRY(lg_tape_status(tape));
-    const lg_mark mark = lg_tape_mark(tape);
-    double *memory = lg_payload_allocate(tape, count * (4 + (size_t)s->n) * sizeof(double));
-    if (memory == NULL) return lg_tape_status(tape);
-    newton w = {.x = memory,
-                .r = memory + count,
-                .column = memory + 2 * count,
-                .seed = memory + 3 * count,
-                .inverse = memory + 4 * count};
-    double size;
-    LG_TRY(size_of(s, &size));
-    LG_TRY(solve(s, &w, size));
-    tape->k->convert_in(count, w.x, x_values);
-    tape->k->convert_in(count * s->n, w.inverse, inverse_values);
-    return lg_tape_rewind(tape, mark);
-}
-
-/* x <- x - K r(x) */
-static lg_status corrected(const problem *s, lg_var inverse, lg_var *x) {
-    lg_var r;
-    LG_TRY(residual(s, *x, &r));
-    lg_var column = lg_reshape(s->tape, r, lg_shape3(s->batch, s->n, 1));
-    lg_var change = lg_reshape(s->tape, lg_matmul(s->tape, inverse, column), lg_shape2(s->batch, s->n));
-    *x = lg_sub(s->tape, *x, change);
-    return lg_tape_status(s->tape);
-}
-
 lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                  const lg_taped_span *over, const lg_parts *y, lg_parts *out) {
-    const lg_shape shape = lg_var_shape(tape, y->part[0]);
-    problem s = {.tape = tape,
-                 .scheme = scheme,
-                 .ode = ode,
-                 .over = *over,
-                 .y = y,
-                 .batch = shape.dims[0],
-                 .n = (uint32_t)ode->space.algebra_dim};
-    lg_var x, inverse;
+    const uint32_t rows = lg_var_shape(tape, y->part[0]).dims[0];
+    problem s = {.tape = tape, .scheme = scheme, .ode = ode, .over = *over, .h = over->h, .y = y};
+    lg_root root = {.equations = residual, .user = &s, .part = take_part};
     lg_parts increment;
+    lg_var x;
+    LG_TRY(size_of(&s, &root.scale));
     lg_scope_push(tape, "implicit stage");
-    const lg_status status = stage_of(&s, &x, &inverse);
+    const lg_var zero = lg_full(tape, lg_shape2(rows, (uint32_t)ode->space.algebra_dim), 0.0);
+    const lg_status status = lg_taped_root(tape, &root, zero, &x);
+    if (lg_root_failed(status)) (void)lg_tape_fail(tape, status, "implicit step", lg_status_sentence(status));
     lg_scope_pop(tape);
     LG_TRY(status);
-    LG_TRY(corrected(&s, inverse, &x));
-    LG_TRY(corrected(&s, inverse, &x));
     LG_TRY(lg_taped_split_algebra(tape, &ode->space, x, increment.part));
     kinds[scheme->kind].end(&s, &increment, out);
     return lg_tape_status(tape);

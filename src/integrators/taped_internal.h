@@ -55,11 +55,20 @@ bool lg_taped_invert(size_t n, double *a, double *swaps);
 lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                  const lg_taped_span *over, const lg_parts *y, lg_parts *out);
 
-/* Records r(x), the equations r = 0 of independent rows; x and r are (B, n). */
-typedef lg_status (*lg_row_equations)(void *user, lg_tape *tape, lg_var x, lg_var *r);
-/* Solves r(x) = 0 for x near `first` (B, n) by Newton's method; the values should be around 1. First and
- * second derivatives of *x are exact. Rows without a solution become NaN. The equations may use variables
- * that were made before, and must not keep variables that they make. */
-lg_status lg_taped_root(lg_tape *tape, lg_row_equations equations, void *user, lg_var first, lg_var *x);
+/* Equations r(x) = 0 of independent rows; x and r are (B, n). They may use variables that were made before,
+ * and must not keep variables that they make. */
+typedef struct lg_root {
+    lg_status (*equations)(void *user, lg_tape *tape, lg_var x, lg_var *r);
+    void *user;
+    double scale; /* usual size of x, or of what x is added to */
+    /* NULL: a row without a solution becomes NaN, and a row's result does not depend on the other rows.
+     * Otherwise the iteration starts at 0 and ends for all rows at once; part(user, k, n) sets the equations
+     * to those of k/n of the step. */
+    void (*part)(void *user, int part, int parts);
+} lg_root;
+/* Solves for x near `first` (B, n) by Newton's method. First and second derivatives of *x are exact. Errors
+ * with `part` that are not put on the tape (lg_root_failed): LG_NO_CONVERGENCE, LG_NOT_FINITE (at 0). */
+lg_status lg_taped_root(lg_tape *tape, const lg_root *root, lg_var first, lg_var *x);
+bool lg_root_failed(lg_status status);
 
 #endif

@@ -1,24 +1,28 @@
-/* Solves equations on a tape, one system for each row of a batch, by Newton's method on plain numbers.
+/* Solves equations on a tape, one system for each row of a batch, by Newton's method on plain numbers; what
+ * it records is rewound. With the solution x* and the constant matrix K = (dr/dx)^-1 at x*, the tape keeps
  *
- * x* is the solution and K = (dr/dx)^-1 at x*; both enter the tape as constants. The tape records x1 = x* - K
- * r(x*) and x2 = x1 - K r(x1), which has the first and second derivatives of the solution; taped_implicit.c
- * says why. A row's result does not depend on the other rows. */
+ *   x1 = x* - K r(x*),   x2 = x1 - K r(x1).
+ *
+ * Let x(p) be the solution for the parameters p, with x(p0) = x*. As I - K dr/dx vanishes at (x*, p0), the
+ * error x1 - x(p) is of second order in p - p0, and x2 - x(p) is of third order. So the first and second
+ * derivatives of x2 with respect to p are exact. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
+#include "integrators/stepper.h"
 #include "integrators/taped_internal.h"
 
 typedef struct newton {
     lg_tape *tape;
-    lg_row_equations equations;
-    void *user;
+    const lg_root *of;
     size_t rows, n;
+    size_t together; /* number of rows that are done at the same time */
     double eps;
     double *x, *r, *column, *seed; /* (rows, n) */
     double *matrix, *inverse;      /* (rows, n, n): dr/dx and its inverse K */
-    double *change;                /* (rows): largest change in the last step; 0: the row is done */
+    double *change;                /* (rows/together): largest change in the last step; 0: done */
 } newton;
 
 /* r and dr/dx at x. Each column takes one forward pass for all rows at once. */
@@ -28,7 +32,7 @@ static lg_status linearise(newton *s) {
     const lg_shape shape = lg_shape2((uint32_t)s->rows, (uint32_t)n);
     const lg_var x = lg_input_f64(s->tape, shape, s->x);
     lg_var r;
-    LG_TRY(s->equations(s->user, s->tape, x, &r));
+    LG_TRY(s->of->equations(s->of->user, s->tape, x, &r));
     LG_TRY(lg_read(s->tape, r, count, s->r));
     const lg_mark recorded = lg_tape_mark(s->tape);
     for (size_t j = 0; j < n; j++) {
@@ -43,49 +47,104 @@ static lg_status linearise(newton *s) {
     return lg_tape_rewind(s->tape, mark);
 }
 
-static void give_up(newton *s, size_t b) {
-    for (size_t i = 0; i < s->n; i++) s->x[b * s->n + i] = (double)NAN;
-    s->change[b] = 0.0;
+bool lg_taped_invert(size_t n, double *a, double *swaps) {
+    for (size_t c = 0; c < n; c++) {
+        size_t best = c;
+        for (size_t i = c + 1; i < n; i++)
+            if (fabs(a[i * n + c]) > fabs(a[best * n + c])) best = i;
+        swaps[c] = (double)best;
+        if (!(fabs(a[best * n + c]) > 0.0)) return false;
+        for (size_t j = 0; best != c && j < n; j++) {
+            const double kept = a[c * n + j];
+            a[c * n + j] = a[best * n + j];
+            a[best * n + j] = kept;
+        }
+        const double pivot = 1.0 / a[c * n + c];
+        a[c * n + c] = 1.0;
+        for (size_t j = 0; j < n; j++) a[c * n + j] *= pivot;
+        for (size_t i = 0; i < n; i++) {
+            const double factor = a[i * n + c];
+            if (i == c || factor == 0.0) continue;
+            a[i * n + c] = 0.0;
+            for (size_t j = 0; j < n; j++) a[i * n + j] -= factor * a[c * n + j];
+        }
+    }
+    for (size_t c = n; c-- > 0;) {
+        const size_t other = (size_t)swaps[c];
+        for (size_t i = 0; other != c && i < n; i++) {
+            const double kept = a[i * n + c];
+            a[i * n + c] = a[i * n + other];
+            a[i * n + other] = kept;
+        }
+    }
+    return true;
 }
 
-/* One Newton step in row b. The row is done when its change is rounding error: a few eps of x, or small and
- * hardly smaller than the change before. */
-static void improve(newton *s, size_t b) {
+/* One Newton step in row b; raises *moved to the largest |change| and *size to the largest |x_i|. False if
+ * the change is not finite. */
+static bool improve(newton *s, size_t b, double *moved, double *size) {
     const size_t n = s->n;
-    double *x = s->x + b * n, *K = s->inverse + b * n * n, moved = 0.0, size = 0.0;
+    double *x = s->x + b * n, *K = s->inverse + b * n * n;
     memcpy(K, s->matrix + b * n * n, n * n * sizeof *K);
-    const bool regular = lg_taped_invert(n, K, s->column);
-    for (size_t i = 0; regular && i < n; i++) {
+    if (!lg_taped_invert(n, K, s->column)) return false;
+    for (size_t i = 0; i < n; i++) {
         double change = 0.0;
         for (size_t j = 0; j < n; j++) change += K[i * n + j] * s->r[b * n + j];
         x[i] -= change;
-        moved = fmax(moved, isfinite(change) ? fabs(change) : INFINITY);
-        size = fmax(size, fabs(x[i]));
+        *moved = fmax(*moved, isfinite(change) ? fabs(change) : INFINITY);
+        *size = fmax(*size, fabs(x[i]));
     }
-    if (!regular || !(moved < INFINITY)) {
-        give_up(s, b);
-        return;
-    }
+    return *moved < INFINITY;
+}
+
+/* One Newton step in the rows of a group. They are done when their change is rounding error: a few eps of x,
+ * or small and hardly smaller than the change before. Without a solution they become NaN. */
+static void improve_group(newton *s, size_t group, bool last) {
+    const size_t first = group * s->together, count = s->together * s->n;
+    double moved = 0.0, size = 0.0, before = s->change[group];
+    bool found = true;
+    for (size_t b = first; b < first + s->together && found; b++) found = improve(s, b, &moved, &size);
     const bool rounding = moved <= 4.0 * s->eps * size ||
-                          (moved >= 0.25 * s->change[b] && moved <= 1024.0 * s->eps * fmax(size, 1.0));
-    s->change[b] = rounding ? 0.0 : moved;
+                          (moved >= 0.25 * before && moved <= 1024.0 * s->eps * fmax(size, s->of->scale));
+    s->change[group] = found && !rounding ? moved : 0.0;
+    for (size_t i = 0; (!found || (last && !rounding)) && i < count; i++)
+        s->x[first * s->n + i] = (double)NAN;
 }
 
 static lg_status solve(newton *s) {
     enum { LONGEST = 30 };
-    size_t open = s->rows;
-    for (size_t b = 0; b < s->rows; b++) s->change[b] = INFINITY;
-    for (int i = 0; i < LONGEST && open > 0; i++) {
+    const size_t groups = s->rows / s->together;
+    size_t open = groups;
+    for (size_t g = 0; g < groups; g++) s->change[g] = INFINITY;
+    for (int i = 1; i <= LONGEST && open > 0; i++) {
         LG_TRY(linearise(s));
+        if (i == 1 && s->of->part != NULL && !lg_all_finite(s->rows * s->n, s->r)) return LG_NOT_FINITE;
         open = 0;
-        for (size_t b = 0; b < s->rows; b++) {
-            if (s->change[b] > 0.0) improve(s, b);
-            open += s->change[b] > 0.0;
+        for (size_t g = 0; g < groups; g++) {
+            if (s->change[g] > 0.0) improve_group(s, g, i == LONGEST);
+            open += s->change[g] > 0.0;
         }
     }
-    for (size_t b = 0; b < s->rows; b++)
-        if (s->change[b] > 0.0) give_up(s, b);
-    return LG_OK;
+    return s->of->part != NULL && isnan(s->x[0]) ? LG_NO_CONVERGENCE : LG_OK;
+}
+
+/* Solves for the whole step from x = 0. If Newton's method fails, the equations are solved for 4, 16 or 64
+ * increasing parts of the step. Each guess is the solution before, scaled by the ratio of the parts, as x is
+ * nearly proportional to the step. */
+static lg_status solve_parts(newton *s) {
+    enum { PARTS_MAX = 64 };
+    const size_t count = s->rows * s->n;
+    lg_status status = LG_NO_CONVERGENCE;
+    for (int parts = 1; parts <= PARTS_MAX && lg_root_failed(status); parts *= 4) {
+        memset(s->x, 0, count * sizeof *s->x);
+        status = LG_OK;
+        for (int part = 1; part <= parts && status == LG_OK; part++) {
+            s->of->part(s->of->user, part, parts);
+            for (size_t i = 0; part > 1 && i < count; i++) s->x[i] *= (double)part / (part - 1);
+            status = solve(s);
+        }
+    }
+    return status;
 }
 
 /* Returns x* and K as constants. The work space is payload of the tape; rewinding frees it. */
@@ -110,26 +169,30 @@ static lg_status solution(newton *s, lg_var first, lg_var *x, lg_var *inverse) {
     s->inverse = s->matrix + count * s->n;
     s->change = s->inverse + count * s->n;
     LG_TRY(lg_read(tape, first, count, s->x));
-    LG_TRY(solve(s));
+    LG_TRY(s->of->part != NULL ? solve_parts(s) : solve(s));
     tape->k->convert_in(count, s->x, x_values);
     tape->k->convert_in(count * s->n, s->inverse, inverse_values);
     return lg_tape_rewind(tape, mark);
 }
 
-lg_status lg_taped_root(lg_tape *tape, lg_row_equations equations, void *user, lg_var first, lg_var *x) {
+bool lg_root_failed(lg_status status) {
+    return status == LG_NO_CONVERGENCE || status == LG_NOT_FINITE;
+}
+
+lg_status lg_taped_root(lg_tape *tape, const lg_root *of, lg_var first, lg_var *x) {
     const lg_shape shape = lg_var_shape(tape, first);
     LG_TRY(lg_tape_status(tape));
     newton s = {.tape = tape,
-                .equations = equations,
-                .user = user,
+                .of = of,
                 .rows = shape.dims[0],
                 .n = shape.dims[1],
+                .together = of->part != NULL ? shape.dims[0] : 1,
                 .eps = lg_tape_dtype(tape) == LG_F64 ? DBL_EPSILON : FLT_EPSILON};
     lg_var inverse;
     LG_TRY(solution(&s, first, x, &inverse));
     for (int i = 0; i < 2; i++) {
         lg_var r;
-        LG_TRY(equations(user, tape, *x, &r));
+        LG_TRY(of->equations(of->user, tape, *x, &r));
         const lg_var column = lg_reshape(tape, r, lg_shape3(shape.dims[0], shape.dims[1], 1));
         *x = lg_sub(tape, *x, lg_reshape(tape, lg_matmul(tape, inverse, column), shape));
     }

@@ -97,7 +97,8 @@ static lg_status kick(lg_tape *tape, motion *s, lg_var pull, lg_var u) {
             plus(tape, pull, lg_machine_record_force(tape, s->vars, LG_MACHINE_INPUT_MAP, s->parts, v, u));
     const lg_var offset = lg_machine_record_force(tape, s->vars, LG_MACHINE_OFFSET, s->parts, v, u);
     if (!lg_is_none(offset)) s->still = plus(tape, s->still, offset);
-    if (drags(s->vars->machine)) LG_TRY(lg_taped_root(tape, middle, s, v, &v));
+    if (drags(s->vars->machine))
+        LG_TRY(lg_taped_root(tape, &(lg_root){.equations = middle, .user = s, .scale = 1.0}, v, &v));
     const lg_var f = forces(tape, s, v);
     if (!lg_is_none(f)) lg_machine_push(tape, s->vars->machine, paced(tape, s->over, 0.5, f), s->parts);
     return lg_tape_status(tape);
@@ -228,7 +229,7 @@ static lg_status move_bodies(lg_tape *tape, motion *s) {
         s->parts[at.x] = lg_add(tape, s->parts[at.x], paced(tape, s->over, 1.0, v));
         return lg_tape_status(tape);
     }
-    LG_TRY(lg_taped_root(tape, legendre, s, v, &v));
+    LG_TRY(lg_taped_root(tape, &(lg_root){.equations = legendre, .user = s, .scale = 1.0}, v, &v));
     move_positions(tape, s, v);
     s->parts[at.m] = each_momentum(tape, s, v, p, carried);
     return lg_tape_status(tape);
