@@ -77,57 +77,50 @@ static const slot *slot_at(const slot *slots, int count, casadi_int i) {
     return i >= 0 && i < count ? &slots[i] : NULL;
 }
 
+/* The prototype of a function, then the beginning of its definition. */
+#define DEFINED(...)                                                                                         \
+    __VA_ARGS__;                                                                                             \
+    __VA_ARGS__
+
 /* The symbols of a function. It keeps no state, so every thread may use memory 0. */
 #define EXTERNAL(symbol, f)                                                                                  \
-    int symbol(const casadi_real **arg, casadi_real **res, casadi_int *iw, casadi_real *w, int m);           \
-    int symbol(const casadi_real **arg, casadi_real **res, casadi_int *iw, casadi_real *w, int m) {          \
+    DEFINED(int symbol(const casadi_real **arg, casadi_real **res, casadi_int *iw, casadi_real *w, int m)) { \
         (void)iw;                                                                                            \
         (void)m;                                                                                             \
         return run(&(f), arg, res, w);                                                                       \
     }                                                                                                        \
-    casadi_int symbol##_n_in(void);                                                                          \
-    casadi_int symbol##_n_in(void) {                                                                         \
+    DEFINED(casadi_int symbol##_n_in(void)) {                                                                \
         return (f).ins;                                                                                      \
     }                                                                                                        \
-    casadi_int symbol##_n_out(void);                                                                         \
-    casadi_int symbol##_n_out(void) {                                                                        \
+    DEFINED(casadi_int symbol##_n_out(void)) {                                                               \
         return (f).outs;                                                                                     \
     }                                                                                                        \
-    const char *symbol##_name_in(casadi_int i);                                                              \
-    const char *symbol##_name_in(casadi_int i) {                                                             \
+    DEFINED(const char *symbol##_name_in(casadi_int i)) {                                                    \
         const slot *s = slot_at((f).in, (f).ins, i);                                                         \
         return s != NULL ? s->name : NULL;                                                                   \
     }                                                                                                        \
-    const char *symbol##_name_out(casadi_int i);                                                             \
-    const char *symbol##_name_out(casadi_int i) {                                                            \
+    DEFINED(const char *symbol##_name_out(casadi_int i)) {                                                   \
         const slot *s = slot_at((f).out, (f).outs, i);                                                       \
         return s != NULL ? s->name : NULL;                                                                   \
     }                                                                                                        \
-    const casadi_int *symbol##_sparsity_in(casadi_int i);                                                    \
-    const casadi_int *symbol##_sparsity_in(casadi_int i) {                                                   \
+    DEFINED(const casadi_int *symbol##_sparsity_in(casadi_int i)) {                                          \
         const slot *s = slot_at((f).in, (f).ins, i);                                                         \
         return s != NULL ? s->sparsity : NULL;                                                               \
     }                                                                                                        \
-    const casadi_int *symbol##_sparsity_out(casadi_int i);                                                   \
-    const casadi_int *symbol##_sparsity_out(casadi_int i) {                                                  \
+    DEFINED(const casadi_int *symbol##_sparsity_out(casadi_int i)) {                                         \
         const slot *s = slot_at((f).out, (f).outs, i);                                                       \
         return s != NULL ? s->sparsity : NULL;                                                               \
     }                                                                                                        \
-    int symbol##_work(casadi_int *arg, casadi_int *res, casadi_int *iw, casadi_int *w);                      \
-    int symbol##_work(casadi_int *arg, casadi_int *res, casadi_int *iw, casadi_int *w) {                     \
+    DEFINED(int symbol##_work(casadi_int *arg, casadi_int *res, casadi_int *iw, casadi_int *w)) {            \
         return sizes_of(&(f), arg, res, iw, w);                                                              \
     }                                                                                                        \
-    int symbol##_checkout(void);                                                                             \
-    int symbol##_checkout(void) {                                                                            \
+    DEFINED(int symbol##_checkout(void)) {                                                                   \
         return 0;                                                                                            \
     }                                                                                                        \
-    void symbol##_release(int m);                                                                            \
-    void symbol##_release(int m) {                                                                           \
+    DEFINED(void symbol##_release(int m)) {                                                                  \
         (void)m;                                                                                             \
     }                                                                                                        \
-    void symbol##_incref(void);                                                                              \
-    void symbol##_incref(void) {                                                                             \
+    DEFINED(void symbol##_incref(void)) {                                                                    \
     }                                                                                                        \
-    void symbol##_decref(void);                                                                              \
-    void symbol##_decref(void) {                                                                             \
+    DEFINED(void symbol##_decref(void)) {                                                                    \
     }

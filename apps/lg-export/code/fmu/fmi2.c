@@ -26,9 +26,12 @@ typedef struct {
     fmi2Real nextEventTime;
 } fmi2EventInfo;
 
-#define FMI2(name, ...)                                                                                      \
-    EXPORTED fmi2Status fmi2##name(__VA_ARGS__);                                                             \
-    EXPORTED fmi2Status fmi2##name(__VA_ARGS__)
+#define FMI2(name, ...) EXPORT(fmi2Status fmi2##name(__VA_ARGS__))
+/* A function that returns `status`, whatever its arguments are. */
+#define FMI2_ALWAYS(status, name, ...)                                                                       \
+    FMI2(name, __VA_ARGS__) {                                                                                \
+        return status;                                                                                       \
+    }
 #define FMI(name, ...)  FMI2(name, __VA_ARGS__)
 #define FMU_OK          fmi2OK
 #define FMU_ERROR       fmi2Error
@@ -42,12 +45,10 @@ typedef struct {
 typedef fmi2Boolean fmuBoolean;
 typedef fmi2Byte fmuByte;
 
-EXPORTED const char *fmi2GetTypesPlatform(void);
-EXPORTED const char *fmi2GetTypesPlatform(void) {
+EXPORT(const char *fmi2GetTypesPlatform(void)) {
     return "default";
 }
-EXPORTED const char *fmi2GetVersion(void);
-EXPORTED const char *fmi2GetVersion(void) {
+EXPORT(const char *fmi2GetVersion(void)) {
     return "2.0";
 }
 
@@ -58,13 +59,9 @@ static fmi2Status refuse(fmi2Component c, const char *why) {
     return fmi2Error;
 }
 
-EXPORTED fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
-                                       const fmi2CallbackFunctions *callbacks, fmi2Boolean visible,
-                                       fmi2Boolean log);
-EXPORTED fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
-                                       const fmi2CallbackFunctions *callbacks, fmi2Boolean visible,
-                                       fmi2Boolean log) {
-    (void)resources, (void)visible, (void)log;
+EXPORT(fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
+                                     const fmi2CallbackFunctions *callbacks, fmi2Boolean visible,
+                                     fmi2Boolean log)) {
     if (type != fmi2ModelExchange && type != fmi2CoSimulation) return NULL;
     if (guid == NULL || strcmp(guid, TOKEN) != 0) {
         if (callbacks != NULL && callbacks->logger != NULL)
@@ -77,14 +74,12 @@ EXPORTED fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2Strin
                                       (void (*)(void))callbacks->logger);
 }
 
-EXPORTED void fmi2FreeInstance(fmi2Component c);
-EXPORTED void fmi2FreeInstance(fmi2Component c) {
+EXPORT(void fmi2FreeInstance(fmi2Component c)) {
     free(c);
 }
 
 FMI2(SetupExperiment, fmi2Component c, fmi2Boolean tolerance, fmi2Real t, fmi2Real start, fmi2Boolean stops,
      fmi2Real stop) {
-    (void)tolerance, (void)t, (void)stops, (void)stop;
     ALLOW(INSTANTIATED);
     NEED(is_finite(start));
     ((instance *)c)->m.time = start;
@@ -124,11 +119,9 @@ FMI2(SetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fm
 /* There are no variables of other types. */
 #define FMI2_NONE(name, type)                                                                                \
     FMI2(Get##name, fmi2Component c, const fmi2ValueReference vr[], size_t n, type v[]) {                    \
-        (void)vr, (void)v;                                                                                   \
         return c != NULL && n == 0 ? fmi2OK : fmi2Error;                                                     \
     }                                                                                                        \
     FMI2(Set##name, fmi2Component c, const fmi2ValueReference vr[], size_t n, const type v[]) {              \
-        (void)vr, (void)v;                                                                                   \
         return c != NULL && n == 0 ? fmi2OK : fmi2Error;                                                     \
     }
 FMI2_NONE(Integer, fmi2Integer)
@@ -169,34 +162,21 @@ FMI2(NewDiscreteStates, fmi2Component c, fmi2EventInfo *info) {
 
 /* ---- co-simulation ---- */
 
-FMI2(SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
-     const fmi2Integer order[], const fmi2Real value[]) {
-    (void)c, (void)vr, (void)n, (void)order, (void)value;
-    return fmi2Error;
-}
-FMI2(GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
-     const fmi2Integer order[], fmi2Real value[]) {
-    (void)c, (void)vr, (void)n, (void)order, (void)value;
-    return fmi2Error;
-}
+FMI2_ALWAYS(fmi2Error, SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
+            const fmi2Integer order[], const fmi2Real value[])
+FMI2_ALWAYS(fmi2Error, GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
+            const fmi2Integer order[], fmi2Real value[])
 FMI2(DoStep, fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean final) {
     instance *i = (instance *)c;
     const char *failure;
-    (void) final;
     ALLOW(STEP);
     NEED(is_finite(now) && is_step(step) && is_finite(now + step));
     i->m.time = now;
     failure = advance(i, step);
     return failure == NULL ? fmi2OK : refuse(c, failure);
 }
-FMI2(CancelStep, fmi2Component c) {
-    (void)c;
-    return fmi2Error;
-}
-FMI2(GetStatus, fmi2Component c, fmi2StatusKind kind, fmi2Status *value) {
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
-}
+FMI2_ALWAYS(fmi2Error, CancelStep, fmi2Component c)
+FMI2_ALWAYS(fmi2Discard, GetStatus, fmi2Component c, fmi2StatusKind kind, fmi2Status *value)
 FMI2(GetRealStatus, fmi2Component c, fmi2StatusKind kind, fmi2Real *value) {
     ALLOW(STEP | TERMINATED);
     NEED(value != NULL);
@@ -204,15 +184,6 @@ FMI2(GetRealStatus, fmi2Component c, fmi2StatusKind kind, fmi2Real *value) {
     *value = ((instance *)c)->m.time;
     return fmi2OK;
 }
-FMI2(GetIntegerStatus, fmi2Component c, fmi2StatusKind kind, fmi2Integer *value) {
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
-}
-FMI2(GetBooleanStatus, fmi2Component c, fmi2StatusKind kind, fmi2Boolean *value) {
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
-}
-FMI2(GetStringStatus, fmi2Component c, fmi2StatusKind kind, fmi2String *value) {
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
-}
+FMI2_ALWAYS(fmi2Discard, GetIntegerStatus, fmi2Component c, fmi2StatusKind kind, fmi2Integer *value)
+FMI2_ALWAYS(fmi2Discard, GetBooleanStatus, fmi2Component c, fmi2StatusKind kind, fmi2Boolean *value)
+FMI2_ALWAYS(fmi2Discard, GetStringStatus, fmi2Component c, fmi2StatusKind kind, fmi2String *value)

@@ -14,9 +14,12 @@ typedef int fmi3DependencyKind, fmi3IntervalQualifier;
 typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3String, fmi3String);
 typedef void (*fmi3Callback)(void);
 
-#define FMI3(name, ...)                                                                                      \
-    EXPORTED fmi3Status fmi3##name(__VA_ARGS__);                                                             \
-    EXPORTED fmi3Status fmi3##name(__VA_ARGS__)
+#define FMI3(name, ...) EXPORT(fmi3Status fmi3##name(__VA_ARGS__))
+/* A function that returns `status`, whatever its arguments are. */
+#define FMI3_ALWAYS(status, name, ...)                                                                       \
+    FMI3(name, __VA_ARGS__) {                                                                                \
+        return status;                                                                                       \
+    }
 #define FMI(name, ...)  FMI3(name, __VA_ARGS__)
 #define FMU_OK          fmi3OK
 #define FMU_ERROR       fmi3Error
@@ -30,8 +33,7 @@ typedef void (*fmi3Callback)(void);
 typedef fmi3Boolean fmuBoolean;
 typedef fmi3Byte fmuByte;
 
-EXPORTED const char *fmi3GetVersion(void);
-EXPORTED const char *fmi3GetVersion(void) {
+EXPORT(const char *fmi3GetVersion(void)) {
     return "3.0";
 }
 
@@ -50,58 +52,32 @@ static fmi3Instance instantiate(int exchange, fmi3String token, fmi3InstanceEnvi
     return NULL;
 }
 
-EXPORTED fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources,
-                                                   fmi3Boolean visible, fmi3Boolean logging,
-                                                   fmi3InstanceEnvironment environment,
-                                                   fmi3LogMessageCallback log);
-EXPORTED fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources,
-                                                   fmi3Boolean visible, fmi3Boolean logging,
-                                                   fmi3InstanceEnvironment environment,
-                                                   fmi3LogMessageCallback log) {
-    (void)name, (void)resources, (void)visible, (void)logging;
+EXPORT(fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources,
+                                                 fmi3Boolean visible, fmi3Boolean logging,
+                                                 fmi3InstanceEnvironment environment,
+                                                 fmi3LogMessageCallback log)) {
     return instantiate(1, token, environment, log);
 }
-EXPORTED fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources,
-                                                  fmi3Boolean visible, fmi3Boolean logging,
-                                                  fmi3Boolean events, fmi3Boolean early,
-                                                  const fmi3ValueReference required[], size_t n,
-                                                  fmi3InstanceEnvironment environment,
-                                                  fmi3LogMessageCallback log, fmi3Callback update);
-EXPORTED fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources,
-                                                  fmi3Boolean visible, fmi3Boolean logging,
-                                                  fmi3Boolean events, fmi3Boolean early,
-                                                  const fmi3ValueReference required[], size_t n,
-                                                  fmi3InstanceEnvironment environment,
-                                                  fmi3LogMessageCallback log, fmi3Callback update) {
-    (void)name, (void)resources, (void)visible, (void)logging, (void)events, (void)early, (void)required,
-        (void)n;
-    (void)update;
+EXPORT(fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources,
+                                                fmi3Boolean visible, fmi3Boolean logging, fmi3Boolean events,
+                                                fmi3Boolean early, const fmi3ValueReference required[],
+                                                size_t n, fmi3InstanceEnvironment environment,
+                                                fmi3LogMessageCallback log, fmi3Callback update)) {
     return instantiate(0, token, environment, log);
 }
-EXPORTED fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token,
-                                                        fmi3String resources, fmi3Boolean visible,
-                                                        fmi3Boolean logging,
-                                                        fmi3InstanceEnvironment environment,
-                                                        fmi3LogMessageCallback log, fmi3Callback update,
-                                                        fmi3Callback lock, fmi3Callback unlock);
-EXPORTED fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token,
-                                                        fmi3String resources, fmi3Boolean visible,
-                                                        fmi3Boolean logging,
-                                                        fmi3InstanceEnvironment environment,
-                                                        fmi3LogMessageCallback log, fmi3Callback update,
-                                                        fmi3Callback lock, fmi3Callback unlock) {
-    (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)environment, (void)log;
-    (void)update, (void)lock, (void)unlock;
+EXPORT(fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
+                                                      fmi3Boolean visible, fmi3Boolean logging,
+                                                      fmi3InstanceEnvironment environment,
+                                                      fmi3LogMessageCallback log, fmi3Callback update,
+                                                      fmi3Callback lock, fmi3Callback unlock)) {
     return NULL;
 }
-EXPORTED void fmi3FreeInstance(fmi3Instance c);
-EXPORTED void fmi3FreeInstance(fmi3Instance c) {
+EXPORT(void fmi3FreeInstance(fmi3Instance c)) {
     free(c);
 }
 
 FMI3(EnterInitializationMode, fmi3Instance c, fmi3Boolean tolerance, fmi3Float64 t, fmi3Float64 start,
      fmi3Boolean stops, fmi3Float64 stop) {
-    (void)tolerance, (void)t, (void)stops, (void)stop;
     ALLOW(INSTANTIATED);
     NEED(is_finite(start));
     ((instance *)c)->m.time = start;
@@ -157,11 +133,9 @@ FMI3(SetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const 
 /* There are no variables of other types. */
 #define FMI3_NONE(name, type)                                                                                \
     FMI3(Get##name, fmi3Instance c, const fmi3ValueReference vr[], size_t n, type v[], size_t count) {       \
-        (void)vr, (void)v, (void)count;                                                                      \
         return c != NULL && n == 0 ? fmi3OK : fmi3Error;                                                     \
     }                                                                                                        \
     FMI3(Set##name, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const type v[], size_t count) { \
-        (void)vr, (void)v, (void)count;                                                                      \
         return c != NULL && n == 0 ? fmi3OK : fmi3Error;                                                     \
     }
 FMI3_NONE(Float32, float)
@@ -177,32 +151,22 @@ FMI3_NONE(Boolean, fmi3Boolean)
 FMI3_NONE(String, fmi3String)
 FMI3(GetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, size_t sizes[], const fmi3Byte *v[],
      size_t k) {
-    (void)c, (void)vr, (void)sizes, (void)v, (void)k;
     return n == 0 ? fmi3OK : fmi3Error;
 }
 FMI3(SetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const size_t sizes[],
      const fmi3Byte *const v[], size_t k) {
-    (void)c, (void)vr, (void)sizes, (void)v, (void)k;
     return n == 0 ? fmi3OK : fmi3Error;
 }
 FMI3(GetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Boolean v[]) {
-    (void)c, (void)vr, (void)v;
     return n == 0 ? fmi3OK : fmi3Error;
 }
 FMI3(SetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Boolean v[]) {
-    (void)c, (void)vr, (void)v;
     return n == 0 ? fmi3OK : fmi3Error;
 }
 
-FMI3(GetNumberOfVariableDependencies, fmi3Instance c, fmi3ValueReference vr, size_t *n) {
-    (void)c, (void)vr, (void)n;
-    return fmi3Error;
-}
-FMI3(GetVariableDependencies, fmi3Instance c, fmi3ValueReference dependent, size_t at[],
-     fmi3ValueReference of[], size_t at_of[], fmi3DependencyKind kinds[], size_t n) {
-    (void)c, (void)dependent, (void)at, (void)of, (void)at_of, (void)kinds, (void)n;
-    return fmi3Error;
-}
+FMI3_ALWAYS(fmi3Error, GetNumberOfVariableDependencies, fmi3Instance c, fmi3ValueReference vr, size_t *n)
+FMI3_ALWAYS(fmi3Error, GetVariableDependencies, fmi3Instance c, fmi3ValueReference dependent, size_t at[],
+            fmi3ValueReference of[], size_t at_of[], fmi3DependencyKind kinds[], size_t n)
 
 /* ---- derivatives ---- */
 
@@ -263,49 +227,25 @@ FMI3(GetAdjointDerivative, fmi3Instance c, const fmi3ValueReference unknown[], s
 
 /* ---- clocks, of which there are none ---- */
 
-FMI3(GetIntervalDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 v[],
-     fmi3IntervalQualifier q[]) {
-    (void)c, (void)vr, (void)n, (void)v, (void)q;
-    return fmi3Error;
-}
-FMI3(GetIntervalFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n, uint64_t v[], uint64_t w[],
-     fmi3IntervalQualifier q[]) {
-    (void)c, (void)vr, (void)n, (void)v, (void)w, (void)q;
-    return fmi3Error;
-}
-FMI3(GetShiftDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 v[]) {
-    (void)c, (void)vr, (void)n, (void)v;
-    return fmi3Error;
-}
-FMI3(GetShiftFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n, uint64_t v[], uint64_t w[]) {
-    (void)c, (void)vr, (void)n, (void)v, (void)w;
-    return fmi3Error;
-}
-FMI3(SetIntervalDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 v[]) {
-    (void)c, (void)vr, (void)n, (void)v;
-    return fmi3Error;
-}
-FMI3(SetIntervalFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const uint64_t v[],
-     const uint64_t w[]) {
-    (void)c, (void)vr, (void)n, (void)v, (void)w;
-    return fmi3Error;
-}
-FMI3(SetShiftDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 v[]) {
-    (void)c, (void)vr, (void)n, (void)v;
-    return fmi3Error;
-}
-FMI3(SetShiftFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const uint64_t v[],
-     const uint64_t w[]) {
-    (void)c, (void)vr, (void)n, (void)v, (void)w;
-    return fmi3Error;
-}
-FMI3(ActivateModelPartition, fmi3Instance c, fmi3ValueReference clock, fmi3Float64 time) {
-    (void)c, (void)clock, (void)time;
-    return fmi3Error;
-}
+FMI3_ALWAYS(fmi3Error, GetIntervalDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            fmi3Float64 v[], fmi3IntervalQualifier q[])
+FMI3_ALWAYS(fmi3Error, GetIntervalFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            uint64_t v[], uint64_t w[], fmi3IntervalQualifier q[])
+FMI3_ALWAYS(fmi3Error, GetShiftDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            fmi3Float64 v[])
+FMI3_ALWAYS(fmi3Error, GetShiftFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            uint64_t v[], uint64_t w[])
+FMI3_ALWAYS(fmi3Error, SetIntervalDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const fmi3Float64 v[])
+FMI3_ALWAYS(fmi3Error, SetIntervalFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const uint64_t v[], const uint64_t w[])
+FMI3_ALWAYS(fmi3Error, SetShiftDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const fmi3Float64 v[])
+FMI3_ALWAYS(fmi3Error, SetShiftFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const uint64_t v[], const uint64_t w[])
+FMI3_ALWAYS(fmi3Error, ActivateModelPartition, fmi3Instance c, fmi3ValueReference clock, fmi3Float64 time)
 FMI3(UpdateDiscreteStates, fmi3Instance c, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals,
      fmi3Boolean *values, fmi3Boolean *event, fmi3Float64 *time) {
-    (void)time;
     ALLOW(EVENT);
     NEED(again != NULL && terminate != NULL && nominals != NULL && values != NULL && event != NULL);
     *again = *terminate = *nominals = *values = *event = false;
@@ -329,16 +269,12 @@ FMI3(GetNumberOfContinuousStates, fmi3Instance c, size_t *n) {
 
 /* ---- co-simulation ---- */
 
-FMI3(GetOutputDerivatives, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const int32_t order[],
-     fmi3Float64 v[], size_t count) {
-    (void)c, (void)vr, (void)n, (void)order, (void)v, (void)count;
-    return fmi3Error;
-}
+FMI3_ALWAYS(fmi3Error, GetOutputDerivatives, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+            const int32_t order[], fmi3Float64 v[], size_t count)
 FMI3(DoStep, fmi3Instance c, fmi3Float64 now, fmi3Float64 step, fmi3Boolean final, fmi3Boolean *event,
      fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last) {
     instance *i = (instance *)c;
     const char *failure;
-    (void) final;
     ALLOW(STEP);
     NEED(event != NULL && terminate != NULL && early != NULL && last != NULL);
     *event = *terminate = *early = false;

@@ -8,6 +8,14 @@
 #else
 #define EXPORTED
 #endif
+#if defined(__GNUC__) /* the interface gives more arguments than a model needs */
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+
+/* Begins a function of the interface: its prototype, then its definition. */
+#define EXPORT(...)                                                                                          \
+    EXPORTED __VA_ARGS__;                                                                                    \
+    EXPORTED __VA_ARGS__
 
 enum { DERIVATIVE_AT = STATES, STEP_AT = NUMBERS - 1 };
 
