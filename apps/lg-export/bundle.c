@@ -56,9 +56,9 @@ lg_status export_c(export_source *source, lg_program *program, const lg_c_option
 
 int export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
                   size_t count) {
-    size_t *chosen = app_alloc(count, sizeof *chosen);
-    const char **names = app_alloc(count, sizeof *names);
-    bool *hidden = app_alloc(count, sizeof *hidden);
+    APP_FREE size_t *chosen = app_alloc(count, sizeof *chosen);
+    APP_FREE const char **names = app_alloc(count, sizeof *names);
+    APP_FREE bool *hidden = app_alloc(count, sizeof *hidden);
     lg_error error = {LG_OK, ""};
     lg_c_options how;
     lg_c_source *c = NULL;
@@ -79,9 +79,6 @@ int export_bundle(const app *self, export_source *source, lg_program *program, e
     if (status == LG_OK) lg_text_add(&source->code, "\n");
     if (status == LG_NOT_FINITE) source->weights.unfit = true; /* export_write reports it. */
     lg_c_source_destroy(c);
-    free(hidden);
-    free((void *)names);
-    free(chosen);
     return status == LG_OK || status == LG_NOT_FINITE
                ? APP_EXIT_OK
                : app_fail_file(self, status, &error, source->options->file);

@@ -276,7 +276,7 @@ static void write_second(job *j, char *function, char *adjoint, char *derived) {
     const ports f = ports_of(j, function), d = ports_of(j, derived);
     entry e = {.function = derived};
     size_t count = 0;
-    slot *adjoints = app_alloc(f.ins, sizeof *adjoints);
+    APP_FREE slot *adjoints = app_alloc(f.ins, sizeof *adjoints);
     e.in = app_alloc(2 * f.ins + 2 * f.outs, sizeof *e.in);
     e.out = app_alloc(f.ins * (f.ins + 2 * f.outs), sizeof *e.out);
     add_columns(e.in, &e.ins, "", f.in, f.ins, d.in, d.ins);
@@ -289,7 +289,6 @@ static void write_second(job *j, char *function, char *adjoint, char *derived) {
     char *symbol = symbol_of(j, "jac_adj1_", function);
     write_entry(j, symbol, &e);
     free(symbol);
-    free(adjoints);
     free_entry(&e);
 }
 
@@ -388,7 +387,7 @@ static int build(const app *self, const char *path, lg_program *program, export_
     job j = {.self = self, .program = program, .source = source, .symbols = app_text()};
     char *chosen = export_choose(self, source->options, program, usual);
     if (chosen == NULL) return APP_EXIT_USAGE;
-    char **functions = app_alloc(most, sizeof *functions);
+    APP_FREE char **functions = app_alloc(most, sizeof *functions);
     char *(*derived)[DERIVATIVES] = app_alloc(most, sizeof *derived);
     const size_t count = split(chosen, functions, most);
     text list = app_text();
@@ -405,7 +404,6 @@ static int build(const app *self, const char *path, lg_program *program, export_
     lg_text_destroy(&j.symbols);
     lg_text_destroy(&list);
     free(derived);
-    free(functions);
     free(chosen);
     return code;
 }

@@ -185,36 +185,40 @@ static lg_status add_golden(export_model *m) {
 /* ---- condition ---- */
 
 lg_status export_keep_condition(export_model *m, lg_error *error) {
-    (void)m, (void)error;
     return LG_OK;
 }
 
+/* Windows at which the condition is measured besides the golden ones, which may be few. */
+enum { WINDOWS = 48 };
+
 /* Sets source->condition to the largest factor by which one of these functions multiplies rounding errors at
  * the golden vectors: grad, field and step of models that move; value and grad of other models, rounded up to
- * a whole number. */
+ * a whole number. A gradient with kinks is left out: rounding may choose either side. */
 lg_status export_measure_condition(export_model *m, lg_error *error) {
     static const char *const names[] = {"value", "grad", "field", "step"};
     const export_golden *golden = &m->source->golden;
-    const size_t n = m->source->inputs;
-    double *x = app_alloc(golden->count * (n + m->forces + 1), sizeof *x);
+    const bool kinks = m->kind->kinks != NULL && m->kind->kinks(m->file->contents);
+    const size_t n = m->source->inputs, count = golden->count + (m->window.channels > 0 ? WINDOWS : 0);
+    APP_FREE double *x = app_alloc(count * (n + m->forces + 1), sizeof *x),
+                    *drawn = app_alloc(count * n, sizeof *drawn);
     lg_status status = LG_OK;
+    memcpy(drawn, golden->x, golden->count * n * sizeof *drawn);
+    for (size_t i = golden->count; i < count; i++) m->kind->draw(m, drawn + i * n, i);
     for (size_t f = m->space != NULL; f < LG_COUNT(names) && status == LG_OK; f++) {
         size_t function, at = 0;
         double found = 1.0;
-        if (place_of(m, names[f]) == m->count) continue;
-        for (size_t i = 0; i < golden->count; i++) {
-            for (size_t k = 0; k < n; k++) x[at++] = (double)(float)golden->x[i * n + k];
+        if (place_of(m, names[f]) == m->count || (f == 1 && kinks)) continue;
+        for (size_t i = 0; i < count; i++) {
+            for (size_t k = 0; k < n; k++) x[at++] = (double)(float)drawn[i * n + k];
             for (size_t k = 0; k < m->forces && f > 1; k++) x[at++] = (double)(float)m->input[k];
             if (f == 3) x[at++] = (double)(float)m->h;
         }
         status = lg_program_find(m->program, names[f], &function, NULL);
         if (status == LG_OK)
-            status =
-                export_amplification(m->program, function, x, golden->count, m->source->depth, &found, error);
+            status = export_amplification(m->program, function, x, count, m->source->depth, &found, error);
         if (m->space == NULL) found = ceil(found);
         if (status == LG_OK && isfinite(found)) m->source->condition = fmax(m->source->condition, found);
     }
-    free(x);
     return status;
 }
 

@@ -81,6 +81,8 @@ struct export_kind {
     /* Called when value, gradient and classes of golden vector `v` are computed. Returns false if the vector
      * has to be drawn again because rounding could change these results. */
     bool (*is_smooth)(export_model *m, size_t v);
+    /* Whether the gradient of these contents jumps somewhere. NULL: it does not. */
+    bool (*kinks)(const void *contents);
     size_t (*depth)(const void *contents); /* NULL: the depth of the written functions. */
     /* Sets source->condition. NULL: the condition is measured at the golden vectors. */
     lg_status (*condition)(export_model *m, lg_error *error);

@@ -359,7 +359,7 @@ static bool is_ours(const place *at, size_t file, const char *path) {
     char found[512];
     text marker = app_text();
     const char *name = at->source->options->name;
-    char *words = app_format("lg-export: %s", name);
+    APP_FREE char *words = app_format("lg-export: %s", name);
     FILE *stream = fopen(path, "rb");
     if (stream == NULL && errno == ENOMEM) app_out_of_memory();
     const size_t n = stream != NULL ? fread(found, 1, sizeof found - 1, stream) : 0;
@@ -370,14 +370,13 @@ static bool is_ours(const place *at, size_t file, const char *path) {
     const bool ours = marker.length > 0 ? n >= marker.length && memcmp(found, marker.data, marker.length) == 0
                                         : mark != NULL && !lg_in_word(mark[strlen(words)]);
     lg_text_destroy(&marker);
-    free(words);
     return ours;
 }
 
 /* Checks that the name of a file is free, or taken by a file that lg-export wrote for the same model name. */
 static lg_status look_at(place *at, size_t file, lg_error *error) {
     struct stat information;
-    char *path = app_format("%s/%s", at->out, at->source->files[file].name);
+    APP_FREE char *path = app_format("%s/%s", at->out, at->source->files[file].name);
     lg_status status = LG_OK;
     if (lstat(path, &information) == 0) {
         at->earlier = true;
@@ -389,7 +388,6 @@ static lg_status look_at(place *at, size_t file, lg_error *error) {
                                "folder for each model",
                                path, at->source->options->name);
     }
-    free(path);
     return status;
 }
 
@@ -418,9 +416,8 @@ static lg_status look(place *at, lg_error *error) {
 
 /* Makes the temporary folder: inside `out` if `out` keeps its other files, otherwise next to it. */
 static lg_status make_temporary(const app *self, place *at, lg_error *error) {
-    char *target = app_format("%s%s", at->out, at->replace ? "/" : "");
+    APP_FREE char *target = app_format("%s%s", at->out, at->replace ? "/" : "");
     const lg_status status = lg_temporary_create(self->context, target, true, &at->holds, error);
-    free(target);
     if (status == LG_OK) at->temporary = at->holds.name;
     return status;
 }
@@ -506,7 +503,7 @@ static lg_status refuse_unfit(const export_source *source, const char *does, lg_
 
 int export_write(const app *self, const export_source *source, const char *out) {
     lg_error error = {LG_OK, ""};
-    char *folder = app_format("%s", out);
+    APP_FREE char *folder = app_format("%s", out);
     for (size_t n = strlen(folder); n > 1 && folder[n - 1] == '/'; n--) folder[n - 1] = '\0';
     char *parent = app_folder_of(folder);
     place at = {.source = source, .out = folder, .parent = parent};
@@ -517,6 +514,5 @@ int export_write(const app *self, const export_source *source, const char *out) 
                                                            : put(self, &at, &error);
     const int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, out);
     free(parent);
-    free(folder);
     return code;
 }

@@ -332,7 +332,7 @@ static void make_token(job *j) {
 
 static int export_fmu(const app *self, const char *path, lg_program *program, export_source *source,
                       int version) {
-    job *j = app_alloc(1, sizeof *j);
+    APP_FREE job *j = app_alloc(1, sizeof *j);
     *j = (job){.b = {.self = self, .program = program, .source = source, .list = app_text()},
                .version = version};
     int code = block_collect(&j->b, true);
@@ -347,7 +347,6 @@ static int export_fmu(const app *self, const char *path, lg_program *program, ex
         (version == 2 ? add_description2 : add_description3)(j, description);
     }
     block_free(&j->b);
-    free(j);
     return code;
 }
 

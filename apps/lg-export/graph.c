@@ -57,7 +57,7 @@ static lg_status inline_call(graph *g, const lg_program *program, const lg_opera
 
 static lg_status inline_operations(graph *g, const lg_program *program, const lg_function_image *image,
                                    const uint32_t *inputs, uint32_t *results) {
-    uint32_t *place = app_alloc(image->operation_count, sizeof *place);
+    APP_FREE uint32_t *place = app_alloc(image->operation_count, sizeof *place);
     lg_status status = LG_OK;
     for (size_t k = 0; k < image->operation_count && status == LG_OK; k++) {
         lg_operation op = image->operations[k];
@@ -72,7 +72,6 @@ static lg_status inline_operations(graph *g, const lg_program *program, const lg
         if (g->count > MOST_NODES) status = LG_UNSUPPORTED;
     }
     for (size_t o = 0; o < image->output_count && status == LG_OK; o++) results[o] = place[image->results[o]];
-    free(place);
     return status;
 }
 
@@ -111,20 +110,19 @@ static uint32_t join_path(graph *g, const lg_port *port, const uint32_t *rounds,
     const int64_t axis = !port->shared;
     const uint32_t rank = port->shape.rank + !port->shared;
     lg_affine shape[LG_MAX_RANK] = {{0, 1}};
-    uint32_t *parts = app_alloc(times, sizeof *parts);
+    APP_FREE uint32_t *parts = app_alloc(times, sizeof *parts);
     for (uint32_t k = 0; k < port->shape.rank; k++)
         shape[k + !port->shared] = (lg_affine){k == 0 ? 1 : port->shape.dims[k], 0};
     for (uint32_t n = 0; n < times; n++) parts[n] = add_shaped(g, "reshape", &rounds[n], 1, shape, rank);
     const uint32_t joined = join(g, parts, times, axis);
-    free(parts);
     return joined;
 }
 
 static lg_status inline_loop(graph *g, const lg_program *program, const lg_function_image *image,
                              const uint32_t *inputs, uint32_t *results) {
     const size_t called = image->output_count - image->path_count;
-    uint32_t *now = app_alloc(image->input_count, sizeof *now),
-             *rounds = app_alloc(image->path_count * image->times, sizeof *rounds);
+    APP_FREE uint32_t *now = app_alloc(image->input_count, sizeof *now),
+                      *rounds = app_alloc(image->path_count * image->times, sizeof *rounds);
     lg_status status = LG_OK;
     for (size_t i = 0; i < image->input_count; i++) now[i] = inputs[i];
     for (uint32_t n = 0; n < image->times && status == LG_OK; n++) {
@@ -136,8 +134,6 @@ static lg_status inline_loop(graph *g, const lg_program *program, const lg_funct
     for (size_t k = 0; k < image->path_count && status == LG_OK; k++)
         results[called + k] =
             join_path(g, &image->outputs[called + k], rounds + k * image->times, image->times);
-    free(rounds);
-    free(now);
     return status;
 }
 
@@ -201,7 +197,7 @@ static lg_status add_constants_function(const graph *g, lg_program *program, con
                                .output_count = count,
                                .operation_count = g->count,
                                .results = which};
-    lg_port *outputs = app_alloc(count, sizeof *outputs);
+    APP_FREE lg_port *outputs = app_alloc(count, sizeof *outputs);
     char(*names)[32] = app_alloc(count, sizeof *names);
     image.operations = app_alloc(g->count, sizeof *image.operations);
     for (size_t k = 0; k < g->count; k++) image.operations[k] = g->nodes[k].op;
@@ -215,7 +211,6 @@ static lg_status add_constants_function(const graph *g, lg_program *program, con
     const lg_status status = lg_program_add_image(program, &image, error);
     free(image.operations);
     free(names);
-    free(outputs);
     return status;
 }
 
@@ -224,8 +219,8 @@ static lg_status evaluate_constants(graph *g, lg_program *program, const uint32_
     lg_plan *plan;
     const size_t function = lg_program_functions(program) - 1;
     LG_TRY(lg_plan_create(program, function, NULL, &plan, error));
-    double **in = app_alloc(g->input_count, sizeof *in), **out = app_alloc(count, sizeof *out);
-    void *work = app_work(lg_plan_work_size(plan));
+    APP_FREE double **in = app_alloc(g->input_count, sizeof *in), **out = app_alloc(count, sizeof *out);
+    APP_FREE void *work = app_work(lg_plan_work_size(plan));
     for (size_t i = 0; i < g->input_count; i++)
         in[i] = app_alloc(lg_plan_input_count(plan, i), sizeof(double));
     for (size_t i = 0; i < count; i++) {
@@ -235,16 +230,13 @@ static lg_status evaluate_constants(graph *g, lg_program *program, const uint32_
     }
     lg_plan_eval(plan, (const void *const *)in, (void *const *)out, work);
     for (size_t i = 0; i < g->input_count; i++) free(in[i]);
-    free(work);
-    free(out);
-    free(in);
     lg_plan_destroy(plan);
     return LG_OK;
 }
 
 /* Computes all constants that are needed, at most MOST_OUTPUTS of them per added function. */
 static lg_status fold(graph *g, lg_program *program, lg_error *error) {
-    uint32_t *which = app_alloc(g->count, sizeof *which);
+    APP_FREE uint32_t *which = app_alloc(g->count, sizeof *which);
     size_t count = 0;
     for (size_t k = 0; k < g->count; k++)
         if (g->nodes[k].needed && !g->nodes[k].varies) which[count++] = (uint32_t)k;
@@ -254,7 +246,6 @@ static lg_status fold(graph *g, lg_program *program, lg_error *error) {
         status = add_constants_function(g, program, which + at, some, error);
         if (status == LG_OK) status = evaluate_constants(g, program, which + at, some, error);
     }
-    free(which);
     return status;
 }
 

@@ -114,7 +114,7 @@ static void add_name(text *list, const char *name) {
  * have. */
 static void add_given(const char *functions, const lg_program *program, text *list, char **missing) {
     size_t at;
-    char *given = app_format("%s", functions);
+    APP_FREE char *given = app_format("%s", functions);
     for (char *save = NULL, *name = strtok_r(given, ",", &save); name != NULL && *missing == NULL;
          name = strtok_r(NULL, ",", &save)) {
         if (lg_program_find(program, name, &at, NULL) == LG_OK)
@@ -122,7 +122,6 @@ static void add_given(const char *functions, const lg_program *program, text *li
         else
             *missing = app_format("%s", name);
     }
-    free(given);
 }
 
 static void add_usual(const lg_program *program, const char *const *usual, text *list) {

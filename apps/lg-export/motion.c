@@ -207,7 +207,7 @@ static lg_status take_steps(export_model *m, size_t at) {
     const export_golden *golden = &m->source->golden;
     lg_stepper *stepper = NULL;
     const size_t bytes = scheme != NULL ? lg_model_stepper_size(m->file->model, scheme) : 0;
-    void *memory = app_alloc(bytes > 0 ? bytes : 1, 1);
+    APP_FREE void *memory = app_alloc(bytes > 0 ? bytes : 1, 1);
     lg_status status =
         scheme != NULL ? lg_model_stepper_init(m->file->model, scheme, &stepper, memory, bytes) : LG_OK;
     for (size_t i = 0; i < golden->count && status == LG_OK; i++) {
@@ -216,7 +216,6 @@ static lg_status take_steps(export_model *m, size_t at) {
         status = scheme != NULL ? lg_stepper_step(stepper, 0.0, m->h, x[0], m->input, next)
                                 : lg_program_eval(m->self->context, m->program, "step", 1, x, &next, NULL);
     }
-    free(memory);
     return status;
 }
 

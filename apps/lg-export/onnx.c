@@ -19,11 +19,10 @@ static bool add_row_constant(onnx_job *j, uint32_t node) {
     dims[0] = 1;
     for (uint32_t k = 1; k < op->rank; k++) count *= (size_t)(dims[k] = op->shape[k].base);
     if (op->real_count > count || count % op->real_count != 0) return false;
-    double *values = app_alloc(count, sizeof *values);
+    APP_FREE double *values = app_alloc(count, sizeof *values);
     for (size_t i = 0; i < count; i++) values[i] = op->reals[i % op->real_count];
     const onnx_name one = onnx_new_name(j), out = onnx_name_of(j, node);
     onnx_add_reals(j, one.text, dims, op->rank, values, count);
-    free(values);
     const onnx_operation o = {.j = j, .op = op, .out = out.text};
     return onnx_give(&o, onnx_for_each_row(j, one, op));
 }
@@ -76,7 +75,7 @@ static void add_value_info(onnx_job *j, int field, const char *called, const lg_
 }
 
 static void write_file(onnx_job *j, const export_source *source, const char *description, text *to) {
-    char *producer = app_format("lg-export: %s", source->options->name);
+    APP_FREE char *producer = app_format("lg-export: %s", source->options->name);
     text opset = app_text();
     proto_whole(to, 1, IR_VERSION);
     proto_text(to, 2, producer);
@@ -92,7 +91,6 @@ static void write_file(onnx_job *j, const export_source *source, const char *des
     proto_text(&opset, 1, "");
     proto_whole(&opset, 2, OPSET);
     proto_message(to, 8, &opset);
-    free(producer);
 }
 
 /* Adds nodes that give the results the names of the outputs. */
@@ -148,7 +146,6 @@ static int build(const app *self, const char *path, lg_program *program, export_
     }
     lg_text_destroy(&j.graph);
     graph_free(&g);
-    (void)path;
     return status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", error.message);
 }
 

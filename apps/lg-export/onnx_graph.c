@@ -1,6 +1,5 @@
 /* Adds tensors and nodes to an ONNX graph. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/bytes.h"

@@ -281,10 +281,9 @@ static bool permuted(const onnx_operation *o) {
 }
 
 static bool gathered(const onnx_operation *o) {
-    int64_t *places = app_alloc(o->op->index_count, sizeof *places);
+    APP_FREE int64_t *places = app_alloc(o->op->index_count, sizeof *places);
     for (uint32_t i = 0; i < o->op->index_count; i++) places[i] = o->op->indices[i];
     const onnx_name y = onnx_take(o->j, o->x[0], places, o->op->index_count, 0);
-    free(places);
     return onnx_give(o, y);
 }
 

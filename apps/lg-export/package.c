@@ -51,11 +51,10 @@ static const char manifest[] =
 /* The name in package.xml is in lower case, as ROS requires of package names. */
 static void add_package(export_source *source) {
     const char *name = source->options->name;
-    char *small = app_format("%s", name);
+    APP_FREE char *small = app_format("%s", name);
     for (char *s = small; *s != '\0'; s++) *s = (char)tolower((unsigned char)*s);
     export_add_named(source, cmake, export_add_file(source, "CMakeLists.txt"));
     lg_text_add(export_add_file(source, "package.xml"), manifest, small, lg_version());
-    free(small);
 }
 
 const export_target export_target_package = {.add = add_package};

@@ -85,8 +85,8 @@ static void *to_type(bool single, const double *x, size_t count) {
 void export_evaluate(const export_evaluation *e, const double *x, double *y) {
     const size_t size = e->single ? sizeof(float) : sizeof(double);
     const size_t ins = total(e->in, e->ins), outs = total(e->out, e->outs);
-    const void **in = app_alloc(e->ins, sizeof *in);
-    void **out = app_alloc(e->outs, sizeof *out);
+    APP_FREE const void **in = app_alloc(e->ins, sizeof *in);
+    APP_FREE void **out = app_alloc(e->outs, sizeof *out);
     unsigned char *from = to_type(e->single, x, ins), *to = app_alloc(outs, size);
     for (size_t i = 0, at = 0; i < e->ins; at += lg_shape_count(e->in[i++].shape)) in[i] = from + at * size;
     for (size_t i = 0, at = 0; i < e->outs; at += lg_shape_count(e->out[i++].shape)) out[i] = to + at * size;
@@ -95,8 +95,6 @@ void export_evaluate(const export_evaluation *e, const double *x, double *y) {
         y[i] = e->single ? (double)((float *)(void *)to)[i] : ((double *)(void *)to)[i];
     free(to);
     free(from);
-    free(out);
-    free((void *)in);
 }
 
 /* ---- condition ---- */
@@ -151,13 +149,12 @@ static int find_condition(job *j, size_t function, size_t depth) {
     lg_rng rng;
     const lg_port *in = lg_program_inputs(j->program, function, &ins);
     const size_t numbers = CONDITION_POINTS * total(in, ins);
-    double *x = app_alloc(numbers, sizeof *x);
+    APP_FREE double *x = app_alloc(numbers, sizeof *x);
     lg_rng_seed(&rng, j->source->options->seed, GOLDEN_STREAM + 1);
     for (size_t p = 0, at = 0; p < CONDITION_POINTS; p++)
         for (size_t i = 0; i < ins; i++) at += draw(j, &in[i], &rng, x + at);
     for (size_t i = 0; i < numbers; i++) x[i] = (double)(float)x[i];
     lg_status status = export_amplification(j->program, function, x, CONDITION_POINTS, depth, &found, &error);
-    free(x);
     j->condition = isfinite(found) && found > 1 ? ceil(found) : 1;
     if (status == LG_OK && !isfinite(found) && j->source->options->dtype == LG_F32)
         status =
@@ -213,7 +210,7 @@ static int add_function(job *j, size_t index, text *table, size_t *largest) {
     const lg_status status = export_evaluation_open(j->program, function, LG_F64, SELF_TEST_WORK, &e, &error);
     if (status != LG_OK) return failed(j, status, &error);
     const size_t ins = total(e.in, e.ins), outs = total(e.out, e.outs), golden = (size_t)options->golden;
-    double *x = app_alloc(golden * ins, sizeof *x), *y = app_alloc(golden * outs, sizeof *y);
+    APP_FREE double *x = app_alloc(golden * ins, sizeof *x), *y = app_alloc(golden * outs, sizeof *y);
     lg_rng_seed(&rng, options->seed, GOLDEN_STREAM);
     for (size_t g = 0, at = 0; g < golden; g++) {
         for (size_t i = 0; i < e.ins; i++) at += draw(j, &e.in[i], &rng, x + at);
@@ -228,8 +225,6 @@ static int add_function(job *j, size_t index, text *table, size_t *largest) {
                 name, name, name, name, ins, outs, depth, j->condition, name);
     if (outs > *largest) *largest = outs;
     if (j->condition > j->source->condition) j->source->condition = j->condition;
-    free(y);
-    free(x);
     export_evaluation_close(&e);
     return code;
 }
@@ -298,7 +293,7 @@ void export_file_provenance(const app *self, export_source *source, const char *
 /* Fills `chosen` with the indices of the functions in a list of names separated by commas. Returns an exit
  * code. */
 static int choose(const job *j, const char *names, size_t *chosen, size_t *count) {
-    char *list = app_format("%s", names);
+    APP_FREE char *list = app_format("%s", names);
     int code = APP_EXIT_OK;
     *count = 0;
     for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL && code == APP_EXIT_OK;
@@ -314,7 +309,6 @@ static int choose(const job *j, const char *names, size_t *chosen, size_t *count
         if (!twice) chosen[(*count)++] = at;
     }
     if (code == APP_EXIT_OK && *count == 0) code = app_usage(j->self, "--functions: no function is named");
-    free(list);
     return code;
 }
 
@@ -338,8 +332,8 @@ static int choose_hidden(const job *j, size_t visible, lg_c_options *how, size_t
 
 static int write_code(job *j, const char *functions) {
     const size_t all = lg_program_functions(j->program);
-    size_t *chosen = app_alloc(2 * all, sizeof *chosen);
-    bool *hidden = app_alloc(2 * all, sizeof *hidden);
+    APP_FREE size_t *chosen = app_alloc(2 * all, sizeof *chosen);
+    APP_FREE bool *hidden = app_alloc(2 * all, sizeof *hidden);
     lg_error error = {LG_OK, ""};
     lg_c_options how;
     int code = APP_EXIT_OK;
@@ -362,8 +356,6 @@ static int write_code(job *j, const char *functions) {
     }
     for (size_t i = 0; i < how.function_count; i++) free(names[i]);
     free(names);
-    free(hidden);
-    free(chosen);
     return code;
 }
 

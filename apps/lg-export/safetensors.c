@@ -2,7 +2,6 @@
  * of names, types, shapes and offsets; then the numbers, row-major, without gaps. Parameters of a model have
  * the names of the model's file with points instead of slashes; parameters of a program keep their names. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "core/bytes.h"
 #include "liegrad/model.h"

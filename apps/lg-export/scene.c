@@ -28,7 +28,6 @@ static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const 
     lg_taped_ode ode;
     lg_system_taped_user of;
     lg_var parts[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS];
-    (void)theta;
     LG_TRY(lg_system_taped_ode(r->system, LG_COORDINATES_LIE, parameters_of(r, tape, x), &ode, &of));
     LG_TRY(lg_taped_split(tape, &ode.space, x[0], parts));
     LG_TRY(ode.field(ode.user, tape, (lg_taped_time){.value = 0}, parts, LG_NONE, algebra));
@@ -43,7 +42,6 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     lg_system_taped_user of;
     lg_var parts[LG_TAPED_MAX_PARTS];
     const lg_taped_interval over = {.h_rows = x[1 + r->tunable]};
-    (void)theta;
     LG_TRY(lg_system_taped_ode(r->system, LG_COORDINATES_LIE, parameters_of(r, tape, x), &ode, &of));
     LG_TRY(lg_taped_split(tape, &ode.space, x[0], parts));
     LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
@@ -55,7 +53,7 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
 static lg_status build(const app *self, recording *r, lg_program **out, lg_error *error) {
     const size_t n = r->tunable;
     const double *values = lg_system_parameter_values(r->system);
-    lg_port *in = app_alloc(n + 2, sizeof *in);
+    APP_FREE lg_port *in = app_alloc(n + 2, sizeof *in);
     char(*names)[LABEL] = app_alloc(n, sizeof *names);
     const lg_port rate = {.name = "f"}, next = {.name = "next"};
     in[0] = (lg_port){.name = "x", .shape = lg_shape1((uint32_t)lg_system_dim(r->system))};
@@ -76,7 +74,6 @@ static lg_status build(const app *self, recording *r, lg_program **out, lg_error
     spec.description = "a system of lg-simulate";
     const lg_status status = lg_program_build(self->context, &spec, out, error);
     free(names);
-    free(in);
     return status;
 }
 

@@ -46,14 +46,13 @@ static void add_functions(const block *b) {
     lg_text_add(code,
                 "/* %s_simulink.h says what this is. */\n#include \"%s_simulink.h\"\n\n#include \"%s.h\"\n\n",
                 name, name, name);
-    char *list = app_format("%s", b->list.data);
+    APP_FREE char *list = app_format("%s", b->list.data);
     for (char *save = NULL, *f = strtok_r(list, ",", &save); f != NULL; f = strtok_r(NULL, ",", &save)) {
         add_prototype(b, f, header);
         lg_text_add(header, ";\n");
         add_prototype(b, f, code);
         add_call(b, f, code);
     }
-    free(list);
     lg_text_add(header, "\n#endif\n");
 }
 

@@ -74,7 +74,7 @@ static void add_standardisation(const classifier_job *j) {
     const lg_pca *pca = &j->c->pca;
     export_array(j->source, "mean", &(export_part){"mean of each feature", j->d, pca->mean}, 1);
     if (is_folded(j->c)) return;
-    double *rest = app_alloc(j->d, sizeof *rest), *inverse = app_alloc(j->d, sizeof *inverse);
+    APP_FREE double *rest = app_alloc(j->d, sizeof *rest), *inverse = app_alloc(j->d, sizeof *inverse);
     for (size_t i = 0; i < j->d; i++) {
         rest[i] = pca->mean[i] - export_round(j->source->options, pca->mean[i]);
         inverse[i] = 1 / pca->scale[i];
@@ -82,16 +82,15 @@ static void add_standardisation(const classifier_job *j) {
     if (j->source->options->dtype == LG_F32)
         export_array(j->source, "mean_rest", &(export_part){"what its rounding leaves out", j->d, rest}, 1);
     export_array(j->source, "inverse_deviation", &(export_part){"1/scale of each feature", j->d, inverse}, 1);
-    free(rest);
-    free(inverse);
 }
 
 /* Adds the tables of the spectrum. Columns of s->wave hold cosines and sines times the taper; the taper and
  * all angles are computed from the columns of the first bin. */
 static void add_spectrum(const classifier_job *j) {
     const lg_spectrum *s = &j->c->features.spectrum;
-    double *taper = app_alloc(s->segment, sizeof *taper), *cosine = app_alloc(s->segment, sizeof *cosine),
-           *sine = app_alloc(s->segment, sizeof *sine);
+    APP_FREE double *taper = app_alloc(s->segment, sizeof *taper),
+                    *cosine = app_alloc(s->segment, sizeof *cosine),
+                    *sine = app_alloc(s->segment, sizeof *sine);
     for (size_t t = 0; t < s->segment; t++) {
         const double *row = s->wave + t * 2 * s->bins;
         taper[t] = hypot(row[0], row[s->bins]);
@@ -108,9 +107,6 @@ static void add_spectrum(const classifier_job *j) {
     export_constant(j->source, "HOP", s->hop);
     export_constant(j->source, "BANDS", s->bands);
     export_real(j->source, "POWER_FLOOR", LG_FEATURES_FLOOR);
-    free(taper);
-    free(cosine);
-    free(sine);
 }
 
 static size_t rocket_margin(const lg_rocket *r) {
@@ -131,8 +127,8 @@ static void add_rocket(const classifier_job *j) {
         {"added", "how many channels it adds up", offsetof(lg_rocket_convolution, channels)},
         {"compared", "how many thresholds it is compared with", offsetof(lg_rocket_convolution, features)},
     };
-    uint32_t *column = app_alloc(r->count, sizeof *column);
-    double *bias = app_alloc(j->d, sizeof *bias);
+    APP_FREE uint32_t *column = app_alloc(r->count, sizeof *column);
+    APP_FREE double *bias = app_alloc(j->d, sizeof *bias);
     for (size_t i = 0; i < LG_COUNT(columns); i++) {
         for (size_t c = 0; c < r->count; c++)
             memcpy(&column[c], (const char *)&r->convolution[c] + columns[i].offset, sizeof *column);
@@ -146,8 +142,6 @@ static void add_rocket(const classifier_job *j) {
                  &(export_part){"mean of each channel", j->c->features.channels, r->mean}, 1);
     export_constant(j->source, "CONVOLUTIONS", r->count);
     export_constant(j->source, "MARGIN", rocket_margin(r));
-    free(column);
-    free(bias);
 }
 
 /* Returns whether the outputs are constant between thresholds. */
@@ -162,7 +156,7 @@ static bool is_scaled(lg_feature_kind kind) {
 
 static void add_features(const classifier_job *j) {
     const lg_features *f = &j->c->features;
-    double *inverse = app_alloc(f->channels, sizeof *inverse);
+    APP_FREE double *inverse = app_alloc(f->channels, sizeof *inverse);
     for (size_t i = 0; i < f->channels; i++) inverse[i] = 1 / f->scale[i];
     if (is_scaled(f->kind))
         export_array(j->source, "inverse_scale",
@@ -172,7 +166,6 @@ static void add_features(const classifier_job *j) {
                         2 * (size_t)f->pairs);
     else
         export_integers(j->source, "select", "channels that are used", f->select, f->selected);
-    free(inverse);
     if (f->kind == LG_FEATURES_BASELINE) {
         export_constant(j->source, "PAIRS", f->pairs);
         export_constant(j->source, "SEGMENTS", f->segments);
@@ -215,7 +208,8 @@ static void add_tree(const classifier_job *j) {
     const size_t n = tree->count, classes = tree->classes;
     uint32_t *feature = app_alloc(n, sizeof *feature), *left = app_alloc(n, sizeof *left),
              *right = app_alloc(n, sizeof *right), leaves = 0;
-    double *threshold = app_alloc(n, sizeof *threshold), *fraction = app_alloc(n * classes, sizeof *fraction);
+    APP_FREE double *threshold = app_alloc(n, sizeof *threshold),
+                    *fraction = app_alloc(n * classes, sizeof *fraction);
     for (size_t i = 0; i < n; i++) {
         const lg_tree_node *node = &tree->node[i];
         left[i] = node->left;
@@ -240,8 +234,6 @@ static void add_tree(const classifier_job *j) {
     free(feature);
     free(left);
     free(right);
-    free(threshold);
-    free(fraction);
 }
 
 static void add_svm(const classifier_job *j) {

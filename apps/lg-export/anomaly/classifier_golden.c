@@ -67,7 +67,7 @@ static void draw_parts(drawing *d) {
 static void draw_waves(drawing *d) {
     const lg_features *f = &d->j->c->features;
     const lg_spectrum *s = &f->spectrum;
-    double *z = app_alloc(s->segment, sizeof *z);
+    APP_FREE double *z = app_alloc(s->segment, sizeof *z);
     for (size_t i = 0; i < f->selected; i++) {
         const double *power = d->made + i * f->bands;
         for (uint32_t t = 0; t < s->segment; t++) z[t] = 0;
@@ -81,7 +81,6 @@ static void draw_waves(drawing *d) {
         for (size_t t = 0; t < f->length; t++)
             put(d, f->select[i], t, z[t % s->segment] * f->scale[f->select[i]]);
     }
-    free(z);
 }
 
 /* Draws a window whose features are near `made`; unused channels are noise. */
@@ -193,7 +192,7 @@ int classifier_golden(const classifier_job *j, const app *self) {
                  .work = app_alloc(work, sizeof(double)),
                  .made = app_alloc(j->d + m * m + m, sizeof(double)),
                  .moved = app_alloc(j->outputs * (1 + inputs), sizeof(double))};
-    double *size = app_alloc(j->d, sizeof *size);
+    APP_FREE double *size = app_alloc(j->d, sizeof *size);
     bool drawn = true;
     for (size_t i = 0; i < j->d; i++)
         size[i] = export_round(j->source->options, 1 / (fabs(c->pca.mean[i]) + c->pca.scale[i]));
@@ -210,7 +209,6 @@ int classifier_golden(const classifier_job *j, const app *self) {
     free(d.work);
     free(d.made);
     free(d.moved);
-    free(size);
     if (drawn) return APP_EXIT_OK;
     (void)app_fail(self, LG_NOT_FINITE, "%s: windows like those of the training data have no finite decision",
                    j->source->options->file);

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "lg-export/anomaly/detector.h"
+#include "lg-export/faces.h"
 #include "liegrad/anomaly.h"
 #include "liegrad/networks.h"
 
@@ -80,12 +80,9 @@ static void tell(export_model *m) {
     if (source->condition != 1)
         lg_text_add(
             to,
-            "tolerance     contains the factor %.6g, as measured on %d windows like the golden ones: 4/(20 "
-            "DEPTH) "
-            "times the larger of two changes of value and gradient beside their root mean squares, in "
-            "roundings; that when weights and samples move by one each, and that between single and double "
-            "precision of the library\n",
-            source->condition, DETECTOR_WINDOWS);
+            "tolerance     contains the factor %.6g: the error of single precision, beside the root mean "
+            "square of the results, is at most this times DEPTH roundings on windows like the golden ones\n",
+            source->condition);
     lg_text_add(to, "training      %zu of %llu epochs, loss %s, %s; %llu windows\n", file->epochs_done,
                 (unsigned long long)file->run.training.epochs, lg_detector_loss_name(model->loss),
                 file->run.training.dtype == LG_F32 ? "float" : "double",
@@ -95,9 +92,26 @@ static void tell(export_model *m) {
 
 /* ---- golden vectors ---- */
 
+/* Draws a window of noise with the mean and scale of the training data. For detectors that subtract the
+ * window's own mean, each channel also gets a random offset. */
 static void draw(export_model *m, double *x, size_t v) {
-    (void)v;
-    detector_draw_window(m, &m->rng, x);
+    const lg_detector_file *file = m->file->contents;
+    const lg_scaler *scaler = &file->scaler;
+    const size_t length = file->run.model.net.length;
+    for (size_t c = 0; c < scaler->channels; c++) {
+        const double offset = file->run.model.centred ? scaler->scale[c] * lg_rng_normal(&m->rng) : 0;
+        for (size_t i = c * length; i < (c + 1) * length; i++)
+            x[i] = (double)export_window_number(m->source, scaler->mean[c] + offset +
+                                                               scaler->scale[c] * lg_rng_normal(&m->rng));
+    }
+}
+
+/* Returns whether the gradient has kinks, caused by ReLU or maxima. */
+static bool has_kinks(const void *contents) {
+    const lg_cnn *net = &((const lg_detector_file *)contents)->run.model.net;
+    bool kinks = net->activation == LG_RELU || net->activation == LG_LEAKY_RELU;
+    for (uint32_t i = 0; i < net->blocks; i++) kinks = kinks || net->block[i].pooling == LG_POOL_MAX;
+    return kinks;
 }
 
 /* Returns whether the window is far enough from every kink: two random windows that differ from it by a few
@@ -109,7 +123,7 @@ static bool is_smooth(export_model *m, size_t v) {
     const double *x = source->golden.x + v * n, *jacobian = source->golden.jacobian + v * all;
     const double eps = export_eps(source->options);
     double *near = app_alloc(all + n, sizeof *near), *moved = near + all, sum = 0, change = 0;
-    for (int side = 0; side < 2 && detector_has_kinks(&file->run.model.net); side++) {
+    for (int side = 0; side < 2 && has_kinks(file); side++) {
         for (size_t i = 0; i < n; i++)
             moved[i] =
                 x[i] + 8 * eps * lg_rng_normal(&m->rng) * file->scaler.scale[i / file->run.model.net.length];
@@ -130,6 +144,6 @@ const export_kind export_kind_detector = {.recipe = &lg_recipe_detector,
                                           .draw = draw,
                                           .is_smooth = is_smooth,
                                           .depth = depth_of,
-                                          .condition = detector_condition,
+                                          .kinks = has_kinks,
                                           .window = describe,
                                           .tell = tell};

@@ -264,7 +264,6 @@ static void write_places(export_source *source, const double *places, bool place
 }
 
 static size_t curve_extras(const export_model *m) {
-    (void)m;
     return 4 * (size_t)PLACES;
 }
 
@@ -281,7 +280,7 @@ static lg_status curve_golden(export_model *m, size_t at) {
     lg_surrogate_curves *curves = NULL;
     LG_TRY(lg_surrogate_curves_create(m->self->context, model, file_of(m)->theta, LG_F64, PLACES, &curves,
                                       NULL));
-    void *work = app_alloc(lg_surrogate_curves_work_size(curves), 1);
+    APP_FREE void *work = app_alloc(lg_surrogate_curves_work_size(curves), 1);
     for (size_t i = 0; i < PLACES; i++) places[i] = export_round(source->options, share[i]);
     write_places(source, places, place, scale);
     for (size_t i = 0; i < source->golden.count; i++) {
@@ -291,7 +290,6 @@ static lg_status curve_golden(export_model *m, size_t at) {
         for (size_t k = 0; k < 2 * PLACES; k++) extra[2 * PLACES + k] *= scale;
     }
     lg_surrogate_curves_destroy(curves);
-    free(work);
     return LG_OK;
 }
 

@@ -11,7 +11,7 @@
 
 /* W = m^-1 by the Cholesky factor; NaN if m is not positive definite. */
 static void invert(size_t k, const double *m, double *W) {
-    double *l = app_alloc(k * k, sizeof *l);
+    APP_FREE double *l = app_alloc(k * k, sizeof *l);
     for (size_t j = 0; j < k; j++)
         for (size_t i = j; i < k; i++) {
             double sum = m[i * k + j];
@@ -29,7 +29,6 @@ static void invert(size_t k, const double *m, double *W) {
             W[i * k + c] /= l[i * k + i];
         }
     }
-    free(l);
 }
 
 /* Computes W = m^-1 (k, k) for the mass matrix m without the model's scales, and *condition = max_i m_ii W_ii
@@ -37,14 +36,13 @@ static void invert(size_t k, const double *m, double *W) {
  * are linearly dependent, whatever their scale. Returns false if the family has no mass matrix. */
 static bool invert_mass(const lg_hamiltonian *model, const double *theta, double *W, double *condition) {
     const size_t k = model->n;
-    double *m = app_alloc(k * k, sizeof *m);
+    APP_FREE double *m = app_alloc(k * k, sizeof *m);
     lg_hamiltonian inner = *model;
     inner.scales = (lg_hamiltonian_scales){1.0, {1.0, 1.0}};
     const bool has_mass = lg_hamiltonian_mass(&inner, theta, m) == LG_OK;
     *condition = 1.0;
     if (has_mass) invert(k, m, W);
     for (size_t i = 0; has_mass && i < k; i++) *condition = fmax(*condition, m[i * k + i] * W[i * k + i]);
-    free(m);
     return has_mass;
 }
 

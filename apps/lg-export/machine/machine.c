@@ -41,7 +41,6 @@ static void draw(export_model *m, double *x, size_t v_at) {
     const lg_machine *machine = &run_of(m)->machine;
     double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES];
     uint32_t at = 0;
-    (void)v_at;
     draw_attitudes(m, x);
     (void)lg_model_machine_positions(m->file->model, x, q, m->work);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {

@@ -54,9 +54,8 @@ static void tell_momenta(export_source *source, const lg_machine_coordinate *c,
                          const lg_coordinate_row *row) {
     if (row->directions > 0) return;
     lg_text_add(&source->state, " %s (%u)", c->name, row->velocities);
-    char *name = app_format("momentum of %s", c->name);
+    APP_FREE char *name = app_format("momentum of %s", c->name);
     add_numbers(&source->places, name, "", NULL, row->velocities);
-    free(name);
 }
 
 static void tell_each(export_source *source, const lg_machine *machine, tell_coordinate tell) {

@@ -165,7 +165,7 @@ static const struct {
 static int add_around(export_policy_job *j, text *rest) {
     text checks = app_text();
     int code = APP_EXIT_OK;
-    char *list = app_format("%s", j->source->options->functions);
+    APP_FREE char *list = app_format("%s", j->source->options->functions);
     bool taken[LG_COUNT(around)] = {false};
     for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL;
          name = strtok_r(NULL, ",", &save)) {
@@ -176,7 +176,6 @@ static int add_around(export_policy_job *j, text *rest) {
         else
             taken[i] = true;
     }
-    free(list);
     for (size_t i = 0; i < LG_COUNT(around) && code == APP_EXIT_OK; i++) {
         if (!taken[i]) continue;
         code = around[i].add(j);

@@ -25,7 +25,6 @@ static adaptation *now; /* The adaptation that the code below computes with. */
 static void NAME_adapt_force(const double *x, const double *u, const double *next, double *force,
                              double *work) {
     const size_t n = now->n, m = now->m;
-    (void)work;
     memcpy(now->row, x, n * sizeof *x);
     memcpy(now->row + n, u, m * sizeof *u);
     memcpy(now->row + n + m, next, n * sizeof *next);
@@ -58,7 +57,6 @@ static lg_status record_force(void *user, lg_tape *tape, const lg_var *theta, co
     const export_policy_job *j = user;
     const uint32_t n = (uint32_t)j->given;
     lg_var state[2];
-    (void)theta;
     for (int k = 0; k < 2; k++) {
         const lg_var x = in[2 * k], parts[] = {lg_slice(tape, x, 1, 0, n), lg_slice(tape, x, 1, n, n)};
         state[k] = lg_program_call(tape, "momenta", 0, parts);
@@ -105,7 +103,7 @@ typedef struct golden {
 static lg_status run(export_loop *l, const adaptation *a, bool kick, golden *g, lg_error *error) {
     const export_policy_job *j = l->job;
     const size_t n = j->given;
-    double *x = app_alloc(j->state, sizeof *x);
+    APP_FREE double *x = app_alloc(j->state, sizeof *x);
     lg_rng rng;
     lg_rng_seed(&rng, j->source->options->seed, ADAPT_STREAM);
     lg_status status = lg_policy_starts(j->policy, &rng, 1, x, NULL, error);
@@ -121,15 +119,14 @@ static lg_status run(export_loop *l, const adaptation *a, bool kick, golden *g, 
                 0.3 * j->task->period * (a->range[NUMBERS * i + 2] - a->range[NUMBERS * i] * l->seen[n + i]);
         if (!(export_norm(x, NULL, j->state) < 1e6) && k < g->periods) g->periods = k;
     }
-    free(x);
     return status;
 }
 
 /* Root mean squares over the run of forces (changes of momenta), velocities and accelerations. */
 static lg_status find_ranges(const export_policy_job *j, adaptation *a, const golden *g, lg_error *error) {
     const size_t n = j->given, rows = g->periods + 1;
-    double *q = app_alloc(rows * n, sizeof *q), *v = app_alloc(rows * n, sizeof *v),
-           *p = app_alloc(rows * 2 * n, sizeof *p);
+    APP_FREE double *q = app_alloc(rows * n, sizeof *q), *v = app_alloc(rows * n, sizeof *v),
+                    *p = app_alloc(rows * 2 * n, sizeof *p);
     for (size_t k = 0; k < rows; k++) {
         memcpy(q + k * n, g->seen + k * 2 * n, n * sizeof *q);
         memcpy(v + k * n, g->seen + k * 2 * n + n, n * sizeof *v);
@@ -153,14 +150,11 @@ static lg_status find_ranges(const export_policy_job *j, adaptation *a, const go
         for (int k = 0; k < NUMBERS; k++)
             a->range[NUMBERS * i + (size_t)k] = export_round(j->source->options, range[k]);
     }
-    free(p);
-    free(v);
-    free(q);
     return status;
 }
 
 static void adapt(adaptation *a, const golden *g, bool single) {
-    double *memory = app_alloc((size_t)(MEMORY * a->velocities), sizeof *memory);
+    APP_FREE double *memory = app_alloc((size_t)(MEMORY * a->velocities), sizeof *memory);
     double work[MOST];
     now = a;
     a->single = single;
@@ -170,7 +164,6 @@ static void adapt(adaptation *a, const golden *g, bool single) {
         NAME_adapt(x, g->held + k * a->m, x + a->n, memory, g->found[single], work);
         for (int i = 0; i < MEMORY * a->velocities && single; i++) memory[i] = (double)(float)memory[i];
     }
-    free(memory);
 }
 
 /* ---- texts ---- */
@@ -244,7 +237,7 @@ static void add_test(const export_policy_job *j, const adaptation *a, const gold
 static lg_status write_adaptation(export_policy_job *j, adaptation *a, lg_error *error) {
     const size_t all = lg_policy_steps(j->policy), periods = all < ADAPTATIONS ? all : ADAPTATIONS;
     double found[2][NUMBERS * MOST] = {{0}};
-    double *numbers = app_alloc((periods + 1) * (j->state + j->inputs), sizeof *numbers);
+    APP_FREE double *numbers = app_alloc((periods + 1) * (j->state + j->inputs), sizeof *numbers);
     golden g = {numbers, numbers + (periods + 1) * j->state, {found[0], found[1]}, periods};
     export_loop loop;
     lg_status status = export_loop_open(j, &loop, error);
@@ -259,7 +252,6 @@ static lg_status write_adaptation(export_policy_job *j, adaptation *a, lg_error 
         add_words(j, a);
         add_test(j, a, &g);
     }
-    free(numbers);
     return status;
 }
 

@@ -160,7 +160,7 @@ static lg_status add_plant(const export_policy_job *j, text *to, lg_error *error
     lg_c_options how;
     lg_c_source *c;
     lg_c_options_init(&how);
-    char *name = app_format("%s_plant", j->source->options->name);
+    APP_FREE char *name = app_format("%s_plant", j->source->options->name);
     how.name = name;
     how.functions = functions;
     how.function_count = j->velocities > 0 ? LG_COUNT(names) : 1;
@@ -177,7 +177,6 @@ static lg_status add_plant(const export_policy_job *j, text *to, lg_error *error
                     c->code);
         lg_c_source_destroy(c);
     }
-    free(name);
     return status;
 }
 
@@ -221,7 +220,7 @@ static void add_sizes(const export_policy_job *j, const golden *g, text *to) {
 static void add_path(const export_policy_job *j, const golden *g, text *to) {
     size_t total = 0, at = 0;
     for (size_t r = 0; r < RUNS; r++) total += segments(g, r) + 1;
-    double *states = app_alloc(total * j->state, sizeof *states);
+    APP_FREE double *states = app_alloc(total * j->state, sizeof *states);
     lg_text_add(to, "static const int golden_segments[RUNS] = {");
     for (size_t r = 0; r < RUNS; r++) {
         lg_text_add(to, "%s%zu", r > 0 ? ", " : "", segments(g, r));
@@ -231,7 +230,6 @@ static void add_path(const export_policy_job *j, const golden *g, text *to) {
     }
     lg_text_add(to, "};\n");
     add_numbers(to, "golden_path", states, total * j->state);
-    free(states);
 }
 
 static lg_status add_loop(export_loop *l, golden *g, lg_error *error) {

@@ -31,12 +31,10 @@ static const double *inputs_of(const double *x, const double *u) {
 }
 
 static void NAME_observe_step(const double *x, const double *u, double *next, double *work) {
-    (void)work;
     export_evaluate(&now->step[now->single], inputs_of(x, u), next);
 }
 
 static void NAME_jac_observe_step(const double *x, const double *u, double *F, double *by_u, double *work) {
-    (void)by_u, (void)work;
     export_evaluate(&now->jacobian[now->single], inputs_of(x, u), now->out);
     memcpy(F, now->out, (size_t)(now->estimate * now->estimate) * sizeof *F);
 }
@@ -63,7 +61,6 @@ static void NAME_observe(const double *y, const double *u, double *memory, doubl
 static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const export_policy_job *j = user;
     const uint32_t n = (uint32_t)j->given;
-    (void)theta;
     const lg_var parts[] = {lg_slice(tape, in[0], 1, 0, n), lg_slice(tape, in[0], 1, n, n)};
     const lg_var state = lg_program_call(tape, "momenta", 0, parts);
     const lg_var next = lg_program_call(tape, "period", 0, (const lg_var[]){state, in[1]});
@@ -152,7 +149,7 @@ typedef struct golden {
 /* The run's noisy measurements and inputs, rounded to the exported type. */
 static lg_status run(export_loop *l, const filter *f, golden *g, lg_error *error) {
     const export_policy_job *j = l->job;
-    double *x = app_alloc(j->state, sizeof *x);
+    APP_FREE double *x = app_alloc(j->state, sizeof *x);
     lg_rng rng;
     lg_rng_seed(&rng, j->source->options->seed, OBSERVE_STREAM);
     lg_status status = lg_policy_starts(j->policy, &rng, 1, x, NULL, error);
@@ -167,13 +164,12 @@ static lg_status run(export_loop *l, const filter *f, golden *g, lg_error *error
             held[i] = export_round(j->source->options, u[i]);
         if (!(export_norm(x, NULL, j->state) < 1e6) && k < g->periods) g->periods = k;
     }
-    free(x);
     return status;
 }
 
 static void estimate(filter *f, const golden *g, bool single, double *out) {
     const size_t n = (size_t)f->estimate, size = n + n * n;
-    double *memory = app_alloc(size, sizeof *memory), *work = app_alloc(n + 4 * n * n, sizeof *work);
+    APP_FREE double *memory = app_alloc(size, sizeof *memory), *work = app_alloc(n + 4 * n * n, sizeof *work);
     now = f;
     f->single = single;
     NAME_observe_start(g->seen, memory);
@@ -182,8 +178,6 @@ static void estimate(filter *f, const golden *g, bool single, double *out) {
                      out + k * n, work);
         for (size_t i = 0; i < size && single; i++) memory[i] = (double)(float)memory[i];
     }
-    free(work);
-    free(memory);
 }
 
 /* 20 times the error of single precision, as a number of eps. */
@@ -254,7 +248,7 @@ static lg_status write_observer(export_policy_job *j, filter *f, lg_error *error
     const size_t periods =
         lg_policy_steps(j->policy) < OBSERVATIONS ? lg_policy_steps(j->policy) : OBSERVATIONS;
     const size_t width = j->given + j->inputs + 2 * j->state;
-    double *numbers = app_alloc((periods + 1) * width, sizeof *numbers);
+    APP_FREE double *numbers = app_alloc((periods + 1) * width, sizeof *numbers);
     golden g = {.periods = periods, .seen = numbers};
     export_loop loop;
     g.held = g.seen + (periods + 1) * j->given;
@@ -271,7 +265,6 @@ static lg_status write_observer(export_policy_job *j, filter *f, lg_error *error
         add_test(j, &g);
         lg_text_add_named(&j->declarations, j->source->options->name, declarations);
     }
-    free(numbers);
     return status;
 }
 

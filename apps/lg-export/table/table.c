@@ -16,7 +16,6 @@ static size_t depth_of(const void *contents) {
 
 static void draw(export_model *m, double *x, size_t v) {
     const lg_table_file *file = m->file->contents;
-    (void)v;
     for (size_t c = 0; c < m->source->inputs; c++) {
         x[c] = file->inputs.mean[c] + file->inputs.scale[c] * lg_rng_normal(&m->rng);
         if (file->low != NULL) x[c] = fmax(x[c], file->low[c]);
