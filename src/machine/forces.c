@@ -11,17 +11,14 @@
 static const double START = 0.1;
 
 static void fill_start(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    (void)machine;
     for (size_t i = 0; i < term->parameters; i++) theta[i] = START;
 }
 
 static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
-    (void)term;
     return machine->velocities;
 }
 
 static void one_value_each(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    (void)term;
     fits[0] = fits[1] = machine->velocities;
 }
 
@@ -77,12 +74,10 @@ static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term
 
 /* Number of parameters: the packed triangle L of D = L L^T. */
 static size_t triangle(const lg_machine *machine, const lg_machine_term *term) {
-    (void)term;
     return lg_triangle(machine->velocities);
 }
 
 static void start_triangle(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    (void)term;
     for (uint32_t i = 0; i < machine->velocities; i++) theta[i] = START;
 }
 
@@ -136,7 +131,6 @@ DRAG_ENTRY(cubic, 3)
 
 static lg_var coulomb_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                             const lg_machine_seen *seen) {
-    (void)seen;
     return lg_machine_record_drag(tape, vars, term, 0);
 }
 
@@ -166,14 +160,12 @@ static void scale_squares(const lg_machine *machine, const lg_machine_term *term
 static void scale_network(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                           double *direction) {
     const size_t last = lg_mlp_weight_offset(&term->net, term->net.layers - 1);
-    (void)machine;
     for (size_t i = 0; i < term->parameters; i++) direction[i] = i < last ? 0.0 : theta[i] / 2.0;
 }
 
 /* ---- input maps ---- */
 
 static void input_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    (void)term;
     fits[0] = fits[1] = (size_t)machine->velocities * machine->input_count;
 }
 
@@ -196,7 +188,6 @@ static lg_var known_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t ter
 static void map_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
                       lg_entry_about *out) {
     const uint32_t i = index / machine->input_count, j = index % machine->input_count;
-    (void)term;
     *out = (lg_entry_about){.unit = lg_machine_drag_unit(machine, i, i, 0) / machine->scales.input[j],
                             .start = i == j ? 1.0 : 0.0,
                             .single = true};
@@ -208,13 +199,11 @@ static uint32_t map_outputs(const lg_machine *machine) {
 }
 
 static size_t map_parameters(const lg_machine *machine, const lg_machine_term *term) {
-    (void)term;
     return map_outputs(machine);
 }
 
 /* Initially input j drives velocity j. */
 static void start_map(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    (void)term;
     for (uint32_t i = 0; i < machine->velocities && i < machine->input_count; i++)
         theta[i * machine->input_count + i] = 1.0;
 }
@@ -264,93 +253,66 @@ static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t te
 /* ---- the table ---- */
 
 #define ANY (LG_TERM_OF | LG_TERM_MOVING)
-const lg_term_kind lg_machine_force_kinds[] = {{.name = "known",
-                                                .part = LG_MACHINE_DAMPING,
-                                                .options = LG_TERM_VALUES | LG_TERM_KNOWN,
-                                                .values = lg_machine_square_values,
-                                                .entry = damping_entry,
-                                                .scaling = lg_machine_scale_entries,
-                                                .record = known_damping},
-                                               {.name = "diagonal",
-                                                .part = LG_MACHINE_DAMPING,
-                                                .numbers = lg_numbers_squares,
-                                                .options = LG_TERM_VALUES,
-                                                .values = one_value_each,
-                                                .entry = damping_entry,
-                                                .parameters = one_each,
-                                                .initialise = fill_start,
-                                                .scaling = scale_squares,
-                                                .record = diagonal},
-                                               {.name = "constant",
-                                                .part = LG_MACHINE_DAMPING,
-                                                .numbers = lg_numbers_constant_damping,
-                                                .parameters = triangle,
-                                                .initialise = start_triangle,
-                                                .scaling = scale_squares,
-                                                .record = constant},
-                                               {.name = "network",
-                                                .part = LG_MACHINE_DAMPING,
-                                                .options = ANY | LG_TERM_HIDDEN,
-                                                .outputs = triangle_outputs,
-                                                .scaling = scale_network,
-                                                .record = damping_network},
-                                               {.name = "coulomb",
-                                                .part = LG_MACHINE_DAMPING,
-                                                .numbers = lg_numbers_squares,
-                                                .options = LG_TERM_WIDTH | LG_TERM_VALUES,
-                                                .parameters = one_each,
-                                                .initialise = fill_start,
-                                                .values = one_value_each,
-                                                .scaling = scale_squares,
-                                                .entry = coulomb_entry,
-                                                .limit = coulomb_limit,
-                                                .record = lg_machine_record_rubbing},
-                                               {.name = "quadratic",
-                                                .part = LG_MACHINE_DAMPING,
-                                                .numbers = lg_numbers_squares,
-                                                .options = LG_TERM_VALUES,
-                                                .parameters = one_each,
-                                                .initialise = fill_start,
-                                                .values = one_value_each,
-                                                .scaling = scale_squares,
-                                                .entry = quadratic_entry,
-                                                .record = quadratic},
-                                               {.name = "cubic",
-                                                .part = LG_MACHINE_DAMPING,
-                                                .numbers = lg_numbers_squares,
-                                                .options = LG_TERM_VALUES,
-                                                .parameters = one_each,
-                                                .initialise = fill_start,
-                                                .values = one_value_each,
-                                                .scaling = scale_squares,
-                                                .entry = cubic_entry,
-                                                .record = cubic},
-                                               {.name = "known",
-                                                .part = LG_MACHINE_INPUT_MAP,
-                                                .options = LG_TERM_VALUES | LG_TERM_KNOWN,
-                                                .values = input_values,
-                                                .entry = map_entry,
-                                                .record = known_map},
-                                               {.name = "constant",
-                                                .part = LG_MACHINE_INPUT_MAP,
-                                                .numbers = lg_numbers_constant_map,
-                                                .parameters = map_parameters,
-                                                .initialise = start_map,
-                                                .record = constant_map},
-                                               {.name = "network",
-                                                .part = LG_MACHINE_INPUT_MAP,
-                                                .options = LG_TERM_OF | LG_TERM_HIDDEN,
-                                                .outputs = map_outputs,
-                                                .record = map_network},
-                                               {.name = "polynomial",
-                                                .part = LG_MACHINE_RESIDUAL,
-                                                .options = ANY | LG_TERM_DEGREE,
-                                                .least = 1,
-                                                .parameters = polynomial_parameters,
-                                                .record = polynomial},
-                                               {.name = "network",
-                                                .part = LG_MACHINE_RESIDUAL,
-                                                .options = ANY | LG_TERM_HIDDEN,
-                                                .outputs = velocity_outputs,
-                                                .record = net_of},
-                                               {.name = NULL}};
+/* Damping whose numbers are squares of one parameter for each velocity. */
+#define SQUARES                                                                                              \
+    .part = LG_MACHINE_DAMPING, .numbers = lg_numbers_squares, .parameters = one_each,                       \
+    .initialise = fill_start, .values = one_value_each, .scaling = scale_squares
+const lg_term_kind lg_machine_force_kinds[] = {
+    {.name = "known",
+     .part = LG_MACHINE_DAMPING,
+     .options = LG_TERM_VALUES | LG_TERM_KNOWN,
+     .values = lg_machine_square_values,
+     .entry = damping_entry,
+     .scaling = lg_machine_scale_entries,
+     .record = known_damping},
+    {.name = "diagonal", .options = LG_TERM_VALUES, .entry = damping_entry, .record = diagonal, SQUARES},
+    {.name = "constant",
+     .part = LG_MACHINE_DAMPING,
+     .numbers = lg_numbers_constant_damping,
+     .parameters = triangle,
+     .initialise = start_triangle,
+     .scaling = scale_squares,
+     .record = constant},
+    {.name = "network",
+     .part = LG_MACHINE_DAMPING,
+     .options = ANY | LG_TERM_HIDDEN,
+     .outputs = triangle_outputs,
+     .scaling = scale_network,
+     .record = damping_network},
+    {.name = "coulomb",
+     .options = LG_TERM_WIDTH | LG_TERM_VALUES,
+     .entry = coulomb_entry,
+     .limit = coulomb_limit,
+     .record = lg_machine_record_rubbing,
+     SQUARES},
+    {.name = "quadratic", .options = LG_TERM_VALUES, .entry = quadratic_entry, .record = quadratic, SQUARES},
+    {.name = "cubic", .options = LG_TERM_VALUES, .entry = cubic_entry, .record = cubic, SQUARES},
+    {.name = "known",
+     .part = LG_MACHINE_INPUT_MAP,
+     .options = LG_TERM_VALUES | LG_TERM_KNOWN,
+     .values = input_values,
+     .entry = map_entry,
+     .record = known_map},
+    {.name = "constant",
+     .part = LG_MACHINE_INPUT_MAP,
+     .numbers = lg_numbers_constant_map,
+     .parameters = map_parameters,
+     .initialise = start_map,
+     .record = constant_map},
+    {.name = "network",
+     .part = LG_MACHINE_INPUT_MAP,
+     .options = LG_TERM_OF | LG_TERM_HIDDEN,
+     .outputs = map_outputs,
+     .record = map_network},
+    {.name = "polynomial",
+     .part = LG_MACHINE_RESIDUAL,
+     .options = ANY | LG_TERM_DEGREE,
+     .least = 1,
+     .parameters = polynomial_parameters,
+     .record = polynomial},
+    {.name = "network",
+     .part = LG_MACHINE_RESIDUAL,
+     .options = ANY | LG_TERM_HIDDEN,
+     .outputs = velocity_outputs,
+     .record = net_of},
+    {.name = NULL}};

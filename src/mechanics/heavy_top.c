@@ -82,23 +82,13 @@ static double spatial_energy(const double *parameter, const double *y, const dou
 static double spatial_invariant(const lg_system *system, size_t index, const double *y, double *work) {
     const double *parameter = system->parameters;
     double arm[3];
-    (void)work;
     if (index > 0) return lg_dot3(y + MOMENTUM, parameter + GAMMA0);
     weight_arm_of(parameter, arm);
     return spatial_energy(parameter, y, arm);
 }
 
-static lg_status direct_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
-    direct_field_of(parameters_of(user), y, out);
-    return LG_OK;
-}
-
-static lg_status cotangent_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
-    cotangent_field_of(parameters_of(user), y, out);
-    return LG_OK;
-}
+LG_PLAIN_FIELD(direct_field, parameters_of(user), y, out)
+LG_PLAIN_FIELD(cotangent_field, parameters_of(user), y, out)
 
 /* ---- on a tape ---- */
 
@@ -125,7 +115,6 @@ static lg_status direct_taped(const lg_system *system, lg_tape *tape, lg_taped_t
     const taped_parameters of = slice_parameters(tape, parameter);
     const lg_shape shape = lg_var_shape(tape, y[1]);
     lg_var pi = lg_reshape(tape, y[1], lg_shape3(shape.dims[0], 1, 3));
-    (void)system, (void)t, (void)input;
     algebra[0] = lg_taped_body_velocity(tape, of.inertia, y[0], pi);
     algebra[1] = lg_reshape(tape, taped_torque(tape, &of, y[0], lg_taped_spread(tape, of.arm, pi)), shape);
     return lg_tape_status(tape);
@@ -142,7 +131,6 @@ static void taped_cotangent(lg_tape *tape, const taped_parameters *of, const lg_
 static lg_status cotangent_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                                  lg_var input, lg_var parameter, lg_var *algebra) {
     const taped_parameters of = slice_parameters(tape, parameter);
-    (void)system, (void)t, (void)input;
     taped_cotangent(tape, &of, y, lg_taped_spread(tape, of.arm, y[1]), algebra);
     return lg_tape_status(tape);
 }
@@ -150,12 +138,10 @@ static lg_status cotangent_taped(const lg_system *system, lg_tape *tape, lg_tape
 /* ---- cotangent, direct ---- */
 
 static lg_status cotangent_space(size_t links, lg_space *out) {
-    (void)links;
     return lg_space_init(out, &(lg_space_factor){LG_SPACE_SE3, 1}, 1);
 }
 
 static lg_status direct_space(size_t links, lg_space *out) {
-    (void)links;
     return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}}, 2);
 }
 
@@ -198,7 +184,6 @@ static const lg_state_entry poisson_state[] = {
 };
 
 static lg_status poisson_space(size_t links, lg_space *out) {
-    (void)links;
     return lg_space_init(out, &(lg_space_factor){LG_SPACE_SE3_DUAL, 1}, 1);
 }
 
@@ -207,23 +192,17 @@ static const char *const poisson_invariants[] = {"energy", "|Gamma|^2", "Gamma.P
 static double poisson_invariant(const lg_system *system, size_t index, const double *y, double *work) {
     const double *parameter = system->parameters;
     double arm[3];
-    (void)work;
     if (index > 0) return lg_dot3(y + GAMMA, y + (index == 1 ? GAMMA : BODY_MOMENTUM));
     weight_arm_of(parameter, arm);
     return lg_body_energy(parameter + INERTIA, y + BODY_MOMENTUM) + lg_dot3(y + GAMMA, arm);
 }
 
-static lg_status poisson_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
-    poisson_field_of(parameters_of(user), y, out);
-    return LG_OK;
-}
+LG_PLAIN_FIELD(poisson_field, parameters_of(user), y, out)
 
 /* Parts of y: Gamma and Pi, (B, 1, 3) each. */
 static lg_status poisson_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                                lg_var input, lg_var parameter, lg_var *algebra) {
     const taped_parameters of = slice_parameters(tape, parameter);
-    (void)system, (void)t, (void)input;
     algebra[0] = lg_neg(tape, lg_div(tape, y[1], of.inertia));
     algebra[1] = lg_taped_spread(tape, lg_neg(tape, of.arm), y[1]);
     return lg_tape_status(tape);
@@ -246,7 +225,6 @@ const lg_system_row lg_system_row_top_lie_poisson = {
 /* ---- quadratic: Q, pi, q, p + M l chi ---- */
 
 static lg_status quadratic_space(size_t links, lg_space *out) {
-    (void)links;
     return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}}, 2);
 }
 
@@ -254,7 +232,6 @@ static lg_status quadratic_space(size_t links, lg_space *out) {
 static double quadratic_invariant(const lg_system *system, size_t index, const double *y, double *work) {
     const double *parameter = system->parameters;
     double arm[3];
-    (void)work;
     if (index > 0) return lg_dot3(y + MOMENTUM, parameter + GAMMA0);
     quadratic_arm_of(parameter, y, arm);
     return spatial_energy(parameter, y, arm);
@@ -267,11 +244,7 @@ static double quadratic_generating(const lg_system *system, const double *y, dou
     return quadratic_invariant(system, 0, y, work) + 0.5 * lg_dot3(arm, arm);
 }
 
-static lg_status quadratic_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
-    quadratic_field_of(parameters_of(user), y, out);
-    return LG_OK;
-}
+LG_PLAIN_FIELD(quadratic_field, parameters_of(user), y, out)
 
 /* Parts of y: Q (B, 1, 9), pi (B, 1, 3), (q, p + M l chi) (B, 6). */
 static lg_status quadratic_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
@@ -280,7 +253,6 @@ static lg_status quadratic_taped(const lg_system *system, lg_tape *tape, lg_tape
     const uint32_t batch = lg_var_shape(tape, y[1]).dims[0];
     lg_var shift = lg_reshape(tape, lg_slice(tape, y[2], 1, 3, 3), lg_shape3(batch, 1, 3));
     lg_var arm = lg_sub(tape, of.arm, shift);
-    (void)system, (void)t, (void)input;
     taped_cotangent(tape, &of, y, arm, algebra);
     lg_var gamma = lg_taped_rotate_back(tape, y[0], lg_taped_spread(tape, of.gamma0, y[1]));
     lg_var velocity = lg_neg(tape, lg_add(tape, arm, gamma));

@@ -20,39 +20,25 @@ static const lg_state_entry two_degrees[] = {
 static const char *const energy_only[] = {"energy", NULL};
 
 static lg_status space_r2(size_t links, lg_space *out) {
-    (void)links;
     return lg_space_init_rn(out, 2);
 }
 
 static lg_status space_r4(size_t links, lg_space *out) {
-    (void)links;
     return lg_space_init_rn(out, 4);
 }
 
 /* ---- H = (p^2 + q^2)/2 ---- */
 
 static double oscillator_energy(const lg_system *system, size_t index, const double *y, double *work) {
-    (void)system, (void)index, (void)work;
     return 0.5 * (y[0] * y[0] + y[1] * y[1]);
 }
 
-static lg_status oscillator_force(void *user, double t, const double *q, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
-    oscillator_force_of(q, out);
-    return LG_OK;
-}
-
-static lg_status oscillator_velocity(void *user, double t, const double *p, const double *input,
-                                     double *out) {
-    (void)user, (void)t, (void)input;
-    oscillator_velocity_of(p, out);
-    return LG_OK;
-}
+LG_PLAIN_FIELD(oscillator_force, y, out)
+LG_PLAIN_FIELD(oscillator_velocity, y, out)
 
 /* The midpoint rule: L_d(q0, q1) = h ((q1 - q0)^2/h^2 - (q0 + q1)^2/4)/2, p0 = -D_1 L_d, p1 = D_2 L_d. */
 static lg_status oscillator_step(void *user, double t, double h, double *y) {
     const double a = 0.25 * h * h, s = 1.0 / (1.0 + a), q = y[0], p = y[1];
-    (void)user, (void)t;
     y[0] = ((1.0 - a) * q + h * p) * s;
     y[1] = ((1.0 - a) * p - h * q) * s;
     return LG_OK;
@@ -60,14 +46,12 @@ static lg_status oscillator_step(void *user, double t, double h, double *y) {
 
 static lg_status oscillator_taped_force(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q,
                                         lg_var input, lg_var parameters, lg_var *out) {
-    (void)system, (void)t, (void)input, (void)parameters;
     *out = lg_neg(tape, q);
     return lg_tape_status(tape);
 }
 
 static lg_status identity_velocity(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var p,
                                    lg_var input, lg_var parameters, lg_var *out) {
-    (void)system, (void)t, (void)input, (void)parameters;
     *out = p;
     return lg_tape_status(tape);
 }
@@ -95,26 +79,15 @@ const lg_system_row lg_system_row_oscillator = {
 
 static double quartic_energy(const lg_system *system, size_t index, const double *y, double *work) {
     const double a = y[0] * y[0], b = y[1] * y[1];
-    (void)system, (void)index, (void)work;
     return 0.5 * (5.0 * y[2] * y[2] - 2.0 * y[2] * y[3] + 5.0 * y[3] * y[3]) + 0.25 * (a * a + b * b) +
            0.5 * (a + b);
 }
 
-static lg_status quartic_force(void *user, double t, const double *q, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
-    quartic_force_of(q, out);
-    return LG_OK;
-}
-
-static lg_status quartic_velocity(void *user, double t, const double *p, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
-    quartic_velocity_of(p, out);
-    return LG_OK;
-}
+LG_PLAIN_FIELD(quartic_force, y, out)
+LG_PLAIN_FIELD(quartic_velocity, y, out)
 
 static lg_status quartic_taped_force(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q,
                                      lg_var input, lg_var parameters, lg_var *out) {
-    (void)system, (void)t, (void)input, (void)parameters;
     *out = lg_neg(tape, lg_mul(tape, q, lg_add_scalar(tape, lg_square(tape, q), 1.0)));
     return lg_tape_status(tape);
 }
@@ -122,7 +95,6 @@ static lg_status quartic_taped_force(const lg_system *system, lg_tape *tape, lg_
 static lg_status quartic_taped_velocity(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var p,
                                         lg_var input, lg_var parameters, lg_var *out) {
     static const double inverse_mass[4] = {5.0, -1.0, -1.0, 5.0};
-    (void)system, (void)t, (void)input, (void)parameters;
     *out = lg_matmul(tape, p, lg_input_f64(tape, lg_shape2(2, 2), inverse_mass));
     return lg_tape_status(tape);
 }
@@ -149,26 +121,15 @@ const lg_system_row lg_system_row_quartic = {
 
 static double coupled_invariant(const lg_system *system, size_t index, const double *y, double *work) {
     const double first = 0.5 * (y[0] * y[0] + y[2] * y[2]), b = y[1] * y[1];
-    (void)system, (void)work;
     return index == 0 ? first + 0.5 * (y[3] * y[3] + b) + 0.25 * b * b : first;
 }
 
-static lg_status coupled_force(void *user, double t, const double *q, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
-    coupled_force_of(q, out);
-    return LG_OK;
-}
-
-static lg_status coupled_velocity(void *user, double t, const double *p, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
-    coupled_velocity_of(p, out);
-    return LG_OK;
-}
+LG_PLAIN_FIELD(coupled_force, y, out)
+LG_PLAIN_FIELD(coupled_velocity, y, out)
 
 static lg_status coupled_taped_force(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q,
                                      lg_var input, lg_var parameters, lg_var *out) {
     static const double second[2] = {0.0, 1.0};
-    (void)system, (void)t, (void)input, (void)parameters;
     lg_var cubic = lg_mul(tape, lg_input_f64(tape, lg_shape1(2), second), lg_square(tape, q));
     *out = lg_neg(tape, lg_mul(tape, q, lg_add_scalar(tape, cubic, 1.0)));
     return lg_tape_status(tape);

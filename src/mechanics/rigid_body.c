@@ -38,26 +38,19 @@ static const double *inertia_of(const void *user) {
 static const lg_state_entry momentum_state[] = {{"mu", 1, 1, 3, 0, 3, NULL}, {.key = NULL}};
 
 static lg_status momentum_space(size_t links, lg_space *out) {
-    (void)links;
     return lg_space_init(out, &(lg_space_factor){LG_SPACE_SO3_DUAL, 1}, 1);
 }
 
 static const char *const momentum_invariants[] = {"energy", "|mu|^2", NULL};
 
 static double momentum_invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    (void)work;
     return index == 0 ? lg_body_energy(system->parameters, y) : lg_dot3(y, y);
 }
 
-static lg_status momentum_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
-    momentum_field_of(inertia_of(user), y, out);
-    return LG_OK;
-}
+LG_PLAIN_FIELD(momentum_field, inertia_of(user), y, out)
 
 static lg_status momentum_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                                 lg_var input, lg_var parameter, lg_var *algebra) {
-    (void)system, (void)t, (void)input;
     const lg_var velocity = lg_div(tape, y[0], parameter);
     const lg_var size = lg_add_scalar(tape, lg_rownorm2(tape, y[0]), DBL_MIN);
     const lg_var along = lg_div(tape, lg_rowdot(tape, y[0], velocity), size);
@@ -89,7 +82,6 @@ static const lg_state_entry attitude_state[] = {
 };
 
 static lg_status attitude_space(size_t links, lg_space *out) {
-    (void)links;
     return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}}, 2);
 }
 
@@ -97,23 +89,17 @@ static const char *const attitude_invariants[] = {"energy", "|R^T pi|^2", NULL};
 
 static double attitude_invariant(const lg_system *system, size_t index, const double *y, double *work) {
     double body[3];
-    (void)work;
     lg_so3_coadjoint(y + ATTITUDE, y + SPATIAL_MOMENTUM, body);
     return index == 0 ? lg_body_energy(system->parameters, body) : lg_dot3(body, body);
 }
 
-static lg_status attitude_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
-    attitude_field_of(inertia_of(user), y, out);
-    return LG_OK;
-}
+LG_PLAIN_FIELD(attitude_field, inertia_of(user), y, out)
 
 /* Parts of y: R (B, 1, 9), pi (B, 3). */
 static lg_status attitude_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                                 lg_var input, lg_var parameter, lg_var *algebra) {
     const lg_shape shape = lg_var_shape(tape, y[1]);
     lg_var pi = lg_reshape(tape, y[1], lg_shape3(shape.dims[0], 1, 3));
-    (void)system, (void)t, (void)input;
     algebra[0] = lg_taped_body_velocity(tape, parameter, y[0], pi);
     algebra[1] = lg_full(tape, shape, 0.0);
     return lg_tape_status(tape);

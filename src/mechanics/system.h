@@ -106,4 +106,11 @@ extern const lg_system_row lg_system_row_top_cotangent, lg_system_row_top_direct
     lg_system_row_top_lie_poisson, lg_system_row_top_quadratic;
 extern const lg_system_row lg_system_row_satellite, lg_system_row_quadrotors;
 
+/* The field `name` that never fails: name_of(...) of user, y and out. */
+#define LG_PLAIN_FIELD(name, ...)                                                                            \
+    static lg_status name(void *user, double t, const double *y, const double *input, double *out) {         \
+        name##_of(__VA_ARGS__);                                                                              \
+        return LG_OK;                                                                                        \
+    }
+
 #endif

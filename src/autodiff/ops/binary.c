@@ -14,7 +14,6 @@ static uint32_t dim_at(const lg_shape *shape, uint32_t rank, uint32_t i) {
 
 static lg_status broadcast_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                  lg_shape *out) {
-    (void)inputs, (void)attr;
     const lg_shape *a = in[0], *b = in[1];
     out->rank = a->rank > b->rank ? a->rank : b->rank;
     for (uint32_t i = 0; i < out->rank; i++) {
@@ -107,14 +106,17 @@ static lg_var spread(const lg_forward *f, lg_var t) {
 
 /* ---- operations ---- */
 
+#define FORWARD(op, kernel)                                                                                  \
+    static lg_status op##_forward(lg_evaluation *e) {                                                        \
+        return binary_forward(e, kernel);                                                                    \
+    }
+
 /* Whether input `input` has the output's shape and all elements of the other input equal `with`. */
 static bool other_is(const lg_known *k, uint32_t input, double with) {
     return lg_same_shape(k->in[input], k->shape) && k->filled(k->user, 1 - input, with);
 }
 
-static lg_status add_forward(lg_evaluation *e) {
-    return binary_forward(e, LG_K_ADD);
-}
+FORWARD(add, LG_K_ADD)
 static void add_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = fold(r, 0, r->g);
     if (r->need[1]) r->out[1] = fold(r, 1, r->g);
@@ -123,7 +125,6 @@ static lg_var add_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, spread(f, f->tangents[0]), spread(f, f->tangents[1]));
 }
 static lg_scalar add_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s_add(s, x[0], x[1]);
 }
 static lg_instead add_instead(const lg_known *k) {
@@ -134,9 +135,7 @@ static lg_instead add_instead(const lg_known *k) {
 const lg_op lg_op_add = {LG_OP("add", 0, 2, 2, broadcast_shape, add_forward, add_vjp, add_jvp),
                          .element = add_element, .instead = add_instead};
 
-static lg_status sub_forward(lg_evaluation *e) {
-    return binary_forward(e, LG_K_SUB);
-}
+FORWARD(sub, LG_K_SUB)
 static void sub_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = fold(r, 0, r->g);
     if (r->need[1]) r->out[1] = lg_neg(r->tape, fold(r, 1, r->g));
@@ -147,7 +146,6 @@ static lg_var sub_jvp(const lg_forward *f) {
     return lg_is_none(a) ? lg_neg(f->tape, b) : lg_sub(f->tape, a, b);
 }
 static lg_scalar sub_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s_sub(s, x[0], x[1]);
 }
 static lg_instead sub_instead(const lg_known *k) {
@@ -157,9 +155,7 @@ static lg_instead sub_instead(const lg_known *k) {
 const lg_op lg_op_sub = {LG_OP("sub", 0, 2, 2, broadcast_shape, sub_forward, sub_vjp, sub_jvp),
                          .element = sub_element, .instead = sub_instead};
 
-static lg_status mul_forward(lg_evaluation *e) {
-    return binary_forward(e, LG_K_MUL);
-}
+FORWARD(mul, LG_K_MUL)
 static void mul_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = fold_product(r, 0, r->g, r->in[1]);
     if (r->need[1]) r->out[1] = fold_product(r, 1, r->g, r->in[0]);
@@ -171,7 +167,6 @@ static lg_var mul_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, a, b);
 }
 static lg_scalar mul_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s_mul(s, x[0], x[1]);
 }
 static lg_instead mul_instead(const lg_known *k) {
@@ -183,9 +178,7 @@ static lg_instead mul_instead(const lg_known *k) {
 const lg_op lg_op_mul = {LG_OP("mul", 0, 2, 2, broadcast_shape, mul_forward, mul_vjp, mul_jvp),
                          .element = mul_element, .instead = mul_instead};
 
-static lg_status div_forward(lg_evaluation *e) {
-    return binary_forward(e, LG_K_DIV);
-}
+FORWARD(div, LG_K_DIV)
 /* y = a/b: da = g/b, db = -g y/b */
 static void div_vjp(lg_reverse *r) {
     lg_var over = lg_div(r->tape, r->g, r->in[1]);
@@ -198,7 +191,6 @@ static lg_var div_jvp(const lg_forward *f) {
     return lg_div(f->tape, lg_add_or(f->tape, a, b), f->in[1]);
 }
 static lg_scalar div_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s_div(s, x[0], x[1]);
 }
 static lg_instead div_instead(const lg_known *k) {
@@ -210,19 +202,14 @@ const lg_op lg_op_div = {LG_OP("div", 0, 2, 2, broadcast_shape, div_forward, div
                          .element = div_element, .instead = div_instead};
 
 /* The mask a >= b. Differentiation treats it as a constant. */
-static lg_status ge_forward(lg_evaluation *e) {
-    return binary_forward(e, LG_K_GE);
-}
+FORWARD(ge, LG_K_GE)
 static lg_scalar ge_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s(s, LG_S_GE, x[0], x[1]);
 }
 const lg_op lg_op_ge = {LG_OP("ge", ~0u, 2, 2, broadcast_shape, ge_forward, lg_no_vjp, lg_zero_jvp),
                         .element = ge_element};
 
-static lg_status max_forward(lg_evaluation *e) {
-    return binary_forward(e, LG_K_MAX);
-}
+FORWARD(max, LG_K_MAX)
 static lg_var mask_of(lg_tape *tape, const lg_var *in) {
     return lg_record(tape, &lg_op_ge, in, 2, NULL);
 }
@@ -241,35 +228,22 @@ static lg_var max_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, a, b);
 }
 static lg_scalar max_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s(s, LG_S_MAX, x[0], x[1]);
 }
 const lg_op lg_op_max = {LG_OP("max", 0, 2, 2, broadcast_shape, max_forward, max_vjp, max_jvp),
                          .element = max_element};
 
-static lg_var binary(lg_tape *tape, const lg_op *op, lg_var a, lg_var b) {
-    lg_var in[2] = {a, b};
-    return lg_record(tape, op, in, 2, NULL);
-}
-lg_var lg_add(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, &lg_op_add, a, b);
-}
-lg_var lg_sub(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, &lg_op_sub, a, b);
-}
-lg_var lg_mul(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, &lg_op_mul, a, b);
-}
-lg_var lg_div(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, &lg_op_div, a, b);
-}
-lg_var lg_max(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, &lg_op_max, a, b);
-}
+#define BINARY(op)                                                                                           \
+    lg_var lg_##op(lg_tape *tape, lg_var a, lg_var b) {                                                      \
+        return lg_record(tape, &lg_op_##op, (const lg_var[]){a, b}, 2, NULL);                                \
+    }
+BINARY(add)
+BINARY(sub)
+BINARY(mul)
+BINARY(div)
+BINARY(max)
 
-static lg_status atan2_forward(lg_evaluation *e) {
-    return binary_forward(e, LG_K_ATAN2);
-}
+FORWARD(atan2, LG_K_ATAN2)
 /* d atan2(a, b) = (B da - A db)/(m (A^2 + B^2)) with A = a/m, B = b/m, for any m. Here m = max(|a|, |b|), as
  * a constant for differentiation, so that no square overflows or underflows. Sets unit to {A, B} and returns
  * g/(m (A^2 + B^2)). */
@@ -293,15 +267,10 @@ static lg_var atan2_jvp(const lg_forward *f) {
     return lg_mul(f->tape, over, spread(f, lg_add_or(f->tape, a, b)));
 }
 static lg_scalar atan2_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s(s, LG_S_ATAN2, x[0], x[1]);
 }
 const lg_op lg_op_atan2 = {LG_OP("atan2", 0, 2, 2, broadcast_shape, atan2_forward, atan2_vjp, atan2_jvp),
                            .element = atan2_element};
 
-lg_var lg_atan2(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, &lg_op_atan2, a, b);
-}
-lg_var lg_ge(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, &lg_op_ge, a, b);
-}
+BINARY(atan2)
+BINARY(ge)

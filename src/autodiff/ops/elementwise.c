@@ -10,7 +10,6 @@ extern const lg_op lg_op_mix, lg_op_pow;
 /* ---- select: y = c != 0 ? a : b ---- */
 
 static lg_status three_alike(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    (void)inputs, (void)attr;
     if (!lg_same_shape(in[0], in[1]) || !lg_same_shape(in[0], in[2])) return LG_SHAPE;
     *out = *in[0];
     return LG_OK;
@@ -31,7 +30,6 @@ static lg_var select_jvp(const lg_forward *f) {
                      lg_is_none(f->tangents[2]) ? zero : f->tangents[2]);
 }
 static lg_scalar select_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s_select(s, x[0], x[1], x[2]);
 }
 const lg_op lg_op_select = {LG_OP("select", 1u, 3, 3, three_alike, select_forward, select_vjp, select_jvp),
@@ -74,7 +72,6 @@ static lg_var mix_jvp(const lg_forward *f) {
 }
 
 static lg_scalar mix_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s_add(s, lg_s_mul(s, lg_s_sub(s, lg_s_constant(s, 1.0), x[0]), x[1]), lg_s_mul(s, x[0], x[2]));
 }
 const lg_op lg_op_mix = {LG_OP("mix", 0, 3, 3, three_alike, mix_forward, mix_vjp, mix_jvp),
@@ -89,7 +86,6 @@ lg_var lg_lerp(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
 
 static lg_status combine_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
-    (void)attr;
     if (inputs == 0) return LG_INVALID_ARGUMENT;
     for (uint32_t i = 1; i < inputs; i++)
         if (!lg_same_shape(in[0], in[i])) return LG_SHAPE;
@@ -143,7 +139,6 @@ lg_var lg_linear_combination(lg_tape *tape, const lg_var *x, const double *c, si
 /* ---- unary operations; attr.c is a number that scale, shift and pow use ---- */
 
 static lg_status same_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    (void)inputs, (void)attr;
     *out = *in[0];
     return LG_OK;
 }
@@ -220,7 +215,6 @@ static lg_var pow_jvp(const lg_forward *f) {
     return pow_times(f->tape, f->in[0], f->attr->c, f->tangents[0]);
 }
 static lg_scalar pow_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)inputs;
     return lg_s_pow(s, x[0], attr->c);
 }
 const lg_op lg_op_pow = {LG_OP("pow", 0, 1, 1, same_shape, pow_forward, pow_vjp, pow_jvp),
@@ -231,7 +225,6 @@ static lg_status sign_forward(lg_evaluation *e) {
     return LG_OK;
 }
 static lg_scalar sign_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s(s, LG_S_SIGN, x[0], x[0]);
 }
 const lg_op lg_op_sign = {LG_OP("sign", ~0u, 1, 1, same_shape, sign_forward, lg_no_vjp, lg_zero_jvp),
@@ -243,53 +236,34 @@ static lg_status copy_forward(lg_evaluation *e) {
 }
 static lg_scalar stop_gradient_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x,
                                        uint32_t inputs) {
-    (void)attr, (void)inputs;
     return lg_s_stopped(s, x[0]);
 }
 static lg_instead stop_gradient_instead(const lg_known *k) {
-    (void)k;
     return lg_instead_input(0);
 }
 const lg_op lg_op_stop_gradient = {
     LG_OP("stop_gradient", ~0u, 1, 1, same_shape, copy_forward, lg_no_vjp, lg_zero_jvp),
     .element = stop_gradient_element, .instead = stop_gradient_instead};
 
-lg_var lg_neg(lg_tape *tape, lg_var x) {
-    return unary(tape, &lg_op_scale, x, -1.0);
-}
-lg_var lg_scale(lg_tape *tape, lg_var x, double c) {
-    return unary(tape, &lg_op_scale, x, c);
-}
-lg_var lg_add_scalar(lg_tape *tape, lg_var x, double c) {
-    return unary(tape, &lg_op_shift, x, c);
-}
-lg_var lg_pow(lg_tape *tape, lg_var x, double exponent) {
-    return unary(tape, &lg_op_pow, x, exponent);
-}
-lg_var lg_square(lg_tape *tape, lg_var x) {
-    return unary(tape, &lg_op_pow, x, 2.0);
-}
-lg_var lg_sqrt(lg_tape *tape, lg_var x) {
-    return unary(tape, &lg_op_sqrt, x, 0.0);
-}
-lg_var lg_exp(lg_tape *tape, lg_var x) {
-    return unary(tape, &lg_op_exp, x, 0.0);
-}
-lg_var lg_log(lg_tape *tape, lg_var x) {
-    return unary(tape, &lg_op_log, x, 0.0);
-}
-lg_var lg_sin(lg_tape *tape, lg_var x) {
-    return unary(tape, &lg_op_sin, x, 0.0);
-}
-lg_var lg_cos(lg_tape *tape, lg_var x) {
-    return unary(tape, &lg_op_cos, x, 0.0);
-}
-lg_var lg_abs(lg_tape *tape, lg_var x) {
-    return unary(tape, &lg_op_abs, x, 0.0);
-}
-lg_var lg_sign(lg_tape *tape, lg_var x) {
-    return unary(tape, &lg_op_sign, x, 0.0);
-}
-lg_var lg_stop_gradient(lg_tape *tape, lg_var x) {
-    return unary(tape, &lg_op_stop_gradient, x, 0.0);
-}
+/* The functions of liegrad/ops.h that record one of these operations: of x and a number, and of x alone. */
+#define WITH_NUMBER(name, op)                                                                                \
+    lg_var name(lg_tape *tape, lg_var x, double c) {                                                         \
+        return unary(tape, &lg_op_##op, x, c);                                                               \
+    }
+#define ALONE(name, op, c)                                                                                   \
+    lg_var name(lg_tape *tape, lg_var x) {                                                                   \
+        return unary(tape, &lg_op_##op, x, c);                                                               \
+    }
+WITH_NUMBER(lg_scale, scale)
+WITH_NUMBER(lg_add_scalar, shift)
+WITH_NUMBER(lg_pow, pow)
+ALONE(lg_neg, scale, -1.0)
+ALONE(lg_square, pow, 2.0)
+ALONE(lg_sqrt, sqrt, 0.0)
+ALONE(lg_exp, exp, 0.0)
+ALONE(lg_log, log, 0.0)
+ALONE(lg_sin, sin, 0.0)
+ALONE(lg_cos, cos, 0.0)
+ALONE(lg_abs, abs, 0.0)
+ALONE(lg_sign, sign, 0.0)
+ALONE(lg_stop_gradient, stop_gradient, 0.0)
