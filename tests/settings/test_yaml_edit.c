@@ -98,12 +98,9 @@ TEST("an item is appended to a list, to a single value, to none and to nothing")
                   "residual=none\n");
 }
 
-TEST("a term is replaced by its kind and by its flag") {
+TEST("a term is replaced by its kind") {
     assert_change((lg_yaml_edit){LG_YAML_REPLACE, "damping", "diagonal", "{kind: asymmetric}"}, BEFORE
                   "inputs.columns[0]=u\ndamping.kind=asymmetric\ndamping.coulomb=true\nresidual=none\n");
-    assert_change((lg_yaml_edit){LG_YAML_REPLACE, "damping", "coulomb", "{kind: stribeck, width: 1}"},
-                  BEFORE "inputs.columns[0]=u\ndamping[0].kind=diagonal\ndamping[1].kind=stribeck\n"
-                         "damping[1].width=1\nresidual=none\n");
     assert_change((lg_yaml_edit){LG_YAML_REPLACE, "damping", "cubic", "stribeck"},
                   BEFORE "inputs.columns[0]=u\ndamping[0].kind=diagonal\ndamping[0].coulomb=true\n"
                          "damping[1]=stribeck\nresidual=none\n");

@@ -6,9 +6,9 @@
 #include "core/text.h"
 #include "settings/files/yaml.h"
 
-/* Nodes are never changed in place: an edit makes new nodes from the root down to the changed one. A node is
- * identified by its index in the document, from 1; 0 means that memory ran out. Adding a node moves the other
- * nodes in memory, so the functions do not keep pointers to nodes. */
+/* A node is identified by its index in the document, from 1; 0 means that memory ran out. Adding a node
+ * moves the other nodes in memory, so the functions do not keep pointers to nodes; lists of pairs and items
+ * stay. */
 typedef struct editing {
     const lg_context *context;
     yaml_document_t *document;
@@ -39,14 +39,6 @@ static int add_scalar(editing *e, const char *text, size_t length, yaml_scalar_s
         e, yaml_document_add_scalar(e->document, NULL, (const yaml_char_t *)text, (int)length, style));
 }
 
-static int add_map(editing *e, yaml_mapping_style_t style) {
-    return checked(e, yaml_document_add_mapping(e->document, NULL, style));
-}
-
-static int add_list(editing *e, yaml_sequence_style_t style) {
-    return checked(e, yaml_document_add_sequence(e->document, NULL, style));
-}
-
 static bool is_word(const yaml_node_t *node, const char *word, size_t length) {
     return node != NULL && node->type == YAML_SCALAR_NODE && node->data.scalar.length == length &&
            memcmp(node->data.scalar.value, word, length) == 0;
@@ -60,13 +52,13 @@ static int graft(editing *e, yaml_document_t *from, int index) {
     int out = 0;
     switch (node->type) {
     case YAML_SEQUENCE_NODE:
-        out = add_list(e, node->data.sequence.style);
+        out = checked(e, yaml_document_add_sequence(e->document, NULL, node->data.sequence.style));
         for (const yaml_node_item_t *i = node->data.sequence.items.start; i < node->data.sequence.items.top;
              i++)
             append_item(e, out, graft(e, from, *i));
         return out;
     case YAML_MAPPING_NODE:
-        out = add_map(e, node->data.mapping.style);
+        out = checked(e, yaml_document_add_mapping(e->document, NULL, node->data.mapping.style));
         for (const yaml_node_pair_t *p = node->data.mapping.pairs.start; p < node->data.mapping.pairs.top;
              p++) {
             const int key = graft(e, from, p->key);
@@ -101,65 +93,39 @@ static lg_status add_fragment(editing *e, const char *fragment, int *out) {
 
 /* ---- mappings ---- */
 
-/* The value of a key; 0: absent. */
-static int value_of(const editing *e, int map, const char *key, size_t length) {
+/* Where the value of a key is; NULL: absent. */
+static int *place_of(const editing *e, int map, const char *key, size_t length) {
     const yaml_node_t *node = node_at(e, map);
-    if (node == NULL || node->type != YAML_MAPPING_NODE) return 0;
-    for (const yaml_node_pair_t *p = node->data.mapping.pairs.start; p < node->data.mapping.pairs.top; p++)
-        if (is_word(node_at(e, p->key), key, length)) return p->value;
-    return 0;
+    if (node == NULL || node->type != YAML_MAPPING_NODE) return NULL;
+    for (yaml_node_pair_t *p = node->data.mapping.pairs.start; p < node->data.mapping.pairs.top; p++)
+        if (is_word(node_at(e, p->key), key, length)) return &p->value;
+    return NULL;
 }
 
-/* A copy of a mapping with another value of a key; value 0: without the key. */
-static int with_value(editing *e, int map, const char *key, size_t length, int value) {
-    const int out = add_map(e, node_at(e, map)->data.mapping.style);
-    bool found = false;
-    for (ptrdiff_t i = 0; !e->full; i++) {
-        const yaml_node_t *node = node_at(e, map);
-        if (node->data.mapping.pairs.start + i >= node->data.mapping.pairs.top) break;
-        const yaml_node_pair_t pair = node->data.mapping.pairs.start[i];
-        const bool same = is_word(node_at(e, pair.key), key, length);
-        found = found || same;
-        if (!same || value != 0) append_pair(e, out, pair.key, same ? value : pair.value);
-    }
-    if (!found && value != 0) append_pair(e, out, add_scalar(e, key, length, YAML_ANY_SCALAR_STYLE), value);
-    return out;
+static int value_of(const editing *e, int map, const char *key) {
+    const int *place = place_of(e, map, key, strlen(key));
+    return place != NULL ? *place : 0;
 }
 
-/* A copy of the mapping `map` in which all keys of the mapping `more` are set. */
-static int merged(editing *e, int map, int more) {
-    for (ptrdiff_t i = 0; !e->full; i++) {
-        const yaml_node_t *node = node_at(e, more);
-        if (node->data.mapping.pairs.start + i >= node->data.mapping.pairs.top) break;
-        const yaml_node_pair_t pair = node->data.mapping.pairs.start[i];
-        const yaml_node_t *key = node_at(e, pair.key);
-        map = with_value(e, map, (const char *)key->data.scalar.value, key->data.scalar.length, pair.value);
-    }
-    return map;
+static void set(editing *e, int map, const char *key, size_t length, int value) {
+    int *place = place_of(e, map, key, length);
+    if (place != NULL)
+        *place = value;
+    else
+        append_pair(e, map, add_scalar(e, key, length, YAML_ANY_SCALAR_STYLE), value);
 }
 
 /* ---- lists ---- */
 
-/* A list with the items of `value`, or with `value` itself as an item; `other` (0: none) takes the place of
- * item `at`, and `last` (0: none) follows. */
-static int with_items(editing *e, int value, ptrdiff_t at, int other, int last) {
-    const bool list = node_at(e, value)->type == YAML_SEQUENCE_NODE;
-    const int out = add_list(e, list ? node_at(e, value)->data.sequence.style : YAML_ANY_SEQUENCE_STYLE);
-    for (ptrdiff_t i = 0; !e->full; i++) {
-        const yaml_node_t *node = node_at(e, value);
-        if (list ? node->data.sequence.items.start + i >= node->data.sequence.items.top : i > 0) break;
-        append_item(e, out,
-                    other != 0 && i == at ? other
-                    : list                ? node->data.sequence.items.start[i]
-                                          : value);
-    }
-    if (last != 0) append_item(e, out, last);
-    return out;
-}
-
 static int appended(editing *e, int value, int fragment) {
+    int list = value;
     if (value == 0 || is_word(node_at(e, value), "none", strlen("none"))) return fragment;
-    return with_items(e, value, 0, 0, fragment);
+    if (node_at(e, value)->type != YAML_SEQUENCE_NODE) {
+        list = checked(e, yaml_document_add_sequence(e->document, NULL, YAML_ANY_SEQUENCE_STYLE));
+        append_item(e, list, value);
+    }
+    append_item(e, list, fragment);
+    return list;
 }
 
 /* The text of a word or of a list of one word; NULL: something else. */
@@ -173,75 +139,70 @@ static const yaml_node_t *only_word(const editing *e, int index) {
 
 /* Whether an item depends on what the fragment depends on. */
 static bool is_of(const editing *e, int item, int fragment) {
-    const int wanted = value_of(e, fragment, "of", 2);
-    const yaml_node_t *one = only_word(e, wanted), *own = only_word(e, value_of(e, item, "of", 2));
+    const int wanted = value_of(e, fragment, "of");
+    const yaml_node_t *one = only_word(e, wanted), *own = only_word(e, value_of(e, item, "of"));
     if (one == NULL) return wanted == 0;
     return is_word(own, (const char *)one->data.scalar.value, one->data.scalar.length);
 }
 
-/* What an item becomes when `fragment` replaces `old` in it; 0: it does not have `old`. *more: the fragment
- * must still be appended. */
-static int replaced(editing *e, int item, const char *old, int fragment, bool *more) {
+/* Lets the fragment take the place of an item if this is the word `old` or of this kind. */
+static bool replaced(editing *e, int *item, const char *old, int fragment) {
     const size_t length = strlen(old);
-    const yaml_node_t *node = node_at(e, item);
-    *more = false;
-    if (is_word(node, old, length)) return fragment;
-    if (node->type != YAML_MAPPING_NODE) return 0;
-    if (is_word(node_at(e, value_of(e, item, "kind", 4)), old, length) && is_of(e, item, fragment))
-        return node_at(e, fragment)->type == YAML_MAPPING_NODE ? merged(e, item, fragment)
-                                                               : with_value(e, item, "kind", 4, fragment);
-    *more = is_word(node_at(e, value_of(e, item, old, length)), "true", 4);
-    return *more ? with_value(e, item, old, length, 0) : 0;
+    if (is_word(node_at(e, *item), old, length)) {
+        *item = fragment;
+        return true;
+    }
+    if (!is_word(node_at(e, value_of(e, *item, "kind")), old, length) || !is_of(e, *item, fragment))
+        return false;
+    const yaml_node_t *from = node_at(e, fragment);
+    if (from->type != YAML_MAPPING_NODE) {
+        set(e, *item, "kind", strlen("kind"), fragment);
+        return true;
+    }
+    const yaml_node_pair_t *end = from->data.mapping.pairs.top;
+    for (const yaml_node_pair_t *p = from->data.mapping.pairs.start; p < end; p++) {
+        const yaml_node_t *key = node_at(e, p->key);
+        set(e, *item, (const char *)key->data.scalar.value, key->data.scalar.length, p->value);
+    }
+    return true;
 }
 
 static int replace(editing *e, int value, const char *old, int fragment) {
-    bool more = false;
-    int other = 0;
-    if (value == 0 || node_at(e, value)->type != YAML_SEQUENCE_NODE) {
-        other = value == 0 ? 0 : replaced(e, value, old, fragment, &more);
-        if (other == 0) return appended(e, value, fragment);
-        return more ? with_items(e, other, 0, 0, fragment) : other;
-    }
-    for (ptrdiff_t i = 0; !e->full; i++) {
-        const yaml_node_t *node = node_at(e, value);
-        if (node->data.sequence.items.start + i >= node->data.sequence.items.top) break;
-        other = replaced(e, node->data.sequence.items.start[i], old, fragment, &more);
-        if (other != 0) return with_items(e, value, i, other, more ? fragment : 0);
-    }
+    const yaml_node_t *node = node_at(e, value);
+    if (node == NULL || node->type != YAML_SEQUENCE_NODE)
+        return node != NULL && replaced(e, &value, old, fragment) ? value : appended(e, value, fragment);
+    yaml_node_item_t *const end = node->data.sequence.items.top;
+    for (yaml_node_item_t *item = node->data.sequence.items.start; item < end; item++)
+        if (replaced(e, item, old, fragment)) return value;
     return appended(e, value, fragment);
 }
 
 /* ---- paths ---- */
 
-/* The value at the rest of a path below `at` (0: absent) after the edit. */
-static lg_status edited(editing *e, int at, const lg_yaml_edit *edit, const char *path, int fragment,
-                        int *out) {
-    const size_t length = path != NULL ? strcspn(path, ".") : 0;
-    int value = 0;
-    if (path == NULL) {
-        *out = edit->how == LG_YAML_SET      ? fragment
-               : edit->how == LG_YAML_APPEND ? appended(e, at, fragment)
-                                             : replace(e, at, edit->old, fragment);
-        return LG_OK;
+static lg_status carry_out(editing *e, const lg_yaml_edit *edit, int fragment) {
+    int map = 1;
+    for (const char *key = edit->path; !e->full;) {
+        const size_t length = strcspn(key, ".");
+        const int *place = place_of(e, map, key, length);
+        int value = place != NULL ? *place : 0;
+        if (node_at(e, map)->type != YAML_MAPPING_NODE)
+            return lg_yaml_fail(e->yaml, (uint32_t)node_at(e, map)->start_mark.line + 1, LG_FORMAT, e->error,
+                                "%s: keys and values are expected above this key", edit->path);
+        if (key[length] == '\0') {
+            set(e, map, key, length,
+                edit->how == LG_YAML_SET      ? fragment
+                : edit->how == LG_YAML_APPEND ? appended(e, value, fragment)
+                                              : replace(e, value, edit->old, fragment));
+            break;
+        }
+        if (value == 0) {
+            value = checked(e, yaml_document_add_mapping(e->document, NULL, YAML_ANY_MAPPING_STYLE));
+            set(e, map, key, length, value);
+        }
+        map = value;
+        key += length + 1;
     }
-    if (at == 0) at = add_map(e, YAML_ANY_MAPPING_STYLE);
-    if (e->full) return LG_OUT_OF_MEMORY;
-    if (node_at(e, at)->type != YAML_MAPPING_NODE)
-        return lg_yaml_fail(e->yaml, (uint32_t)node_at(e, at)->start_mark.line + 1, LG_FORMAT, e->error,
-                            "%s: keys and values are expected above this key", edit->path);
-    LG_TRY(edited(e, value_of(e, at, path, length), edit, path[length] == '.' ? path + length + 1 : NULL,
-                  fragment, &value));
-    *out = with_value(e, at, path, length, value);
-    return LG_OK;
-}
-
-/* The root of a document is its first node: the pairs of the new root move there. */
-static void set_root(editing *e, int index) {
-    if (e->full || index == 1) return;
-    yaml_node_t *root = node_at(e, 1), *node = node_at(e, index);
-    const yaml_node_t kept = *root;
-    root->data = node->data;
-    node->data = kept.data;
+    return e->full ? LG_OUT_OF_MEMORY : LG_OK;
 }
 
 /* ---- text ---- */
@@ -272,11 +233,9 @@ static lg_status change(editing *e, const lg_yaml_edit *edits, size_t count, cha
     lg_text text = {.context = e->context};
     lg_status status = LG_OK;
     for (size_t i = 0; i < count && status == LG_OK; i++) {
-        int fragment = 0, root = 0;
+        int fragment = 0;
         status = add_fragment(e, edits[i].fragment, &fragment);
-        if (status == LG_OK && !e->full) status = edited(e, 1, &edits[i], edits[i].path, fragment, &root);
-        if (status == LG_OK) set_root(e, root);
-        if (e->full) status = LG_OUT_OF_MEMORY;
+        if (status == LG_OK) status = carry_out(e, &edits[i], fragment);
     }
     if (status == LG_OK && !dump(e, &text)) status = LG_OUT_OF_MEMORY;
     if (status == LG_OK)

@@ -12,8 +12,7 @@ typedef enum lg_yaml_how {
     LG_YAML_APPEND,
     /* As LG_YAML_APPEND, but the fragment takes the place of an item that it knows by its name `old`: the
      * keys of the fragment are set in an item with `kind: old` (if the fragment has the key `of`, in one with
-     * the same `of`); an item that is the word `old` gives way; a key `old: true` of an item is removed and
-     * the fragment appended. */
+     * the same `of`); an item that is the word `old` gives way. */
     LG_YAML_REPLACE
 } lg_yaml_how;
 
