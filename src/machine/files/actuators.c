@@ -2,21 +2,11 @@
  * value for all inputs or a list of one for each. Inputs with terms of the same kind share a term. */
 #include <float.h>
 #include <string.h>
-#include <yaml.h>
 
 #include "machine/files/reading.h"
 #include "machine/files/recipe.h"
 
 typedef lg_machine_reading reading;
-
-static uint32_t line_of(const yaml_node_t *node) {
-    return (uint32_t)node->start_mark.line + 1;
-}
-
-static bool is_word(const yaml_node_t *node, const char *word) {
-    return node->type == YAML_SCALAR_NODE && node->data.scalar.length == strlen(word) &&
-           memcmp(node->data.scalar.value, word, strlen(word)) == 0;
-}
 
 /* Calls `read` with the node of each input. */
 static lg_status read_each(reading *r, const char *name, const lg_key_value *value,
@@ -24,16 +14,10 @@ static lg_status read_each(reading *r, const char *name, const lg_key_value *val
     const yaml_node_t *list = value->node;
     const uint32_t m = r->out->machine.input_count;
     if (value->line == 0) return LG_OK;
-    const bool many = list->type == YAML_SEQUENCE_NODE;
-    if (many && list->data.sequence.items.top - list->data.sequence.items.start != (ptrdiff_t)m)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
-                            "%s: expected one value, or a list with one for each of the %u inputs", name, m);
-    for (uint32_t i = 0; i < m; i++)
-        LG_TRY(
-            read(r,
-                 many ? yaml_document_get_node(lg_yaml_document(r->yaml), list->data.sequence.items.start[i])
-                      : list,
-                 i));
+    if (list->type == YAML_SEQUENCE_NODE && lg_node_items(list) != m)
+        return LG_FAULT(r, value->line,
+                        "%s: expected one value, or a list with one for each of the %u inputs", name, m);
+    for (uint32_t i = 0; i < m; i++) LG_TRY(read(r, lg_node_item(r, list, i), i));
     return LG_OK;
 }
 
@@ -43,30 +27,30 @@ const char *const lg_input_holds[LG_INPUT_HOLD_COUNT] = {"zero", "linear", "cubi
 
 static lg_status read_hold(reading *r, const yaml_node_t *node, uint32_t input) {
     lg_log_input *out = &r->out->inputs[input];
-    out->choose_hold = is_word(node, "auto");
+    out->choose_hold = lg_node_is(node, "auto");
     if (out->choose_hold) return LG_OK;
     for (uint32_t hold = 0; hold < LG_INPUT_HOLD_COUNT; hold++)
-        if (is_word(node, lg_input_holds[hold])) {
+        if (lg_node_is(node, lg_input_holds[hold])) {
             out->hold = (lg_input_hold)hold;
             return LG_OK;
         }
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                        "inputs.hold: '%.40s' is unknown; known: zero, linear, cubic, auto",
-                        node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value : "?");
+    return LG_FAULT(r, lg_node_line(node),
+                    "inputs.hold: '%.40s' is unknown; known: zero, linear, cubic, auto",
+                    node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value : "?");
 }
 
 static lg_status read_delay(reading *r, const yaml_node_t *node, uint32_t input) {
     static const uint64_t most = 1000000;
     lg_log_input *out = &r->out->inputs[input];
     uint64_t rows = 0;
-    out->estimate_delay = is_word(node, "estimate");
-    out->choose_delay = is_word(node, "auto");
+    out->estimate_delay = lg_node_is(node, "estimate");
+    out->choose_delay = lg_node_is(node, "auto");
     if (out->estimate_delay || out->choose_delay) return LG_OK;
     const char *text = node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value : "";
-    if (!is_word(node, text) || lg_integer_parse(text, &rows) != LG_OK || rows > most)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "inputs.delay: expected a whole number of rows from 0 to 1000000, `auto` or "
-                            "`estimate`");
+    if (!lg_node_is(node, text) || lg_integer_parse(text, &rows) != LG_OK || rows > most)
+        return LG_FAULT(r, lg_node_line(node),
+                        "inputs.delay: expected a whole number of rows from 0 to 1000000, `auto` or "
+                        "`estimate`");
     out->delay = (uint32_t)rows;
     return LG_OK;
 }
@@ -96,8 +80,7 @@ static lg_status find_term(reading *r, const wish *w, bool given, uint32_t line,
         if ((*out)->kind == kind && (*out)->degree == w->degree && ((*out)->value_count > 0) == given)
             return LG_OK;
     }
-    if (m->term_count == LG_MACHINE_TERMS)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "more than %d terms", LG_MACHINE_TERMS);
+    if (m->term_count == LG_MACHINE_TERMS) return LG_FAULT(r, line, "more than %d terms", LG_MACHINE_TERMS);
     r->lines[m->term_count] = line;
     *out = &m->terms[m->term_count++];
     **out = (lg_machine_term){.kind = kind, .part = LG_MACHINE_ACTUATOR, .degree = w->degree};
@@ -109,8 +92,8 @@ static lg_status find_term(reading *r, const wish *w, bool given, uint32_t line,
 static lg_status add(reading *r, const wish *w, const yaml_node_t *at, const yaml_node_t *node) {
     lg_machine_term *term;
     const lg_field key = {.name = w->name, .low = w->low, .above = w->above, .high = DBL_MAX};
-    const bool given = node != NULL && !is_word(node, "unknown");
-    const lg_key_value value = {.line = line_of(at), .node = node};
+    const bool given = node != NULL && !lg_node_is(node, "unknown");
+    const lg_key_value value = {.line = lg_node_line(at), .node = node};
     LG_TRY(find_term(r, w, given, value.line, &term));
     term->of[term->of_count++] = (lg_machine_feature){LG_FEATURE_INPUT, w->input};
     if (!given) return LG_OK;
@@ -122,8 +105,8 @@ static lg_status add(reading *r, const wish *w, const yaml_node_t *at, const yam
     }
     LG_TRY(lg_machine_read_entries(r, &key, node, term));
     if (term->value_count - before == w->count) return LG_OK;
-    return lg_yaml_fail(r->yaml, value.line, LG_FORMAT, r->error, "%s: has %u numbers, expected %u", w->name,
-                        term->value_count - before, w->count);
+    return LG_FAULT(r, value.line, "%s: has %u numbers, expected %u", w->name, term->value_count - before,
+                    w->count);
 }
 
 /* Keys of a lag that is a map; `start`, `within` and `sigma` are those of a number that is unknown. */
@@ -140,14 +123,14 @@ static lg_status read_lag(reading *r, const yaml_node_t *node, uint32_t input) {
     lg_key_value values[LAG_COUNT] = {{.line = 0}};
     const lg_key_set set = {lag_keys, LAG_COUNT, values};
     wish w = {.kind = "lag", .name = "inputs.lag", .input = input, .count = 1, .above = true};
-    if (is_word(node, "none")) return LG_OK;
+    if (lg_node_is(node, "none")) return LG_OK;
     if (node->type != YAML_MAPPING_NODE) return add(r, &w, node, node);
     LG_TRY(lg_yaml_read_below(r->yaml, node, &set, "inputs.lag", r->error));
     const bool given = values[LAG_VALUE].line != 0,
                bound = values[LAG_START].line + values[LAG_WITHIN].line + values[LAG_SIGMA].line != 0;
     if (given && bound)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "inputs.lag: a lag with a value has no start, bounds or prior");
+        return LG_FAULT(r, lg_node_line(node),
+                        "inputs.lag: a lag with a value has no start, bounds or prior");
     if (values[LAG_ORDER].line != 0 && values[LAG_ORDER].real[0] == 2.0) w.kind = "second_order_lag";
     return add(r, &w, node, given ? values[LAG_VALUE].node : bound ? node : NULL);
 }
@@ -166,14 +149,14 @@ static lg_status read_curve(reading *r, const yaml_node_t *node, uint32_t input)
                        *given = &values[KEY_VALUES];
     const wish dead = {.kind = "dead_zone", .name = "inputs.curve.dead_zone", .input = input, .count = 1};
     wish bent = {.kind = "curve", .name = "inputs.curve.values", .input = input, .low = -DBL_MAX};
-    if (is_word(node, "none")) return LG_OK;
+    if (lg_node_is(node, "none")) return LG_OK;
     if (node->type != YAML_MAPPING_NODE)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "inputs.curve: expected none, {degree: 2}, {degree: 3} or {dead_zone: unknown}");
+        return LG_FAULT(r, lg_node_line(node),
+                        "inputs.curve: expected none, {degree: 2}, {degree: 3} or {dead_zone: unknown}");
     LG_TRY(lg_yaml_read_below(r->yaml, node, &set, "inputs.curve", r->error));
     if (degree->line == 0 && (zone->line == 0 || given->line != 0))
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "inputs.curve: needs key 'degree'%s",
-                            zone->line == 0 ? " or key 'dead_zone'" : ", because it has values");
+        return LG_FAULT(r, lg_node_line(node), "inputs.curve: needs key 'degree'%s",
+                        zone->line == 0 ? " or key 'dead_zone'" : ", because it has values");
     if (zone->line != 0) LG_TRY(add(r, &dead, node, zone->node));
     if (degree->line == 0) return LG_OK;
     bent.degree = (uint32_t)degree->real[0];

@@ -3,7 +3,6 @@
 #include <float.h>
 #include <math.h>
 #include <string.h>
-#include <yaml.h>
 
 #include "machine/files/reading.h"
 #include "machine/internal.h"
@@ -18,14 +17,8 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_ORDER] = {.name = "order", .type = LG_FIELD_NODE},
 };
 
-static bool is_unknown(const yaml_node_t *node) {
-    static const char word[] = "unknown";
-    return node->type == YAML_SCALAR_NODE && node->data.scalar.length == sizeof word - 1 &&
-           memcmp(node->data.scalar.value, word, sizeof word - 1) == 0;
-}
-
 bool lg_machine_is_entry(const yaml_node_t *node) {
-    return node->type == YAML_MAPPING_NODE || is_unknown(node);
+    return node->type == YAML_MAPPING_NODE || lg_node_is(node, "unknown");
 }
 
 lg_status lg_machine_read_entry(reading *r, const char *what, bool ordered, const yaml_node_t *node,
@@ -33,50 +26,34 @@ lg_status lg_machine_read_entry(reading *r, const char *what, bool ordered, cons
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
     const lg_key_set set = {keys, ordered ? KEY_COUNT : KEY_ORDER, values};
     *start = (double)NAN;
-    if (is_unknown(node)) return LG_OK;
+    if (lg_node_is(node, "unknown")) return LG_OK;
     LG_TRY(lg_yaml_read_below(r->yaml, node, &set, what, r->error));
-    const uint32_t line = (uint32_t)node->start_mark.line + 1;
+    const uint32_t line = lg_node_line(node);
     if (values[KEY_START].line != 0) *start = values[KEY_START].real[0];
     if (values[KEY_SIGMA].line != 0) out->sigma = values[KEY_SIGMA].real[0];
     if (values[KEY_SIGMA].line != 0 && isnan(*start))
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "%s: sigma needs a start, the centre of the prior", what);
+        return LG_FAULT(r, line, "%s: sigma needs a start, the centre of the prior", what);
     if (values[KEY_WITHIN].line == 0) return LG_OK;
     out->low = values[KEY_WITHIN].real[0], out->high = values[KEY_WITHIN].real[1];
     if (values[KEY_WITHIN].count != 2 || !(out->low < out->high))
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: within: expected [low, high]", what);
+        return LG_FAULT(r, line, "%s: within: expected [low, high]", what);
     if (!isnan(*start) && !(*start > out->low && *start < out->high))
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: start %g is not between %g and %g", what,
-                            *start, out->low, out->high);
+        return LG_FAULT(r, line, "%s: start %g is not between %g and %g", what, *start, out->low, out->high);
     return LG_OK;
-}
-
-static const yaml_node_t *node_at(const reading *r, int index) {
-    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
-}
-
-static size_t items_of(const yaml_node_t *node) {
-    if (node->type != YAML_SEQUENCE_NODE) return 1;
-    return (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
-}
-
-static const yaml_node_t *item_of(const reading *r, const yaml_node_t *node, size_t i) {
-    return node->type == YAML_SEQUENCE_NODE ? node_at(r, node->data.sequence.items.start[i]) : node;
 }
 
 bool lg_machine_has_entries(const reading *r, const yaml_node_t *node) {
     bool any = lg_machine_is_entry(node);
-    for (size_t i = 0; i < items_of(node) && node->type == YAML_SEQUENCE_NODE && !any; i++)
-        any = lg_machine_has_entries(r, item_of(r, node, i));
+    for (size_t i = 0; i < lg_node_items(node) && node->type == YAML_SEQUENCE_NODE && !any; i++)
+        any = lg_machine_has_entries(r, lg_node_item(r, node, i));
     return any;
 }
 
 static lg_status read_one(reading *r, const lg_field *key, const yaml_node_t *node, lg_machine_term *term) {
-    const lg_key_value value = {.line = (uint32_t)node->start_mark.line + 1, .node = node};
+    const lg_key_value value = {.line = lg_node_line(node), .node = node};
     if (term->value_count == LG_MACHINE_VALUES || term->entry_count == LG_MACHINE_ENTRIES)
-        return lg_yaml_fail(r->yaml, value.line, LG_FORMAT, r->error,
-                            "%s: more than %d numbers, or %d unknown ones", key->name, LG_MACHINE_VALUES,
-                            LG_MACHINE_ENTRIES);
+        return LG_FAULT(r, value.line, "%s: more than %d numbers, or %d unknown ones", key->name,
+                        LG_MACHINE_VALUES, LG_MACHINE_ENTRIES);
     double *number = &term->values[term->value_count++];
     if (!lg_machine_is_entry(node))
         return lg_yaml_block(r->yaml, key, &value, (const size_t[3]){1, 1, 1}, number, NULL, r->error);
@@ -88,13 +65,12 @@ static lg_status read_one(reading *r, const lg_field *key, const yaml_node_t *no
 lg_status lg_machine_read_entries(reading *r, const lg_field *key, const yaml_node_t *node,
                                   lg_machine_term *term) {
     /* The matrix has an unknown number, so the matrix is not empty. */
-    const size_t rows = items_of(node), columns = items_of(item_of(r, node, 0));
+    const size_t rows = lg_node_items(node), columns = lg_node_items(lg_node_item(r, node, 0));
     for (size_t i = 0; i < rows; i++) {
-        const yaml_node_t *row = item_of(r, node, i);
-        if (items_of(row) != columns)
-            return lg_yaml_fail(r->yaml, (uint32_t)row->start_mark.line + 1, LG_FORMAT, r->error,
-                                "%s: rows of different length", key->name);
-        for (size_t j = 0; j < columns; j++) LG_TRY(read_one(r, key, item_of(r, row, j), term));
+        const yaml_node_t *row = lg_node_item(r, node, i);
+        if (lg_node_items(row) != columns)
+            return LG_FAULT(r, lg_node_line(row), "%s: rows of different length", key->name);
+        for (size_t j = 0; j < columns; j++) LG_TRY(read_one(r, key, lg_node_item(r, row, j), term));
     }
     return LG_OK;
 }

@@ -1,14 +1,11 @@
 /* Reads the system of a machine and its parameters from YAML. */
 #include <float.h>
 #include <string.h>
-#include <yaml.h>
 
 #include "machine/files/reading.h"
 #include "settings/names.h"
 
 typedef lg_machine_reading reading;
-
-static const char unknown_word[] = "unknown";
 
 /* One parameter while it is read: its numbers (NaN: use the default), and which of them are unknown. */
 typedef struct parameter {
@@ -20,41 +17,17 @@ typedef struct parameter {
     lg_machine_entry entries[LG_MACHINE_PARAMETERS]; /* bounds and priors of unknown numbers */
 } parameter;
 
-static uint32_t line_of(const yaml_node_t *node) {
-    return (uint32_t)node->start_mark.line + 1;
-}
-
-static yaml_node_t *node_at(const reading *r, int index) {
-    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
-}
-
-static bool is_word(const yaml_node_t *node, const char *word) {
-    return node->type == YAML_SCALAR_NODE && node->data.scalar.length == strlen(word) &&
-           memcmp(node->data.scalar.value, word, strlen(word)) == 0;
-}
-
-/* Number of items of a list; a scalar counts as one item. */
-static size_t items_of(const yaml_node_t *node) {
-    if (node->type != YAML_SEQUENCE_NODE) return 1;
-    return (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
-}
-
-static const yaml_node_t *item_of(const reading *r, const yaml_node_t *node, size_t i) {
-    return node->type == YAML_SEQUENCE_NODE ? node_at(r, node->data.sequence.items.start[i]) : node;
-}
-
 static lg_status check_items(const reading *r, const char *key, const yaml_node_t *node, size_t *count) {
-    *count = items_of(node);
+    *count = lg_node_items(node);
     if (*count > 0 && *count <= LG_MACHINE_PARAMETERS) return LG_OK;
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: expected 1 to %d numbers", key,
-                        LG_MACHINE_PARAMETERS);
+    return LG_FAULT(r, lg_node_line(node), "%s: expected 1 to %d numbers", key, LG_MACHINE_PARAMETERS);
 }
 
 /* ---- values ---- */
 
 static lg_status read_number(reading *r, const yaml_node_t *node, parameter *p, size_t i) {
     const lg_field key = {.name = p->key, .low = -DBL_MAX, .high = DBL_MAX};
-    const lg_key_value value = {.line = line_of(node), .node = node};
+    const lg_key_value value = {.line = lg_node_line(node), .node = node};
     p->unknown[i] = lg_machine_is_entry(node);
     if (p->unknown[i]) return lg_machine_read_entry(r, p->key, false, node, &p->values[i], &p->entries[i]);
     return lg_yaml_block(r->yaml, &key, &value, (const size_t[3]){1, 1, 1}, &p->values[i], NULL, r->error);
@@ -62,13 +35,13 @@ static lg_status read_number(reading *r, const yaml_node_t *node, parameter *p, 
 
 /* Reads a number, a list of numbers, or the word `unknown` in place of any number or of the whole list. */
 static lg_status read_numbers(reading *r, const yaml_node_t *node, parameter *p) {
-    if (is_word(node, unknown_word)) {
+    if (lg_node_is(node, "unknown")) {
         p->count = 0;
         p->unknown[0] = true;
         return LG_OK;
     }
     LG_TRY(check_items(r, p->key, node, &p->count));
-    for (size_t i = 0; i < p->count; i++) LG_TRY(read_number(r, item_of(r, node, i), p, i));
+    for (size_t i = 0; i < p->count; i++) LG_TRY(read_number(r, lg_node_item(r, node, i), p, i));
     return LG_OK;
 }
 
@@ -76,11 +49,11 @@ static lg_status read_numbers(reading *r, const yaml_node_t *node, parameter *p)
 static lg_status read_truths(const reading *r, const yaml_node_t *node, parameter *p) {
     LG_TRY(check_items(r, p->key, node, &p->unknowns));
     for (size_t i = 0; i < p->unknowns; i++) {
-        const yaml_node_t *item = item_of(r, node, i);
-        p->unknown[i] = is_word(item, lg_name_truth(1));
-        if (!p->unknown[i] && !is_word(item, lg_name_truth(0)))
-            return lg_yaml_fail(r->yaml, line_of(item), LG_FORMAT, r->error,
-                                "%s: unknown: expected true, false, or a list of true and false", p->key);
+        const yaml_node_t *item = lg_node_item(r, node, i);
+        p->unknown[i] = lg_node_is(item, lg_name_truth(1));
+        if (!p->unknown[i] && !lg_node_is(item, lg_name_truth(0)))
+            return LG_FAULT(r, lg_node_line(item),
+                            "%s: unknown: expected true, false, or a list of true and false", p->key);
     }
     return LG_OK;
 }
@@ -101,21 +74,19 @@ static lg_status read_start(reading *r, const yaml_node_t *node, parameter *p) {
     LG_TRY(lg_yaml_read_below(r->yaml, node, &set, p->key, r->error));
     LG_TRY(read_numbers(r, values[KEY_START].node, p));
     if (p->count == 0)
-        return lg_yaml_fail(r->yaml, values[KEY_START].line, LG_FORMAT, r->error,
-                            "%s: start: expected a number, or a list of numbers", p->key);
+        return LG_FAULT(r, values[KEY_START].line, "%s: start: expected a number, or a list of numbers",
+                        p->key);
     p->unknowns = 1;
     p->unknown[0] = true;
     if (values[KEY_UNKNOWN].line != 0) LG_TRY(read_truths(r, values[KEY_UNKNOWN].node, p));
     if (p->unknowns != 1 && p->unknowns != p->count)
-        return lg_yaml_fail(
-            r->yaml, values[KEY_UNKNOWN].line, LG_FORMAT, r->error,
-            "%s: unknown: expected true or false, once or for each of the %zu numbers of start", p->key,
-            p->count);
+        return LG_FAULT(r, values[KEY_UNKNOWN].line,
+                        "%s: unknown: expected true or false, once or for each of the %zu numbers of start",
+                        p->key, p->count);
     for (size_t i = 1; i < p->count && p->unknowns == 1; i++) p->unknown[i] = p->unknown[0];
     const lg_key_value *within = &values[KEY_WITHIN];
     if (within->line != 0 && !(within->count == 2 && within->real[0] < within->real[1]))
-        return lg_yaml_fail(r->yaml, within->line, LG_FORMAT, r->error, "%s: within: expected [low, high]",
-                            p->key);
+        return LG_FAULT(r, within->line, "%s: within: expected [low, high]", p->key);
     for (size_t i = 0; i < p->count; i++) {
         if (within->line != 0) p->entries[i].low = within->real[0], p->entries[i].high = within->real[1];
         if (values[KEY_SIGMA].line != 0) p->entries[i].sigma = values[KEY_SIGMA].real[0];
@@ -134,27 +105,25 @@ static lg_status read_parameter(reading *r, const char *key, const yaml_node_t *
             status = lg_machine_bound_parameter(&r->out->machine, key, i, e->low, e->high, e->sigma, &inner);
     }
     if (status == LG_OK) return LG_OK;
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "parameters: %s", inner.message);
+    return LG_FAULT(r, lg_node_line(node), "parameters: %s", inner.message);
 }
 
 /* ---- the keys of the file ---- */
 
 static lg_status read_parameters(reading *r, const lg_key_value *value) {
     const yaml_node_t *map = value->node;
-    if (map->type != YAML_MAPPING_NODE)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "parameters: expected {KEY: ...}");
+    if (map->type != YAML_MAPPING_NODE) return LG_FAULT(r, value->line, "parameters: expected {KEY: ...}");
     const yaml_node_pair_t *first = map->data.mapping.pairs.start;
     for (const yaml_node_pair_t *pair = first; pair < map->data.mapping.pairs.top; pair++) {
-        const yaml_node_t *name = node_at(r, pair->key);
+        const yaml_node_t *name = lg_node_at(r, pair->key);
         char key[LG_MACHINE_NAME] = "";
         if (name->type != YAML_SCALAR_NODE || name->data.scalar.length >= sizeof key)
-            return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error, "parameters: a key is too long");
+            return LG_FAULT(r, lg_node_line(name), "parameters: a key is too long");
         memcpy(key, name->data.scalar.value, name->data.scalar.length);
         for (const yaml_node_pair_t *other = first; other < pair; other++)
-            if (is_word(node_at(r, other->key), key))
-                return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error,
-                                    "parameters: key '%s' is given twice", key);
-        LG_TRY(read_parameter(r, key, node_at(r, pair->value)));
+            if (lg_node_is(lg_node_at(r, other->key), key))
+                return LG_FAULT(r, lg_node_line(name), "parameters: key '%s' is given twice", key);
+        LG_TRY(read_parameter(r, key, lg_node_at(r, pair->value)));
     }
     return LG_OK;
 }
@@ -165,12 +134,10 @@ lg_status lg_machine_read_system(reading *r, const lg_key_value *system, const l
     const lg_key_value *without = form->line != 0 ? form : parameters;
     if (system->line == 0 && without->line == 0) return LG_OK;
     if (system->line == 0)
-        return lg_yaml_fail(r->yaml, without->line, LG_FORMAT, r->error,
-                            "key 'system' is missing: only a system has a form or parameters");
+        return LG_FAULT(r, without->line, "key 'system' is missing: only a system has a form or parameters");
     if (lg_machine_set_system(&r->out->machine, system->text, &inner) != LG_OK)
-        return lg_yaml_fail(r->yaml, system->line, LG_FORMAT, r->error, "system: %s", inner.message);
+        return LG_FAULT(r, system->line, "system: %s", inner.message);
     if (form->line != 0 && lg_system_parameters(system->text, form->text) == NULL)
-        return lg_yaml_fail(r->yaml, form->line, LG_FORMAT, r->error, "form: system %s has no form '%.40s'",
-                            system->text, form->text);
+        return LG_FAULT(r, form->line, "form: system %s has no form '%.40s'", system->text, form->text);
     return parameters->line != 0 ? read_parameters(r, parameters) : LG_OK;
 }

@@ -2,7 +2,6 @@
 #include <float.h>
 #include <stdio.h>
 #include <string.h>
-#include <yaml.h>
 
 #include "files/h5.h"
 #include "machine/files/reading.h"
@@ -121,37 +120,25 @@ static const struct {
 
 /* ---- nodes ---- */
 
-static uint32_t line_of(const yaml_node_t *node) {
-    return (uint32_t)node->start_mark.line + 1;
-}
-
-static yaml_node_t *node_at(const reading *r, int index) {
-    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
-}
-
 static lg_status visit_text(reading *r, const yaml_node_t *node, const char *what, lg_text_visit visit,
                             void *user) {
     char text[LG_LOG_NAME];
     const bool scalar = node->type == YAML_SCALAR_NODE;
     const size_t length = scalar ? node->data.scalar.length : 0;
     if (length == 0 || length >= sizeof text || memchr(node->data.scalar.value, '\0', length) != NULL)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "%s: expected a name of 1 to %zu bytes", what, sizeof text - 1);
+        return LG_FAULT(r, lg_node_line(node), "%s: expected a name of 1 to %zu bytes", what,
+                        sizeof text - 1);
     memcpy(text, node->data.scalar.value, length);
     text[length] = '\0';
     for (const char *c = text; *c != '\0'; c++)
         if ((unsigned char)*c < ' ' || *c == '\x7f')
-            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                                "%s: a name has a control character", what);
-    return visit(r, line_of(node), text, user);
+            return LG_FAULT(r, lg_node_line(node), "%s: a name has a control character", what);
+    return visit(r, lg_node_line(node), text, user);
 }
 
 lg_status lg_machine_texts(reading *r, const void *node, const char *what, lg_text_visit visit, void *user) {
-    const yaml_node_t *list = node;
-    if (list->type != YAML_SEQUENCE_NODE) return visit_text(r, list, what, visit, user);
-    const yaml_node_item_t *item = list->data.sequence.items.start;
-    for (; item < list->data.sequence.items.top; item++)
-        LG_TRY(visit_text(r, node_at(r, *item), what, visit, user));
+    for (size_t i = 0; i < lg_node_items(node); i++)
+        LG_TRY(visit_text(r, lg_node_item(r, node, i), what, visit, user));
     return LG_OK;
 }
 
@@ -172,10 +159,8 @@ static lg_log_column *find_column(lg_machine_file *out, const char *name) {
 static lg_status add_column(reading *r, uint32_t line, const char *name, void *user) {
     const adding *what = user;
     lg_machine_file *out = r->out;
-    if (find_column(out, name) != NULL)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "column '%s' is used twice", name);
-    if (out->column_count == LG_LOG_COLUMNS)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "more than %d columns", LG_LOG_COLUMNS);
+    if (find_column(out, name) != NULL) return LG_FAULT(r, line, "column '%s' is used twice", name);
+    if (out->column_count == LG_LOG_COLUMNS) return LG_FAULT(r, line, "more than %d columns", LG_LOG_COLUMNS);
     lg_log_column *column = &out->columns[out->column_count++];
     *column = (lg_log_column){.role = what->role, .index = what->index, .scale = 1};
     memcpy(column->name, name, strlen(name) + 1);
@@ -186,8 +171,7 @@ static lg_status add_named(reading *r, const lg_key_value *value, const char *fa
     adding what = {role, 0};
     const char *name = value->line != 0 ? value->text : fallback;
     if (strlen(name) >= LG_LOG_NAME)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
-                            "the name of a column has at most %d bytes", LG_LOG_NAME - 1);
+        return LG_FAULT(r, value->line, "the name of a column has at most %d bytes", LG_LOG_NAME - 1);
     return add_column(r, value->line, name, &what);
 }
 
@@ -208,14 +192,13 @@ static bool is_name(const char *text) {
 static lg_status check_keys(reading *r, lg_coordinate_kind kind, const lg_key_value *values) {
     for (int k = OF_COLUMNS; k <= OF_RATES; k++) {
         if (values[k].line != 0 && takes[kind][k].count == 0)
-            return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
-                                "%s: a coordinate of kind %s does not take this key", coordinate_keys[k].name,
-                                name_kind(kind));
+            return LG_FAULT(r, values[k].line, "%s: a coordinate of kind %s does not take this key",
+                            coordinate_keys[k].name, name_kind(kind));
     }
     if (values[OF_FRAME].line != 0 && kind != LG_COORDINATE_POSE)
-        return lg_yaml_fail(r->yaml, values[OF_FRAME].line, LG_FORMAT, r->error,
-                            "frame: only poses take this key; the rates of a rotation are in the body frame, "
-                            "the rates of a direction in the space frame");
+        return LG_FAULT(r, values[OF_FRAME].line,
+                        "frame: only poses take this key; the rates of a rotation are in the body frame, "
+                        "the rates of a direction in the space frame");
     return LG_OK;
 }
 
@@ -233,17 +216,15 @@ static lg_status read_columns(reading *r, int k, uint32_t line, const lg_key_val
     if (value->line == 0 && k == OF_COLUMNS && expected == 1)
         LG_TRY(add_column(r, line, c->name, &what));
     else if (value->line == 0)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "%s: key '%s' is missing: it names %u column%s%s", c->name,
-                            coordinate_keys[k].name, expected, expected == 1 ? "" : "s",
-                            other != expected ? " (w, x, y, z) or 9 (the matrix, row by row)" : "");
+        return LG_FAULT(r, line, "%s: key '%s' is missing: it names %u column%s%s", c->name,
+                        coordinate_keys[k].name, expected, expected == 1 ? "" : "s",
+                        other != expected ? " (w, x, y, z) or 9 (the matrix, row by row)" : "");
     else
         LG_TRY(lg_machine_texts(r, value->node, coordinate_keys[k].name, add_column, &what));
     *count = out->column_count - *first;
     if (*count == expected || *count == other) return LG_OK;
-    return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: %s: has %u columns, expected %u%s",
-                        c->name, coordinate_keys[k].name, *count, expected,
-                        other != expected ? " (w, x, y, z) or 9 (the matrix, row by row)" : "");
+    return LG_FAULT(r, value->line, "%s: %s: has %u columns, expected %u%s", c->name, coordinate_keys[k].name,
+                    *count, expected, other != expected ? " (w, x, y, z) or 9 (the matrix, row by row)" : "");
 }
 
 /* Reads the columns of a coordinate's positions. */
@@ -252,9 +233,8 @@ static lg_status read_positions(reading *r, uint32_t line, const lg_key_value *v
     const bool attitude = takes[m->coordinates[m->coordinate_count].kind][OF_COLUMNS].count > 1;
     if (r->out->measured >= LG_MEASURED_VELOCITIES_ONLY) {
         if (values[OF_COLUMNS].line == 0 && values[OF_POSITION].line == 0) return LG_OK;
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "columns of positions are not allowed with `measured: %s`",
-                            name_measured(r->out->measured));
+        return LG_FAULT(r, line, "columns of positions are not allowed with `measured: %s`",
+                        name_measured(r->out->measured));
     }
     LG_TRY(read_columns(r, OF_POSITION, line, &values[OF_POSITION], LG_LOG_POSITION, &c->place, &c->places));
     return read_columns(r, OF_COLUMNS, line, &values[OF_COLUMNS], LG_LOG_POSITION,
@@ -269,9 +249,8 @@ static lg_status read_velocities(reading *r, uint32_t line, const lg_key_value *
     const int shown = accelerations ? OF_ACCELERATION : OF_VELOCITY;
     for (int k = OF_VELOCITY; k <= OF_ACCELERATION; k++)
         if (k != shown && values[k].line != 0)
-            return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
-                                "%s: this key is not allowed with `measured: %s`", coordinate_keys[k].name,
-                                name_measured(measured));
+            return LG_FAULT(r, values[k].line, "%s: this key is not allowed with `measured: %s`",
+                            coordinate_keys[k].name, name_measured(measured));
     if (measured != LG_MEASURED_POSITIONS) {
         uint32_t rates = 0, first;
         LG_TRY(read_columns(r, shown, line, &values[shown], LG_LOG_VELOCITY, &c->velocity, &c->velocities));
@@ -281,9 +260,8 @@ static lg_status read_velocities(reading *r, uint32_t line, const lg_key_value *
     }
     for (int k = OF_VELOCITY; k <= OF_FRAME; k++)
         if (values[k].line != 0)
-            return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
-                                "%s: this key is not allowed with `measured: positions`",
-                                coordinate_keys[k].name);
+            return LG_FAULT(r, values[k].line, "%s: this key is not allowed with `measured: positions`",
+                            coordinate_keys[k].name);
     return LG_OK;
 }
 
@@ -291,20 +269,18 @@ static lg_status read_coordinate(reading *r, const yaml_node_t *node) {
     lg_key_value values[OF_COUNT] = {{.line = 0}};
     const lg_key_set set = {coordinate_keys, OF_COUNT, values};
     lg_machine *m = &r->out->machine;
-    const uint32_t line = line_of(node), i = m->coordinate_count;
+    const uint32_t line = lg_node_line(node), i = m->coordinate_count;
     if (i == LG_MACHINE_COORDINATES)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "more than %d coordinates",
-                            LG_MACHINE_COORDINATES);
+        return LG_FAULT(r, line, "more than %d coordinates", LG_MACHINE_COORDINATES);
     LG_TRY(lg_yaml_read_below(r->yaml, node, &set, "coordinates", r->error));
     lg_log_coordinate *c = &r->out->coordinates[i];
     const char *name = values[OF_NAME].text;
     if (!is_name(name))
-        return lg_yaml_fail(r->yaml, values[OF_NAME].line, LG_FORMAT, r->error,
-                            "name: expected 1 to %d letters, digits, _ and -", LG_MACHINE_NAME - 1);
+        return LG_FAULT(r, values[OF_NAME].line, "name: expected 1 to %d letters, digits, _ and -",
+                        LG_MACHINE_NAME - 1);
     for (uint32_t k = 0; k < i; k++)
         if (strcmp(m->coordinates[k].name, name) == 0)
-            return lg_yaml_fail(r->yaml, values[OF_NAME].line, LG_FORMAT, r->error,
-                                "name: two coordinates have the name '%s'", name);
+            return LG_FAULT(r, values[OF_NAME].line, "name: two coordinates have the name '%s'", name);
     memcpy(m->coordinates[i].name, name, strlen(name) + 1);
     const lg_coordinate_kind kind = m->coordinates[i].kind = (lg_coordinate_kind)values[OF_KIND].real[0];
     LG_TRY(check_keys(r, kind, values));
@@ -316,11 +292,9 @@ static lg_status read_coordinate(reading *r, const yaml_node_t *node) {
 
 static lg_status read_coordinates(reading *r, const lg_key_value *value) {
     const yaml_node_t *list = value->node;
-    if (list->type != YAML_SEQUENCE_NODE || list->data.sequence.items.start == list->data.sequence.items.top)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
-                            "coordinates: expected a list of {name: ..., kind: ...}");
-    const yaml_node_item_t *item = list->data.sequence.items.start;
-    for (; item < list->data.sequence.items.top; item++) LG_TRY(read_coordinate(r, node_at(r, *item)));
+    if (list->type != YAML_SEQUENCE_NODE || lg_node_items(list) == 0)
+        return LG_FAULT(r, value->line, "coordinates: expected a list of {name: ..., kind: ...}");
+    for (size_t i = 0; i < lg_node_items(list); i++) LG_TRY(read_coordinate(r, lg_node_item(r, list, i)));
     return LG_OK;
 }
 
@@ -331,14 +305,12 @@ static lg_status add_input(reading *r, uint32_t line, const char *name, void *us
     adding what = {LG_LOG_INPUT, m->input_count};
     (void)user;
     if (m->input_count == LG_MACHINE_INPUTS)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "more than %d inputs", LG_MACHINE_INPUTS);
+        return LG_FAULT(r, line, "more than %d inputs", LG_MACHINE_INPUTS);
     if (strlen(name) >= LG_MACHINE_NAME)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "the name of an input has at most %d bytes",
-                            LG_MACHINE_NAME - 1);
+        return LG_FAULT(r, line, "the name of an input has at most %d bytes", LG_MACHINE_NAME - 1);
     for (uint32_t i = 0; i < m->coordinate_count; i++)
         if (strcmp(m->coordinates[i].name, name) == 0)
-            return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                                "input '%s' has the name of a coordinate: rename the coordinate", name);
+            return LG_FAULT(r, line, "input '%s' has the name of a coordinate: rename the coordinate", name);
     LG_TRY(add_column(r, line, name, &what));
     memcpy(m->inputs[m->input_count++], name, strlen(name) + 1);
     return LG_OK;
@@ -360,28 +332,25 @@ static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_valu
     bool seen[LG_LOG_COLUMNS] = {false};
     if (value->line == 0) return LG_OK;
     if (map->type != YAML_MAPPING_NODE)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: expected {COLUMN: number}",
-                            key->name);
+        return LG_FAULT(r, value->line, "%s: expected {COLUMN: number}", key->name);
     for (pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
-        const yaml_node_t *name = node_at(r, pair->key), *number = node_at(r, pair->value);
+        const yaml_node_t *name = lg_node_at(r, pair->key), *number = lg_node_at(r, pair->value);
         lg_log_column *column = name->type == YAML_SCALAR_NODE
                                     ? find_column(r->out, (const char *)name->data.scalar.value)
                                     : NULL;
         if (column == NULL)
-            return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error,
-                                "%s: '%.40s' is not a column of this machine", key->name,
-                                name->type == YAML_SCALAR_NODE ? (const char *)name->data.scalar.value : "?");
+            return LG_FAULT(r, lg_node_line(name), "%s: '%.40s' is not a column of this machine", key->name,
+                            name->type == YAML_SCALAR_NODE ? (const char *)name->data.scalar.value : "?");
         if (seen[column - r->out->columns])
-            return lg_yaml_fail(r->yaml, line_of(name), LG_FORMAT, r->error, "%s: column '%s' is given twice",
-                                key->name, column->name);
+            return LG_FAULT(r, lg_node_line(name), "%s: column '%s' is given twice", key->name, column->name);
         seen[column - r->out->columns] = true;
         double *out = (double *)((char *)column + offset);
         const lg_field one = {.name = column->name, .above = true, .low = low, .high = DBL_MAX};
-        const lg_key_value at = {.line = line_of(number), .node = number};
+        const lg_key_value at = {.line = lg_node_line(number), .node = number};
         LG_TRY(lg_yaml_block(r->yaml, &one, &at, (const size_t[3]){1, 1, 1}, out, NULL, r->error));
         if (*out == 0)
-            return lg_yaml_fail(r->yaml, line_of(number), LG_FORMAT, r->error,
-                                "%s: %s: the number must not be 0", key->name, column->name);
+            return LG_FAULT(r, lg_node_line(number), "%s: %s: the number must not be 0", key->name,
+                            column->name);
     }
     return LG_OK;
 }
@@ -407,8 +376,7 @@ static lg_status finish_machine(reading *r) {
     const lg_status status = lg_machine_init(m, &inner);
     if (status == LG_OK) return LG_OK;
     const uint32_t line = line_at_fault(r, inner.message);
-    if (status == LG_INVALID_ARGUMENT && line > 0)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s", inner.message);
+    if (status == LG_INVALID_ARGUMENT && line > 0) return LG_FAULT(r, line, "%s", inner.message);
     return lg_fail(r->error, status == LG_INVALID_ARGUMENT ? LG_FORMAT : status, "%s: %s",
                    lg_shown_path(lg_yaml_path(r->yaml)), inner.message);
 }

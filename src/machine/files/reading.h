@@ -3,10 +3,11 @@
 #ifndef LG_MACHINE_READING_H
 #define LG_MACHINE_READING_H
 
+#include <string.h>
+#include <yaml.h>
+
 #include "settings/files/yaml.h"
 #include "liegrad/machine.h"
-
-struct yaml_node_s;
 
 typedef struct lg_machine_reading {
     lg_yaml *yaml;
@@ -15,6 +16,31 @@ typedef struct lg_machine_reading {
     /* Line of each term of the machine in the file; 0: the file does not name the term. */
     uint32_t lines[LG_MACHINE_TERMS];
 } lg_machine_reading;
+
+/* Fails with LG_FORMAT and a sentence that begins with the file and this line. */
+#define LG_FAULT(r, line, ...) lg_yaml_fail((r)->yaml, line, LG_FORMAT, (r)->error, __VA_ARGS__)
+
+/* ---- nodes ---- */
+
+static inline uint32_t lg_node_line(const yaml_node_t *node) {
+    return (uint32_t)node->start_mark.line + 1;
+}
+static inline yaml_node_t *lg_node_at(const lg_machine_reading *r, int index) {
+    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
+}
+static inline bool lg_node_is(const yaml_node_t *node, const char *word) {
+    return node->type == YAML_SCALAR_NODE && node->data.scalar.length == strlen(word) &&
+           memcmp(node->data.scalar.value, word, strlen(word)) == 0;
+}
+/* How many items a list has, and item i; another node counts as one item. */
+static inline size_t lg_node_items(const yaml_node_t *node) {
+    if (node->type != YAML_SEQUENCE_NODE) return 1;
+    return (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
+}
+static inline const yaml_node_t *lg_node_item(const lg_machine_reading *r, const yaml_node_t *node,
+                                              size_t i) {
+    return node->type == YAML_SEQUENCE_NODE ? lg_node_at(r, node->data.sequence.items.start[i]) : node;
+}
 
 /* Calls visit(r, line, text, user) for the text of a scalar, or for each text of a list. `what` names the key
  * in messages. */
@@ -26,11 +52,11 @@ lg_status lg_machine_texts(lg_machine_reading *r, const void *node, const char *
  * `unknown` or {start: ..., within: ..., sigma: ...}; lg_machine_read_entry reads it, *start is NaN where
  * it is not given, and allows the key `order` if `ordered`. lg_machine_has_entries looks into lists, too.
  * lg_machine_read_entries reads the values of a term, some of which are unknown. */
-bool lg_machine_is_entry(const struct yaml_node_s *node);
-bool lg_machine_has_entries(const lg_machine_reading *r, const struct yaml_node_s *node);
+bool lg_machine_is_entry(const yaml_node_t *node);
+bool lg_machine_has_entries(const lg_machine_reading *r, const yaml_node_t *node);
 lg_status lg_machine_read_entry(lg_machine_reading *r, const char *what, bool ordered,
-                                const struct yaml_node_s *node, double *start, lg_machine_entry *out);
-lg_status lg_machine_read_entries(lg_machine_reading *r, const lg_field *key, const struct yaml_node_s *node,
+                                const yaml_node_t *node, double *start, lg_machine_entry *out);
+lg_status lg_machine_read_entries(lg_machine_reading *r, const lg_field *key, const yaml_node_t *node,
                                   lg_machine_term *term);
 
 /* Reads the terms of one part. The file does not have the key if the line of `value` is 0. */

@@ -49,22 +49,20 @@ lg_status lg_machine_refuse_positions(lg_machine_reading *r) {
     if (r->out->measured != LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
     for (uint32_t i = 0; i < machine->coordinate_count; i++)
         if (machine->coordinates[i].kind > LG_COORDINATE_ANGLE)
-            return lg_yaml_fail(r->yaml, 1, LG_FORMAT, r->error,
-                                "%s: with `measured: velocities-only` a coordinate is a line or an angle",
-                                machine->coordinates[i].name);
+            return LG_FAULT(r, 1, "%s: with `measured: velocities-only` a coordinate is a line or an angle",
+                            machine->coordinates[i].name);
     const lg_grey_system *system = machine->grey.system;
     if (system != NULL) /* all systems of lines and angles have a potential */
-        return lg_yaml_fail(r->yaml, 1, LG_FORMAT, r->error,
-                            "system: %s depends on positions, but the log has velocities alone: log the "
-                            "positions too",
-                            lg_grey_system_name(system));
+        return LG_FAULT(r, 1,
+                        "system: %s depends on positions, but the log has velocities alone: log the "
+                        "positions too",
+                        lg_grey_system_name(system));
     const uint32_t term = first_use(machine, &coordinate);
     if (term == machine->term_count) return LG_OK;
-    return lg_yaml_fail(r->yaml, r->lines[term], LG_FORMAT, r->error,
-                        "%s: depends on the position of %s, but the log has velocities alone: log the "
-                        "position too, or leave this out",
-                        lg_machine_part_name(machine->terms[term].part),
-                        machine->coordinates[coordinate].name);
+    return LG_FAULT(r, r->lines[term],
+                    "%s: depends on the position of %s, but the log has velocities alone: log the "
+                    "position too, or leave this out",
+                    lg_machine_part_name(machine->terms[term].part), machine->coordinates[coordinate].name);
 }
 
 /* out (rows, velocities): integrals of x from 0 at the start of each part; a missing number is the one

@@ -1,7 +1,6 @@
 /* Reads the terms of a machine from YAML. */
 #include <float.h>
 #include <string.h>
-#include <yaml.h>
 
 #include "machine/files/reading.h"
 #include "settings/names.h"
@@ -112,8 +111,8 @@ static lg_status unknown_feature(reading *r, uint32_t line, const char *text) {
     const lg_machine *m = &r->out->machine;
     for (uint32_t i = 0; i < m->coordinate_count; i++)
         lg_append(known, sizeof known, "%s%s", i > 0 ? ", " : "", m->coordinates[i].name);
-    return lg_yaml_fail(
-        r->yaml, line, LG_FORMAT, r->error,
+    return LG_FAULT(
+        r, line,
         "of: '%s' is unknown; expected one of %s, or NAME.velocity, NAME.height, NAME.place, NAME.rotation "
         "(poses), NAME.up (rotations, poses), an input, or a column of a velocity",
         text, known);
@@ -128,27 +127,23 @@ static lg_status add_feature(reading *r, uint32_t line, const char *text, void *
     const bool coordinate = find_coordinate(&r->out->machine, text, &feature);
     if (!coordinate && !find_column(r->out, t->part, text, &feature)) return unknown_feature(r, line, text);
     if (coordinate && t->part == LG_MACHINE_BIAS && r->out->machine.accelerations)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "of: '%s' is not measured: name the column of an acceleration", text);
+        return LG_FAULT(r, line, "of: '%s' is not measured: name the column of an acceleration", text);
     if (t->part == LG_MACHINE_OFFSET && feature.kind == LG_FEATURE_VELOCITY)
         feature.kind = LG_FEATURE_POSITION;
     if (feature.kind == LG_FEATURE_VELOCITY && !moving)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "of: '%s' is a velocity; %s of kind %s depends on positions alone", text, part,
-                            kind);
+        return LG_FAULT(r, line, "of: '%s' is a velocity; %s of kind %s depends on positions alone", text,
+                        part, kind);
     const bool inputs = (lg_term_kind_options(term->kind) & LG_TERM_INPUTS) != 0;
     if (feature.kind == LG_FEATURE_INPUT && !inputs && !(moving && t->part == LG_MACHINE_RESIDUAL))
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "of: '%s' is an input; only a residual and a load depend on inputs", text);
+        return LG_FAULT(r, line, "of: '%s' is an input; only a residual and a load depend on inputs", text);
     if (feature.kind != LG_FEATURE_INPUT && inputs)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "of: '%s' is not an input; without `of` the load is the potential's force", text);
+        return LG_FAULT(r, line, "of: '%s' is not an input; without `of` the load is the potential's force",
+                        text);
     for (uint32_t i = 0; i < term->of_count; i++)
         if (term->of[i].kind == feature.kind && term->of[i].index == feature.index)
-            return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "of: '%s' is given twice", text);
+            return LG_FAULT(r, line, "of: '%s' is given twice", text);
     if (term->of_count == LG_MACHINE_FEATURES)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "of: more than %d names",
-                            LG_MACHINE_FEATURES);
+        return LG_FAULT(r, line, "of: more than %d names", LG_MACHINE_FEATURES);
     term->of[term->of_count++] = feature;
     return LG_OK;
 }
@@ -164,15 +159,13 @@ static lg_status read_values(reading *r, const lg_key_value *value, lg_machine_t
     LG_TRY(lg_yaml_entries(r->yaml, key, value, 1, &shape[0], r->error));
     const yaml_node_t *list = value->node;
     if (list->type == YAML_SEQUENCE_NODE) {
-        const yaml_node_t *first =
-            yaml_document_get_node(lg_yaml_document(r->yaml), list->data.sequence.items.start[0]);
-        const lg_key_value row = {.line = (uint32_t)first->start_mark.line + 1, .node = first};
+        const yaml_node_t *first = lg_node_item(r, list, 0);
+        const lg_key_value row = {.line = lg_node_line(first), .node = first};
         LG_TRY(lg_yaml_entries(r->yaml, key, &row, 1, &shape[1], r->error));
     }
     if (shape[0] > LG_MACHINE_VALUES || shape[1] > LG_MACHINE_VALUES ||
         shape[0] * shape[1] > LG_MACHINE_VALUES)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "values: more than %d numbers",
-                            LG_MACHINE_VALUES);
+        return LG_FAULT(r, value->line, "values: more than %d numbers", LG_MACHINE_VALUES);
     term->value_count = (uint32_t)(shape[0] * shape[1]);
     return lg_yaml_block(r->yaml, key, value, shape, term->values, NULL, r->error);
 }
@@ -185,8 +178,8 @@ static lg_status unknown_kind(reading *r, lg_machine_part part, uint32_t line, c
     if (part == LG_MACHINE_POTENTIAL) lg_append(known, sizeof known, ", known");
     for (size_t i = 0; (kind = lg_term_kind_at(part, i)) != NULL; i++)
         lg_append(known, sizeof known, ", %s", lg_term_kind_name(kind));
-    return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: kind '%.40s' is unknown; expected one of %s",
-                        lg_machine_part_name(part), name, known);
+    return LG_FAULT(r, line, "%s: kind '%.40s' is unknown; expected one of %s", lg_machine_part_name(part),
+                    name, known);
 }
 
 static lg_status add_term(reading *r, lg_machine_part part, uint32_t line, const char *kind,
@@ -195,9 +188,8 @@ static lg_status add_term(reading *r, lg_machine_part part, uint32_t line, const
     const lg_term_kind *row = lg_term_kind_find(part, kind);
     if (row == NULL) return unknown_kind(r, part, line, kind);
     if (part == LG_MACHINE_INPUT_MAP && m->input_count == 0)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "input_map: this machine has no inputs");
-    if (m->term_count == LG_MACHINE_TERMS)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "more than %d terms", LG_MACHINE_TERMS);
+        return LG_FAULT(r, line, "input_map: this machine has no inputs");
+    if (m->term_count == LG_MACHINE_TERMS) return LG_FAULT(r, line, "more than %d terms", LG_MACHINE_TERMS);
     r->lines[m->term_count] = line;
     lg_machine_term *term = &m->terms[m->term_count++];
     *term = (lg_machine_term){.kind = row, .part = part, .activation = LG_TANH};
@@ -222,14 +214,13 @@ static lg_status check_keys(reading *r, lg_machine_part part, const char *kind, 
         if (k == KEY_COULOMB || k == KEY_QUADRATIC) taken = damping;
         if (k == KEY_WIDTH || k == KEY_COULOMB_WIDTH) taken = damping && width;
         if (values[k].line != 0 && !taken)
-            return lg_yaml_fail(r->yaml, values[k].line, LG_FORMAT, r->error,
-                                "%s: %s of kind %s does not take this key%s", keys[k].name,
-                                lg_machine_part_name(part), kind,
-                                k == KEY_WIDTH || k == KEY_COULOMB_WIDTH ? " without `coulomb: true`" : "");
+            return LG_FAULT(r, values[k].line, "%s: %s of kind %s does not take this key%s", keys[k].name,
+                            lg_machine_part_name(part), kind,
+                            k == KEY_WIDTH || k == KEY_COULOMB_WIDTH ? " without `coulomb: true`" : "");
     }
     if (values[KEY_WIDTH].line != 0 && values[KEY_COULOMB_WIDTH].line != 0)
-        return lg_yaml_fail(r->yaml, values[KEY_COULOMB_WIDTH].line, LG_FORMAT, r->error,
-                            "coulomb_width: is the same as `width`; give one of them");
+        return LG_FAULT(r, values[KEY_COULOMB_WIDTH].line,
+                        "coulomb_width: is the same as `width`; give one of them");
     return LG_OK;
 }
 
@@ -272,13 +263,12 @@ static lg_status kind_of(reading *r, lg_machine_part part, const lg_key_value *v
     static const int needed_key[] = {KEY_FORM, KEY_VALUES};
     for (size_t i = 0; i < LG_COUNT(needed); i++)
         if (values[needed_key[i]].line == 0)
-            return lg_yaml_fail(r->yaml, values[KEY_KIND].line, LG_FORMAT, r->error,
-                                "potential: kind known needs key '%s'", needed[i]);
+            return LG_FAULT(r, values[KEY_KIND].line, "potential: kind known needs key '%s'", needed[i]);
     *out = values[KEY_FORM].text;
     const lg_term_kind *row = lg_term_kind_find(part, *out);
     if (row != NULL && (lg_term_kind_options(row) & LG_TERM_VALUES) != 0) return LG_OK;
-    return lg_yaml_fail(r->yaml, values[KEY_FORM].line, LG_FORMAT, r->error,
-                        "form: '%.40s' is unknown; expected linear, quadratic, polynomial or gravity", *out);
+    return LG_FAULT(r, values[KEY_FORM].line,
+                    "form: '%.40s' is unknown; expected linear, quadratic, polynomial or gravity", *out);
 }
 
 static lg_status read_mapping(reading *r, lg_machine_part part, const yaml_node_t *node) {
@@ -304,8 +294,7 @@ static lg_status add_offset(reading *r, uint32_t line, const char *text) {
     lg_machine_feature feature;
     lg_machine_term *term = m->term_count > 0 ? &m->terms[m->term_count - 1] : NULL;
     if (!find_coordinate(m, text, &feature) && !find_column(r->out, LG_MACHINE_OFFSET, text, &feature))
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error,
-                            "offset: '%.40s' is neither a kind (unknown, known) nor a coordinate", text);
+        return LG_FAULT(r, line, "offset: '%.40s' is neither a kind (unknown, known) nor a coordinate", text);
     if (term == NULL || term->part != LG_MACHINE_OFFSET || term->of_count == 0 || term->value_count > 0)
         LG_TRY(add_term(r, LG_MACHINE_OFFSET, line, "unknown", &term));
     term_reading t = {term, LG_MACHINE_OFFSET, NULL};
@@ -317,9 +306,8 @@ static lg_status read_word(reading *r, uint32_t line, const char *text, void *us
     const lg_machine_part part = *(const lg_machine_part *)user;
     if (strcmp(text, "none") == 0) return LG_OK;
     if (part == LG_MACHINE_POTENTIAL && strcmp(text, "known") == 0)
-        return lg_yaml_fail(
-            r->yaml, line, LG_FORMAT, r->error,
-            "potential: for kind known, give {kind: known, form: ..., of: [...], values: ...}");
+        return LG_FAULT(r, line,
+                        "potential: for kind known, give {kind: known, form: ..., of: [...], values: ...}");
     if (part == LG_MACHINE_OFFSET && lg_term_kind_find(part, text) == NULL) return add_offset(r, line, text);
     return add_term(r, part, line, text, &term);
 }
@@ -328,9 +316,8 @@ static lg_status read_one(reading *r, lg_machine_part part, const yaml_node_t *n
     if (node->type == YAML_MAPPING_NODE) return read_mapping(r, part, node);
     if (node->type == YAML_SCALAR_NODE)
         return lg_machine_texts(r, node, lg_machine_part_name(part), read_word, &part);
-    return lg_yaml_fail(r->yaml, (uint32_t)node->start_mark.line + 1, LG_FORMAT, r->error,
-                        "%s: expected {kind: ...}, a list of these, or the name of a kind",
-                        lg_machine_part_name(part));
+    return LG_FAULT(r, lg_node_line(node), "%s: expected {kind: ...}, a list of these, or the name of a kind",
+                    lg_machine_part_name(part));
 }
 
 lg_status lg_machine_read_terms(reading *r, lg_machine_part part, const lg_key_value *value) {
@@ -340,12 +327,8 @@ lg_status lg_machine_read_terms(reading *r, lg_machine_part part, const lg_key_v
                           (part == LG_MACHINE_INPUT_MAP && machine->input_count > 0);
     if (value->line == 0) return constant ? add_term(r, part, 0, "constant", &term) : LG_OK;
     const yaml_node_t *node = value->node;
-    if (node->type != YAML_SEQUENCE_NODE) return read_one(r, part, node);
-    if (node->data.sequence.items.start == node->data.sequence.items.top)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: the list is empty",
-                            lg_machine_part_name(part));
-    const yaml_node_item_t *item = node->data.sequence.items.start;
-    for (; item < node->data.sequence.items.top; item++)
-        LG_TRY(read_one(r, part, yaml_document_get_node(lg_yaml_document(r->yaml), *item)));
+    if (lg_node_items(node) == 0)
+        return LG_FAULT(r, value->line, "%s: the list is empty", lg_machine_part_name(part));
+    for (size_t i = 0; i < lg_node_items(node); i++) LG_TRY(read_one(r, part, lg_node_item(r, node, i)));
     return LG_OK;
 }
