@@ -231,7 +231,7 @@ static void judge_linear(const app *self, const identify_given *given, identify_
     const lg_learned_machine *model = &given->model;
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = (double)NAN;
     if (model->machine->accelerations) return;
-    APP_MUST(self, lg_horizon_of(self->context, model->machine, identify_linear_run, linear, states,
+    APP_MUST(self, lg_horizon_of(self->context, model->machine, identify_linear_run, linear, 0, states,
                                  &given->data.logs.log, seconds, values.every, out, &error));
     if (model->start_rows > 0) out->pooled[LG_ERROR_VELOCITY] = (double)NAN;
     for (int e = 0; e < LG_RUN_ERRORS; e++)

@@ -194,7 +194,7 @@ lg_status lg_held_out_match(const lg_held_out *held, const lg_logs *from, const 
 
 /* ---- judging ---- */
 
-/* Predictions q, v of one window: (points, ...), of which the last `steps` count. */
+/* Predictions q, v of one window: (steps + 1, ...). */
 static double judge_window(const lg_held_out *held, const lg_machine *machine, const lg_machine_log *log,
                            size_t start, const double *q, const double *v) {
     const size_t n = machine->positions + machine->velocities;
@@ -204,7 +204,7 @@ static double judge_window(const lg_held_out *held, const lg_machine *machine, c
     for (size_t i = 0; i < n; i++)
         for (size_t j = 1; j <= held->steps && held->weight[i] > 0; j++) {
             const double given = logged_at(machine, log, start + j, i);
-            double e = number_at(machine, q, v, held->before + j, i) - given;
+            double e = number_at(machine, q, v, j, i) - given;
             if (isnan(given)) continue;
             if (!isfinite(e)) return (double)INFINITY;
             if (i < machine->positions && angle[i]) e = lg_machine_wrap(e);
@@ -214,38 +214,21 @@ static double judge_window(const lg_held_out *held, const lg_machine *machine, c
     return count > 0 ? sum / count : (double)NAN;
 }
 
-static lg_status run_windows(const lg_held_out *held, const lg_learned_machine *model,
-                             const lg_machine_log *log, const size_t *from, double *q, double *v,
-                             double *square, lg_error *error) {
-    const lg_machine *m = model->machine;
-    const size_t steps = held->before + held->steps;
-    lg_started_log begun = {.log = *log};
-    lg_learned_machine estimating = *model;
-    lg_status status = LG_OK;
-    estimating.start_rows = (uint32_t)held->before + 1;
-    if (held->estimated)
-        status = lg_started_log_create(held->context, &estimating, log, from, held->count, &begun, error);
-    if (status == LG_OK)
-        status = lg_machine_free_run(held->context, m, model->theta, model->scheme, model->substeps,
-                                     &begun.log, from, held->count, steps, q, v, error);
-    for (size_t w = 0; w < held->count && status == LG_OK; w++)
-        square[w] = judge_window(held, m, log, held->start[w], q + w * (steps + 1) * m->positions,
-                                 v + w * (steps + 1) * m->velocities);
-    if (held->estimated) lg_started_log_destroy(&begun);
-    return status;
-}
-
 lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *model,
                             const lg_machine_log *log, double *square, lg_error *error) {
-    const size_t before = held->before, points = held->count * (before + held->steps + 1);
-    const size_t nq = model->machine->positions, nv = model->machine->velocities;
-    double *q = lg_alloc(held->context, points * (nq + nv), sizeof *q);
-    size_t *from = lg_alloc(held->context, held->count, sizeof *from);
-    lg_status status = q != NULL && from != NULL ? LG_OK : lg_no_memory(error);
-    for (size_t w = 0; w < held->count && status == LG_OK; w++) from[w] = held->start[w] - before;
-    if (status == LG_OK) status = run_windows(held, model, log, from, q, q + points * nq, square, error);
+    const lg_machine *m = model->machine;
+    const size_t points = held->steps + 1, all = held->count * points;
+    lg_learned_machine runs = *model;
+    double *q = lg_alloc(held->context, all * (m->positions + m->velocities), sizeof *q);
+    if (q == NULL) return lg_no_memory(error);
+    double *v = q + all * m->positions;
+    runs.start_rows = held->estimated ? (uint32_t)held->before + 1 : 0;
+    const lg_status status =
+        lg_machine_run(held->context, &runs, log, held->start, held->count, held->steps, q, v, error);
+    for (size_t w = 0; w < held->count && status == LG_OK; w++)
+        square[w] = judge_window(held, m, log, held->start[w], q + w * points * m->positions,
+                                 v + w * points * m->velocities);
     lg_free(held->context, q);
-    lg_free(held->context, from);
     return status;
 }
 

@@ -37,15 +37,12 @@ static lg_status judge_runs(const lg_context *context, lg_runner *runner, void *
 typedef struct model_runner {
     const lg_context *context;
     const lg_learned_machine *model;
-    const lg_machine_log *log;
 } model_runner;
 
 static lg_status run_model(void *user, const lg_machine_log *log, const size_t *start, size_t count,
                            size_t steps, double *q, double *v, lg_error *error) {
     const model_runner *r = user;
-    const lg_learned_machine *m = r->model;
-    return lg_machine_free_run(r->context, m->machine, m->theta, m->scheme, m->substeps, log, start, count,
-                               steps, q, v, error);
+    return lg_machine_run(r->context, r->model, log, start, count, steps, q, v, error);
 }
 
 /* ---- sums of squares ---- */
@@ -96,14 +93,19 @@ static void add_point(const lg_machine *machine, const double *q, const double *
 
 /* ---- errors up to a horizon ---- */
 
-/* Complete rows, `every` rows apart in each part, from which a run of `steps` intervals stays within the
- * part. */
-static size_t find_starts(const lg_machine *machine, const lg_machine_log *log, size_t steps, size_t every,
-                          size_t *out) {
+/* Rows, `every` rows apart in each part, from which a run of `steps` intervals stays within the part: complete
+ * rows, or those from whose start_rows last rows the state can be estimated. */
+static size_t find_starts(const lg_machine *machine, const lg_machine_log *log, size_t start_rows,
+                          size_t steps, size_t every, size_t *out) {
+    const bool estimated = start_rows > 0;
+    const size_t before = estimated ? start_rows - 1 : 0;
     size_t count = 0;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + steps < log->first[p + 1]; row += every)
-            if (lg_machine_log_complete(machine, log, row, false)) out[count++] = row;
+            if (row >= log->first[p] + before &&
+                lg_machine_log_complete(machine, log, row - before, estimated) &&
+                lg_machine_log_complete(machine, log, row, estimated))
+                out[count++] = row;
     return count;
 }
 
@@ -168,8 +170,8 @@ static void judge_horizon(void *user, const runs *r) {
 }
 
 lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
-                        const lg_machine_log *from, const lg_machine_log *log, double seconds, size_t every,
-                        lg_horizon *out, lg_error *error) {
+                        size_t start_rows, const lg_machine_log *from, const lg_machine_log *log,
+                        double seconds, size_t every, lg_horizon *out, lg_error *error) {
     *out = (lg_horizon){.seconds = seconds};
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
@@ -178,7 +180,7 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
     runs r = {
         .machine = machine, .log = log, .from = from, .steps = most_steps(log, seconds), .start = start};
     if (status == LG_OK && r.steps > 0)
-        out->starts = r.count = find_starts(machine, from, r.steps, every, start);
+        out->starts = r.count = find_starts(machine, from, start_rows, r.steps, every, start);
     if (status == LG_OK && r.count > 0)
         status = judge_runs(context, runner, user, &r, judge_horizon, &h, error);
     lg_free(context, start);
@@ -226,7 +228,7 @@ void lg_started_log_destroy(lg_started_log *started) {
     started->q = started->v = NULL;
 }
 
-/* ---- horizons of a model ---- */
+/* ---- runs and horizons of a model ---- */
 
 /* Copies the last steps + 1 points of each run from `all`, whose runs begin `before` rows earlier. */
 static void keep_ends(const double *all, size_t count, size_t before, size_t steps, size_t n, double *out) {
@@ -235,87 +237,58 @@ static void keep_ends(const double *all, size_t count, size_t before, size_t ste
                (steps + 1) * n * sizeof *out);
 }
 
-/* Where keep_runs copies the ends of runs to, and the steps of these ends. */
-typedef struct ends {
-    double *q, *v;
-    size_t steps;
-} ends;
-
-static void keep_runs(void *user, const runs *r) {
-    const ends *e = user;
-    const size_t before = r->steps - e->steps;
-    keep_ends(r->q, r->count, before, e->steps, r->machine->positions, e->q);
-    keep_ends(r->v, r->count, before, e->steps, r->machine->velocities, e->v);
-}
-
-static lg_status run_estimated(void *user, const lg_machine_log *marked, const size_t *start, size_t count,
-                               size_t steps, double *q, double *v, lg_error *error) {
-    const model_runner *m = user;
-    const size_t before = m->model->start_rows - 1;
-    ends e = {q, v, steps};
-    lg_started_log begun;
-    size_t *from = lg_alloc(m->context, count, sizeof *from);
-    (void)marked;
-    if (from == NULL) return lg_no_memory(error);
-    for (size_t i = 0; i < count; i++) from[i] = start[i] - before;
-    lg_status status = lg_started_log_create(m->context, m->model, m->log, from, count, &begun, error);
-    runs r = {m->model->machine, &begun.log, &begun.log, before + steps, count, from, NULL, NULL};
-    if (status == LG_OK) status = judge_runs(m->context, run_model, user, &r, keep_runs, &e, error);
+lg_status lg_machine_run(const lg_context *context, const lg_learned_machine *model,
+                         const lg_machine_log *log, const size_t *start, size_t count, size_t steps,
+                         double *q, double *v, lg_error *error) {
+    const lg_machine *m = model->machine;
+    const size_t nq = m->positions, before = model->start_rows > 0 ? model->start_rows - 1 : 0,
+                 points = count * (before + steps + 1);
+    lg_started_log begun = {.context = context};
+    if (model->start_rows == 0)
+        return lg_machine_free_run(context, m, model->theta, model->scheme, model->substeps, log, start,
+                                   count, steps, q, v, error);
+    size_t *from = lg_alloc(context, count, sizeof *from);
+    double *all = lg_alloc(context, points * (nq + m->velocities), sizeof *all);
+    lg_status status = from != NULL && all != NULL ? LG_OK : lg_no_memory(error);
+    for (size_t i = 0; i < count && status == LG_OK; i++) from[i] = start[i] - before;
+    if (status == LG_OK) status = lg_started_log_create(context, model, log, from, count, &begun, error);
+    if (status == LG_OK)
+        status = lg_machine_free_run(context, m, model->theta, model->scheme, model->substeps, &begun.log,
+                                     from, count, before + steps, all, all + points * nq, error);
+    if (status == LG_OK) {
+        keep_ends(all, count, before, steps, nq, q);
+        keep_ends(all + points * nq, count, before, steps, m->velocities, v);
+    }
     lg_started_log_destroy(&begun);
-    lg_free(m->context, from);
+    lg_free(context, from);
+    lg_free(context, all);
     return status;
-}
-
-/* Sets velocities to 0 in rows where a run can start that needs `before` earlier rows, and to NaN elsewhere:
- * find_starts takes complete rows. */
-static void mark_starts(const lg_machine *machine, const lg_machine_log *log, size_t before, size_t every,
-                        double *v) {
-    const size_t nv = machine->velocities;
-    for (size_t i = 0; i < log->rows * nv; i++) v[i] = (double)NAN;
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row < log->first[p + 1]; row += every) {
-            const bool starts =
-                row >= log->first[p] + before && lg_machine_log_complete(machine, log, row - before, true);
-            for (size_t k = 0; starts && k < nv; k++) v[row * nv + k] = 0;
-        }
 }
 
 lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine *model,
                              const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                              lg_error *error) {
-    const lg_machine *machine = model->machine;
-    model_runner runner = {context, model, log};
-    lg_machine_log marked = *log;
-    if (model->start_rows == 0)
-        return lg_horizon_of(context, machine, run_model, &runner, log, log, seconds, every, out, error);
-    double *v = lg_alloc(context, log->rows * machine->velocities, sizeof *v);
-    if (v == NULL) return lg_no_memory(error);
-    mark_starts(machine, log, model->start_rows - 1, every, v);
-    marked.v = v;
-    const lg_status status =
-        lg_horizon_of(context, machine, run_estimated, &runner, &marked, log, seconds, every, out, error);
-    lg_free(context, v);
-    return status;
+    return lg_horizon_of(context, model->machine, run_model, &(model_runner){context, model},
+                         model->start_rows, log, log, seconds, every, out, error);
 }
 
 lg_status lg_machine_states(const lg_context *context, const lg_learned_machine *model,
                             const lg_machine_log *log, size_t every, lg_started_log *out, lg_error *error) {
     const lg_machine *machine = model->machine;
     const size_t nq = machine->positions, nv = machine->velocities, n = nq + nv;
-    model_runner runner = {context, model, log};
     *out = (lg_started_log){.log = *log, .context = context};
     out->log.q = out->q = lg_alloc(context, log->rows * n, sizeof *out->q);
-    double *states = lg_alloc(context, log->rows * n, sizeof *states);
+    double *states = lg_alloc(context, log->rows * n, sizeof *states), *v = states;
     size_t *start = lg_alloc(context, log->rows, sizeof *start), count = 0;
     lg_status status = out->q != NULL && states != NULL && start != NULL ? LG_OK : lg_no_memory(error);
     if (status == LG_OK) {
         out->log.v = out->v = out->q + log->rows * nq;
         memcpy(out->q, log->q, log->rows * nq * sizeof *out->q);
-        mark_starts(machine, log, model->start_rows - 1, every, out->v);
-        count = find_starts(machine, &out->log, 0, every, start);
+        for (size_t i = 0; i < log->rows * nv; i++) out->v[i] = (double)NAN;
+        count = find_starts(machine, log, model->start_rows, 0, every, start);
+        v = states + count * nq;
     }
-    double *v = states != NULL ? states + count * nq : NULL;
-    if (status == LG_OK && count > 0) status = run_estimated(&runner, log, start, count, 0, states, v, error);
+    if (count > 0) status = lg_machine_run(context, model, log, start, count, 0, states, v, error);
     for (size_t i = 0; i < count && status == LG_OK; i++) {
         memcpy(out->q + start[i] * nq, states + i * nq, nq * sizeof *v);
         memcpy(out->v + start[i] * nv, v + i * nv, nv * sizeof *v);
@@ -355,29 +328,24 @@ lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_mac
                  part = log->parts > 0 ? log->rows / log->parts / PART : 0,
                  most = part < MOST_ROWS ? part : MOST_ROWS;
     lg_learned_machine tried = *model;
-    model_runner runner = {context, &tried, log};
-    lg_machine_log marked = *log;
-    double *v = lg_alloc(context, log->rows * machine->velocities, sizeof *v), best = INFINITY;
+    model_runner runner = {context, &tried};
+    double best = INFINITY;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    lg_status status = v != NULL && start != NULL ? LG_OK : lg_no_memory(error);
+    lg_status status = start != NULL ? LG_OK : lg_no_memory(error);
     runs r = {
-        .machine = machine, .log = log, .from = &marked, .steps = most < LONG ? STEPS : LONG, .start = start};
+        .machine = machine, .log = log, .from = log, .steps = most < LONG ? STEPS : LONG, .start = start};
     model->start_rows = (uint32_t)usual;
-    if (status == LG_OK) {
-        mark_starts(machine, log, (most > usual ? most : usual) - 1, every, v);
-        marked.v = v;
-        r.count = find_starts(machine, &marked, r.steps, every, start);
-    }
+    if (status == LG_OK)
+        r.count = find_starts(machine, log, most > usual ? most : usual, r.steps, every, start);
     for (size_t i = 0; i < LG_COUNT(parts) && status == LG_OK && r.count > 0; i++) {
         double score = 0;
         tried.start_rows = (uint32_t)(parts[i] * (double)usual + 0.5);
         if (tried.start_rows > most && parts[i] > 1) continue;
-        status = judge_runs(context, run_estimated, &runner, &r, judge_rows, &score, error);
+        status = judge_runs(context, run_model, &runner, &r, judge_rows, &score, error);
         if (status != LG_OK || !(score < best - clear)) continue;
         best = score;
         model->start_rows = tried.start_rows;
     }
-    lg_free(context, v);
     lg_free(context, start);
     return status;
 }
@@ -465,7 +433,7 @@ static void judge_windows(void *user, const runs *r) {
 
 lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_machine *model,
                                  const lg_machine_log *log, uint32_t window, double *out, lg_error *error) {
-    model_runner runner = {context, model, log};
+    model_runner runner = {context, model};
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
     *out = (double)NAN;
     if (start == NULL) return lg_no_memory(error);
@@ -513,7 +481,7 @@ static void judge_residuals(void *user, const runs *r) {
 
 lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machine *model,
                                const lg_machine_problem *problem, lg_machine_noise *out, lg_error *error) {
-    model_runner runner = {context, model, &problem->log};
+    model_runner runner = {context, model};
     runs r = {.machine = model->machine,
               .log = &problem->log,
               .from = &problem->log,

@@ -159,13 +159,17 @@ typedef struct lg_horizon {
  * steps + 1, velocities). */
 typedef lg_status lg_runner(void *user, const lg_machine_log *log, const size_t *start, size_t count,
                             size_t steps, double *q, double *v, lg_error *error);
-/* Errors of runs that begin at complete rows of `from`, `every` rows apart in each part. `from` is `log`, or
- * has its rows with other states (lg_machine_states). */
+/* As an lg_runner. If model->start_rows is not 0, the state at a start is estimated from as many rows, of which
+ * the start is the last. */
+lg_status lg_machine_run(const lg_context *context, const lg_learned_machine *model,
+                         const lg_machine_log *log, const size_t *start, size_t count, size_t steps,
+                         double *q, double *v, lg_error *error);
+/* Errors of runs that begin at complete rows of `from`, or at rows that have start_rows rows up to them,
+ * `every` rows apart in each part. `from` is `log`, or has its rows with other states (lg_machine_states). */
 lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
-                        const lg_machine_log *from, const lg_machine_log *log, double seconds, size_t every,
-                        lg_horizon *out, lg_error *error);
-/* As lg_horizon_of for a model's own runs. The states at the starts are estimated from model->start_rows rows
- * that end at the start where the logs measure positions or accelerations alone. */
+                        size_t start_rows, const lg_machine_log *from, const lg_machine_log *log,
+                        double seconds, size_t every, lg_horizon *out, lg_error *error);
+/* As lg_horizon_of for the runs of lg_machine_run. */
 lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine *model,
                              const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                              lg_error *error);
