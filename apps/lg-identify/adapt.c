@@ -145,13 +145,6 @@ static bool fit(const app *self, adapting *a) {
     return true;
 }
 
-static size_t longest_part(const lg_machine_log *log) {
-    size_t longest = 0;
-    for (size_t p = 0; p < log->parts; p++)
-        if (log->first[p + 1] - log->first[p] > longest) longest = log->first[p + 1] - log->first[p];
-    return longest;
-}
-
 /* Mean square, in units of the loss, of the positions and velocities about their means: the loss of a machine
  * that stands still. */
 static double loss_at_rest(const adapting *a) {
@@ -184,7 +177,7 @@ static double loss_at_rest(const adapting *a) {
 static void fit_windows(const app *self, adapting *a) {
     enum { WINDOWS = 8 };
     static const double leaves = 0.5;
-    const size_t longest = longest_part(&a->begin);
+    const size_t longest = lg_log_longest_part(&a->begin);
     const double rest = loss_at_rest(a);
     const uint32_t least = a->to.run.window < longest ? a->to.run.window : (uint32_t)longest;
     const size_t eighth = longest / WINDOWS > least ? longest / WINDOWS : least;

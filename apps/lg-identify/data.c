@@ -28,9 +28,8 @@ void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_g
                  "leave the option out",
                  (unsigned long long)start_rows);
     if (start_rows > 0) out->file.run.start_rows = (uint32_t)start_rows;
-    out->model = (lg_learned_machine){&run->machine, out->file.theta, run->scheme,
-                                      substeps > 0 ? (uint32_t)substeps : run->substeps,
-                                      lg_model_start_rows(run, estimated)};
+    out->model = lg_model_learned(run, out->file.theta, estimated);
+    if (substeps > 0) out->model.substeps = (uint32_t)substeps;
 }
 
 void identify_put_start_rows(app_json *json, const lg_learned_machine *model) {

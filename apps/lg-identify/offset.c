@@ -98,11 +98,13 @@ static void hide(const double *q, size_t count, double *with) {
 }
 
 static void look_at(const app *self, const identify_given *given, pushed *p, const size_t *start,
-                    size_t count, const double *q, uint32_t i, uint32_t position, uint32_t velocity,
-                    double *with, double *v, identify_offset *out) {
+                    size_t count, const double *q, uint32_t i, double *with, double *v,
+                    identify_offset *out) {
     const lg_machine_log *log = &given->data.logs.log;
     const lg_machine *machine = given->model.machine;
     const size_t all = log->rows * machine->positions;
+    const uint32_t position = lg_log_place_of(machine, i).position,
+                   velocity = lg_log_place_of(machine, i).velocity;
     sums s = {0};
     size_t rows;
     push(p, velocity, 1);
@@ -129,15 +131,12 @@ void identify_find_offsets(const app *self, const identify_given *given, const s
     APP_CLEAN(pushed_destroy) pushed p = {.model = {.machine = NULL}};
     APP_FREE double *with = app_alloc(log->rows * machine->positions, sizeof *with);
     APP_FREE double *v = app_alloc(log->rows * machine->velocities, sizeof *v);
-    uint32_t position = 0, velocity = 0;
     memset(out, 0, LG_MACHINE_COORDINATES * sizeof *out);
     if (!pushed_create(self, given, &p)) return;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_kind kind = machine->coordinates[i].kind;
         if (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE)
-            look_at(self, given, &p, start, count, q, i, position, velocity, with, v, &out[i]);
-        position += lg_coordinate_positions(kind);
-        velocity += lg_coordinate_row_of(kind)->velocities;
+            look_at(self, given, &p, start, count, q, i, with, v, &out[i]);
     }
 }
 

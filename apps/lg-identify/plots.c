@@ -113,12 +113,6 @@ static size_t find_axes(const lg_machine *machine, axis *axes) {
     return n;
 }
 
-static bool has_part(const lg_machine *machine, lg_machine_part part) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == part) return true;
-    return false;
-}
-
 static double column_mean(const double *x, size_t rows, size_t stride, double *low, double *high) {
     double sum = 0;
     size_t count = 0;
@@ -208,7 +202,7 @@ static void put_term(const app *self, drawing *d, const axis *a, bool friction) 
 
 static void put_terms(const app *self, drawing *d) {
     const lg_machine *machine = d->given->model.machine;
-    const bool damped = has_part(machine, LG_MACHINE_DAMPING);
+    const bool damped = lg_machine_has_part(machine, LG_MACHINE_DAMPING);
     axis axes[LG_MACHINE_VELOCITIES];
     const size_t count = find_axes(machine, axes);
     find_middle(d, axes, count);

@@ -32,12 +32,6 @@ static bool friction(const double *force, lg_adaptation *out) {
     return true;
 }
 
-static bool has_offset(const lg_machine *machine) {
-    for (uint32_t t = 0; t < machine->term_count; t++)
-        if (machine->terms[t].part == LG_MACHINE_OFFSET) return true;
-    return false;
-}
-
 /* The velocity on which force number `index` of an offset acts. */
 static uint32_t velocity_of(const lg_machine *machine, const lg_machine_term *term, size_t index) {
     uint32_t velocity = 0;
@@ -215,7 +209,7 @@ lg_status lg_adaptation_create(const lg_context *context, const char *path, cons
     const lg_machine *before = &file->run.machine;
     *out = (lg_adaptation){.run = file->run, .context = context};
     LG_TRY(lg_adapt_check(names, error));
-    if (count_of(names, &kinds[0]) > 0 && !has_offset(before))
+    if (count_of(names, &kinds[0]) > 0 && !lg_machine_has_part(before, LG_MACHINE_OFFSET))
         LG_TRY(extend(context, path, &out->run, error));
     const size_t P = out->run.machine.parameters;
     out->theta = lg_alloc(context, (1 + LG_ADAPT_MOST) * P + 1, sizeof *out->theta);

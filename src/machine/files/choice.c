@@ -1,6 +1,7 @@
 /* Learns candidates and judges them. */
 #include "machine/files/choice.h"
 
+#include <math.h>
 #include <string.h>
 
 /* ---- what trials share ---- */
@@ -121,8 +122,7 @@ static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error
 }
 
 static lg_status judge(const trial_training *t, lg_machine_trial *out, lg_error *error) {
-    const lg_learned_machine model = {&t->run.machine, out->learned.theta, t->run.scheme, t->run.substeps,
-                                      lg_model_start_rows(&t->run, t->state.estimated)};
+    const lg_learned_machine model = lg_model_learned(&t->run, out->learned.theta, t->state.estimated);
     out->square = lg_alloc(t->training.context, t->held.count, sizeof *out->square);
     if (out->square == NULL) return lg_no_memory(error);
     const lg_status status = lg_held_out_judge(&t->held, &model, &t->state.data.training, out->square, error);
@@ -174,6 +174,34 @@ void lg_machine_trial_destroy(const lg_choosing *c, lg_machine_trial *trial) {
 }
 
 /* ---- the machine that is chosen ---- */
+
+/* The mean loss of the windows of the fit. INFINITY: the trial failed, or a window has no finite loss. */
+static double loss_of(const lg_machine_trial *trial) {
+    double sum = 0.0;
+    if (trial == NULL || trial->status != LG_OK) return INFINITY;
+    for (size_t w = 0; w < trial->fits; w++) sum += trial->left[w];
+    return isfinite(sum) ? sum / (double)trial->fits : INFINITY;
+}
+
+lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest *contest,
+                                 lg_machine_trial *trials, size_t *winner, lg_error *error) {
+    const lg_machine_trial *from = NULL, *best = NULL;
+    for (size_t i = 0; i < contest->count; i++) {
+        char *text = NULL;
+        LG_TRY(contest->write(contest->user, i, &text, error));
+        const lg_status status = lg_machine_try(c, text, contest->follows ? from : NULL, &trials[i], error);
+        lg_free(c->self->context, text);
+        if (status != LG_OK) return status;
+        if (loss_of(&trials[i]) < loss_of(from)) from = &trials[i];
+        if (trials[i].square != NULL && (best == NULL || contest->compare(c, &trials[i], best).ratio < 1))
+            best = &trials[i];
+    }
+    *winner = 0;
+    while (best != NULL && &trials[*winner] != best &&
+           (trials[*winner].square == NULL || contest->compare(c, best, &trials[*winner]).beats))
+        ++*winner;
+    return LG_OK;
+}
 
 lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error) {
     lg_machine_state *s = self->state;

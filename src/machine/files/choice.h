@@ -90,6 +90,27 @@ void lg_choosing_end(lg_choosing *choosing);
 lg_status lg_machine_try(const lg_choosing *choosing, const char *text, const lg_machine_trial *from,
                          lg_machine_trial *out, lg_error *error);
 void lg_machine_trial_destroy(const lg_choosing *choosing, lg_machine_trial *trial);
+/* How two trials that were learned compare: the error of the first one, divided by that of the other one, whether
+ * it is clearly less, and the rows of the runs that show it. */
+typedef struct lg_machine_comparison {
+    double ratio;
+    bool beats;
+    size_t rows;
+} lg_machine_comparison;
+/* What a choice is made of: `write` makes the file of machine i, `compare` compares two machines. If each
+ * `follows`, it begins from the parameters of the one before it that left the least of its own windows. */
+typedef struct lg_machine_contest {
+    size_t count;
+    bool follows;
+    lg_status (*write)(void *user, size_t i, char **text, lg_error *error);
+    lg_machine_comparison (*compare)(const lg_choosing *c, const lg_machine_trial *one,
+                                     const lg_machine_trial *other);
+    void *user;
+} lg_machine_contest;
+/* Learns all machines, from simple ones to others. *winner: the first one that the one with the least error
+ * does not beat; its `square` is NULL if none was learned. trials (count) are the caller's. */
+lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest *contest,
+                                 lg_machine_trial *trials, size_t *winner, lg_error *error);
 /* Copies parameters of terms that both machines have. */
 void lg_machine_take_over(const struct lg_machine_warm *from, const lg_machine *machine, double *theta);
 

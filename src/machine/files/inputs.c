@@ -8,13 +8,18 @@
 
 _Static_assert(LG_MACHINE_DELAYS == LG_HELD_OUT_DELAY + 1, "windows leave room for all delays");
 
-/* What is tried: trial (hold, delay), for the inputs of which `hold` or `delay` is true; the other inputs
+/* What is tried: each hold with each delay, for the inputs of which `hold` or `delay` is true; the other inputs
  * keep their hold or delay. holds or delays is 1 if no input is varied. */
 typedef struct grid {
+    const lg_training *self;
     bool hold[LG_MACHINE_INPUTS], delay[LG_MACHINE_INPUTS];
     uint32_t holds, delays;
-    lg_machine_trial trial[LG_INPUT_HOLD_COUNT][LG_MACHINE_DELAYS];
+    lg_machine_trial trial[LG_INPUT_HOLD_COUNT * LG_MACHINE_DELAYS]; /* holds of the first delay come first */
 } grid;
+
+static const lg_machine_trial *trial_at(const grid *g, uint32_t hold, uint32_t delay) {
+    return &g->trial[delay * g->holds + hold];
+}
 
 /* Whether an input changes so little from row to row that it does not matter how it acts between rows. */
 static bool acts_alike(const lg_machine_data *data) {
@@ -68,9 +73,10 @@ static void put_values(uint32_t count, const uint32_t *values, const char *const
     if (!same) lg_text_add(to, "]");
 }
 
-/* The machine's file with this hold and this delay of the inputs that the grid varies. */
-static lg_status write_text(const lg_machine_data *data, const grid *g, uint32_t hold, uint32_t delay,
-                            const char *name, char **out, lg_error *error) {
+/* The machine's file with a hold and a delay of the inputs that the grid varies. */
+static lg_status write_text(void *user, size_t index, char **out, lg_error *error) {
+    const grid *g = user;
+    const lg_machine_data *data = &((const lg_machine_state *)g->self->state)->data;
     const lg_machine_file *file = &data->file;
     const uint32_t n = file->machine.input_count;
     uint32_t each[2][LG_MACHINE_INPUTS];
@@ -78,95 +84,38 @@ static lg_status write_text(const lg_machine_data *data, const grid *g, uint32_t
     lg_yaml_edit edits[2];
     size_t count = 0;
     for (uint32_t i = 0; i < n; i++) {
-        each[0][i] = g->hold[i] ? hold : (uint32_t)file->inputs[i].hold;
-        each[1][i] = g->delay[i] ? delay : data->logs.delay[i];
+        each[0][i] = g->hold[i] ? (uint32_t)index % g->holds : (uint32_t)file->inputs[i].hold;
+        each[1][i] = g->delay[i] ? (uint32_t)index / g->holds : data->logs.delay[i];
     }
     put_values(n, each[0], lg_input_holds, &text[0]);
     put_values(n, each[1], NULL, &text[1]);
     if (g->holds > 1) edits[count++] = (lg_yaml_edit){LG_YAML_SET, "inputs.hold", NULL, text[0].data};
     if (g->delays > 1) edits[count++] = (lg_yaml_edit){LG_YAML_SET, "inputs.delay", NULL, text[1].data};
-    const lg_status status = text[0].failed || text[1].failed
-                                 ? lg_no_memory(error)
-                                 : lg_yaml_change(file->context, name, file->text, edits, count, out, error);
+    const lg_status status =
+        text[0].failed || text[1].failed
+            ? lg_no_memory(error)
+            : lg_yaml_change(file->context, g->self->paths[0], file->text, edits, count, out, error);
     lg_text_destroy(&text[0]);
     lg_text_destroy(&text[1]);
     return status;
 }
 
-/* The mean loss of the windows of the fit. INFINITY: the trial failed, or a window has no finite loss. */
-static double loss_of(const lg_machine_trial *trial) {
-    double sum = 0.0;
-    if (trial == NULL || trial->status != LG_OK) return INFINITY;
-    for (size_t w = 0; w < trial->fits; w++) sum += trial->left[w];
-    return isfinite(sum) ? sum / (double)trial->fits : INFINITY;
-}
-
-/* Each trial starts from the numbers of the best trial before it: the numbers that a wrong hold has found may
- * be far off. */
-static lg_status run_grid(const lg_choosing *c, const lg_machine_data *data, grid *g, lg_error *error) {
-    const lg_machine_trial *best = NULL;
-    for (uint32_t d = 0; d < g->delays; d++)
-        for (uint32_t h = 0; h < g->holds; h++) {
-            char *text = NULL;
-            LG_TRY(write_text(data, g, h, d, c->self->paths[0], &text, error));
-            const lg_status status = lg_machine_try(c, text, best, &g->trial[h][d], error);
-            lg_free(data->file.context, text);
-            if (status != LG_OK) return status;
-            if (loss_of(&g->trial[h][d]) < loss_of(best)) best = &g->trial[h][d];
-        }
-    return LG_OK;
-}
-
-/* How two trials compare: the error of the first one, divided by that of the other one, whether it is less by
- * more than chance and by more than 5 %, and the rows of the runs that tell. */
-typedef struct comparison {
-    double ratio;
-    bool beats;
-    size_t rows;
-} comparison;
-
-static comparison compare_on(size_t count, size_t rows, const double *one, const double *other) {
+static lg_machine_comparison compare_on(size_t count, size_t rows, const double *one, const double *other) {
     static const double less = 0.95;
     const lg_held_out_ratio found = lg_held_out_compare(count, one, other);
-    return (comparison){found.ratio, found.better && found.ratio < less, rows};
+    return (lg_machine_comparison){found.ratio, found.better && found.ratio < less, rows};
 }
 
 /* The windows of the fits compare, for holds and delays add no parameter. If these windows cannot tell which
  * of the two trials is better, the long windows do that were held out. */
-static comparison compare(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
-    if (one->square == NULL || other->square == NULL) return (comparison){.beats = one->square != NULL};
+static lg_machine_comparison compare(const lg_choosing *c, const lg_machine_trial *one,
+                                     const lg_machine_trial *other) {
+    if (one->square == NULL || other->square == NULL)
+        return (lg_machine_comparison){.beats = one->square != NULL};
     const size_t fits = one->fits < other->fits ? one->fits : other->fits;
-    const comparison own = compare_on(fits, one->rows, one->left, other->left);
+    const lg_machine_comparison own = compare_on(fits, one->rows, one->left, other->left);
     if (own.beats || compare_on(fits, one->rows, other->left, one->left).beats) return own;
     return compare_on(c->held.count, c->held.steps, one->square, other->square);
-}
-
-static bool beats(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
-    return compare(c, one, other).beats;
-}
-
-static double ratio_of(const lg_choosing *c, const lg_machine_trial *one, const lg_machine_trial *other) {
-    return compare(c, one, other).ratio;
-}
-
-/* The combination with the least error, and then the first one (small delays, then held inputs first) that it
- * does not beat. */
-static void find_best(const lg_choosing *c, const grid *g, uint32_t *hold, uint32_t *delay) {
-    const lg_machine_trial *best = NULL;
-    for (uint32_t d = 0; d < g->delays; d++)
-        for (uint32_t h = 0; h < g->holds; h++) {
-            const lg_machine_trial *trial = &g->trial[h][d];
-            if (trial->square != NULL && (best == NULL || ratio_of(c, trial, best) < 1)) best = trial;
-        }
-    *hold = *delay = 0;
-    for (uint32_t d = 0; best != NULL; d++) /* returns at the latest where trial == best */
-        for (uint32_t h = 0; h < g->holds; h++) {
-            const lg_machine_trial *trial = &g->trial[h][d];
-            if (trial != best && (trial->square == NULL || beats(c, best, trial))) continue;
-            *hold = h;
-            *delay = d;
-            return;
-        }
 }
 
 /* A ratio as people say it: "1/44", or ".61". */
@@ -191,13 +140,13 @@ static bool name_inputs(const lg_machine *machine, const bool *varied, const cha
     return single;
 }
 
-static void tell_choice(const lg_training *self, const lg_choosing *c, const grid *g, uint32_t hold,
-                        uint32_t delay) {
+static void tell_choice(const lg_choosing *c, const grid *g, uint32_t hold, uint32_t delay) {
+    const lg_training *self = g->self;
     const lg_machine_state *s = self->state;
     const lg_machine *machine = &s->data.file.machine;
-    const lg_machine_trial *chosen = &g->trial[hold][delay];
-    const comparison held = compare(c, chosen, &g->trial[LG_HOLD_ZERO][delay]),
-                     early = compare(c, chosen, &g->trial[hold][0]);
+    const lg_machine_trial *chosen = trial_at(g, hold, delay);
+    const lg_machine_comparison held = compare(c, chosen, trial_at(g, LG_HOLD_ZERO, delay)),
+                                early = compare(c, chosen, trial_at(g, hold, 0));
     const double dt = s->data.logs.dt_median;
     char text[32], who[96];
     if (g->holds > 1 && hold != LG_HOLD_ZERO) {
@@ -227,7 +176,7 @@ static size_t numbers_of(const lg_machine_trial *trial, lg_identified *out) {
  * largest change of all. */
 static void find_changes(const lg_choosing *c, const grid *g, uint32_t hold, uint32_t delay,
                          lg_input_changes *out) {
-    const lg_machine_trial *chosen = &g->trial[hold][delay];
+    const lg_machine_trial *chosen = trial_at(g, hold, delay);
     lg_identified other[LG_MACHINE_VALUES];
     double before[LG_MACHINE_VALUES] = {0.0};
     if (chosen->square == NULL) return;
@@ -235,8 +184,8 @@ static void find_changes(const lg_choosing *c, const grid *g, uint32_t hold, uin
     out->count = numbers_of(chosen, out->numbers);
     for (size_t i = 0; i < out->count; i++) out->numbers[i].error = before[i];
     for (uint32_t h = 0; h < g->holds; h++) {
-        const lg_machine_trial *trial = &g->trial[h][delay];
-        if (trial == chosen || beats(c, chosen, trial)) continue;
+        const lg_machine_trial *trial = trial_at(g, h, delay);
+        if (trial == chosen || compare(c, chosen, trial).beats) continue;
         /* The two machines differ only in their hold, so they have equally many numbers. */
         (void)numbers_of(trial, other);
         for (size_t i = 0; i < out->count; i++)
@@ -244,42 +193,48 @@ static void find_changes(const lg_choosing *c, const grid *g, uint32_t hold, uin
     }
 }
 
-/* Writes the best combination into the machine's text and reads it and the logs again. */
-static lg_status take(lg_training *self, const lg_choosing *c, const grid *g, bool tell, lg_error *error) {
+/* Writes a combination into the machine's text and reads it and the logs again. */
+static lg_status take(lg_training *self, const lg_choosing *c, grid *g, size_t winner, bool tell,
+                      lg_error *error) {
     lg_machine_state *s = self->state;
-    uint32_t hold, delay;
+    const uint32_t hold = (uint32_t)winner % g->holds, delay = (uint32_t)winner / g->holds;
+    const lg_machine_trial *chosen = &g->trial[winner];
     char *text = NULL;
-    find_best(c, g, &hold, &delay);
     for (uint32_t i = 0; i < s->data.file.machine.input_count; i++) {
         for (uint32_t h = 0; h < g->holds && g->hold[i]; h++)
-            s->inputs[i].hold[h] = ratio_of(c, &g->trial[h][delay], &g->trial[hold][delay]);
+            s->inputs[i].hold[h] = compare(c, trial_at(g, h, delay), chosen).ratio;
         for (uint32_t d = 0; d < g->delays && g->delay[i]; d++)
-            s->inputs[i].delay[d] = ratio_of(c, &g->trial[hold][d], &g->trial[hold][delay]);
+            s->inputs[i].delay[d] = compare(c, trial_at(g, hold, d), chosen).ratio;
     }
     if (tell) {
         find_changes(c, g, hold, delay, &s->changes);
-        tell_choice(self, c, g, hold, delay);
+        tell_choice(c, g, hold, delay);
     }
-    LG_TRY(write_text(&s->data, g, hold, delay, self->paths[0], &text, error));
+    LG_TRY(write_text(g, winner, &text, error));
     const lg_status status = lg_machine_reread(self, text, error);
     lg_free(self->context, text);
     return status;
 }
 
-/* Tries the combinations of a grid, and takes the best one. */
+/* Tries the combinations of a grid, and takes the best one: that with the least error, or the first one (small
+ * delays, then held inputs first) that it does not beat. Each starts from the numbers of the best before it:
+ * the numbers that a wrong hold has found may be far off. */
 static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) {
     enum { MOST_WINDOWS = 200 };
     static const double part = 0.2;
     const lg_machine_state *s = self->state;
+    const lg_machine_contest contest = {g->holds * g->delays, true, write_text, compare, g};
     lg_choosing c;
+    size_t winner = 0;
     lg_status status = lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, error);
     c.most_windows = MOST_WINDOWS;
+    g->self = self;
     if (status == LG_OK && c.held.count == 0 && tell && (g->delays > 1 || s->data.file.hold_given))
         LG_WARN(self, "the log is too short to choose how the inputs act: hold zero and no delay are taken");
-    if (status == LG_OK && c.held.count > 0) status = run_grid(&c, &s->data, g, error);
-    if (status == LG_OK) status = take(self, &c, g, tell, error);
-    for (uint32_t h = 0; h < LG_INPUT_HOLD_COUNT; h++)
-        for (uint32_t d = 0; d < LG_MACHINE_DELAYS; d++) lg_machine_trial_destroy(&c, &g->trial[h][d]);
+    if (status == LG_OK && c.held.count > 0)
+        status = lg_machine_contest_run(&c, &contest, g->trial, &winner, error);
+    if (status == LG_OK) status = take(self, &c, g, winner, tell, error);
+    for (size_t i = 0; i < LG_COUNT(g->trial); i++) lg_machine_trial_destroy(&c, &g->trial[i]);
     lg_choosing_end(&c);
     return status;
 }

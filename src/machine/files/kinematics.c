@@ -104,14 +104,14 @@ typedef struct number {
 static bool find_number(const lg_machine_data *data, uint32_t coordinate, number *out) {
     const lg_machine *machine = &data->file.machine;
     const lg_machine_log *log = &data->logs.log;
-    size_t q = 0, v = 0;
-    for (uint32_t i = 0; i < coordinate; i++) {
-        q += lg_coordinate_positions(machine->coordinates[i].kind);
-        v += lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
-    }
+    const lg_log_place at = lg_log_place_of(machine, coordinate);
     const lg_coordinate_kind kind = machine->coordinates[coordinate].kind;
-    *out = (number){
-        log, log->q + q, log->v + v, machine->positions, machine->velocities, kind == LG_COORDINATE_ANGLE};
+    *out = (number){log,
+                    log->q + at.position,
+                    log->v + at.velocity,
+                    machine->positions,
+                    machine->velocities,
+                    kind == LG_COORDINATE_ANGLE};
     return data->file.measured == LG_MEASURED_VELOCITIES &&
            (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE);
 }

@@ -284,14 +284,14 @@ static void other_scale(const check *c, const fit *f, char *text, size_t size) {
                   lg_log_tidy(f->slope * t->scale));
 }
 
-static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
+static lg_status wrong_slope(const check *c, const fit *f) {
     const lg_log_column *column = &c->table->machine->columns[c->velocity];
     lg_name_list q, v;
     char scale[200] = "", other[2 * LG_LOG_NAME + 96];
     lg_log_names_of(c->table, c->position, c->positions, &q);
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     if (is_degrees(c, f))
-        return lg_fail(error, LG_FORMAT,
+        return lg_fail(c->table->error, LG_FORMAT,
                        "%s: column %s: it moves %.4g times as fast as column %s says: if it is in degrees, "
                        "set scale: {%s: %.6g}",
                        path_of(c), q.text, f->slope, v.text, q.text,
@@ -300,7 +300,7 @@ static lg_status wrong_slope(const check *c, const fit *f, lg_error *error) {
         lg_append(scale, sizeof scale, "%s%s: %.6g", i > 0 ? ", " : "", column[i].name,
                   lg_log_tidy(f->slope * column[i].scale));
     other_scale(c, f, other, sizeof other);
-    return lg_fail(error, LG_FORMAT,
+    return lg_fail(c->table->error, LG_FORMAT,
                    "%s: column%s %s: the rate of %s is %.4g times %s: if the %s is wrong, set scale: {%s}%s",
                    path_of(c), c->velocities > 1 ? "s" : "", v.text, q.text, f->slope, v.text,
                    f->slope < 0 ? "sign" : "unit", scale, other);
@@ -331,8 +331,7 @@ static size_t count_jumps(const check *c, size_t *first) {
 }
 
 /* Refuses a column with single values far off: without its jumps, position and velocity belong together. */
-static lg_status refuse_outliers(const check *c, const way *w, uint32_t column, uint32_t other,
-                                 lg_error *error) {
+static lg_status refuse_outliers(const check *c, const way *w, uint32_t column, uint32_t other) {
     static const double far = 20;
     check without = *c;
     size_t row = 0;
@@ -341,7 +340,7 @@ static lg_status refuse_outliers(const check *c, const way *w, uint32_t column, 
     const size_t count = count_jumps(&without, &row);
     const fit f = compare(&without, w, 1);
     if (count == 0 || f.correlation < FITS || !slope_is_right(&f)) return LG_OK;
-    return lg_log_fail(c->table, row, error,
+    return lg_log_fail(c->table, row,
                        "column %s: jumps to %.6g; %zu steps are more than %.0f times the usual step, but "
                        "column %s does not show them: if these cells are outliers, leave them empty",
                        c->table->machine->columns[column].name, lg_log_row(c->table, row)[column], count, far,
@@ -351,8 +350,7 @@ static lg_status refuse_outliers(const check *c, const way *w, uint32_t column, 
 /* Refuses a column that often stands at its smallest or largest value, like a sensor at the end of its range.
  * A coarsely rounded column stands still everywhere; it is refused only if position and velocity belong
  * together far better without these rows. */
-static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, size_t span, const fit *f,
-                                lg_error *error) {
+static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, size_t span, const fit *f) {
     enum { MANY = 10, PART = 100 };
     static const double better = 0.25;
     const lg_log_table *table = c->table;
@@ -370,21 +368,21 @@ static lg_status refuse_clipped(const check *c, const way *w, uint32_t column, s
     if (lg_log_steps_of(table, column, first, end, c->sorted).coarse &&
         (rest.n < FEWEST || !(1 - rest.correlation < better * (1 - f->correlation))))
         return LG_OK;
-    return lg_fail(error, LG_FORMAT,
+    return lg_fail(c->table->error, LG_FORMAT,
                    "%s: column %s: is at its smallest or largest value, %.6g and %.6g, in %zu of %zu rows: "
                    "if the sensor is at the end of its range, leave these cells empty",
                    path_of(c), table->machine->columns[column].name, without.low, without.high, count, rows);
 }
 
 /* Refuses lines and angles whose position and velocity do not belong together because a sensor fails. */
-static lg_status refuse_failures(const check *c, const way *w, size_t span, const fit *f, lg_error *error) {
+static lg_status refuse_failures(const check *c, const way *w, size_t span, const fit *f) {
     if (c->positions != 1) return LG_OK;
-    LG_TRY(refuse_outliers(c, w, c->position, c->velocity, error));
+    LG_TRY(refuse_outliers(c, w, c->position, c->velocity));
     /* Velocities may really jump, in an impact; the correlation is still high then, and they are not
      * refused. */
-    if (f->correlation < UNRELATED) LG_TRY(refuse_outliers(c, w, c->velocity, c->position, error));
-    LG_TRY(refuse_clipped(c, w, c->velocity, span, f, error));
-    return refuse_clipped(c, w, c->position, span, f, error);
+    if (f->correlation < UNRELATED) LG_TRY(refuse_outliers(c, w, c->velocity, c->position));
+    LG_TRY(refuse_clipped(c, w, c->velocity, span, f));
+    return refuse_clipped(c, w, c->position, span, f);
 }
 
 /* Another way of reading the columns that fits far better; NULL: none. */
@@ -441,7 +439,7 @@ static bool agree_longer(const check *c, const way *w, size_t *span, fit *f, cha
     }
 }
 
-static lg_status judge(check *c, const way *ways, size_t count, lg_error *error) {
+static lg_status judge(check *c, const way *ways, size_t count) {
     size_t span = 1;
     fit f = {0};
     char hint[LG_LOG_NAME + 20] = "";
@@ -451,9 +449,8 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
         found = find_span(c, &ways[0], &span, &f);
     }
     if (!found) return LG_OK;
-    if (f.correlation < FITS_WELL || slope_is_wrong(&f))
-        LG_TRY(refuse_failures(c, &ways[0], span, &f, error));
-    if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
+    if (f.correlation < FITS_WELL || slope_is_wrong(&f)) LG_TRY(refuse_failures(c, &ways[0], span, &f));
+    if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f) : LG_OK;
     const way *better = better_way(c, ways, count, span, &f);
     const fit first = f;
     const bool fits = fabs(f.correlation) > FITS;
@@ -466,23 +463,24 @@ static lg_status judge(check *c, const way *ways, size_t count, lg_error *error)
     lg_log_names_of(c->table, c->position, c->positions, &q);
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     if (better != NULL)
-        return lg_fail(error, LG_FORMAT, "%s: columns %s and %s: %s", path_of(c), q.text, v.text,
+        return lg_fail(c->table->error, LG_FORMAT, "%s: columns %s and %s: %s", path_of(c), q.text, v.text,
                        better->words);
-    if (fits) return slope_is_wrong(&f) ? wrong_slope(c, &f, error) : LG_OK;
+    if (fits) return slope_is_wrong(&f) ? wrong_slope(c, &f) : LG_OK;
     if (!agree && (f.correlation < UNRELATED || hint[0] != '\0'))
         return lg_fail(
-            error, LG_FORMAT,
+            c->table->error, LG_FORMAT,
             "%s: columns %s and %s do not belong together (correlation %.2f): are columns swapped?%s",
             path_of(c), q.text, v.text, f.correlation, hint);
-    const lg_status said =
-        agree
-            ? lg_log_warn(c->table,
-                          "%s: columns %s and %s agree over %zu rows (correlation %.2f), but not over fewer "
-                          "(%.2f): one of them vibrates or is noisy",
-                          path_of(c), q.text, v.text, span, f.correlation, first.correlation)
-            : lg_log_warn(c->table, "%s: columns %s and %s fit badly (correlation %.2f): check them",
-                          path_of(c), q.text, v.text, f.correlation);
-    return said == LG_OK ? LG_OK : lg_log_no_memory(c->table->paths[c->file], error);
+    if (agree)
+        lg_log_warn(
+            c->table,
+            "%s: columns %s and %s agree over %zu rows (correlation %.2f), but not over fewer (%.2f): "
+            "one of them vibrates or is noisy",
+            path_of(c), q.text, v.text, span, f.correlation, first.correlation);
+    else
+        lg_log_warn(c->table, "%s: columns %s and %s fit badly (correlation %.2f): check them", path_of(c),
+                    q.text, v.text, f.correlation);
+    return LG_OK;
 }
 
 static const way plain_ways[] = {{.words = ""}};
@@ -491,7 +489,7 @@ static const way body_ways[] = {
 static const way space_ways[] = {
     {.words = ""}, {.space = true, .words = "the velocities are in the body frame: set frame: body"}};
 
-static lg_status check_coordinate(const check *where, uint32_t index, lg_error *error) {
+static lg_status check_coordinate(const check *where, uint32_t index) {
     lg_log_table *table = where->table;
     const lg_log_coordinate *w = &table->machine->coordinates[index];
     const lg_coordinate_kind kind = table->machine->machine.coordinates[index].kind;
@@ -506,43 +504,42 @@ static lg_status check_coordinate(const check *where, uint32_t index, lg_error *
     attitude.count = 3, attitude.turns = true;
     attitude.change = rotation_change, attitude.velocity_of = rotation_velocity;
     if (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE)
-        return judge(&place, plain_ways, LG_COUNT(plain_ways), error);
+        return judge(&place, plain_ways, LG_COUNT(plain_ways));
     if (kind == LG_COORDINATE_DIRECTION) {
         attitude.change = scalar_change;
         attitude.velocity_of = direction_velocity;
-        return judge(&attitude, plain_ways, LG_COUNT(plain_ways), error);
+        return judge(&attitude, plain_ways, LG_COUNT(plain_ways));
     }
-    LG_TRY(judge(&attitude, rotation_ways, LG_COUNT(rotation_ways), error));
+    LG_TRY(judge(&attitude, rotation_ways, LG_COUNT(rotation_ways)));
     place.velocity_of = pose_velocity;
-    return kind == LG_COORDINATE_POSE ? judge(&place, w->space_frame ? space_ways : body_ways, 2, error)
-                                      : LG_OK;
+    return kind == LG_COORDINATE_POSE ? judge(&place, w->space_frame ? space_ways : body_ways, 2) : LG_OK;
 }
 
-static lg_status check_parts(const check *where, lg_error *error) {
+static lg_status check_parts(const check *where) {
     for (uint32_t i = 0; i < where->table->machine->machine.coordinate_count; i++)
-        LG_TRY(check_coordinate(where, i, error));
+        LG_TRY(check_coordinate(where, i));
     return LG_OK;
 }
 
 /* Checks each file alone, so that the message names the file at fault, then all files together. */
-static lg_status check_files(check where, lg_error *error) {
+static lg_status check_files(check where) {
     const lg_log_table *table = where.table;
     while (where.begin < table->parts) {
         where.file = table->origin[table->first[where.begin]].file;
         for (where.end = where.begin + 1; where.end < table->parts; where.end++)
             if (table->origin[table->first[where.end]].file != where.file) break;
-        LG_TRY(check_parts(&where, error));
+        LG_TRY(check_parts(&where));
         where.begin = where.end;
     }
     where.begin = 0, where.file = table->origin[0].file;
-    return table->origin[table->rows - 1].file != where.file ? check_parts(&where, error) : LG_OK;
+    return table->origin[table->rows - 1].file != where.file ? check_parts(&where) : LG_OK;
 }
 
-lg_status lg_log_check(lg_log_table *table, lg_error *error) {
+lg_status lg_log_check(lg_log_table *table) {
     if (table->machine->measured != LG_MEASURED_VELOCITIES) return LG_OK;
     double *sorted = lg_alloc(table->context, LG_LOG_SAMPLES, sizeof *sorted);
-    if (sorted == NULL) return lg_log_no_memory(table->paths[0], error);
-    const lg_status status = check_files((check){.table = table, .sorted = sorted}, error);
+    if (sorted == NULL) return lg_log_no_memory(table);
+    const lg_status status = check_files((check){.table = table, .sorted = sorted});
     lg_free(table->context, sorted);
     return status;
 }

@@ -17,7 +17,6 @@ typedef struct cleaning {
     lg_log_table *table;
     const lg_machine_coordinate *coordinate;
     const lg_log_coordinate *where;
-    lg_error *error;
     /* Of this coordinate: */
     size_t flips, mended, turns;
     double worst;         /* largest distance of an attitude from a valid one */
@@ -80,15 +79,15 @@ static lg_status mend_attitude(cleaning *c, size_t row, double *x) {
     }
     lg_log_names_of(c->table, c->where->attitude, count, &names);
     if (reflection)
-        return lg_log_fail(c->table, row, c->error,
+        return lg_log_fail(c->table, row,
                            "columns %s: the matrix has determinant -1, so it is a reflection, not a "
                            "rotation: is an axis reversed, or are two columns swapped?",
                            names.text);
     if (count == 9)
-        return lg_log_fail(c->table, row, c->error,
+        return lg_log_fail(c->table, row,
                            "columns %s: not a rotation matrix: it differs from the nearest one by %.3g",
                            names.text, off);
-    return lg_log_fail(c->table, row, c->error, "columns %s: not a %s: length %.6g instead of 1", names.text,
+    return lg_log_fail(c->table, row, "columns %s: not a %s: length %.6g instead of 1", names.text,
                        whats[count], before);
 }
 
@@ -187,50 +186,48 @@ static lg_status check_angle(cleaning *c) {
     const steps s = look_at_steps(c);
     if (range > 50 && s.largest > 300 && s.largest < 420)
         return lg_log_fail(
-            table, s.at, c->error,
+            table, s.at,
             "column %s: goes from %.6g to %.6g and jumps by %.6g: if it is in degrees, set scale: {%s: %.6g}",
             name, known->low, known->high, s.largest, name, scale);
     if (table->machine->unwrap && range > 1.1 * TURN && s.odd > 0)
         return lg_log_fail(
-            table, s.odd, c->error,
+            table, s.odd,
             "column %s: changes by %.4g from one row to the next, which is not a turn of 2 pi: for degrees, "
             "set scale: {%s: %.6g}; for radians that are not wrapped, set unwrap: false",
             name, lg_log_row(table, s.odd)[column] - lg_log_row(table, s.odd - 1)[column], name, scale);
     if (range > 50)
-        return lg_log_warn(table,
-                           "column %s: goes from %.6g to %.6g: these are many turns if they are radians; if "
-                           "they are degrees, set scale: {%s: %.6g}",
-                           name, known->low, known->high, name, scale);
+        lg_log_warn(table,
+                    "column %s: goes from %.6g to %.6g: these are many turns if they are radians; if "
+                    "they are degrees, set scale: {%s: %.6g}",
+                    name, known->low, known->high, name, scale);
     return LG_OK;
 }
 
 /* ---- whole table ---- */
 
-static lg_status tell(const cleaning *c) {
+static void tell(const cleaning *c) {
     lg_name_list names;
     lg_log_table *table = c->table;
     const lg_log_coordinate *where = c->where;
     lg_log_names_of(c->table, where->attitudes > 0 ? where->attitude : where->place,
                     where->attitudes > 0 ? where->attitudes : 1, &names);
     if (c->flips > 0)
-        LG_TRY(lg_log_warn(table,
-                           "columns %s: %zu changes of sign were undone: q and -q are the same rotation",
-                           names.text, c->flips));
+        lg_log_warn(table, "columns %s: %zu changes of sign were undone: q and -q are the same rotation",
+                    names.text, c->flips);
     if (c->mended > 0)
-        LG_TRY(lg_log_warn(
-            table, "columns %s: %zu rows were off by more than %g, at most by %.3g, and were corrected",
-            names.text, c->mended, NOTABLE_OFF, c->worst));
+        lg_log_warn(table,
+                    "columns %s: %zu rows were off by more than %g, at most by %.3g, and were corrected",
+                    names.text, c->mended, NOTABLE_OFF, c->worst);
     if (c->turns > 0)
-        LG_TRY(lg_log_warn(table, "column %s: %zu jumps of 2 pi were undone: the angle is unwrapped",
-                           names.text, c->turns));
+        lg_log_warn(table, "column %s: %zu jumps of 2 pi were undone: the angle is unwrapped", names.text,
+                    c->turns);
     const double part = c->across > 0 ? sqrt(c->along / c->across) : 0;
     lg_log_names_of(c->table, where->velocity, where->velocities, &names);
     if (part > NOTABLE_OFF)
-        LG_TRY(lg_log_warn(table,
-                           "columns %s: a part of %.3g of the angular velocity is about the direction "
-                           "itself, which this does not move: that part was removed",
-                           names.text, part));
-    return LG_OK;
+        lg_log_warn(table,
+                    "columns %s: a part of %.3g of the angular velocity is about the direction "
+                    "itself, which this does not move: that part was removed",
+                    names.text, part);
 }
 
 static lg_status clean_coordinate(cleaning *c) {
@@ -243,19 +240,14 @@ static lg_status clean_coordinate(cleaning *c) {
     }
     for (size_t row = 0; row < table->rows && c->where->velocities > 0; row++)
         clean_velocity(c, lg_log_row(table, row));
-    return tell(c);
+    tell(c);
+    return LG_OK;
 }
 
-lg_status lg_log_clean(lg_log_table *table, lg_error *error) {
+lg_status lg_log_clean(lg_log_table *table) {
     const lg_machine *m = &table->machine->machine;
-    for (uint32_t i = 0; i < m->coordinate_count; i++) {
-        cleaning c = {.table = table,
-                      .coordinate = &m->coordinates[i],
-                      .where = &table->machine->coordinates[i],
-                      .error = error};
-        const lg_status status = clean_coordinate(&c);
-        if (status == LG_OUT_OF_MEMORY) return lg_log_no_memory(table->paths[0], error);
-        LG_TRY(status);
-    }
+    for (uint32_t i = 0; i < m->coordinate_count; i++)
+        LG_TRY(clean_coordinate(&(cleaning){
+            .table = table, .coordinate = &m->coordinates[i], .where = &table->machine->coordinates[i]}));
     return LG_OK;
 }

@@ -211,7 +211,7 @@ typedef struct found {
     double value;
 } found;
 
-static lg_status mend_column(trace *x) {
+static void mend_column(trace *x) {
     lg_log_table *t = x->table;
     const lg_log_column *c = &t->machine->columns[x->column];
     found of[2] = {{0}}; /* kept, left out */
@@ -226,16 +226,15 @@ static lg_status mend_column(trace *x) {
     }
     t->out->columns[x->column].outliers = of[1].count;
     if (of[0].count > 0)
-        LG_TRY(lg_log_warn_at(
-            t, of[0].row,
-            "column %s: %zu values jump away from their neighbours and return, the first is %.6g; "
-            "these are more than %g %% of a part, so they are kept",
-            c->name, of[0].count, of[0].value, 100 * most));
-    if (of[1].count == 0) return LG_OK;
+        lg_log_warn_at(t, of[0].row,
+                       "column %s: %zu values jump away from their neighbours and return, the first is %.6g; "
+                       "these are more than %g %% of a part, so they are kept",
+                       c->name, of[0].count, of[0].value, 100 * most);
+    if (of[1].count == 0) return;
     /* The range of an angle stays: it was measured before angles were unwrapped. */
     if (c->role != LG_LOG_POSITION || t->machine->machine.coordinates[c->index].kind != LG_COORDINATE_ANGLE)
         lg_log_range(t, x->column);
-    return lg_log_warn_at(
+    lg_log_warn_at(
         t, of[1].row,
         "column %s: %.6g is an outlier: the value jumps away from its neighbours and returns; it is "
         "the first of %zu outliers, which are left out",
@@ -252,13 +251,12 @@ lg_status lg_log_leave_out_outliers(lg_log_table *t) {
     x.off = lg_alloc(t->context, 2 * longest, sizeof *x.off);
     x.out = lg_alloc(t->context, 2 * longest, sizeof *x.out);
     const bool made = x.all != NULL && x.row != NULL && x.off != NULL && x.out != NULL;
-    lg_status status = made ? LG_OK : LG_OUT_OF_MEMORY;
     if (made) x.work = x.off + longest, x.stepped = x.out + longest;
-    for (x.column = 0; x.column < t->columns && status == LG_OK; x.column++)
-        if (is_continuous(t, x.column)) status = mend_column(&x);
+    for (x.column = 0; x.column < t->columns && made; x.column++)
+        if (is_continuous(t, x.column)) mend_column(&x);
     void *const owned[] = {x.all, x.row, x.off, x.out};
     for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(t->context, owned[i]);
-    return status;
+    return made ? LG_OK : lg_log_no_memory(t);
 }
 
 /* ---- values far from the range of their column ---- */
@@ -298,7 +296,7 @@ static bool is_outlier(const lg_log_table *t, uint32_t column, size_t row, size_
     return b->high > b->low && fabs(lg_log_row(t, row)[column]) > FAR * size;
 }
 
-static lg_status warn_of_jumps(lg_log_table *t, uint32_t column, size_t first, size_t end, const bulk *b) {
+static void warn_of_jumps(lg_log_table *t, uint32_t column, size_t first, size_t end, const bulk *b) {
     size_t at = 0, count = 0;
     for (size_t row = first, after = first; row < end; row = after) {
         for (after = row; after < end && t->origin[after].run == t->origin[row].run; after++)
@@ -308,25 +306,24 @@ static lg_status warn_of_jumps(lg_log_table *t, uint32_t column, size_t first, s
         else if (is_outlier(t, column, row, after, first, end, b) && count++ == 0)
             at = row;
     }
-    if (count == 0) return LG_OK;
-    return lg_log_warn_at(t, at,
-                          "column %s: jumps to %.6g and back, but most rows are between %.6g and %.6g; this "
-                          "is the first of %zu such jumps: if these cells are outliers, leave them empty",
-                          t->machine->columns[column].name, lg_log_row(t, at)[column], b->low, b->high,
-                          count);
+    if (count == 0) return;
+    lg_log_warn_at(t, at,
+                   "column %s: jumps to %.6g and back, but most rows are between %.6g and %.6g; this "
+                   "is the first of %zu such jumps: if these cells are outliers, leave them empty",
+                   t->machine->columns[column].name, lg_log_row(t, at)[column], b->low, b->high, count);
 }
 
 /* Refuses a value whose square overflows, or at which rounding error is larger than the range of the
  * others. */
-static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t first, size_t end, const bulk *b,
-                             lg_error *error) {
+static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t first, size_t end,
+                             const bulk *b) {
     for (size_t row = first; row < end; row++) {
         const double x = lg_log_row(t, row)[column];
         if (isnan(x) || (isfinite(x * x) && !(b != NULL && beyond(b, x) * DBL_EPSILON > b->far))) continue;
         char others[80] = "";
         if (b != NULL)
             (void)lg_format(others, sizeof others, " (most rows are between %.6g and %.6g)", b->low, b->high);
-        return lg_log_fail(t, row, error,
+        return lg_log_fail(t, row,
                            "column %s: %.6g is so large that the other rows vanish in its rounding error%s: "
                            "if this cell is an outlier, leave it empty",
                            t->machine->columns[column].name, x, others);
@@ -334,9 +331,9 @@ static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t firs
     return LG_OK;
 }
 
-lg_status lg_log_compare_with_range(lg_log_table *t, lg_error *error) {
+lg_status lg_log_compare_with_range(lg_log_table *t) {
     double *work = lg_alloc(t->context, LG_LOG_SAMPLES, sizeof *work);
-    lg_status status = work != NULL ? LG_OK : lg_log_no_memory(t->paths[0], error);
+    lg_status status = work != NULL ? LG_OK : lg_log_no_memory(t);
     for (size_t first = 0, end; first < t->rows && status == LG_OK; first = end) {
         end = lg_log_file_end(t, first);
         for (uint32_t i = 0; i < t->columns && status == LG_OK; i++) {
@@ -344,9 +341,8 @@ lg_status lg_log_compare_with_range(lg_log_table *t, lg_error *error) {
             const lg_log_role role = t->machine->columns[i].role;
             if (role == LG_LOG_TIME || role == LG_LOG_RUN) continue;
             const bool known = find_bulk(t, i, first, end, work, &b);
-            status = refuse_huge(t, i, first, end, known ? &b : NULL, error);
-            if (status == LG_OK && known && warn_of_jumps(t, i, first, end, &b) != LG_OK)
-                status = lg_log_no_memory(t->paths[0], error);
+            status = refuse_huge(t, i, first, end, known ? &b : NULL);
+            if (known) warn_of_jumps(t, i, first, end, &b);
         }
     }
     lg_free(t->context, work);

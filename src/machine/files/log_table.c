@@ -8,22 +8,22 @@
 
 enum { FIRST_WARNINGS = 8 };
 
-lg_status lg_log_no_memory(const char *path, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+lg_status lg_log_no_memory(const lg_log_table *table) {
+    return lg_fail(table->error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(table->paths[0]));
 }
 
-lg_status lg_log_fail(const lg_log_table *table, size_t row, lg_error *error, const char *format, ...) {
+lg_status lg_log_fail(const lg_log_table *table, size_t row, const char *format, ...) {
     char text[400];
     va_list arguments;
     const lg_log_origin *o = &table->origin[row];
     va_start(arguments, format);
     (void)lg_format_list(text, sizeof text, format, arguments);
     va_end(arguments);
-    return lg_fail(error, LG_FORMAT, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]),
+    return lg_fail(table->error, LG_FORMAT, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]),
                    table->place[o->file], o->line, text);
 }
 
-lg_status lg_log_warn(lg_log_table *table, const char *format, ...) {
+void lg_log_warn(lg_log_table *table, const char *format, ...) {
     va_list arguments;
     lg_logs *out = table->out;
     const uint32_t count = out->warning_count;
@@ -31,24 +31,24 @@ lg_status lg_log_warn(lg_log_table *table, const char *format, ...) {
         char(*more)[LG_LOG_SENTENCE] =
             lg_widen(table->context, out->warnings, count, count == 0 ? FIRST_WARNINGS : 2 * (size_t)count,
                      sizeof *more);
-        if (more == NULL) return LG_OUT_OF_MEMORY;
+        table->failed = table->failed || more == NULL;
+        if (more == NULL) return;
         out->warnings = more;
     }
     va_start(arguments, format);
     (void)lg_format_list(out->warnings[out->warning_count++], LG_LOG_SENTENCE, format, arguments);
     va_end(arguments);
-    return LG_OK;
 }
 
-lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...) {
+void lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...) {
     char text[LG_LOG_SENTENCE];
     va_list arguments;
     const lg_log_origin *o = &table->origin[row];
     va_start(arguments, format);
     (void)lg_format_list(text, sizeof text, format, arguments);
     va_end(arguments);
-    return lg_log_warn(table, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]), table->place[o->file],
-                       o->line, text);
+    lg_log_warn(table, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]), table->place[o->file], o->line,
+                text);
 }
 
 double lg_log_tidy(double scale) {
@@ -81,17 +81,17 @@ static lg_status grow(lg_log_table *table, size_t rows) {
     lg_log_origin *origin = lg_widen(table->context, table->origin, table->rows, room, sizeof *origin);
     if (origin != NULL) table->origin = origin;
     if (data != NULL && origin != NULL) table->room = room;
-    return data != NULL && origin != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    return data != NULL && origin != NULL ? LG_OK : lg_log_no_memory(table);
 }
 
 /* Counts the row's run if it is a new one. */
-static lg_status count_run(file_reading *r, size_t row, lg_error *error) {
+static lg_status count_run(file_reading *r, size_t row) {
     lg_log_table *table = r->table;
     const lg_machine_file *machine = table->machine;
     const bool begins = row == 0 && r->frame.before == 0, named = machine->run < table->columns;
     const char *run = named ? lg_frame_text_of(&r->frame, row, &r->want[machine->run]) : "";
     if (named && *run == '\0')
-        return lg_frame_fail(&r->frame, row, machine->columns[machine->run].name, error,
+        return lg_frame_fail(&r->frame, row, machine->columns[machine->run].name, table->error,
                              "the row names no run");
     table->runs += begins || strcmp(run, r->run) != 0;
     memcpy(r->run, run, strlen(run) + 1);
@@ -99,11 +99,11 @@ static lg_status count_run(file_reading *r, size_t row, lg_error *error) {
 }
 
 /* Appends a row. A row without a time is counted in rows_read only. */
-static lg_status append_row(file_reading *r, size_t row, lg_error *error) {
+static lg_status append_row(file_reading *r, size_t row) {
     lg_log_table *table = r->table;
     const lg_log_column *columns = table->machine->columns;
     const double *values = r->frame.value + row * r->frame.width;
-    LG_TRY(count_run(r, row, error));
+    LG_TRY(count_run(r, row));
     table->rows_read++;
     if (isnan(values[r->want[table->machine->time].first])) return LG_OK;
     table->origin[table->rows] = (lg_log_origin){r->frame.line[row], r->file, table->runs - 1};
@@ -111,36 +111,38 @@ static lg_status append_row(file_reading *r, size_t row, lg_error *error) {
     for (uint32_t i = 0; i < table->columns; i++) {
         to[i] = i == table->machine->run ? 0 : values[r->want[i].first] * columns[i].scale;
         if (isinf(to[i]))
-            return lg_frame_fail(&r->frame, row, columns[i].name, error,
+            return lg_frame_fail(&r->frame, row, columns[i].name, table->error,
                                  "the value is infinite when it is multiplied by its scale");
     }
     table->rows++;
     return LG_OK;
 }
 
-static lg_status read_rows(file_reading *r, lg_error *error) {
+static lg_status read_rows(file_reading *r) {
     enum { BLOCK = 1 << 12 };
     lg_frame *f = &r->frame;
-    LG_TRY(lg_frame_open(f, error));
-    r->table->place[r->file] = f->place;
+    lg_log_table *t = r->table;
+    LG_TRY(lg_frame_open(f, t->error));
+    t->place[r->file] = f->place;
     do {
-        LG_TRY(lg_frame_next(f, BLOCK, error));
-        if (grow(r->table, f->rows) != LG_OK) return lg_frame_no_memory(f, error);
-        for (size_t row = 0; row < f->rows; row++) LG_TRY(append_row(r, row, error));
+        LG_TRY(lg_frame_next(f, BLOCK, t->error));
+        LG_TRY(grow(t, f->rows));
+        for (size_t row = 0; row < f->rows; row++) LG_TRY(append_row(r, row));
     } while (f->rows > 0);
-    return f->cut ? lg_log_warn(r->table, "%s: the last line was cut off and left out", f->shown) : LG_OK;
+    if (f->cut) lg_log_warn(t, "%s: the last line was cut off and left out", f->shown);
+    return LG_OK;
 }
 
-static lg_status read_file(lg_log_table *table, uint32_t file, lg_error *error) {
+static lg_status read_file(lg_log_table *table, uint32_t file) {
     const lg_machine_file *machine = table->machine;
     file_reading *r = lg_alloc(table->context, 1, sizeof *r);
-    if (r == NULL) return lg_log_no_memory(table->paths[file], error);
+    if (r == NULL) return lg_log_no_memory(table);
     r->table = table;
     r->file = file;
     r->frame = (lg_frame){.context = table->context,
                           .path = table->paths[file],
                           .what = "log",
-                          .options = table->options,
+                          .options = &table->options->read,
                           .want = r->want,
                           .wants = table->columns};
     for (uint32_t i = 0; i < table->columns; i++)
@@ -148,23 +150,22 @@ static lg_status read_file(lg_log_table *table, uint32_t file, lg_error *error) 
                                      .as = i == machine->run    ? LG_FRAME_TEXT
                                            : i == machine->time ? LG_FRAME_ROUNDED
                                                                 : LG_FRAME_NUMBER};
-    const lg_status status = read_rows(r, error);
+    const lg_status status = read_rows(r);
     lg_frame_close(&r->frame);
     lg_free(table->context, r);
     return status;
 }
 
-lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error) {
-    for (uint32_t file = 0; file < count; file++) {
+lg_status lg_log_read_files(lg_log_table *table) {
+    for (uint32_t file = 0; file < table->files; file++) {
         const size_t before = table->rows, read = table->rows_read;
-        LG_TRY(read_file(table, file, error));
+        LG_TRY(read_file(table, file));
         const size_t timeless = table->rows_read - read - (table->rows - before);
         const char *shown = lg_shown_path(table->paths[file]);
         if (table->rows == before)
-            return lg_fail(error, LG_FORMAT, "%s: has no row with a time (column %s)", shown,
+            return lg_fail(table->error, LG_FORMAT, "%s: has no row with a time (column %s)", shown,
                            table->machine->columns[table->machine->time].name);
-        if (timeless > 0)
-            LG_TRY(lg_log_warn(table, "%s: %zu rows without a time were left out", shown, timeless));
+        if (timeless > 0) lg_log_warn(table, "%s: %zu rows without a time were left out", shown, timeless);
     }
     return LG_OK;
 }

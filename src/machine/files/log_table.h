@@ -21,7 +21,9 @@ typedef struct lg_log_table {
     const char *const *paths;
     const char **place; /* (files) what the lines of a file's rows count: "line" or "row" */
     uint32_t files;
-    const lg_read_options *options;
+    const lg_log_options *options;
+    lg_error *error;
+    bool failed; /* memory ran out for a warning */
     size_t rows, room;
     /* `columns`: the columns of the machine's file, in its order. The column of the run is 0 in all rows. */
     uint32_t columns, runs;
@@ -42,23 +44,22 @@ static inline double lg_log_time(const lg_log_table *table, size_t row) {
 }
 
 /* Fails with LG_FORMAT and a message that begins with "FILE: line 7: " of the row. */
-lg_status lg_log_fail(const lg_log_table *table, size_t row, lg_error *error, const char *format, ...)
-    __attribute__((format(printf, 4, 5)));
-lg_status lg_log_no_memory(const char *path, lg_error *error);
-/* Adds a warning. Returns LG_OK or LG_OUT_OF_MEMORY. */
-lg_status lg_log_warn(lg_log_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* As lg_log_warn; the warning begins with "FILE: line 7: " of the row. */
-lg_status lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...)
+lg_status lg_log_fail(const lg_log_table *table, size_t row, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+lg_status lg_log_no_memory(const lg_log_table *table);
+/* Adds a warning; lg_log_warn_at one that begins with "FILE: line 7: " of the row. */
+void lg_log_warn(lg_log_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 /* Lists the names of columns first .. first + count - 1. */
 void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_name_list *names);
 
 /* Reads all files. */
-lg_status lg_log_read_files(lg_log_table *table, size_t count, lg_error *error);
+lg_status lg_log_read_files(lg_log_table *table);
 
 /* For each file and column, refuses values so large that the other values are lost in rounding, and warns of
  * values that jump far from all others and come back within two rows. */
-lg_status lg_log_compare_with_range(lg_log_table *table, lg_error *error);
+lg_status lg_log_compare_with_range(lg_log_table *table);
 /* The first row of the next file. */
 size_t lg_log_file_end(const lg_log_table *table, size_t first);
 
@@ -67,16 +68,15 @@ size_t lg_log_file_end(const lg_log_table *table, size_t first);
 /* Normalises attitudes, makes quaternions continuous, unwraps angles, turns velocities of poses into the
  * body, and makes velocities of directions orthogonal to them. Changes the table in place; matrices stay
  * matrices, and quaternions stay quaternions. */
-lg_status lg_log_clean(lg_log_table *table, lg_error *error);
-/* Leaves out outliers of positions of lines and angles and of velocities, with a warning for each column.
- * Returns LG_OK or LG_OUT_OF_MEMORY. */
+lg_status lg_log_clean(lg_log_table *table);
+/* Leaves out outliers of positions of lines and angles and of velocities, with a warning for each column. */
 lg_status lg_log_leave_out_outliers(lg_log_table *table);
 /* Replaces what is not measured of the rows of `out` by integrals: positions with `measured:
  * velocities-only`; with `measured: accelerations`, where v holds these, it moves them to a and fills q and v
  * (speeds.c). */
 lg_status lg_log_integrate(const lg_log_table *table, lg_logs *out);
 /* Compares positions with velocities; refuses or warns of columns that do not belong together. */
-lg_status lg_log_check(lg_log_table *table, lg_error *error);
+lg_status lg_log_check(lg_log_table *table);
 
 /* A scale to propose: a power of ten if the measured one is within 1 % of it, else the measured one. */
 double lg_log_tidy(double scale);

@@ -13,36 +13,19 @@
 #define ROUNDING     1e-9 /* a time step that exceeds max_step by at most this fraction is not a gap */
 #define OTHER_RATE   3.0  /* files whose median steps differ by more are warned of */
 
-typedef struct reading {
-    lg_log_table table;
-    const lg_log_options *options;
-    size_t count; /* number of files */
-    lg_error *error;
-} reading;
-
 void lg_log_options_init(lg_log_options *options) {
     *options = (lg_log_options){.size = sizeof *options, .consistency = true};
     lg_read_options_init(&options->read);
 }
 
-static lg_status no_memory(const reading *r) {
-    return lg_log_no_memory(r->table.paths[0], r->error);
-}
-
-/* A warning can only fail to be added for lack of memory. */
-static lg_status warned(const reading *r, lg_status status) {
-    return status == LG_OK ? LG_OK : no_memory(r);
-}
-
-static const char *first_path(const reading *r) {
-    return lg_shown_path(r->table.paths[0]);
+static const char *first_path(const lg_log_table *t) {
+    return lg_shown_path(t->paths[0]);
 }
 
 /* ---- steps ---- */
 
 /* Appends the time steps of one file, from row *row on; *row becomes the first row of the next file. */
-static lg_status steps_of_file(reading *r, size_t *row, double *steps, size_t *count) {
-    const lg_log_table *t = &r->table;
+static lg_status steps_of_file(const lg_log_table *t, size_t *row, double *steps, size_t *count) {
     const lg_log_column *time = &t->machine->columns[t->machine->time];
     const uint32_t file = t->origin[*row].file;
     for (++*row; *row < t->rows && t->origin[*row].file == file; ++*row) {
@@ -50,7 +33,7 @@ static lg_status steps_of_file(reading *r, size_t *row, double *steps, size_t *c
         const double before = lg_log_time(t, *row - 1), now = lg_log_time(t, *row);
         if (!(now > before))
             return lg_log_fail(
-                t, *row, r->error,
+                t, *row,
                 "column %s: time does not increase: %.9g after %.9g. Two clocks, a restart, or rows out of "
                 "order? Name a column that separates the runs (columns: {run: ...}), or sort the rows",
                 time->name, now, before);
@@ -60,40 +43,34 @@ static lg_status steps_of_file(reading *r, size_t *row, double *steps, size_t *c
 }
 
 /* Finds the median time step of all files, and warns if the files' medians differ much. */
-static lg_status find_steps(reading *r, double *steps) {
-    lg_logs *out = r->table.out;
+static lg_status find_steps(lg_log_table *t, double *steps) {
+    lg_logs *out = t->out;
     double least = INFINITY, most = 0;
     uint32_t slow = 0, fast = 0;
     size_t total = 0;
-    for (size_t row = 0; row < r->table.rows;) {
-        const uint32_t file = r->table.origin[row].file;
+    for (size_t row = 0; row < t->rows;) {
+        const uint32_t file = t->origin[row].file;
         size_t count = 0;
-        LG_TRY(steps_of_file(r, &row, steps + total, &count));
+        LG_TRY(steps_of_file(t, &row, steps + total, &count));
         const double middle = lg_median(steps + total, count);
         if (middle < least) least = middle, fast = file;
         if (middle > most) most = middle, slow = file;
         total += count;
     }
-    if (total == 0) return lg_fail(r->error, LG_FORMAT, "%s: no run has two rows or more", first_path(r));
+    if (total == 0) return lg_fail(t->error, LG_FORMAT, "%s: no run has two rows or more", first_path(t));
     out->dt_median = lg_median(steps, total);
     out->dt_max = steps[total - 1];
-    out->max_step =
-        r->table.machine->max_step > 0 ? r->table.machine->max_step : DEFAULT_STEP * out->dt_median;
+    out->max_step = t->machine->max_step > 0 ? t->machine->max_step : DEFAULT_STEP * out->dt_median;
     if (most > OTHER_RATE * least)
-        return warned(
-            r, lg_log_warn(&r->table,
-                           "the files have different rates: the median step is %.4g s in %s and %.4g s in "
-                           "%s",
-                           most, lg_shown_path(r->table.paths[slow]), least,
-                           lg_shown_path(r->table.paths[fast])));
+        lg_log_warn(t, "the files have different rates: the median step is %.4g s in %s and %.4g s in %s",
+                    most, lg_shown_path(t->paths[slow]), least, lg_shown_path(t->paths[fast]));
     return LG_OK;
 }
 
-static lg_status measure_steps(reading *r) {
-    double *steps = lg_alloc(r->table.context, r->table.rows, sizeof *steps);
-    if (steps == NULL) return no_memory(r);
-    const lg_status status = find_steps(r, steps);
-    lg_free(r->table.context, steps);
+static lg_status measure_steps(lg_log_table *t) {
+    double *steps = lg_alloc(t->context, t->rows, sizeof *steps);
+    const lg_status status = steps != NULL ? find_steps(t, steps) : lg_log_no_memory(t);
+    lg_free(t->context, steps);
     return status;
 }
 
@@ -121,57 +98,54 @@ static bool row_is_complete(const lg_log_table *t, size_t row) {
 }
 
 /* Checks that a file has a complete row, and a value in each column of an input. */
-static lg_status check_file(reading *r, size_t first, size_t end) {
-    const lg_log_table *t = &r->table;
+static lg_status check_file(const lg_log_table *t, size_t first, size_t end) {
     const char *path = lg_shown_path(t->paths[t->origin[first].file]);
     size_t row = first;
     for (uint32_t i = 0; i < t->columns; i++) {
         if (!is_value(&t->machine->columns[i])) continue;
         for (row = first; row < end && isnan(lg_log_row(t, row)[i]);) row++;
         if (row == end)
-            return lg_fail(r->error, LG_FORMAT, "%s: column %s: has no value at all", path,
+            return lg_fail(t->error, LG_FORMAT, "%s: column %s: has no value at all", path,
                            t->machine->columns[i].name);
     }
     for (row = first; row < end && !row_is_complete(t, row);) row++;
     if (row < end) return LG_OK;
-    return lg_fail(r->error, LG_FORMAT,
+    return lg_fail(t->error, LG_FORMAT,
                    "%s: no row is complete: in each one a position or velocity is missing", path);
 }
 
-static lg_status measure_columns(reading *r) {
-    const lg_log_table *t = &r->table;
+static lg_status measure_columns(const lg_log_table *t) {
     for (uint32_t i = 0; i < t->columns; i++)
         if (is_value(&t->machine->columns[i])) measure_column(t, i);
     for (size_t first = 0; first < t->rows; first = lg_log_file_end(t, first))
-        LG_TRY(check_file(r, first, lg_log_file_end(t, first)));
+        LG_TRY(check_file(t, first, lg_log_file_end(t, first)));
     return LG_OK;
 }
 
-static lg_status warn_of_columns(reading *r) {
-    const lg_machine *m = &r->table.machine->machine;
-    for (uint32_t i = 0; i < r->table.columns; i++) {
-        const lg_log_column *c = &r->table.machine->columns[i];
-        const lg_log_statistics *s = &r->table.out->columns[i];
+static void warn_of_columns(lg_log_table *t) {
+    const lg_machine *m = &t->machine->machine;
+    for (uint32_t i = 0; i < t->columns; i++) {
+        const lg_log_column *c = &t->machine->columns[i];
+        const lg_log_statistics *s = &t->out->columns[i];
         if (c->role == LG_LOG_INPUT && s->low == s->high)
-            LG_TRY(lg_log_warn(&r->table, "column %s: the input is always %.6g: its effect cannot be learned",
-                               c->name, s->low + 0.0)); /* + 0.0 turns -0 into 0 */
+            lg_log_warn(t, "column %s: the input is always %.6g: its effect cannot be learned", c->name,
+                        s->low + 0.0); /* + 0.0 turns -0 into 0 */
     }
     for (uint32_t i = 0; i < m->coordinate_count; i++) {
         bool moves = false;
-        const bool speeds = r->table.machine->measured >= LG_MEASURED_VELOCITIES_ONLY;
+        const bool speeds = t->machine->measured >= LG_MEASURED_VELOCITIES_ONLY;
         const lg_log_role shows = speeds ? LG_LOG_VELOCITY : LG_LOG_POSITION;
-        for (uint32_t k = 0; k < r->table.columns; k++) {
-            const lg_log_column *c = &r->table.machine->columns[k];
-            const lg_log_statistics *s = &r->table.out->columns[k];
+        for (uint32_t k = 0; k < t->columns; k++) {
+            const lg_log_column *c = &t->machine->columns[k];
+            const lg_log_statistics *s = &t->out->columns[k];
             moves = moves || (c->role == shows && c->index == i && s->low < s->high);
         }
         if (!moves)
-            LG_TRY(lg_log_warn(&r->table,
-                               "coordinate %s never moves: its mass and forces cannot be learned and stay "
-                               "near their starting values; leave it out of the machine, or log its motion",
-                               m->coordinates[i].name));
+            lg_log_warn(t,
+                        "coordinate %s never moves: its mass and forces cannot be learned and stay "
+                        "near their starting values; leave it out of the machine, or log its motion",
+                        m->coordinates[i].name);
     }
-    return LG_OK;
 }
 
 /* ---- parts ---- */
@@ -239,27 +213,25 @@ static void cut_stretch(lg_log_table *t, growing *g, size_t begin, size_t end) {
 }
 
 /* Warns of files of which no row is used, if rows of other files are. */
-static lg_status warn_of_files(lg_log_table *t) {
+static void warn_of_files(lg_log_table *t) {
     uint32_t file = 0;
     for (size_t part = 0; part <= t->parts; part++) {
         const uint32_t next = part < t->parts ? t->origin[t->first[part]].file : t->files;
         for (; file < next; file++)
-            LG_TRY(lg_log_warn(
+            lg_log_warn(
                 t, "%s: no row of this file is used: no two rows with inputs follow each other within %.4g s",
-                lg_shown_path(t->paths[file]), t->out->max_step));
+                lg_shown_path(t->paths[file]), t->out->max_step);
         file = next + 1;
     }
-    return LG_OK;
 }
 
-static lg_status cut(reading *r) {
-    lg_log_table *t = &r->table;
+static lg_status cut(lg_log_table *t) {
     growing g = {0, 0};
     size_t steps = 0;
     bool late = false;
     for (uint32_t i = 0; i < t->machine->machine.input_count; i++) late = late || t->out->delay[i] > 0;
     t->first = lg_alloc(t->context, t->rows + 1, sizeof *t->first);
-    if (t->first == NULL) return no_memory(r);
+    if (t->first == NULL) return lg_log_no_memory(t);
     for (size_t begin = 0, end = 1; begin < t->rows; begin = end++) {
         while (end < t->rows && follows(t, end)) end++, steps++;
         t->gaps += end < t->rows && t->origin[end].run == t->origin[end - 1].run;
@@ -267,15 +239,16 @@ static lg_status cut(reading *r) {
     }
     t->rows = g.kept;
     t->out->gaps = t->gaps;
-    if (t->parts > 0) return warned(r, warn_of_files(t));
+    warn_of_files(t);
+    if (t->parts > 0) return LG_OK;
     if (steps == 0)
         return lg_fail(
-            r->error, LG_FORMAT,
+            t->error, LG_FORMAT,
             "%s: every step is longer than max_step (%.4g s), the median is %.4g s: is column %s in seconds? "
             "For milliseconds, set scale: {%s: 0.001}; otherwise set columns: {max_step: ...}",
-            first_path(r), t->out->max_step, t->out->dt_median, t->machine->columns[t->machine->time].name,
+            first_path(t), t->out->max_step, t->out->dt_median, t->machine->columns[t->machine->time].name,
             t->machine->columns[t->machine->time].name);
-    return lg_fail(r->error, LG_FORMAT, "%s: no two rows with inputs follow each other%s", first_path(r),
+    return lg_fail(t->error, LG_FORMAT, "%s: no two rows with inputs follow each other%s", first_path(t),
                    late ? ": is the delay longer than the runs?" : "");
 }
 
@@ -297,8 +270,7 @@ static void fill_state(const lg_log_table *t, size_t row, double *q, double *v) 
 }
 
 /* Held and linear inputs. The last row of a part has no interval. */
-static void fill_input(const reading *r, size_t begin, size_t end, uint32_t column, uint32_t input) {
-    const lg_log_table *t = &r->table;
+static void fill_input(const lg_log_table *t, size_t begin, size_t end, uint32_t column, uint32_t input) {
     const size_t inputs = t->machine->machine.input_count;
     for (size_t row = begin; row < end; row++) {
         double *to = t->out->u + 4 * row * inputs + input;
@@ -311,54 +283,50 @@ static void fill_input(const reading *r, size_t begin, size_t end, uint32_t colu
     }
 }
 
-static void fill_inputs(const reading *r, size_t part, double *work) {
-    const lg_log_table *t = &r->table;
+static void fill_inputs(const lg_log_table *t, size_t part, double *work) {
     const size_t inputs = t->machine->machine.input_count, begin = t->first[part], end = t->first[part + 1];
     for (uint32_t i = 0; i < t->columns; i++) {
         const lg_log_column *c = &t->machine->columns[i];
         if (c->role != LG_LOG_INPUT) continue;
-        fill_input(r, begin, end, i, c->index);
+        fill_input(t, begin, end, i, c->index);
         if (t->machine->inputs[c->index].hold == LG_HOLD_CUBIC && end - begin >= 4)
             lg_log_spline(end - begin, t->out->t + begin, lg_log_row(t, begin) + i, t->columns, work,
                           t->out->u + 4 * begin * inputs + c->index, 4 * inputs, inputs);
     }
 }
 
-static lg_status allocate(reading *r) {
-    lg_logs *out = r->table.out;
-    const lg_machine *m = &r->table.machine->machine;
-    const lg_context *context = r->table.context;
-    const size_t rows = r->table.rows, parts = r->table.parts;
-    out->t = lg_alloc(context, rows, sizeof *out->t);
-    out->q = lg_alloc(context, rows, m->positions * sizeof *out->q);
-    out->v = lg_alloc(context, rows, m->velocities * sizeof *out->v);
-    out->u = lg_alloc(context, rows, 4 * m->input_count * sizeof *out->u);
-    out->part_file = lg_alloc(context, parts, sizeof *out->part_file);
-    out->part_run = lg_alloc(context, parts, sizeof *out->part_run);
-    const bool good = out->t != NULL && out->q != NULL && out->v != NULL && out->u != NULL &&
-                      out->part_file != NULL && out->part_run != NULL;
-    return good ? LG_OK : no_memory(r);
-}
-
-static lg_status fill(reading *r) {
-    lg_log_table *t = &r->table;
+static lg_status allocate(const lg_log_table *t) {
     lg_logs *out = t->out;
     const lg_machine *m = &t->machine->machine;
-    LG_TRY(allocate(r));
+    out->t = lg_alloc(t->context, t->rows, sizeof *out->t);
+    out->q = lg_alloc(t->context, t->rows, m->positions * sizeof *out->q);
+    out->v = lg_alloc(t->context, t->rows, m->velocities * sizeof *out->v);
+    out->u = lg_alloc(t->context, t->rows, 4 * m->input_count * sizeof *out->u);
+    out->part_file = lg_alloc(t->context, t->parts, sizeof *out->part_file);
+    out->part_run = lg_alloc(t->context, t->parts, sizeof *out->part_run);
+    const bool good = out->t != NULL && out->q != NULL && out->v != NULL && out->u != NULL &&
+                      out->part_file != NULL && out->part_run != NULL;
+    return good ? LG_OK : lg_log_no_memory(t);
+}
+
+static lg_status fill(lg_log_table *t) {
+    lg_logs *out = t->out;
+    const lg_machine *m = &t->machine->machine;
+    LG_TRY(allocate(t));
     double *work = lg_alloc(t->context, 3 * t->rows, sizeof *work);
-    if (work == NULL) return no_memory(r);
+    if (work == NULL) return lg_log_no_memory(t);
     for (size_t row = 0; row < t->rows; row++) {
         out->t[row] = lg_log_time(t, row);
         fill_state(t, row, out->q + row * m->positions, out->v + row * m->velocities);
     }
     if (lg_log_integrate(t, out) != LG_OK) {
         lg_free(t->context, work);
-        return no_memory(r);
+        return lg_log_no_memory(t);
     }
     for (size_t part = 0; part < t->parts; part++) {
         out->part_file[part] = t->origin[t->first[part]].file;
         out->part_run[part] = t->origin[t->first[part]].run;
-        fill_inputs(r, part, work);
+        fill_inputs(t, part, work);
     }
     lg_free(t->context, work);
     out->first = t->first;
@@ -372,45 +340,43 @@ static lg_status fill(reading *r) {
                                 .u = m->input_count > 0 ? out->u : NULL,
                                 .a = out->a};
     if (m->lags == 0) return LG_OK;
-    LG_TRY(lg_machine_filter_create(t->context, m, &out->log, &out->filter, r->error));
+    LG_TRY(lg_machine_filter_create(t->context, m, &out->log, &out->filter, t->error));
     out->log.filter = out->filter;
     return LG_OK;
 }
 
 /* ---- reading ---- */
 
-static lg_status find_noise(reading *r) {
-    const lg_log_table *t = &r->table;
+static lg_status find_noise(const lg_log_table *t) {
     for (uint32_t i = 0; i < t->columns; i++) {
         lg_log_statistics *s = &t->out->columns[i];
         if (is_value(&t->machine->columns[i]) && lg_log_noise(t, i, &s->noise, &s->noise_at_most) != LG_OK)
-            return no_memory(r);
+            return lg_log_no_memory(t);
         /* Rounding error is not noise. */
         if (s->noise < 4 * DBL_EPSILON * fmax(fabs(s->low), fabs(s->high))) s->noise = 0;
     }
     return LG_OK;
 }
 
-static lg_status read_logs(reading *r) {
-    lg_log_table *t = &r->table;
-    LG_TRY(lg_log_read_files(t, r->count, r->error));
-    t->out->files = (uint32_t)r->count;
+static lg_status read_logs(lg_log_table *t) {
+    LG_TRY(lg_log_read_files(t));
+    t->out->files = t->files;
     t->out->runs = t->runs;
     t->out->rows_read = t->rows_read;
     for (uint32_t i = 0; i < t->machine->machine.input_count; i++) {
         const lg_log_input *input = &t->machine->inputs[i];
-        t->out->delay[i] = input->estimate_delay ? r->options->delay : input->delay;
+        t->out->delay[i] = input->estimate_delay ? t->options->delay : input->delay;
     }
-    LG_TRY(measure_steps(r));
-    LG_TRY(measure_columns(r));
-    LG_TRY(warned(r, warn_of_columns(r)));
-    LG_TRY(lg_log_compare_with_range(t, r->error));
-    LG_TRY(cut(r));
-    LG_TRY(lg_log_clean(t, r->error));
-    LG_TRY(warned(r, lg_log_leave_out_outliers(t)));
-    LG_TRY(find_noise(r));
-    if (r->options->consistency) LG_TRY(lg_log_check(t, r->error));
-    return fill(r);
+    LG_TRY(measure_steps(t));
+    LG_TRY(measure_columns(t));
+    warn_of_columns(t);
+    LG_TRY(lg_log_compare_with_range(t));
+    LG_TRY(cut(t));
+    LG_TRY(lg_log_clean(t));
+    LG_TRY(lg_log_leave_out_outliers(t));
+    LG_TRY(find_noise(t));
+    if (t->options->consistency) LG_TRY(lg_log_check(t));
+    return t->failed ? lg_log_no_memory(t) : fill(t);
 }
 
 static lg_status check_call(const lg_machine_file *file, const char *const *paths, size_t count,
@@ -431,25 +397,22 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
     lg_log_options_init(&defaults);
     if (options == NULL) options = &defaults;
     LG_TRY(check_call(file, paths, count, options, out, error));
-    lg_logs *made = lg_alloc(context, 1, sizeof *made);
-    if (made == NULL) return lg_log_no_memory(paths[0], error);
+    lg_log_table t = {.context = context,
+                      .machine = file,
+                      .paths = paths,
+                      .files = (uint32_t)count,
+                      .options = options,
+                      .error = error,
+                      .columns = file->column_count};
+    lg_logs *made = t.out = lg_alloc(context, 1, sizeof *made);
+    if (made == NULL) return lg_log_no_memory(&t);
     made->context = context;
-    reading r = {.table = {.context = context,
-                           .machine = file,
-                           .paths = paths,
-                           .files = (uint32_t)count,
-                           .options = &options->read,
-                           .columns = file->column_count,
-                           .out = made},
-                 .options = options,
-                 .count = count,
-                 .error = error};
-    r.table.place = lg_alloc(context, count, sizeof *r.table.place);
-    const lg_status status = r.table.place != NULL ? read_logs(&r) : no_memory(&r);
-    lg_free(context, r.table.place);
-    lg_free(context, r.table.data);
-    lg_free(context, r.table.origin);
-    lg_free(context, r.table.first);
+    t.place = lg_alloc(context, count, sizeof *t.place);
+    const lg_status status = t.place != NULL ? read_logs(&t) : lg_log_no_memory(&t);
+    lg_free(context, t.place);
+    lg_free(context, t.data);
+    lg_free(context, t.origin);
+    lg_free(context, t.first);
     if (status == LG_OK)
         *out = *made;
     else

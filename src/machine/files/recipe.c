@@ -42,7 +42,7 @@ static void close_data(lg_training *self) {
 /* ---- the run ---- */
 
 /* Rows of the longest part. */
-static size_t longest_part(const lg_machine_log *log) {
+size_t lg_log_longest_part(const lg_machine_log *log) {
     size_t longest = 0;
     for (size_t p = 0; p < log->parts; p++)
         if (log->first[p + 1] - log->first[p] > longest) longest = log->first[p + 1] - log->first[p];
@@ -53,7 +53,7 @@ static size_t longest_part(const lg_machine_log *log) {
  * one: gaps leave short parts. */
 static uint32_t window_of_parts(const lg_machine_log *log, uint32_t wanted) {
     enum { SHORT = 8 };
-    const size_t longest = longest_part(log);
+    const size_t longest = lg_log_longest_part(log);
     for (uint32_t window = longest >= 2 && longest < wanted ? (uint32_t)longest : wanted;;
          window -= (window + 3) / 4) {
         size_t covered = 0;
@@ -156,17 +156,15 @@ static void choose_settings(const lg_training *self) {
     if (!self->given(self, "epochs")) run->training.epochs = lm ? 100 : 3000;
 }
 
-/* Root mean square of the logged velocities (or accelerations) first .. first + each - 1. */
-static double root_mean_square(const lg_machine_log *log, uint32_t velocities, uint32_t first,
-                               uint32_t each) {
+double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32_t coordinate) {
+    const uint32_t first = lg_log_place_of(machine, coordinate).velocity,
+                   end = lg_log_place_of(machine, coordinate + 1).velocity;
     double sum = 0.0;
     size_t count = 0;
     for (size_t row = 0; row < log->rows; row++)
-        for (uint32_t k = first; k < first + each; k++) {
-            const double v = lg_log_shown(log)[row * velocities + k];
-            if (isnan(v)) continue;
-            sum += v * v;
-            count++;
+        for (uint32_t k = first; k < end; k++) {
+            const double v = lg_log_shown(log)[row * machine->velocities + k];
+            if (!isnan(v)) sum += v * v, count++;
         }
     return count > 0 ? sqrt(sum / (double)count) : 0.0;
 }
@@ -175,22 +173,20 @@ static double root_mean_square(const lg_machine_log *log, uint32_t velocities, u
  * velocities, and for positions half the distance that this velocity covers in a window. */
 static void set_loss_scales(lg_machine_model_run *run, const lg_machine_state *s) {
     const lg_machine *machine = &run->machine;
-    for (uint32_t i = 0, first = 0; i < machine->coordinate_count; i++) {
-        const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
-        const double moves = root_mean_square(&s->data.training, machine->velocities, first, each);
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const double moves = lg_log_speed(machine, &s->data.training, i);
         const double speed = moves > 0.0 ? moves : run->scales.velocity[0] / run->scales.time;
         const double v = s->noise.velocity[i], q = s->noise.position[i];
         run->velocity_scale[i] = v > 0.0 ? v : speed;
         run->position_scale[i] = q > 0.0 ? q : 0.5 * run->window * run->dt * speed;
         /* Positions that are only integrals of the velocities have no weight. */
         if (s->data.file.measured == LG_MEASURED_VELOCITIES_ONLY) run->position_scale[i] *= 1e6;
-        first += each;
     }
 }
 
 static lg_status check_data(const lg_training *self, lg_error *error) {
     const lg_machine_data *data = &((const lg_machine_state *)self->state)->data;
-    const size_t longest = longest_part(&data->training);
+    const size_t longest = lg_log_longest_part(&data->training);
     LG_TRY(lg_machine_refuse_momenta(&data->file, self->paths[0], error));
     if (longest >= SHORTEST_LOG) return LG_OK;
     return lg_fail(
@@ -378,8 +374,7 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     const lg_machine_state *s = self->state;
     const lg_machine_model_run *run = &file->run;
     const lg_machine_log *log = &s->data.logs.log;
-    const lg_learned_machine model = {&run->machine, file->theta, run->scheme, run->substeps,
-                                      lg_model_start_rows(run, s->estimated)};
+    const lg_learned_machine model = lg_model_learned(run, file->theta, s->estimated);
     double loss;
     lg_horizon found;
     LG_TRY(lg_machine_refuse_momenta(&s->data.file, self->model, error));

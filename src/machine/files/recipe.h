@@ -56,6 +56,32 @@ bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate);
 lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *machine,
                                  const lg_machine_log *log, double *out, lg_error *error);
 
+/* ---- machines and logs at a glance ---- */
+
+static inline bool lg_machine_has_part(const lg_machine *machine, lg_machine_part part) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == part) return true;
+    return false;
+}
+static inline bool lg_term_is_network(const lg_machine_term *term) {
+    return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
+}
+/* Where the numbers of a coordinate begin in a row of a log. */
+typedef struct lg_log_place {
+    uint32_t position, velocity;
+} lg_log_place;
+static inline lg_log_place lg_log_place_of(const lg_machine *machine, uint32_t coordinate) {
+    lg_log_place at = {0, 0};
+    for (uint32_t i = 0; i < coordinate; i++) {
+        at.position += lg_coordinate_positions(machine->coordinates[i].kind);
+        at.velocity += lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+    }
+    return at;
+}
+size_t lg_log_longest_part(const lg_machine_log *log); /* in rows (recipe.c) */
+/* Root mean square of the logged velocities (or accelerations) of a coordinate; 0: none was logged. */
+double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32_t coordinate);
+
 /* ---- positions against velocities (kinematics.c) ---- */
 
 double lg_machine_wrap(double angle); /* wraps to [-pi, pi] */
@@ -97,10 +123,11 @@ typedef struct lg_learned_machine {
 static inline size_t lg_start_rows(const lg_machine *machine) {
     return machine->accelerations ? 200 : 50;
 }
-/* lg_learned_machine.start_rows of a model. `estimated`: its logs do not show the states at starts. */
-static inline uint32_t lg_model_start_rows(const lg_machine_model_run *run, bool estimated) {
+/* The machine of a model. `estimated`: its logs do not show the states at starts. */
+static inline lg_learned_machine lg_model_learned(const lg_machine_model_run *run, const double *theta,
+                                                  bool estimated) {
     const uint32_t rows = run->start_rows > 0 ? run->start_rows : (uint32_t)lg_start_rows(&run->machine);
-    return estimated ? rows : 0;
+    return (lg_learned_machine){&run->machine, theta, run->scheme, run->substeps, estimated ? rows : 0};
 }
 /* What the log has of the velocities, (rows, velocities): the velocities, or the accelerations. */
 static inline const double *lg_log_shown(const lg_machine_log *log) {

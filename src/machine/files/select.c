@@ -35,8 +35,7 @@ static double error_of(const selection *s) {
 static lg_status judge_now(selection *s, uint64_t epoch, lg_error *error) {
     const lg_machine_state *state = s->self->state;
     const lg_machine_model_run *run = s->self->run;
-    const lg_learned_machine model = {&run->machine, s->now, run->scheme, run->substeps,
-                                      lg_model_start_rows(run, state->estimated)};
+    const lg_learned_machine model = lg_model_learned(run, s->now, state->estimated);
     LG_TRY(lg_held_out_judge(&s->held, &model, &state->data.training, s->square, error));
     const double found = error_of(s);
     if (!(found < s->least)) return LG_OK;
@@ -106,12 +105,8 @@ void lg_machine_tell_selection(lg_training *self) {
 
 /* ---- widths of networks ---- */
 
-static bool is_network(const lg_machine_term *term) {
-    return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
-}
-
 /* The machine's file with networks of these widths in every part that has one. */
-static lg_status write_widths(const lg_training *self, const char *width, char **out, lg_error *error) {
+static lg_status write_text(const lg_training *self, const char *width, char **out, lg_error *error) {
     const lg_machine_file *file = &((const lg_machine_state *)self->state)->data.file;
     lg_yaml_edit edits[LG_MACHINE_PART_COUNT];
     char fragment[64];
@@ -119,7 +114,7 @@ static lg_status write_widths(const lg_training *self, const char *width, char *
     (void)snprintf(fragment, sizeof fragment, "{kind: network, hidden: [%s]}", width);
     for (int part = 0; part < LG_MACHINE_PART_COUNT; part++)
         for (uint32_t i = 0; i < file->machine.term_count; i++)
-            if ((int)file->machine.terms[i].part == part && is_network(&file->machine.terms[i])) {
+            if ((int)file->machine.terms[i].part == part && lg_term_is_network(&file->machine.terms[i])) {
                 edits[count++] = (lg_yaml_edit){LG_YAML_REPLACE, lg_machine_part_name((lg_machine_part)part),
                                                 "network", fragment};
                 break;
@@ -127,28 +122,14 @@ static lg_status write_widths(const lg_training *self, const char *width, char *
     return lg_yaml_change(self->context, self->paths[0], file->text, edits, count, out, error);
 }
 
-/* Learns machines of all widths. *winner: the smallest that is not beaten by a better one by more than
- * chance. */
-static lg_status race(lg_training *self, const lg_choosing *c, lg_machine_trial *trials, size_t *winner,
-                      lg_error *error) {
-    size_t best = LG_COUNT(widths);
-    for (size_t i = 0; i < LG_COUNT(widths); i++) {
-        char *text = NULL;
-        LG_TRY(write_widths(self, widths[i], &text, error));
-        const lg_status status = lg_machine_try(c, text, NULL, &trials[i], error);
-        lg_free(self->context, text);
-        if (status != LG_OK) return status;
-        if (trials[i].square == NULL) continue;
-        const bool less = best == LG_COUNT(widths) ||
-                          lg_held_out_compare(c->held.count, trials[i].square, trials[best].square).ratio < 1;
-        if (less) best = i;
-    }
-    if (best == LG_COUNT(widths)) return lg_fail(error, trials[0].status, "%s", trials[0].why.message);
-    for (*winner = 0; *winner < best; ++*winner)
-        if (trials[*winner].square != NULL &&
-            !lg_held_out_compare(c->held.count, trials[best].square, trials[*winner].square).better)
-            break;
-    return LG_OK;
+static lg_status write_widths(void *self, size_t index, char **out, lg_error *error) {
+    return write_text(self, widths[index], out, error);
+}
+
+static lg_machine_comparison compare(const lg_choosing *c, const lg_machine_trial *one,
+                                     const lg_machine_trial *other) {
+    const lg_held_out_ratio found = lg_held_out_compare(c->held.count, one->square, other->square);
+    return (lg_machine_comparison){found.ratio, found.better, c->held.steps};
 }
 
 static void tell_race(const lg_training *self, const lg_choosing *c, const lg_machine_trial *trials,
@@ -157,7 +138,7 @@ static void tell_race(const lg_training *self, const lg_choosing *c, const lg_ma
     for (size_t i = 0; i < LG_COUNT(widths); i++)
         if (i != winner && trials[i].square != NULL)
             lg_append(text, sizeof text, "%s[%s] %.3g", text[0] != '\0' ? ", " : "", widths[i],
-                      lg_held_out_compare(c->held.count, trials[i].square, trials[winner].square).ratio);
+                      compare(c, &trials[i], &trials[winner]).ratio);
     lg_log_message(self->context, LG_LOG_INFO,
                    "networks of width [%s] are taken; errors of the others in free runs, as multiples: %s",
                    widths[winner], text);
@@ -165,15 +146,20 @@ static void tell_race(const lg_training *self, const lg_choosing *c, const lg_ma
 
 static lg_status choose_widths(lg_training *self, double part, char **text, lg_error *error) {
     enum { MOST_WINDOWS = 200 };
+    const lg_machine_contest contest = {LG_COUNT(widths), false, write_widths, compare, self};
     lg_machine_trial trials[LG_COUNT(widths)] = {{.text = NULL}};
     lg_choosing c;
     size_t winner = 0;
     lg_status status = lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, error);
     c.most_windows = MOST_WINDOWS;
-    if (status == LG_OK && c.held.count > 0) status = race(self, &c, trials, &winner, error);
-    if (status == LG_OK && c.held.count > 0) tell_race(self, &c, trials, winner);
+    if (status == LG_OK && c.held.count > 0) {
+        status = lg_machine_contest_run(&c, &contest, trials, &winner, error);
+        if (status == LG_OK && trials[winner].square == NULL)
+            status = lg_fail(error, trials[0].status, "%s", trials[0].why.message);
+        if (status == LG_OK) tell_race(self, &c, trials, winner);
+    }
     ((lg_machine_state *)self->state)->width = widths[winner];
-    if (status == LG_OK) status = write_widths(self, widths[winner], text, error);
+    if (status == LG_OK) status = write_widths(self, winner, text, error);
     for (size_t i = 0; i < LG_COUNT(widths); i++) lg_machine_trial_destroy(&c, &trials[i]);
     lg_choosing_end(&c);
     return status;
@@ -187,10 +173,10 @@ static lg_status set_widths(lg_training *self, double part, lg_error *error) {
     bool any = false;
     char *text = NULL;
     if (state->size == NULL) return LG_OK;
-    for (uint32_t i = 0; i < machine->term_count; i++) any = any || is_network(&machine->terms[i]);
+    for (uint32_t i = 0; i < machine->term_count; i++) any = any || lg_term_is_network(&machine->terms[i]);
     if (!any) return lg_fail(error, LG_INVALID_ARGUMENT, "--size: this machine has no network");
     LG_TRY(strcmp(state->size, "auto") == 0 ? choose_widths(self, part, &text, error)
-                                            : write_widths(self, state->size, &text, error));
+                                            : write_text(self, state->size, &text, error));
     const lg_status status = lg_machine_reread(self, text, error);
     lg_free(self->context, text);
     return status;

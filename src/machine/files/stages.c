@@ -55,19 +55,11 @@ static lg_stage_limits limits(const stages *s, uint64_t epochs) {
 /* Scales of the loss: the root mean square of a coordinate's velocities, and half the way that this covers in
  * a window. */
 static void set_scales(const lg_machine_log *log, double seconds, lg_machine_problem *problem) {
-    const lg_machine *machine = problem->machine;
-    for (uint32_t i = 0, first = 0, each = 0; i < machine->coordinate_count; i++, first += each) {
-        each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
-        double sum = 0;
-        size_t count = 0;
-        for (size_t row = 0; row < log->rows; row++)
-            for (uint32_t k = first; k < first + each; k++) {
-                const double v = log->v[row * machine->velocities + k];
-                if (!isnan(v)) sum += v * v, count++;
-            }
-        if (!(sum > 0)) continue;
-        problem->velocity_scale[i] = sqrt(sum / (double)count);
-        problem->position_scale[i] = 0.5 * seconds * problem->velocity_scale[i];
+    for (uint32_t i = 0; i < problem->machine->coordinate_count; i++) {
+        const double speed = lg_log_speed(problem->machine, log, i);
+        if (!(speed > 0)) continue;
+        problem->velocity_scale[i] = speed;
+        problem->position_scale[i] = 0.5 * seconds * speed;
     }
 }
 

@@ -70,18 +70,12 @@ static bool is_open(const lg_machine_file *file, const lg_candidate *row, uint32
     return true;
 }
 
-static bool has_part(const lg_machine *machine, lg_machine_part part) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == part) return true;
-    return false;
-}
-
 static void add_candidate(const lg_machine *machine, const lg_candidate *row, uint32_t line, candidate *out,
                           size_t *count) {
     if (*count == MOST) return;
     candidate *c = &out[(*count)++];
     *c = (candidate){.row = row,
-                     .offset = row->offset && !has_part(machine, LG_MACHINE_OFFSET),
+                     .offset = row->offset && !lg_machine_has_part(machine, LG_MACHINE_OFFSET),
                      .why = ", because at any single speed the two are the same"};
     fill_in(machine, row->name, line, c->name, sizeof c->name);
     fill_in(machine, row->edit.fragment, line, c->fragment, sizeof c->fragment);
@@ -200,7 +194,7 @@ static void close_round(const search *s, const candidate *taken, uint32_t first)
 /* Adds, with an offset, the frictions that leave less, though by no more than chance: without it a constant
  * force spoils some of their runs. */
 static void add_with_offset(search *s, const lg_machine *machine) {
-    const size_t tried = has_part(machine, LG_MACHINE_OFFSET) ? 0 : s->count;
+    const size_t tried = lg_machine_has_part(machine, LG_MACHINE_OFFSET) ? 0 : s->count;
     for (size_t i = 0; i < tried; i++) {
         const candidate *from = &s->list[i];
         if (from->offset || from->better || from->row->part != LG_MACHINE_DAMPING ||

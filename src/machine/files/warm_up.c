@@ -8,10 +8,6 @@
 
 /* ---- the plain machine: without residuals, changes of friction and spare networks ---- */
 
-static bool is_network(const lg_machine_term *term) {
-    return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
-}
-
 /* Whether term i is spare: a residual, friction that changes the coefficients of another term, or a network
  * in a part that also has a term which is not a network. */
 static bool is_spare(const lg_machine *machine, uint32_t i) {
@@ -19,8 +15,8 @@ static bool is_spare(const lg_machine *machine, uint32_t i) {
     if (term->part == LG_MACHINE_RESIDUAL || lg_machine_base(machine, term) != NULL) return true;
     bool others = false;
     for (uint32_t j = 0; j < machine->term_count; j++)
-        others = others || (machine->terms[j].part == term->part && !is_network(&machine->terms[j]));
-    return others && is_network(term);
+        others = others || (machine->terms[j].part == term->part && !lg_term_is_network(&machine->terms[j]));
+    return others && lg_term_is_network(term);
 }
 
 /* The machine without its spare terms. from[i]: index of its term i in the full machine. */
@@ -80,7 +76,7 @@ static void quieten(const lg_machine *machine, double *theta) {
     static const double quiet = 1e-2;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
-        if (!is_spare(machine, i) || !is_network(term)) continue; /* polynomials begin at 0 */
+        if (!is_spare(machine, i) || !lg_term_is_network(term)) continue; /* polynomials begin at 0 */
         for (size_t k = lg_mlp_weight_offset(&term->net, term->net.layers - 1); k < term->parameters; k++)
             theta[term->offset + k] *= quiet;
     }
