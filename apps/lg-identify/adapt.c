@@ -221,11 +221,8 @@ static void judge(const app *self, adapting *a, const lg_learned_machine *model,
             if (row > start[i]) memcpy(q + row * nq, q + start[i] * nq, nq * sizeof *q);
             memset(v + row * nv, 0, nv * sizeof *v);
         }
-        for (size_t row = start[i]; row < start[i] + model->start_rows && row < end; row++) {
-            for (size_t k = 0; k < nq; k++) q[row * nq + k] = (double)NAN;
-            for (size_t k = 0; k < nv; k++) v[row * nv + k] = (double)NAN;
-        }
     }
+    identify_leave_out(model, log, start, kept, q, v);
     identify_column_errors(&a->given, q, v, out);
 }
 

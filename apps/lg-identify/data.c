@@ -28,7 +28,7 @@ void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_g
                  "leave the option out",
                  (unsigned long long)start_rows);
     if (start_rows > 0) out->file.run.start_rows = (uint32_t)start_rows;
-    out->model = lg_model_learned(run, out->file.theta, estimated);
+    out->model = lg_model_learned(self->context, run, out->file.theta, estimated);
     if (substeps > 0) out->model.substeps = (uint32_t)substeps;
 }
 

@@ -248,14 +248,13 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     if (model->start_rows > 0) {
         identify_slopes(model->machine, log, slopes);
         simple.v = slopes;
-        APP_MUST(self, lg_machine_states(self->context, model, log, values.every, &states, &error));
+        APP_MUST(self, lg_machine_states(model, log, values.every, &states, &error));
     }
     identify_linear *linear = identify_linear_create(model->machine, &simple);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
-        APP_MUST(self, lg_machine_horizon(self->context, model, log, seconds, values.every, &out->horizons[i],
-                                          &error));
+        APP_MUST(self, lg_machine_horizon(model, log, seconds, values.every, &out->horizons[i], &error));
         judge_linear(self, given, linear, &states.log, seconds, &out->linear[i]);
         if (out->horizons[i].starts == 0)
             app_warn(self, "no run of %g s fits into a part of the logs: that horizon is not judged",
@@ -295,17 +294,6 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *log,
     }
     out->relative = count > 0 ? exp(sum / (double)count) : (double)NAN;
     out->relative_worst = count > 0 ? exp(worst) : (double)NAN;
-}
-
-/* Sets to NaN the first rows of each run that only serve to estimate its start: they are not scored. */
-static void leave_out(const lg_learned_machine *model, const lg_machine_log *log, const size_t *start,
-                      size_t count, const verdict *v) {
-    const size_t nq = model->machine->positions, nv = model->machine->velocities;
-    for (size_t i = 0; i < count; i++)
-        for (size_t row = start[i]; row < start[i] + model->start_rows && row < log->rows; row++) {
-            for (size_t k = 0; k < nq; k++) v->q[row * nq + k] = (double)NAN;
-            for (size_t k = 0; k < nv; k++) v->v[row * nv + k] = (double)NAN;
-        }
 }
 
 static void warn_of_runs(const app *self, const lg_machine_file *file, const verdict *v) {
@@ -358,7 +346,7 @@ static void judge_run(const app *self, const identify_given *given, verdict *out
     out->v = app_alloc(log->rows * machine->velocities, sizeof *out->v);
     identify_run_log(self, model, log, start, count, out->q, out->v);
     if (values.metric == METRIC_RELATIVE) judge_relative(machine, log, start, count, out);
-    leave_out(model, log, start, count, out);
+    identify_leave_out(model, log, start, count, out->q, out->v);
     identify_column_errors(given, out->q, out->v, out->free_run);
     warn_of_runs(self, file, out);
     judge_states(self, given, start, count, out);
@@ -381,7 +369,7 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
     const double shortest = 2 * logs->dt_median;
     if (!(longest > shortest)) longest = 10 * shortest;
     for (int i = 0; i < POINTS; i++)
-        APP_MUST(self, lg_machine_horizon(self->context, &given->model, &logs->log,
+        APP_MUST(self, lg_machine_horizon(&given->model, &logs->log,
                                           shortest * pow(longest / shortest, (double)i / (POINTS - 1)), every,
                                           &curve[i], &error));
     identify_draw_evaluation(self, values.plot, given, v->q, v->v, curve, POINTS);
@@ -402,8 +390,8 @@ static int run(app *self) {
                        MOST_HORIZONS);
     identify_load(self, values.substeps, values.start_rows, &given);
     const uint32_t window = values.window > 0 ? (uint32_t)values.window : given.file.run.window;
-    APP_MUST(self, lg_machine_window_loss(self->context, &given.model, &given.data.logs.log, window,
-                                          &v.window_loss, &error));
+    APP_MUST(self,
+             lg_machine_window_loss(&given.model, &given.data.logs.log, window, &v.window_loss, &error));
     judge_run(self, &given, &v);
     identify_warn_range(self, &given, NULL, NULL);
     judge_horizons(self, &given, &v);

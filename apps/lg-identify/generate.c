@@ -176,27 +176,16 @@ static void fill_inputs(const app *self, making *m) {
 
 /* ---- inputs between rows ---- */
 
-/* Fills the polynomial coefficients that describe one input of one run between its rows. work: memory for
- * 3 * rows numbers. */
-static void fill_hold(const making *m, size_t run, size_t input, double *work) {
-    const size_t inputs = m->file.machine.input_count, first = run * m->rows;
-    const double *y = m->given + run * (m->rows + m->delay) * inputs + input;
-    double *u = m->pieces.u + first * 4 * inputs + input;
-    const lg_input_hold hold = m->file.inputs[input].hold;
-    for (size_t row = 0; row < m->rows; row++) {
-        double *to = u + row * 4 * inputs;
-        to[0] = y[row * inputs];
-        if (hold != LG_HOLD_ZERO && row + 1 < m->rows) to[inputs] = y[(row + 1) * inputs] - to[0];
-    }
-    if (hold == LG_HOLD_CUBIC && m->rows >= 4)
-        lg_log_spline(m->rows, m->pieces.t + first, y, inputs, work, u, 4 * inputs, inputs);
-}
-
 static void fill_log(making *m) {
     APP_FREE double *work = app_alloc(3 * m->rows, sizeof *work);
+    const size_t inputs = m->file.machine.input_count;
     for (size_t run = 0; run < m->runs; run++) {
-        for (size_t row = 0; row < m->rows; row++) m->pieces.t[run * m->rows + row] = values.dt * (double)row;
-        for (size_t k = 0; k < m->file.machine.input_count; k++) fill_hold(m, run, k, work);
+        const size_t first = run * m->rows;
+        for (size_t row = 0; row < m->rows; row++) m->pieces.t[first + row] = values.dt * (double)row;
+        for (size_t k = 0; k < inputs; k++)
+            lg_log_act(m->file.inputs[k].hold, m->rows, m->pieces.t + first,
+                       m->given + run * (m->rows + m->delay) * inputs + k, inputs, inputs, work,
+                       m->pieces.u + 4 * first * inputs + k);
     }
 }
 
@@ -317,7 +306,8 @@ static void integrate(const app *self, making *m) {
     enum { MOST = 512 };
     static const double wanted = 1e-10, enough = 1e-6;
     const lg_machine *machine = &m->file.machine;
-    lg_learned_machine model = {.machine = machine, .scheme = lg_scheme_find("rkmk5")};
+    lg_learned_machine model = {
+        .machine = machine, .scheme = lg_scheme_find("rkmk5"), .context = self->context};
     const size_t points = m->runs * m->rows, nq = points * machine->positions,
                  nv = points * machine->velocities;
     APP_FREE double *before_q = app_alloc(nq, sizeof *before_q);

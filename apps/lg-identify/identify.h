@@ -96,6 +96,10 @@ void identify_run(const app *self, const lg_learned_machine *model, const lg_mac
 void identify_run_log(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                       const size_t *start, size_t count, double *q, double *v);
 
+/* Sets to NaN the first rows of runs of identify_run_log, which only serve to estimate their starts. */
+void identify_leave_out(const lg_learned_machine *model, const lg_machine_log *log, const size_t *start,
+                        size_t count, double *q, double *v);
+
 /* Finds the first complete row of each part, at or after row `from` of the part. If the log has positions
  * alone, a row with all positions is complete. Returns how many parts have such a row. */
 size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log *log, size_t from,

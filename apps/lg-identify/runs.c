@@ -145,7 +145,16 @@ size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log
 void identify_run_log(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                       const size_t *start, size_t count, double *q, double *v) {
     APP_CLEAN(lg_started_log_destroy) lg_started_log from = {.log = *log};
-    if (model->start_rows > 0)
-        APP_MUST(self, lg_started_log_create(self->context, model, log, start, count, &from, &error));
+    if (model->start_rows > 0) APP_MUST(self, lg_started_log_create(model, log, start, count, &from, &error));
     run_to_ends(self, model, &from.log, start, count, q, v);
+}
+
+void identify_leave_out(const lg_learned_machine *model, const lg_machine_log *log, const size_t *start,
+                        size_t count, double *q, double *v) {
+    const size_t nq = model->machine->positions, nv = model->machine->velocities;
+    for (size_t i = 0; i < count; i++)
+        for (size_t row = start[i]; row < start[i] + model->start_rows && row < log->rows; row++) {
+            for (size_t k = 0; k < nq; k++) q[row * nq + k] = (double)NAN;
+            for (size_t k = 0; k < nv; k++) v[row * nv + k] = (double)NAN;
+        }
 }

@@ -122,7 +122,7 @@ TEST("angles count modulo turns; without positions velocities count; a run that 
     for (size_t w = 0; w < held->count; w++) s->v[2 * held->start[w]] = 1e200;
     s->machine.terms[1].values[0] = 1e200;
     assert_machine(&s->machine);
-    assert_ok(lg_held_out_judge(held, &(lg_learned_machine){&s->machine, NULL, model.scheme, 1, false},
+    assert_ok(lg_held_out_judge(held, &(lg_learned_machine){&s->machine, NULL, model.scheme, 1, false, NULL},
                                 &s->logs.log, square, NULL));
     for (size_t w = 0; w < held->count; w++) assert_true(isinf(square[w]));
 }
@@ -206,7 +206,7 @@ TEST("a model has no error on its own run; what is missing does not count, and a
     const size_t nq = machine->positions, nv = machine->velocities, first[] = {0, N}, start = 0;
     double *q = TEST_ARRAY(double, N *nq), *v = TEST_ARRAY(double, N *nv), *t = TEST_ARRAY(double, N), loss;
     const lg_machine_log log = {.rows = N, .parts = 1, .first = first, .t = t, .q = q, .v = v};
-    const lg_learned_machine model = {machine, file->theta, lg_scheme_find("cf4"), 2, false};
+    const lg_learned_machine model = {machine, file->theta, lg_scheme_find("cf4"), 2, false, NULL};
     q[0] = 0.3, q[1] = 1, q[2] = 0.6, q[4] = 0.8, v[0] = 1, v[1] = -1, v[3] = 0.5;
     q[5] = q[9] = q[13] = 1, v[5] = 0.4;
     for (size_t i = 1; i < N; i++) t[i] = t[i - 1] + (i < N / 2 ? 0.02 : 0.03);
@@ -218,9 +218,9 @@ TEST("a model has no error on its own run; what is missing does not count, and a
     }
     for (size_t k = 0; k < nv; k++) v[5 * nv + k] = (double)NAN;
     lg_horizon found;
-    assert_ok(lg_machine_window_loss(NULL, &model, &log, 6, &loss, NULL));
+    assert_ok(lg_machine_window_loss(&model, &log, 6, &loss, NULL));
     assert_true(loss < 1e-20);
-    assert_ok(lg_machine_horizon(NULL, &model, &log, 0.1, 5, &found, NULL));
+    assert_ok(lg_machine_horizon(&model, &log, 0.1, 5, &found, NULL));
     assert_true(found.starts > 5 && found.pooled[LG_ERROR_LINE] < 1e-10 &&
                 found.pooled[LG_ERROR_ANGLE] < 1e-10 && found.pooled[LG_ERROR_DIRECTION] < 1e-7 &&
                 found.pooled[LG_ERROR_ROTATION] < 1e-7 && found.pooled[LG_ERROR_VELOCITY] < 1e-10);

@@ -59,15 +59,23 @@ typedef struct trial_training {
     lg_held_out held;
 } trial_training;
 
-static lg_status read_trial(const lg_choosing *c, const char *text, trial_training *t, lg_error *error) {
-    const lg_training *whole = c->self;
-    const lg_machine_state *all = whole->state;
+/* Reads the machine from `text`, and the logs as it says. `trial`: without validation logs. */
+static lg_status read_again(const lg_context *context, const lg_training *whole, const char *text, bool trial,
+                            lg_machine_data *out, lg_error *error) {
+    const lg_machine_state *s = whole->state;
     const lg_machine_sources from = {.machine = whole->paths[0],
                                      .text = text,
                                      .logs = whole->paths + 1,
                                      .count = whole->path_count - 1,
-                                     .delay = -1};
-    LG_TRY(lg_machine_data_read(c->quiet, &from, &t->state.data, error));
+                                     .validation = trial ? NULL : s->validation,
+                                     .delay = -1,
+                                     .quiet = true};
+    return lg_machine_data_read(context, &from, out, error);
+}
+
+static lg_status read_trial(const lg_choosing *c, const char *text, trial_training *t, lg_error *error) {
+    const lg_machine_state *all = c->self->state;
+    LG_TRY(read_again(c->quiet, c->self, text, true, &t->state.data, error));
     lg_machine_look(&t->state);
     t->state.held = &t->held;
     t->state.most_windows = c->most_windows;
@@ -122,7 +130,8 @@ static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error
 }
 
 static lg_status judge(const trial_training *t, lg_machine_trial *out, lg_error *error) {
-    const lg_learned_machine model = lg_model_learned(&t->run, out->learned.theta, t->state.estimated);
+    const lg_learned_machine model =
+        lg_model_learned(t->training.context, &t->run, out->learned.theta, t->state.estimated);
     out->square = lg_alloc(t->training.context, t->held.count, sizeof *out->square);
     if (out->square == NULL) return lg_no_memory(error);
     const lg_status status = lg_held_out_judge(&t->held, &model, &t->state.data.training, out->square, error);
@@ -206,20 +215,13 @@ lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest 
 lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error) {
     lg_machine_state *s = self->state;
     lg_machine_data data = {.failed = NULL};
-    const lg_machine_sources from = {.machine = self->paths[0],
-                                     .text = text,
-                                     .logs = self->paths + 1,
-                                     .count = self->path_count - 1,
-                                     .validation = s->validation,
-                                     .delay = -1,
-                                     .quiet = true};
-    const lg_status status = lg_machine_data_read(self->context, &from, &data, error);
-    if (status != LG_OK) {
-        lg_machine_data_destroy(&data);
-        return status;
+    const lg_status status = read_again(self->context, self, text, false, &data, error);
+    if (status == LG_OK) {
+        const lg_machine_data before = s->data;
+        s->data = data;
+        data = before;
+        lg_machine_look(s);
     }
-    lg_machine_data_destroy(&s->data);
-    s->data = data;
-    lg_machine_look(s);
-    return LG_OK;
+    lg_machine_data_destroy(&data);
+    return status;
 }

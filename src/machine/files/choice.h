@@ -90,8 +90,8 @@ void lg_choosing_end(lg_choosing *choosing);
 lg_status lg_machine_try(const lg_choosing *choosing, const char *text, const lg_machine_trial *from,
                          lg_machine_trial *out, lg_error *error);
 void lg_machine_trial_destroy(const lg_choosing *choosing, lg_machine_trial *trial);
-/* How two trials that were learned compare: the error of the first one, divided by that of the other one, whether
- * it is clearly less, and the rows of the runs that show it. */
+/* How two trials that were learned compare: the error of the first one divided by the error of the other one,
+ * whether it is clearly less, and the rows of the runs that show it. */
 typedef struct lg_machine_comparison {
     double ratio;
     bool beats;

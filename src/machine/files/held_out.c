@@ -223,8 +223,7 @@ lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *m
     if (q == NULL) return lg_no_memory(error);
     double *v = q + all * m->positions;
     runs.start_rows = held->estimated ? (uint32_t)held->before + 1 : 0;
-    const lg_status status =
-        lg_machine_run(held->context, &runs, log, held->start, held->count, held->steps, q, v, error);
+    const lg_status status = lg_machine_run(&runs, log, held->start, held->count, held->steps, q, v, error);
     for (size_t w = 0; w < held->count && status == LG_OK; w++)
         square[w] = judge_window(held, m, log, held->start[w], q + w * points * m->positions,
                                  v + w * points * m->velocities);

@@ -34,15 +34,15 @@ static lg_status judge_runs(const lg_context *context, lg_runner *runner, void *
     return status;
 }
 
-typedef struct model_runner {
-    const lg_context *context;
-    const lg_learned_machine *model;
-} model_runner;
-
 static lg_status run_model(void *user, const lg_machine_log *log, const size_t *start, size_t count,
                            size_t steps, double *q, double *v, lg_error *error) {
-    const model_runner *r = user;
-    return lg_machine_run(r->context, r->model, log, start, count, steps, q, v, error);
+    return lg_machine_run(user, log, start, count, steps, q, v, error);
+}
+
+static lg_status free_run(const lg_learned_machine *m, const lg_machine_log *log, const size_t *start,
+                          size_t count, size_t steps, double *q, double *v, lg_error *error) {
+    return lg_machine_free_run(m->context, m->machine, m->theta, m->scheme, m->substeps, log, start, count,
+                               steps, q, v, error);
 }
 
 /* ---- sums of squares ---- */
@@ -93,8 +93,8 @@ static void add_point(const lg_machine *machine, const double *q, const double *
 
 /* ---- errors up to a horizon ---- */
 
-/* Rows, `every` rows apart in each part, from which a run of `steps` intervals stays within the part: complete
- * rows, or those from whose start_rows last rows the state can be estimated. */
+/* Rows, `every` rows apart in each part, from which a run of `steps` intervals stays within the part:
+ * complete rows, or those from whose start_rows last rows the state can be estimated. */
 static size_t find_starts(const lg_machine *machine, const lg_machine_log *log, size_t start_rows,
                           size_t steps, size_t every, size_t *out) {
     const bool estimated = start_rows > 0;
@@ -190,9 +190,9 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
 
 /* ---- estimated starts ---- */
 
-lg_status lg_started_log_create(const lg_context *context, const lg_learned_machine *model,
-                                const lg_machine_log *log, const size_t *row, size_t count,
-                                lg_started_log *out, lg_error *error) {
+lg_status lg_started_log_create(const lg_learned_machine *model, const lg_machine_log *log, const size_t *row,
+                                size_t count, lg_started_log *out, lg_error *error) {
+    const lg_context *context = model->context;
     const lg_machine *machine = model->machine;
     const size_t nq = machine->positions, nv = machine->velocities;
     *out = (lg_started_log){.log = *log, .context = context};
@@ -237,24 +237,21 @@ static void keep_ends(const double *all, size_t count, size_t before, size_t ste
                (steps + 1) * n * sizeof *out);
 }
 
-lg_status lg_machine_run(const lg_context *context, const lg_learned_machine *model,
-                         const lg_machine_log *log, const size_t *start, size_t count, size_t steps,
-                         double *q, double *v, lg_error *error) {
+lg_status lg_machine_run(const lg_learned_machine *model, const lg_machine_log *log, const size_t *start,
+                         size_t count, size_t steps, double *q, double *v, lg_error *error) {
+    const lg_context *context = model->context;
     const lg_machine *m = model->machine;
     const size_t nq = m->positions, before = model->start_rows > 0 ? model->start_rows - 1 : 0,
                  points = count * (before + steps + 1);
     lg_started_log begun = {.context = context};
-    if (model->start_rows == 0)
-        return lg_machine_free_run(context, m, model->theta, model->scheme, model->substeps, log, start,
-                                   count, steps, q, v, error);
+    if (model->start_rows == 0) return free_run(model, log, start, count, steps, q, v, error);
     size_t *from = lg_alloc(context, count, sizeof *from);
     double *all = lg_alloc(context, points * (nq + m->velocities), sizeof *all);
     lg_status status = from != NULL && all != NULL ? LG_OK : lg_no_memory(error);
     for (size_t i = 0; i < count && status == LG_OK; i++) from[i] = start[i] - before;
-    if (status == LG_OK) status = lg_started_log_create(context, model, log, from, count, &begun, error);
+    if (status == LG_OK) status = lg_started_log_create(model, log, from, count, &begun, error);
     if (status == LG_OK)
-        status = lg_machine_free_run(context, m, model->theta, model->scheme, model->substeps, &begun.log,
-                                     from, count, before + steps, all, all + points * nq, error);
+        status = free_run(model, &begun.log, from, count, before + steps, all, all + points * nq, error);
     if (status == LG_OK) {
         keep_ends(all, count, before, steps, nq, q);
         keep_ends(all + points * nq, count, before, steps, m->velocities, v);
@@ -265,15 +262,16 @@ lg_status lg_machine_run(const lg_context *context, const lg_learned_machine *mo
     return status;
 }
 
-lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine *model,
-                             const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
-                             lg_error *error) {
-    return lg_horizon_of(context, model->machine, run_model, &(model_runner){context, model},
-                         model->start_rows, log, log, seconds, every, out, error);
+lg_status lg_machine_horizon(const lg_learned_machine *model, const lg_machine_log *log, double seconds,
+                             size_t every, lg_horizon *out, lg_error *error) {
+    lg_learned_machine own = *model;
+    return lg_horizon_of(model->context, model->machine, run_model, &own, model->start_rows, log, log,
+                         seconds, every, out, error);
 }
 
-lg_status lg_machine_states(const lg_context *context, const lg_learned_machine *model,
-                            const lg_machine_log *log, size_t every, lg_started_log *out, lg_error *error) {
+lg_status lg_machine_states(const lg_learned_machine *model, const lg_machine_log *log, size_t every,
+                            lg_started_log *out, lg_error *error) {
+    const lg_context *context = model->context;
     const lg_machine *machine = model->machine;
     const size_t nq = machine->positions, nv = machine->velocities, n = nq + nv;
     *out = (lg_started_log){.log = *log, .context = context};
@@ -288,7 +286,7 @@ lg_status lg_machine_states(const lg_context *context, const lg_learned_machine 
         count = find_starts(machine, log, model->start_rows, 0, every, start);
         v = states + count * nq;
     }
-    if (count > 0) status = lg_machine_run(context, model, log, start, count, 0, states, v, error);
+    if (count > 0) status = lg_machine_run(model, log, start, count, 0, states, v, error);
     for (size_t i = 0; i < count && status == LG_OK; i++) {
         memcpy(out->q + start[i] * nq, states + i * nq, nq * sizeof *v);
         memcpy(out->v + start[i] * nv, v + i * nv, nv * sizeof *v);
@@ -318,17 +316,17 @@ static void judge_rows(void *user, const runs *r) {
     }
 }
 
-lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_machine *model,
-                                       const lg_machine_log *log, lg_error *error) {
+lg_status lg_machine_choose_start_rows(lg_learned_machine *model, const lg_machine_log *log,
+                                       lg_error *error) {
     enum { STEPS = 32, LONG = 128, STARTS = 100, MOST_ROWS = 200, PART = 8 };
     /* Another number of rows than the usual one is taken only if it lowers the error by this much. */
     static const double clear = 0.05, parts[] = {1, 2, 4, 0.5, 0.32, 0.2, 0.12, 0.08};
+    const lg_context *context = model->context;
     const lg_machine *machine = model->machine;
     const size_t usual = lg_start_rows(machine), every = 1 + log->rows / STARTS,
                  part = log->parts > 0 ? log->rows / log->parts / PART : 0,
                  most = part < MOST_ROWS ? part : MOST_ROWS;
     lg_learned_machine tried = *model;
-    model_runner runner = {context, &tried};
     double best = INFINITY;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
     lg_status status = start != NULL ? LG_OK : lg_no_memory(error);
@@ -341,7 +339,7 @@ lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_mac
         double score = 0;
         tried.start_rows = (uint32_t)(parts[i] * (double)usual + 0.5);
         if (tried.start_rows > most && parts[i] > 1) continue;
-        status = judge_runs(context, run_model, &runner, &r, judge_rows, &score, error);
+        status = judge_runs(context, run_model, &tried, &r, judge_rows, &score, error);
         if (status != LG_OK || !(score < best - clear)) continue;
         best = score;
         model->start_rows = tried.start_rows;
@@ -352,10 +350,10 @@ lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_mac
 
 /* ---- the range of states that no column shows ---- */
 
-lg_status lg_machine_widen_range(const lg_context *context, const lg_learned_machine *model,
-                                 const lg_machine_problem *problem, lg_machine_range *range,
-                                 lg_error *error) {
+lg_status lg_machine_widen_range(const lg_learned_machine *model, const lg_machine_problem *problem,
+                                 lg_machine_range *range, lg_error *error) {
     enum { MOST = 1 << 20 };
+    const lg_context *context = model->context;
     lg_machine states = *model->machine;
     const size_t nq = states.positions, nv = states.velocities, rows = problem->window,
                  all = problem->windows - problem->validation,
@@ -371,11 +369,9 @@ lg_status lg_machine_widen_range(const lg_context *context, const lg_learned_mac
     if (status == LG_OK) {
         v = q + count * rows * nq;
         for (size_t i = 0; i < count; i++) start[i] = problem->start[lg_spread(i, all, count)];
-        status = lg_started_log_create(context, model, &problem->log, start, count, &begun, error);
+        status = lg_started_log_create(model, &problem->log, start, count, &begun, error);
     }
-    if (status == LG_OK)
-        status = lg_machine_free_run(context, &states, model->theta, model->scheme, model->substeps,
-                                     &begun.log, start, count, rows - 1, q, v, error);
+    if (status == LG_OK) status = free_run(model, &begun.log, start, count, rows - 1, q, v, error);
     lg_machine_log shown = {.rows = count * rows, .q = q, .v = v};
     if (states.accelerations) /* v of a run has accelerations */
         shown.rows = begun.log.rows, shown.q = begun.q, shown.v = begun.v;
@@ -431,18 +427,18 @@ static void judge_windows(void *user, const runs *r) {
     *out = sum / ((double)r->count * (double)r->steps);
 }
 
-lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_machine *model,
-                                 const lg_machine_log *log, uint32_t window, double *out, lg_error *error) {
-    model_runner runner = {context, model};
-    size_t *start = lg_alloc(context, log->rows, sizeof *start);
+lg_status lg_machine_window_loss(const lg_learned_machine *model, const lg_machine_log *log, uint32_t window,
+                                 double *out, lg_error *error) {
+    lg_learned_machine own = *model;
+    size_t *start = lg_alloc(own.context, log->rows, sizeof *start);
     *out = (double)NAN;
     if (start == NULL) return lg_no_memory(error);
     runs r = {.machine = model->machine, .log = log, .from = log, .steps = window - 1, .start = start};
     if (!model->machine->accelerations)
         r.count = lg_machine_windows(model->machine, log, window, 1, false, start);
     const lg_status status =
-        r.count > 0 ? judge_runs(context, run_model, &runner, &r, judge_windows, out, error) : LG_OK;
-    lg_free(context, start);
+        r.count > 0 ? judge_runs(own.context, run_model, &own, &r, judge_windows, out, error) : LG_OK;
+    lg_free(own.context, start);
     return status;
 }
 
@@ -479,14 +475,14 @@ static void judge_residuals(void *user, const runs *r) {
         out->position[i] = root(&positions[i]), out->velocity[i] = root(&velocities[i]);
 }
 
-lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machine *model,
-                               const lg_machine_problem *problem, lg_machine_noise *out, lg_error *error) {
-    model_runner runner = {context, model};
+lg_status lg_machine_residuals(const lg_learned_machine *model, const lg_machine_problem *problem,
+                               lg_machine_noise *out, lg_error *error) {
+    lg_learned_machine own = *model;
     runs r = {.machine = model->machine,
               .log = &problem->log,
               .from = &problem->log,
               .steps = problem->window - 1,
               .count = problem->windows - problem->validation,
               .start = problem->start};
-    return judge_runs(context, run_model, &runner, &r, judge_residuals, out, error);
+    return judge_runs(own.context, run_model, &own, &r, judge_residuals, out, error);
 }

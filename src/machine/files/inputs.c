@@ -8,8 +8,8 @@
 
 _Static_assert(LG_MACHINE_DELAYS == LG_HELD_OUT_DELAY + 1, "windows leave room for all delays");
 
-/* What is tried: each hold with each delay, for the inputs of which `hold` or `delay` is true; the other inputs
- * keep their hold or delay. holds or delays is 1 if no input is varied. */
+/* What is tried: each hold with each delay, for the inputs of which `hold` or `delay` is true; the other
+ * inputs keep their hold or delay. holds or delays is 1 if no input is varied. */
 typedef struct grid {
     const lg_training *self;
     bool hold[LG_MACHINE_INPUTS], delay[LG_MACHINE_INPUTS];
@@ -216,9 +216,9 @@ static lg_status take(lg_training *self, const lg_choosing *c, grid *g, size_t w
     return status;
 }
 
-/* Tries the combinations of a grid, and takes the best one: that with the least error, or the first one (small
- * delays, then held inputs first) that it does not beat. Each starts from the numbers of the best before it:
- * the numbers that a wrong hold has found may be far off. */
+/* Tries the combinations of a grid, and takes the best one: the one with the least error, or the first one
+ * (small delays, then held inputs first) that it does not beat. Each starts from the numbers of the best
+ * before it: the numbers that a wrong hold has found may be far off. */
 static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) {
     enum { MOST_WINDOWS = 200 };
     static const double part = 0.2;

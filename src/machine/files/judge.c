@@ -379,11 +379,11 @@ static lg_status find_numbers(lg_training *self, const double *theta, lg_machine
 static lg_status find_states(lg_training *self, const double *theta, lg_error *error) {
     const lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
-    lg_learned_machine model = lg_model_learned(run, theta, s->estimated);
+    lg_learned_machine model = lg_model_learned(self->context, run, theta, s->estimated);
     if (!s->estimated) return LG_OK;
-    LG_TRY(lg_machine_choose_start_rows(self->context, &model, &s->data.logs.log, error));
+    LG_TRY(lg_machine_choose_start_rows(&model, &s->data.logs.log, error));
     run->start_rows = model.start_rows;
-    return lg_machine_widen_range(self->context, &model, &s->problem, &run->range, error);
+    return lg_machine_widen_range(&model, &s->problem, &run->range, error);
 }
 
 lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {

@@ -140,17 +140,28 @@ static void second_derivatives(size_t n, const double *t, const double *y, size_
     m[n - 1] = m[n - 2] * (1 + last) - m[n - 3] * last;
 }
 
-void lg_log_spline(size_t n, const double *t, const double *y, size_t y_stride, double *work, double *out,
-                   size_t stride, size_t step) {
+static void spline(size_t n, const double *t, const double *y, size_t stride, size_t inputs, double *work,
+                   double *u) {
     double *m = work;
-    second_derivatives(n, t, y, y_stride, m, work + n, work + 2 * n);
+    second_derivatives(n, t, y, stride, m, work + n, work + 2 * n);
     for (size_t i = 0; i + 1 < n; i++) {
         const double h = t[i + 1] - t[i];
         const double square = h * h * m[i] / 2, cube = h * h * (m[i + 1] - m[i]) / 6;
-        double *to = out + i * stride;
-        to[0] = y[i * y_stride];
-        to[step] = y[(i + 1) * y_stride] - y[i * y_stride] - square - cube;
-        to[2 * step] = square;
-        to[3 * step] = cube;
+        double *to = u + 4 * i * inputs;
+        to[0] = y[i * stride];
+        to[inputs] = y[(i + 1) * stride] - y[i * stride] - square - cube;
+        to[2 * inputs] = square;
+        to[3 * inputs] = cube;
     }
+}
+
+void lg_log_act(lg_input_hold hold, size_t n, const double *t, const double *y, size_t stride, size_t inputs,
+                double *work, double *u) {
+    for (size_t i = 0; i < n; i++) {
+        double *to = u + 4 * i * inputs;
+        to[0] = y[i * stride];
+        if (isnan(to[0])) to[0] = to[-(ptrdiff_t)(4 * inputs)];
+        if (hold != LG_HOLD_ZERO && i + 1 < n) to[inputs] = y[(i + 1) * stride] - to[0];
+    }
+    if (hold == LG_HOLD_CUBIC && n >= 4) spline(n, t, y, stride, inputs, work, u);
 }

@@ -99,9 +99,10 @@ lg_log_steps lg_log_steps_of(const lg_log_table *table, uint32_t column, size_t 
                              double *work);
 /* Standard deviation of the noise of a column; NaN: too few rows. at_most: the noise may be smaller. */
 lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise, bool *at_most);
-/* Cubic spline, not-a-knot, through n >= 4 points. Coefficient k = 0..3 of interval i, in powers of s in [0,
- * 1], goes to out[i * stride + k * step]. `work` has 3 n numbers. */
-void lg_log_spline(size_t n, const double *t, const double *y, size_t y_stride, double *work, double *out,
-                   size_t stride, size_t step);
+/* How one of `inputs` inputs acts between n rows, from its values y: coefficient k = 0..3 of interval i, in
+ * powers of s in [0, 1], goes to u[(4 i + k) inputs]. Cubic: the spline through all values, not-a-knot. The
+ * last row, in which the value may be missing, has no interval. `work` has 3 n numbers. */
+void lg_log_act(lg_input_hold hold, size_t n, const double *t, const double *y, size_t stride, size_t inputs,
+                double *work, double *u);
 
 #endif

@@ -269,29 +269,14 @@ static void fill_state(const lg_log_table *t, size_t row, double *q, double *v) 
     }
 }
 
-/* Held and linear inputs. The last row of a part has no interval. */
-static void fill_input(const lg_log_table *t, size_t begin, size_t end, uint32_t column, uint32_t input) {
-    const size_t inputs = t->machine->machine.input_count;
-    for (size_t row = begin; row < end; row++) {
-        double *to = t->out->u + 4 * row * inputs + input;
-        double value = lg_log_row(t, row)[column];
-        if (isnan(value)) /* only in the last row of a part; it takes the input of the row before */
-            value = to[-(ptrdiff_t)(4 * inputs)];
-        to[0] = value;
-        if (t->machine->inputs[input].hold != LG_HOLD_ZERO && row + 1 < end)
-            to[inputs] = lg_log_row(t, row + 1)[column] - value;
-    }
-}
-
 static void fill_inputs(const lg_log_table *t, size_t part, double *work) {
     const size_t inputs = t->machine->machine.input_count, begin = t->first[part], end = t->first[part + 1];
     for (uint32_t i = 0; i < t->columns; i++) {
         const lg_log_column *c = &t->machine->columns[i];
-        if (c->role != LG_LOG_INPUT) continue;
-        fill_input(t, begin, end, i, c->index);
-        if (t->machine->inputs[c->index].hold == LG_HOLD_CUBIC && end - begin >= 4)
-            lg_log_spline(end - begin, t->out->t + begin, lg_log_row(t, begin) + i, t->columns, work,
-                          t->out->u + 4 * begin * inputs + c->index, 4 * inputs, inputs);
+        if (c->role == LG_LOG_INPUT)
+            lg_log_act(t->machine->inputs[c->index].hold, end - begin, t->out->t + begin,
+                       lg_log_row(t, begin) + i, t->columns, inputs, work,
+                       t->out->u + 4 * begin * inputs + c->index);
     }
 }
 

@@ -374,12 +374,12 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     const lg_machine_state *s = self->state;
     const lg_machine_model_run *run = &file->run;
     const lg_machine_log *log = &s->data.logs.log;
-    const lg_learned_machine model = lg_model_learned(run, file->theta, s->estimated);
+    const lg_learned_machine model = lg_model_learned(self->context, run, file->theta, s->estimated);
     double loss;
     lg_horizon found;
     LG_TRY(lg_machine_refuse_momenta(&s->data.file, self->model, error));
-    LG_TRY(lg_machine_window_loss(self->context, &model, log, run->window, &loss, error));
-    LG_TRY(lg_machine_horizon(self->context, &model, log, 1.0, EVERY, &found, error));
+    LG_TRY(lg_machine_window_loss(&model, log, run->window, &loss, error));
+    LG_TRY(lg_machine_horizon(&model, log, 1.0, EVERY, &found, error));
     lg_result_real(self, "window_loss", loss, "mean over windows and rows, in the units of the logs");
     lg_result_real(self, "horizon", found.seconds, "s of free runs; the root mean squares of their errors:");
     for (int e = 0; e < LG_RUN_ERRORS; e++)

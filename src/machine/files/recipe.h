@@ -117,6 +117,7 @@ typedef struct lg_learned_machine {
     /* The state at the start of a run is estimated from this many rows, because the logs measure positions or
      * accelerations alone; 0: the logs have it. */
     uint32_t start_rows;
+    const lg_context *context; /* memory and cancelling of its runs */
 } lg_learned_machine;
 
 /* The usual number of these rows: accelerations show a state only over a motion. */
@@ -124,10 +125,11 @@ static inline size_t lg_start_rows(const lg_machine *machine) {
     return machine->accelerations ? 200 : 50;
 }
 /* The machine of a model. `estimated`: its logs do not show the states at starts. */
-static inline lg_learned_machine lg_model_learned(const lg_machine_model_run *run, const double *theta,
-                                                  bool estimated) {
+static inline lg_learned_machine lg_model_learned(const lg_context *context, const lg_machine_model_run *run,
+                                                  const double *theta, bool estimated) {
     const uint32_t rows = run->start_rows > 0 ? run->start_rows : (uint32_t)lg_start_rows(&run->machine);
-    return (lg_learned_machine){&run->machine, theta, run->scheme, run->substeps, estimated ? rows : 0};
+    return (lg_learned_machine){&run->machine,        theta,  run->scheme, run->substeps,
+                                estimated ? rows : 0, context};
 }
 /* What the log has of the velocities, (rows, velocities): the velocities, or the accelerations. */
 static inline const double *lg_log_shown(const lg_machine_log *log) {
@@ -142,24 +144,22 @@ typedef struct lg_started_log {
 } lg_started_log;
 /* Estimates the states at row[0..count-1], each from model->start_rows rows, of which it is the first; fewer
  * at the end of a part. `out` must be destroyed even after an error. */
-lg_status lg_started_log_create(const lg_context *context, const lg_learned_machine *model,
-                                const lg_machine_log *log, const size_t *row, size_t count,
-                                lg_started_log *out, lg_error *error);
+lg_status lg_started_log_create(const lg_learned_machine *model, const lg_machine_log *log, const size_t *row,
+                                size_t count, lg_started_log *out, lg_error *error);
 /* Estimates the states at rows `every` apart in each part, each from model->start_rows rows, of which it is
  * the last. Velocities of all other rows are NaN, so that no run begins there. `out` must be destroyed even
  * after an error. */
-lg_status lg_machine_states(const lg_context *context, const lg_learned_machine *model,
-                            const lg_machine_log *log, size_t every, lg_started_log *out, lg_error *error);
+lg_status lg_machine_states(const lg_learned_machine *model, const lg_machine_log *log, size_t every,
+                            lg_started_log *out, lg_error *error);
 void lg_started_log_destroy(lg_started_log *started);
 /* Sets model->start_rows to the number of rows, from 8 % of lg_start_rows to 200 but at most an eighth of a
  * part, with the least error of runs of up to 32 rows (128 in long parts) from the same starts in this log.
  * Many rows average noise; few rows contain less of what disturbs the machine. */
-lg_status lg_machine_choose_start_rows(const lg_context *context, lg_learned_machine *model,
-                                       const lg_machine_log *log, lg_error *error);
+lg_status lg_machine_choose_start_rows(lg_learned_machine *model, const lg_machine_log *log, lg_error *error);
 /* Sets the range of positions and velocities that no column shows (low > high) to that of runs over the
  * training windows. A number whose runs are not finite keeps low > high. */
-lg_status lg_machine_widen_range(const lg_context *context, const lg_learned_machine *model,
-                                 const lg_machine_problem *problem, lg_machine_range *range, lg_error *error);
+lg_status lg_machine_widen_range(const lg_learned_machine *model, const lg_machine_problem *problem,
+                                 lg_machine_range *range, lg_error *error);
 
 typedef enum lg_run_error {
     LG_ERROR_LINE,
@@ -186,29 +186,27 @@ typedef struct lg_horizon {
  * steps + 1, velocities). */
 typedef lg_status lg_runner(void *user, const lg_machine_log *log, const size_t *start, size_t count,
                             size_t steps, double *q, double *v, lg_error *error);
-/* As an lg_runner. If model->start_rows is not 0, the state at a start is estimated from as many rows, of which
- * the start is the last. */
-lg_status lg_machine_run(const lg_context *context, const lg_learned_machine *model,
-                         const lg_machine_log *log, const size_t *start, size_t count, size_t steps,
-                         double *q, double *v, lg_error *error);
+/* As an lg_runner. If model->start_rows is not 0, the state at a start is estimated from as many rows, of
+ * which the start is the last. */
+lg_status lg_machine_run(const lg_learned_machine *model, const lg_machine_log *log, const size_t *start,
+                         size_t count, size_t steps, double *q, double *v, lg_error *error);
 /* Errors of runs that begin at complete rows of `from`, or at rows that have start_rows rows up to them,
  * `every` rows apart in each part. `from` is `log`, or has its rows with other states (lg_machine_states). */
 lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
                         size_t start_rows, const lg_machine_log *from, const lg_machine_log *log,
                         double seconds, size_t every, lg_horizon *out, lg_error *error);
 /* As lg_horizon_of for the runs of lg_machine_run. */
-lg_status lg_machine_horizon(const lg_context *context, const lg_learned_machine *model,
-                             const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
-                             lg_error *error);
+lg_status lg_machine_horizon(const lg_learned_machine *model, const lg_machine_log *log, double seconds,
+                             size_t every, lg_horizon *out, lg_error *error);
 /* Mean over all windows of `window` rows and their points 2..M of: the mean square of each coordinate's
  * places (angles wrapped), the squared angles of directions and rotations, and the mean square of all
  * velocities. NaN: there is no window, or accelerations are measured. */
-lg_status lg_machine_window_loss(const lg_context *context, const lg_learned_machine *model,
-                                 const lg_machine_log *log, uint32_t window, double *out, lg_error *error);
+lg_status lg_machine_window_loss(const lg_learned_machine *model, const lg_machine_log *log, uint32_t window,
+                                 double *out, lg_error *error);
 /* Root mean square errors of each coordinate's positions (radians; chords of directions and rotations) and
  * velocities over the problem's training windows, predicted from measured starts. NaN: not measured. */
-lg_status lg_machine_residuals(const lg_context *context, const lg_learned_machine *model,
-                               const lg_machine_problem *problem, lg_machine_noise *out, lg_error *error);
+lg_status lg_machine_residuals(const lg_learned_machine *model, const lg_machine_problem *problem,
+                               lg_machine_noise *out, lg_error *error);
 
 /* ---- a few numbers for a new log (adapt.c) ---- */
 
@@ -358,15 +356,12 @@ typedef struct lg_stage_limits {
  * only if the loss falls (warm_up.c). */
 lg_status lg_machine_fit_stage(struct lg_training *self, const lg_machine_problem *problem,
                                const lg_stage_limits *most, double *theta, lg_error *error);
-/* The same for lg_machine_momentum_problem, whose result is always taken. */
-lg_status lg_machine_fit_momenta(struct lg_training *self, const lg_machine_problem *problem,
-                                 const lg_stage_limits *most, double *theta, lg_error *error);
 /* Brings the parameters of a named system near those that explain the problem's short windows, from any start
  * (warm_up.c). */
 lg_status lg_machine_approach(struct lg_training *self, const lg_machine_problem *on, double *theta,
                               lg_error *error);
 /* Logs with positions alone: tries several ways to first parameters and keeps those that predict best. theta,
- * in and out: the parameters of `machine`, then those of all starts (stages.c). */
+ * in and out: the parameters of `machine`, then those of all starts (short_fits.c). */
 lg_status lg_machine_fit_candidates(struct lg_training *self, const lg_machine *machine, double *theta,
                                     lg_error *error);
 /* Positions q and velocities v of all rows from cubics through 2 half + 1 rows, fewer at the ends of parts.

@@ -35,7 +35,7 @@ static double error_of(const selection *s) {
 static lg_status judge_now(selection *s, uint64_t epoch, lg_error *error) {
     const lg_machine_state *state = s->self->state;
     const lg_machine_model_run *run = s->self->run;
-    const lg_learned_machine model = lg_model_learned(run, s->now, state->estimated);
+    const lg_learned_machine model = lg_model_learned(s->self->context, run, s->now, state->estimated);
     LG_TRY(lg_held_out_judge(&s->held, &model, &state->data.training, s->square, error));
     const double found = error_of(s);
     if (!(found < s->least)) return LG_OK;

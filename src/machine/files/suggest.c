@@ -6,17 +6,106 @@
 
 #include "files/h5.h"
 #include "machine/files/choice.h"
+#include "machine/internal.h"
+
+/* ---- the table of candidates ---- */
+
+static bool has_inputs(const lg_machine_file *file, const lg_candidate *self) {
+    (void)self;
+    return file->machine.input_count > 0;
+}
+
+/* The machine has inputs, and no lag whose value is known. */
+static bool lags_are_open(const lg_machine_file *file, const lg_candidate *self) {
+    bool open = has_inputs(file, self);
+    for (uint32_t i = 0; i < file->machine.term_count; i++) {
+        const lg_machine_term *term = &file->machine.terms[i];
+        open = open && (term->kind->lag == NULL || term->entry_count == term->value_count);
+    }
+    return open;
+}
+
+/* An input has another hold. */
+static bool holds_otherwise(const lg_machine_file *file, const lg_candidate *self) {
+    bool other = false;
+    for (uint32_t i = 0; i < file->machine.input_count; i++)
+        other = other || strcmp(lg_input_holds[file->inputs[i].hold], self->edit.fragment) != 0;
+    return other;
+}
+
+/* All inputs have smaller delays. */
+static bool delays_less(const lg_machine_file *file, const lg_candidate *self) {
+    bool less = file->machine.input_count > 0;
+    for (uint32_t i = 0; i < file->machine.input_count; i++)
+        less = less && (int)file->inputs[i].delay < atoi(self->edit.fragment);
+    return less;
+}
+
+#define TERM(name_, key_, part_, fragment_, unless_, asks_, ...)                                             \
+    {                                                                                                        \
+        .name = name_, .edit = {LG_YAML_APPEND, key_, NULL, fragment_}, .part = LG_MACHINE_##part_,          \
+        .unless = unless_, .asks = asks_, __VA_ARGS__                                                        \
+    }
+#define FRICTION(name_, kind_, unless_, asks_, ...)                                                          \
+    TERM(name_, "damping", DAMPING, "{kind: " kind_ "}", unless_, asks_, __VA_ARGS__)
+#define INPUTS(name_, key_, fragment_, unless_, applies_, asks_)                                             \
+    {                                                                                                        \
+        .name = name_, .edit = {LG_YAML_SET, "inputs." key_, NULL, fragment_}, .part = LG_MACHINE_ACTUATOR,  \
+        .unless = unless_, .applies = applies_, .asks = asks_                                                \
+    }
+#define SPRING(name_, degree_, asks_)                                                                        \
+    {                                                                                                        \
+        .name = name_ " spring of %P",                                                                       \
+        .edit = {LG_YAML_REPLACE, "potential", "quadratic",                                                  \
+                 "{kind: polynomial, of: %P, degree: " degree_ "}"},                                         \
+        .part = LG_MACHINE_POTENTIAL, .unless = "polynomial network", .each = true,                          \
+        .asks = "a spring of %P whose force has a " asks_ " part"                                            \
+    }
+const lg_candidate lg_candidates[] = {
+    {.name = "offset",
+     .edit = {LG_YAML_SET, "offset", NULL, "unknown"},
+     .part = LG_MACHINE_OFFSET,
+     .unless = "unknown known",
+     .asks = "a constant force (an offset)"},
+    FRICTION("viscous", "diagonal", "diagonal constant known network asymmetric", "viscous friction"),
+    FRICTION("coulomb", "coulomb", "coulomb stribeck load position network", "Coulomb friction"),
+    FRICTION("asymmetric", "asymmetric", "asymmetric network", "viscous friction that differs by direction",
+             .offset = true),
+    FRICTION("quadratic", "quadratic", "quadratic network",
+             "friction that grows with the square of the velocity"),
+    FRICTION("cubic", "cubic", "cubic network", "friction that grows with the cube of the velocity"),
+    FRICTION("stribeck", "stribeck", "stribeck network", "friction that is larger near rest (Stribeck)"),
+    INPUTS("hold zero", "hold", "zero", NULL, holds_otherwise, "inputs that are held between rows"),
+    INPUTS("hold linear", "hold", "linear", NULL, holds_otherwise, "inputs that are lines between rows"),
+    INPUTS("hold cubic", "hold", "cubic", NULL, holds_otherwise, "inputs that are smooth between rows"),
+    INPUTS("delay 1", "delay", "1", NULL, delays_less, "a delay of the inputs by 1 row"),
+    INPUTS("delay 2", "delay", "2", NULL, delays_less, "a delay of the inputs by 2 rows"),
+    INPUTS("delay 4", "delay", "4", NULL, delays_less, "a delay of the inputs by 4 rows"),
+    INPUTS("lag", "lag", "unknown", "lag second_order_lag", has_inputs, "a lag of the actuator"),
+    INPUTS("second-order lag", "lag", "{order: 2}", "second_order_lag", lags_are_open,
+           "a lag of second order of the actuator"),
+    INPUTS("dead zone", "curve", "{dead_zone: unknown}", "dead_zone curve", has_inputs,
+           "an actuator with a dead zone"),
+    INPUTS("curve", "curve", "{degree: 2}", "dead_zone curve", has_inputs,
+           "an actuator whose force also grows with the square of the input"),
+    TERM("spring of %P", "potential", POTENTIAL, "{kind: quadratic, of: %P}", "quadratic polynomial network",
+         "a spring of %P", .each = true),
+    SPRING("quadratic", "3", "quadratic"),
+    SPRING("cubic", "4", "cubic"),
+    TERM("network of the velocities", "residual", RESIDUAL, "{kind: network, of: [%V], hidden: [8]}",
+         "network", "a force of the velocities that no other candidate has (a network)", .last = true),
+    {.name = NULL}};
 
 /* ---- candidates for a machine ---- */
 
 /* A candidate with its names filled in. */
 typedef struct candidate {
     const lg_candidate *row;
-    char name[64], fragment[LG_MACHINE_COORDINATES * (LG_MACHINE_NAME + 16)], asks[128];
+    char fragment[LG_MACHINE_COORDINATES * (LG_MACHINE_NAME + 16)], asks[128];
     lg_machine_trial trial;
-    double ratio;
-    bool better, offset; /* offset: the machine gets an offset too */
-    const char *why;     /* why it does */
+    lg_suggested told; /* its row of the suggestion */
+    bool offset;       /* the machine gets an offset too */
+    const char *why;   /* why it does */
 } candidate;
 
 /* A round has candidates, some of them a second time with an offset, and last ones. */
@@ -77,7 +166,7 @@ static void add_candidate(const lg_machine *machine, const lg_candidate *row, ui
     *c = (candidate){.row = row,
                      .offset = row->offset && !lg_machine_has_part(machine, LG_MACHINE_OFFSET),
                      .why = ", because at any single speed the two are the same"};
-    fill_in(machine, row->name, line, c->name, sizeof c->name);
+    fill_in(machine, row->name, line, c->told.name, sizeof c->told.name);
     fill_in(machine, row->edit.fragment, line, c->fragment, sizeof c->fragment);
     fill_in(machine, row->asks, line, c->asks, sizeof c->asks);
 }
@@ -109,6 +198,7 @@ typedef struct search {
 } search;
 
 static lg_status try_candidate(search *s, candidate *c, lg_error *error) {
+    c->told.round = s->round, c->told.chance = true;
     lg_yaml_edit edits[] = {c->row->edit, {LG_YAML_SET, "offset", NULL, "unknown"}};
     char *text = NULL;
     edits[0].fragment = c->fragment;
@@ -116,11 +206,12 @@ static lg_status try_candidate(search *s, candidate *c, lg_error *error) {
                           &text, error));
     const lg_status status = lg_machine_try(&s->choosing, text, &s->present, &c->trial, error);
     lg_free(s->choosing.quiet, text);
+    c->told.parameters = c->trial.learned.machine.parameters;
     if (status != LG_OK || c->trial.square == NULL) return status;
     const lg_held_out_ratio found =
         lg_held_out_compare(s->choosing.held.count, c->trial.square, s->present.square);
-    c->ratio = found.ratio;
-    c->better = found.better;
+    c->told.ratio = found.ratio;
+    c->told.chance = !found.better;
     return LG_OK;
 }
 
@@ -137,14 +228,14 @@ static bool is_dominated(const search *s, const candidate *c) {
     const lg_suggestion *all = &((const lg_machine_state *)s->self->state)->suggestion;
     const size_t parameters = c->trial.learned.machine.parameters;
     for (size_t i = s->first; i < all->count; i++)
-        if (all->row[i].ratio > 0 && all->row[i].ratio < c->ratio && all->row[i].parameters < parameters)
+        if (all->row[i].ratio > 0 && all->row[i].ratio < c->told.ratio && all->row[i].parameters < parameters)
             return true;
     return false;
 }
 
 /* The gain of a candidate is more than chance and 3 %, and no smaller one has a larger gain. */
 static bool is_possible(const search *s, const candidate *c) {
-    return c->better && c->ratio < LG_SUGGEST_MOST && !is_dominated(s, c);
+    return !c->told.chance && c->told.ratio < LG_SUGGEST_MOST && !is_dominated(s, c);
 }
 
 /* The possible candidate that leaves least, or one with fewer numbers, or earlier in the table, that this one
@@ -153,7 +244,7 @@ static candidate *find_best(search *s) {
     candidate *best = NULL, *simplest = NULL;
     for (size_t i = 0; i < s->count; i++) {
         candidate *c = &s->list[i];
-        if (is_possible(s, c) && (best == NULL || c->ratio < best->ratio)) best = c;
+        if (is_possible(s, c) && (best == NULL || c->told.ratio < best->told.ratio)) best = c;
     }
     for (size_t i = 0; i < s->count && best != NULL; i++) {
         candidate *c = &s->list[i];
@@ -173,15 +264,8 @@ static int compare_ratios(const void *a, const void *b) {
 
 static void note_round(const search *s) {
     lg_suggestion *out = &((lg_machine_state *)s->self->state)->suggestion;
-    for (size_t i = 0; i < s->count && out->count < LG_SUGGEST_ROWS; i++) {
-        const candidate *c = &s->list[i];
-        lg_suggested *row = &out->row[out->count++];
-        *row = (lg_suggested){.round = s->round,
-                              .ratio = c->ratio,
-                              .chance = !c->better,
-                              .parameters = c->trial.learned.machine.parameters};
-        (void)snprintf(row->name, sizeof row->name, "%s", c->name);
-    }
+    for (size_t i = 0; i < s->count && out->count < LG_SUGGEST_ROWS; i++)
+        out->row[out->count++] = s->list[i].told;
 }
 
 /* Marks the row of the candidate that is taken, which may be NULL, and sorts the rows of this kind. */
@@ -197,13 +281,13 @@ static void add_with_offset(search *s, const lg_machine *machine) {
     const size_t tried = lg_machine_has_part(machine, LG_MACHINE_OFFSET) ? 0 : s->count;
     for (size_t i = 0; i < tried; i++) {
         const candidate *from = &s->list[i];
-        if (from->offset || from->better || from->row->part != LG_MACHINE_DAMPING ||
-            !(from->ratio > 0 && from->ratio < LG_SUGGEST_MOST))
+        if (from->offset || !from->told.chance || from->row->part != LG_MACHINE_DAMPING ||
+            !(from->told.ratio > 0 && from->told.ratio < LG_SUGGEST_MOST))
             continue;
         candidate *c = &s->list[s->count++];
         *c = *from;
-        c->offset = true, c->why = "", c->ratio = 0, c->trial = (lg_machine_trial){.text = NULL};
-        lg_append(c->name, sizeof c->name, " with an offset");
+        c->offset = true, c->why = "", c->told.ratio = 0, c->trial = (lg_machine_trial){.text = NULL};
+        lg_append(c->told.name, sizeof c->told.name, " with an offset");
     }
 }
 
@@ -254,7 +338,7 @@ static lg_status play_round(search *s, bool *more, lg_error *error) {
         s->self,
         "the log asks for %s%s%s: it leaves %.2g of the error (free runs of %.3g s that were not trained on)",
         taken->asks, taken->offset ? ", and for a constant force (an offset)" : "",
-        taken->offset ? taken->why : "", taken->ratio,
+        taken->offset ? taken->why : "", taken->told.ratio,
         (double)s->choosing.held.steps * ((const lg_machine_state *)s->self->state)->data.logs.dt_median);
     lg_machine_trial_destroy(&s->choosing, &s->present);
     s->present = taken->trial;

@@ -131,11 +131,14 @@ static lg_status balance(lg_training *self, const lg_machine *machine, const dou
     lg_machine_noise found;
     lg_machine_model_run *run = self->run;
     lg_machine_state *s = self->state;
-    const lg_learned_machine model = {
-        .machine = machine, .theta = theta, .scheme = run->scheme, .substeps = run->substeps};
+    const lg_learned_machine model = {.machine = machine,
+                                      .theta = theta,
+                                      .scheme = run->scheme,
+                                      .substeps = run->substeps,
+                                      .context = self->context};
     *changed = false;
     if (s->data.file.measured >= LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
-    LG_TRY(lg_machine_residuals(self->context, &model, &s->problem, &found, error));
+    LG_TRY(lg_machine_residuals(&model, &s->problem, &found, error));
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const double q = found.position[i] / run->position_scale[i],
                      v = found.velocity[i] / run->velocity_scale[i];
