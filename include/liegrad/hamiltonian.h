@@ -629,10 +629,6 @@ typedef struct lg_hamiltonian_file {
     lg_constraint *constraint; /* what run.model.constraint points to in a file that was loaded; owned */
     size_t parameters;         /* lg_hamiltonian_parameters(&run.model) */
     double *theta;             /* (parameters), stored with the type run.training.dtype. */
-    double *adam_m, *adam_v;   /* The state of Adam, (parameters) each, or both NULL. */
-    uint64_t adam_step;
-    bool has_rng;
-    lg_rng rng;
     size_t epochs_done;
     /* (epochs_done) each, or NULL; NaN where there is no value (no validation part). */
     double *history[LG_FIT_SERIES_COUNT];

@@ -108,13 +108,12 @@ static const char *stripped(model_kind kind, size_t which, const char *const *li
 }
 
 TEST("a Hamiltonian written by hand may leave out optional parts, and can be saved again") {
-    static const char *const links[] = {"optimizer", "rng", "train", "run", NULL};
+    static const char *const links[] = {"train", "run", NULL};
     static const char *const attributes[] = {"E1",          "seed",   "command", "cpu", "liegrad_version",
                                              "conventions", "format", NULL};
     lg_hamiltonian_file file;
     const char *path = stripped(KIND_HAMILTONIAN, 0, links, attributes);
     assert_ok(lg_hamiltonian_load(NULL, path, NULL, &file, NULL));
-    assert_null(file.adam_m);
     assert_int_equal(file.run.substeps, 1);
     assert_int_equal(file.parameters, 52);
     /* An unknown number is not out of range. */
@@ -245,14 +244,7 @@ TEST("for every kind, weights that are missing, of another shape or not finite a
 
 TEST("errors in a Hamiltonian are refused by name") {
     static const damage rows[] = {
-        {"optimizer/adam/m", ARRAY(1, 51), LG_FORMAT, "51"},
-        {"optimizer/adam/m", ARRAY(1, 52, 1), LG_FORMAT, "rank"},
-        {"optimizer/adam/v", ARRAY(NAN, 52), LG_NOT_FINITE, "(0)"},
-        {"optimizer/adam/v", ARRAY(-1, 52), LG_FORMAT, "negative"},
-        {"optimizer/adam/step", ARRAY(1, 1), LG_FORMAT, "shape"},
-        {"rng", ARRAY(0.5, 4), LG_FORMAT, "integers"},
         {"model/potential", GONE, LG_FORMAT, "~layer1"},
-        {"optimizer/adam/v", GONE, LG_FORMAT, ""},
         /* accepted by lg_hamiltonian_init, but does not fit the arrays */
         {"model@links", WHOLE(3), LG_FORMAT, "~layer1"},
         {"model@links", WHOLE(0), LG_FORMAT, ""},
@@ -621,7 +613,12 @@ TEST("a model is read back with the state of its fit") {
     for
         EACH_KIND(k) {
             any_file again = load_fitted(k);
-            if (number_of(k) == KIND_HAMILTONIAN) assert_int_equal(again.hamiltonian.adam_step, 9);
+            uint64_t step = 0;
+            lg_h5 *h5;
+            assert_ok(lg_h5_open(NULL, scratch_path("fitted.h5"), NULL, &h5, NULL));
+            assert_ok(lg_h5_get(h5, "optimizer/adam/step", LG_ELEMENT_U64, 0, NULL, &step, NULL));
+            assert_true(number_of(k) == KIND_HAMILTONIAN ? step == 9 : step > 0 && step % 3 == 0);
+            lg_h5_close(h5);
             destroy(&again);
         }
 }
@@ -653,10 +650,13 @@ TEST("recording errors leaves everything else in the file unchanged") {
     any_file file = load_fitted(k), again;
     lg_h5 *h5;
     char note[16];
-    double best[52], moment[52];
+    double best[52], moment[2][52];
     const uint64_t count = 52;
     const char *path = scratch_path("fitted.h5"), *once = scratch_path("once.h5");
     replace_text(path, "model/mass", "note", "weighed");
+    assert_ok(lg_h5_open(NULL, path, NULL, &h5, NULL));
+    assert_ok(lg_h5_get(h5, "optimizer/adam/m", LG_ELEMENT_F64, 1, &count, moment[0], NULL));
+    lg_h5_close(h5);
     set_verdict(&file.hamiltonian);
     assert_ok(lg_hamiltonian_save_errors(NULL, path, &file.hamiltonian, NULL));
     assert_verdict(path, &file.hamiltonian);
@@ -664,12 +664,12 @@ TEST("recording errors leaves everything else in the file unchanged") {
     assert_same_file(k, &again, &file);
     assert_ok(lg_h5_open(NULL, path, NULL, &h5, NULL));
     assert_ok(lg_h5_get(h5, "optimizer/best", LG_ELEMENT_F64, 1, &count, best, NULL));
-    assert_ok(lg_h5_get(h5, "optimizer/adam/m", LG_ELEMENT_F64, 1, &count, moment, NULL));
+    assert_ok(lg_h5_get(h5, "optimizer/adam/m", LG_ELEMENT_F64, 1, &count, moment[1], NULL));
     assert_true(lg_h5_has(h5, "train/permutation") && lg_h5_has(h5, "train/options/batch"));
     assert_ok(lg_h5_text(h5, "model/mass", "note", note, sizeof note, NULL));
     assert_string_equal(note, "weighed");
     lg_h5_close(h5);
-    assert_memory_equal(moment, file.hamiltonian.adam_m, sizeof moment);
+    assert_memory_equal(moment[0], moment[1], sizeof moment[0]);
     copy_file(path, once);
     assert_ok(lg_hamiltonian_save_errors(NULL, path, &again.hamiltonian, NULL));
     assert_same_bytes(path, once);

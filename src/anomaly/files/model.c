@@ -25,69 +25,38 @@ static void show_blocks(const void *user, char *text, size_t size) {
     }
 }
 
-/* Skips blanks and takes the next word, up to a blank, comma or slash. Returns false if there is no word or
- * the word has 16 characters or more. */
-static bool next_word(const char **at, char word[16]) {
-    *at += strspn(*at, " ");
-    const size_t length = strcspn(*at, " ,/");
-    if (length == 0 || length >= 16) return false;
-    memcpy(word, *at, length);
-    word[length] = '\0';
-    *at += length;
-    return true;
-}
-
-static bool next_number(const char **at, uint32_t *out) {
-    char word[16];
-    uint64_t value;
-    if (!next_word(at, word) || lg_integer_parse(word, &value) != LG_OK || value > UINT32_MAX) return false;
-    *out = (uint32_t)value;
-    return true;
-}
-
-/* Takes a name with its number, such as "kernel 5", and returns true; *bad tells whether the number is
- * missing or wrong. If the next word is not `name`, takes nothing and returns false. */
-static bool named_number(const char **at, const char *name, uint32_t *out, bool *bad) {
-    const char *look = *at;
-    char word[16];
-    if (!next_word(&look, word) || strcmp(word, name) != 0) return false;
-    *bad = !next_number(&look, out);
-    *at = look;
-    return true;
-}
-
-/* Parses an optional pooling: "none", "average 2/2" or "max 2/2", the numbers being pool_size/pool_stride. */
-static bool parse_pooling(const char **at, lg_cnn_block *b) {
-    const char *look = *at;
-    char word[16];
-    if (!next_word(&look, word)) return true;
-    if (lg_pooling_parse(word, &b->pooling) != LG_OK) return false;
-    *at = look;
-    if (b->pooling == LG_POOL_NONE) return true;
-    return next_number(at, &b->pool_size) && *(*at)++ == '/' && next_number(at, &b->pool_stride);
-}
-
-/* Parses a block: "12 kernel 5 [stride 1] [padding 0] [pooling]". */
-static bool parse_block(const char **at, lg_cnn_block *b) {
-    bool bad = false;
-    *b = (lg_cnn_block){.stride = 1, .pool_size = 1, .pool_stride = 1};
-    if (!next_number(at, &b->channels) || !named_number(at, "kernel", &b->kernel, &bad) || bad) return false;
-    (void)named_number(at, "stride", &b->stride, &bad);
-    if (!bad) (void)named_number(at, "padding", &b->padding, &bad);
-    return !bad && parse_pooling(at, b);
+/* Parses a block: "12 kernel 5 [stride 1] [padding 0] [pooling]" with the pooling "none", "average 2/2" or
+ * "max 2/2" (pool_size/pool_stride). Returns its end, NULL if it is wrong. */
+static const char *parse_block(const char *text, lg_cnn_block *b) {
+    unsigned long long n[6] = {0, 0, 1, 0, 1, 1};
+    char pooling[16] = "none";
+    int end[5] = {0};
+    (void)sscanf(text, "%10llu kernel %10llu%n", &n[0], &n[1], &end[0]);
+    (void)sscanf(text += end[0], " stride %10llu%n", &n[2], &end[1]);
+    (void)sscanf(text += end[1], " padding %10llu%n", &n[3], &end[2]);
+    (void)sscanf(text += end[2], " %15[a-z]%n", pooling, &end[3]);
+    bool good = end[0] > 0 && lg_pooling_parse(pooling, &b->pooling) == LG_OK;
+    text += end[3];
+    if (good && b->pooling != LG_POOL_NONE) {
+        (void)sscanf(text, "%10llu/%10llu%n", &n[4], &n[5], &end[4]);
+        good = end[4] > 0;
+    }
+    for (size_t i = 0; i < LG_COUNT(n); i++) good = good && n[i] <= UINT32_MAX;
+    b->channels = (uint32_t)n[0], b->kernel = (uint32_t)n[1], b->stride = (uint32_t)n[2];
+    b->padding = (uint32_t)n[3], b->pool_size = (uint32_t)n[4], b->pool_stride = (uint32_t)n[5];
+    text += end[4];
+    return good ? text + strspn(text, " ") : NULL;
 }
 
 static bool parse_blocks(const char *text, lg_cnn *net) {
-    const char *at = text + strspn(text, " ");
     net->blocks = 0;
-    while (*at != '\0') {
-        if (net->blocks == LG_CNN_MAX_BLOCKS || !parse_block(&at, &net->block[net->blocks])) return false;
-        net->blocks++;
-        at += strspn(at, " ");
-        if (*at == '\0') return true;
-        if (*at++ != ',' || at[strspn(at, " ")] == '\0') return false;
+    if (text[strspn(text, " ")] == '\0') return true;
+    while (text != NULL && net->blocks < LG_CNN_MAX_BLOCKS) {
+        text = parse_block(text, &net->block[net->blocks++]);
+        if (text != NULL && *text == '\0') return true;
+        text = text != NULL && *text == ',' ? text + 1 : NULL;
     }
-    return true;
+    return false;
 }
 
 /* ---- the run ---- */
@@ -105,46 +74,28 @@ static const lg_field facts[] = {FACT("model", "channels", U32, model.net.channe
 
 static const lg_detector_run defaults = {.training = {.shards = 4}};
 
-static lg_status check_fractions(const lg_detector_run *run) {
-    return run->test_fraction < 1 && run->validation_fraction < 1 &&
-                   run->test_fraction + run->validation_fraction < 1
-               ? LG_OK
-               : LG_INVALID_ARGUMENT;
-}
-
-static uint32_t outputs_of(const lg_detector *model) {
-    return model->loss == LG_DETECTOR_MSE ? 1 : model->classes;
-}
-
-static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
-    lg_detector_run *run = user;
-    lg_detector *model = &run->model;
+static lg_status read_blocks(lg_h5 *h5, void *user, lg_error *error) {
     char text[LG_H5_TEXT];
-    const char *shown = lg_shown_path(h5->path);
-    lg_error reason = {LG_OK, ""};
     const lg_status status = lg_h5_text(h5, "model", "blocks", text, sizeof text, error);
     if (status != LG_OK && status != LG_SHAPE) return lg_missing_is_format(status, error);
-    if (status == LG_SHAPE || !parse_blocks(text, &model->net))
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /model: attribute blocks: expected up to %d as '12 kernel 5 stride 1 padding 0 "
-                       "average 2/2, ...'",
-                       shown, LG_CNN_MAX_BLOCKS);
-    model->net.outputs = outputs_of(model);
-    if (lg_cnn_init(&model->net, &reason) != LG_OK || lg_detector_check(model, &reason) != LG_OK)
-        return lg_fail(error, LG_FORMAT, "%s: /model: the attributes do not describe a possible network: %s",
-                       shown, reason.message);
-    if (check_fractions(run) != LG_OK)
-        return lg_fail(
-            error, LG_FORMAT,
-            "%s: /run: attributes test_fraction and validation_fraction: their sum must be below 1", shown);
-    return LG_OK;
+    if (status == LG_OK && parse_blocks(text, &((lg_detector_run *)user)->model.net)) return LG_OK;
+    return lg_fail(error, LG_FORMAT,
+                   "%s: /model: attribute blocks: expected up to %d as '12 kernel 5 stride 1 padding 0 "
+                   "average 2/2, ...'",
+                   lg_shown_path(h5->path), LG_CNN_MAX_BLOCKS);
 }
 
-/* lg_detector_check also compares the network's lengths with the lengths that lg_cnn_init computes. */
-static lg_status check(const void *user) {
-    const lg_detector_run *run = user;
-    LG_TRY(lg_detector_check(&run->model, NULL));
-    return check_fractions(run);
+static lg_status make(void *user, lg_error *why) {
+    lg_detector_run *run = user;
+    lg_detector *model = &run->model;
+    model->net.outputs = model->loss == LG_DETECTOR_MSE ? 1 : model->classes;
+    LG_TRY(lg_cnn_init(&model->net, why));
+    LG_TRY(lg_detector_check(model, why));
+    if (run->test_fraction < 1 && run->validation_fraction < 1 &&
+        run->test_fraction + run->validation_fraction < 1)
+        return LG_OK;
+    return lg_fail(why, LG_INVALID_ARGUMENT,
+                   "/run: attributes test_fraction and validation_fraction: their sum must be below 1");
 }
 
 static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
@@ -167,9 +118,17 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
 
 /* ---- other arrays and numbers of the file ---- */
 
-#define NUMBER(member)                                                                                       \
-    { #member, offsetof(lg_detector_file, member) }
-static const lg_model_number numbers[] = {NUMBER(accuracy), NUMBER(f1), NUMBER(test_mse), {NULL, 0}};
+static const lg_item items[] = {{.type = LG_ITEM_SCALER,
+                                 .name = "scaler",
+                                 .offset = offsetof(lg_detector_file, scaler),
+                                 .dims = {LG_DIM(lg_detector_file, run.model.net.channels, "channels")}},
+                                {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_detector_file, class_name)},
+                                {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_detector_file, class_label)},
+                                {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_detector_file, channel_name)},
+                                LG_ATTRIBUTE(lg_detector_file, REAL, "accuracy", accuracy),
+                                LG_ATTRIBUTE(lg_detector_file, REAL, "f1", f1),
+                                LG_ATTRIBUTE(lg_detector_file, REAL, "test_mse", test_mse),
+                                {.type = LG_ITEM_END}};
 
 static lg_sensing sensing_of(const lg_detector_file *file) {
     return (lg_sensing){.classes = file->run.model.classes,
@@ -178,32 +137,6 @@ static lg_sensing sensing_of(const lg_detector_file *file) {
                         .class_label = file->class_label,
                         .channel_name = file->channel_name,
                         .rate = file->rate};
-}
-
-static lg_status check_scales(const char *path, const lg_scaler *scaler, lg_status status, lg_error *error) {
-    for (uint32_t c = 0; c < scaler->channels; c++)
-        if (!(scaler->scale[c] > 0))
-            return lg_fail(error, status, "%s: /scaler/scale: is %g at index (%u), expected more than 0",
-                           lg_shown_path(path), scaler->scale[c], c);
-    return LG_OK;
-}
-
-enum { ARRAYS = 2 };
-static void list_arrays(lg_scaler *scaler, lg_h5_size *channels, lg_h5_array out[ARRAYS]) {
-    out[0] = (lg_h5_array){"scaler/mean", &scaler->mean, {channels}, false};
-    out[1] = (lg_h5_array){"scaler/scale", &scaler->scale, {channels}, false};
-}
-
-static lg_status put_scaler(lg_h5 *h5, const lg_detector_file *file, lg_error *error) {
-    lg_scaler scaler = file->scaler;
-    lg_h5_size channels = {file->run.model.net.channels, "channels", "model"};
-    lg_h5_array arrays[ARRAYS];
-    if (scaler.channels != channels.n || scaler.mean == NULL || scaler.scale == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /scaler: has %u channels, but the model has %u",
-                       lg_shown_path(h5->path), scaler.channels, file->run.model.net.channels);
-    LG_TRY(check_scales(h5->path, &scaler, LG_INVALID_ARGUMENT, error));
-    list_arrays(&scaler, &channels, arrays);
-    return lg_h5_put_arrays(h5, arrays, ARRAYS, error);
 }
 
 static lg_status check_novelty(const lg_h5 *h5, const lg_detector_file *file, lg_status status,
@@ -236,24 +169,11 @@ static lg_status get_novelty(lg_h5 *h5, lg_detector_file *file, lg_error *error)
     return check_novelty(h5, file, LG_FORMAT, error);
 }
 
-static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
-    const lg_detector_file *file = user;
-    const lg_sensing sensing = sensing_of(file);
-    (void)fitted;
-    LG_TRY(put_scaler(h5, file, error));
+static lg_status put_rest(lg_h5 *h5, const void *user, lg_error *error) {
+    const lg_sensing sensing = sensing_of(user);
     LG_TRY(lg_sensing_check(h5->context, h5->path, &sensing, error));
     LG_TRY(lg_sensing_put(h5, &sensing, error));
-    LG_TRY(put_novelty(h5, file, error));
-    return lg_model_put_numbers(h5, numbers, file, error);
-}
-
-static lg_status get_scaler(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
-    lg_h5_size channels = {file->run.model.net.channels, "channels", "model"};
-    lg_h5_array arrays[ARRAYS];
-    file->scaler = (lg_scaler){.channels = file->run.model.net.channels, .context = h5->context};
-    list_arrays(&file->scaler, &channels, arrays);
-    LG_TRY(lg_h5_get_arrays(h5, arrays, ARRAYS, error));
-    return check_scales(h5->path, &file->scaler, LG_FORMAT, error);
+    return put_novelty(h5, user, error);
 }
 
 /* Names the classes "0", "1", ... if the file has no names for them. */
@@ -269,27 +189,17 @@ static lg_status number_classes(lg_h5 *h5, lg_detector_file *file, lg_error *err
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_detector_file *file = user;
     lg_sensing sensing = {.classes = file->run.model.classes, .channels = file->run.model.net.channels};
-    LG_TRY(get_scaler(h5, file, error));
     LG_TRY(lg_sensing_get(h5, &sensing, error));
     file->class_name = sensing.class_name;
     file->class_label = sensing.class_label;
     file->channel_name = sensing.channel_name;
     file->rate = sensing.rate;
     LG_TRY(number_classes(h5, file, error));
-    LG_TRY(get_novelty(h5, file, error));
-    return lg_model_get_numbers(h5, numbers, file, error);
+    return get_novelty(h5, file, error);
 }
 
-void lg_detector_file_destroy(lg_detector_file *file) {
-    if (file == NULL) return;
-    lg_free(file->context, file->theta);
-    lg_scaler_destroy(&file->scaler);
-    lg_novelty_destroy(&file->novelty);
-    lg_free(file->context, file->class_name);
-    lg_free(file->context, file->class_label);
-    lg_free(file->context, file->channel_name);
-    lg_history_destroy(file->context, file->history);
-    *file = (lg_detector_file){.parameters = 0};
+static void release(void *file) {
+    lg_novelty_destroy(&((lg_detector_file *)file)->novelty);
 }
 
 /* ---- program and recipe ---- */
@@ -307,4 +217,6 @@ static const lg_program_source places[] = {{"mean", "single scaler/mean"},
                                            {NULL, NULL}};
 
 extern const struct lg_trainer lg_detector_learner; /* defined in recipe.c */
-LG_RECIPE(detector, "detector-checkpoint", .places = places, .trainer = &lg_detector_learner);
+LG_RECIPE(detector, "detector-checkpoint", LG_MADE(lg_detector_run, model.net), .read = read_blocks,
+          .items = items, .put_rest = put_rest, .get_rest = get_rest, .release = release, .places = places,
+          .trainer = &lg_detector_learner);

@@ -25,25 +25,10 @@ static const lg_field facts[] = {
 
 static const lg_surrogate_run defaults = {.training = {.shards = 4}};
 
-static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
-    lg_surrogate_run *run = user;
-    const lg_surrogate *model = &run->model;
-    const char *shown = lg_shown_path(h5->path);
-    lg_error reason = {LG_OK, ""};
+static lg_status make(void *user, lg_error *why) {
+    lg_surrogate *model = &((lg_surrogate_run *)user)->model;
     const lg_surrogate_options options = model->options;
-    if (lg_surrogate_init(&run->model, &options, model->intervals, model->length, model->centre, &reason) !=
-        LG_OK)
-        return lg_fail(error, LG_FORMAT, "%s: /model: the attributes do not describe a possible network: %s",
-                       shown, reason.message);
-    return LG_OK;
-}
-
-static lg_status check(const void *user) {
-    const lg_surrogate_run *run = user;
-    const lg_surrogate *model = &run->model;
-    lg_surrogate again;
-    LG_TRY(lg_surrogate_init(&again, &model->options, model->intervals, model->length, model->centre, NULL));
-    return memcmp(&again.net, &model->net, sizeof again.net) == 0 ? LG_OK : LG_INVALID_ARGUMENT;
+    return lg_surrogate_init(model, &options, model->intervals, model->length, model->centre, why);
 }
 
 static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
@@ -75,7 +60,8 @@ static lg_status missing_modes(const lg_h5 *h5, lg_status status, lg_error *erro
 }
 
 /* Writes /model/mean (n) and /model/modes (K, n), n = 4(N - 1). */
-static lg_status put_modes(lg_h5 *h5, const lg_surrogate *model, lg_error *error) {
+static lg_status put_modes(lg_h5 *h5, const void *file, lg_error *error) {
+    const lg_surrogate *model = &((const lg_surrogate_file *)file)->run.model;
     const uint64_t n = 4 * ((uint64_t)model->intervals - 1), dims[2] = {model->options.modes, n};
     if (model->options.modes == 0) return LG_OK;
     if (model->modes == NULL) return missing_modes(h5, LG_INVALID_ARGUMENT, error);
@@ -98,7 +84,8 @@ static lg_status get_fixed(lg_h5 *h5, const char *name, uint32_t rank, const uin
     return lg_check_finite(h5->path, name, rank, wanted, out, error);
 }
 
-static lg_status get_modes(lg_h5 *h5, lg_surrogate_file *file, lg_error *error) {
+static lg_status get_modes(lg_h5 *h5, void *user, lg_error *error) {
+    lg_surrogate_file *file = user;
     lg_surrogate *model = &file->run.model;
     const uint64_t n = 4 * ((uint64_t)model->intervals - 1), dims[2] = {model->options.modes, n};
     if (model->options.modes == 0) return LG_OK;
@@ -109,43 +96,19 @@ static lg_status get_modes(lg_h5 *h5, lg_surrogate_file *file, lg_error *error) 
     return get_fixed(h5, "model/modes", 2, dims, file->modes + n, error);
 }
 
-static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
-    const lg_surrogate_file *file = user;
-    double *known = file->trained;
-    lg_h5_size count = {file->trained_count, NULL, NULL}, numbers = {BOUNDARY, NULL, NULL};
-    (void)fitted;
-    LG_TRY(put_modes(h5, &file->run.model, error));
-    LG_TRY(lg_h5_put_arrays(h5, &(lg_h5_array){"trained", &known, {&count, &numbers}, false}, 1, error));
-    if (!file->has_errors) return LG_OK;
-    if (!isfinite(file->train_mse))
-        return lg_fail(error, LG_NOT_FINITE, "%s: attribute train_mse is not finite",
-                       lg_shown_path(h5->path));
-    LG_TRY(lg_h5_put_number(h5, "", "train_mse", LG_ELEMENT_F64, &file->train_mse, error));
-    if (isnan(file->test_mse)) return LG_OK;
-    return lg_h5_put_number(h5, "", "test_mse", LG_ELEMENT_F64, &file->test_mse, error);
-}
-
-static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
-    lg_surrogate_file *file = user;
-    bool tested;
-    lg_h5_size count = {0, "curves", NULL}, numbers = {BOUNDARY, NULL, NULL};
-    const lg_h5_array trained = {"trained", &file->trained, {&count, &numbers}, true};
-    LG_TRY(get_modes(h5, file, error));
-    LG_TRY(lg_h5_get_arrays(h5, &trained, 1, error));
-    file->trained_count = (size_t)count.n;
-    file->test_mse = NAN;
-    LG_TRY(lg_model_get_number(h5, "train_mse", &file->has_errors, &file->train_mse, error));
-    return lg_model_get_number(h5, "test_mse", &tested, &file->test_mse, error);
-}
-
-void lg_surrogate_file_destroy(lg_surrogate_file *file) {
-    if (file == NULL) return;
-    lg_free(file->context, file->theta);
-    lg_free(file->context, file->trained);
-    lg_free(file->context, file->modes);
-    lg_history_destroy(file->context, file->history);
-    *file = (lg_surrogate_file){0};
-}
+#define RESULT(member, ...)                                                                                  \
+    LG_ATTRIBUTE(lg_surrogate_file, REAL, #member, member, .known = offsetof(lg_surrogate_file, has_errors), \
+                 __VA_ARGS__)
+static const lg_item items[] = {
+    {.type = LG_ITEM_ARRAY,
+     .name = "trained",
+     .offset = offsetof(lg_surrogate_file, trained),
+     .dims = {LG_DIM(lg_surrogate_file, trained_count, "curves"), {.offset = BOUNDARY}},
+     .optional = true},
+    {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_surrogate_file, modes)},
+    RESULT(train_mse),
+    RESULT(test_mse, .optional = true),
+    {.type = LG_ITEM_END}};
 
 /* ---- program and recipe ---- */
 
@@ -159,4 +122,5 @@ static lg_status program(const lg_context *context, const void *user, const lg_s
 static const lg_program_source places[] = {{"mean", "model/mean"}, {"modes", "model/modes"}, {NULL, NULL}};
 
 extern const struct lg_trainer lg_surrogate_learner; /* defined in recipe.c */
-LG_RECIPE(surrogate, "surrogate-checkpoint", .places = places, .trainer = &lg_surrogate_learner);
+LG_RECIPE(surrogate, "surrogate-checkpoint", LG_MADE(lg_surrogate_run, model.net), .items = items,
+          .put_rest = put_modes, .get_rest = get_modes, .places = places, .trainer = &lg_surrogate_learner);

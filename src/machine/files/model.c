@@ -128,7 +128,7 @@ static lg_status read_lags(lg_h5 *h5, lg_machine_model_run *run, lg_error *error
                    lg_shown_path(h5->path));
 }
 
-static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
+static lg_status read_machine(lg_h5 *h5, void *user, lg_error *error) {
     lg_machine_model_run *run = user;
     lg_machine_file description;
     LG_TRY(read_lags(h5, run, error));
@@ -153,10 +153,8 @@ static size_t parameters(const void *run) {
     return ((const lg_machine_model_run *)run)->machine.parameters;
 }
 
-static lg_status check(const void *user) {
-    lg_machine again = ((const lg_machine_model_run *)user)->machine;
-    LG_TRY(lg_machine_init(&again, NULL));
-    return again.parameters == parameters(user) ? LG_OK : LG_INVALID_ARGUMENT;
+static lg_status make(void *user, lg_error *why) {
+    return lg_machine_init(&((lg_machine_model_run *)user)->machine, why);
 }
 
 static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
@@ -179,32 +177,6 @@ static void name_term(const lg_machine *machine, uint32_t term, char *text, size
         (void)snprintf(text, size, "%s%u", lg_machine_part_name(part), before);
 }
 
-static void set_slice(lg_slice_info *s, const char *term, const char *name, size_t offset, uint32_t rank,
-                      uint64_t first, uint64_t second) {
-    (void)snprintf(s->name, sizeof s->name, "%s/%s", term, name);
-    s->rank = rank;
-    s->dims[0] = first, s->dims[1] = second;
-    s->offset = offset;
-    s->count = (size_t)(first * (rank == 2 ? second : 1));
-}
-
-/* Finds slice number *index of a network. Subtracts from *index the slices that are passed. */
-static bool network_slice(const lg_machine_term *term, const char *name, uint32_t *index, lg_slice_info *s) {
-    const lg_mlp *net = &term->net;
-    char layer_name[24];
-    for (uint32_t layer = 0; layer < net->layers; layer++)
-        for (int bias = 0; bias < 2; bias++) {
-            if (bias == 1 && !lg_mlp_has_bias(net, layer)) continue;
-            if ((*index)-- != 0) continue;
-            const size_t at = bias ? lg_mlp_bias_offset(net, layer) : lg_mlp_weight_offset(net, layer);
-            (void)snprintf(layer_name, sizeof layer_name, "layer%u/%s", layer + 1, bias ? "bias" : "weight");
-            set_slice(s, name, layer_name, term->offset + at, bias ? 1 : 2,
-                      bias ? net->width[layer + 1] : net->width[layer], net->width[layer + 1]);
-            return true;
-        }
-    return false;
-}
-
 static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
     const lg_machine *machine = &((const lg_machine_model_run *)run)->machine;
     for (uint32_t i = 0; i < machine->term_count; i++) {
@@ -213,39 +185,24 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
         if (term->parameters == 0) continue;
         name_term(machine, i, name, sizeof name);
         if ((lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0) {
-            if (network_slice(term, name, &index, s)) return true;
+            if (lg_slice_of_mlp(&term->net, name, term->offset, &index, s)) return true;
             continue;
         }
         if (index-- != 0) continue;
-        set_slice(s, name, lg_term_kind_name(term->kind), term->offset, 1, term->parameters, 0);
+        lg_slice_set(s, term->offset, 1, term->parameters, 0);
+        (void)snprintf(s->name, sizeof s->name, "%s/%s", name, lg_term_kind_name(term->kind));
         return true;
     }
     return false;
 }
 
-/* ---- other contents of the file ---- */
-
-static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
-    const lg_machine_model_file *file = user;
-    double *known = file->spread;
-    lg_h5_size n = {file->parameters, "parameters", "model"};
-    (void)fitted;
-    return lg_h5_put_arrays(h5, &(lg_h5_array){"spread", &known, {&n, &n}, false}, 1, error);
-}
-
-static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
-    lg_machine_model_file *file = user;
-    lg_h5_size n = {file->parameters, "parameters", "model"};
-    return lg_h5_get_arrays(h5, &(lg_h5_array){"spread", &file->spread, {&n, &n}, true}, 1, error);
-}
-
-void lg_machine_model_file_destroy(lg_machine_model_file *file) {
-    if (file == NULL) return;
-    lg_free(file->context, file->theta);
-    lg_free(file->context, file->spread);
-    lg_history_destroy(file->context, file->history);
-    *file = (lg_machine_model_file){.context = NULL};
-}
+#define PARAMETERS LG_DIM(lg_machine_model_file, parameters, "parameters")
+static const lg_item items[] = {{.type = LG_ITEM_ARRAY,
+                                 .name = "spread",
+                                 .offset = offsetof(lg_machine_model_file, spread),
+                                 .dims = {PARAMETERS, PARAMETERS},
+                                 .optional = true},
+                                {.type = LG_ITEM_END}};
 
 static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
                          lg_program **out, lg_error *error) {
@@ -262,7 +219,8 @@ static const lg_scheme *usual_scheme(const void *file) {
 }
 
 extern const struct lg_trainer lg_machine_model_learner; /* in recipe.c */
-LG_RECIPE(machine_model, "machine-checkpoint", .scheme = usual_scheme, .space = space,
+LG_RECIPE(machine_model, "machine-checkpoint", LG_MADE(lg_machine_model_run, machine.parameters),
+          .read = read_machine, .items = items, .scheme = usual_scheme, .space = space,
           .trainer = &lg_machine_model_learner);
 
 /* ---- about logs ---- */

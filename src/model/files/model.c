@@ -167,7 +167,8 @@ static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, c
     LG_TRY(put_space(h5, kind, view.run, error));
     for (uint32_t i = 0; slice_at(kind, view.run, i, &s); i++)
         LG_TRY(put_slice(h5, &s, training_of(kind, view.run)->dtype, *view.theta, error));
-    if (kind->put_rest != NULL) LG_TRY(kind->put_rest(h5, file, fit != NULL, error));
+    if (kind->put_rest != NULL) LG_TRY(kind->put_rest(h5, file, error));
+    LG_TRY(lg_items_put(h5, kind, file, error));
     LG_TRY(put_functions(h5, kind, file, view.run, error));
     if (fit != NULL) return put_fit(h5, fit, error);
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
@@ -273,37 +274,6 @@ static lg_status check_space(lg_h5 *h5, const lg_recipe *kind, const void *run, 
                    lg_shown_path(h5->path), reason.message, expected);
 }
 
-lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *value, lg_error *error) {
-    *has = lg_h5_has_attribute(h5, "", name);
-    if (!*has) return LG_OK;
-    LG_TRY(lg_h5_number(h5, "", name, LG_ELEMENT_F64, value, error));
-    if (isfinite(*value)) return LG_OK;
-    return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path), name);
-}
-
-lg_status lg_model_put_numbers(lg_h5 *h5, const lg_model_number *row, const void *file, lg_error *error) {
-    for (; row->name != NULL; row++) {
-        double value;
-        memcpy(&value, (const char *)file + row->offset, sizeof value);
-        if (isnan(value)) continue;
-        if (isinf(value))
-            return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path),
-                           row->name);
-        LG_TRY(lg_h5_put_number(h5, "", row->name, LG_ELEMENT_F64, &value, error));
-    }
-    return LG_OK;
-}
-
-lg_status lg_model_get_numbers(lg_h5 *h5, const lg_model_number *row, void *file, lg_error *error) {
-    for (; row->name != NULL; row++) {
-        bool known;
-        double value = NAN;
-        LG_TRY(lg_model_get_number(h5, row->name, &known, &value, error));
-        memcpy((char *)file + row->offset, &value, sizeof value);
-    }
-    return LG_OK;
-}
-
 lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error) {
     const model_view view = view_of(kind, file);
     LG_TRY(lg_h5_check_format(h5, kind->name, false, error));
@@ -313,6 +283,7 @@ lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error
     LG_TRY(check_space(h5, kind, view.run, error));
     LG_TRY(get_history(h5, &view, error));
     if (kind->get_rest != NULL) LG_TRY(kind->get_rest(h5, file, error));
+    LG_TRY(lg_items_get(h5, kind, file, error));
     lg_h5_provenance(h5, view.provenance);
     return LG_OK;
 }
@@ -364,19 +335,14 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
     return edit_file(&call, error);
 }
 
-void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]) {
-    for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) lg_free(context, history[i]);
-}
-
 void lg_run_release(const lg_recipe *kind, void *file) {
+    if (file == NULL) return;
     const model_view view = view_of(kind, file);
     const lg_context *context = *(const lg_context **)(void *)((char *)file + kind->file_context);
-    if (kind->release != NULL) {
-        kind->release(file);
-        return;
-    }
+    if (kind->release != NULL) kind->release(file);
+    lg_items_release(context, kind, file);
     lg_free(context, *view.theta);
-    lg_history_destroy(context, view.history);
+    for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) lg_free(context, view.history[i]);
     memset(file, 0, kind->file_size);
 }
 

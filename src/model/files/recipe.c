@@ -3,6 +3,7 @@
 #include "model/files/recipe.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "settings/files/attributes.h"
@@ -39,10 +40,16 @@ lg_status lg_run_check(const char *path, const lg_recipe *kind, const void *run,
     const lg_field *r;
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++)
         LG_TRY(check_row(path, kind, r, run, LG_INVALID_ARGUMENT, error));
-    const lg_status status = kind->check(run);
-    if (status != LG_OK)
-        return lg_fail(error, status, "%s: the model was not made by its init function", lg_shown_path(path));
-    return LG_OK;
+    void *again = lg_alloc(NULL, 1, kind->run_size);
+    if (again == NULL) return lg_no_memory(error);
+    memcpy(again, run, kind->run_size);
+    const lg_status made = kind->make(again, NULL);
+    const bool same =
+        memcmp((char *)again + kind->made, (const char *)run + kind->made, kind->made_size) == 0;
+    lg_free(NULL, again);
+    if (made == LG_OK && same) return LG_OK;
+    return lg_fail(error, made != LG_OK ? made : LG_INVALID_ARGUMENT,
+                   "%s: the model was not made by its init function", lg_shown_path(path));
 }
 
 lg_status lg_run_put(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
@@ -60,7 +67,35 @@ lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run,
         LG_TRY(lg_missing_is_format(lg_field_read(h5, r, run, error), error));
         LG_TRY(check_row(h5->path, kind, r, run, LG_FORMAT, error));
     }
-    return kind->build != NULL ? kind->build(h5, run, error) : LG_OK;
+    lg_error why = {LG_OK, ""};
+    if (kind->read != NULL) LG_TRY(kind->read(h5, run, error));
+    if (kind->make(run, &why) == LG_OK) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: %s%s", lg_shown_path(h5->path),
+                   why.message[0] == '/' ? "" : "/model: the attributes do not describe a possible network: ",
+                   why.message);
+}
+
+/* ---- slices ---- */
+
+void lg_slice_set(lg_slice_info *s, size_t offset, uint32_t rank, uint64_t first, uint64_t second) {
+    s->rank = rank;
+    s->dims[0] = first, s->dims[1] = second;
+    s->offset = offset;
+    s->count = (size_t)(first * (rank == 2 ? second : 1));
+}
+
+bool lg_slice_of_mlp(const lg_mlp *net, const char *part, size_t offset, uint32_t *index, lg_slice_info *s) {
+    for (uint32_t layer = 0; layer < net->layers; layer++)
+        for (int bias = 0; bias < 2; bias++) {
+            if ((bias == 1 && !lg_mlp_has_bias(net, layer)) || (*index)-- != 0) continue;
+            const size_t at = bias ? lg_mlp_bias_offset(net, layer) : lg_mlp_weight_offset(net, layer);
+            lg_slice_set(s, offset + at, bias ? 1 : 2, net->width[layer + bias],
+                         bias ? 0 : net->width[layer + 1]);
+            (void)snprintf(s->name, sizeof s->name, "%s/layer%u/%s", part, layer + 1,
+                           bias ? "bias" : "weight");
+            return true;
+        }
+    return false;
 }
 
 /* ---- comparing ---- */

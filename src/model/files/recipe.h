@@ -28,9 +28,13 @@ struct lg_recipe {
     const lg_field *facts, *fields;
     size_t run_size, training; /* size of the run; offset of lg_fit_settings in it */
     const void *defaults;      /* a run with the values for attributes that a file lacks */
-    lg_status (*build)(lg_h5 *h5, void *run,
-                       lg_error *error); /* makes the model after the rows are read; may be NULL */
-    lg_status (*check)(const void *run); /* fails unless init would make this model */
+    /* Reads into the run what is no row; may be NULL. */
+    lg_status (*read)(lg_h5 *h5, void *run, lg_error *error);
+    /* Makes the model from the values of the rows. `why` says what is wrong with them; it begins with the group
+     * if it is not about the whole model. Called again on a copy of a run, it must make the same bytes at
+     * `made`, of which there are made_size. */
+    lg_status (*make)(void *run, lg_error *why);
+    size_t made, made_size;
     lg_status (*describe)(lg_h5 *h5, const void *run,
                           lg_error *error); /* writes attributes for people; may be NULL */
     /* The number of parameters, and slice `index` of them, which is stored below /model by its name; false
@@ -48,10 +52,11 @@ struct lg_recipe {
     /* The file structure: its size, and the offsets of the members that all kinds have. */
     size_t file_size, file_context, file_run, file_parameters, file_theta, file_epochs, file_history,
         file_provenance;
-    /* Write and read the rest of the file; may be NULL. fitted: lg_fit_save writes the optimizer. */
-    lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
+    const struct lg_item *items; /* what else the file holds; may be NULL */
+    /* Write and read what is no item, before the items; may be NULL. */
+    lg_status (*put_rest)(lg_h5 *h5, const void *file, lg_error *error);
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
-    void (*release)(void *file);      /* NULL: the file structure owns only theta and the history */
+    void (*release)(void *file);      /* frees what is not theta, the history or an item; may be NULL */
     const struct lg_trainer *trainer; /* the training half, never NULL (model/files/training.h) */
 };
 
@@ -76,18 +81,45 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
 /* lg_run_load for an open file. On failure the caller must release `file`, which may have arrays. */
 lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error);
 
-/* Reads an optional attribute of the root, which must be a finite number. */
-lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *value, lg_error *error);
-/* Members of a model's file that are attributes of the root; one that is NaN is unknown and not stored. The
- * list ends with a row without name. */
-typedef struct lg_model_number {
-    const char *name;
-    size_t offset;
-} lg_model_number;
-lg_status lg_model_put_numbers(lg_h5 *h5, const lg_model_number *rows, const void *file, lg_error *error);
-lg_status lg_model_get_numbers(lg_h5 *h5, const lg_model_number *rows, void *file, lg_error *error);
+/* A slice of rank 1 (first) or 2 (first, second); the caller sets its name. */
+void lg_slice_set(lg_slice_info *s, size_t offset, uint32_t rank, uint64_t first, uint64_t second);
+/* Slice number *index of a network whose parameters begin at `offset`: PART/layer1/weight, PART/layer1/bias, ...
+ * False if the network has fewer slices, whose number is then subtracted from *index. */
+bool lg_slice_of_mlp(const lg_mlp *net, const char *part, size_t offset, uint32_t *index, lg_slice_info *s);
+/* Frees what the file structure owns, and zeroes it. NULL is fine. */
 void lg_run_release(const lg_recipe *kind, void *file);
-void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]);
+
+/* ---- items (items.c) ---- */
+
+/* An array in a member `double *`; the arrays NAME/mean and NAME/scale in a member lg_scaler; an attribute of the
+ * root. The list ends with LG_ITEM_END. */
+typedef enum lg_item_type { LG_ITEM_END, LG_ITEM_ARRAY, LG_ITEM_SCALER, LG_ITEM_ATTRIBUTE } lg_item_type;
+/* A dimension of an array: a member uint32_t or size_t of the file structure, or (bytes = 0) the number `offset`.
+ * A size_t that is 0 becomes what the file has. */
+typedef struct lg_item_size {
+    size_t offset, bytes;
+    const char *what; /* what it counts, in messages */
+} lg_item_size;
+typedef struct lg_item {
+    lg_item_type type;
+    const char *name; /* path; NULL: the array is only freed */
+    size_t offset;    /* of the member in the file structure */
+    lg_item_size dims[2];
+    bool optional;                    /* the file may lack the array */
+    bool (*applies)(const void *run); /* whether the model has the array; NULL: always */
+    /* An attribute: a real, whole number or text. NaN, 0 and "" are unknown, and are not stored. */
+    lg_field field;
+    size_t
+        known; /* offset of the bool that says whether the number is known; `optional`: it may be NaN then */
+    bool lenient; /* a wrong value in a file is unknown; reals are above 0 */
+} lg_item;
+#define LG_DIM(struct_, member, what_)                                                                       \
+    { offsetof(struct_, member), sizeof(((struct_ *)0)->member), what_ }
+#define LG_ATTRIBUTE(struct_, type_, name_, member, ...)                                                     \
+    { .type = LG_ITEM_ATTRIBUTE, .field = LG_FIELD(struct_, "", name_, type_, member, .low = 0), __VA_ARGS__ }
+lg_status lg_items_put(lg_h5 *h5, const lg_recipe *kind, const void *file, lg_error *error);
+lg_status lg_items_get(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error);
+void lg_items_release(const lg_context *context, const lg_recipe *kind, void *file);
 
 /* ---- the recipe of a kind, and its public functions ---- */
 
@@ -101,10 +133,11 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
     .file_history = offsetof(lg_##kind##_file, history),                                                     \
     .file_provenance = offsetof(lg_##kind##_file, provenance)
 
-/* Defines lg_recipe_<kind>, lg_<kind>_save and lg_<kind>_load. The source file must define facts,
- * defaults, build, check, describe, parameters, slice, program, put_rest and get_rest of the kind. The common
- * members have the same names in every file structure; the kind itself provides lg_<kind>_file_destroy.
- * Further members of the row may follow as arguments. */
+#define LG_MADE(struct_, member)                                                                             \
+    .made = offsetof(struct_, member), .made_size = sizeof(((struct_ *)0)->member)
+/* Defines lg_recipe_<kind>, lg_<kind>_save, lg_<kind>_load and lg_<kind>_file_destroy. The source file must define
+ * facts, defaults, make, describe, parameters, slice and program of the kind. The common members have the same
+ * names in every file structure. Further members of the row may follow as arguments. */
 #define LG_RECIPE(kind, checkpoint_name, ...)                                                                \
     lg_status lg_##kind##_save(const lg_context *context, const char *path, const lg_##kind##_file *file,    \
                                const lg_fit *fit, lg_error *error) {                                         \
@@ -120,15 +153,13 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
         *out = made;                                                                                         \
         return LG_OK;                                                                                        \
     }                                                                                                        \
-    static void release(void *file) {                                                                        \
-        lg_##kind##_file_destroy(file);                                                                      \
+    void lg_##kind##_file_destroy(lg_##kind##_file *file) {                                                  \
+        lg_run_release(&lg_recipe_##kind, file);                                                             \
     }                                                                                                        \
     const lg_recipe lg_recipe_##kind = {LG_RECIPE_LAYOUT(kind), .checkpoint = checkpoint_name,               \
                                         .facts = facts,         .defaults = &defaults,                       \
-                                        .build = build,         .check = check,                              \
-                                        .describe = describe,   .parameters = parameters,                    \
-                                        .slice = slice,         .program = program,                          \
-                                        .put_rest = put_rest,   .get_rest = get_rest,                        \
-                                        .release = release,     __VA_ARGS__}
+                                        .make = make,           .describe = describe,                        \
+                                        .slice = slice,         .parameters = parameters,                    \
+                                        .program = program,     __VA_ARGS__}
 
 #endif

@@ -112,9 +112,10 @@ static lg_status program(const lg_context *context, const void *file, const lg_s
 
 /* ---- files ---- */
 
-static lg_status check(const void *run) {
+static lg_status make(void *run, lg_error *why) {
     lg_mlp net;
-    return net_of(run, &net);
+    const lg_status status = net_of(run, &net);
+    return status == LG_OK ? LG_OK : lg_fail(why, status, "hidden is out of range");
 }
 static size_t parameters(const void *run) {
     lg_mlp net;
@@ -213,8 +214,13 @@ static const lg_trainer trainer = {.data = "PAIRS.csv",
                                    .close = close_pairs};
 
 extern const lg_recipe lg_recipe_rotor;
-const lg_recipe lg_recipe_rotor = {LG_RECIPE_LAYOUT(rotor), .checkpoint = "rotor-checkpoint",
-                                   .facts = facts,          .defaults = &defaults,
-                                   .check = check,          .parameters = parameters,
-                                   .slice = slice,          .program = program,
-                                   .space = space,          .trainer = &trainer};
+const lg_recipe lg_recipe_rotor = {LG_RECIPE_LAYOUT(rotor),
+                                   .checkpoint = "rotor-checkpoint",
+                                   .facts = facts,
+                                   .defaults = &defaults,
+                                   .make = make,
+                                   .parameters = parameters,
+                                   .slice = slice,
+                                   .program = program,
+                                   .space = space,
+                                   .trainer = &trainer};
