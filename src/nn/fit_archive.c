@@ -11,18 +11,22 @@
 typedef struct hyperparameter {
     const char *path;
     bool real, added; /* added: newer than the file format; not stored if 0, and 0 if missing */
-    uint64_t whole;
-    double value;
+    union {
+        uint64_t whole;
+        double real;
+    } value;
 } hyperparameter;
 
-#define WHOLE(name, x)                                                                                       \
-    { "train/options/" name, false, false, (uint64_t)(x), 0.0 }
-#define REAL(name, x)                                                                                        \
-    { "train/options/" name, true, false, 0, (x) }
-#define ADDED(name, x)                                                                                       \
-    { "train/options/" name, false, true, (uint64_t)(x), 0.0 }
-#define ADDED_REAL(name, x)                                                                                  \
-    { "train/options/" name, true, true, 0, (x) }
+#define ROW(name, kind, added, x)                                                                            \
+    {                                                                                                        \
+        "train/options/" name, kind, added, {                                                                \
+            x                                                                                                \
+        }                                                                                                    \
+    }
+#define WHOLE(name, x)      ROW(name, false, false, .whole = (uint64_t)(x))
+#define REAL(name, x)       ROW(name, true, false, .real = (x))
+#define ADDED(name, x)      ROW(name, false, true, .whole = (uint64_t)(x))
+#define ADDED_REAL(name, x) ROW(name, true, true, .real = (x))
 #define PHASE(i)                                                                                             \
     ADDED("phase_" #i "/method", o->plan.phase[i].method),                                                   \
         ADDED("phase_" #i "/epochs", o->plan.phase[i].epochs)
@@ -83,41 +87,35 @@ static lg_status load_plans(lg_fit *fit, const lg_archive_reader *reader, lg_err
 static lg_status check_hyperparameters(const lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
     hyperparameter list[HYPERPARAMETERS];
     list_hyperparameters(fit, list);
-    for (size_t i = 0; i < HYPERPARAMETERS; i++) {
-        const hyperparameter *h = &list[i];
+    for (const hyperparameter *h = list; h < list + HYPERPARAMETERS; h++) {
         hyperparameter stored = *h;
-        lg_status status = h->real
-                               ? reader->array(reader->user, h->path, LG_ELEMENT_F64, 0, NULL, &stored.value)
-                               : reader->array(reader->user, h->path, LG_ELEMENT_U64, 0, NULL, &stored.whole);
+        lg_status status = reader->array(reader->user, h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64, 0,
+                                         NULL, &stored.value);
         if (status == LG_NOT_FOUND && h->added) {
-            stored.whole = 0;
-            stored.value = 0.0;
+            stored.value.whole = 0;
             status = LG_OK;
         }
         if (status != LG_OK) return lg_fail(error, status, "%s: %s", h->path, lg_status_sentence(status));
-        if (h->real && !(stored.value == h->value))
+        if (h->real && !(stored.value.real == h->value.real))
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "%s was %.17g in the saved run and is %.17g in this one", h->path, stored.value,
-                           h->value);
-        if (stored.whole != h->whole)
+                           "%s was %.17g in the saved run and is %.17g in this one", h->path,
+                           stored.value.real, h->value.real);
+        if (!h->real && stored.value.whole != h->value.whole)
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "%s was %" PRIu64 " in the saved run and is %" PRIu64 " in this one", h->path,
-                           stored.whole, h->whole);
+                           stored.value.whole, h->value.whole);
     }
     return LG_OK;
 }
 
 /* ---- the state as a list of arrays ---- */
 
-#define ALWAYS   7 /* scalars that every state has */
-#define PHASES   6 /* the next scalars, which a plan of Adam alone does not store */
-#define RESTARTS 2 /* the last scalars, stored only with options.restarts */
-#define SCALARS  (ALWAYS + PHASES + RESTARTS)
-#define ITEMS    (SCALARS + 10)
+enum { SCALARS = 15, ARRAYS = 10 };
 
-/* Lists the scalars and returns their number. They come before the arrays, since they tell how long the
- * arrays are. `open` stands for s->open as a number. */
-static size_t list_scalars(const lg_fit *fit, lg_fit_state *s, uint64_t *open, lg_stored out[SCALARS]) {
+/* The scalars, which are read before the arrays, since they say how long the arrays are. `open` stands for
+ * s->open as a number. A plan of Adam alone has no phases. */
+static void list_scalars(const lg_fit *fit, lg_fit_state *s, uint64_t *open, lg_stored out[SCALARS]) {
+    const bool phases = fit->options.plan.phases > 0, restarts = fit->options.restarts > 0;
     const lg_stored list[SCALARS] = {
         {"train/epoch", LG_ELEMENT_U64, .data = &s->epoch},
         {"train/position", LG_ELEMENT_U64, .data = &s->position},
@@ -126,20 +124,16 @@ static size_t list_scalars(const lg_fit *fit, lg_fit_state *s, uint64_t *open, l
         {"train/running_loss", LG_ELEMENT_F64, .data = &s->running_loss},
         {"train/running_seconds", LG_ELEMENT_F64, .data = &s->running_seconds},
         {"optimizer/adam/step", LG_ELEMENT_U64, .data = &s->step},
-        {"train/adam_epochs", LG_ELEMENT_U64, .data = &s->adam_epochs},
-        {"train/phase", LG_ELEMENT_U64, .data = &s->phase},
-        {"train/phase_start", LG_ELEMENT_U64, .data = &s->phase_start},
-        {"train/noise", LG_ELEMENT_F64, .data = &s->noise},
-        {"train/plateau", LG_ELEMENT_F64, .data = &s->plateau},
-        {"train/plateau_start", LG_ELEMENT_U64, .data = &s->plateau_start},
-        {"train/restarts", LG_ELEMENT_U64, .data = &s->restarts},
-        {"train/restart_seconds", LG_ELEMENT_F64, .data = &s->lost_seconds},
+        {"train/adam_epochs", LG_ELEMENT_U64, .data = phases ? &s->adam_epochs : NULL},
+        {"train/phase", LG_ELEMENT_U64, .data = phases ? &s->phase : NULL},
+        {"train/phase_start", LG_ELEMENT_U64, .data = phases ? &s->phase_start : NULL},
+        {"train/noise", LG_ELEMENT_F64, .data = phases ? &s->noise : NULL},
+        {"train/plateau", LG_ELEMENT_F64, .data = phases ? &s->plateau : NULL},
+        {"train/plateau_start", LG_ELEMENT_U64, .data = phases ? &s->plateau_start : NULL},
+        {"train/restarts", LG_ELEMENT_U64, .data = restarts ? &s->restarts : NULL},
+        {"train/restart_seconds", LG_ELEMENT_F64, .data = restarts ? &s->lost_seconds : NULL},
     };
-    const size_t used = fit->options.plan.phases == 0 ? ALWAYS : ALWAYS + PHASES;
-    memcpy(out, list, used * sizeof *list);
-    if (fit->options.restarts == 0) return used;
-    memcpy(out + used, list + ALWAYS + PHASES, RESTARTS * sizeof *list);
-    return used + RESTARTS;
+    memcpy(out, list, sizeof list);
 }
 
 /* Whether the current phase has a minimiser that has made an evaluation. */
@@ -147,28 +141,24 @@ static bool has_minimiser(const lg_fit *fit, const lg_fit_state *s) {
     return !lg_fit_method_batches(lg_fit_method_of(fit, s->phase)) && s->epoch > s->phase_start;
 }
 
-/* Lists the arrays in `out` and returns their number. */
-static size_t list_arrays(const lg_fit *fit, lg_fit_state *s, lg_stored *out) {
+#define SERIES(path, i)                                                                                      \
+    { path, LG_ELEMENT_F64, 1, {epochs}, .data = epochs > 0 ? s->history[i] : NULL }
+static void list_arrays(const lg_fit *fit, lg_fit_state *s, lg_stored out[ARRAYS]) {
     const lg_element type = fit->options.dtype == LG_F64 ? LG_ELEMENT_F64 : LG_ELEMENT_F32;
-    const uint64_t n = fit->problem.parameters;
-    static const char *const series[LG_FIT_SERIES_COUNT] = {
-        [LG_FIT_LOSS] = "train/history/loss",
-        [LG_FIT_VALIDATION] = "train/history/validation",
-        [LG_FIT_SECONDS] = "train/history/seconds",
-        [LG_FIT_RATE] = "train/history/rate",
+    const uint64_t n = fit->problem.parameters, epochs = s->epoch;
+    const lg_stored list[ARRAYS] = {
+        {"optimizer/parameters", type, 1, {n}, .data = s->theta},
+        {"optimizer/adam/m", type, 1, {n}, .data = s->m},
+        {"optimizer/adam/v", type, 1, {n}, .data = s->v},
+        {"rng", LG_ELEMENT_U64, 1, {4}, .data = s->rng.s},
+        {"train/permutation", LG_ELEMENT_U32, 1, {fit->problem.samples}, .data = s->order},
+        {"optimizer/best", type, 1, {n}, .data = epochs > 0 ? s->best : NULL},
+        SERIES("train/history/loss", LG_FIT_LOSS),
+        SERIES("train/history/validation", LG_FIT_VALIDATION),
+        SERIES("train/history/seconds", LG_FIT_SECONDS),
+        SERIES("train/history/rate", LG_FIT_RATE),
     };
-    size_t used = 0;
-    out[used++] = (lg_stored){"optimizer/parameters", type, 1, {n}, .data = s->theta};
-    out[used++] = (lg_stored){"optimizer/adam/m", type, 1, {n}, .data = s->m};
-    out[used++] = (lg_stored){"optimizer/adam/v", type, 1, {n}, .data = s->v};
-    out[used++] = (lg_stored){"rng", LG_ELEMENT_U64, 1, {4}, .data = s->rng.s};
-    out[used++] =
-        (lg_stored){"train/permutation", LG_ELEMENT_U32, 1, {fit->problem.samples}, .data = s->order};
-    if (s->epoch == 0) return used;
-    out[used++] = (lg_stored){"optimizer/best", type, 1, {n}, .data = s->best};
-    for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
-        out[used++] = (lg_stored){series[i], LG_ELEMENT_F64, 1, {s->epoch}, .data = s->history[i]};
-    return used;
+    memcpy(out, list, sizeof list);
 }
 
 lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error) {
@@ -176,19 +166,18 @@ lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_err
     (void)lg_fail(error, LG_OK, "%s", "");
     lg_fit_state copy = fit->state; /* shares the arrays with fit->state, which are only read */
     uint64_t open = copy.open;
-    lg_stored items[ITEMS];
-    size_t count = list_scalars(fit, &copy, &open, items);
-    count += list_arrays(fit, &copy, items + count);
+    lg_stored items[SCALARS + ARRAYS];
+    list_scalars(fit, &copy, &open, items);
+    list_arrays(fit, &copy, items + SCALARS);
     hyperparameter list[HYPERPARAMETERS];
     list_hyperparameters(fit, list);
-    for (size_t i = 0; i < HYPERPARAMETERS; i++) {
-        hyperparameter *h = &list[i];
-        if (h->added && h->whole == 0 && h->value == 0.0) continue;
+    for (hyperparameter *h = list; h < list + HYPERPARAMETERS; h++) {
+        const bool left_out = h->added && h->value.whole == 0;
         const lg_stored row = {h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64,
-                               .data = h->real ? (void *)&h->value : (void *)&h->whole};
+                               .data = left_out ? NULL : &h->value};
         LG_TRY(lg_stored_save(writer, &row, 1, error));
     }
-    LG_TRY(lg_stored_save(writer, items, count, error));
+    LG_TRY(lg_stored_save(writer, items, LG_COUNT(items), error));
     return has_minimiser(fit, &copy) ? lg_minimiser_save(copy.minimiser, writer, error) : LG_OK;
 }
 
@@ -296,12 +285,14 @@ static lg_status load_minimiser(const lg_fit *fit, const lg_archive_reader *read
 static lg_status load_state(const lg_fit *fit, const lg_archive_reader *reader, lg_fit_state *s,
                             lg_error *error) {
     uint64_t open = 0;
-    lg_stored items[ITEMS];
-    LG_TRY(lg_stored_load(reader, items, list_scalars(fit, s, &open, items), error));
+    lg_stored scalars[SCALARS], arrays[ARRAYS];
+    list_scalars(fit, s, &open, scalars);
+    LG_TRY(lg_stored_load(reader, scalars, SCALARS, error));
     if (fit->options.plan.phases == 0) s->adam_epochs = s->epoch;
     LG_TRY(check_scalars(fit, s, open, error));
     s->open = open == 1;
-    LG_TRY(lg_stored_load(reader, items, list_arrays(fit, s, items), error));
+    list_arrays(fit, s, arrays);
+    LG_TRY(lg_stored_load(reader, arrays, ARRAYS, error));
     LG_TRY(check_arrays(fit, s, error));
     return has_minimiser(fit, s) ? load_minimiser(fit, reader, s, error) : LG_OK;
 }

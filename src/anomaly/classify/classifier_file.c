@@ -11,33 +11,28 @@
 #define SCALARS 18
 #define ARRAYS  19
 
-/* The numbers in the file that determine the sizes of all arrays. */
-typedef struct header {
-    uint32_t classes, channels, length, selected, segments, pairs, bands, count, inputs, components,
-        variances, nodes, vectors, iterations, convolutions, listed;
-} header;
-
-/* `bands` is stored for spectrum features only, `convolutions` and `listed` for random convolutions. */
-static void list_scalars(header *h, lg_classifier *c, lg_stored out[SCALARS]) {
-    const bool spectrum = c->features.kind == LG_FEATURES_SPECTRUM;
-    const bool rocket = c->features.kind == LG_FEATURES_ROCKET;
+/* Lists the numbers, which determine the sizes of all arrays. `bands` is stored for spectrum features only,
+ * `convolutions` and `listed` for random convolutions. */
+static void list_scalars(lg_classifier *c, lg_stored out[SCALARS]) {
+    lg_features *f = &c->features;
+    const bool spectrum = f->kind == LG_FEATURES_SPECTRUM, rocket = f->kind == LG_FEATURES_ROCKET;
     const lg_stored rows[SCALARS] = {
-        {ROOT "classes", LG_ELEMENT_U32, .data = &h->classes},
-        {ROOT "features/channels", LG_ELEMENT_U32, .data = &h->channels},
-        {ROOT "features/length", LG_ELEMENT_U32, .data = &h->length},
-        {ROOT "features/selected", LG_ELEMENT_U32, .data = &h->selected},
-        {ROOT "features/segments", LG_ELEMENT_U32, .data = &h->segments},
-        {ROOT "features/pairs", LG_ELEMENT_U32, .data = &h->pairs},
-        {ROOT "features/bands", LG_ELEMENT_U32, .data = spectrum ? &h->bands : NULL},
-        {ROOT "features/count", LG_ELEMENT_U32, .data = &h->count},
-        {ROOT "pca/inputs", LG_ELEMENT_U32, .data = &h->inputs},
-        {ROOT "pca/components", LG_ELEMENT_U32, .data = &h->components},
-        {ROOT "pca/variances", LG_ELEMENT_U32, .data = &h->variances},
-        {ROOT "tree/nodes", LG_ELEMENT_U32, .data = &h->nodes},
-        {ROOT "svm/vectors", LG_ELEMENT_U32, .data = &h->vectors},
-        {ROOT "logistic/iterations", LG_ELEMENT_U32, .data = &h->iterations},
-        {ROOT "rocket/convolutions", LG_ELEMENT_U32, .data = rocket ? &h->convolutions : NULL},
-        {ROOT "rocket/listed", LG_ELEMENT_U32, .data = rocket ? &h->listed : NULL},
+        {ROOT "classes", LG_ELEMENT_U32, .data = &c->classes},
+        {ROOT "features/channels", LG_ELEMENT_U32, .data = &f->channels},
+        {ROOT "features/length", LG_ELEMENT_U32, .data = &f->length},
+        {ROOT "features/selected", LG_ELEMENT_U32, .data = &f->selected},
+        {ROOT "features/segments", LG_ELEMENT_U32, .data = &f->segments},
+        {ROOT "features/pairs", LG_ELEMENT_U32, .data = &f->pairs},
+        {ROOT "features/bands", LG_ELEMENT_U32, .data = spectrum ? &f->bands : NULL},
+        {ROOT "features/count", LG_ELEMENT_U32, .data = &f->count},
+        {ROOT "pca/inputs", LG_ELEMENT_U32, .data = &c->pca.inputs},
+        {ROOT "pca/components", LG_ELEMENT_U32, .data = &c->pca.components},
+        {ROOT "pca/variances", LG_ELEMENT_U32, .data = &c->pca.variances},
+        {ROOT "tree/nodes", LG_ELEMENT_U32, .data = &c->tree.count},
+        {ROOT "svm/vectors", LG_ELEMENT_U32, .data = &c->svm.vectors},
+        {ROOT "logistic/iterations", LG_ELEMENT_U32, .data = &c->logistic.iterations},
+        {ROOT "rocket/convolutions", LG_ELEMENT_U32, .data = rocket ? &f->rocket.count : NULL},
+        {ROOT "rocket/listed", LG_ELEMENT_U32, .data = rocket ? &f->rocket.listed : NULL},
         {ROOT "svm/gamma", LG_ELEMENT_F64, .data = &c->svm.gamma},
         {ROOT "svm/c", LG_ELEMENT_F64, .data = &c->svm.c},
     };
@@ -53,61 +48,28 @@ static void list_arrays(lg_classifier *c, double **nodes, lg_stored out[ARRAYS])
     lg_rocket *r = &c->features.rocket;
     const uint64_t m = c->features.selected, d = c->pca.inputs, k = c->pca.components, classes = c->classes;
     const uint64_t inputs = lg_pca_outputs(&c->pca), rows = classes == 2 ? 1 : classes;
+#define ROW(path, type, rank, first, second, when, member)                                                   \
+    { ROOT path, LG_ELEMENT_##type, rank, {first, second}, (when) ? &(member) : NULL, true }
     const lg_stored list[ARRAYS] = {
-        {ROOT "features/select", LG_ELEMENT_U32, 1, {m}, features ? &c->features.select : NULL, true},
-        {ROOT "features/pair",
-         LG_ELEMENT_U32,
-         2,
-         {c->features.pairs, 2},
-         c->features.pairs > 0 ? &c->features.pair : NULL,
-         true},
-        {ROOT "features/scale",
-         LG_ELEMENT_F64,
-         1,
-         {c->features.channels},
-         features ? &c->features.scale : NULL,
-         true},
-        {ROOT "pca/mean", LG_ELEMENT_F64, 1, {d}, &c->pca.mean, true},
-        {ROOT "pca/scale", LG_ELEMENT_F64, 1, {d}, &c->pca.scale, true},
-        {ROOT "pca/vectors", LG_ELEMENT_F64, 2, {d, k}, k > 0 ? &c->pca.vectors : NULL, true},
-        {ROOT "pca/variance",
-         LG_ELEMENT_F64,
-         1,
-         {c->pca.variances},
-         c->pca.variances > 0 ? &c->pca.variance : NULL,
-         true},
-        {ROOT "logistic/weight",
-         LG_ELEMENT_F64,
-         2,
-         {rows, inputs},
-         logistic ? &c->logistic.weight : NULL,
-         true},
-        {ROOT "logistic/intercept",
-         LG_ELEMENT_F64,
-         1,
-         {rows},
-         logistic ? &c->logistic.intercept : NULL,
-         true},
-        {ROOT "tree/node", LG_ELEMENT_F64, 2, {c->tree.count, 6}, tree ? nodes : NULL, true},
-        {ROOT "tree/counts",
-         LG_ELEMENT_U32,
-         2,
-         {c->tree.count, classes},
-         tree ? &c->tree.counts : NULL,
-         true},
-        {ROOT "svm/vectors_of", LG_ELEMENT_U32, 1, {classes}, svm ? &c->svm.vectors_of : NULL, true},
-        {ROOT "svm/vector", LG_ELEMENT_F64, 2, {c->svm.vectors, inputs}, svm ? &c->svm.vector : NULL, true},
-        {ROOT "svm/coefficient",
-         LG_ELEMENT_F64,
-         2,
-         {classes - 1, c->svm.vectors},
-         svm ? &c->svm.coefficient : NULL,
-         true},
-        {ROOT "svm/rho", LG_ELEMENT_F64, 1, {classes * (classes - 1) / 2}, svm ? &c->svm.rho : NULL, true},
-        {ROOT "rocket/convolution", LG_ELEMENT_U32, 2, {r->count, 5}, rocket ? &r->convolution : NULL, true},
-        {ROOT "rocket/channel", LG_ELEMENT_U32, 1, {r->listed}, rocket ? &r->channel : NULL, true},
-        {ROOT "rocket/bias", LG_ELEMENT_F32, 1, {c->features.count}, rocket ? &r->bias : NULL, true},
-        {ROOT "rocket/mean", LG_ELEMENT_F64, 1, {c->features.channels}, rocket ? &r->mean : NULL, true},
+        ROW("features/select", U32, 1, m, 0, features, c->features.select),
+        ROW("features/pair", U32, 2, c->features.pairs, 2, c->features.pairs > 0, c->features.pair),
+        ROW("features/scale", F64, 1, c->features.channels, 0, features, c->features.scale),
+        ROW("pca/mean", F64, 1, d, 0, true, c->pca.mean),
+        ROW("pca/scale", F64, 1, d, 0, true, c->pca.scale),
+        ROW("pca/vectors", F64, 2, d, k, k > 0, c->pca.vectors),
+        ROW("pca/variance", F64, 1, c->pca.variances, 0, c->pca.variances > 0, c->pca.variance),
+        ROW("logistic/weight", F64, 2, rows, inputs, logistic, c->logistic.weight),
+        ROW("logistic/intercept", F64, 1, rows, 0, logistic, c->logistic.intercept),
+        ROW("tree/node", F64, 2, c->tree.count, 6, tree, *nodes),
+        ROW("tree/counts", U32, 2, c->tree.count, classes, tree, c->tree.counts),
+        ROW("svm/vectors_of", U32, 1, classes, 0, svm, c->svm.vectors_of),
+        ROW("svm/vector", F64, 2, c->svm.vectors, inputs, svm, c->svm.vector),
+        ROW("svm/coefficient", F64, 2, classes - 1, c->svm.vectors, svm, c->svm.coefficient),
+        ROW("svm/rho", F64, 1, classes * (classes - 1) / 2, 0, svm, c->svm.rho),
+        ROW("rocket/convolution", U32, 2, r->count, 5, rocket, r->convolution),
+        ROW("rocket/channel", U32, 1, r->listed, 0, rocket, r->channel),
+        ROW("rocket/bias", F32, 1, c->features.count, 0, rocket, r->bias),
+        ROW("rocket/mean", F64, 1, c->features.channels, 0, rocket, r->mean),
     };
     memcpy(out, list, sizeof list);
 }
@@ -134,14 +96,10 @@ lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_w
         return lg_fail(error, LG_INVALID_ARGUMENT, "no classifier to save");
     /* A copy that is only read, because the list takes pointers without const. */
     lg_classifier c = *classifier;
-    const lg_features *f = &c.features;
-    header h = {c.classes,       f->channels,  f->length,     f->selected,           f->segments,
-                f->pairs,        f->bands,     f->count,      c.pca.inputs,          c.pca.components,
-                c.pca.variances, c.tree.count, c.svm.vectors, c.logistic.iterations, f->rocket.count,
-                f->rocket.listed};
     double *nodes = NULL;
     lg_stored rows[SCALARS + ARRAYS];
-    const char *const texts[TEXTS] = {lg_classifier_method_name(c.method), lg_feature_kind_name(f->kind),
+    const char *const texts[TEXTS] = {lg_classifier_method_name(c.method),
+                                      lg_feature_kind_name(c.features.kind),
                                       lg_tree_criterion_name(c.tree.criterion)};
     for (size_t i = 0; i < TEXTS; i++) {
         const lg_status status = writer->text(writer->user, text_paths[i], texts[i]);
@@ -151,7 +109,7 @@ lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_w
     }
     if (c.method == LG_METHOD_TREE && (nodes = pack_nodes(&c.tree)) == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to save %u nodes", c.tree.count);
-    list_scalars(&h, &c, rows);
+    list_scalars(&c, rows);
     list_arrays(&c, &nodes, rows + SCALARS);
     const lg_status status = lg_stored_save(writer, rows, LG_COUNT(rows), error);
     lg_free(NULL, nodes);
@@ -181,59 +139,51 @@ static lg_status read_texts(const lg_archive_reader *r, lg_classifier *c, lg_err
     return LG_OK;
 }
 
-typedef struct rule {
-    bool good;
-    const char *path, *what;
-} rule;
-
-static lg_status check_rules(const rule *rules, size_t count, lg_error *error) {
-    for (size_t i = 0; i < count; i++)
-        if (!rules[i].good) return wrong(error, rules[i].path, rules[i].what);
-    return LG_OK;
-}
-
-/* Writes the sizes in the header to *c and checks that they fit each other. */
-static lg_status take_sizes(const header *h, lg_classifier *c, lg_error *error) {
-    lg_features *f = &c->features;
+/* Checks that the sizes that were read fit each other, and sets those that follow from them. */
+static lg_status take_sizes(lg_classifier *c, lg_error *error) {
+    const lg_features *f = &c->features;
     const bool baseline = f->kind == LG_FEATURES_BASELINE, spectrum = f->kind == LG_FEATURES_SPECTRUM;
     const bool rocket = f->kind == LG_FEATURES_ROCKET, svm = lg_method_is_svm(c->method);
-    f->channels = h->channels, f->length = h->length, f->selected = h->selected;
-    f->segments = h->segments, f->pairs = h->pairs, f->bands = h->bands, f->count = h->count;
-    c->classes = c->logistic.classes = c->tree.classes = c->svm.classes = h->classes;
-    c->pca.inputs = h->inputs, c->pca.components = h->components, c->pca.variances = h->variances;
+    const uint32_t convolutions = f->rocket.count;
+    c->logistic.classes = c->tree.classes = c->svm.classes = c->classes;
     c->logistic.inputs = c->tree.inputs = c->svm.inputs = lg_pca_outputs(&c->pca);
-    c->logistic.iterations = h->iterations, c->tree.count = h->nodes, c->svm.vectors = h->vectors;
     c->svm.kernel = c->method == LG_METHOD_SVM_RBF ? LG_KERNEL_RBF : LG_KERNEL_LINEAR;
-    const rule rules[] = {
-        {h->classes >= 2 && h->classes <= LG_CLASSES_MAX, "classes", "is out of range"},
-        {h->channels <= LG_FEATURES_MAX, "features/channels", "is out of range"},
-        {(h->count > 0) == (h->channels > 0) && (h->count > 0) == (h->length > 0), "features/count",
+    const struct {
+        bool good;
+        const char *path, *what;
+    } rules[] = {
+        {c->classes >= 2 && c->classes <= LG_CLASSES_MAX, "classes", "is out of range"},
+        {f->channels <= LG_FEATURES_MAX, "features/channels", "is out of range"},
+        {(f->count > 0) == (f->channels > 0) && (f->count > 0) == (f->length > 0), "features/count",
          "does not fit channels and length"},
-        {(uint64_t)h->channels * h->length <= UINT32_MAX, "features/length", "is out of range"},
-        {h->selected <= h->channels && (h->count > 0) == (h->selected > 0), "features/selected",
+        {(uint64_t)f->channels * f->length <= UINT32_MAX, "features/length", "is out of range"},
+        {f->selected <= f->channels && (f->count > 0) == (f->selected > 0), "features/selected",
          "does not fit the channels"},
-        {baseline && h->count > 0 ? h->segments >= 1 && h->segments <= h->length : h->segments == 0,
+        {baseline && f->count > 0 ? f->segments >= 1 && f->segments <= f->length : f->segments == 0,
          "features/segments", "is out of range"},
-        {h->pairs <= h->channels && (baseline || h->pairs == 0), "features/pairs", "is out of range"},
-        {h->bands == lg_spectrum_bands(h->length, h->bands) && (h->bands > 0) == (spectrum && h->count > 0),
+        {f->pairs <= f->channels && (baseline || f->pairs == 0), "features/pairs", "is out of range"},
+        {f->bands == lg_spectrum_bands(f->length, f->bands) && (f->bands > 0) == (spectrum && f->count > 0),
          "features/bands", "is out of range"},
-        {(rocket || h->count == lg_features_count(f)) && h->count <= LG_FEATURES_MAX, "features/count",
+        {(rocket || f->count == lg_features_count(f)) && f->count <= LG_FEATURES_MAX, "features/count",
          "does not fit the kind of the features"},
-        {h->convolutions <= h->count && (h->convolutions > 0) == (rocket && h->count > 0),
-         "rocket/convolutions", "does not fit the features"},
-        {h->listed <= (uint64_t)h->convolutions * h->selected, "rocket/listed", "does not fit the channels"},
-        {h->inputs >= 1 && h->inputs <= LG_FEATURES_MAX && (h->count == 0 || h->inputs == h->count),
+        {convolutions <= f->count && (convolutions > 0) == (rocket && f->count > 0), "rocket/convolutions",
+         "does not fit the features"},
+        {f->rocket.listed <= (uint64_t)convolutions * f->selected, "rocket/listed",
+         "does not fit the channels"},
+        {c->pca.inputs >= 1 && c->pca.inputs <= LG_FEATURES_MAX &&
+             (f->count == 0 || c->pca.inputs == f->count),
          "pca/inputs", "is not the number of features"},
-        {h->components <= h->inputs, "pca/components", "is larger than the number of features"},
-        {h->components > 0 ? h->variances >= h->components && h->variances <= h->inputs : h->variances == 0,
+        {c->pca.components <= c->pca.inputs, "pca/components", "is larger than the number of features"},
+        {c->pca.components > 0 ? c->pca.variances >= c->pca.components && c->pca.variances <= c->pca.inputs
+                               : c->pca.variances == 0,
          "pca/variances", "does not fit the components"},
-        {(h->nodes > 0) == (c->method == LG_METHOD_TREE), "tree/nodes", "does not fit the method"},
-        {(h->vectors > 0) == svm, "svm/vectors", "does not fit the method"},
+        {(c->tree.count > 0) == (c->method == LG_METHOD_TREE), "tree/nodes", "does not fit the method"},
+        {(c->svm.vectors > 0) == svm, "svm/vectors", "does not fit the method"},
         {isfinite(c->svm.gamma) && c->svm.gamma >= 0.0, "svm/gamma", "is out of range"},
         {isfinite(c->svm.c) && (c->svm.c > 0.0) == svm, "svm/c", "is out of range"},
     };
-    LG_TRY(check_rules(rules, LG_COUNT(rules), error));
-    f->rocket.count = h->convolutions, f->rocket.listed = h->listed;
+    for (size_t i = 0; i < LG_COUNT(rules); i++)
+        if (!rules[i].good) return wrong(error, rules[i].path, rules[i].what);
     return LG_OK;
 }
 
@@ -312,14 +262,13 @@ static lg_status check_svm(const lg_svm *svm, lg_error *error) {
 
 static lg_status read_classifier(const lg_context *context, const lg_archive_reader *r, lg_classifier *c,
                                  double **nodes, lg_error *error) {
-    header h = {0};
     lg_stored scalars[SCALARS], arrays[ARRAYS];
     LG_TRY(read_texts(r, c, error));
-    list_scalars(&h, c, scalars);
+    list_scalars(c, scalars);
     lg_status status = lg_stored_load(r, scalars, SCALARS, error);
     if (status == LG_SHAPE) status = lg_as_format(status, error);
     LG_TRY(status);
-    LG_TRY(take_sizes(&h, c, error));
+    LG_TRY(take_sizes(c, error));
     list_arrays(c, nodes, arrays);
     LG_TRY(lg_stored_make(context, r, arrays, ARRAYS, error));
     LG_TRY(check_features(c, error));
