@@ -198,15 +198,13 @@ static error_t parse_command(int key, char *text, struct argp_state *state) {
 }
 
 static void run_parser(app *self, int argc, char **argv) {
-    char *texts = app_alloc(self->slot_count + COMMON, HELP_SIZE);
-    struct argp_option *options = argp_table(self, texts);
-    char *doc = app_format("%s%s%s", self->command->summary, self->command->details != NULL ? "\v" : "",
-                           self->command->details != NULL ? self->command->details : "");
+    APP_FREE char *texts = app_alloc(self->slot_count + COMMON, HELP_SIZE);
+    APP_FREE struct argp_option *options = argp_table(self, texts);
+    APP_FREE char *doc =
+        app_format("%s%s%s", self->command->summary, self->command->details != NULL ? "\v" : "",
+                   self->command->details != NULL ? self->command->details : "");
     const struct argp argp = {options, parse_command, self->command->arguments, doc, NULL, NULL, NULL};
     (void)argp_parse(&argp, argc, argv, 0, NULL, self);
-    free(doc);
-    free(options);
-    free(texts);
 }
 
 typedef struct dispatch {
@@ -215,22 +213,18 @@ typedef struct dispatch {
 } dispatch;
 
 static char *command_names(const app_command *commands) {
-    char *names = app_format("%s", "");
-    for (const app_command *c = commands; c->run != NULL; c++) {
-        char *longer = app_format("%s%s%s", names, c == commands ? "" : ", ", c->name);
-        free(names);
-        names = longer;
-    }
-    return names;
+    lg_text names = app_text();
+    for (const app_command *c = commands; c->run != NULL; c++)
+        lg_text_add(&names, "%s%s", c == commands ? "" : ", ", c->name);
+    return names.data;
 }
 
 /* The first word that is not an option names the command, and this command's parser takes the rest. */
 static error_t parse_top(int key, char *text, struct argp_state *state) {
     dispatch *d = state->input;
     if (key == ARGP_KEY_NO_ARGS) {
-        char *names = command_names(d->commands);
+        APP_FREE char *names = command_names(d->commands);
         argp_error(state, "a command is missing; commands: %s", names);
-        free(names);
     }
     if (key != ARGP_KEY_ARG) return parse_option(key, text, state, d->self);
     for (const app_command *c = d->commands; c->run != NULL; c++) {
@@ -245,9 +239,8 @@ static error_t parse_top(int key, char *text, struct argp_state *state) {
         state->next = state->argc;
         return 0;
     }
-    char *names = command_names(d->commands);
+    APP_FREE char *names = command_names(d->commands);
     complain(state, "'%s' is not a command; the commands are: %s", text, names);
-    free(names);
     return ARGP_ERR_UNKNOWN;
 }
 
@@ -256,21 +249,16 @@ static void parse_with_commands(app *self, int argc, char **argv, const char *su
     size_t widest = 0;
     for (const app_command *c = commands; c->run != NULL; c++)
         if (strlen(c->name) > widest) widest = strlen(c->name);
-    char *doc = app_format("%s\vCommands:\n", summary);
-    for (const app_command *c = commands; c->run != NULL; c++) {
-        char *longer = app_format("%s  %-*s  %s\n", doc, (int)widest, c->name, c->summary);
-        free(doc);
-        doc = longer;
-    }
-    char *whole = app_format("%s\n%s COMMAND --help describes the options of a command.", doc, self->program);
+    APP_CLEAN(lg_text_destroy) lg_text doc = app_text();
+    lg_text_add(&doc, "%s\vCommands:\n", summary);
+    for (const app_command *c = commands; c->run != NULL; c++)
+        lg_text_add(&doc, "  %-*s  %s\n", (int)widest, c->name, c->summary);
+    lg_text_add(&doc, "\n%s COMMAND --help describes the options of a command.", self->program);
     char texts[COMMON * HELP_SIZE];
-    struct argp_option *options = argp_table(self, texts);
-    const struct argp argp = {options, parse_top, "COMMAND ...", whole, NULL, NULL, NULL};
+    APP_FREE struct argp_option *options = argp_table(self, texts);
+    const struct argp argp = {options, parse_top, "COMMAND ...", doc.data, NULL, NULL, NULL};
     dispatch d = {self, commands};
     (void)argp_parse(&argp, argc, argv, ARGP_IN_ORDER, NULL, &d);
-    free(options);
-    free(whole);
-    free(doc);
 }
 
 static void print_version(FILE *stream, struct argp_state *state) {
@@ -342,14 +330,12 @@ static void on_log(void *user, lg_log_level level, const char *message) {
 }
 
 static char *join(int argc, char **argv) {
-    char *text = app_format("%s", "");
+    lg_text text = app_text();
     for (int i = 0; i < argc; i++) {
-        char *word = app_quote(argv[i]), *longer = app_format("%s%s%s", text, i > 0 ? " " : "", word);
-        free(word);
-        free(text);
-        text = longer;
+        if (i > 0) lg_text_add(&text, " ");
+        lg_text_add_word(&text, argv[i]);
     }
-    return text;
+    return text.data;
 }
 
 /* ---- limited memory ---- */
@@ -379,23 +365,13 @@ static void keep_standard_places(void) {
         if (fcntl(fd, F_GETFD) < 0) (void)open("/dev/null", directions[fd]);
 }
 
-static int reserve(const app *self) {
-    if (!is_limited() || lg_runtime_reserve((int)self->threads)) return APP_EXIT_OK;
-    return app_fail(self, LG_OUT_OF_MEMORY,
-                    "out of memory: the limit on addresses (ulimit -v) leaves less than the %llu MiB that "
-                    "%llu thread%s of OpenBLAS may use: raise the limit, or reduce --threads",
-                    (unsigned long long)self->threads * 128, (unsigned long long)self->threads,
-                    self->threads == 1 ? "" : "s");
-}
-
-/* Checks that required options that are numbers are given. */
-static int check_numbers(const app *self) {
-    for (size_t i = 0; i < self->slot_count; i++) {
-        const app_slot *slot = &self->slots[i];
-        if (slot->row->required && slot->row->type != LG_FIELD_STRING && !slot->given)
-            return app_usage(self, "--%s %s is missing", slot->name, slot->row->unit);
-    }
-    return APP_EXIT_OK;
+static void reserve(const app *self) {
+    if (!is_limited() || lg_runtime_reserve((int)self->threads)) return;
+    app_stop(self, LG_OUT_OF_MEMORY,
+             "out of memory: the limit on addresses (ulimit -v) leaves less than the %llu MiB that "
+             "%llu thread%s of OpenBLAS may use: raise the limit, or reduce --threads",
+             (unsigned long long)self->threads * 128, (unsigned long long)self->threads,
+             self->threads == 1 ? "" : "s");
 }
 
 static const char *text_of(const app_slot *slot) {
@@ -430,15 +406,14 @@ void app_read_options(const app *self) {
     }
 }
 
-/* Checks the options that name files: required ones are given, and outputs can be written. */
-static int check_files(const app *self) {
-    app_path paths[APP_SLOTS];
+/* Checks that required options are given: texts or numbers. */
+static void check_required(const app *self, bool texts) {
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
-        if (slot->row->type == LG_FIELD_STRING && slot->row->required && text_of(slot) == NULL)
-            return app_usage(self, "--%s %s is missing", slot->name, slot->row->unit);
+        const bool text = slot->row->type == LG_FIELD_STRING;
+        if (slot->row->required && text == texts && (text ? text_of(slot) == NULL : !slot->given))
+            app_stop_usage(self, "--%s %s is missing", slot->name, slot->row->unit);
     }
-    return app_check_outputs(self, paths, app_file_options(self, paths));
 }
 
 /* Called after the command, however it ended. */
@@ -453,6 +428,7 @@ void app_end(int code) {
 }
 
 static int run_command(app *self) {
+    app_path paths[APP_SLOTS];
     lg_context_options options;
     lg_context_options_init(&options);
     options.log = on_log;
@@ -460,13 +436,12 @@ static int run_command(app *self) {
     options.cancel = &stopped_by;
     options.replace = app_may_replace;
     options.replace_user = self;
-    const lg_status status = lg_context_create(&options, &self->context);
-    if (status != LG_OK) return conclude(self, app_fail(self, status, "%s", lg_status_sentence(status)));
-    int code = app_join_ranks(self);
-    if (code == APP_EXIT_OK) code = check_files(self);
-    if (code == APP_EXIT_OK) code = check_numbers(self);
-    if (code == APP_EXIT_OK) code = self->command->run(self);
-    code = conclude(self, code);
+    app_must(self, lg_context_create(&options, &self->context), NULL);
+    app_join_ranks(self);
+    check_required(self, true);
+    (void)app_check_outputs(self, paths, app_file_options(self, paths));
+    check_required(self, false);
+    const int code = conclude(self, self->command->run(self));
     lg_context_destroy(self->context);
     return code;
 }
@@ -488,7 +463,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     install_signals();
     for (int i = 1; i < argc; i++) /* getopt would print the lines of such a word */
         if (strncmp(argv[i], "--", 2) == 0 && strcspn(argv[i], "\n\t") < strcspn(argv[i], "="))
-            return app_usage(&self, "unrecognized option '%s'", argv[i]);
+            app_stop_usage(&self, "unrecognized option '%s'", argv[i]);
     parsing = atexit(flush_help) == 0;
     if (commands[0].name == NULL) {
         app_choose_command(&self, &commands[0]);
@@ -499,10 +474,11 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     parsing = false;
     lg_runtime_setup();
     lg_io_setup();
-    int code = reserve(&self);
-    code = code == APP_EXIT_OK ? run_command(&self) : conclude(&self, code);
+    reserve(&self);
+    const int code = run_command(&self);
     free(self.command_line);
     app_warnings_destroy(self.warnings);
+    app_free_kept();
     running = NULL;
     return code;
 }

@@ -168,8 +168,8 @@ void app_say_as_rank(const app *app, const char *sentence);
 double app_silence(const app *app);
 /* Default of --threads: this rank's share of the processors. */
 uint64_t app_processors(void);
-/* Connects to the other ranks if the command computes with them (APP_RANKS). Returns an exit code. */
-int app_join_ranks(app *app);
+/* Connects to the other ranks if the command computes with them (APP_RANKS). */
+void app_join_ranks(app *app);
 /* Says that the ranks exchange nothing from here on: a rank that fails later does not end the others. */
 void app_end_exchanges(app *app);
 /* Says that a rank, or the process that has claimed a piece of work, is silent, and that this process goes on
@@ -182,15 +182,16 @@ int app_leave_ranks(app *app, int code);
 
 /* ---- errors ---- */
 
-int app_exit_code(lg_status status);
 /* Ends the command with this exit code. May be called at any depth, in the main thread only. Locks are
  * released and the ranks are left; objects on the stack are not destroyed. */
 void app_end(int code) __attribute__((noreturn));
-/* Prints a sentence on stderr and ends the command with the exit code of `status`. */
-void app_stop(const app *app, lg_status status, const char *format, ...)
-    __attribute__((noreturn, format(printf, 3, 4)));
-/* Prints a sentence about the command line and a hint at --help, and ends the command with APP_EXIT_USAGE. */
-void app_stop_usage(const app *app, const char *format, ...) __attribute__((noreturn, format(printf, 2, 3)));
+/* Prints a sentence on stderr and returns the exit code of `status`. */
+int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+/* Prints a sentence about the command line and a hint at --help; returns APP_EXIT_USAGE. */
+int app_usage(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* The same, as the end of the command: app_stop(app, status, format, ...), app_stop_usage(app, format, ...). */
+#define app_stop(...)       app_end(app_fail(__VA_ARGS__))
+#define app_stop_usage(...) app_end(app_usage(__VA_ARGS__))
 /* The message of `error`; if there is none, the standard sentence of `status`. */
 const char *app_sentence(lg_status status, const lg_error *error);
 /* Does nothing for LG_OK. Otherwise prints app_sentence(status, error) and ends the command. For LG_CANCELLED
@@ -215,9 +216,7 @@ void app_must_file(const app *app, lg_status status, const lg_error *error, cons
  *   APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0}; */
 #define APP_FREE           __attribute__((cleanup(app_free)))
 #define APP_CLEAN(destroy) __attribute__((cleanup(destroy)))
-void app_free(void *pointer); /* `pointer` is the address of the pointer to be freed */
-/* Prints a sentence on stderr and returns the exit code of `status`. */
-int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+void app_free(void *pointer);       /* `pointer` is the address of the pointer to be freed */
 const char *app_last_failure(void); /* the last sentence that app_fail or app_usage printed */
 /* As app_fail, for an error while reading or writing `path`. The exit code is 3 whatever the status, except
  * when memory is missing or Ctrl-C stopped the command. `error` may be NULL. */
@@ -232,16 +231,14 @@ void app_warn(const app *app, const char *format, ...) __attribute__((format(pri
 struct lg_scene;
 /* If the scene has no `initial`, draws its start with --seed and warns that it did so. */
 void app_scene_start(const app *app, struct lg_scene *scene, const char *path);
-/* Prints a sentence about the command line and a hint at --help; returns APP_EXIT_USAGE. */
-int app_usage(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* Prints "out of memory" with the program's name; exits with code 5. */
 void app_out_of_memory(void) __attribute__((noreturn));
 /* Returns zeroed memory, aligned to 64 bytes; without memory the program exits with code 5. Freed with
  * free. */
 void *app_alloc(uint64_t count, size_t size);
-/* Work memory of lg_plan_eval: at least `bytes`, aligned to 64 bytes, zeros. Freed with free; ends the
- * program as app_alloc does. */
-void *app_work(size_t bytes);
+/* As app_alloc, for memory that lives until the command ends and is not freed by anyone. Not thread safe. */
+void *app_keep(uint64_t count, size_t size);
+void app_free_kept(void); /* at the end of app_main */
 /* Returns an empty text. When memory is missing it ends the program as app_alloc does, so its `failed` is
  * never set. Every text of an executable begins with this call. Not thread safe. */
 lg_text app_text(void);
@@ -281,9 +278,8 @@ typedef struct app_json {
     bool named; /* the table was opened with app_result_named */
 } app_json;
 void app_json_begin(app_json *json);
-/* the shortest text that reads back as the same double; null when it is not finite */
-void app_print_real(FILE *stream, double value);
-void app_json_real(app_json *json, const char *key, double value); /* null when it is not finite */
+void app_json_real(app_json *json, const char *key,
+                   double value); /* reads back as the same double; null when it is not finite */
 void app_json_size(app_json *json, const char *key, uint64_t value);
 void app_json_bool(app_json *json, const char *key, bool value);
 void app_json_text(app_json *json, const char *key, const char *value); /* value NULL gives null */
@@ -318,10 +314,6 @@ void app_result_rows(app_json *json, const char *key);
  * the table the NAMEs are the first column, and `names` is its heading. */
 void app_result_named(app_json *json, const char *key, const char *names);
 void app_result_rows_end(app_json *json);
-
-/* Prints text as a JSON string with its quotes. Special characters are escaped; bytes that are not UTF-8
- * become \ufffd. */
-void app_json_quote(FILE *stream, const char *text);
 
 /* ---- tables for people ---- */
 

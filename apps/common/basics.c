@@ -31,7 +31,7 @@ static const struct {
                   {LG_CANCELLED, APP_EXIT_INTERRUPTED},
                   {LG_CHECK_FAILED, APP_EXIT_CHECK}};
 
-int app_exit_code(lg_status status) {
+static int exit_code(lg_status status) {
     for (size_t i = 0; i < LG_COUNT(exit_codes); i++)
         if (exit_codes[i].status == status) return exit_codes[i].code;
     return APP_EXIT_CHECK;
@@ -58,27 +58,7 @@ int app_fail(const app *self, lg_status status, const char *format, ...) {
     va_start(arguments, format);
     say_failure(self, format, arguments);
     va_end(arguments);
-    return app_exit_code(status);
-}
-
-void app_stop(const app *self, lg_status status, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    char *sentence = app_format_list(format, arguments);
-    va_end(arguments);
-    const int code = app_fail(self, status, "%s", sentence);
-    free(sentence);
-    app_end(code);
-}
-
-void app_stop_usage(const app *self, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    char *sentence = app_format_list(format, arguments);
-    va_end(arguments);
-    const int code = app_usage(self, "%s", sentence);
-    free(sentence);
-    app_end(code);
+    return exit_code(status);
 }
 
 static void stop_if_asked(const app *self, lg_status status) {
@@ -141,11 +121,25 @@ void *app_alloc(uint64_t count, size_t size) {
     return memory;
 }
 
-void *app_work(size_t bytes) {
-    const size_t whole = (bytes + 63) / 64 * 64 + 64;
-    void *memory = aligned_alloc(64, whole);
-    if (memory == NULL) app_out_of_memory();
-    return memset(memory, 0, whole);
+typedef struct kept {
+    _Alignas(64) struct kept *next;
+} kept;
+
+static kept *kept_memory;
+
+void *app_keep(uint64_t count, size_t size) {
+    if (size > 0 && count > (SIZE_MAX - sizeof(kept)) / size) app_out_of_memory();
+    kept *memory = app_alloc(1, sizeof *memory + (size_t)count * size);
+    memory->next = kept_memory;
+    kept_memory = memory;
+    return memory + 1;
+}
+
+void app_free_kept(void) {
+    for (kept *next; kept_memory != NULL; kept_memory = next) {
+        next = kept_memory->next;
+        free(kept_memory);
+    }
 }
 
 static void *take(void *user, size_t bytes) {

@@ -50,26 +50,19 @@ void app_file_discard(app_file *file) {
 }
 
 lg_status app_check_writable(const char *path, lg_error *error) {
-    struct stat information;
-    if (stat(path, &information) == 0 && S_ISDIR(information.st_mode))
-        return app_error(error, LG_FILE, "%s: cannot be written: it is a folder", path);
-    if (stat(path, &information) == 0 && !S_ISREG(information.st_mode))
-        return app_error(error, LG_FILE, "%s: cannot be written: it is not a regular file", path);
-    char *folder = app_format("%s", path);
-    char *slash = strrchr(folder, '/');
-    if (slash == NULL)
-        (void)strcpy(folder, path[0] != '\0' ? "." : "");
-    else
-        slash[slash == folder ? 1 : 0] = '\0';
-    lg_status status = LG_OK;
-    if (stat(folder, &information) != 0)
-        status = app_error(error, LG_FILE, "%s: cannot be written: %s", path, strerror(errno));
-    else if (!S_ISDIR(information.st_mode))
-        status = app_error(error, LG_FILE, "%s: cannot be written: %s", path, strerror(ENOTDIR));
+    struct stat file, above;
+    APP_FREE char *folder = app_folder_of(path);
+    const bool there = stat(path, &file) == 0;
+    const char *why = NULL;
+    if (there && !S_ISREG(file.st_mode))
+        why = S_ISDIR(file.st_mode) ? "it is a folder" : "it is not a regular file";
+    else if (path[0] == '\0' || stat(folder, &above) != 0)
+        why = strerror(path[0] == '\0' ? ENOENT : errno);
+    else if (!S_ISDIR(above.st_mode))
+        why = strerror(ENOTDIR);
     else if (access(folder, W_OK | X_OK) != 0)
-        status = app_error(error, LG_FILE, "%s: cannot be written: %s", path, strerror(errno));
-    free(folder);
-    return status;
+        why = strerror(errno);
+    return why == NULL ? LG_OK : app_error(error, LG_FILE, "%s: cannot be written: %s", path, why);
 }
 
 /* ---- outputs ---- */
@@ -77,12 +70,8 @@ lg_status app_check_writable(const char *path, lg_error *error) {
 /* Returns the path with its folder resolved; if the folder does not exist, the path is unchanged. */
 static char *resolved(const char *path) {
     const char *slash = strrchr(path, '/'), *name = slash != NULL ? slash + 1 : path;
-    char *folder = slash != NULL ? app_format("%.*s/", (int)(slash - path), path) : app_format(".");
-    char *real = realpath(folder, NULL);
-    char *out = real != NULL ? app_format("%s/%s", real, name) : app_format("%s", path);
-    free(real);
-    free(folder);
-    return out;
+    APP_FREE char *folder = app_folder_of(path), *real = realpath(folder, NULL);
+    return real != NULL ? app_format("%s/%s", real, name) : app_format("%s", path);
 }
 
 bool app_same_file(const char *a, const char *b) {
@@ -90,11 +79,8 @@ bool app_same_file(const char *a, const char *b) {
     const bool has_first = stat(a, &first) == 0, has_second = stat(b, &second) == 0;
     if (has_first != has_second) return false;
     if (has_first) return first.st_dev == second.st_dev && first.st_ino == second.st_ino;
-    char *p = resolved(a), *q = resolved(b);
-    const bool same = strcmp(p, q) == 0;
-    free(p);
-    free(q);
-    return same;
+    APP_FREE char *p = resolved(a), *q = resolved(b);
+    return strcmp(p, q) == 0;
 }
 
 #define PLOT_DATA "=" APP_PLOT_DATA "\n"
@@ -161,24 +147,19 @@ static bool is_stream(const written_file *file) {
 
 /* Checks that the output files[at] can be written, and that it is neither an input nor one of the outputs
  * before it in the list. */
-static int check_output(const app *self, const written_file *files, size_t at) {
+static void check_output(const app *self, const written_file *files, size_t at) {
     const written_file *file = &files[at];
-    const char *dashes = file->option != NULL ? "--" : "", *colon = file->option != NULL ? ": " : "",
-               *option = file->option != NULL ? file->option : "";
-    lg_error error = {LG_OK, ""};
-    const lg_status status = is_stream(file) ? LG_OK : app_check_writable(file->path, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, file->path);
+    APP_FREE char *option = file->option != NULL ? app_format("--%s: ", file->option) : app_format("%s", "");
+    if (!is_stream(file)) APP_MUST_FILE(self, file->path, app_check_writable(file->path, &error));
     for (const input *in = inputs; in != NULL; in = in->next)
         if (app_same_file(file->path, in->path))
-            return app_usage(self, "%s%s%s%s is an input%s%s and would be replaced", dashes, option, colon,
-                             file->path, in->option != NULL ? " of --" : "",
-                             in->option != NULL ? in->option : "");
+            app_stop_usage(self, "%s%s is an input%s%s and would be replaced", option, file->path,
+                           in->option != NULL ? " of --" : "", in->option != NULL ? in->option : "");
     for (size_t i = 0; i < at; i++)
         if (app_same_file(file->path, files[i].path))
-            return app_usage(self, "%s%s%s%s is also %s%s", dashes, option, colon, file->path,
-                             files[i].option != NULL ? "the output file of --" : "an output file",
-                             files[i].option != NULL ? files[i].option : "");
-    return APP_EXIT_OK;
+            app_stop_usage(self, "%s%s is also %s%s", option, file->path,
+                           files[i].option != NULL ? "the output file of --" : "an output file",
+                           files[i].option != NULL ? files[i].option : "");
 }
 
 /* ---- outputs that this process has claimed ---- */
@@ -205,19 +186,12 @@ void app_release_claims(void) {
  * folder cannot be written, a slash is appended, so that the lock file lies inside the folder. Freed with
  * free. */
 static char *target_of(const char *path, bool folder) {
-    char *named = app_format("%s", path);
+    APP_FREE char *named = app_format("%s", path);
     for (size_t n = strlen(named); n > 1 && named[n - 1] == '/'; n--) named[n - 1] = '\0';
-    char *real = realpath(named, NULL), *target = real != NULL ? app_format("%s", real) : resolved(named);
-    char *above = app_format("%s/..", target);
-    if (folder && access(above, W_OK) != 0) {
-        char *within = app_format("%s/", target);
-        free(target);
-        target = within;
-    }
-    free(above);
-    free(real);
-    free(named);
-    return target;
+    APP_FREE char *real = realpath(named, NULL);
+    APP_FREE char *target = real != NULL ? app_format("%s", real) : resolved(named);
+    APP_FREE char *above = app_format("%s/..", target);
+    return app_format("%s%s", target, folder && access(above, W_OK) != 0 ? "/" : "");
 }
 
 static bool is_claimed(const char *target) {
@@ -351,43 +325,38 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
 
 /* Checks that the output does not exist or is an earlier result. An image is an earlier result only if its
  * data lie next to it. */
-static int check_earlier(const app *self, const written_file *file) {
-    lg_error error = {LG_OK, ""};
+static void check_earlier(const app *self, const written_file *file) {
     const char *path = file->path, *begins = file->begins;
     const output *of = output_of(path); /* output_of adds the path to the outputs, which app_reads searches */
-    if (begins == NULL) return APP_EXIT_OK;
-    lg_status status = may_write(self, path, begins, strlen(begins), false, false, &error);
+    if (begins == NULL) return;
+    app_check_text(self, path, begins);
     const bool drawn = app_plot_name_fits(path);
     APP_FREE char *data = app_format("%s=%s\n", PLOT_DATA, drawn ? path + strlen(path) - 3 : "");
-    if (status == LG_OK && drawn && of->inode != 0 && !app_begins(self, file[1].path, data, strlen(data), 2))
-        status = app_error(&error, LG_FILE,
-                           "%s: exists, and its data do not lie in %s: remove it, or write to another file",
-                           path, file[1].path);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+    if (drawn && of->inode != 0 && !app_begins(self, file[1].path, data, strlen(data), 2))
+        app_stop(self, LG_FILE,
+                 "%s: exists, and its data do not lie in %s: remove it, or write to another file", path,
+                 file[1].path);
 }
 
 int app_check_outputs(const app *self, const app_path *paths, size_t count) {
     for (size_t i = 0; i < count; i++)
         if (paths[i].use == LG_FILE_DRAWN && paths[i].path != NULL && !app_plot_name_fits(paths[i].path))
-            return app_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);
+            app_stop_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);
     input *registered = inputs;
     for (int i = 0; i < self->argument_count; i++) add_input(NULL, self->arguments[i]);
     for (size_t i = 0; i < count; i++)
         if (paths[i].use == LG_FILE_READ && paths[i].path != NULL) add_input(paths[i].option, paths[i].path);
     written_file *files = app_alloc(3 * count, sizeof *files);
     const size_t n = list_outputs(paths, count, files);
-    lg_error error = {LG_OK, ""};
-    int code = APP_EXIT_OK;
-    for (size_t i = 0; i < n && code == APP_EXIT_OK; i++) code = check_output(self, files, i);
-    for (size_t i = 0; i < n && code == APP_EXIT_OK; i++) {
-        const lg_status status = app_claim(self, files[i].path, &error);
-        code = status != LG_OK ? app_fail_file(self, status, &error, files[i].path)
-                               : check_earlier(self, &files[i]);
+    for (size_t i = 0; i < n; i++) check_output(self, files, i);
+    for (size_t i = 0; i < n; i++) {
+        APP_MUST_FILE(self, files[i].path, app_claim(self, files[i].path, &error));
+        check_earlier(self, &files[i]);
     }
     for (size_t i = 0; i < n; i++) free(files[i].path);
     free(files);
     drop_inputs(registered);
-    return code;
+    return APP_EXIT_OK;
 }
 
 lg_status app_make_folder(const char *path, lg_error *error) {

@@ -9,7 +9,9 @@
 
 /* ---- JSON ---- */
 
-void app_json_quote(FILE *stream, const char *text) {
+/* Prints text as a JSON string with its quotes. Special characters are escaped; bytes that are not UTF-8
+ * become \ufffd. */
+static void put_quoted(FILE *stream, const char *text) {
     (void)fputc('"', stream);
     uint32_t code;
     for (size_t n; *text != '\0'; text += n) {
@@ -24,12 +26,6 @@ void app_json_quote(FILE *stream, const char *text) {
     (void)fputc('"', stream);
 }
 
-void app_print_real(FILE *stream, double value) {
-    char text[LG_SHORTEST];
-    lg_format_shortest(text, value, false);
-    (void)fputs(isfinite(value) ? text : "null", stream);
-}
-
 /* Writes the key and returns true if a value is to follow. In text for people no value follows; there
  * put_cell fills the tables. */
 static bool put_key(app_json *json, const char *key) {
@@ -37,7 +33,7 @@ static bool put_key(app_json *json, const char *key) {
     if (json->comma) (void)fputs(", ", json->stream);
     json->comma = true;
     if (key == NULL) return true;
-    app_json_quote(json->stream, key);
+    put_quoted(json->stream, key);
     (void)fputs(": ", json->stream);
     return true;
 }
@@ -58,8 +54,11 @@ void app_json_begin(app_json *json) {
 }
 
 void app_json_real(app_json *json, const char *key, double value) {
+    char text[LG_SHORTEST];
     put_cell(json, key, isfinite(value) ? "%.6g" : "-", value);
-    if (put_key(json, key)) app_print_real(json->stream, value);
+    if (!put_key(json, key)) return;
+    lg_format_shortest(text, value, false);
+    (void)fputs(isfinite(value) ? text : "null", json->stream);
 }
 
 void app_json_size(app_json *json, const char *key, uint64_t value) {
@@ -76,7 +75,7 @@ void app_json_text(app_json *json, const char *key, const char *value) {
     put_cell(json, key, "%s", value != NULL ? value : "");
     if (!put_key(json, key)) return;
     if (value != NULL)
-        app_json_quote(json->stream, value);
+        put_quoted(json->stream, value);
     else
         (void)fputs("null", json->stream);
 }
@@ -248,8 +247,7 @@ void app_result_line(app_json *json, const char *format, ...) {
  * cells. */
 typedef struct app_rows {
     const char *names; /* heading of the column of object names; NULL if the objects have no names */
-    size_t heads;
-    char *head[32];
+    app_table table;   /* only the headings, until `cells` are added */
     app_table cells;
 } app_rows;
 
@@ -276,14 +274,13 @@ static void put_name(app_json *json, const char *name) {
 /* The first object ends when its first key comes again; until then each key becomes a heading. */
 static void put_cell(app_json *json, const char *key, const char *format, ...) {
     app_rows *rows = json->rows;
-    char text[256];
     if (rows == NULL || key == NULL) return;
-    const bool again = rows->heads > 0 && strcmp(key, rows->head[0]) == 0;
-    if (rows->cells.cells == rows->heads && rows->heads < LG_COUNT(rows->head) && !again)
-        rows->head[rows->heads++] = app_format("%s", key);
+    const size_t heads = rows->table.cells;
+    if (rows->cells.cells == heads && (heads == 0 || strcmp(key, rows->table.text[0]) != 0))
+        app_table_cell(&rows->table, "%s", key);
     va_list arguments;
     va_start(arguments, format);
-    (void)vsnprintf(text, sizeof text, format, arguments);
+    APP_FREE char *text = app_format_list(format, arguments);
     va_end(arguments);
     app_table_cell(&rows->cells, "%s", text);
 }
@@ -292,15 +289,14 @@ void app_result_rows_end(app_json *json) {
     APP_FREE app_rows *rows = json->rows;
     json->rows = NULL;
     app_json_close(json, json->named ? '}' : ']');
-    if (rows == NULL || rows->heads == 0) return;
-    app_table table;
-    app_table_begin(&table, rows->heads);
-    for (size_t i = 0; i < rows->heads; i++) app_table_cell(&table, "%s", rows->head[i]);
-    for (size_t i = 0; i < rows->cells.cells; i++) app_table_cell(&table, "%s", rows->cells.text[i]);
-    app_table_end(&table, json->stream);
-    for (size_t i = 0; i < rows->heads; i++) free(rows->head[i]);
-    for (size_t i = 0; i < rows->cells.cells; i++) free(rows->cells.text[i]);
+    if (rows == NULL) return;
+    rows->table.columns = rows->table.cells;
+    for (size_t i = 0; i < rows->cells.cells; i++) {
+        app_table_cell(&rows->table, "%s", rows->cells.text[i]);
+        free(rows->cells.text[i]);
+    }
     free(rows->cells.text);
+    app_table_end(&rows->table, json->stream);
 }
 
 /* ---- progress ---- */

@@ -171,32 +171,31 @@ static void take_back(int mute) {
     (void)close(mute);
 }
 
-int app_join_ranks(app *self) {
+void app_join_ranks(app *self) {
     enum { ROOM_MIB = 256 };
     lg_error error = {LG_OK, ""};
-    if (self->rank_count == 1) return APP_EXIT_OK;
+    if (self->rank_count == 1) return;
     if (self->command->together == APP_ALONE)
-        return app_usage(self, "this command runs in one process only, but mpirun started %u processes",
-                         self->rank_count);
-    if (self->command->together == APP_WORKERS) return APP_EXIT_OK;
+        app_stop_usage(self, "this command runs in one process only, but mpirun started %u processes",
+                       self->rank_count);
+    if (self->command->together == APP_WORKERS) return;
     if (!has_room((size_t)ROOM_MIB << 20))
-        return app_fail(self, LG_OUT_OF_MEMORY,
-                        "out of memory: the limit on addresses (ulimit -v) leaves less than the %d MiB that "
-                        "MPI may use: raise the limit",
-                        ROOM_MIB);
+        app_stop(self, LG_OUT_OF_MEMORY,
+                 "out of memory: the limit on addresses (ulimit -v) leaves less than the %d MiB that "
+                 "MPI may use: raise the limit",
+                 ROOM_MIB);
     if (!load())
-        return app_usage(self,
-                         "mpirun started %u ranks, but the library liegrad_mpi could not be loaded (%s): "
-                         "install it, or build with MPI",
-                         self->rank_count, dlerror());
+        app_stop_usage(self,
+                       "mpirun started %u ranks, but the library liegrad_mpi could not be loaded (%s): "
+                       "install it, or build with MPI",
+                       self->rank_count, dlerror());
     watch_begin(self, "MPI has not connected the ranks");
     const int mute = lend_voice();
     const lg_status status = mpi.begin(self->context, NULL, app_silence(self), &mpi.ranks, &error);
     take_back(mute);
     watch_end();
-    if (status != LG_OK) return app_fail(self, status, "%s", error.message);
+    app_must(self, status, &error);
     self->ranks = &mpi.ranks;
-    return APP_EXIT_OK;
 }
 
 void app_end_exchanges(app *self) {

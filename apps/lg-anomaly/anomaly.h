@@ -116,8 +116,7 @@ lg_status judge_rows(const app *app, const well_model *model, const lg_cut_serie
  * the largest distance. The model must have a novelty model. */
 size_t count_novel(const app *app, const well_model *model, const lg_cut_series *from,
                    const lg_judgement *judged, lg_novelty_result *farthest);
-/* Writes the results of lg_detector_tell. */
-void json_metrics(app_json *json, const lg_judgement *judged, uint64_t hop, double rate);
-void print_metrics(const lg_judgement *judged, const well_model *model);
+/* Adds the results of lg_detector_tell; for people the table of confusion, too. */
+void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model);
 
 #endif

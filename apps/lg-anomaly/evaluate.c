@@ -243,9 +243,7 @@ static void add_evaluation(app_json *out, const evaluation *e) {
     app_result_text(out, "data", e->path, NULL);
     app_result_text(out, "part", e->part_name, NULL);
     app_result_size(out, "windows", e->judged.count, NULL);
-    json_metrics(out, &e->judged, e->model->cut.hop, e->model->rate);
-    if (out->people)
-        app_print_confusion(out->stream, e->judged.confusion, e->judged.classes, e->model->class_name);
+    put_metrics(out, &e->judged, e->model);
     app_json_real(out, "mse", e->judged.mse);
     app_json_real(out, "test_seconds", e->judged.seconds);
     app_json_real(out, "noise", e->from.data.noise);

@@ -2,7 +2,6 @@
 #include <errno.h>
 #include <float.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -244,29 +243,21 @@ static lg_status write_hours(feeding *feed, const sink *to, lg_error *error) {
     return status;
 }
 
-static void feeding_destroy(feeding *feed) {
-    for (size_t i = 0; i < feed->crew; i++) {
-        free(feed->hours[i].samples);
-        free(feed->hours[i].text);
-    }
-    free(feed->hours);
-}
-
 static void feeding_create(const app *self, feeding *out) {
     lg_riser_run defaults;
     lg_riser_run_init(&defaults);
     *out = (feeding){.app = self, .crew = (size_t)self->threads, .rate = (uint64_t)defaults.rate};
     out->samples = (uint64_t)floor(values.hours * HOUR * defaults.rate + 0.5);
     if (out->samples == 0) app_stop_usage(self, "--hours %g: is shorter than a sample", values.hours);
-    out->hours = app_alloc(out->crew, sizeof *out->hours);
+    out->hours = app_keep(out->crew, sizeof *out->hours);
     for (size_t i = 0; i < out->crew; i++) {
-        out->hours[i].samples = app_alloc(HOUR * out->rate * LG_RISER_CHANNELS, sizeof(float));
-        out->hours[i].text = app_alloc(HOUR * out->rate, LINE_BYTES);
+        out->hours[i].samples = app_keep(HOUR * out->rate * LG_RISER_CHANNELS, sizeof(float));
+        out->hours[i].text = app_keep(HOUR * out->rate, LINE_BYTES);
     }
 }
 
 static int run(app *self) {
-    APP_CLEAN(feeding_destroy) feeding feed = {.crew = 0};
+    feeding feed;
     lg_error error = {LG_OK, ""};
     sink to;
     if (values.out == NULL && self->json)

@@ -1,6 +1,4 @@
-/* Scores windows by a model, finds windows that are unlike the training data, and prints both results. */
-#include <math.h>
-#include <stdlib.h>
+/* Scores windows by a model, and finds windows that are unlike the training data. */
 
 #include "common/train.h"
 #include "lg-anomaly/anomaly.h"
@@ -75,26 +73,11 @@ size_t count_novel(const app *self, const well_model *model, const lg_cut_series
 
 /* ---- printing ---- */
 
-void json_metrics(app_json *json, const lg_judgement *judged, uint64_t hop, double rate) {
+void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model) {
     lg_training list = {.results = NULL};
-    lg_detector_tell(&list, judged, hop, rate);
-    train_put_results(json, &list, 0, list.result_count);
+    lg_detector_tell(&list, judged, model->cut.hop, model->rate);
+    train_put_results(out, &list, 0, list.result_count);
     lg_training_clear(&list);
-}
-
-void print_metrics(const lg_judgement *judged, const well_model *model) {
-    const lg_metrics *metrics = &judged->metrics;
-    if (judged->count == 0) {
-        app_put(stdout, "no windows to test on\n");
-        return;
-    }
-    app_put(stdout, "accuracy %.4f, precision %.4f, recall %.4f, F1 %.4f", metrics->accuracy,
-            metrics->precision, metrics->recall, metrics->f1);
-    if (isfinite(judged->auc)) app_put(stdout, ", AUC %.4f", judged->auc);
-    app_put(stdout, " on %zu windows%s\n", judged->count,
-            model->classes == 2 ? "" : " (precision, recall and F1: mean over the classes)");
-    const double alarms = lg_judgement_alarms(judged, model->cut.hop, model->rate);
-    if (isfinite(alarms))
-        app_put(stdout, "false alarms per day: %.3g (healthy: '%s')\n", alarms, model->cut.healthy);
-    app_print_confusion(stdout, judged->confusion, judged->classes, model->class_name);
+    if (out->people && judged->count > 0)
+        app_print_confusion(out->stream, judged->confusion, judged->classes, model->class_name);
 }

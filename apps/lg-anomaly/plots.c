@@ -1,7 +1,6 @@
 /* Plots of a model and its windows, by name. */
 #include <float.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-anomaly/train.h"

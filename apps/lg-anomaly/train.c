@@ -41,19 +41,23 @@ well_model trained_model(well_sort sort, const char *method) {
                         .cut = train_run};
 }
 
-void json_trained(app_json *json, const well_model *model) {
+void report_trained(const app *self, const well_model *model, void (*put)(app_json *, const void *),
+                    const void *user) {
     lg_training *training = &network_recipe.training;
+    app_json out;
+    app_result_begin(&out, self);
+    put_metrics(&out, &train_state.judged, model);
     lg_detector_tell_training(training, model->method, model->classes, model->class_name);
-    lg_result_text(training, "healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL);
-    train_put_results(json, training, 0, training->result_count);
-}
-
-void print_trained(const well_model *model) {
-    const lg_detector_state *state = &train_state;
-    app_put(stdout, "%zu windows for training, accuracy %.4f on them; the test part (%s):\n",
-            state->train.count, state->train_judged.metrics.accuracy,
-            state->test != NULL ? state->test : lg_split_name(train_run.split));
-    print_metrics(&state->judged, model);
+    train_put_results(&out, training, 0, training->result_count);
+    app_result_text(&out, "healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL);
+    app_result_text(&out, "split", lg_split_name(train_run.split), NULL);
+    app_json_real(&out, "test_fraction", train_run.test_fraction);
+    put(&out, user);
+    app_json_size(&out, "seed", self->seed);
+    app_json_size(&out, "threads", self->threads);
+    app_result_text(&out, "out", train_given_files.out, NULL);
+    app_json_warnings(&out, self);
+    app_json_end(&out);
 }
 
 /* ---- the classical methods ---- */
@@ -101,12 +105,11 @@ static void run_classical(const app *self) {
 /* ---- the command ---- */
 
 static int run_train(app *self) {
-    int code = train_check_options(self);
-    if (code != APP_EXIT_OK) return code;
+    train_check_options(self);
     if (train_given.method == METHOD_CNN) return train_main(self, &network_recipe);
-    if (self->rank_count > 1) return app_usage(self, "only --method cnn can be trained by several ranks");
+    if (self->rank_count > 1) app_stop_usage(self, "only --method cnn can be trained by several ranks");
     train_state.any_class = train_given.method == METHOD_NOVELTY; /* all other classes count as one */
-    code = train_open(self, &network_recipe);
+    const int code = train_open(self, &network_recipe);
     if (code == APP_EXIT_OK) run_classical(self);
     lg_training_close(&network_recipe.training);
     return code;

@@ -44,9 +44,8 @@ extern const app_settings train_settings[];
 /* The name of a method; NULL if there is no such method. */
 const char *train_method_name(uint32_t method);
 
-/* Refuses options that the method does not have, and options that cannot be combined. Returns an exit
- * code. */
-int train_check_options(const app *app);
+/* Rejects options that the method does not have, and options that cannot be combined. */
+void train_check_options(const app *app);
 
 /* ---- training ---- */
 
@@ -66,9 +65,9 @@ void save_trained(const app *app, const well_model *model);
  * for the windows of the test part (lg_detector_tested). */
 void check_plot(const app *app, const well_model *model);
 void draw_tested(const app *app, int view, const well_model *model, const lg_judgement *judged);
-/* Writes the JSON keys that all methods have; prints the metrics for people. */
-void json_trained(app_json *json, const well_model *model);
-void print_trained(const well_model *model);
+/* Prints the results of a training that is not a network's; `put` adds those of the method. */
+void report_trained(const app *app, const well_model *model, void (*put)(app_json *, const void *),
+                    const void *user);
 
 /* ---- plots of a model (plots.c) ---- */
 

@@ -6,7 +6,6 @@
 
 enum {
     MAX_GRID = 1024,
-    SHOWN_GRID = 8,
     PRUNED_GROUPS = 200,   /* at most so many groups of neighbours keep an equal share of the features */
     PRUNED_WINDOWS = 20000 /* groups times training windows */
 };
@@ -154,7 +153,7 @@ static lg_classifier_options base_options(const app *self, const train_values *v
 static void list_candidates(const app *self, const train_values *values, double noise, choice *out) {
     const lg_classifier_options base = base_options(self, values, noise);
     const bool svm = values->method == METHOD_SVM_LINEAR || values->method == METHOD_SVM_RBF;
-    out->options = app_alloc(MAX_GRID, sizeof *out->options);
+    out->options = app_keep(MAX_GRID, sizeof *out->options);
     out->count = 0;
     if (values->method == METHOD_TREE && values->prune.name == PRUNE_PRE) {
         for (uint32_t depth = 2; depth <= deepest(values); depth++)
@@ -183,7 +182,7 @@ static void choose(classical *self) {
     choice *chosen = &self->chosen;
     list_candidates(self->app, &train_given, state->all.data.noise, chosen);
     if (chosen->count == 1) return;
-    chosen->accuracy = app_alloc(chosen->count, sizeof *chosen->accuracy);
+    chosen->accuracy = app_keep(chosen->count, sizeof *chosen->accuracy);
     const double begin = app_seconds();
     APP_MUST(self->app, lg_classifier_search(
                             self->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds,
@@ -244,28 +243,18 @@ static void judge(const classical *self) {
 
 /* ---- accuracy of pruned trees against alpha ---- */
 
-static double tree_accuracy(const lg_tree *tree, const lg_pca *pca, const double *table,
-                            const uint32_t *label, const lg_window_list *part) {
-    const uint32_t d = pca->inputs, k = lg_pca_outputs(pca);
-    double *memory = app_alloc(k + d, sizeof *memory);
-    size_t right = 0;
-    for (size_t i = 0; i < part->count; i++) {
-        lg_pca_eval(pca, table + (size_t)part->list[i] * d, 1, memory, memory + k);
-        const uint32_t leaf = lg_tree_leaf(tree, memory),
-                       *counts = tree->counts + (size_t)leaf * tree->classes;
-        uint32_t given = 0;
-        for (uint32_t c = 1; c < tree->classes; c++)
-            if (counts[c] > counts[given] || (tree->classes == 2 && counts[c] == counts[given])) given = c;
-        right += given == label[part->list[i]];
-    }
-    free(memory);
-    return part->count > 0 ? (double)right / (double)part->count : (double)NAN;
+static double accuracy_of(const classical *self, const well_model *model, const lg_cut_series *from,
+                          const lg_window_list *part, const double *table) {
+    APP_CLEAN(lg_judgement_destroy) lg_judgement judged = {0};
+    APP_MUST(self->app, judge_rows(self->app, model, from, part, table, &judged, &error));
+    return judged.metrics.accuracy;
 }
 
 /* Draws accuracy, nodes and depth against alpha: of the tree without pruning, pruned at each step. */
 static void draw_pruning(const classical *self, const char *path) {
     const app *program = self->app;
     lg_classifier_options options = self->chosen.options[self->chosen.best];
+    well_model model = self->model;
     APP_CLEAN(lg_classifier_destroy) lg_classifier whole = {.classes = 0};
     app_plot plot;
     size_t count = 0;
@@ -276,17 +265,14 @@ static void draw_pruning(const classical *self, const char *path) {
     const lg_tree *tree = &whole.tree;
     APP_FREE lg_pruning_step *steps = app_alloc(tree->count, sizeof *steps);
     APP_MUST_FILE(program, path, lg_tree_pruning_path(program->context, tree, tree->count, steps, &count));
-    /* The windows of --test have their labels in a series of their own. */
-    const lg_cut_series *tested = lg_detector_tested(state);
-    APP_FREE uint32_t *label = of_windows(tested, tested->data.series.label);
     for (size_t i = 0; i < count; i++) {
-        lg_tree pruned;
-        APP_MUST_FILE(program, path, lg_tree_prune(program->context, tree, steps[i].alpha, &pruned));
+        lg_tree *pruned = &model.classifier.tree;
+        APP_MUST_FILE(program, path, lg_tree_prune(program->context, tree, steps[i].alpha, pruned));
         APP_PLOT_ROW(&plot, 9, steps[i].alpha,
-                     tree_accuracy(&pruned, &whole.pca, self->table, self->label, &state->train),
-                     tree_accuracy(&pruned, &whole.pca, self->tested_table, label, &state->tested),
-                     pruned.count, lg_tree_depth(&pruned));
-        lg_tree_destroy(&pruned);
+                     accuracy_of(self, &model, &state->all, &state->train, self->table),
+                     accuracy_of(self, &model, lg_detector_tested(state), &state->tested, self->tested_table),
+                     pruned->count, lg_tree_depth(pruned));
+        lg_tree_destroy(pruned);
     }
     app_plot_end(program, &plot);
 }
@@ -302,100 +288,60 @@ static void draw(const classical *self) {
 
 /* ---- results ---- */
 
-static void json_choice(app_json *json, const classical *self) {
-    const choice *chosen = &self->chosen;
-    if (chosen->accuracy == NULL) return;
-    const bool tree = train_given.method == METHOD_TREE;
-    app_json_real(json, "cv_accuracy", chosen->accuracy[chosen->best]);
-    app_json_real(json, "grid_seconds", chosen->seconds);
-    app_json_open(json, "grid", '[');
+static void put_choice(app_json *out, const choice *chosen) {
+    app_result_real(out, "cv_accuracy", chosen->accuracy[chosen->best],
+                    "best of the grid by cross-validation");
+    app_json_real(out, "grid_seconds", chosen->seconds);
+    app_json_open(out, "grid", '[');
     for (size_t i = 0; i < chosen->count; i++) {
         const lg_classifier_options *option = &chosen->options[i];
-        app_json_open(json, NULL, '{');
-        if (tree) {
-            app_json_size(json, "max_depth", option->tree.max_depth);
-            app_json_size(json, "min_samples_split", option->tree.min_samples_split);
-            app_json_size(json, "min_samples_leaf", option->tree.min_samples_leaf);
+        app_json_open(out, NULL, '{');
+        if (train_given.method == METHOD_TREE) {
+            app_json_size(out, "max_depth", option->tree.max_depth);
+            app_json_size(out, "min_samples_split", option->tree.min_samples_split);
+            app_json_size(out, "min_samples_leaf", option->tree.min_samples_leaf);
         } else {
-            app_json_real(json, "c", option->c);
+            app_json_real(out, "c", option->c);
         }
-        app_json_real(json, "accuracy", chosen->accuracy[i]);
-        app_json_close(json, '}');
+        app_json_real(out, "accuracy", chosen->accuracy[i]);
+        app_json_close(out, '}');
     }
-    app_json_close(json, ']');
+    app_json_close(out, ']');
 }
 
-static void json_method(app_json *json, const classical *self) {
-    const lg_classifier *model = &self->model.classifier;
-    const lg_classifier_options *option = &self->chosen.options[self->chosen.best];
+static void put_method(app_json *out, const lg_classifier *model, const lg_classifier_options *option) {
     if (model->method == LG_METHOD_TREE) {
-        app_json_size(json, "depth", lg_tree_depth(&model->tree));
-        app_json_size(json, "nodes", model->tree.count);
-        app_json_text(json, "criterion", lg_tree_criterion_name(option->tree.criterion));
-        app_json_real(json, "ccp_alpha", option->tree.ccp_alpha);
-        app_json_size(json, "max_depth", option->tree.max_depth);
-        app_json_size(json, "min_samples_split", option->tree.min_samples_split);
-        app_json_size(json, "min_samples_leaf", option->tree.min_samples_leaf);
-        return;
+        app_result_size(out, "depth", lg_tree_depth(&model->tree), NULL);
+        app_result_size(out, "nodes", model->tree.count, NULL);
+        app_json_text(out, "criterion", lg_tree_criterion_name(option->tree.criterion));
+        app_json_real(out, "ccp_alpha", option->tree.ccp_alpha);
+        app_json_size(out, "max_depth", option->tree.max_depth);
+        app_json_size(out, "min_samples_split", option->tree.min_samples_split);
+        app_json_size(out, "min_samples_leaf", option->tree.min_samples_leaf);
+    } else if (model->method == LG_METHOD_RIDGE) {
+        app_result_real(out, "penalty", model->logistic.penalty, NULL);
+    } else {
+        app_result_real(out, "c", option->c, NULL);
+        if (model->method == LG_METHOD_LOGISTIC) {
+            app_result_size(out, "iterations", model->logistic.iterations, NULL);
+            return;
+        }
+        app_result_size(out, "support_vectors", model->svm.vectors, NULL);
+        app_json_real(out, "gamma", model->method == LG_METHOD_SVM_RBF ? model->svm.gamma : (double)NAN);
     }
-    if (model->method == LG_METHOD_RIDGE) {
-        app_json_real(json, "penalty", model->logistic.penalty);
-        return;
-    }
-    app_json_real(json, "c", option->c);
-    if (model->method == LG_METHOD_LOGISTIC) {
-        app_json_size(json, "iterations", model->logistic.iterations);
-        return;
-    }
-    app_json_size(json, "support_vectors", model->svm.vectors);
-    app_json_real(json, "gamma", model->method == LG_METHOD_SVM_RBF ? model->svm.gamma : (double)NAN);
 }
 
-static void report_json(const classical *self) {
+static void put_classical(app_json *out, const void *user) {
+    const classical *self = user;
     const lg_classifier *model = &self->model.classifier;
-    app_json json;
-    app_json_begin(&json);
-    json_trained(&json, &self->model);
-    app_json_text(&json, "split", lg_split_name(train_run.split));
-    app_json_real(&json, "test_fraction", train_run.test_fraction);
-    app_json_text(&json, "features", lg_feature_kind_name(model->features.kind));
-    app_json_size(&json, "feature_count", model->features.count);
-    app_json_size(&json, "components", model->pca.components);
-    app_json_text(&json, "directions", train_given.directions == 1 ? "x" : "xy");
-    app_json_real(&json, "feature_seconds", self->feature_seconds);
-    json_method(&json, self);
-    json_choice(&json, self);
-    app_json_size(&json, "seed", self->app->seed);
-    app_json_size(&json, "threads", self->app->threads);
-    app_json_text(&json, "out", train_given_files.out);
-    app_json_real(&json, "floor", (double)NAN);
-    app_json_warnings(&json, self->app);
-    app_json_end(&json);
-}
-
-static void report(const classical *self) {
-    const lg_classifier *model = &self->model.classifier;
-    const lg_classifier_options *option = &self->chosen.options[self->chosen.best];
-    if (self->app->json) {
-        report_json(self);
-        return;
-    }
-    app_put(stdout, "%s: %s on %u %s features", train_given_files.out, self->model.method,
-            model->features.count, lg_feature_kind_name(model->features.kind));
-    if (model->pca.components > 0) app_put(stdout, ", %u components", model->pca.components);
-    if (model->method == LG_METHOD_TREE)
-        app_put(stdout, "; %u nodes, depth %u", model->tree.count, lg_tree_depth(&model->tree));
-    else if (model->method == LG_METHOD_RIDGE)
-        app_put(stdout, "; penalty %g", model->logistic.penalty);
-    else
-        app_put(stdout, "; C = %g", option->c);
-    if (model->svm.vectors > 0) app_put(stdout, ", %u support vectors", model->svm.vectors);
-    if (self->chosen.accuracy != NULL)
-        app_put(stdout, " (best of %zu by cross-validation: %.4f)", self->chosen.count,
-                self->chosen.accuracy[self->chosen.best]);
-    app_put(stdout, "\nfeatures in %.3f s, fitted in %.4f s\n", self->feature_seconds,
-            network_recipe.training.seconds);
-    print_trained(&self->model);
+    app_result_text(out, "features", lg_feature_kind_name(model->features.kind), NULL);
+    app_result_size(out, "feature_count", model->features.count, NULL);
+    app_result_size(out, "components", model->pca.components, NULL);
+    app_json_text(out, "directions", train_given.directions == 1 ? "x" : "xy");
+    app_result_real(out, "feature_seconds", self->feature_seconds, NULL);
+    put_method(out, model, &self->chosen.options[self->chosen.best]);
+    if (self->chosen.accuracy != NULL) put_choice(out, &self->chosen);
+    app_json_real(out, "floor", (double)NAN);
 }
 
 /* ---- a trial of a search ---- */
@@ -446,13 +392,11 @@ void train_classical(const app *program) {
     APP_MUST(program, lg_detector_fit_novelty(&network_recipe.training, &self.model.novelty, &error));
     save_trained(program, &self.model);
     draw(&self);
-    report(&self);
+    report_trained(program, &self.model, put_classical, &self);
     lg_classifier_destroy(&self.model.classifier);
     lg_novelty_destroy(&self.model.novelty);
     if (self.tested_table != self.table) free(self.tested_table);
     free(self.label);
     free(self.unit);
     free(self.table);
-    free(self.chosen.options);
-    free(self.chosen.accuracy);
 }

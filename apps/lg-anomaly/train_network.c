@@ -19,22 +19,10 @@ static int check(const app *self, const lg_training *training) {
 }
 
 static void print(const lg_training *training) {
-    const lg_detector_state *state = &train_state;
-    const lg_fit *fit = training->fit;
+    const lg_judgement *judged = &train_state.judged;
     const well_model model = model_of(NULL);
-    app_put(stdout, "%s: cnn, %u blocks, %zu parameters", train_given_files.out, train_run.model.net.blocks,
-            training->problem.parameters);
-    if (state->from != NULL) app_put(stdout, " (preset %s: %s)", state->from->name, state->from->source);
-    app_put(stdout, "\n%llu epochs (%.4f s each, %.1f s in all)", (unsigned long long)lg_fit_epochs_done(fit),
-            lg_fit_seconds_per_epoch(fit), training->seconds);
-    if (state->validation.count > 0)
-        app_put(stdout, ", the parameters are those of epoch %llu, the best one on %zu validation windows",
-                (unsigned long long)lg_fit_best_epoch(fit), state->validation.count);
-    app_put(stdout, "\n");
-    print_trained(&model);
-    if (isfinite(state->judged.mse))
-        app_put(stdout, "mean squared error %.3e (training part %.3e)\n", state->judged.mse,
-                state->train_judged.mse);
+    (void)training;
+    app_print_confusion(stdout, judged->confusion, judged->classes, model.class_name);
 }
 
 static void draw(const app *self, const char *path, const lg_training *training) {

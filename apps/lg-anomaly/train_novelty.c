@@ -43,26 +43,9 @@ static void judge(const alone *self) {
                                     &state->judged, &error));
 }
 
-static void report(const alone *self) {
-    const lg_novelty *novelty = &self->model.novelty;
-    if (!self->app->json) {
-        app_put(stdout, "%s: novelty, %u features, windows of '%s' alone (%.3f s)\n", train_given_files.out,
-                novelty->features, self->names[0], network_recipe.training.seconds);
-        print_trained(&self->model);
-        return;
-    }
-    app_json json;
-    app_json_begin(&json);
-    json_trained(&json, &self->model);
-    app_json_text(&json, "split", lg_split_name(train_run.split));
-    app_json_real(&json, "test_fraction", train_run.test_fraction);
-    app_json_size(&json, "feature_count", novelty->features);
-    app_json_size(&json, "bands", novelty->bands);
-    app_json_size(&json, "seed", self->app->seed);
-    app_json_size(&json, "threads", self->app->threads);
-    app_json_text(&json, "out", train_given_files.out);
-    app_json_warnings(&json, self->app);
-    app_json_end(&json);
+static void put_novelty(app_json *out, const void *novelty) {
+    app_result_size(out, "feature_count", ((const lg_novelty *)novelty)->features, NULL);
+    app_json_size(out, "bands", ((const lg_novelty *)novelty)->bands);
 }
 
 static void fit(alone *self) {
@@ -85,6 +68,6 @@ void train_novelty(const app *program) {
     judge(&self);
     save_trained(program, &self.model);
     draw_tested(program, view_of(&self.model, train_given.plot_kind, true), &self.model, &state->judged);
-    report(&self);
+    report_trained(program, &self.model, put_novelty, &self.model.novelty);
     lg_novelty_destroy(&self.model.novelty);
 }

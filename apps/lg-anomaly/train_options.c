@@ -140,33 +140,32 @@ static const struct {
               {"history", CNN},
               {"seconds", CNN}};
 
-int train_check_options(const app *self) {
+void train_check_options(const app *self) {
     const train_values *values = &train_given;
     for (size_t i = 0; i < LG_COUNT(owners); i++)
         if (app_given(self, owners[i].option) && (owners[i].methods & 1u << values->method) == 0)
-            return app_usage(self, "--%s: --method %s has no such option", owners[i].option,
-                             train_method_name(values->method));
+            app_stop_usage(self, "--%s: --method %s has no such option", owners[i].option,
+                           train_method_name(values->method));
     if (app_given(self, "c") && app_given(self, "grid"))
-        return app_usage(self, "--grid and --c cannot be given together: both choose C");
+        app_stop_usage(self, "--grid and --c cannot be given together: both choose C");
     for (size_t i = 0; i < values->grid.count; i++)
-        if (!(values->grid.values[i] > 0)) return app_usage(self, "--grid: C must be above 0");
+        if (!(values->grid.values[i] > 0)) app_stop_usage(self, "--grid: C must be above 0");
     const bool rocket = values->method == METHOD_ROCKET;
     if (app_given(self, "features") && (values->features.number > 0) != rocket)
-        return app_usage(self, "--features: %s",
-                         rocket ? "--method rocket needs a number, such as 10000"
-                                : "only --method rocket takes a number");
+        app_stop_usage(self, "--features: %s",
+                       rocket ? "--method rocket needs a number, such as 10000"
+                              : "only --method rocket takes a number");
     if (app_given(self, "prune") && (values->prune.number > 0) != rocket)
-        return app_usage(self, "--prune: %s",
-                         rocket ? "--method rocket needs a number, such as 1000"
-                                : "--method tree takes none, pre or post");
+        app_stop_usage(self, "--prune: %s",
+                       rocket ? "--method rocket needs a number, such as 1000"
+                              : "--method tree takes none, pre or post");
     const bool pre = values->prune.name == PRUNE_PRE;
     if (app_given(self, "ccp-alpha") && values->prune.name != PRUNE_POST)
-        return app_usage(self, "--ccp-alpha: needs --prune post");
+        app_stop_usage(self, "--ccp-alpha: needs --prune post");
     if (pre && (app_given(self, "max-depth") || app_given(self, "min-samples-leaf")))
-        return app_usage(self, "--prune pre: chooses --max-depth and --min-samples-leaf");
+        app_stop_usage(self, "--prune pre: chooses --max-depth and --min-samples-leaf");
     if (app_given(self, "plot-kind") && train_given_files.plot == NULL)
-        return app_usage(self, "--plot-kind: needs --plot FILE");
+        app_stop_usage(self, "--plot-kind: needs --plot FILE");
     if (train_state.test != NULL && app_given(self, "test-fraction"))
-        return app_usage(self, "--test and --test-fraction cannot be given together");
-    return APP_EXIT_OK;
+        app_stop_usage(self, "--test and --test-fraction cannot be given together");
 }

@@ -517,7 +517,6 @@ static void watch_feed(watching *self, int file, size_t watch_bytes) {
     totals all = total(self, app_seconds() - start);
     all.start_rss = start_rss;
     all.watch_bytes = watch_bytes;
-    watch_time_close(self);
     if (!app_interrupted() && self->started && values.crack_at > self->now)
         app_warn(self->app,
                  "--crack-at %.15g s is after the last sample, at %.15g s (seconds here, hours for `feed`)",
@@ -532,29 +531,19 @@ static void open_novelty(watching *self) {
     bench *b = &self->bench;
     const lg_novelty *novelty = &b->model->novelty;
     b->farthest = values.unlike > 0 ? values.unlike : INFINITY;
-    self->silence.without = app_alloc(b->model->channels, sizeof *self->silence.without);
+    self->silence.without = app_keep(b->model->channels, sizeof *self->silence.without);
     if (novelty->channels == 0) {
         app_warn(self->app,
                  "the model has no record of what its training windows look like: a dead sensor gets a "
                  "class, too; train it again");
         return;
     }
-    b->features = app_alloc(novelty->features, sizeof *b->features);
-    b->novelty_work = app_alloc(lg_novelty_work_size(novelty), 1);
-    self->noise.sum = app_alloc(novelty->channels, sizeof *self->noise.sum);
-}
-
-static void watching_destroy(watching *w) {
-    free(w->bench.score);
-    free(w->bench.work);
-    free(w->bench.features);
-    free(w->bench.novelty_work);
-    free(w->noise.sum);
-    free(w->silence.without);
+    b->features = app_keep(novelty->features, sizeof *b->features);
+    b->novelty_work = app_keep(lg_novelty_work_size(novelty), 1);
+    self->noise.sum = app_keep(novelty->channels, sizeof *self->noise.sum);
 }
 
 static void watch_with(const app *self, const well_model *model, int file) {
-    APP_CLEAN(watching_destroy)
     watching w = {.app = self,
                   .bench = {.model = model},
                   .tally = {.first_alarm = NAN, .first_unlike = NAN, .detection = NAN}};
@@ -563,8 +552,8 @@ static void watch_with(const app *self, const well_model *model, int file) {
     watch_log_open(&w.log, self, values.log, self->json ? json_begin : text_begin);
     const size_t bytes = lg_monitor_size(&options);
     APP_FREE void *memory = app_alloc(bytes, 1);
-    w.bench.score = app_alloc(model->classes, sizeof *w.bench.score);
-    w.bench.work = app_alloc(well_model_work(model), 1);
+    w.bench.score = app_keep(model->classes, sizeof *w.bench.score);
+    w.bench.work = app_keep(well_model_work(model), 1);
     open_novelty(&w);
     APP_MUST(self, lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error));
     watch_feed(&w, file, bytes);

@@ -130,7 +130,6 @@ void watch_log_close(watch_log *log);
 
 /* `rate_known`, `bench` and `rate` must be set. */
 void watch_time_open(watching *self);
-void watch_time_close(watching *self);
 /* Takes a line of the feed; time is NaN in a feed without times. Pushes the missing samples before it and
  * then the sample, or holds the sample until its time is accepted. */
 void watch_take(watching *self, const float *sample, double time, uint64_t line);

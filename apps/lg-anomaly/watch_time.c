@@ -324,13 +324,8 @@ void watch_time_open(watching *self) {
     const uint32_t window = self->bench.model->window;
     *t = (timing){.usual = 1, .follow = true, .measured = !self->rate_known};
     t->wanted = window > FIRST_TIMES ? FIRST_TIMES : window < LEAST_TIMES ? LEAST_TIMES : window;
-    t->first_values = app_alloc((size_t)FIRST_TIMES * self->bench.model->channels, sizeof(float));
-    t->held_values = app_alloc((size_t)HELD * self->bench.model->channels, sizeof(float));
-}
-
-void watch_time_close(watching *self) {
-    free(self->timing.first_values);
-    free(self->timing.held_values);
+    t->first_values = app_keep((size_t)FIRST_TIMES * self->bench.model->channels, sizeof(float));
+    t->held_values = app_keep((size_t)HELD * self->bench.model->channels, sizeof(float));
 }
 
 void watch_settle(watching *self) {

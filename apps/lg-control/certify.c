@@ -133,18 +133,14 @@ static void read_box(const app *self, naming names, double *low, double *high) {
     }
 }
 
-static bool is_task_file(const char *path) {
+static bool is_task(const char *path) {
     const char *dot = strrchr(path, '.');
     return dot != NULL && (strcmp(dot, ".yaml") == 0 || strcmp(dot, ".yml") == 0);
 }
 
-static bool is_task(const app *self) {
-    return is_task_file(self->arguments[0]);
-}
-
 static void draw_model_error(const app *self, lg_policy *policy, naming names, const double *high,
                              double *out) {
-    if (!is_task(self))
+    if (!is_task(self->arguments[0]))
         app_stop_usage(self, "--model-error auto: give the task, whose plant is a model of lg-identify");
     for (size_t i = 0; i < names.n; i++)
         if (!isfinite(high[i]))
@@ -225,7 +221,7 @@ static void check_delays(const app *self, const lg_policy_task *task) {
 
 /* The certificate chooses the gains of a task of kind lqr that gives none. */
 static bool chooses_gains(const app *self, const lg_policy_task *task) {
-    return is_task(self) && values.lyapunov == QUADRATIC && task->kind == LG_POLICY_LQR &&
+    return is_task(self->arguments[0]) && values.lyapunov == QUADRATIC && task->kind == LG_POLICY_LQR &&
            task->gain_count == 0;
 }
 
@@ -238,7 +234,7 @@ static bool needs_regulator(const app *self, const lg_policy_task *task) {
 /* `gains`: of a task of kind lqr, K row by row; 0 of them: as the file says. */
 static lg_policy *read_policy(const app *self, const char *path, const double *gains, size_t count) {
     lg_policy *policy = NULL;
-    if (!is_task_file(path)) {
+    if (!is_task(path)) {
         APP_MUST_FILE(self, path, lg_policy_load(self->context, path, NULL, &policy, NULL, &error));
         return policy;
     }
@@ -312,7 +308,7 @@ static double rounded_down(double x) {
     return lg_real(text, NULL);
 }
 
-static int tell(app *self, naming names, const verdict *v) {
+static void tell(app *self, naming names, const verdict *v) {
     const lg_certify_result *r = &v->r;
     app_json out;
     app_result_begin(&out, self);
@@ -342,8 +338,7 @@ static int tell(app *self, naming names, const verdict *v) {
     app_result_real(&out, "seconds", r->seconds, NULL);
     app_json_warnings(&out, self);
     app_json_end(&out);
-    if (r->verified) return APP_EXIT_OK;
-    return app_fail(self, LG_CHECK_FAILED, "not proved: %s", reason);
+    if (!r->verified) app_stop(self, LG_CHECK_FAILED, "not proved: %s", reason);
 }
 
 /* ---- the claim ---- */
@@ -355,13 +350,10 @@ static const char *name_in(const char *path) {
 
 /* The name of a file with the first digits of the hash of its bytes. */
 static char *name_file(const app *self, const char *path) {
-    char text[LG_SHA256_TEXT], part[4096];
+    char text[LG_SHA256_TEXT];
     lg_sha256 state;
-    FILE *file = fopen(path, "rb");
-    if (file == NULL) app_stop(self, LG_FILE, "%s: cannot be read again", path);
     lg_sha256_init(&state);
-    for (size_t n; (n = fread(part, 1, sizeof part, file)) > 0;) lg_sha256_add(&state, part, n);
-    (void)fclose(file);
+    APP_MUST_FILE(self, path, app_hash_file(path, &state, &error));
     lg_sha256_finish(&state, text);
     return app_format("%s (SHA-256 %.12s)", name_in(path), text);
 }
@@ -374,7 +366,7 @@ static char *tell_claim(const app *self, naming names, bool chosen, bool rounded
     APP_FREE char *own = name_file(self, path);
     lg_text text = app_text();
     lg_text_add(&text, "%.*s, for the ", (int)(rest - proof), proof);
-    if (is_task(self)) {
+    if (is_task(self->arguments[0])) {
         APP_FREE char *plant = control_plant_path(self, path), *of = name_file(self, plant);
         lg_text_add(&text, "plant %s and the controller of kind %s of %s%s", of, of_kind, own,
                     chosen ? " with gains that were chosen" : "");
@@ -415,16 +407,16 @@ static char *name_all(naming names) {
 /* ---- proofs ---- */
 
 /* `what`: what was compared, and where. */
-static int tell_energy(app *self, naming names, const char *what, double start, verdict *v) {
+static void tell_energy(app *self, naming names, const char *what, double start, verdict *v) {
     APP_FREE char *more = app_format(" That %s, it was not proved.", what);
     APP_FREE char *claim = tell_claim(self, names, false, false, v->r.claim, more);
     v->r.claim = claim;
     v->r.converges = v->r.verified;
     v->r.seconds = app_seconds() - start;
-    return tell(self, names, v);
+    tell(self, names, v);
 }
 
-static int prove_energy(app *self, lg_policy *policy, naming names) {
+static void prove_energy(app *self, lg_policy *policy, naming names) {
     lg_certify_energy_spec spec;
     lg_certify_energy_result r;
     double low[2 * LG_POLICY_COORDINATES], high[2 * LG_POLICY_COORDINATES];
@@ -445,13 +437,13 @@ static int prove_energy(app *self, lg_policy *policy, naming names) {
                  .global = true,
                  .margin = r.margin,
                  .sides = 1};
-    return tell_energy(self, names,
-                       "the mass, the damping and the map of the input are constant was compared at several "
-                       "states",
-                       start, &v);
+    tell_energy(self, names,
+                "the mass, the damping and the map of the input are constant was compared at several "
+                "states",
+                start, &v);
 }
 
-static int prove_rotation(app *self, lg_policy *policy, naming names) {
+static void prove_rotation(app *self, lg_policy *policy, naming names) {
     lg_certify_rotation_spec spec;
     lg_certify_rotation_result r;
     const double start = app_seconds();
@@ -468,10 +460,10 @@ static int prove_rotation(app *self, lg_policy *policy, naming names) {
     APP_MUST(self, lg_certify_rotation(&spec, &r, &error));
     verdict v = {.r = {.verified = r.verified, .level = r.level, .claim = r.claim, .reason = r.reason},
                  .margin = r.angle};
-    return tell_energy(self, names,
-                       "the inertia, the damping and the map of the inputs are constant was compared at "
-                       "several rotations",
-                       start, &v);
+    tell_energy(self, names,
+                "the inertia, the damping and the map of the inputs are constant was compared at "
+                "several rotations",
+                start, &v);
 }
 
 /* Whether a plant that is a program has this function of its state x; the goal must be 0, so that z = x. */
@@ -679,7 +671,8 @@ static void write_certificate(const app *self, naming names, lg_certify_spec *sp
     }
     APP_MUST(self, lg_certificate_make(self->context, spec, proved, INFINITY, &file, &error));
     for (size_t i = 0; i < file.states; i++) copy_name(file.names[i], name_of(names, i));
-    APP_FREE char *plant = is_task(self) ? control_plant_path(self, own) : app_format("%s", own);
+    APP_FREE char *plant =
+        is_task(self->arguments[0]) ? control_plant_path(self, own) : app_format("%s", own);
     copy_name(file.plant, plant);
     copy_name(file.controller, own);
     APP_MUST_FILE(self, values.certificate,
@@ -695,7 +688,7 @@ bool control_has_states(const lg_policy *policy, const lg_certificate *file) {
     return has;
 }
 
-static int prove(app *self, lg_policy *given, naming names) {
+static void prove(app *self, lg_policy *given, naming names) {
     wanted what = {.chosen = false};
     lg_program *program = NULL;
     lg_certify_result r;
@@ -724,10 +717,9 @@ static int prove(app *self, lg_policy *given, naming names) {
     v.r.input_error = rounded ? r.input_error : 0;
     v.r.seconds = app_seconds() - start;
     if (values.certificate != NULL && r.verified) write_certificate(self, names, &spec, &r);
-    const int code = tell(self, names, &v);
+    tell(self, names, &v);
     lg_certify_destroy(certify);
     lg_policy_destroy(own);
-    return code;
 }
 
 static int run(app *self) {
@@ -736,11 +728,9 @@ static int run(app *self) {
     const naming names = name_states(lg_policy_task_of(policy));
     check_delays(self, names.task);
     const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;
-    const int code = (values.lyapunov != ENERGY ? prove
-                      : turns                   ? prove_rotation
-                                                : prove_energy)(self, policy, names);
+    (values.lyapunov != ENERGY ? prove : turns ? prove_rotation : prove_energy)(self, policy, names);
     lg_policy_destroy(policy);
-    return code;
+    return APP_EXIT_OK;
 }
 
 const app_command certify_command = {

@@ -14,19 +14,15 @@ typedef struct control_machine {
     const app *self;
     lg_machine_model_file model; /* of a model of lg-identify */
     lg_machine_file file;
-    lg_machine machine;             /* may be changed before control_machine_plant; its dry friction sticks */
+    lg_machine machine;             /* its dry friction sticks */
     double width[LG_MACHINE_TERMS]; /* of friction in the file */
     const lg_scheme *scheme;
     double row;                        /* seconds between the rows of the log; 0: no log, then a period */
     uint32_t delay[LG_MACHINE_INPUTS]; /* of the inputs, in rows */
 } control_machine;
-/* false: the file is a program. */
-bool control_open_machine(const app *self, const char *path, control_machine *out);
 void control_machine_destroy(control_machine *machine);
 /* Opens the machine and gives the task its soft friction; `keep` must live as long as the task's policy. */
 bool control_soften(const app *self, const char *path, control_machine *keep, lg_policy_task *task);
-/* The machine as a plant; `lagged`: as in control_load_plant. */
-lg_program *control_machine_plant(const app *self, const control_machine *machine, bool lagged);
 
 /* A plant from a file (plant.c): a model of lg-identify, a machine whose terms are all known, or a program
  * with the function field (x, u). The names of its coordinates and inputs are added to the task. If `lagged`,
@@ -83,7 +79,6 @@ typedef struct control_runs {
     double *state;       /* (steps + 1, starts, numbers), after control_find_states */
 } control_runs;
 void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, control_runs *out);
-void control_runs_destroy(control_runs *runs);
 void control_find_states(const app *self, control_runs *runs);
 
 /* A quantity that is told of positions and velocities. */
@@ -106,7 +101,11 @@ void control_write_runs(const app *self, const control_runs *runs, const char *p
  * runs. */
 void control_draw_runs(const app *self, const control_runs *runs, const char *path);
 
-/* Prints success and costs below `prefix` in JSON. */
-void control_tell_outcome(app_json *out, const lg_policy_outcome *outcome);
+/* Evaluates the policy from random starts; `runs` may be NULL. */
+lg_policy_outcome control_evaluate(const app *self, const lg_policy *policy, lg_policy_test mode,
+                                   uint64_t starts, uint64_t seed, lg_policy_runs *runs);
+/* Adds success and costs to the results: for people below the heading, in JSON as the object `key`. */
+void control_tell_outcome(app_json *out, const char *key, const char *heading,
+                          const lg_policy_outcome *outcome);
 
 #endif

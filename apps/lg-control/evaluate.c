@@ -1,5 +1,4 @@
 /* lg-control evaluate: judges a policy by runs. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-control/control_app.h"
@@ -110,7 +109,7 @@ static double time_control(const app *self, const lg_policy *policy) {
     APP_MUST(self, lg_plan_create(program, at, NULL, &plan, &error));
     APP_FREE double *x = app_alloc(lg_plan_input_count(plan, 0), sizeof *x);
     APP_FREE double *u = app_alloc(lg_plan_output_count(plan, 0), sizeof *u);
-    APP_FREE void *work = app_work(lg_plan_work_size(plan));
+    APP_FREE void *work = app_alloc(lg_plan_work_size(plan), 1);
     x[0] = 1.0;
     const double begun = app_seconds();
     for (int i = 0; i < CALLS; i++) lg_plan_eval(plan, (const void *[]){x}, (void *[]){u}, work);
@@ -131,37 +130,31 @@ static void show_runs(const app *self, control_runs *runs) {
 
 static int run(app *self) {
     lg_policy *policy = NULL;
-    lg_policy_outcome own, regulator, rough;
+    lg_policy_outcome rough;
     app_json out;
     APP_MUST_FILE(self, self->arguments[0],
                   lg_policy_load(self->context, self->arguments[0], NULL, &policy, NULL, &error));
     policy = values.plant != NULL ? other_plant(self, policy) : refined(self, policy);
-    APP_CLEAN(control_runs_destroy) control_runs runs;
+    control_runs runs;
     control_runs_begin(policy, values.starts, told(), &runs);
-    APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_NOMINAL, values.starts, self->seed,
-                                      (int)self->threads, &own, &runs.runs, &error));
-    APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_REGULATED, values.starts, self->seed,
-                                      (int)self->threads, &regulator, NULL, &error));
+    const lg_policy_outcome own = control_evaluate(self, policy, LG_POLICY_NOMINAL, values.starts, self->seed,
+                                                   &runs.runs),
+                            regulator = control_evaluate(self, policy, LG_POLICY_REGULATED, values.starts,
+                                                         self->seed, NULL);
     show_runs(self, &runs);
     if (values.disturb != NULL) {
         disturb(self, policy);
-        APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_DISTURBED, values.starts, self->seed,
-                                          (int)self->threads, &rough, NULL, &error));
+        rough = control_evaluate(self, policy, LG_POLICY_DISTURBED, values.starts, self->seed, NULL);
     }
     app_result_begin(&out, self);
-    control_tell_outcome(&out, &own);
+    control_tell_outcome(&out, NULL, NULL, &own);
     app_result_real(&out, "microseconds", time_control(self, policy),
                     "of a call of the controller in the library");
     tell_worst(&out, policy, &own, runs.runs.path);
-    app_result_line(&out, "the saturated regulator alone:");
-    app_json_open(&out, "lqr", '{');
-    control_tell_outcome(&out, &regulator);
-    app_json_close(&out, '}');
+    control_tell_outcome(&out, "lqr", "the saturated regulator alone", &regulator);
     if (values.disturb != NULL) {
-        app_result_line(&out, "with the disturbances of %s:", values.disturb);
-        app_json_open(&out, "disturbed", '{');
-        control_tell_outcome(&out, &rough);
-        app_json_close(&out, '}');
+        APP_FREE char *heading = app_format("with the disturbances of %s", values.disturb);
+        control_tell_outcome(&out, "disturbed", heading, &rough);
     }
     if (values.reference != NULL) control_follow(self, policy, values.reference, &out);
     app_json_warnings(&out, self);

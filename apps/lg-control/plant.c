@@ -138,7 +138,8 @@ static void stick(const app *self, control_machine *m) {
     if (m->machine.sticks == 0) m->machine = *kept;
 }
 
-bool control_open_machine(const app *self, const char *path, control_machine *out) {
+/* false: the file is a program. */
+static bool open_machine(const app *self, const char *path, control_machine *out) {
     *out = (control_machine){.model = {.theta = NULL}};
     if (is_hdf5(self, path) && !is_model(self, path)) return false;
     if (is_hdf5(self, path)) {
@@ -167,7 +168,8 @@ bool control_open_machine(const app *self, const char *path, control_machine *ou
     return true;
 }
 
-lg_program *control_machine_plant(const app *self, const control_machine *m, bool lagged) {
+/* `lagged`: as in control_load_plant. */
+static lg_program *plant_of(const app *self, const control_machine *m, bool lagged) {
     lg_program *program = NULL;
     APP_MUST(self, (lagged ? lg_machine_plant : lg_machine_program)(
                        self->context, &m->machine, m->model.theta, m->scheme, &program, &error));
@@ -197,7 +199,7 @@ static lg_status soften(void *user, const double *speed, lg_program **out, lg_er
 }
 
 bool control_soften(const app *self, const char *path, control_machine *keep, lg_policy_task *task) {
-    if (!control_open_machine(self, path, keep)) return false;
+    if (!open_machine(self, path, keep)) return false;
     keep->self = self;
     task->soften = soften, task->soften_user = keep;
     return true;
@@ -209,7 +211,7 @@ static lg_program *load_machine(const app *self, const char *path, const control
     if (lagged) name_lagged(self, path, &m->machine, task);
     for (uint32_t l = 0; l < m->machine.input_count && l < LG_POLICY_INPUTS; l++)
         task->dead_time[l] = m->delay[l] * (m->row > 0 ? m->row : task->period);
-    return control_machine_plant(self, m, lagged);
+    return plant_of(self, m, lagged);
 }
 
 /* ---- draws ---- */
@@ -256,7 +258,7 @@ void control_draw_plants(const app *self, const char *path, double spread, size_
         app_stop(self, LG_FORMAT,
                  "%s: %s needs a model of lg-identify, whose covariance tells what else the machine may be",
                  path, why);
-    (void)control_open_machine(self, path, &m);
+    (void)open_machine(self, path, &m);
     const lg_machine_model_file *const model = &m.model;
     if (model->spread == NULL && !(spread > 0))
         app_stop(self, LG_FORMAT, "%s: the model has no covariance of its numbers; give %s", path,
@@ -326,8 +328,8 @@ static lg_program *load_program(const app *self, const char *path, lg_policy_tas
 lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task) {
     APP_CLEAN(control_machine_destroy) control_machine machine;
     app_reads(self, path);
-    return control_open_machine(self, path, &machine) ? load_machine(self, path, &machine, lagged, task)
-                                                      : load_program(self, path, task);
+    return open_machine(self, path, &machine) ? load_machine(self, path, &machine, lagged, task)
+                                              : load_program(self, path, task);
 }
 
 /* The path of the plant that the task in `path` calls `plant`. */

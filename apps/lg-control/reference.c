@@ -153,7 +153,7 @@ void control_follow(const app *self, const lg_policy *policy, const char *path, 
         bytes = own > bytes ? own : bytes;
     }
     APP_FREE double *x = app_alloc(2 * lg_plan_input_count(plan[PERIOD], 0), sizeof *x);
-    APP_FREE void *work = app_work(bytes);
+    APP_FREE void *work = app_alloc(bytes, 1);
     run_along(&f, plan, x, work, sum, &saturated);
     tell(&f, out, sum, saturated);
     for (int i = 0; i < FUNCTIONS; i++) lg_plan_destroy(plan[i]);

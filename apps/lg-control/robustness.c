@@ -1,6 +1,5 @@
 /* lg-control train: what happens if the plant's numbers are not what the controller was trained with. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-control/control_app.h"
@@ -56,8 +55,8 @@ static void list_numbers(table *t) {
     const double *theta = t->machine->model.theta;
     uint32_t at = 0;
     t->identified = theta != NULL ? lg_machine_numbers(machine, theta, 0, NULL) : 0;
-    t->rows = app_alloc(LG_MACHINE_PARAMETERS + LG_MACHINE_TERMS * (LG_MACHINE_VALUES + 1) + t->identified,
-                        sizeof *t->rows);
+    t->rows = app_keep(LG_MACHINE_PARAMETERS + LG_MACHINE_TERMS * (LG_MACHINE_VALUES + 1) + t->identified,
+                       sizeof *t->rows);
     const lg_parameter_entry *entry =
         machine->grey.system != NULL ? lg_grey_system_parameters(machine->grey.system) : NULL;
     for (; entry != NULL && entry->key != NULL; entry++) {
@@ -166,5 +165,4 @@ void control_tell_robustness(const app *self, const lg_policy *policy, control_m
     app_result_rows(out, "robustness");
     for (size_t i = 0; i < t.count; i++) put_row(&t, &t.rows[i], policy, starts, out);
     app_result_rows_end(out);
-    free(t.rows);
 }

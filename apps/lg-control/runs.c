@@ -1,6 +1,5 @@
 /* lg-control evaluate --runs: a table of the states, inputs and costs of runs. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "files/csv.h"
@@ -40,21 +39,12 @@ void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, co
     *out = (control_runs){.policy = policy, .task = lg_policy_task_of(policy)};
     (void)lg_program_find(program, "period", &period, NULL);
     const size_t state = lg_shape_count(lg_program_inputs(program, period, &ports)[0].shape);
-    out->runs.path = app_alloc((steps + 1) * starts * r->errors, sizeof(double));
+    out->runs.path = app_keep((steps + 1) * starts * r->errors, sizeof(double));
     if (!whole) return;
-    out->runs.motion = app_alloc((steps + 1) * starts * state, sizeof(double));
-    out->runs.input = app_alloc(steps * starts * r->inputs, sizeof(double));
-    out->runs.costs = app_alloc(steps * starts, sizeof(double));
-    out->runs.succeeded = app_alloc(starts, sizeof(bool));
-}
-
-void control_runs_destroy(control_runs *runs) {
-    free(runs->runs.path);
-    free(runs->runs.motion);
-    free(runs->runs.input);
-    free(runs->runs.costs);
-    free(runs->runs.succeeded);
-    free(runs->state);
+    out->runs.motion = app_keep((steps + 1) * starts * state, sizeof(double));
+    out->runs.input = app_keep(steps * starts * r->inputs, sizeof(double));
+    out->runs.costs = app_keep(steps * starts, sizeof(double));
+    out->runs.succeeded = app_keep(starts, sizeof(bool));
 }
 
 /* Writes what `function` gives for each state behind the `at` numbers that each row of runs->state has. */
@@ -79,7 +69,7 @@ void control_find_states(const app *self, control_runs *runs) {
         runs->numbers += quantity[i].count;
         if (!quantity[i].velocity) positions += quantity[i].count;
     }
-    runs->state = app_alloc(rows * runs->numbers, sizeof *runs->state);
+    runs->state = app_keep(rows * runs->numbers, sizeof *runs->state);
     if (runs->numbers == positions) { /* a plant without velocities: its state is the positions */
         memcpy(runs->state, runs->runs.motion, rows * positions * sizeof *runs->state);
         return;

@@ -1,6 +1,5 @@
 /* lg-control train: learns a policy. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "common/train.h"
 #include "lg-control/control_app.h"
@@ -83,14 +82,29 @@ static void load_state(const app *self, lg_policy_trainer *trainer) {
 
 /* ---- the command ---- */
 
-void control_tell_outcome(app_json *out, const lg_policy_outcome *o) {
+lg_policy_outcome control_evaluate(const app *self, const lg_policy *policy, lg_policy_test mode,
+                                   uint64_t starts, uint64_t seed, lg_policy_runs *runs) {
+    lg_policy_outcome out;
+    APP_MUST(self, lg_policy_evaluate(policy, mode, starts, seed, (int)self->threads, &out, runs, &error));
+    return out;
+}
+
+static void put_success(app_json *out, const lg_policy_outcome *o) {
+    const double interval[] = {o->success_low, o->success_high};
+    app_result_real(out, "success", (double)o->succeeded / (double)o->starts, "share of the starts");
+    app_result_reals(out, "success_interval", interval, 2, "95 %");
+}
+
+void control_tell_outcome(app_json *out, const char *key, const char *heading, const lg_policy_outcome *o) {
+    if (heading != NULL) app_result_line(out, "%s:", heading);
+    if (key != NULL) app_json_open(out, key, '{');
     app_result_size(out, "starts", o->starts, NULL);
     app_result_size(out, "succeeded", o->succeeded, NULL);
-    app_result_real(out, "success", (double)o->succeeded / (double)o->starts, "share of the starts");
-    app_result_reals(out, "success_interval", (const double[]){o->success_low, o->success_high}, 2, "95 %");
+    put_success(out, o);
     app_result_real(out, "cost_mean", o->cost_mean, NULL);
     app_result_real(out, "cost_median", o->cost_median, NULL);
     app_result_real(out, "saturated", o->saturated, "share of the periods with an input at a limit");
+    if (key != NULL) app_json_close(out, '}');
 }
 
 static void warn_of_failures(const app *self, const lg_policy *policy, const lg_policy_outcome *held,
@@ -156,33 +170,22 @@ static void report_gap(const app *self, lg_policy *policy, uint64_t seed, double
 /* Success is that on the plant as its file says, with fine steps of the integrator. */
 static void report(const app *self, const lg_policy *trained, control_machine *machine,
                    const lg_policy_train_result *result) {
-    lg_policy_outcome held, regulator, rough;
+    lg_policy_outcome rough;
     lg_policy *policy = NULL;
     app_json out;
     const uint64_t seed = self->seed ^ UINT64_C(0x9e3779b97f4a7c15);
     APP_MUST(self, lg_policy_refine(trained, &policy, &error));
-    APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 500, seed, (int)self->threads, &held, NULL,
-                                      &error));
-    APP_MUST(self, lg_policy_evaluate(policy, LG_POLICY_REGULATED, 500, seed, (int)self->threads, &regulator,
-                                      NULL, &error));
+    const lg_policy_outcome held = control_evaluate(self, policy, LG_POLICY_NOMINAL, 500, seed, NULL),
+                            regulator = control_evaluate(self, policy, LG_POLICY_REGULATED, 500, seed, NULL);
     const bool disturbed = lg_policy_is_disturbed(lg_policy_task_of(policy));
-    if (disturbed)
-        APP_MUST(self, lg_policy_evaluate(trained, LG_POLICY_DISTURBED, 512, seed, (int)self->threads, &rough,
-                                          NULL, &error));
+    if (disturbed) rough = control_evaluate(self, trained, LG_POLICY_DISTURBED, 512, seed, NULL);
     warn_of_failures(self, trained, &held, result);
     app_result_begin(&out, self);
     app_result_real(&out, "cost", held.cost_mean, "mean over 500 held-out starts");
-    app_result_real(&out, "success", (double)held.succeeded / (double)held.starts, "share of these starts");
-    app_result_reals(&out, "success_interval", (const double[]){held.success_low, held.success_high}, 2,
-                     "95 %");
+    put_success(&out, &held);
     app_result_real(&out, "regulator_success", (double)regulator.succeeded / (double)regulator.starts,
                     "share, the saturated regulator alone");
-    if (disturbed) {
-        app_result_line(&out, "with the disturbances of the task:");
-        app_json_open(&out, "disturbed", '{');
-        control_tell_outcome(&out, &rough);
-        app_json_close(&out, '}');
-    }
+    if (disturbed) control_tell_outcome(&out, "disturbed", "with the disturbances of the task", &rough);
     app_result_size(&out, "parameters", lg_policy_parameters(policy), NULL);
     app_result_size(&out, "substeps", lg_policy_task_of(trained)->substeps, "of the integrator in a period");
     app_result_real(&out, "seconds", result->seconds, NULL);
@@ -217,14 +220,14 @@ static void store(const app *self, const lg_policy *policy, const lg_policy_trai
 }
 
 /* --resume and --checkpoint may name the same file. */
-static int check_checkpoint(app *self) {
+static void check_checkpoint(app *self) {
     APP_FREE char *path = app_format("%s.checkpoint", values.out);
     const bool same = values.resume != NULL && app_same_file(values.resume, path);
     self->continues = same;
     const app_path paths[] = {{"resume", same ? NULL : values.resume, LG_FILE_READ},
                               {"out", values.out, LG_FILE_WRITTEN},
                               {"checkpoint", path, LG_FILE_WRITTEN}};
-    return app_check_outputs(self, paths, LG_COUNT(paths));
+    (void)app_check_outputs(self, paths, LG_COUNT(paths));
 }
 
 static int run(app *self) {
@@ -234,8 +237,7 @@ static int run(app *self) {
     lg_policy_train_result result;
     APP_FREE char *text = NULL;
     const lg_policy_train_options settings = read_options(self);
-    const int code = check_checkpoint(self);
-    if (code != APP_EXIT_OK) return code;
+    check_checkpoint(self);
     lg_program *plant = control_read_task(self, self->arguments[0], &task, &text);
     APP_FREE char *source = control_plant_path(self, self->arguments[0]);
     APP_CLEAN(control_machine_destroy) control_machine machine;

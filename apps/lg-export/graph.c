@@ -220,7 +220,7 @@ static lg_status evaluate_constants(graph *g, lg_program *program, const uint32_
     const size_t function = lg_program_functions(program) - 1;
     LG_TRY(lg_plan_create(program, function, NULL, &plan, error));
     APP_FREE double **in = app_alloc(g->input_count, sizeof *in), **out = app_alloc(count, sizeof *out);
-    APP_FREE void *work = app_work(lg_plan_work_size(plan));
+    APP_FREE void *work = app_alloc(lg_plan_work_size(plan), 1);
     for (size_t i = 0; i < g->input_count; i++)
         in[i] = app_alloc(lg_plan_input_count(plan, i), sizeof(double));
     for (size_t i = 0; i < count; i++) {

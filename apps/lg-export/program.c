@@ -62,7 +62,7 @@ lg_status export_evaluation_open(const lg_program *program, size_t function, lg_
     e->in = lg_program_inputs(program, function, &e->ins);
     e->out = lg_program_outputs(program, function, &e->outs);
     const lg_status status = lg_plan_create(program, function, &options, &e->plan, error);
-    if (status == LG_OK) e->work = app_work(lg_plan_work_size(e->plan));
+    if (status == LG_OK) e->work = app_alloc(lg_plan_work_size(e->plan), 1);
     return status;
 }
 

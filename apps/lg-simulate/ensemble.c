@@ -4,7 +4,6 @@
 #include <errno.h>
 #include <math.h>
 #include <stdatomic.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { POINTS = 51, BINS = 256, PILOT = 256 };
@@ -40,7 +39,7 @@ static void name_columns(study *all) {
     const simulation *sim = all->sim;
     result *total = all->total;
     total->columns = sim->reported + 2 * all->invariants;
-    total->column = app_alloc(total->columns, sizeof *total->column);
+    total->column = app_keep(total->columns, sizeof *total->column);
     for (size_t c = 0; c < sim->reported; c++) component_name(sim, c, total->column[c], NAME_SIZE);
     for (size_t i = 0; i < all->invariants; i++) {
         const char *name = lg_system_invariant_name(sim->system, i);
@@ -158,17 +157,12 @@ static void read_event(const simulation *sim, char *text, lg_ensemble_event *eve
     char *sign = strpbrk(text, "=<>");
     size_t index = 0;
     double level = 0;
-    while (*text == ' ') text++;
-    (void)snprintf(name, NAME_SIZE, "%s", text);
+    (void)snprintf(name, NAME_SIZE, "%s", trimmed(text));
     const char kind = sign != NULL ? *sign : '\0';
-    if (sign != NULL) {
-        char *end = sign;
-        while (end > text && end[-1] == ' ') end--;
-        *end = '\0';
-        for (sign++; *sign == ' ';) sign++;
-    }
-    if (sign == NULL || !app_parse_real(sign, &level))
+    if (sign != NULL) *sign = '\0';
+    if (sign == NULL || !app_parse_real(trimmed(sign + 1), &level))
         app_stop_usage(sim->self, "--event: expected NAME=VALUE, NAME>VALUE or NAME<VALUE, not '%s'", name);
+    text = trimmed(text);
     if (!component_find(sim, text, &index)) {
         char own[NAME_SIZE];
         component_name(sim, 0, own, sizeof own);
@@ -189,7 +183,7 @@ static void read_events(study *all, lg_ensemble_event events[LG_EVENTS_MAX]) {
     const simulation *sim = all->sim;
     if (sim->values->event == NULL) return;
     APP_FREE char *copy = app_format("%s", sim->values->event);
-    all->total->event = app_alloc(LG_EVENTS_MAX, sizeof *all->total->event);
+    all->total->event = app_keep(LG_EVENTS_MAX, sizeof *all->total->event);
     for (char *rest = NULL, *item = strtok_r(copy, ",", &rest); item != NULL;
          item = strtok_r(NULL, ",", &rest)) {
         const size_t e = all->total->events++;
@@ -208,7 +202,7 @@ static void choose_times(study *all) {
     const size_t points = given                     ? times->count + !to_end
                           : sim->values->points > 0 ? (size_t)sim->values->points
                                                     : POINTS;
-    double *t = app_alloc(points, sizeof *t);
+    double *t = app_keep(points, sizeof *t);
     for (size_t i = 0; i + 1 < points; i++)
         t[i] = given ? times->values[i] : sim->t_end * ((double)i / (double)(points - 1));
     t[points - 1] = sim->t_end;
@@ -237,6 +231,8 @@ static void add_members(const study *all, lg_sha256 *state) {
 /* Describes the ensemble in one line; parts with the same line belong together. Long texts are cut in the
  * line, but the hash covers them completely. */
 static char *describe(const study *all, const char *text) {
+    enum { LONGEST = 4096 };
+    char *out = app_keep(LONGEST, 1);
     const simulation *sim = all->sim;
     const lg_ensemble_options *o = &all->options;
     lg_sha256 state;
@@ -258,12 +254,13 @@ static char *describe(const study *all, const char *text) {
     lg_sha256_add(&state, o->scheme->b, sizeof o->scheme->b);
     lg_sha256_add(&state, &o->scheme->dexpinv, sizeof o->scheme->dexpinv);
     lg_sha256_finish(&state, hash);
-    return app_format(
-        "%s %s, %s, %llu members, seed %llu, vary %.1000s%s%.500s%s%.500s, sha256 %.16s",
+    (void)snprintf(
+        out, LONGEST, "%s %s, %s, %llu members, seed %llu, vary %.1000s%s%.500s%s%.500s, sha256 %.16s",
         lg_system_name(sim->system), lg_system_form(sim->system) != NULL ? lg_system_form(sim->system) : "",
         o->scheme->name, (unsigned long long)all->total->total, (unsigned long long)sim->self->seed,
         text[0] != '\0' ? text : "nothing", starts != NULL ? ", starts " : "", starts != NULL ? starts : "",
         event != NULL ? ", events " : "", event != NULL ? event : "", hash);
+    return out;
 }
 
 /* ---- running ---- */
@@ -272,14 +269,14 @@ static void open_gatherers(study *all) {
     const size_t threads = (size_t)all->options.threads, room = 1024;
     const size_t parameters = lg_system_parameter_count(all->sim->system);
     const size_t row = all->total->points * all->sim->reported;
-    all->gatherers = app_alloc(threads, sizeof *all->gatherers);
+    all->gatherers = app_keep(threads, sizeof *all->gatherers);
     for (size_t i = 0; i < threads; i++) {
         gatherer *own = &all->gatherers[i];
-        own->invariant = app_alloc(all->invariants * room, sizeof(double));
-        own->start = app_alloc(all->invariants * room, sizeof(double));
-        own->row = app_alloc(row > parameters ? row : parameters, sizeof(double));
-        own->state = app_alloc(all->sim->dim, sizeof(double));
-        own->work = app_alloc(lg_system_work_size(all->sim->system), 1);
+        own->invariant = app_keep(all->invariants * room, sizeof(double));
+        own->start = app_keep(all->invariants * room, sizeof(double));
+        own->row = app_keep(row > parameters ? row : parameters, sizeof(double));
+        own->state = app_keep(all->sim->dim, sizeof(double));
+        own->work = app_keep(lg_system_work_size(all->sim->system), 1);
         if (all->options.varied &&
             lg_system_copy(all->sim->self->context, all->sim->system, &own->system) != LG_OK)
             app_out_of_memory();
@@ -289,12 +286,9 @@ static void open_gatherers(study *all) {
 static void close_gatherers(study *all) {
     for (size_t i = 0; all->gatherers != NULL && i < (size_t)all->options.threads; i++) {
         gatherer *own = &all->gatherers[i];
-        double *const parts[] = {own->invariant, own->start, own->row, own->state, own->work};
-        for (size_t k = 0; k < LG_COUNT(parts); k++) free(parts[k]);
         lg_system_destroy(own->system);
         result_free(&own->part);
     }
-    free(all->gatherers);
 }
 
 static lg_status run(const study *all, const lg_ensemble_options *options, lg_ensemble_keep keep,
@@ -313,7 +307,8 @@ static lg_status run_pilot(study *all, lg_error *error) {
     if (status == LG_OK && total->events > 0)
         status = lg_statistics_create(all->sim->self->context, 1, total->events, BINS, NULL, &total->times);
     if (status != LG_OK)
-        return app_error(error, status, "the statistics of %zu points could not be created", total->points);
+        return app_error(error, status, "the statistics of %zu points could not be created",
+                         (size_t)total->points);
     for (size_t e = 0; e < total->events; e++)
         lg_statistics_set_range(total->times, 0, e, &(lg_statistics_range){0.0, all->sim->t_end, 0.0});
     pilot.first = 0;
@@ -327,7 +322,7 @@ static lg_status like(const result *total, result *part) {
     lg_status status = lg_statistics_create_like(total->states, &part->states);
     if (status == LG_OK && total->times != NULL)
         status = lg_statistics_create_like(total->times, &part->times);
-    part->what = app_format("%s", total->what);
+    part->what = total->what;
     return status;
 }
 
@@ -409,7 +404,7 @@ static int run_and_write(study *all, bool *written, lg_ensemble_stats *stats, lg
 }
 
 /* Called when all ranks have written their parts: rank 0 merges them into one file and prints the results. */
-static int merge_ranks(const study *all, lg_status status) {
+static void merge_ranks(const study *all, lg_status status) {
     app *self = all->sim->self;
     const uint64_t tasks = all->files->task.count;
     const merge_values how = {.plot = all->sim->values->plot};
@@ -418,28 +413,26 @@ static int merge_ranks(const study *all, lg_status status) {
     status = lg_ranks_agree(self->ranks, status, &error);
     app_end_exchanges(self);
     app_must(self, status, &error);
-    if (self->rank > 0) return APP_EXIT_OK;
+    if (self->rank > 0) return;
     APP_FREE const char **parts = app_alloc(tasks, sizeof *parts);
     for (uint64_t i = 0; i < tasks; i++) parts[i] = part_path(out, &(ensemble_task){i, tasks});
-    const int code = merge_parts(self, out, parts, tasks, &how);
-    for (uint64_t i = 0; i < tasks; i++) {
-        if (code == APP_EXIT_OK) (void)remove(parts[i]);
-        free((void *)(uintptr_t)parts[i]);
-    }
-    return code;
+    merge_parts(self, out, parts, tasks, &how);
+    for (uint64_t i = 0; i < tasks; i++) (void)remove(parts[i]);
 }
 
-static int run_and_show(study *all) {
+static void run_and_show(study *all) {
     const app *self = all->sim->self;
     bool written = false;
     lg_ensemble_stats stats;
     lg_status status;
     const int code = run_and_write(all, &written, &stats, &status);
-    if (self->ranks != NULL)
-        return merge_ranks(all, code == APP_EXIT_OK ? LG_OK : status != LG_OK ? status : LG_FILE);
-    if (!written) return code;
-    const int end = ensemble_conclude(self, &(ensemble_run){all->total, &stats, all->files->out});
-    return code != APP_EXIT_OK ? code : end;
+    lg_rows_file_destroy(all->rows);
+    if (self->ranks != NULL) {
+        merge_ranks(all, code == APP_EXIT_OK ? LG_OK : status != LG_OK ? status : LG_FILE);
+        return;
+    }
+    if (written) ensemble_conclude(self, &(ensemble_run){all->total, &stats, all->files->out});
+    if (code != APP_EXIT_OK) app_end(code);
 }
 
 /* ---- choosing what is run ---- */
@@ -500,13 +493,12 @@ static void prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *even
 }
 
 static void study_close(study *all) {
-    lg_rows_file_destroy(all->rows);
     close_gatherers(all);
     vary_close(all->varied);
     result_free(all->total);
 }
 
-int ensemble(simulation *sim, const ensemble_files *files) {
+void ensemble(simulation *sim, const ensemble_files *files) {
     const simulate_values *values = sim->values;
     const char *text = values->vary != NULL ? values->vary : sim->scene.ensemble;
     lg_ensemble_event events[LG_EVENTS_MAX];
@@ -521,5 +513,5 @@ int ensemble(simulation *sim, const ensemble_files *files) {
             sim->self,
             "all members are the same, because nothing varies; give --vary, --starts or the key `ensemble`");
     total.what = describe(&all, text);
-    return run_and_show(&all);
+    run_and_show(&all);
 }

@@ -13,6 +13,7 @@
 void component_name(const simulation *sim, size_t index, char *text, size_t size);
 bool component_find(const simulation *sim, const char *name, size_t *index);
 
+char *trimmed(char *text); /* without blanks at its beginning and end, which is cut off */
 typedef struct vary vary;
 /* `text`: NAME = DISTRIBUTION, ...; `table`: path of a table with one row per member, or NULL. */
 vary *vary_open(const simulation *sim, const char *text, const char *table);
@@ -28,10 +29,9 @@ enum { TASKS_MAX = 1000000 };
 typedef struct ensemble_task {
     uint64_t index, count;
 } ensemble_task;
-/* Path of a part's file: "out.h5" -> "out.part-3-of-8.h5". For the whole ensemble it is `out`. Freed with
- * free. */
+/* Path of a part's file: "out.h5" -> "out.part-3-of-8.h5". For the whole ensemble it is `out`. */
 char *part_path(const char *out, const ensemble_task *task);
-/* Path of the trajectories: "out.h5" -> "out.trajectories.h5". Freed with free. */
+/* Path of the trajectories: "out.h5" -> "out.trajectories.h5". */
 char *rows_path(const char *path);
 /* How many of the members first, first + 1, ..., first + members - 1 are below `saved`. */
 uint64_t rows_among(uint64_t saved, uint64_t first, uint64_t members);
@@ -43,7 +43,6 @@ typedef struct ensemble_files {
     char *out, *trajectories; /* NULL if the file is not written */
 } ensemble_files;
 void ensemble_files_choose(const app *self, const simulate_values *values, ensemble_files *out);
-void ensemble_files_free(ensemble_files *files);
 
 /* ---- results ---- */
 
@@ -62,22 +61,25 @@ typedef struct failure {
 /* The statistics of an ensemble or of a part of it. Parts can be merged in any order. */
 typedef struct result {
     char *what; /* system, method, seed and distributions as a text that all parts of one ensemble share */
-    uint64_t total;          /* members of the whole ensemble */
-    uint64_t first, members; /* members first .. first + members - 1 are in this part */
-    uint64_t block;          /* members per block; each part ends at the end of a block or of the ensemble */
-    uint64_t saved;          /* members 0 .. saved - 1 of the ensemble have trajectories */
-    size_t points, columns, events;
+    union {
+        struct {
+            uint64_t total;          /* members of the whole ensemble */
+            uint64_t first, members; /* members first .. first + members - 1 are in this part */
+            uint64_t block; /* members per block; each part ends at the end of a block or of the ensemble */
+            uint64_t steps, rejected, points, columns, events, listed;
+            uint64_t saved; /* members 0 .. saved - 1 of the ensemble have trajectories */
+        };
+        uint64_t numbers[11]; /* these, as they lie in files */
+    };
     double *t;                   /* (points) */
     column_name *column, *event; /* (columns), (events) */
     lg_statistics *states;       /* (points, columns) */
     lg_statistics *times;        /* (1, events); NULL without events */
-    uint64_t steps, rejected;
-    uint64_t failed[STATUSES]; /* number of failed members by status */
-    size_t listed;
-    failure failures[LISTED]; /* (listed): the failed members with the lowest numbers */
+    uint64_t failed[STATUSES];   /* number of failed members by status */
+    failure failures[LISTED];    /* (listed): the failed members with the lowest numbers */
 } result;
 
-void result_free(result *self);
+void result_free(result *self); /* its statistics; the other memory is kept */
 /* The number of members that failed. */
 uint64_t result_failed(const result *self);
 /* Adds a failure to the list, which is sorted by member and keeps the first LISTED. */
@@ -103,22 +105,22 @@ typedef struct ensemble_run {
     const lg_ensemble_stats *stats; /* NULL if the results were merged from files */
     const char *out;
 } ensemble_run;
-/* Prints the results and warns of members that failed. Returns an exit code; if all members failed, the one
+/* Prints the results and warns of members that failed. If all failed, it ends the command with the exit code
  * of their most frequent status. */
-int ensemble_conclude(const app *self, const ensemble_run *run);
+void ensemble_conclude(const app *self, const ensemble_run *run);
 void ensemble_draw(const app *self, const result *what, const char *path);
 
-/* ensemble.c: runs the ensemble. Returns an exit code, as merge_parts does. Before the end the ranks exchange
- * their statuses, so that a failure of one rank is a failure of all. */
-int ensemble(simulation *sim, const ensemble_files *files);
+/* ensemble.c: runs the ensemble. Before the end the ranks exchange their statuses, so that a failure of one
+ * rank is a failure of all. */
+void ensemble(simulation *sim, const ensemble_files *files);
 /* merge.c: merge_parts writes one file from the parts and prints its results; merge_main is the command
  * lg-simulate merge OUT.h5 PARTS... */
 typedef struct merge_values {
     const char *plot;
     bool statistics_only; /* trajectories are left out */
 } merge_values;
-int merge_parts(const app *self, const char *out, const char *const *paths, size_t count,
-                const merge_values *how);
+void merge_parts(const app *self, const char *out, const char *const *paths, size_t count,
+                 const merge_values *how);
 int merge_main(int argc, char **argv);
 
 #endif

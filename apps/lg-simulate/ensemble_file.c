@@ -3,7 +3,6 @@
 #include "common/train.h"
 #include "lg-simulate/ensemble.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 static const double levels[] = {0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99};
@@ -45,10 +44,7 @@ static void put_cells(const lg_archive_writer *to, const char *prefix, const lg_
 }
 
 static void put_numbers(const lg_archive_writer *to, const result *what) {
-    const uint64_t numbers[] = {what->total,  what->first,    what->members, what->block,
-                                what->steps,  what->rejected, what->points,  what->columns,
-                                what->events, what->listed,   what->saved};
-    const uint64_t dims[] = {LG_COUNT(numbers)}, statuses[] = {STATUSES}, listed[] = {what->listed, 2};
+    const uint64_t dims[] = {LG_COUNT(what->numbers)}, statuses[] = {STATUSES}, listed[] = {what->listed, 2};
     uint64_t list[2 * LISTED];
     double t[LISTED];
     for (size_t i = 0; i < what->listed; i++) {
@@ -56,7 +52,7 @@ static void put_numbers(const lg_archive_writer *to, const result *what) {
         list[2 * i + 1] = what->failures[i].status;
         t[i] = what->failures[i].t;
     }
-    (void)to->array(to->user, "accumulators/numbers", LG_ELEMENT_U64, 1, dims, numbers);
+    (void)to->array(to->user, "accumulators/numbers", LG_ELEMENT_U64, 1, dims, what->numbers);
     (void)to->array(to->user, "failures/by_status", LG_ELEMENT_U64, 1, statuses, what->failed);
     if (what->listed == 0) return;
     (void)to->array(to->user, "failures/member_and_status", LG_ELEMENT_U64, 2, listed, list);
@@ -108,7 +104,7 @@ static lg_status get_names(const lg_archive_reader *from, const char *path, size
     APP_FREE char *text = app_alloc(size, 1);
     size_t i = 0;
     LG_TRY(from->text(from->user, path, text, size));
-    *out = app_alloc(count, sizeof **out);
+    *out = app_keep(count, sizeof **out);
     for (char *rest = NULL, *name = strtok_r(text, "|", &rest); name != NULL && i < count;
          name = strtok_r(NULL, "|", &rest))
         (void)snprintf((*out)[i++], NAME_SIZE, "%s", name);
@@ -167,31 +163,19 @@ static bool check_counts(const result *what) {
 }
 
 static lg_status get_result(const app *self, lg_file_reader *reader, result *out) {
-    enum { NUMBERS = 11, LONGEST = 4096 };
-    uint64_t numbers[NUMBERS] = {0};
-    const uint64_t dims[] = {NUMBERS};
+    enum { LONGEST = 4096 };
+    const uint64_t dims[] = {LG_COUNT(out->numbers)};
     lg_archive_reader from;
     LG_TRY(lg_file_reader_archive(reader, "", &from));
-    LG_TRY(from.array(from.user, "accumulators/numbers", LG_ELEMENT_U64, 1, dims, numbers));
-    *out = (result){.total = numbers[0],
-                    .first = numbers[1],
-                    .members = numbers[2],
-                    .block = numbers[3],
-                    .steps = numbers[4],
-                    .rejected = numbers[5],
-                    .points = numbers[6],
-                    .columns = numbers[7],
-                    .events = numbers[8],
-                    .listed = numbers[9],
-                    .saved = numbers[10]};
+    LG_TRY(from.array(from.user, "accumulators/numbers", LG_ELEMENT_U64, 1, dims, out->numbers));
     if (out->listed > LISTED || out->points < 1 || out->points > 100000000 || out->columns < 1 ||
         out->columns > 10000000 || out->events > LG_EVENTS_MAX || out->members > out->total ||
         out->block < 1 || out->first > out->total - out->members || out->saved > out->total ||
         (double)out->total > MEMBERS_MAX)
         return LG_CHECK_FAILED;
     const uint64_t points[] = {out->points};
-    out->what = app_alloc(LONGEST, 1);
-    out->t = app_alloc(out->points, sizeof *out->t);
+    out->what = app_keep(LONGEST, 1);
+    out->t = app_keep(out->points, sizeof *out->t);
     LG_TRY(from.text(from.user, "ensemble", out->what, LONGEST));
     LG_TRY(from.array(from.user, "t", LG_ELEMENT_F64, 1, points, out->t));
     LG_TRY(get_names(&from, "columns", out->columns, &out->column));

@@ -1,7 +1,6 @@
 /* Chooses the part of an ensemble that a process runs, and the names of its files. */
 #include "lg-simulate/ensemble.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 /* Reads --task. Rank r of R ranks is task r of R. */
@@ -19,16 +18,19 @@ static ensemble_task read_task(const app *self, const char *text) {
     return out;
 }
 
-/* insert("a/out.h5", ".x") returns "a/out.x.h5". Freed with free. */
+/* insert("a/out.h5", ".x") returns "a/out.x.h5". */
 static char *insert(const char *path, const char *text) {
     const char *dot = strrchr(path, '.'), *slash = strrchr(path, '/');
     const bool ending = dot != NULL && (slash == NULL || dot > slash);
     const int stem = (int)(ending ? (size_t)(dot - path) : strlen(path));
-    return app_format("%.*s%s%s", stem, path, text, path + stem);
+    const size_t size = strlen(path) + strlen(text) + 1;
+    char *out = app_keep(size, 1);
+    (void)snprintf(out, size, "%.*s%s%s", stem, path, text, path + stem);
+    return out;
 }
 
 char *part_path(const char *out, const ensemble_task *task) {
-    if (task->count == 0) return app_format("%s", out);
+    if (task->count == 0) return insert(out, "");
     APP_FREE char *which =
         app_format(".part-%llu-of-%llu", (unsigned long long)task->index, (unsigned long long)task->count);
     return insert(out, which);
@@ -48,9 +50,4 @@ void ensemble_files_choose(const app *self, const simulate_values *values, ensem
     if (values->out == NULL) return;
     out->out = part_path(values->out, &out->task);
     if (values->save != NULL) out->trajectories = rows_path(out->out);
-}
-
-void ensemble_files_free(ensemble_files *files) {
-    free(files->out);
-    free(files->trajectories);
 }

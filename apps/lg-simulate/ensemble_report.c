@@ -100,7 +100,7 @@ static void report_ensemble(const app *self, const ensemble_run *run) {
     app_json_end(&out);
 }
 
-int ensemble_conclude(const app *self, const ensemble_run *run) {
+void ensemble_conclude(const app *self, const ensemble_run *run) {
     const result *what = run->what;
     const uint64_t failed = result_failed(what);
     const bool all = failed > 0 && failed == what->total;
@@ -111,9 +111,9 @@ int ensemble_conclude(const app *self, const ensemble_run *run) {
     report_ensemble(self, run);
     for (size_t i = 0; i < STATUSES; i++)
         if (what->failed[i] > what->failed[most]) most = i;
-    return all ? app_fail(self, (lg_status)most, "all %llu members failed: %s", (unsigned long long)failed,
-                          lg_status_sentence((lg_status)most))
-               : APP_EXIT_OK;
+    if (all)
+        app_stop(self, (lg_status)most, "all %llu members failed: %s", (unsigned long long)failed,
+                 lg_status_sentence((lg_status)most));
 }
 
 /* ---- the plot: bands of quantiles over time, histograms of the times of events ---- */
@@ -149,7 +149,7 @@ void ensemble_draw(const app *self, const result *what, const char *path) {
     for (size_t c = 0; c < what->columns && shown < PANELS; c++)
         if (strncmp(what->column[c], "drift of ", 9) != 0) chosen[shown++] = c;
     app_plot_begin(&plot, "ensemble", path);
-    app_plot_text(&plot, "%zu\t%zu", shown, shown + what->events);
+    app_plot_text(&plot, "%zu\t%zu", shown, shown + (size_t)what->events);
     for (size_t i = 0; i < shown; i++) {
         app_plot_text(&plot, "%s", what->column[chosen[i]]);
         put_bands(&plot, what, chosen[i]);

@@ -1,14 +1,9 @@
 /* The statistics of an ensemble or of a part of it: how they are merged and freed. */
 #include "lg-simulate/ensemble.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 void result_free(result *self) {
-    free(self->what);
-    free(self->t);
-    free(self->column);
-    free(self->event);
     lg_statistics_destroy(self->states);
     lg_statistics_destroy(self->times);
     *self = (result){.what = NULL};

@@ -2,7 +2,6 @@
 #include "lg-simulate/simulate.h"
 
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { MAX_TEXT = 1 << 26 };
@@ -40,7 +39,7 @@ void gradient_read(const simulation *sim, gradient *out) {
     const char *given = sim->values->gradient, *bad = NULL;
     size_t count = 0;
     APP_FREE char *text = given[0] == '@' ? read_text(sim->self, given + 1) : app_format("%s", given);
-    *out = (gradient){.count = sim->reported, .weights = app_alloc(sim->dim, sizeof *out->weights)};
+    *out = (gradient){.count = sim->reported, .weights = app_keep(sim->dim, sizeof *out->weights)};
     if (!parse_weights(text, out->weights, sim->reported, &count, &bad))
         app_stop_usage(sim->self, "--gradient: '%.40s' is not a number", bad);
     if (count != sim->reported)
@@ -80,8 +79,8 @@ void gradient_compute(const simulation *sim, const lg_scheme *scheme, const watc
     const lg_coordinates coordinates = lg_system_coordinates_for(scheme);
     functional user = {.sim = sim, .coordinates = coordinates, .weights = out->weights, .steps = seen->steps};
     APP_FREE double *end = app_alloc(sim->dim, sizeof *end);
-    out->dy0 = app_alloc(sim->dim, sizeof *out->dy0);
-    out->dparameters = app_alloc(lg_system_parameter_count(sim->system), sizeof *out->dparameters);
+    out->dy0 = app_keep(sim->dim, sizeof *out->dy0);
+    out->dparameters = app_keep(lg_system_parameter_count(sim->system), sizeof *out->dparameters);
     lg_adjoint_problem_init(&problem);
     problem.scheme = scheme;
     problem.ode = &sim->ode[coordinates];
@@ -105,11 +104,4 @@ void gradient_compute(const simulation *sim, const lg_scheme *scheme, const watc
         app_stop(self, status, "--gradient with %s: %s", scheme->name, app_sentence(status, &error));
     lg_space_project_gradient(lg_system_space(sim->system), sim->scene.state, out->dy0);
     for (size_t i = 0; i < sim->reported; i++) out->j += out->weights[i] * end[i];
-}
-
-void gradient_free(gradient *self) {
-    free(self->weights);
-    free(self->dy0);
-    free(self->dparameters);
-    *self = (gradient){.count = 0};
 }

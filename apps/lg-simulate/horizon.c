@@ -3,7 +3,6 @@
 #include "lg-simulate/simulate.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* Number of times at which two runs are compared, to find when they separate. */
@@ -23,17 +22,11 @@ typedef struct sizes {
 
 static sizes sizes_of(const simulation *sim) {
     const size_t count = sim->block_count;
-    sizes self = {sim, app_alloc(count, sizeof *self.part), app_alloc(count, sizeof *self.largest),
-                  app_alloc(count, sizeof *self.apart)};
+    sizes self = {sim, app_keep(count, sizeof *self.part), app_keep(count, sizeof *self.largest),
+                  app_keep(count, sizeof *self.apart)};
     for (size_t b = 0; b < count; b++)
         while (strcmp(sim->blocks[self.part[b]].key, sim->blocks[b].key) != 0) self.part[b]++;
     return self;
-}
-
-static void sizes_free(sizes *self) {
-    free(self->part);
-    free(self->largest);
-    free(self->apart);
 }
 
 /* into[part] = max(into[part], |x_i - y_i| over the part); y NULL: 0. */
@@ -68,7 +61,8 @@ static double difference(const sizes *self, const double *x, const double *y) {
 /* The first of the compared times at which the runs differ by more than `bound`; t_end if there is none. */
 static double parting(const simulation *sim, plan fine, plan coarse, const sizes *size, double bound) {
     double t[MOMENTS], found = fine.t_end;
-    double *a = app_alloc(2 * MOMENTS * sim->dim, sizeof *a), *b = a + MOMENTS * sim->dim;
+    APP_FREE double *a = app_alloc(2 * MOMENTS * sim->dim, sizeof *a);
+    double *b = a + MOMENTS * sim->dim;
     outcome run;
     lg_error error;
     for (size_t i = 0; i < MOMENTS; i++) t[i] = fine.t_end * ((double)(i + 1) / MOMENTS);
@@ -79,7 +73,6 @@ static double parting(const simulation *sim, plan fine, plan coarse, const sizes
         integrate(sim, &coarse, sim->scene.state, b, &run, &error) == LG_OK)
         for (size_t i = MOMENTS; i-- > 0;)
             if (difference(size, a + i * sim->dim, b + i * sim->dim) > bound) found = t[i];
-    free(a);
     return found;
 }
 
@@ -90,7 +83,7 @@ void horizon_warn(const simulation *sim, const plan *how, const double *y) {
     lg_error error;
     if (how->steps > 0 || coarse_tolerance >= 1) return;
     sizes size = sizes_of(sim);
-    double *end = app_alloc(sim->dim, sizeof *end);
+    APP_FREE double *end = app_alloc(sim->dim, sizeof *end);
     (void)look_at_sizes(&size, 0, 0, sim->scene.state);
     coarse.rtol = coarse_tolerance;
     coarse.atol *= 10;
@@ -107,6 +100,4 @@ void horizon_warn(const simulation *sim, const plan *how, const double *y) {
                      "smaller --tol, or ask for statistics of many runs (--ensemble)",
                      parting(sim, *how, coarse, &size, bound), bound, apart);
     }
-    free(end);
-    sizes_free(&size);
 }

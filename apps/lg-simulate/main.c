@@ -125,8 +125,7 @@ static void check_outputs(const app *self, const ensemble_files *files) {
                               /* Rank 0 merges the parts of all ranks into the file of --out. */
                               {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN},
                               {"plot", values.plot, LG_FILE_DRAWN}};
-    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
-    if (code != APP_EXIT_OK) app_end(code);
+    (void)app_check_outputs(self, paths, LG_COUNT(paths));
 }
 
 /* ---- one run ---- */
@@ -184,9 +183,9 @@ static void run_plan(const report *what, const plan *how, watch *seen, samples *
 static void run_once(const simulation *sim) {
     plan how;
     outcome run = {.t = 0};
-    APP_CLEAN(samples_free) samples path = {0};
-    APP_CLEAN(gradient_free) gradient slope = {0};
-    APP_CLEAN(watch_end) watch seen = {.sim = NULL};
+    samples path = {0};
+    gradient slope = {0};
+    watch seen = {.sim = NULL};
     if (values.plot != NULL && values.plot_kind == PLOT_SPACE && !has_space_plot(sim))
         app_stop_usage(sim->self, "--plot-kind 3d: there is no spatial plot of %s",
                        lg_system_name(sim->system));
@@ -213,8 +212,8 @@ static void run_once(const simulation *sim) {
 }
 
 static int run(app *self) {
-    APP_CLEAN(simulation_close) simulation sim = {.self = NULL};
-    APP_CLEAN(ensemble_files_free) ensemble_files files = {.out = NULL};
+    simulation sim;
+    ensemble_files files = {.out = NULL};
     if (self->rank_count > 1 && values.ensemble == 0)
         app_stop_usage(
             self, "without --ensemble this program runs in one process only, but mpirun started %u processes",
@@ -223,11 +222,13 @@ static int run(app *self) {
     ensemble_files_choose(self, &values, &files);
     check_outputs(self, &files);
     simulation_open(self, &values, self->arguments[0], &sim);
-    if (values.ensemble > 0) return ensemble(&sim, &files);
-    if (values.work_precision)
+    if (values.ensemble > 0)
+        ensemble(&sim, &files);
+    else if (values.work_precision)
         work_precision(&sim);
     else
         run_once(&sim);
+    lg_scene_destroy(&sim.scene);
     return APP_EXIT_OK;
 }
 

@@ -81,18 +81,6 @@ static void read_parts(const app *self, part_list *list, const char *const *path
 
 #define WITHOUT "; --statistics-only merges without trajectories"
 
-static bool same_folder(const char *a, const char *b) {
-    const char *const paths[] = {a, b};
-    char *folders[2];
-    for (int i = 0; i < 2; i++) {
-        const char *slash = strrchr(paths[i], '/');
-        folders[i] = app_format("%.*s.", slash != NULL ? (int)(slash + 1 - paths[i]) : 0, paths[i]);
-    }
-    const bool same = app_same_file(folders[0], folders[1]);
-    for (int i = 0; i < 2; i++) free(folders[i]);
-    return same;
-}
-
 /* Checks that the file has the trajectories of this part and this run, and that it is in the folder of `out`,
  * where the merged file will refer to it. */
 static lg_rows_about check_rows(const app *self, const part *of, const char *path, const char *out) {
@@ -111,7 +99,8 @@ static lg_rows_about check_rows(const app *self, const part *of, const char *pat
             "%s: holds %llu members from number %llu on, but %s has %llu members from number %llu on" WITHOUT,
             path, (unsigned long long)about.rows, (unsigned long long)about.first, of->path,
             (unsigned long long)rows, (unsigned long long)of->is.first);
-    if (!same_folder(path, out))
+    APP_FREE char *folder = app_folder_of(path), *other = app_folder_of(out);
+    if (!app_same_file(folder, other))
         app_stop(self, LG_FILE, "%s: must be in the folder of %s, which refers to it" WITHOUT, path, out);
     return about;
 }
@@ -125,7 +114,7 @@ static void find_rows(const app *self, part_list *list, const char *out) {
                      first->path, (unsigned long long)first->is.saved, of->path,
                      (unsigned long long)of->is.saved);
         if (rows_among(of->is.saved, of->is.first, of->members) == 0) continue;
-        char *path = rows_path(of->path);
+        const char *path = rows_path(of->path);
         const lg_rows_about about = check_rows(self, of, path, out);
         if (list->row_count > 0 && about.dim != list->dim)
             app_stop(self, LG_FORMAT, "%s: holds states of another length", path);
@@ -150,18 +139,14 @@ static void tell_of_unused(const app *self, const part_list *list) {
 
 static void part_list_free(part_list *list) {
     for (size_t i = 0; i < list->count; i++) result_free(&list->parts[i].is);
-    for (size_t i = 0; i < list->row_count; i++) free((void *)(uintptr_t)list->rows[i].path);
-    free(list->parts);
-    free((void *)list->given);
-    free(list->rows);
 }
 
-int merge_parts(const app *self, const char *out, const char *const *paths, size_t count,
-                const merge_values *how) {
+void merge_parts(const app *self, const char *out, const char *const *paths, size_t count,
+                 const merge_values *how) {
     APP_CLEAN(part_list_free) part_list list = {.count = 0};
-    list.parts = app_alloc(count, sizeof *list.parts);
-    list.given = app_alloc(count, sizeof *list.given);
-    list.rows = app_alloc(count, sizeof *list.rows);
+    list.parts = app_keep(count, sizeof *list.parts);
+    list.given = app_keep(count, sizeof *list.given);
+    list.rows = app_keep(count, sizeof *list.rows);
     read_parts(self, &list, paths, count);
     check_whole(self, &list);
     result *whole = &list.parts[0].is;
@@ -176,7 +161,7 @@ int merge_parts(const app *self, const char *out, const char *const *paths, size
     const result_rows rows = {list.rows, list.row_count, list.dim};
     APP_MUST_FILE(self, out, result_write(self, out, whole, list.row_count > 0 ? &rows : NULL, &error));
     if (how->plot != NULL) ensemble_draw(self, whole, how->plot);
-    return ensemble_conclude(self, &(ensemble_run){whole, NULL, out});
+    ensemble_conclude(self, &(ensemble_run){whole, NULL, out});
 }
 
 static int run(app *self) {
@@ -186,9 +171,9 @@ static int run(app *self) {
     memmove((void *)self->arguments, self->arguments + 1,
             (size_t)self->argument_count * sizeof *self->arguments);
     const app_path paths[] = {{NULL, out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
-    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
-    if (code != APP_EXIT_OK) return code;
-    return merge_parts(self, out, self->arguments, (size_t)self->argument_count, &values);
+    (void)app_check_outputs(self, paths, LG_COUNT(paths));
+    merge_parts(self, out, self->arguments, (size_t)self->argument_count, &values);
+    return APP_EXIT_OK;
 }
 
 int merge_main(int argc, char **argv) {

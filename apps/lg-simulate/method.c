@@ -2,7 +2,6 @@
  * system. */
 #include "lg-simulate/simulate.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 /* ---- which methods apply ---- */

@@ -1,7 +1,6 @@
 /* Plots of a run: components, drift of the invariants, distance from the manifold, step sizes; and in
  * space the links of a chain, the axis of a top, the angular momentum or the attitude of a body,
  * quadrotors. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-simulate/simulate.h"
@@ -70,7 +69,7 @@ static void put_components(drawing *to, const char *key) {
     for (size_t i = 0; i < sim->block_count; i++) all += strcmp(sim->blocks[i].key, key) == 0;
     size_t shown = fit < MAX_BLOCKS ? fit : MAX_BLOCKS;
     if (all < shown) shown = all;
-    lg_text title = app_text();
+    APP_CLEAN(lg_text_destroy) lg_text title = app_text();
     lg_text_add(&title, "components of %s", shown == all ? symbol_of(key) : "");
     for (size_t k = 0; k < shown; k++) {
         of[k] = find_block(sim, key, shown > 1 ? 1 + k * (all - 1) / (shown - 1) : 1);
@@ -80,7 +79,6 @@ static void put_components(drawing *to, const char *key) {
     const size_t each = width < MAX_CURVES ? width : MAX_CURVES;
     app_plot_text(&to->plot, "components\t%s\t%s%s\t%zu", title.data, symbol_of(key), unit_of(sim, key),
                   shown * each);
-    free(title.data);
     for (size_t k = 0; k < shown; k++)
         for (size_t c = 0; c < each; c++) {
             put_symbol(to, of[k], c);

@@ -3,7 +3,6 @@
 #include "lg-simulate/simulate.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* A run is repeated until MIN_SECONDS of CPU time have passed, and the fastest repetition counts. A method is
@@ -95,7 +94,8 @@ static void find_reference(diagram *d) {
 /* Measures one point of a curve. If it fails, the point is left out, because with coarse steps a state may
  * overflow. */
 static lg_status measure(const diagram *d, const plan *how, point *out) {
-    double *y = app_alloc(d->sim->dim, sizeof *y), spent = 0;
+    APP_FREE double *y = app_alloc(d->sim->dim, sizeof *y);
+    double spent = 0;
     outcome run;
     lg_status status = LG_OK;
     out->seconds = HUGE_VAL;
@@ -109,7 +109,6 @@ static lg_status measure(const diagram *d, const plan *how, point *out) {
     out->evaluations = run.stats.evaluations;
     out->tol = how->steps > 0 ? 0 : how->rtol;
     out->error = distance(d, y, d->y);
-    free(y);
     return status == LG_OK && !isfinite(out->error) ? LG_NOT_FINITE : status;
 }
 
@@ -260,16 +259,14 @@ static void fill(diagram *d) {
 
 static void diagram_free(diagram *d) {
     for (size_t c = 0; c < d->count; c++) method_free(&d->curves[c].what);
-    free(d->curves);
-    free(d->y);
 }
 
 void work_precision(simulation *sim) {
     const bool flat = lg_space_is_abelian(lg_system_space(sim->system));
     APP_CLEAN(diagram_free)
     diagram d = {.sim = sim, .reference = flat ? "dp54" : "rkmk54", .tol = 1e-13, .size = 1};
-    d.y = app_alloc(sim->dim, sizeof *d.y);
-    d.curves = app_alloc(CURVES + 1, sizeof *d.curves);
+    d.y = app_keep(sim->dim, sizeof *d.y);
+    d.curves = app_keep(CURVES + 1, sizeof *d.curves);
     choose_methods(&d);
     find_reference(&d);
     fill(&d);

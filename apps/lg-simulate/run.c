@@ -3,7 +3,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
@@ -58,7 +57,7 @@ static lg_status keep_rows(const runner *run, double t, double h, const double *
 static lg_status run_fixed(runner *run, const double *y0, double *rows) {
     const plan *how = run->how;
     const double h = how->t_end / (double)how->steps;
-    double *y = app_alloc(run->dim, sizeof *y);
+    APP_FREE double *y = app_alloc(run->dim, sizeof *y);
     size_t row = 0;
     lg_status status = LG_OK;
     memcpy(y, y0, run->dim * sizeof *y);
@@ -74,7 +73,6 @@ static lg_status run_fixed(runner *run, const double *y0, double *rows) {
     }
     /* The last row is the end of the last step, even if its time differs by rounding. */
     if (status == LG_OK) memcpy(rows + (how->count - 1) * run->dim, y, run->dim * sizeof *y);
-    free(y);
     run->out->stats.evaluations = lg_stepper_evaluations(run->stepper);
     return status;
 }

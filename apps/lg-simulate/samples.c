@@ -3,7 +3,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdlib.h>
 
 /* Default numbers of points: POINTS, or POINTS_OF_STEPS for equal steps; fewer if the states of all
  * points would have more than NUMBERS numbers. */
@@ -17,8 +16,8 @@ static size_t default_points(const simulation *sim, size_t points) {
 /* Allocates rows for the start, `inner` times in between, and t_end. */
 static void allocate(const simulation *sim, size_t inner, samples *out) {
     *out = (samples){.count = inner + 2, .kept = inner + 2};
-    out->t = app_alloc(out->count, sizeof *out->t);
-    out->y = app_alloc(out->count, sim->dim * sizeof *out->y);
+    out->t = app_keep(out->count, sizeof *out->t);
+    out->y = app_keep(out->count, sim->dim * sizeof *out->y);
     out->t[out->count - 1] = sim->t_end;
 }
 
@@ -76,10 +75,4 @@ void samples_choose(const simulation *sim, const plan *how, bool wanted, samples
     else
         equidistant(sim, values->points > 0 ? (size_t)values->points : default_points(sim, POINTS), out);
     check_steps(sim, how, out);
-}
-
-void samples_free(samples *self) {
-    free(self->t);
-    free(self->y);
-    *self = (samples){.count = 0};
 }

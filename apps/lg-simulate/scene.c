@@ -21,7 +21,7 @@ static void make_blocks(simulation *sim) {
     size_t count = 0;
     for (const lg_state_entry *row = rows; row != NULL && row->key != NULL; row++)
         count += outer_count(sim, row);
-    sim->blocks = app_alloc(count, sizeof *sim->blocks);
+    sim->blocks = app_keep(count, sizeof *sim->blocks);
     for (const lg_state_entry *row = rows; row != NULL && row->key != NULL; row++)
         for (size_t i = 0, n = outer_count(sim, row); i < n; i++) {
             const block at = {row->key, row->outer == 1 ? 0 : i + 1, row->first + i * row->stride,
@@ -96,18 +96,10 @@ void simulation_open(app *self, const simulate_values *values, const char *path,
     if (values->ensemble == 0) app_scene_start(self, scene, path);
     out->dim = lg_system_dim(out->system);
     out->reported = lg_system_reported(out->system);
-    out->work = app_alloc(lg_system_work_size(out->system), 1);
+    out->work = app_keep(lg_system_work_size(out->system), 1);
     for (int i = 0; i < 2; i++)
         app_must(self, lg_system_ode(out->system, (lg_coordinates)i, &out->ode[i], &out->user[i], out->work),
                  NULL);
     make_blocks(out);
     choose_t_end(out, path);
-}
-
-void simulation_close(simulation *sim) {
-    if (sim->self == NULL) return;
-    lg_scene_destroy(&sim->scene);
-    free(sim->work);
-    free(sim->blocks);
-    *sim = (simulation){.self = NULL};
 }

@@ -57,7 +57,6 @@ typedef struct simulation {
 
 /* Reads the scene and checks --t-end and --times. */
 void simulation_open(app *self, const simulate_values *values, const char *path, simulation *out);
-void simulation_close(simulation *sim); /* a zeroed simulation is allowed */
 
 /* Writes the name of a block, such as "q2" or "R". */
 void block_name(const block *at, char *text, size_t size);
@@ -151,7 +150,6 @@ void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded,
 lg_status watch_step(void *self, double t, double h, const double *y);
 /* Warns if the steps are too long: a rotation by more than pi in a step, or a change of the energy. */
 void watch_warn(const watch *self, const plan *how, const outcome *run);
-void watch_end(watch *self);
 
 /* ---- times at which states are kept (samples.c) ---- */
 
@@ -165,7 +163,6 @@ typedef struct samples {
 /* Chooses the times from --points, --times, or the steps of the method. Without `wanted`, only the start and
  * the end. */
 void samples_choose(const simulation *sim, const plan *how, bool wanted, samples *out);
-void samples_free(samples *self);
 
 /* ---- results ---- */
 
@@ -182,7 +179,6 @@ typedef struct gradient {
  * the recorded steps. */
 void gradient_read(const simulation *sim, gradient *out);
 void gradient_compute(const simulation *sim, const lg_scheme *scheme, const watch *seen, gradient *out);
-void gradient_free(gradient *self);
 
 typedef struct report {
     const simulation *sim;

@@ -3,7 +3,6 @@
 #include "lg-simulate/ensemble.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "liegrad/geometry.h"
@@ -98,9 +97,8 @@ struct vary {
 static void add_item(vary *self, vary_item item, bool parameter, size_t offset, size_t count) {
     if (self->count == self->room) {
         self->room = self->room > 0 ? 2 * self->room : 16;
-        vary_item *more = app_alloc(self->room, sizeof *more);
+        vary_item *more = app_keep(self->room, sizeof *more);
         if (self->count > 0) memcpy(more, self->items, self->count * sizeof *more);
-        free(self->items);
         self->items = more;
     }
     item.parameter = parameter;
@@ -151,7 +149,7 @@ static void refuse_name(const simulation *sim, const char *option, const char *n
                    option, name, known.length > 0 ? known.data : "", lg_system_layout(sim->system), own);
 }
 
-static char *trimmed(char *text) {
+char *trimmed(char *text) {
     while (*text == ' ') text++;
     for (size_t n = strlen(text); n > 0 && text[n - 1] == ' '; n--) text[n - 1] = '\0';
     return text;
@@ -216,7 +214,7 @@ static void read_table(vary *self, const char *path) {
     APP_CLEAN(lg_table_names_destroy) lg_table_names names = {.count = 0};
     APP_MUST_FILE(sim->self, path, lg_table_names_read(sim->self->context, path, NULL, &names, &error));
     APP_FREE const char **chosen = app_alloc(names.count, sizeof *chosen);
-    self->column = app_alloc(names.count, sizeof *self->column);
+    self->column = app_keep(names.count, sizeof *self->column);
     for (uint32_t i = 0; i < names.count; i++) {
         size_t index = 0;
         chosen[i] = names.name[i];
@@ -235,7 +233,7 @@ static void read_table(vary *self, const char *path) {
 }
 
 vary *vary_open(const simulation *sim, const char *text, const char *table) {
-    vary *self = app_alloc(1, sizeof *self);
+    vary *self = app_keep(1, sizeof *self);
     APP_FREE char *copy = app_format("%s", text);
     *self = (vary){.sim = sim, .seed = sim->self->seed};
     for (char *rest = NULL, *item = strtok_r(copy, ",", &rest); item != NULL;
@@ -246,11 +244,7 @@ vary *vary_open(const simulation *sim, const char *text, const char *table) {
 }
 
 void vary_close(vary *self) {
-    if (self == NULL) return;
-    lg_table_data_destroy(&self->table);
-    free(self->column);
-    free(self->items);
-    free(self);
+    if (self != NULL) lg_table_data_destroy(&self->table);
 }
 
 bool vary_parameters(const vary *self) {

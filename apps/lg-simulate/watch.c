@@ -2,7 +2,6 @@
 #include "lg-simulate/simulate.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { TRACE_MAX = 4096 };
@@ -12,10 +11,9 @@ static double larger(double a, double b) {
     return isnan(a) || a > b ? a : b; /* if b is NaN, a > b is false */
 }
 
-static double *grown(double *old, size_t used, size_t room) {
-    double *new = app_alloc(room, sizeof *new);
+static double *grown(const double *old, size_t used, size_t room) {
+    double *new = app_keep(room, sizeof *new);
     if (used > 0) memcpy(new, old, used * sizeof *new);
-    free(old);
     return new;
 }
 
@@ -83,14 +81,14 @@ static void look_at_kinetic(watch *self, const double *y) {
 void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0) {
     *self = (watch){.sim = sim, .traced = traced, .recorded = recorded};
     self->invariants = lg_system_invariants(sim->system);
-    self->work = app_alloc(lg_system_work_size(sim->system), 1);
-    self->start = app_alloc(self->invariants, sizeof *self->start);
-    self->end = app_alloc(self->invariants, sizeof *self->end);
-    self->drift = app_alloc(self->invariants, sizeof *self->drift);
+    self->work = app_keep(lg_system_work_size(sim->system), 1);
+    self->start = app_keep(self->invariants, sizeof *self->start);
+    self->end = app_keep(self->invariants, sizeof *self->end);
+    self->drift = app_keep(self->invariants, sizeof *self->drift);
     self->trace = (trace){.width = 3 + self->invariants, .stride = 1};
     for (size_t i = 0; i < self->invariants; i++) self->start[i] = self->end[i] = invariant(self, i, y0);
     self->manifold = lg_space_manifold_error(lg_system_space(sim->system), y0);
-    self->rest = app_alloc(sim->dim, sizeof *self->rest);
+    self->rest = app_keep(sim->dim, sizeof *self->rest);
     self->energetic = self->invariants > 0 && strcmp(lg_system_invariant_name(sim->system, 0), "energy") == 0;
     if (self->energetic) look_at_kinetic(self, y0);
 }
@@ -152,16 +150,4 @@ void watch_warn(const watch *self, const plan *how, const outcome *run) {
                  "the energy, which is constant, changes by %.3g; the largest kinetic energy is %.3g: the "
                  "result is far from the solution; give %s",
                  drift, self->kinetic, how->steps > 0 ? "more --steps" : "a smaller --tol");
-}
-
-void watch_end(watch *self) {
-    free(self->rest);
-    free(self->work);
-    free(self->start);
-    free(self->end);
-    free(self->drift);
-    free(self->trace.rows);
-    free(self->t);
-    free(self->h);
-    *self = (watch){.sim = NULL};
 }

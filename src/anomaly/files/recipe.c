@@ -384,7 +384,6 @@ void lg_detector_tell_training(lg_training *self, const char *method, uint32_t c
     const lg_detector_state *s = self->state;
     const lg_detector_run *run = self->run;
     const lg_series *series = &s->all.data.series;
-    lg_detector_tell(self, &s->judged, run->hop, series->rate);
     lg_result_real(self, "train_accuracy", s->train_judged.metrics.accuracy, "of the training part");
     lg_result_real(self, "train_f1", s->train_judged.metrics.f1, "of the training part");
     lg_result_real(self, "train_seconds", self->seconds, NULL);
@@ -434,6 +433,7 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
                                           .error = 1.0 - s->train_judged.metrics.accuracy,
                                           .guessed = rare_share(&s->train_judged)};
     LG_TRY(judge_units(self, theta, &dead, error));
+    lg_detector_tell(self, &s->judged, run->hop, series->rate);
     lg_detector_tell_training(self, "cnn", series->classes, series->class_name);
     lg_result_real(self, "mse", s->judged.mse, "of the test part");
     lg_result_real(self, "train_mse", s->train_judged.mse, "of the training part");
