@@ -139,36 +139,29 @@ static bool is_output(const char *function, const char *rate) {
     return rate == NULL || strcmp(rate, function) != 0;
 }
 
-static bool refuse_size(const block *b) {
-    (void)app_usage(b->self,
-                    "the functions do not fit into one block: a block has at most %d variables, and "
-                    "inputs of the same name must have the same size; choose with --functions",
-                    MOST_PORTS);
-    return false;
+/* Checks that what was added fits into the block. */
+static void must_fit(const block *b, bool fits) {
+    if (!fits)
+        app_stop_usage(b->self,
+                       "the functions do not fit into one block: a block has at most %d variables, and "
+                       "inputs of the same name must have the same size; choose with --functions",
+                       MOST_PORTS);
 }
 
-/* Rejects a function of --functions that only the rate calls. */
-static bool refuse_part(const block *b, const char *function, const char *rate) {
-    if (b->source->options->functions == NULL || strcmp(function, rate) == 0 || strcmp(function, "step") == 0)
-        return false;
-    (void)app_usage(b->self, "--functions: %s is a part of the rate %s, not an output of a block", function,
-                    rate);
-    return true;
+/* Adds a function as an output if its shapes allow this. Rejects a function of --functions that only the rate
+ * calls. */
+static void take_function(block *b, const char *function, const char *rate) {
+    const bool output = is_output(function, rate), given = b->source->options->functions != NULL;
+    if (!output && given && strcmp(function, rate) != 0 && strcmp(function, "step") != 0)
+        app_stop_usage(b->self, "--functions: %s is a part of the rate %s, not an output of a block",
+                       function, rate);
+    if (!output || !is_usual(b, function)) return;
+    if (b->part_count == MOST_FUNCTIONS)
+        app_stop_usage(b->self, "a block has at most %d functions; choose with --functions", MOST_FUNCTIONS);
+    must_fit(b, add_outputs(b, function));
 }
 
-/* Adds a function as an output if its shapes allow this. Prints a message and returns false if the function
- * must not be an output or does not fit. */
-static bool take_function(block *b, const char *function, const char *rate) {
-    if (!is_output(function, rate)) return !refuse_part(b, function, rate);
-    if (!is_usual(b, function)) return true;
-    if (b->part_count == MOST_FUNCTIONS) {
-        (void)app_usage(b->self, "a block has at most %d functions; choose with --functions", MOST_FUNCTIONS);
-        return false;
-    }
-    return add_outputs(b, function) || refuse_size(b);
-}
-
-int block_collect(block *b, bool derivatives) {
+void block_collect(block *b, bool derivatives) {
     static const char *const rates[] = {"velocity", "field", "rate", NULL};
     static const char *const usual[] = {"value", "positions", "velocities", NULL};
     const char *rate = NULL;
@@ -176,17 +169,15 @@ int block_collect(block *b, bool derivatives) {
     b->derivatives = derivatives;
     for (size_t i = 0; rates[i] != NULL && rate == NULL && !b->source->maps; i++)
         if (is_rate(b, rates[i])) rate = rates[i];
-    bool fits = rate == NULL || add_rate(b, rate) || refuse_size(b);
+    must_fit(b, rate == NULL || add_rate(b, rate));
     char *chosen = export_choose(b->self, b->source->options, b->program, usual);
-    if (chosen == NULL) return APP_EXIT_USAGE;
-    for (char *save = NULL, *name = strtok_r(chosen, ",", &save); name != NULL && fits;
+    for (char *save = NULL, *name = strtok_r(chosen, ",", &save); name != NULL;
          name = strtok_r(NULL, ",", &save))
-        fits = take_function(b, name, rate);
+        take_function(b, name, rate);
     free(chosen);
-    fits = fits && (add_variable(b, "longest_step", NULL, PARAMETER, &at) || refuse_size(b));
+    must_fit(b, add_variable(b, "longest_step", NULL, PARAMETER, &at));
     b->step = b->rate && fits_step(b);
     if (b->step) use(b, "step");
-    return fits ? APP_EXIT_OK : APP_EXIT_USAGE;
 }
 
 /* ---- C code ---- */

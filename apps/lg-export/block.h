@@ -43,7 +43,7 @@ typedef struct block {
 
 /* Finds the variables and functions of the program, and adds derivatives if `derivatives`. Returns an exit
  * code; on failure a message has been printed. */
-int block_collect(block *b, bool derivatives);
+void block_collect(block *b, bool derivatives);
 void block_free(block *b);
 /* Returns whether all functions have a forward derivative (or an adjoint one if `forward` is false). */
 bool block_has(const block *b, bool forward);

@@ -54,8 +54,8 @@ lg_status export_c(export_source *source, lg_program *program, const lg_c_option
     return LG_OK;
 }
 
-int export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
-                  size_t count) {
+void export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
+                   size_t count) {
     APP_FREE size_t *chosen = app_alloc(count, sizeof *chosen);
     APP_FREE const char **names = app_alloc(count, sizeof *names);
     APP_FREE bool *hidden = app_alloc(count, sizeof *hidden);
@@ -79,7 +79,5 @@ int export_bundle(const app *self, export_source *source, lg_program *program, e
     if (status == LG_OK) lg_text_add(&source->code, "\n");
     if (status == LG_NOT_FINITE) source->weights.unfit = true; /* export_write reports it. */
     lg_c_source_destroy(c);
-    return status == LG_OK || status == LG_NOT_FINITE
-               ? APP_EXIT_OK
-               : app_fail_file(self, status, &error, source->options->file);
+    if (status != LG_NOT_FINITE) app_must_file(self, status, &error, source->options->file);
 }

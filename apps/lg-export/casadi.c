@@ -381,31 +381,27 @@ static size_t split(char *list, char **names, size_t most) {
     return count;
 }
 
-static int build(const app *self, const char *path, lg_program *program, export_source *source) {
+static void build(const app *self, const char *path, lg_program *program, export_source *source) {
     static const char *const usual[] = {"value", "field", "velocity", "step", NULL};
     const size_t most = lg_program_functions(program);
     job j = {.self = self, .program = program, .source = source, .symbols = app_text()};
     char *chosen = export_choose(self, source->options, program, usual);
-    if (chosen == NULL) return APP_EXIT_USAGE;
     APP_FREE char **functions = app_alloc(most, sizeof *functions);
     char *(*derived)[DERIVATIVES] = app_alloc(most, sizeof *derived);
     const size_t count = split(chosen, functions, most);
     text list = app_text();
     for (size_t i = 0; i < count; i++) derive(&j, functions[i], derived[i], &list);
     source->prefix = "c_";
-    const int code = export_whole(self, path, program, list.data, source);
-    if (code == APP_EXIT_OK) {
-        export_add_rules(source, "libNAME_.so", rules);
-        export_compose(source);
-        write_file(&j, functions, derived, count);
-    }
+    export_whole(self, path, program, list.data, source);
+    export_add_rules(source, "libNAME_.so", rules);
+    export_compose(source);
+    write_file(&j, functions, derived, count);
     for (size_t i = 0; i < count; i++)
         for (size_t k = 0; k < DERIVATIVES; k++) free(derived[i][k]);
     lg_text_destroy(&j.symbols);
     lg_text_destroy(&list);
     free(derived);
     free(chosen);
-    return code;
 }
 
 const export_target export_target_casadi = {.build = build, .wide = "CasADi computes"};

@@ -216,17 +216,16 @@ typedef struct export_function {
 lg_status export_c(export_source *source, lg_program *program, const lg_c_options *how, int skip,
                    lg_c_source **out, lg_error *error);
 /* Adds the same for the given functions, written with loops; the program must have all of them. If a number
- * does not fit the exported type, export_write reports it later. Returns an exit code; on failure a message
- * has been printed. */
-int export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
-                  size_t count);
+ * does not fit the exported type, export_write reports it later. */
+void export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
+                   size_t count);
 /* Rounds all parameters of the program to the exported type. */
 lg_status export_round_parameters(export_source *source, lg_program *program);
 
 /* ---- checks of moving models (motion.c, machine/machine_words.c) ---- */
 
 /* Refuses a scheme that has no explicit step on the space: prints a message and returns APP_EXIT_USAGE. */
-int export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme);
+void export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme);
 /* Warns if the model's inputs act later than they are logged. */
 void export_warn_delay(const app *self, const export_source *source);
 
@@ -257,28 +256,28 @@ lg_status export_amplification(lg_program *program, size_t function, const doubl
 
 /* ---- models that are exported without faces (golden vectors included) ---- */
 
-/* These functions return an exit code; on failure a message has been printed. The caller sets
- * `source->options`. */
-int export_classifier(const app *self, const char *path, export_source *source);
-int export_program(const app *self, const char *path, export_source *source);
+/* A failure ends the command. The caller sets `source->options`. */
+void export_classifier(const app *self, const char *path, export_source *source);
+void export_program(const app *self, const char *path, export_source *source);
 /* A controller: `control` and what else --functions names, with a closed loop in the self-test
  * (policy/policy.c). export_policy_words describes it, for every target. */
-int export_policy(const app *self, const char *path, export_source *source);
-int export_policy_words(const app *self, const char *path, export_source *source);
+void export_policy(const app *self, const char *path, export_source *source);
+void export_policy_words(const app *self, const char *path, export_source *source);
 /* Exports functions of a program (`functions`: names separated by commas; NULL: all) under their own names,
  * with source->prefix before them. `path`: the model's file. */
-int export_whole(const app *self, const char *path, lg_program *program, const char *functions,
-                 export_source *source);
+void export_whole(const app *self, const char *path, lg_program *program, const char *functions,
+                  export_source *source);
 
 /* ---- targets: exports for other tools (one file each) ---- */
 
 /* Warns that a file of an unknown kind is not a model, and says why (load.c). */
 void export_warn_program(const app *self, const lg_error *why);
 /* Loads a model of any kind as a program, and sets the initial state and the step of `source` (load.c). */
-int export_load(const app *self, const char *path, const char *kind, export_source *source, lg_program **out);
+void export_load(const app *self, const char *path, const char *kind, export_source *source,
+                 lg_program **out);
 /* Loads a scene of lg-simulate as a program. `tunable`: the scene's parameters become inputs (scene.c). */
-int export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
-                      lg_program **out);
+void export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
+                       lg_program **out);
 /* Returns the inputs or outputs of a function of a program; NULL, with *count 0, if there is no such
  * function. */
 const lg_port *export_ports(const lg_program *program, const char *function, bool outputs, size_t *count);
@@ -297,8 +296,8 @@ char *export_derive(const app *self, lg_program *program, lg_derivative_kind kin
 /* A target: a row, which stands in the target's own file. The list of all targets is in main.c. */
 typedef struct export_target {
     /* Makes the files from the model's program. NULL (targets of plain C): the model's faces or functions are
-     * written as C instead. Returns an exit code; on failure a message has been printed. */
-    int (*build)(const app *self, const char *path, lg_program *program, export_source *source);
+     * written as C instead. */
+    void (*build)(const app *self, const char *path, lg_program *program, export_source *source);
     void (*add)(export_source *source); /* Adds files besides the C files; may be NULL. */
     bool tunable;                       /* Parameters of a scene become inputs. */
     /* Why the target needs double precision ("an FMU computes"): --dtype f32 is refused with these words; or
@@ -337,8 +336,7 @@ void export_compose(export_source *source);
 /* Writes the files to folder `out`: first to a temporary folder, then they are renamed. If `out` does not
  * exist or is empty, it gets all files or none. In any other folder the files are replaced one by one after
  * all of them are written. An existing file is replaced only if it holds the words by which lg-export marks
- * its files for this name. A model with numbers or golden vectors that are not finite is refused. Returns an
- * exit code; on failure a message has been printed. */
-int export_write(const app *self, const export_source *source, const char *out);
+ * its files for this name. A model with numbers or golden vectors that are not finite is rejected. */
+void export_write(const app *self, const export_source *source, const char *out);
 
 #endif

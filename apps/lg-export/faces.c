@@ -93,17 +93,15 @@ static size_t depth_of(const export_model *m) {
     return depth;
 }
 
-static int add_code(export_model *m) {
+static void add_code(export_model *m) {
     export_source *source = m->source;
-    const int code = export_bundle(m->self, source, m->program, m->functions, m->count);
-    if (code != APP_EXIT_OK) return code;
+    export_bundle(m->self, source, m->program, m->functions, m->count);
     source->depth = depth_of(m);
     for (size_t i = 0; i < m->face_count; i++) {
         if (m->faces[i]->code != NULL) m->faces[i]->code(m);
         source->stack += m->faces[i]->stack;
         source->calls += m->faces[i]->calls;
     }
-    return APP_EXIT_OK;
 }
 
 /* ---- golden vectors ---- */
@@ -231,19 +229,18 @@ static size_t parameters_of(const lg_program *program) {
     return sum;
 }
 
-static int write_model(export_model *m) {
+static void write_model(export_model *m) {
     lg_error error = {LG_OK, ""};
-    int code = add_code(m);
-    if (code != APP_EXIT_OK) return code;
+    add_code(m);
     lg_status status = add_golden(m);
     if (status != LG_OK)
-        return app_fail(m->self, status, "%s: golden vectors of its field and step: %s",
-                        m->source->options->file, lg_status_sentence(status));
+        app_stop(m->self, status == LG_NOT_FINITE ? LG_FILE : status,
+                 "%s: golden vectors of its field and step: %s", m->source->options->file,
+                 lg_status_sentence(status));
     status = m->kind->condition != NULL ? m->kind->condition(m, &error) : export_measure_condition(m, &error);
-    if (status != LG_OK) return app_fail_file(m->self, status, &error, m->source->options->file);
+    app_must_file(m->self, status, &error, m->source->options->file);
     m->kind->tell(m);
     export_warn_delay(m->self, m->source);
-    return APP_EXIT_OK;
 }
 
 /* Sets the sizes that the library knows about the model. */
@@ -270,32 +267,28 @@ static void measure(export_model *m) {
 }
 
 /* Checks the scheme and the model before the program is made. */
-static int check(export_model *m) {
+static void check(export_model *m) {
     const lg_scheme *scheme = m->source->options->scheme;
-    int code = APP_EXIT_OK;
     if (m->space != NULL && scheme != NULL)
-        code = export_check_scheme(m->self, m->space, has_function(lg_model_program(m->file->model), "force"),
-                                   scheme);
-    return code == APP_EXIT_OK && m->kind->begin != NULL ? m->kind->begin(m) : code;
+        export_check_scheme(m->self, m->space, has_function(lg_model_program(m->file->model), "force"),
+                            scheme);
+    if (m->kind->begin != NULL) m->kind->begin(m);
 }
 
-int export_faces(const app *self, const lg_model_file *file, export_source *source, bool *none) {
+void export_faces(const app *self, const lg_model_file *file, export_source *source, bool *none) {
     export_model m = {.self = self, .file = file, .kind = export_kind_of(file->recipe), .source = source};
-    lg_error error = {LG_OK, ""};
     measure(&m);
-    int code = check(&m);
-    if (code != APP_EXIT_OK) return code;
+    check(&m);
     if (m.kind->words != NULL) m.kind->words(file->contents, source);
-    const lg_status status = lg_model_file_program(file, source->options->scheme, &m.program, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
+    APP_MUST_FILE(self, self->arguments[0],
+                  lg_model_file_program(file, source->options->scheme, &m.program, &error));
     choose(&m);
     *none = m.face_count == 0;
     m.input = app_alloc(m.forces + 1, sizeof *m.input);
     m.work = app_alloc(lg_model_work_size(file->model), 1);
-    if (!*none) code = write_model(&m);
+    if (!*none) write_model(&m);
     export_evaluation_close(&m.probability);
     free(m.work);
     free(m.input);
     lg_program_destroy(m.program);
-    return code;
 }

@@ -69,8 +69,8 @@ struct export_kind {
     /* Describes the state, the input and the range of the data in words, and sets the data's dt; used for
      * every target. */
     void (*words)(const void *contents, export_source *source);
-    /* Refuses a model that cannot be exported, and adds sizes of its kind. Returns an exit code. */
-    int (*begin)(export_model *m);
+    /* Refuses a model that cannot be exported, and adds sizes of its kind. */
+    void (*begin)(export_model *m);
     /* Draws input x of golden vector `v`. NULL: a random start on the space, or numbers within the ranges of
      * the program's ports. */
     void (*draw)(export_model *m, double *x, size_t v);
@@ -102,9 +102,8 @@ EXPORT_KIND_LIST(EXPORT_KIND_ROW)
 const export_kind *export_kind_of(const lg_recipe *recipe);
 
 /* Writes the C of a model that has at least one face, with golden vectors and a description. Sets *none if
- * the model has no face; nothing is written then. Returns an exit code; on failure a message has been
- * printed. */
-int export_faces(const app *self, const lg_model_file *file, export_source *source, bool *none);
+ * the model has no face; nothing is written then. */
+void export_faces(const app *self, const lg_model_file *file, export_source *source, bool *none);
 
 /* ---- functions for rows of faces and kinds ---- */
 

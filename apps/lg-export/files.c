@@ -501,7 +501,7 @@ static lg_status refuse_unfit(const export_source *source, const char *does, lg_
         does, source->options->dtype == LG_F32 ? " in single precision: export it with --dtype f64" : "");
 }
 
-int export_write(const app *self, const export_source *source, const char *out) {
+void export_write(const app *self, const export_source *source, const char *out) {
     lg_error error = {LG_OK, ""};
     APP_FREE char *folder = app_format("%s", out);
     for (size_t n = strlen(folder); n > 1 && folder[n - 1] == '/'; n--) folder[n - 1] = '\0';
@@ -512,7 +512,6 @@ int export_write(const app *self, const export_source *source, const char *out) 
     const lg_status status = unfit                         ? refuse_unfit(source, "holds", &error)
                              : !export_golden_fits(source) ? refuse_unfit(source, "gives", &error)
                                                            : put(self, &at, &error);
-    const int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, out);
+    app_must_file(self, status, &error, out);
     free(parent);
-    return code;
 }

@@ -330,32 +330,29 @@ static void make_token(job *j) {
                    s + 20);
 }
 
-static int export_fmu(const app *self, const char *path, lg_program *program, export_source *source,
-                      int version) {
+static void export_fmu(const app *self, const char *path, lg_program *program, export_source *source,
+                       int version) {
     APP_FREE job *j = app_alloc(1, sizeof *j);
     *j = (job){.b = {.self = self, .program = program, .source = source, .list = app_text()},
                .version = version};
-    int code = block_collect(&j->b, true);
+    block_collect(&j->b, true);
     source->prefix = "c_";
-    if (code == APP_EXIT_OK) code = export_whole(self, path, program, j->b.list.data, source);
-    if (code == APP_EXIT_OK) {
-        make_token(j);
-        add_rules(j);
-        export_compose(source);
-        add_source(j);
-        text *description = export_add_file(source, "modelDescription.xml");
-        (version == 2 ? add_description2 : add_description3)(j, description);
-    }
+    export_whole(self, path, program, j->b.list.data, source);
+    make_token(j);
+    add_rules(j);
+    export_compose(source);
+    add_source(j);
+    text *description = export_add_file(source, "modelDescription.xml");
+    (version == 2 ? add_description2 : add_description3)(j, description);
     block_free(&j->b);
-    return code;
 }
 
-static int build2(const app *self, const char *path, lg_program *program, export_source *source) {
-    return export_fmu(self, path, program, source, 2);
+static void build2(const app *self, const char *path, lg_program *program, export_source *source) {
+    export_fmu(self, path, program, source, 2);
 }
 
-static int build3(const app *self, const char *path, lg_program *program, export_source *source) {
-    return export_fmu(self, path, program, source, 3);
+static void build3(const app *self, const char *path, lg_program *program, export_source *source) {
+    export_fmu(self, path, program, source, 3);
 }
 
 const export_target export_target_fmu2 = {.build = build2, .tunable = true, .wide = "an FMU computes"};

@@ -59,8 +59,8 @@ void export_warn_program(const app *self, const lg_error *why) {
     app_warn(self, "%s: only its functions are exported, as for a program", why->message);
 }
 
-int export_load(const app *self, const char *path, const char *kind, export_source *source,
-                lg_program **out) {
+void export_load(const app *self, const char *path, const char *kind, export_source *source,
+                 lg_program **out) {
     lg_error error = {LG_OK, ""};
     lg_status status = LG_UNSUPPORTED;
     const bool policy = strcmp(kind, "policy") == 0, program = policy || strcmp(kind, "program") == 0;
@@ -69,8 +69,8 @@ int export_load(const app *self, const char *path, const char *kind, export_sour
         if (!program) export_warn_program(self, &error);
         status = lg_program_load(self->context, path, NULL, out, &error);
     }
-    if (status == LG_OK && policy) (void)export_policy_words(self, path, source);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+    app_must_file(self, status, &error, path);
+    if (policy) export_policy_words(self, path, source);
 }
 
 /* ---- functions ---- */
@@ -141,29 +141,24 @@ static void refuse_function(const app *self, const lg_program *program, const ch
     size_t at;
     lg_error error = {LG_OK, ""};
     if (strcmp(name, "linearise") == 0 && lg_program_find(program, "step", &at, NULL) == LG_OK)
-        (void)app_usage(
+        app_stop_usage(
             self,
             "--functions: linearise is for --target c only; other targets have derivatives of velocity and "
             "step by x and u (casadi: jac_NAME_velocity, jac_NAME_step; FMUs: directional derivatives)");
     else if (lg_program_find(program, name, &at, &error) != LG_OK)
-        (void)app_usage(self, "--functions: %s", error.message);
+        app_stop_usage(self, "--functions: %s", error.message);
 }
 
 char *export_choose(const app *self, const export_options *options, const lg_program *program,
                     const char *const *usual) {
     text list = app_text();
-    char *missing = NULL, *out = NULL;
+    char *missing = NULL;
     if (options->functions != NULL)
         add_given(options->functions, program, &list, &missing);
     else
         add_usual(program, usual, &list);
-    if (missing != NULL || list.length == 0)
-        refuse_function(self, program, missing != NULL ? missing : "");
-    else
-        out = app_format("%s", list.data);
-    lg_text_destroy(&list);
-    free(missing);
-    return out;
+    if (missing != NULL || list.length == 0) refuse_function(self, program, missing != NULL ? missing : "");
+    return list.data;
 }
 
 char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind, const char *function) {

@@ -96,22 +96,16 @@ typedef struct job {
 
 /* ---- options ---- */
 
-static int choose_name(job *j) {
+static void choose_name(job *j) {
     const char *slash = strrchr(j->path, '/');
     j->options.file = slash != NULL ? slash + 1 : j->path;
-    if (given.name != NULL) {
-        const char *problem = export_name_problem(given.name);
-        if (problem != NULL)
-            return app_usage(j->self, "--name: '%s' cannot be the name of functions and files: %s",
-                             given.name, problem);
-        j->name = app_format("%s", given.name);
-    } else {
-        j->name = export_name_from(j->options.file);
-        if (j->name == NULL)
-            return app_usage(j->self, "'%s' gives no valid name: use --name", j->options.file);
-    }
+    const char *problem = given.name != NULL ? export_name_problem(given.name) : NULL;
+    if (problem != NULL)
+        app_stop_usage(j->self, "--name: '%s' cannot be the name of functions and files: %s", given.name,
+                       problem);
+    j->name = given.name != NULL ? app_format("%s", given.name) : export_name_from(j->options.file);
+    if (j->name == NULL) app_stop_usage(j->self, "'%s' gives no valid name: use --name", j->options.file);
     j->options.name = j->name;
-    return APP_EXIT_OK;
 }
 
 static bool has_ending(const char *path, const char *ending) {
@@ -123,26 +117,21 @@ static bool is_text(const char *path) {
     return has_ending(path, ".yaml") || has_ending(path, ".yml") || has_ending(path, ".json");
 }
 
-static int unknown_scheme(const job *j) {
+static void unknown_scheme(const job *j) {
     text names = app_text();
     for (size_t i = 0; i < lg_scheme_count(); i++)
         lg_text_add(&names, "%s%s", i > 0 ? ", " : "", lg_scheme_at(i)->name);
-    const int code = app_usage(j->self, "--scheme: '%s' is neither a file (.yaml, .yml, .json) nor one of %s",
-                               given.scheme, names.data);
-    lg_text_destroy(&names);
-    return code;
+    app_stop_usage(j->self, "--scheme: '%s' is neither a file (.yaml, .yml, .json) nor one of %s",
+                   given.scheme, names.data);
 }
 
-static int choose_scheme(job *j) {
-    if (given.scheme == NULL) return APP_EXIT_OK;
+static void choose_scheme(job *j) {
+    if (given.scheme == NULL) return;
     j->options.scheme = lg_scheme_find(given.scheme);
-    if (j->options.scheme != NULL) return APP_EXIT_OK;
-    if (strchr(given.scheme, '/') == NULL && !is_text(given.scheme)) return unknown_scheme(j);
-    lg_error error = {LG_OK, ""};
-    const lg_status status = lg_scheme_read(j->self->context, given.scheme, &j->scheme, &error);
-    if (status != LG_OK) return app_fail_file(j->self, status, &error, given.scheme);
+    if (j->options.scheme != NULL) return;
+    if (strchr(given.scheme, '/') == NULL && !is_text(given.scheme)) unknown_scheme(j);
+    APP_MUST_FILE(j->self, given.scheme, lg_scheme_read(j->self->context, given.scheme, &j->scheme, &error));
     j->options.scheme = j->scheme;
-    return APP_EXIT_OK;
 }
 
 static lg_status hash_model(job *j, lg_error *error) {
@@ -155,46 +144,48 @@ static lg_status hash_model(job *j, lg_error *error) {
 
 /* ---- kinds of models ---- */
 
-static int refuse_scheme(const job *j) {
-    return app_usage(j->self, "--scheme is for Hamiltonians and machines; %s is a %s", j->path, j->kind);
+static void refuse_scheme(const job *j) {
+    if (given.scheme != NULL)
+        app_stop_usage(j->self, "--scheme is for Hamiltonians and machines; %s is a %s", j->path, j->kind);
 }
 
-static int refuse_functions(const job *j) {
-    return app_usage(j->self,
-                     "%s is a %s: --compact is for programs, and --functions for programs, for targets other "
-                     "than c, and, with the name linearise, for models that move",
-                     j->path, j->kind);
+static void refuse_functions(const job *j) {
+    app_stop_usage(j->self,
+                   "%s is a %s: --compact is for programs, and --functions for programs, for targets other "
+                   "than c, and, with the name linearise, for models that move",
+                   j->path, j->kind);
 }
 
-/* Refuses options that faces do not have: --compact, and --functions unless the model moves and the only name
+/* Rejects options that faces do not have: --compact, and --functions unless the model moves and the only name
  * is `linearise`. */
-static int check_functions(const job *j) {
+static void check_functions(const job *j) {
     const bool moves = lg_model_space(j->file.model) != NULL;
-    if (given.compact || (given.functions != NULL && !moves)) return refuse_functions(j);
-    if (given.functions == NULL || strcmp(given.functions, "linearise") == 0) return APP_EXIT_OK;
-    return app_usage(j->self,
-                     "--functions: '%s'; a model that moves is exported with its usual functions; only "
-                     "linearise can be added",
-                     given.functions);
+    if (given.compact || (given.functions != NULL && !moves)) refuse_functions(j);
+    if (given.functions != NULL && strcmp(given.functions, "linearise") != 0)
+        app_stop_usage(j->self,
+                       "--functions: '%s'; a model that moves is exported with its usual functions; only "
+                       "linearise can be added",
+                       given.functions);
 }
 
 /* Writes the C of the model's faces; *none: the model has no face. */
-static int build_faces(job *j, bool *none) {
-    const int code = j->file.recipe != NULL ? check_functions(j) : APP_EXIT_OK;
-    if (code != APP_EXIT_OK) return code;
-    if (given.scheme != NULL && lg_model_space(j->file.model) == NULL) return refuse_scheme(j);
+static void build_faces(job *j, bool *none) {
+    if (j->file.recipe != NULL) check_functions(j);
+    if (lg_model_space(j->file.model) == NULL) refuse_scheme(j);
     if (j->options.scheme == NULL) j->options.scheme = lg_model_file_scheme(&j->file);
-    return export_faces(j->self, &j->file, &j->source, none);
+    export_faces(j->self, &j->file, &j->source, none);
 }
 
-static int build_program(job *j) {
+static void build_program(job *j) {
     j->kind = "program";
-    return given.scheme != NULL ? refuse_scheme(j) : export_program(j->self, j->path, &j->source);
+    refuse_scheme(j);
+    export_program(j->self, j->path, &j->source);
 }
 
-static int build_policy(job *j) {
+static void build_policy(job *j) {
     j->kind = "policy";
-    return given.scheme != NULL ? refuse_scheme(j) : export_policy(j->self, j->path, &j->source);
+    refuse_scheme(j);
+    export_policy(j->self, j->path, &j->source);
 }
 
 /* Returns whether the options can be met with faces. */
@@ -204,21 +195,22 @@ static bool wants_faces(void) {
 
 /* Writes a model by its faces. A file of an unknown kind is written as a program if it has no face or if the
  * options ask for something else. */
-static int build_model(job *j, const char *kind) {
+static void build_model(job *j, const char *kind) {
     lg_error error = {LG_OK, ""};
     bool none = false;
     const bool known = lg_recipe_find(kind) != NULL;
     const lg_status status = lg_model_load(j->self->context, j->path, NULL, &j->file, &error);
-    if (status != LG_OK && known) return app_fail_file(j->self, status, &error, j->path);
+    if (known) app_must_file(j->self, status, &error, j->path);
     if (status != LG_OK || (!known && !wants_faces())) {
         if (status == LG_OK) lg_model_file_destroy(&j->file);
         if (status != LG_OK) export_warn_program(j->self, &error);
-        return build_program(j);
+        build_program(j);
+        return;
     }
     j->kind = kind;
-    const int code = build_faces(j, &none);
+    build_faces(j, &none);
     lg_model_file_destroy(&j->file);
-    return none ? build_program(j) : code;
+    if (none) build_program(j);
 }
 
 /* Returns whether the file holds functions that can be exported, whatever its kind. */
@@ -229,65 +221,68 @@ static bool has_functions(const job *j) {
     return true;
 }
 
-/* Refuses a file without functions that can be exported, with the error of the reader for its kind. */
-static int refuse_file(const job *j, const char *kind) {
+/* Rejects a file without functions that can be exported, with the error of the reader for its kind. */
+static void refuse_file(const job *j, const char *kind) {
     lg_error error = {LG_OK, ""};
     lg_program *program;
     lg_model_file file;
     const lg_status status = strcmp(kind, "program") == 0
                                  ? lg_program_load(j->self->context, j->path, NULL, &program, &error)
                                  : lg_model_load(j->self->context, j->path, NULL, &file, &error);
-    return app_fail_file(j->self, status, &error, j->path);
+    app_must_file(j->self, status, &error, j->path);
 }
 
 /* Writes a target other than C: the model, whatever its kind, is loaded as a program. A scene too becomes a
  * program; an FMU can have the scene's parameters as tunable parameters. */
-static int build_target(job *j, const char *kind) {
+static void build_target(job *j, const char *kind) {
     lg_program *program;
     const export_target *target = targets[given.target];
     const bool scene = strcmp(kind, "scene") == 0;
     if (strcmp(kind, "classifier") == 0)
-        return app_usage(j->self, "--target %s: %s is a classifier, which can be exported as C only",
-                         target_names[given.target], j->path);
+        app_stop_usage(j->self, "--target %s: %s is a classifier, which can be exported as C only",
+                       target_names[given.target], j->path);
     if (target->wide != NULL && j->options.dtype != LG_F64)
-        return app_usage(j->self, "--target %s: %s in double precision, so --dtype f32 is not possible",
-                         target_names[given.target], target->wide);
+        app_stop_usage(j->self, "--target %s: %s in double precision, so --dtype f32 is not possible",
+                       target_names[given.target], target->wide);
     j->kind = kind;
     j->options.compact = true;
-    int code = scene ? export_load_scene(j->self, j->path, target->tunable, &j->source, &program)
-                     : export_load(j->self, j->path, kind, &j->source, &program);
-    if (code != APP_EXIT_OK) return code;
-    const bool steps = scene || j->source.start != NULL;
-    code = given.scheme != NULL && !steps ? refuse_scheme(j)
-                                          : target->build(j->self, j->path, program, &j->source);
+    if (scene)
+        export_load_scene(j->self, j->path, target->tunable, &j->source, &program);
+    else
+        export_load(j->self, j->path, kind, &j->source, &program);
+    if (!scene && j->source.start == NULL) refuse_scheme(j);
+    target->build(j->self, j->path, program, &j->source);
     lg_program_destroy(program);
-    return code;
 }
 
-static int refuse_scene(const job *j) {
-    return app_usage(j->self, "%s: a scene can be exported only with --target casadi, fmu2, fmu3 or simulink",
-                     j->path);
-}
-
-static int build(job *j) {
-    static char own[64];
-    lg_error error = {LG_OK, ""};
-    if (is_text(j->path))
-        return targets[given.target]->build != NULL ? build_target(j, "scene") : refuse_scene(j);
-    const lg_status status = lg_model_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error);
-    if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
-    const bool classifier = strcmp(own, "classifier") == 0;
-    if (lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) return refuse_file(j, own);
-    export_read_units(j->self, j->path, &j->options);
-    const bool policy = strcmp(own, "policy") == 0;
+static void build(job *j) {
+    static char own[64] = "scene";
+    const bool scene = is_text(j->path), other = targets[given.target]->build != NULL;
+    if (scene && !other)
+        app_stop_usage(j->self,
+                       "%s: a scene can be exported only with --target casadi, fmu2, fmu3 or simulink",
+                       j->path);
+    if (!scene)
+        APP_MUST_FILE(j->self, j->path,
+                      lg_model_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error));
+    const bool classifier = strcmp(own, "classifier") == 0, policy = strcmp(own, "policy") == 0;
+    if (!scene && lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) refuse_file(j, own);
+    if (!scene) export_read_units(j->self, j->path, &j->options);
     if (policy && j->options.functions == NULL) j->options.functions = "control";
-    if (targets[given.target]->build != NULL) return build_target(j, own);
-    if (policy) return build_policy(j);
-    if (strcmp(own, "program") == 0) return build_program(j);
-    if (!classifier) return build_model(j, own);
-    j->kind = own;
-    if (given.functions != NULL || given.compact) return refuse_functions(j);
-    return given.scheme != NULL ? refuse_scheme(j) : export_classifier(j->self, j->path, &j->source);
+    if (other) {
+        build_target(j, own);
+    } else if (policy) {
+        build_policy(j);
+    } else if (strcmp(own, "program") == 0) {
+        build_program(j);
+    } else if (!classifier) {
+        build_model(j, own);
+    } else {
+        j->kind = own;
+        if (given.functions != NULL || given.compact) refuse_functions(j);
+        refuse_scheme(j);
+        export_classifier(j->self, j->path, &j->source);
+    }
 }
 
 /* Rule for a shared library of the C code, for programs that load it. The library is not made if the
@@ -296,14 +291,13 @@ static const char library[] =
     "libNAME_.so: NAME_.c NAME_weights.c NAME_.h\n"
     "\t$(CC) $(CFLAGS) -fPIC -shared NAME_.c NAME_weights.c $(LDFLAGS) -lm -o libNAME_.so\n";
 
-static int build_files(job *j) {
-    const int code = build(j);
-    if (code != APP_EXIT_OK || targets[given.target]->build != NULL) return code;
+static void build_files(job *j) {
+    build(j);
+    if (targets[given.target]->build != NULL) return;
     export_add_rules(&j->source, "$(if $(findstring -none-,$(shell $(CC) -dumpmachine)),,libNAME_.so)",
                      library);
     export_compose(&j->source);
     if (targets[given.target]->add != NULL) targets[given.target]->add(&j->source);
-    return code;
 }
 
 /* ---- report ---- */
@@ -316,50 +310,37 @@ static size_t real_bytes(const job *j) {
     return j->options.dtype == LG_F32 ? sizeof(float) : sizeof(double);
 }
 
-static void report_json(const job *j, size_t parameters, size_t weights) {
-    app_json json;
-    app_json_begin(&json);
-    app_json_text(&json, "name", j->name);
-    app_json_text(&json, "kind", j->kind);
-    app_json_text(&json, "dtype", type_of(j));
-    app_json_text(&json, "scheme", j->options.scheme != NULL ? j->options.scheme->name : NULL);
-    app_json_open(&json, "files", '[');
-    for (size_t i = 0; i < j->source.file_count; i++) app_json_text(&json, NULL, j->source.files[i].name);
-    app_json_close(&json, ']');
-    if (j->source.bundle) {
-        app_json_size(&json, "functions", j->source.functions);
-    } else {
-        app_json_size(&json, "inputs", j->source.inputs);
-        app_json_size(&json, "outputs", j->source.outputs);
-    }
-    app_json_size(&json, "parameters", parameters);
-    app_json_size(&json, "weights_bytes", weights);
-    app_json_size(&json, "work_size", j->source.work);
-    app_json_size(&json, "work_bytes", j->source.work * real_bytes(j));
-    app_json_size(&json, "stack_size", j->source.stack);
-    app_json_size(&json, "depth", j->source.depth);
-    app_json_real(&json, "tolerance", export_tolerance(&j->source));
-    app_json_warnings(&json, j->self);
-    app_json_end(&json);
-}
-
 static void report(const job *j) {
-    const size_t parameters = j->source.parameters > 0 ? j->source.parameters : j->source.numbers;
-    const size_t weights = j->source.numbers * real_bytes(j) + j->source.integer_bytes;
-    if (j->self->json) {
-        report_json(j, parameters, weights);
-        return;
+    const export_source *source = &j->source;
+    const size_t parameters = source->parameters > 0 ? source->parameters : source->numbers;
+    const lg_scheme *scheme = j->options.scheme;
+    app_json out;
+    app_result_begin(&out, j->self);
+    app_result_text(&out, "name", j->name, NULL);
+    app_result_text(&out, "kind", j->kind, NULL);
+    app_result_text(&out, "dtype", type_of(j), NULL);
+    app_result_text(&out, "scheme", scheme != NULL ? scheme->name : NULL, "of the step");
+    app_json_open(&out, "files", '[');
+    for (size_t i = 0; i < source->file_count; i++) {
+        app_json_text(&out, NULL, source->files[i].name);
+        app_result_line(&out, "  %s/%s", given.out, source->files[i].name);
     }
-    app_put(stdout, "%s, a %s in %s:\n", j->name, j->kind, type_of(j));
-    for (size_t i = 0; i < j->source.file_count; i++)
-        app_put(stdout, "  %s/%s\n", given.out, j->source.files[i].name);
-    if (j->source.code.length == 0) return;
-    app_put(stdout, "%zu parameters; %zu bytes of weights, %zu of work, at most %zu of stack\n", parameters,
-            weights, j->source.work * real_bytes(j), j->source.stack);
-    if (j->options.scheme != NULL)
-        app_put(stdout, "scheme of %s_step: %s\n", j->name, j->options.scheme->name);
-    app_put(stdout, "tolerance of the self-test %.2e (depth %zu); make test runs it\n",
-            export_tolerance(&j->source), j->source.depth);
+    app_json_close(&out, ']');
+    if (source->bundle) {
+        app_json_size(&out, "functions", source->functions);
+    } else {
+        app_json_size(&out, "inputs", source->inputs);
+        app_json_size(&out, "outputs", source->outputs);
+    }
+    app_result_size(&out, "parameters", parameters, NULL);
+    app_result_size(&out, "weights_bytes", source->numbers * real_bytes(j) + source->integer_bytes, NULL);
+    app_json_size(&out, "work_size", source->work);
+    app_result_size(&out, "work_bytes", source->work * real_bytes(j), NULL);
+    app_result_size(&out, "stack_size", source->stack, "bytes at most");
+    app_result_size(&out, "depth", source->depth, NULL);
+    app_result_real(&out, "tolerance", export_tolerance(source), "of the self-test; make test runs it");
+    app_json_warnings(&out, j->self);
+    app_json_end(&out);
 }
 
 /* Warns about numbers that become 0 or lose digits in single precision: otherwise the result would be wrong
@@ -387,22 +368,20 @@ static int export_run(app *self) {
                          .compact = given.compact}};
     export_source_begin(&j.source, &j.options);
     if (given.out == NULL || given.out[0] == '\0')
-        return app_usage(self, "--out is missing: give a folder for the files");
-    int code = choose_name(&j);
-    if (code == APP_EXIT_OK) code = choose_scheme(&j);
+        app_stop_usage(self, "--out is missing: give a folder for the files");
+    choose_name(&j);
+    choose_scheme(&j);
     lg_error why = {LG_OK, ""};
-    const lg_status hashed = code == APP_EXIT_OK ? hash_model(&j, &why) : LG_OK;
-    if (code == APP_EXIT_OK) code = build_files(&j);
-    /* If the file cannot be read at all, build_files has said why. */
-    if (code == APP_EXIT_OK && hashed != LG_OK) code = app_fail_file(self, hashed, &why, j.path);
-    if (code == APP_EXIT_NUMERIC) code = APP_EXIT_FILE; /* The cause is the numbers in the file. */
-    if (code == APP_EXIT_OK) code = export_write(self, &j.source, given.out);
-    if (code == APP_EXIT_OK) warn_lost(&j);
-    if (code == APP_EXIT_OK) report(&j);
+    const lg_status hashed = hash_model(&j, &why);
+    build_files(&j); /* says why the file cannot be read at all */
+    app_must_file(self, hashed, &why, j.path);
+    export_write(self, &j.source, given.out);
+    warn_lost(&j);
+    report(&j);
     export_source_free(&j.source);
     lg_scheme_destroy(j.scheme);
     free(j.name);
-    return code;
+    return APP_EXIT_OK;
 }
 
 int main(int argc, char **argv) {

@@ -11,14 +11,13 @@ static const char *scheme_name(const lg_scheme *scheme) {
     return scheme->name != NULL ? scheme->name : "a scheme without a name";
 }
 
-int export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme) {
+void export_check_scheme(const app *self, const lg_space *space, bool separable, const lg_scheme *scheme) {
     lg_error error = {LG_OK, ""};
-    if (lg_scheme_check(scheme, &error) != LG_OK) return app_usage(self, "%s", error.message);
+    if (lg_scheme_check(scheme, &error) != LG_OK) app_stop_usage(self, "%s", error.message);
     const bool flat = lg_space_is_abelian(space);
     const bool lie = scheme->kind == LG_SCHEME_RKMK || scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
-    if ((lie && (flat || !scheme->ambient)) || (scheme->kind == LG_SCHEME_SPLITTING && separable))
-        return APP_EXIT_OK;
-    return app_usage(
+    if ((lie && (flat || !scheme->ambient)) || (scheme->kind == LG_SCHEME_SPLITTING && separable)) return;
+    app_stop_usage(
         self,
         flat ? "%s is not explicit; possible are rk4, cf4 and other explicit schemes or files of the kinds "
                "runge-kutta, rkmk and commutator-free%s"

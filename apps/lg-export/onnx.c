@@ -116,18 +116,15 @@ static void choose_type(const app *self, const graph *g, export_source *source, 
     source->single = true;
 }
 
-static int build(const app *self, const char *path, lg_program *program, export_source *source) {
+static void build(const app *self, const char *path, lg_program *program, export_source *source) {
     static const char *const usual[] = {"value", NULL};
     char *chosen = export_choose(self, source->options, program, usual);
     size_t function;
     graph g;
     lg_error error = {LG_OK, ""};
-    if (chosen == NULL) return APP_EXIT_USAGE;
     char *comma = strchr(chosen, ',');
-    if (comma != NULL && source->options->functions != NULL) {
-        free(chosen);
-        return app_usage(self, "--functions: an ONNX file has one function; export it for each");
-    }
+    if (comma != NULL && source->options->functions != NULL)
+        app_stop_usage(self, "--functions: an ONNX file has one function; export it for each");
     if (comma != NULL) {
         *comma = '\0';
         app_warn(self, "an ONNX file has one function: this one has %s; --functions chooses another", chosen);
@@ -146,7 +143,8 @@ static int build(const app *self, const char *path, lg_program *program, export_
     }
     lg_text_destroy(&j.graph);
     graph_free(&g);
-    return status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", error.message);
+    (void)path;
+    app_must(self, status == LG_NOT_FINITE ? LG_FILE : status, &error);
 }
 
 const export_target export_target_onnx = {.build = build};

@@ -23,9 +23,8 @@ typedef struct job {
     double condition; /* Condition of the function that is being written. */
 } job;
 
-static int failed(const job *j, lg_status status, const lg_error *error) {
-    const int code = app_fail_file(j->self, status, error, j->source->options->file);
-    return code == APP_EXIT_OK ? APP_EXIT_FILE : code;
+static void must(const job *j, lg_status status, const lg_error *error) {
+    app_must_file(j->self, status, error, j->source->options->file);
 }
 
 /* ---- random inputs ---- */
@@ -142,7 +141,7 @@ lg_status export_amplification(lg_program *program, size_t function, const doubl
 }
 
 /* Measures the condition of the function at random inputs; at least 1, rounded up to a whole number. */
-static int find_condition(job *j, size_t function, size_t depth) {
+static void find_condition(job *j, size_t function, size_t depth) {
     size_t ins;
     double found = 1;
     lg_error error = {LG_OK, ""};
@@ -162,7 +161,7 @@ static int find_condition(job *j, size_t function, size_t depth) {
                       "%s: function '%s' gives numbers that are not finite in single precision, at random "
                       "points of its inputs: export it with --dtype f64",
                       j->source->options->file, lg_program_function_name(j->program, function));
-    return status == LG_OK ? APP_EXIT_OK : failed(j, status, &error);
+    must(j, status, &error);
 }
 
 /* ---- the self-test ---- */
@@ -198,17 +197,15 @@ static void add_outputs(job *j, const export_evaluation *e, const char *name) {
 }
 
 /* Writes the golden vectors of one function, and adds its row to the table of functions. */
-static int add_function(job *j, size_t index, text *table, size_t *largest) {
+static void add_function(job *j, size_t index, text *table, size_t *largest) {
     const size_t function = j->c->function[index], depth = j->c->depth[index] > 0 ? j->c->depth[index] : 1;
     const export_options *options = j->source->options;
     const char *name = lg_program_function_name(j->program, function);
     export_evaluation e;
     lg_error error = {LG_OK, ""};
     lg_rng rng;
-    int code = find_condition(j, function, depth);
-    if (code != APP_EXIT_OK) return code;
-    const lg_status status = export_evaluation_open(j->program, function, LG_F64, SELF_TEST_WORK, &e, &error);
-    if (status != LG_OK) return failed(j, status, &error);
+    find_condition(j, function, depth);
+    must(j, export_evaluation_open(j->program, function, LG_F64, SELF_TEST_WORK, &e, &error), &error);
     const size_t ins = total(e.in, e.ins), outs = total(e.out, e.outs), golden = (size_t)options->golden;
     APP_FREE double *x = app_alloc(golden * ins, sizeof *x), *y = app_alloc(golden * outs, sizeof *y);
     lg_rng_seed(&rng, options->seed, GOLDEN_STREAM);
@@ -226,13 +223,11 @@ static int add_function(job *j, size_t index, text *table, size_t *largest) {
     if (outs > *largest) *largest = outs;
     if (j->condition > j->source->condition) j->source->condition = j->condition;
     export_evaluation_close(&e);
-    return code;
 }
 
-static int add_test(job *j) {
+static void add_test(job *j) {
     text table = app_text(), *to = &j->source->test;
     size_t largest = 1;
-    int code = APP_EXIT_OK;
     /* The fragment's types go before the tables, the code that uses them (from `mean_norm` on) goes after
      * them. */
     char *fragment = app_format("%s", export_fragment_text("test_program")),
@@ -241,25 +236,21 @@ static int add_test(job *j) {
     lg_text_add(to, "enum { GOLDEN = %llu };\n#define EPSILON %s\n\n%s",
                 (unsigned long long)j->source->options->golden,
                 j->source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON", fragment);
-    for (size_t i = 0; i < j->visible && code == APP_EXIT_OK; i++)
-        code = add_function(j, i, &table, &largest);
-    if (code == APP_EXIT_OK) {
-        lg_text_add(to,
-                    "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, "
-                    "NULL}};\nenum { LARGEST = %zu };\n\n",
-                    table.data != NULL ? table.data : "", largest);
-        char *main = strstr(rest + 1, "int main");
-        *rest = 's', *main = '\0';
-        lg_text_add(to, "%s\n", export_fragment_text("test_norms"));
-        lg_text_add_named(to, j->source->options->name, rest);
-        if (j->source->further_test.length > 0)
-            lg_text_add(to, "%s\n#define FURTHER\n\n", j->source->further_test.data);
-        *main = 'i';
-        lg_text_add_named(to, j->source->options->name, main);
-    }
+    for (size_t i = 0; i < j->visible; i++) add_function(j, i, &table, &largest);
+    lg_text_add(to,
+                "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, "
+                "NULL}};\nenum { LARGEST = %zu };\n\n",
+                table.data != NULL ? table.data : "", largest);
+    char *main = strstr(rest + 1, "int main");
+    *rest = 's', *main = '\0';
+    lg_text_add(to, "%s\n", export_fragment_text("test_norms"));
+    lg_text_add_named(to, j->source->options->name, rest);
+    if (j->source->further_test.length > 0)
+        lg_text_add(to, "%s\n#define FURTHER\n\n", j->source->further_test.data);
+    *main = 'i';
+    lg_text_add_named(to, j->source->options->name, main);
     free(fragment);
     lg_text_destroy(&table);
-    return code;
 }
 
 /* ---- lines about the program ---- */
@@ -290,26 +281,21 @@ void export_file_provenance(const app *self, export_source *source, const char *
 
 /* ---- choosing functions ---- */
 
-/* Fills `chosen` with the indices of the functions in a list of names separated by commas. Returns an exit
- * code. */
-static int choose(const job *j, const char *names, size_t *chosen, size_t *count) {
+/* Fills `chosen` with the indices of the functions in a list of names separated by commas. */
+static void choose(const job *j, const char *names, size_t *chosen, size_t *count) {
     APP_FREE char *list = app_format("%s", names);
-    int code = APP_EXIT_OK;
     *count = 0;
-    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL && code == APP_EXIT_OK;
+    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL;
          name = strtok_r(NULL, ",", &save)) {
         size_t at;
         bool twice = false;
         lg_error error = {LG_OK, ""};
-        if (lg_program_find(j->program, name, &at, &error) != LG_OK) {
-            code = app_usage(j->self, "--functions: %s", error.message);
-            break;
-        }
+        if (lg_program_find(j->program, name, &at, &error) != LG_OK)
+            app_stop_usage(j->self, "--functions: %s", error.message);
         for (size_t i = 0; i < *count; i++) twice = twice || chosen[i] == at;
         if (!twice) chosen[(*count)++] = at;
     }
-    if (code == APP_EXIT_OK && *count == 0) code = app_usage(j->self, "--functions: no function is named");
-    return code;
+    if (*count == 0) app_stop_usage(j->self, "--functions: no function is named");
 }
 
 /* Returns the functions' names in C, the first `visible` ones with the prefix. The caller frees each name and
@@ -323,20 +309,18 @@ static char **prefixed(const job *j, const lg_c_options *how, size_t visible) {
 }
 
 /* Adds the functions that only fragments call to the `visible` chosen ones. */
-static int choose_hidden(const job *j, size_t visible, lg_c_options *how, size_t *chosen, bool *hidden) {
-    const int code = choose(j, j->source->hidden.data, chosen + visible, &how->function_count);
+static void choose_hidden(const job *j, size_t visible, lg_c_options *how, size_t *chosen, bool *hidden) {
+    choose(j, j->source->hidden.data, chosen + visible, &how->function_count);
     for (size_t i = 0; i < how->function_count; i++) hidden[visible + i] = true;
     how->function_count += visible;
-    return code;
 }
 
-static int write_code(job *j, const char *functions) {
+static void write_code(job *j, const char *functions) {
     const size_t all = lg_program_functions(j->program);
     APP_FREE size_t *chosen = app_alloc(2 * all, sizeof *chosen);
     APP_FREE bool *hidden = app_alloc(2 * all, sizeof *hidden);
     lg_error error = {LG_OK, ""};
     lg_c_options how;
-    int code = APP_EXIT_OK;
     lg_c_options_init(&how);
     how.compact = j->source->options->compact;
     how.functions = chosen;
@@ -344,19 +328,14 @@ static int write_code(job *j, const char *functions) {
     how.function_count = 0;
     for (size_t i = 0; i < all; i++)
         if (!export_trains_only(j->program, i)) chosen[how.function_count++] = i;
-    if (functions != NULL) code = choose(j, functions, chosen, &how.function_count);
+    if (functions != NULL) choose(j, functions, chosen, &how.function_count);
     j->visible = how.function_count;
-    if (code == APP_EXIT_OK && j->source->hidden.length > 0)
-        code = choose_hidden(j, j->visible, &how, chosen, hidden);
+    if (j->source->hidden.length > 0) choose_hidden(j, j->visible, &how, chosen, hidden);
     char **names = prefixed(j, &how, j->visible);
     how.names = (const char *const *)names;
-    if (code == APP_EXIT_OK) {
-        const lg_status status = export_c(j->source, j->program, &how, 0, &j->c, &error);
-        if (status != LG_OK) code = failed(j, status, &error);
-    }
+    must(j, export_c(j->source, j->program, &how, 0, &j->c, &error), &error);
     for (size_t i = 0; i < how.function_count; i++) free(names[i]);
     free(names);
-    return code;
 }
 
 /* Adds the sizes. The last line, about NAME_WORK_SIZE, is written anew if fragments need more. */
@@ -376,40 +355,31 @@ static void add_sizes(job *j) {
                 source->options->name, more);
 }
 
-int export_whole(const app *self, const char *path, lg_program *program, const char *functions,
-                 export_source *source) {
+void export_whole(const app *self, const char *path, lg_program *program, const char *functions,
+                  export_source *source) {
     job j = {.self = self, .source = source, .program = program};
-    const lg_error error = {LG_OK, ""};
     if (source->prefix == NULL) source->prefix = "";
     source->parameters = 0;
     for (size_t i = 0; i < lg_program_parameters(program); i++)
         source->parameters += lg_shape_count(lg_program_parameter(program, i).shape);
-    const lg_status status = export_round_parameters(source, program);
-    int code = status != LG_OK ? failed(&j, status, &error) : write_code(&j, functions);
-    if (code == APP_EXIT_OK) {
-        source->bundle = true;
-        source->functions = j.visible;
-        source->depth = 1;
-        for (size_t i = 0; i < j.visible; i++)
-            source->depth = j.c->depth[i] > source->depth ? j.c->depth[i] : source->depth;
-        add_sizes(&j);
-        if (source->further_code.length > 0) lg_text_add(&source->code, "\n%s", source->further_code.data);
-        code = add_test(&j);
-    }
-    if (code == APP_EXIT_OK) {
-        add_about(&j);
-        export_file_provenance(self, source, path);
-    }
+    must(&j, export_round_parameters(source, program), NULL);
+    write_code(&j, functions);
+    source->bundle = true;
+    source->functions = j.visible;
+    source->depth = 1;
+    for (size_t i = 0; i < j.visible; i++)
+        source->depth = j.c->depth[i] > source->depth ? j.c->depth[i] : source->depth;
+    add_sizes(&j);
+    if (source->further_code.length > 0) lg_text_add(&source->code, "\n%s", source->further_code.data);
+    add_test(&j);
+    add_about(&j);
+    export_file_provenance(self, source, path);
     lg_c_source_destroy(j.c);
-    return code;
 }
 
-int export_program(const app *self, const char *path, export_source *source) {
-    lg_error error = {LG_OK, ""};
+void export_program(const app *self, const char *path, export_source *source) {
     lg_program *program;
-    const lg_status status = lg_program_load(self->context, path, NULL, &program, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    const int code = export_whole(self, path, program, source->options->functions, source);
+    APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
+    export_whole(self, path, program, source->options->functions, source);
     lg_program_destroy(program);
-    return code;
 }

@@ -74,7 +74,7 @@ static void write_file(job *j, export_source *source) {
     source->lost += j->data.lost;
 }
 
-static int build(const app *self, const char *path, lg_program *program, export_source *source) {
+static void build(const app *self, const char *path, lg_program *program, export_source *source) {
     job j = {.options = source->options, .header = app_text(), .data = app_text()};
     lg_text_add(
         &j.header,
@@ -82,10 +82,10 @@ static int build(const app *self, const char *path, lg_program *program, export_
         source->options->name);
     if (!source->scene) add_model(&j, self, path);
     if (j.tensors == 0) add_program(&j, program);
-    if (j.tensors > 0) write_file(&j, source);
+    if (j.tensors == 0) app_stop_usage(self, "--target safetensors: %s has no parameters", path);
+    write_file(&j, source);
     lg_text_destroy(&j.header);
     lg_text_destroy(&j.data);
-    return j.tensors > 0 ? APP_EXIT_OK : app_usage(self, "--target safetensors: %s has no parameters", path);
 }
 
 const export_target export_target_safetensors = {.build = build};

@@ -77,11 +77,6 @@ static lg_status build(const app *self, recording *r, lg_program **out, lg_error
     return status;
 }
 
-static int refuse(const app *self, const char *path, const lg_system *system) {
-    return app_fail(self, LG_FORMAT, "%s: %s depends on time, but exported functions have no time as input",
-                    path, lg_system_name(system));
-}
-
 /* Takes the initial state, the parameters' values and the end time from the scene. */
 static void take_values(const recording *r, const lg_scene *scene, export_source *source) {
     const size_t d = lg_system_dim(r->system);
@@ -93,25 +88,21 @@ static void take_values(const recording *r, const lg_scene *scene, export_source
     memcpy(source->start + d, lg_system_parameter_values(r->system), r->tunable * sizeof *source->start);
 }
 
-int export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
-                      lg_program **out) {
+void export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
+                       lg_program **out) {
     lg_scene scene;
-    lg_error error = {LG_OK, ""};
-    lg_status status = lg_scene_read(self->context, path, "hamiltonian", &scene, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, "hamiltonian", &scene, &error));
     recording r = {.system = scene.system, .scheme = source->options->scheme};
     source->scene = true;
     const size_t count = lg_system_parameter_count(scene.system);
     if (r.scheme == NULL) r.scheme = lg_scheme_find("cf4");
     if (tunable && count <= MOST_TUNABLE) r.tunable = count;
-    if (strcmp(lg_system_name(scene.system), "quadrotors") == 0) app_end(refuse(self, path, scene.system));
+    if (strcmp(lg_system_name(scene.system), "quadrotors") == 0)
+        app_stop(self, LG_FORMAT, "%s: %s depends on time, but exported functions have no time as input",
+                 path, lg_system_name(scene.system));
     app_scene_start(self, &scene, path);
-    int code = export_check_scheme(self, lg_system_space(scene.system), false, r.scheme);
-    if (code == APP_EXIT_OK) {
-        status = build(self, &r, out, &error);
-        if (status != LG_OK) code = app_fail_file(self, status, &error, path);
-    }
-    if (code == APP_EXIT_OK) take_values(&r, &scene, source);
+    export_check_scheme(self, lg_system_space(scene.system), false, r.scheme);
+    APP_MUST_FILE(self, path, build(self, &r, out, &error));
+    take_values(&r, &scene, source);
     lg_scene_destroy(&scene);
-    return code;
 }

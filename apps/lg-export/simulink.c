@@ -76,21 +76,18 @@ static void add_sfunction(const block *b) {
 static const char rules[] = "NAME_simulink.o: NAME_simulink.c NAME_simulink.h NAME_.h\n"
                             "\t$(CC) $(CFLAGS) -c NAME_simulink.c -o NAME_simulink.o\n";
 
-static int build(const app *self, const char *path, lg_program *program, export_source *source) {
+static void build(const app *self, const char *path, lg_program *program, export_source *source) {
     block *b = app_alloc(1, sizeof *b);
     *b = (block){.self = self, .program = program, .source = source, .list = app_text()};
-    int code = block_collect(b, false);
+    block_collect(b, false);
     source->prefix = "c_";
-    if (code == APP_EXIT_OK) code = export_whole(self, path, program, b->list.data, source);
-    if (code == APP_EXIT_OK) {
-        export_add_rules(source, "NAME_simulink.o", rules);
-        export_compose(source);
-        add_functions(b);
-        add_sfunction(b);
-    }
+    export_whole(self, path, program, b->list.data, source);
+    export_add_rules(source, "NAME_simulink.o", rules);
+    export_compose(source);
+    add_functions(b);
+    add_sfunction(b);
     block_free(b);
     free(b);
-    return code;
 }
 
 const export_target export_target_simulink = {.build = build, .wide = "the blocks are"};

@@ -62,13 +62,11 @@ void export_window_code(export_source *source, const export_window *window) {
                       "NAME_class_names[NAME_CLASSES];\n");
 }
 
-int export_window_check(const app *self, const export_source *source, double largest) {
+void export_window_check(const app *self, const export_source *source, double largest) {
     const double jacobian = (double)source->inputs * (double)source->outputs;
-    if (fmax(fmax(largest, jacobian), (double)source->work) < 0x1p31) return APP_EXIT_OK;
-    (void)app_fail(self, LG_UNSUPPORTED,
-                   "%s: too large for the integers of C code: at most 2^31 numbers are possible",
-                   source->options->file);
-    return APP_EXIT_FILE;
+    if (!(fmax(fmax(largest, jacobian), (double)source->work) < 0x1p31))
+        app_stop(self, LG_FILE, "%s: too large for the integers of C code: at most 2^31 numbers are possible",
+                 source->options->file);
 }
 
 /* ---- description in NAME.h ---- */

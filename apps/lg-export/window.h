@@ -32,7 +32,7 @@ void export_window_golden(export_source *source, size_t extras, const char *extr
 float export_window_number(const export_source *source, double value);
 /* Returns whether the best score exceeds all others by more than rounding (1e-3). */
 bool export_window_clear(const double *score, uint32_t classes);
-/* Refuses, with a message, a model whose C code would need indices of 2^31 or more. Returns an exit code. */
-int export_window_check(const app *self, const export_source *source, double largest);
+/* Refuses, with a message, a model whose C code would need indices of 2^31 or more. */
+void export_window_check(const app *self, const export_source *source, double largest);
 
 #endif

@@ -453,14 +453,12 @@ static double largest_array(const classifier_job *j) {
                 fmax(vectors, (double)j->c->tree.count * (double)j->c->classes));
 }
 
-static int check(const classifier_job *j, const app *self) {
+static void check(const classifier_job *j, const app *self) {
     const lg_classifier *c = j->c;
-    if (c->features.count == 0 || c->features.count != c->pca.inputs || (is_svm(c) && c->svm.vectors == 0)) {
-        (void)app_fail(self, LG_UNSUPPORTED, "%s: the classifier has no features, or no support vectors",
-                       j->source->options->file);
-        return APP_EXIT_FILE;
-    }
-    return export_window_check(self, j->source, largest_array(j));
+    if (c->features.count == 0 || c->features.count != c->pca.inputs || (is_svm(c) && c->svm.vectors == 0))
+        app_stop(self, LG_FILE, "%s: the classifier has no features, or no support vectors",
+                 j->source->options->file);
+    export_window_check(self, j->source, largest_array(j));
 }
 
 static const char *const score_words[] = {
@@ -487,7 +485,7 @@ static export_window window_of(const classifier_file *file) {
                                                                         : 2]};
 }
 
-static int export_loaded(const app *self, const classifier_file *file, export_source *source) {
+static void export_loaded(const app *self, const classifier_file *file, export_source *source) {
     const lg_classifier *c = &file->classifier;
     const export_window window = window_of(file);
     classifier_job j = {.source = source,
@@ -500,8 +498,7 @@ static int export_loaded(const app *self, const classifier_file *file, export_so
     source->inputs = (size_t)c->features.channels * c->features.length;
     source->outputs = j.outputs;
     source->work = features_work(&c->features);
-    const int code = check(&j, self);
-    if (code != APP_EXIT_OK) return code;
+    check(&j, self);
     if (classifier_is_linear(c)) w = linear_of(&j);
     source->condition = classifier_condition(&j, &w);
     if (is_folded(c)) fold_scale(&j, &w);
@@ -512,10 +509,10 @@ static int export_loaded(const app *self, const classifier_file *file, export_so
     free(w.weight);
     free(w.bias);
     add_words(&j, &window);
-    return classifier_golden(&j, self);
+    classifier_golden(&j, self);
 }
 
-int export_classifier(const app *self, const char *path, export_source *source) {
+void export_classifier(const app *self, const char *path, export_source *source) {
     lg_error error = {LG_OK, ""};
     classifier_file file;
     lg_status status = classifier_file_load(self->context, path, &file, &error);
@@ -523,8 +520,7 @@ int export_classifier(const app *self, const char *path, export_source *source) 
         classifier_file_free(&file);
         status = app_error(&error, LG_UNSUPPORTED, "%s: the method novelty is not exported as code", path);
     }
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    const int code = export_loaded(self, &file, source);
+    app_must_file(self, status, &error, path);
+    export_loaded(self, &file, source);
     classifier_file_free(&file);
-    return code;
 }

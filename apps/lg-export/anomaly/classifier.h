@@ -28,7 +28,7 @@ double classifier_size_of(const classifier_job *j, size_t i);
 /* Returns the factor >= 1 by which the classifier multiplies rounding errors on windows; the tolerance
  * contains it besides 20 eps depth. `w` is read only if the decisions are linear. */
 double classifier_condition(const classifier_job *j, const classifier_linear *w);
-/* Draws windows and computes the library's results for them (classifier_golden.c). Returns an exit code. */
-int classifier_golden(const classifier_job *j, const app *self);
+/* Draws windows and computes the library's results for them (classifier_golden.c). */
+void classifier_golden(const classifier_job *j, const app *self);
 
 #endif

@@ -181,7 +181,7 @@ static void add_test(const classifier_job *j, const double *size) {
     export_test_code(j->source, "test_classifier");
 }
 
-int classifier_golden(const classifier_job *j, const app *self) {
+void classifier_golden(const classifier_job *j, const app *self) {
     const lg_classifier *c = j->c;
     const size_t inputs = j->source->inputs, m = c->features.selected;
     const size_t work = lg_classifier_work_size(c) / sizeof(double) +
@@ -209,8 +209,7 @@ int classifier_golden(const classifier_job *j, const app *self) {
     free(d.work);
     free(d.made);
     free(d.moved);
-    if (drawn) return APP_EXIT_OK;
-    (void)app_fail(self, LG_NOT_FINITE, "%s: windows like those of the training data have no finite decision",
-                   j->source->options->file);
-    return APP_EXIT_FILE;
+    if (!drawn)
+        app_stop(self, LG_FILE, "%s: windows like those of the training data have no finite decision",
+                 j->source->options->file);
 }

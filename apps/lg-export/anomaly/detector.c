@@ -6,7 +6,7 @@
 #include "liegrad/anomaly.h"
 #include "liegrad/networks.h"
 
-static int begin(export_model *m) {
+static void begin(export_model *m) {
     return export_window_check(m->self, m->source, (double)m->source->parameters);
 }
 

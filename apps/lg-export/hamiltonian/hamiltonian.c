@@ -183,17 +183,17 @@ static size_t depth_of(const void *contents) {
     return (size_t)((const lg_hamiltonian_file *)contents)->run.model.net.layers + 1;
 }
 
-static int begin(export_model *m) {
+static void begin(export_model *m) {
     const lg_hamiltonian_file *file = m->file->contents;
     const lg_hamiltonian *model = &file->run.model;
     char copies[64];
     (void)snprintf(copies, sizeof copies, "copies, each a %s", model->family->copy);
     export_size(m->source, "LINKS", model->n, copies);
-    if (find_condition(m->source, model, file->theta)) return APP_EXIT_OK;
-    return app_fail(m->self, LG_FORMAT,
-                    "%s: the mass matrix is not positive definite, or its inverse is not a number of the "
-                    "exported type",
-                    m->self->arguments[0]);
+    if (!find_condition(m->source, model, file->theta))
+        app_stop(m->self, LG_FORMAT,
+                 "%s: the mass matrix is not positive definite, or its inverse is not a number of the "
+                 "exported type",
+                 m->self->arguments[0]);
 }
 
 /* The golden vectors are random: the normals of a constraint may be nearly dependent there. */

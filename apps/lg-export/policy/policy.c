@@ -104,34 +104,30 @@ static void close_policy(export_policy_job *j) {
     lg_free(j->self->context, j->text);
 }
 
-int export_policy_words(const app *self, const char *path, export_source *source) {
+void export_policy_words(const app *self, const char *path, export_source *source) {
     export_policy_job j;
     lg_error error = {LG_OK, ""};
-    const lg_status status = open_policy(self, path, source, &j, &error);
-    if (status == LG_OK) {
-        source->maps = true;
-        tell(&j);
-    }
+    app_must_file(self, open_policy(self, path, source, &j, &error), &error, path);
+    source->maps = true;
+    tell(&j);
     close_policy(&j);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }
 
 /* ---- functions around the policy ---- */
 
-int export_policy_simple(const export_policy_job *j, const char *function) {
+void export_policy_simple(const export_policy_job *j, const char *function) {
     for (uint32_t i = 0; i < j->task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &j->task->coordinate[i];
         if (c->motion > LG_POLICY_ANGLE)
-            return app_usage(j->self,
-                             "--functions %s: '%s' is a %s; this is for plants of lines and angles only",
-                             function, c->name, lg_policy_motion_row_of(c->motion)->name);
+            app_stop_usage(j->self,
+                           "--functions %s: '%s' is a %s; this is for plants of lines and angles only",
+                           function, c->name, lg_policy_motion_row_of(c->motion)->name);
     }
-    if (j->velocities == j->given && j->state == 2 * j->given) return APP_EXIT_OK;
-    return app_usage(
-        j->self,
-        "--functions %s: the plant's state must be positions and one momentum for each position, "
-        "without lags of inputs",
-        function);
+    if (j->velocities == j->given && j->state == 2 * j->given) return;
+    app_stop_usage(j->self,
+                   "--functions %s: the plant's state must be positions and one momentum for each position, "
+                   "without lags of inputs",
+                   function);
 }
 
 void export_policy_real(const export_policy_job *j, text *to, const char *name, double value) {
@@ -156,15 +152,14 @@ void export_policy_need(export_source *source, size_t work, size_t stack, size_t
 
 static const struct {
     const char *name;
-    int (*add)(export_policy_job *job);
+    void (*add)(export_policy_job *job);
     const char *check; /* Its part of the self-test. */
 } around[] = {{"observe", export_policy_observe, "check_observer"},
               {"adapt", export_policy_adapt, "check_adaptation"}};
 
 /* Adds what --functions names of the table; the other names, or `control`, are left in `rest`. */
-static int add_around(export_policy_job *j, text *rest) {
+static void add_around(export_policy_job *j, text *rest) {
     text checks = app_text();
-    int code = APP_EXIT_OK;
     APP_FREE char *list = app_format("%s", j->source->options->functions);
     bool taken[LG_COUNT(around)] = {false};
     for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL;
@@ -176,16 +171,15 @@ static int add_around(export_policy_job *j, text *rest) {
         else
             taken[i] = true;
     }
-    for (size_t i = 0; i < LG_COUNT(around) && code == APP_EXIT_OK; i++) {
+    for (size_t i = 0; i < LG_COUNT(around); i++) {
         if (!taken[i]) continue;
-        code = around[i].add(j);
+        around[i].add(j);
         lg_text_add(&checks, " + %s()", around[i].check);
     }
     if (rest->length == 0) lg_text_add(rest, "control");
     lg_text_add(&j->source->further_test, "static int further(void) {\n    return check_loop()%s;\n}\n",
                 checks.data != NULL ? checks.data : "");
     lg_text_destroy(&checks);
-    return code;
 }
 
 /* ---- C ---- */
@@ -206,25 +200,24 @@ static bool names_control(const char *list) {
     return at != NULL && (at == list || at[-1] == ',') && (at[7] == ',' || at[7] == '\0');
 }
 
-static int write_policy(export_policy_job *j, const char *path) {
+static void write_policy(export_policy_job *j, const char *path) {
     export_source *source = j->source;
     text functions = app_text();
     source->maps = true;
     tell(j);
-    int code = export_policy_loop(j);
-    if (code == APP_EXIT_OK) code = add_around(j, &functions);
+    export_policy_loop(j);
+    add_around(j, &functions);
     static const char *const besides[] = {"track", "lagged", "remember",
                                           "reset"}; /* By default, if the policy has them. */
     size_t found;
     for (size_t i = 0; i < LG_COUNT(besides); i++)
-        if (code == APP_EXIT_OK && strcmp(source->options->functions, "control") == 0 &&
+        if (strcmp(source->options->functions, "control") == 0 &&
             lg_program_find(j->program, besides[i], &found, NULL) == LG_OK)
             lg_text_add(&functions, ",%s", besides[i]);
     /* The closed loop needs it. */
-    if (code == APP_EXIT_OK && !names_control(functions.data)) lg_text_add(&functions, ",control");
-    if (code == APP_EXIT_OK) code = export_whole(j->self, path, j->program, functions.data, source);
+    if (!names_control(functions.data)) lg_text_add(&functions, ",control");
+    export_whole(j->self, path, j->program, functions.data, source);
     lg_text_destroy(&functions);
-    if (code != APP_EXIT_OK) return code;
     if (j->declarations.length > 0) lg_text_add(&source->declarations, "%s", j->declarations.data);
     export_size(source, "INPUTS", j->given + j->velocities, "numbers in x of control");
     export_size(source, "GIVEN", j->given,
@@ -233,15 +226,14 @@ static int write_policy(export_policy_job *j, const char *path) {
     lg_text_add(&source->sizes, "#define %s_PERIOD ", source->options->name);
     lg_text_add_real(&source->sizes, source->options->dtype, j->task->period);
     lg_text_add(&source->sizes, " /* seconds for which u is held */\n");
-    return code;
 }
 
-int export_policy(const app *self, const char *path, export_source *source) {
+void export_policy(const app *self, const char *path, export_source *source) {
     export_policy_job j;
     lg_error error = {LG_OK, ""};
     lg_status status = open_policy(self, path, source, &j, &error);
     if (status == LG_OK) status = load_program(&j, path, &error);
-    const int code = status == LG_OK ? write_policy(&j, path) : app_fail_file(self, status, &error, path);
+    app_must_file(self, status, &error, path);
+    write_policy(&j, path);
     close_policy(&j);
-    return code;
 }

@@ -35,17 +35,17 @@ void export_loop_close(export_loop *loop);
 void export_loop_step(export_loop *loop, bool single, double *x, double *u);
 
 /* Adds the closed loop to the self-test. */
-int export_policy_loop(export_policy_job *job);
+void export_policy_loop(export_policy_job *job);
 
 /* ---- functions around the policy: they add code, words, declarations and a part of the self-test ---- */
 
 /* NAME_observe and NAME_observe_start (policy_observe.c). */
-int export_policy_observe(export_policy_job *job);
+void export_policy_observe(export_policy_job *job);
 /* NAME_adapt and NAME_adapt_start (policy_adapt.c). */
-int export_policy_adapt(export_policy_job *job);
+void export_policy_adapt(export_policy_job *job);
 /* Refuses a plant whose state is more than lines, angles, and one momentum for each; `function` is for the
  * message. */
-int export_policy_simple(const export_policy_job *job, const char *function);
+void export_policy_simple(const export_policy_job *job, const char *function);
 /* Add a constant and an array, whose type is "real" or "double". */
 void export_policy_real(const export_policy_job *job, text *to, const char *name, double value);
 void export_policy_reals(const export_policy_job *job, text *to, const char *type, const char *name,

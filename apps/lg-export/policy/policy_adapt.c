@@ -255,13 +255,12 @@ static lg_status write_adaptation(export_policy_job *j, adaptation *a, lg_error 
     return status;
 }
 
-int export_policy_adapt(export_policy_job *j) {
+void export_policy_adapt(export_policy_job *j) {
     adaptation a = {.single = false};
     lg_error error = {LG_OK, ""};
-    const int code = export_policy_simple(j, "adapt");
-    if (code != APP_EXIT_OK) return code;
+    export_policy_simple(j, "adapt");
     lg_status status = open_adaptation(j, &a, &error);
     if (status == LG_OK) status = write_adaptation(j, &a, &error);
     close_adaptation(&a);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(j->self, status, &error, j->source->options->file);
+    app_must_file(j->self, status, &error, j->source->options->file);
 }

@@ -246,7 +246,7 @@ static lg_status add_loop(export_loop *l, golden *g, lg_error *error) {
     return LG_OK;
 }
 
-int export_policy_loop(export_policy_job *j) {
+void export_policy_loop(export_policy_job *j) {
     golden g = {.steps = lg_policy_steps(j->policy)};
     export_loop l;
     lg_error error = {LG_OK, ""};
@@ -255,5 +255,5 @@ int export_policy_loop(export_policy_job *j) {
     if (status == LG_OK) status = add_loop(&l, &g, &error);
     export_loop_close(&l);
     free(g.path);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(j->self, status, &error, j->source->options->file);
+    app_must_file(j->self, status, &error, j->source->options->file);
 }

@@ -91,14 +91,13 @@ static double number_of(const lg_reals *option, size_t i, double otherwise) {
     return option->count == 0 ? otherwise : option->values[option->count == 1 ? 0 : i];
 }
 
-static int check(const export_policy_job *j) {
+static void check(const export_policy_job *j) {
     const export_options *options = j->source->options;
     const lg_reals *const given[] = {&options->sensor, &options->drift};
     for (size_t i = 0; i < LG_COUNT(given); i++)
         if (given[i]->count > 1 && given[i]->count != j->given)
-            return app_usage(j->self, "--sensor and --drift take one number, or %zu: one for each position",
-                             j->given);
-    return APP_EXIT_OK;
+            app_stop_usage(j->self, "--sensor and --drift take one number, or %zu: one for each position",
+                           j->given);
 }
 
 static void fill_numbers(const export_policy_job *j, filter *f) {
@@ -268,15 +267,14 @@ static lg_status write_observer(export_policy_job *j, filter *f, lg_error *error
     return status;
 }
 
-int export_policy_observe(export_policy_job *j) {
+void export_policy_observe(export_policy_job *j) {
     filter f = {.single = false};
     lg_error error = {LG_OK, ""};
-    int code = export_policy_simple(j, "observe");
-    if (code == APP_EXIT_OK) code = check(j);
-    if (code != APP_EXIT_OK) return code;
+    export_policy_simple(j, "observe");
+    check(j);
     lg_status status = add_functions(j, &error);
     if (status == LG_OK) status = open_filter(j, &f, &error);
     if (status == LG_OK) status = write_observer(j, &f, &error);
     close_filter(&f);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(j->self, status, &error, j->source->options->file);
+    app_must_file(j->self, status, &error, j->source->options->file);
 }
