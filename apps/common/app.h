@@ -189,7 +189,7 @@ void app_end(int code) __attribute__((noreturn));
 int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
 /* Prints a sentence about the command line and a hint at --help; returns APP_EXIT_USAGE. */
 int app_usage(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* The same, as the end of the command: app_stop(app, status, format, ...), app_stop_usage(app, format, ...). */
+/* The same, as the end of the command. */
 #define app_stop(...)       app_end(app_fail(__VA_ARGS__))
 #define app_stop_usage(...) app_end(app_usage(__VA_ARGS__))
 /* The message of `error`; if there is none, the standard sentence of `status`. */
@@ -271,7 +271,8 @@ typedef struct app_json {
     char *text;
     size_t length;
     bool comma;
-    bool people; /* the output is text for people, not JSON */
+    bool people;        /* the output is text for people, not JSON */
+    const char *prefix; /* of the lines of app_result_real, _size and _text; app_result_begin sets "" */
     /* the open table of text for people, between app_result_rows or app_result_named and
      * app_result_rows_end */
     struct app_rows *rows;

@@ -198,11 +198,12 @@ void app_table_end(app_table *table, FILE *stream) {
 
 void app_result_begin(app_json *json, const app *self) {
     begin(json, !self->json);
+    json->prefix = "";
 }
 
 static void put_line(app_json *json, const char *key, const char *value, const char *label) {
     if (!json->people || json->rows != NULL) return;
-    app_put(json->stream, "%-20s  %14s%s%s\n", key, value, label != NULL ? "  " : "",
+    app_put(json->stream, "%s%-20s  %14s%s%s\n", json->prefix, key, value, label != NULL ? "  " : "",
             label != NULL ? label : "");
 }
 

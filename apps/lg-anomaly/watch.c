@@ -353,71 +353,54 @@ static totals total(const watching *self, double seconds) {
     return all;
 }
 
-static void print_json_summary(const watching *self, const totals *all, bool interrupted) {
-    const tally *t = &self->tally;
-    const bool known = app_given(self->app, "crack-at");
-    app_json json;
-    app_json_begin(&json);
-    app_json_bool(&json, "summary", true);
-    app_json_text(&json, "healthy", self->bench.model->cut.healthy);
-    app_json_bool(&json, "interrupted", interrupted);
-    app_json_size(&json, "samples", t->samples);
-    app_json_size(&json, "received", t->received);
-    app_json_size(&json, "absent", t->absent);
-    app_json_size(&json, "not_finite", t->not_finite);
-    app_json_size(&json, "malformed", t->malformed);
-    app_json_size(&json, "repeated", t->repeated);
-    app_json_real(&json, "days", all->days);
-    app_json_size(&json, "windows", t->windows);
-    app_json_size(&json, "judged", t->judged);
-    app_json_size(&json, "positive", t->positive);
-    app_json_size(&json, "failed", t->failed);
-    app_json_size(&json, "unlike", t->unlike);
-    app_json_size(&json, "unlike_alarms", t->unlike_alarms);
-    app_json_real(&json, "first_unlike", t->first_unlike);
-    app_json_bool(&json, "alarm", self->alarm);
-    app_json_size(&json, "alarms", t->alarms);
-    app_json_real(&json, "first_alarm", t->first_alarm);
-    app_json_real(&json, "crack_at", values.crack_at);
-    app_json_real(&json, "time_to_detection", all->delay);
-    app_json_real(&json, "false_alarms", known ? (double)t->alarms_before : NAN);
-    app_json_real(&json, "false_alarms_per_day", known ? all->false_alarms : NAN);
-    app_json_real(&json, "false_positive_windows_per_day", known ? all->false_windows : NAN);
-    app_json_real(&json, "seconds", all->seconds);
-    app_json_real(&json, "samples_per_second", (double)t->samples / all->seconds);
-    app_json_size(&json, "watch_bytes", all->watch_bytes);
-    app_json_size(&json, "start_rss_kb", all->start_rss);
-    app_json_size(&json, "max_rss_kb", all->max_rss);
-    app_json_end(&json);
+/* Adds a number that has a meaning only if `known`. */
+static void put_known(app_json *out, bool known, const char *key, double value, const char *label) {
+    if (known)
+        app_result_real(out, key, value, label);
+    else
+        app_json_real(out, key, NAN);
 }
 
 static void print_summary(const watching *self, const totals *all) {
     const tally *t = &self->tally;
-    app_put(stdout, "# healthy: %s; windows of other classes vote for the alarm\n",
-            self->bench.model->cut.healthy);
-    app_put(stdout,
-            "# samples %llu (%.6g days): received %llu, absent %llu, not finite %llu, malformed %llu, "
-            "repeated %llu\n",
-            (unsigned long long)t->samples, all->days, (unsigned long long)t->received,
-            (unsigned long long)t->absent, (unsigned long long)t->not_finite,
-            (unsigned long long)t->malformed, (unsigned long long)t->repeated);
-    app_put(stdout, "# windows %llu: judged %llu, positive %llu; alarms %llu%s\n",
-            (unsigned long long)t->windows, (unsigned long long)t->judged, (unsigned long long)t->positive,
-            (unsigned long long)t->alarms, self->alarm ? ", standing" : "");
-    if (isfinite(self->bench.farthest))
-        app_put(stdout, "# unlike anything seen: %llu windows; alarms of it %llu%s\n",
-                (unsigned long long)t->unlike, (unsigned long long)t->unlike_alarms,
-                self->unlike ? ", standing" : "");
-    if (app_given(self->app, "crack-at")) {
-        if (isnan(all->delay))
-            app_put(stdout, "# crack at %.15g s: not detected\n", values.crack_at);
-        else
-            app_put(stdout, "# crack at %.15g s: detected after %.6g s\n", values.crack_at, all->delay);
-        app_put(stdout, "# before it: false alarms %llu, per day %.4g; false positive windows per day %.4g\n",
-                (unsigned long long)t->alarms_before, all->false_alarms, all->false_windows);
+    const bool known = app_given(self->app, "crack-at"), novel = isfinite(self->bench.farthest);
+    app_json out;
+    app_result_begin(&out, self->app);
+    out.prefix = "# ";
+    app_json_bool(&out, "summary", true);
+    app_result_text(&out, "healthy", self->bench.model->cut.healthy,
+                    "windows of other classes vote for the alarm");
+    app_json_bool(&out, "interrupted", app_interrupted());
+    app_result_size(&out, "samples", t->samples, NULL);
+    app_result_size(&out, "received", t->received, NULL);
+    app_result_size(&out, "absent", t->absent, NULL);
+    app_result_size(&out, "not_finite", t->not_finite, NULL);
+    app_result_size(&out, "malformed", t->malformed, NULL);
+    app_result_size(&out, "repeated", t->repeated, NULL);
+    app_result_real(&out, "days", all->days, NULL);
+    app_result_size(&out, "windows", t->windows, NULL);
+    app_result_size(&out, "judged", t->judged, NULL);
+    app_result_size(&out, "positive", t->positive, NULL);
+    app_json_size(&out, "failed", t->failed);
+    if (novel || !out.people) {
+        app_result_size(&out, "unlike", t->unlike, NULL);
+        app_result_size(&out, "unlike_alarms", t->unlike_alarms, self->unlike ? "standing" : NULL);
     }
-    app_put(stdout, "# %.3g s, %.3g samples/s, memory %llu KiB, of the watch %zu bytes\n", all->seconds,
-            (double)t->samples / all->seconds, (unsigned long long)all->max_rss, all->watch_bytes);
+    app_json_real(&out, "first_unlike", t->first_unlike);
+    app_json_bool(&out, "alarm", self->alarm);
+    app_result_size(&out, "alarms", t->alarms, self->alarm ? "standing" : NULL);
+    app_json_real(&out, "first_alarm", t->first_alarm);
+    put_known(&out, known, "crack_at", values.crack_at, "s");
+    put_known(&out, known, "time_to_detection", all->delay, "s");
+    put_known(&out, known, "false_alarms", (double)t->alarms_before, NULL);
+    put_known(&out, known, "false_alarms_per_day", all->false_alarms, NULL);
+    put_known(&out, known, "false_positive_windows_per_day", all->false_windows, NULL);
+    app_result_real(&out, "seconds", all->seconds, NULL);
+    app_result_real(&out, "samples_per_second", (double)t->samples / all->seconds, NULL);
+    app_result_size(&out, "watch_bytes", all->watch_bytes, NULL);
+    app_json_size(&out, "start_rss_kb", all->start_rss);
+    app_result_size(&out, "max_rss_kb", all->max_rss, NULL);
+    app_json_end(&out);
 }
 
 /* ---- the command ---- */
@@ -521,10 +504,7 @@ static void watch_feed(watching *self, int file, size_t watch_bytes) {
         app_warn(self->app,
                  "--crack-at %.15g s is after the last sample, at %.15g s (seconds here, hours for `feed`)",
                  values.crack_at, self->now);
-    if (self->app->json)
-        print_json_summary(self, &all, app_interrupted());
-    else
-        print_summary(self, &all);
+    print_summary(self, &all);
 }
 
 static void open_novelty(watching *self) {

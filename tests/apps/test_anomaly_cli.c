@@ -551,7 +551,8 @@ TEST("the healthy class is the one given, or that of the data, or one whose name
     cli_expect(lg, "evaluate n.h5 plain.h5 --healthy unlike", 2, "'unlike' is none of the classes left");
     cli_run(lg, "train plain.h5 --method tree --out h.h5");
     cli_expect(lg, "watch h.h5 --input /dev/null", 2, "h.h5: it is unknown which of the classes left|right");
-    cli_expect(lg, "watch h.h5 --healthy left --input /dev/null", 0, "# healthy: left");
+    cli_expect(lg, "watch h.h5 --healthy left --input /dev/null", 0,
+               "# healthy                         left");
     json("watch h.h5 --healthy right --input /dev/null", "healthy \"right\"");
     cli_expect(lg, "evaluate h.h5 plain.h5 --votes 2,3", 2, "--votes: it is unknown which");
     json("evaluate h.h5 plain.h5 --votes 2,3 --healthy left", "healthy \"left\", votes *");

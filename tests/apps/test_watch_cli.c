@@ -122,6 +122,19 @@ static void watch_words(const char *options, int code, const char *words) {
     cli_expect("lg-anomaly", test_text("watch m.h5 %s --input feed.csv", options), code, words);
 }
 
+/* Rows of the summary for people: "windows 4, judged 4". */
+static void expect_rows(const char *rows) {
+    char name[32], value[32];
+    int n;
+    for (; sscanf(rows, " %31s %31[^,]%n", name, value, &n) == 2; rows += n + (rows[n] == ','))
+        assert_says(result.out, test_text("# %-20s  %14s", name, value));
+}
+
+static void watch_rows(const char *options, const char *rows) {
+    watch_words(options, 0, "# windows");
+    expect_rows(rows);
+}
+
 static void expect_summary(const char *members) {
     const char *line = line_of(count_lines(result.out) - 1);
     if (!json_is_object(line)) fail_msg("no summary: %s", line);
@@ -200,7 +213,7 @@ TEST("the same samples in every layout give the same verdicts") {
         begin();
         add("%s", rows[r].before);
         add_in(rows[r].form, rows[r].timed, 0, 4 * WINDOW, 2 * WINDOW);
-        watch_words("", 0, "# windows 4: judged 4, positive 2");
+        watch_rows("", "windows 4, judged 4, positive 2");
         const size_t verdicts = (size_t)(strstr(result.out, "# samples") - result.out);
         if (r == 0) memcpy(other, result.out, verdicts + 1);
         if (strncmp(result.out, other, verdicts) != 0)
@@ -209,7 +222,7 @@ TEST("the same samples in every layout give the same verdicts") {
     }
     /* A last line without a newline is a sample. */
     text[strlen(text) - 2] = '\0';
-    watch_words("", 0, "# windows 4: judged 4");
+    watch_rows("", "windows 4, judged 4");
 }
 
 TEST("gaps in the times count as missing samples") {
@@ -252,7 +265,7 @@ TEST("missing values are lost samples, and other lines are malformed") {
         add_plain(0, 20);
         add("%s\n", line);
         add_plain(21, 40);
-        watch_words("", 0, is_lost ? "not finite 1, malformed 0" : "not finite 0, malformed 1");
+        watch_rows("", is_lost ? "not_finite 1, malformed 0" : "not_finite 0, malformed 1");
         assert_says(result.out, "intact\t");
         assert_says(result.out, "\t0/1\t1\t-");
         if (is_lost != (strstr(result.err, "line 21: ") == NULL)) fail_msg("'%s': %s", line, result.err);
@@ -260,13 +273,13 @@ TEST("missing values are lost samples, and other lines are malformed") {
     begin();
     add("1,2,3,4\n"); /* no sample is lost before the first one */
     add_plain(0, 40);
-    watch_words("", 0, "received 40, absent 0, not finite 0, malformed 1");
+    watch_rows("", "received 40, absent 0, not_finite 0, malformed 1");
     assert_says(result.err, "line 1: ");
     assert_says(result.err, "left out");
     begin();
     add_plain(0, 20);
     for (int i = 0; i < 30; i++) add("what %d\n", i);
-    watch_words("", 0, "malformed 30");
+    watch_rows("", "malformed 30");
     assert_int_equal(count_lines(result.err), 6);
     assert_says(result.err, "line 40: 20 lines in a row could not be read; expected are 2 numbers");
     assert_says(result.err, "line 25: 'what' is not a number");
@@ -488,17 +501,19 @@ TEST("the order of the classes changes neither alarms nor scores") {
             assert_close(score[0], score[1], 0.02, 0.02); /* the svm stops at a tolerance */
         }
         const char *tail = strstr(straight.out, "# windows"), *other_tail = strstr(result.out, "# windows");
-        assert_int_equal(strncmp(tail, other_tail, strcspn(tail, "\n")), 0);
+        assert_int_equal(strncmp(tail, other_tail, (size_t)(strstr(tail, "# seconds") - tail)), 0);
     }
 }
 
 TEST("overlapping windows vote as --votes says") {
     begin();
     add_samples(true, 0, 4 * WINDOW, 2 * WINDOW);
-    watch_words("--hop 1.6 --votes 1,1", 0, "# windows 16:");
-    watch_words("--hop 0.2 --quiet --votes 40,64", 0, "# windows 121:");
-    assert_int_equal(count_lines(result.out), 6); /* one change, five lines of summary */
-    watch_words("--rate 10 --hop 4", 0, "# windows 7: judged 0");
+    watch_rows("--hop 1.6 --votes 1,1", "windows 16");
+    watch_rows("--hop 0.2 --quiet --votes 40,64", "windows 121");
+    int line = 0;
+    while (strncmp(line_of(line), "# ", 2) != 0) line++;
+    assert_int_equal(line, 1); /* one change before the summary */
+    watch_rows("--rate 10 --hop 4", "windows 7, judged 0");
     assert_says(result.err, "trained at 5 Hz, not 10 Hz");
 }
 
@@ -613,17 +628,19 @@ TEST("windows unlike all training windows get a third verdict, with the reason")
     cli_expect("lg-anomaly", "generate --noise 10 --runs 24 --hours 0.5 --out wells.h5", 0, "");
     cli_expect("lg-anomaly", "train wells.h5 --method logistic --out known.h5", 0, "");
     cli_expect("lg-anomaly", "feed --noise 10 --hours 0.4 --seed 5 --out feed.csv", 0, "");
-    cli_expect("lg-anomaly", "watch known.h5 --input feed.csv", 0, "# unlike anything seen: 0 windows");
+    cli_expect("lg-anomaly", "watch known.h5 --input feed.csv", 0, "# windows");
+    expect_rows("unlike 0");
     assert_string_equal(result.err, "");
     for (size_t i = 0; i < LG_COUNT(faults); i++) {
         spoil(faults[i].field, faults[i].expression);
-        cli_expect("lg-anomaly", "watch known.h5 --input spoilt.csv", 0,
-                   "# windows 24: judged 24, positive 0");
-        assert_says(result.out, "# unlike anything seen: 24 windows; alarms of it 1, standing");
+        cli_expect("lg-anomaly", "watch known.h5 --input spoilt.csv", 0, "# windows");
+        expect_rows("windows 24, judged 24, positive 0, unlike 24, unlike_alarms 1");
+        assert_says(result.out, "1  standing");
         assert_says(result.out, "\tunlike\t");
         assert_says(result.out, "\tUNLIKE\t");
         assert_says(result.out, faults[i].reason);
-        cli_expect("lg-anomaly", "watch known.h5 --unlike 0 --input spoilt.csv", 0, "# windows 24");
+        cli_expect("lg-anomaly", "watch known.h5 --unlike 0 --input spoilt.csv", 0, "# windows");
+        expect_rows("windows 24");
         assert_null(strstr(result.out, "unlike"));
         cli_expect("lg-anomaly", "watch known.h5 --json --quiet --input spoilt.csv", 0, "\"unlike\": 24");
         json_expect(line_of(0),
@@ -673,18 +690,20 @@ TEST("a channel without numbers makes a window unlike the training windows; a ga
     for (int word = 0; word < 3; word++) {
         static const char *const words[] = {"\"nan\"", "\"\"", "\"inf\""};
         spoil("4", words[word]);
-        cli_expect("lg-anomaly", "watch known.h5 --input spoilt.csv", 0,
-                   "# windows 24: judged 0, positive 0");
-        assert_says(result.out, "# unlike anything seen: 24 windows; alarms of it 1, standing");
+        cli_expect("lg-anomaly", "watch known.h5 --input spoilt.csv", 0, "# windows");
+        expect_rows("windows 24, judged 0, positive 0, unlike 24, unlike_alarms 1");
+        assert_says(result.out, "1  standing");
         assert_says(result.out,
                     "\tunlike\t-\t0/0\t300\tUNLIKE\tacc_upper_x: no number in 300 of 300 samples");
         cli_expect("lg-anomaly", "watch known.h5 --json --quiet --input spoilt.csv", 0, "\"unlike\": 24");
         json_expect(line_of(0),
                     "judged false, class \"unlike\", unlike true, unlike_votes 3, unlike_alarm true");
-        cli_expect("lg-anomaly", "watch known.h5 --unlike 0 --input spoilt.csv", 0, "judged 0");
+        cli_expect("lg-anomaly", "watch known.h5 --unlike 0 --input spoilt.csv", 0, "# windows");
+        expect_rows("judged 0");
     }
     change("NR < 3000 || NR > 5000", "spoilt.csv");
-    cli_expect("lg-anomaly", "watch known.h5 --input spoilt.csv", 0, "# unlike anything seen: 0 windows");
+    cli_expect("lg-anomaly", "watch known.h5 --input spoilt.csv", 0, "# windows");
+    expect_rows("unlike 0");
 }
 
 TEST("a feed with other noise causes a warning, and so does a model that does not know its training "
