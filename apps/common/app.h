@@ -52,9 +52,8 @@ typedef struct app_settings {
 
 /* What a command does when mpirun starts several processes of it. */
 typedef enum app_together {
-    APP_ALONE,  /* the command refuses to run */
-    APP_RANKS,  /* the processes compute one result together: app->ranks */
-    APP_WORKERS /* the processes take pieces of work from a shared board (common/board.h) */
+    APP_ALONE, /* the command refuses to run */
+    APP_RANKS  /* the processes compute one result together: app->ranks */
 } app_together;
 
 typedef struct app_command {
@@ -99,7 +98,6 @@ struct app {
     uint32_t rank, rank_count; /* from mpirun's environment; 0 and 1 without mpirun */
     const lg_ranks *ranks;     /* set for an APP_RANKS command under mpirun; otherwise NULL */
     bool continues; /* The command continues an earlier run: it does not say that it replaces its results. */
-    bool shares;    /* Several processes share a board and so the outputs: app_claim does nothing. */
 };
 
 app_warnings *app_warnings_create(void);
@@ -163,19 +161,12 @@ char *app_shown_list(const char *format, va_list arguments) __attribute__((forma
 void app_find_ranks(app *app);
 /* Prints a sentence on the standard error. Ranks other than 0 print it, too. */
 void app_say_as_rank(const app *app, const char *sentence);
-/* Returns the number of seconds after which a silent process counts as lost (LIEGRAD_SILENCE, default 30). 0
- * means that no process counts as lost. */
-double app_silence(const app *app);
 /* Default of --threads: this rank's share of the processors. */
 uint64_t app_processors(void);
 /* Connects to the other ranks if the command computes with them (APP_RANKS). */
 void app_join_ranks(app *app);
 /* Says that the ranks exchange nothing from here on: a rank that fails later does not end the others. */
 void app_end_exchanges(app *app);
-/* Says that a rank, or the process that has claimed a piece of work, is silent, and that this process goes on
- * without it. A rank that has said so ends with exit code 3; then mpirun does not wait for the silent rank.
- * `what`: "rank" or "piece". */
-void app_leave_behind(const app *app, const char *what, size_t index);
 /* Called at the end of a command. A rank that fails while other ranks may still wait for it ends all ranks.
  * Returns `code`. */
 int app_leave_ranks(app *app, int code);
@@ -262,7 +253,6 @@ bool app_parse_real(const char *text, double *out);
 bool app_parse_size(const char *text, uint64_t *out);
 
 double app_seconds(void); /* monotonic clock */
-double app_age(void);     /* seconds since the program began */
 
 /* ---- JSON: one object, built in memory and printed when it is complete ---- */
 

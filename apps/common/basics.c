@@ -208,12 +208,6 @@ double app_seconds(void) {
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-double app_age(void) {
-    static double begin = -1.0;
-    if (begin < 0.0) begin = app_seconds();
-    return app_seconds() - begin;
-}
-
 /* ---- threads ---- */
 
 typedef struct crew {

@@ -203,7 +203,7 @@ static bool is_claimed(const char *target) {
 lg_status app_claim(const app *self, const char *path, lg_error *error) {
     static bool registered;
     struct stat about;
-    if (self->rank > 0 || self->shares) return LG_OK;
+    if (self->rank > 0) return LG_OK;
     const bool there = stat(path, &about) == 0, folder = there && S_ISDIR(about.st_mode);
     if (there && !folder && !S_ISREG(about.st_mode)) return LG_OK;
     /* allocated before the lock is taken: if memory ran out later, the lock file would remain */

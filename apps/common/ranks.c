@@ -97,7 +97,9 @@ static bool load(void) {
 
 /* ---- limits of time ---- */
 
-double app_silence(const app *self) {
+/* Returns the number of seconds after which a silent process counts as lost (LIEGRAD_SILENCE, default 30). 0
+ * means that no process counts as lost. */
+static double silence_of(const app *self) {
     static const double otherwise = 30.0;
     const char *text = getenv("LIEGRAD_SILENCE");
     double seconds = otherwise;
@@ -135,7 +137,7 @@ static void *watch_thread(void *user) {
 static void watch_begin(const app *self, const char *what) {
     watch.self = self;
     watch.what = what;
-    watch.silence = app_silence(self);
+    watch.silence = silence_of(self);
     atomic_store(&watch.over, false);
     watch.begun = watch.silence > 0.0 && pthread_create(&watch.thread, NULL, watch_thread, NULL) == 0;
 }
@@ -178,7 +180,6 @@ void app_join_ranks(app *self) {
     if (self->command->together == APP_ALONE)
         app_stop_usage(self, "this command runs in one process only, but mpirun started %u processes",
                        self->rank_count);
-    if (self->command->together == APP_WORKERS) return;
     if (!has_room((size_t)ROOM_MIB << 20))
         app_stop(self, LG_OUT_OF_MEMORY,
                  "out of memory: the limit on addresses (ulimit -v) leaves less than the %d MiB that "
@@ -191,7 +192,7 @@ void app_join_ranks(app *self) {
                        self->rank_count, dlerror());
     watch_begin(self, "MPI has not connected the ranks");
     const int mute = lend_voice();
-    const lg_status status = mpi.begin(self->context, NULL, app_silence(self), &mpi.ranks, &error);
+    const lg_status status = mpi.begin(self->context, NULL, silence_of(self), &mpi.ranks, &error);
     take_back(mute);
     watch_end();
     app_must(self, status, &error);
@@ -220,21 +221,9 @@ static void end_all(const app *self, int code, bool lost) {
     mpi.abort(code);
 }
 
-static atomic_bool left_behind;
-
-void app_leave_behind(const app *self, const char *what, size_t index) {
-    APP_FREE char *text = app_format("%s %zu has given no sign of life for %g s (LIEGRAD_SILENCE): this goes "
-                                     "on without its process",
-                                     what, index, app_silence(self));
-    app_say_as_rank(self, text);
-    atomic_store(&left_behind, true);
-}
-
 int app_leave_ranks(app *self, int code) {
     lg_error error = {LG_OK, ""};
     if (self->ranks == NULL) {
-        if (code == APP_EXIT_OK && self->rank_count > 1 && atomic_load(&left_behind))
-            code = app_fail(self, LG_FILE, "the work is complete, but a rank is silent");
         if (code != APP_EXIT_OK) say_alone(self, false);
         return code;
     }

@@ -8,7 +8,6 @@
 #include "settings/settings.h"
 
 enum { SHOWN_TRIALS = 10 };
-enum { RUNGS, WARM_UP, QUANTILE }; /* indices of the numbers R, W and Q of --rungs */
 
 search_values search_given;
 
@@ -29,24 +28,27 @@ const lg_field search_options[] = {
     LG_OPTION(search_values, plot, STRING, "FILE.svg|.png",
               "Draw the objective of each trial and the "
               "best so far"),
-    BOARD_ROWS(search_values),
+    LG_OPTION(search_values, jobs, U64, "J",
+              "Number of simultaneous trials (default 1); each has a process and threads/jobs threads",
+              .low = 1, .high = 256, .value = "1"),
+    TRIALS_ROWS(search_values),
     LG_FIELD_END};
 
 typedef struct searching {
     app *app;
     const search_values *values;
-    double rungs[3];
     const app_command *train;
     train_task *task;
     const lg_search_file *file;
     char setting[256];
-    lg_trial *trials;
+    lg_search_options options;
+    trials_work work;
+    lg_trial *results; /* (values->trials) by number, as the trials reported them */
+    lg_trial *trials;  /* (count) those that are done, stopped where one process would have stopped them */
     size_t count, before;
     lg_error failure; /* why the first failed trial of this call failed */
     uint64_t failed;  /* number of this trial */
-    lg_error saving;  /* why the table could not be written */
     app_progress progress;
-    board *board; /* NULL unless several processes search together */
 } searching;
 
 /* ---- setting names and values as options of train ---- */
@@ -188,7 +190,7 @@ static lg_status find_objective(search_trial *self) {
 static int on_epoch(void *user, const lg_fit_epoch *report) {
     search_trial *self = user;
     searching *search = self->search;
-    const uint64_t parts = (uint64_t)search->rungs[RUNGS] + 1, done = report->epoch, total = report->epochs;
+    const uint64_t parts = (uint64_t)search->options.rungs + 1, done = report->epoch, total = report->epochs;
     app_progress_show(&search->progress, search->count, "trial %llu/%llu, epoch %llu/%llu, loss %.3g",
                       (unsigned long long)self->trial->number + 1, (unsigned long long)search->values->trials,
                       (unsigned long long)done, (unsigned long long)total, report->loss);
@@ -238,158 +240,96 @@ static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_e
     return status;
 }
 
-static lg_status on_finished(void *user, const lg_trial *trials, size_t count, const lg_error *error) {
-    searching *search = user;
-    search->count = count;
-    app_progress_end(&search->progress);
-    if (error->status != LG_OK && search->failure.status == LG_OK) {
-        search->failure = *error;
-        search->failed = trials[count - 1].number;
-    }
-    if (error->status != LG_OK)
-        app_warn(search->app, "trial %llu failed: %s", (unsigned long long)trials[count - 1].number,
-                 error->message);
-    app_progress_begin(&search->progress, search->before, search->values->trials);
-    return lg_trials_write(search->app->context, search->values->out, search->file, search->app->seed,
-                           search->setting, trials, count, &search->saving);
-}
+/* ---- the trials of all processes ---- */
 
-/* ---- trials of several processes ---- */
-
-/* The record of a trial on the board. */
+/* The result of a trial as processes exchange it. */
 typedef struct posted {
     lg_trial trial;
     char why[256]; /* why the trial failed */
 } posted;
 
-static bool is_posted(const void *user, size_t piece, void *record) {
-    const searching *search = user;
-    posted *p = record;
-    const bool ends = memchr(p->why, '\0', sizeof p->why) != NULL;
-    if (ends) (void)lg_tame(p->why);
-    return ends && p->trial.number == piece && lg_trial_is_possible(&search->file->space, &p->trial);
-}
-
-static lg_search_options options_of(const searching *search) {
-    lg_search_options options;
-    lg_search_options_init(&options);
-    options.trials = search->values->trials;
-    options.seed = search->app->seed;
-    options.rungs = (uint32_t)search->rungs[RUNGS];
-    options.warm_up = (uint32_t)search->rungs[WARM_UP];
-    options.quantile = search->rungs[QUANTILE];
-    return options;
-}
-
-/* Writes the trial's progress to the board. Returns true if all trials with lower numbers are done or have
- * also passed this rung; then these trials are in *trials. */
-static bool known_before(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **trials,
-                         size_t *count) {
-    searching *search = user;
-    const lg_search_options options = options_of(search);
-    posted piece = {.trial = *trial};
-    (void)board_write(search->board, (size_t)trial->number, &piece, BOARD_PARTIAL, NULL);
-    for (size_t i = 0; i < trial->number; i++) {
-        const board_state state = board_read(search->board, i, &piece);
-        if (state != BOARD_DONE && !(state == BOARD_PARTIAL && piece.trial.reports > rung)) return false;
-        search->trials[i] = piece.trial;
+static void warn(searching *search, const posted *p) {
+    if (search->failure.status == LG_OK) {
+        search->failed = p->trial.number;
+        (void)app_error(&search->failure, LG_NO_CONVERGENCE, "%s", p->why);
     }
-    lg_search_settle(&options, search->trials, (size_t)trial->number);
-    *trials = search->trials;
-    *count = (size_t)trial->number;
+    app_warn(search->app, "trial %llu failed: %s", (unsigned long long)p->trial.number, p->why);
+}
+
+static bool take_trial(void *user, size_t item, void *record, bool done, bool own) {
+    searching *search = user;
+    posted *p = record;
+    if (!own && (memchr(p->why, '\0', sizeof p->why) == NULL || p->trial.number != item ||
+                 !lg_trial_is_possible(&search->file->space, &p->trial)))
+        return false;
+    if (!own) (void)lg_tame(p->why);
+    search->results[item] = p->trial;
+    const bool task = search->values->shared.task != NULL || search->work.child;
+    if (done && !task && p->trial.state == LG_TRIAL_FAILED) warn(search, p);
     return true;
 }
 
-static lg_status read_trials(searching *search, lg_error *error) {
-    const lg_status status = lg_trials_read(
-        search->app->context, search->values->out, search->file, search->app->seed, search->setting,
-        (size_t)search->values->trials, search->trials, &search->count, error);
-    return status == LG_NOT_FOUND ? LG_OK : status;
-}
-
-static lg_status post_earlier(searching *search, lg_error *error) {
-    lg_status status = search->app->continues ? read_trials(search, error) : LG_OK;
-    for (size_t i = 0; i < search->count && status == LG_OK; i++) {
-        const posted piece = {.trial = search->trials[i]};
-        if (piece.trial.number >= search->values->trials)
-            return app_error(error, LG_INVALID_ARGUMENT,
-                             "trial %llu was already run, but only %llu trials are planned in all",
-                             (unsigned long long)piece.trial.number,
-                             (unsigned long long)search->values->trials);
-        status = board_write(search->board, (size_t)piece.trial.number, &piece, BOARD_DONE, error);
-    }
-    return status;
-}
-
-static lg_status work(searching *search, lg_error *error) {
-    const lg_search_options options = options_of(search);
-    const lg_search_problem problem = {run_trial, NULL, search};
-    size_t piece;
-    while (board_next(search->board, &piece)) {
-        posted result = {.why = ""};
-        lg_error why = {LG_OK, ""};
-        lg_status status = lg_search_run_trial(&search->file->space, &options, &problem, known_before, piece,
-                                               &result.trial, &why);
-        app_progress_end(&search->progress);
-        (void)snprintf(result.why, sizeof result.why, "%.*s", (int)sizeof result.why - 1, why.message);
-        if (status == LG_OK) status = board_write(search->board, piece, &result, BOARD_DONE, &why);
-        if (status == LG_OK) continue;
-        board_release(search->board, piece);
-        return app_error(error, status, "%s", why.message);
-    }
-    return app_interrupted() ? LG_CANCELLED : LG_OK;
-}
-
-/* Reads the trials of all processes from the board, settles them, and warns of those that failed. */
+/* Collects the trials that are done. */
 static void collect(searching *search) {
-    const lg_search_options options = options_of(search);
-    posted piece;
     search->count = 0;
     for (size_t i = 0; i < search->values->trials; i++)
-        if (board_read(search->board, i, &piece) == BOARD_DONE) search->trials[search->count++] = piece.trial;
-    lg_search_settle(&options, search->trials, search->count);
-    for (size_t i = 0; i < search->count; i++) {
-        const lg_trial *trial = &search->trials[i];
-        if (trial->state != LG_TRIAL_FAILED) continue;
-        (void)board_read(search->board, (size_t)trial->number, &piece);
-        app_warn(search->app, "trial %llu failed: %s", (unsigned long long)trial->number, piece.why);
-        if (search->failure.status != LG_OK) continue;
-        search->failed = trial->number;
-        (void)app_error(&search->failure, LG_NO_CONVERGENCE, "%s", piece.why);
-    }
+        if (search->work.known[i]) search->trials[search->count++] = search->results[i];
+    lg_search_settle(&search->options, search->trials, search->count);
 }
 
-static lg_status open_board(searching *search, lg_error *error) {
-    bool fresh = false;
-    char label[LG_SEARCH_LABEL];
-    lg_search_label(search->file, search->app->seed, search->setting, label);
-    lg_status status =
-        board_open(search->app, &search->values->board, search->values->out, label, sizeof(posted),
-                   (size_t)search->values->trials, &search->board, &fresh, error);
-    if (status != LG_OK) return status;
-    board_set_check(search->board, is_posted, search);
-    if (fresh) status = post_earlier(search, error);
-    if (status == LG_OK) return board_begin(search->board, error);
-    /* the earlier table could not be taken over, so the new board is removed */
-    if (fresh) board_end(search->board, false);
-    return status;
-}
-
-/* Trains trials. Writes the table when all trials are done, or those that are done if --merge was given. */
-static lg_status search_together(searching *search, lg_error *error) {
-    lg_status status = open_board(search, error);
-    if (status != LG_OK) return status;
-    if (!search->values->board.merge) status = work(search, error);
-    const size_t left = board_left(search->board);
-    search->count = (size_t)search->values->trials - left;
-    if (status != LG_OK || search->values->board.task != NULL || !board_lock(search->board)) return status;
+static lg_status save(void *user, lg_error *error) {
+    searching *search = user;
     collect(search);
-    status = lg_trials_write(search->app->context, search->values->out, search->file, search->app->seed,
-                             search->setting, search->trials, search->count, error);
-    board_end(search->board, left > 0 || status != LG_OK);
-    if (status == LG_OK && left > 0 && search->values->board.merge)
-        status = board_unfinished(search->board, left, error);
-    return status;
+    return lg_trials_write(search->app->context, search->values->out, search->file, search->app->seed,
+                           search->setting, search->trials, search->count, error);
+}
+
+/* Shows the trial's progress to the other processes. Returns true if all trials with lower numbers are done
+ * or have also passed this rung; then these trials are in *before. */
+static bool known_before(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **before,
+                         size_t *count) {
+    searching *search = user;
+    const size_t number = (size_t)trial->number;
+    const posted piece = {.trial = *trial};
+    trials_exchange(&search->work, number, &piece);
+    for (size_t i = 0; i < number; i++)
+        if (!search->work.known[i] && search->results[i].reports <= rung) return false;
+    memcpy(search->trials, search->results, number * sizeof *search->trials);
+    lg_search_settle(&search->options, search->trials, number);
+    *before = search->trials;
+    *count = number;
+    return true;
+}
+
+static lg_status do_trial(void *user, size_t item, void *record, lg_error *error) {
+    searching *search = user;
+    const lg_search_problem problem = {run_trial, NULL, search};
+    posted *p = record;
+    lg_error why = {LG_OK, ""};
+    search->count = trials_known(&search->work);
+    const lg_status status = lg_search_run_trial(&search->file->space, &search->options, &problem,
+                                                 known_before, item, &p->trial, &why);
+    app_progress_end(&search->progress);
+    app_progress_begin(&search->progress, search->before, search->values->trials);
+    (void)snprintf(p->why, sizeof p->why, "%.*s", (int)sizeof p->why - 1, why.message);
+    return status == LG_OK ? LG_OK : app_error(error, status, "%s", why.message);
+}
+
+/* Takes the trials of the table that no part has. */
+static lg_status read_table(searching *search, lg_error *error) {
+    lg_status status = lg_trials_read(search->app->context, search->values->out, search->file,
+                                      search->app->seed, search->setting, (size_t)search->values->trials,
+                                      search->trials, &search->count, error);
+    for (size_t i = 0; i < search->count && status == LG_OK; i++) {
+        const uint64_t number = search->trials[i].number;
+        if (number >= search->values->trials)
+            return app_error(error, LG_INVALID_ARGUMENT,
+                             "trial %llu was already run, but only %llu trials are planned in all",
+                             (unsigned long long)number, (unsigned long long)search->values->trials);
+        if (!search->work.known[number]) search->results[number] = search->trials[i];
+        search->work.known[number] = true;
+    }
+    return status == LG_NOT_FOUND ? LG_OK : status;
 }
 
 /* ---- results ---- */
@@ -542,63 +482,51 @@ static int none_done(const searching *search) {
                     (unsigned long long)search->failed, search->failure.message);
 }
 
-static lg_status search_alone(searching *search, lg_error *error) {
-    const lg_search_options options = options_of(search);
-    const lg_search_problem problem = {run_trial, on_finished, search};
-    lg_status status = search->values->resume ? read_trials(search, error) : LG_OK;
-    search->before = search->count;
-    app_progress_begin(&search->progress, search->before, search->values->trials);
-    if (status == LG_OK)
-        status = lg_search_run(search->app->context, &search->file->space, &options, &problem, search->trials,
-                               &search->count, error);
-    app_progress_end(&search->progress);
-    return status;
-}
-
-static int run_search(searching *search, bool together) {
+static int run_search(searching *search) {
     const app *self = search->app;
+    char label[LG_SEARCH_LABEL];
     lg_error error = {LG_OK, ""};
     const double begin = app_seconds();
     if (!self->continues) app_check_text(self, search->values->out, "# " LG_SEARCH_SEED);
-    lg_status status = together ? search_together(search, &error) : search_alone(search, &error);
-    board_close(search->board);
-    if (together && status == LG_NOT_FOUND) return APP_EXIT_OK; /* another process has finished the search */
-    if (status == LG_CANCELLED) {
-        app_note(self, "stopped after %zu of %llu trials; continue with %s", search->count,
-                 (unsigned long long)search->values->trials, together ? "the same command" : "--resume");
-        return APP_EXIT_INTERRUPTED;
-    }
-    if (together && status == LG_OK) {
-        if (search->values->board.task != NULL)
-            return board_report(self, &search->values->board, search->count, (size_t)search->values->trials);
-        status = read_trials(search, &error);
-    }
-    if (search->saving.status != LG_OK)
-        return app_fail_file(self, search->saving.status, &search->saving, search->values->out);
-    if (status == LG_INVALID_ARGUMENT || status == LG_OUT_OF_MEMORY)
-        return app_fail(self, status, "%s", app_sentence(status, &error));
-    if (status != LG_OK) return app_fail_file(self, status, &error, search->values->out);
+    lg_search_label(search->file, self->seed, search->setting, label);
+    lg_status status = trials_open(&search->work, label, &error);
+    app_must_file(self, status, &error, search->values->out);
+    if (self->continues) status = read_table(search, &error);
+    if (status == LG_INVALID_ARGUMENT) app_must(self, status, &error);
+    app_must_file(self, status, &error, search->values->out);
+    search->before = trials_known(&search->work);
+    app_progress_begin(&search->progress, search->before, search->values->trials);
+    const bool whole = trials_run(&search->work);
+    app_progress_end(&search->progress);
+    if (!whole) return APP_EXIT_OK;
+    app_must_file(self, save(search, &error), &error, search->values->out);
+    trials_end(&search->work);
     if (search->values->plot != NULL) draw_search(search);
     report(search, app_seconds() - begin);
     return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
 }
 
-/* Reads the numbers of --rungs; missing numbers get their defaults. False: a number is out of its range. */
-static bool take_rungs(double rungs[3]) {
-    static const double usual[] = {5, 5, 0.5};
+/* Takes the numbers of --rungs; missing numbers keep their defaults. False: a number is out of its range. */
+static bool take_rungs(lg_search_options *options) {
     const lg_reals *given = &search_given.rungs;
-    for (size_t i = 0; i < LG_COUNT(usual); i++) rungs[i] = i < given->count ? given->values[i] : usual[i];
-    return rungs[RUNGS] <= LG_TRIAL_REPORTS && rungs[RUNGS] == floor(rungs[RUNGS]) &&
-           rungs[WARM_UP] == floor(rungs[WARM_UP]) && rungs[QUANTILE] > 0 && rungs[QUANTILE] <= 1;
+    const double rungs = given->count > 0 ? given->values[0] : options->rungs,
+                 warm_up = given->count > 1 ? given->values[1] : options->warm_up;
+    if (given->count > 2) options->quantile = given->values[2];
+    options->rungs = (uint32_t)rungs;
+    options->warm_up = (uint32_t)warm_up;
+    return rungs <= LG_TRIAL_REPORTS && rungs == floor(rungs) && warm_up == floor(warm_up) &&
+           options->quantile > 0 && options->quantile <= 1;
 }
 
 int search_main(app *self, const app_command *train, train_task *task) {
     const search_values *values = &search_given;
-    double rungs[3];
-    const app_path paths[] = {{"out", values->out, LG_FILE_TEXT}, {"plot", values->plot, LG_FILE_DRAWN}};
+    lg_search_options options;
     lg_error error = {LG_OK, ""};
+    lg_search_options_init(&options);
+    options.trials = values->trials;
+    options.seed = self->seed;
     if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
-    if (!take_rungs(rungs)) {
+    if (!take_rungs(&options)) {
         char text[128];
         lg_field_show(lg_field_find(search_options, "rungs"), &search_given, text, sizeof text);
         return app_usage(
@@ -606,8 +534,26 @@ int search_main(app *self, const app_command *train, train_task *task) {
             "--rungs: '%s' is not R,W,Q with whole numbers R (0 to %d) and W, and a Q above 0 and at most 1",
             text, LG_TRIAL_REPORTS);
     }
-    const bool together = board_wanted(self, &values->board, values->out);
-    self->continues = values->resume || values->board.task != NULL || values->board.merge;
+    searching search = {.app = self,
+                        .values = values,
+                        .options = options,
+                        .train = train,
+                        .task = task,
+                        .work = {.app = self,
+                                 .values = &values->shared,
+                                 .out = values->out,
+                                 .noun = "trials",
+                                 .resume = "continue with --resume",
+                                 .count = (size_t)values->trials,
+                                 .record = sizeof(posted),
+                                 .threads = 1,
+                                 .jobs = values->jobs,
+                                 .run = do_trial,
+                                 .take = take_trial,
+                                 .save = save}};
+    const app_path paths[] = {trials_choose(&search.work, LG_FILE_TEXT),
+                              {"plot", values->plot, LG_FILE_DRAWN}};
+    self->continues = values->resume || trials_continues(&search.work);
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     lg_search_file *file = app_alloc(1, sizeof *file);
@@ -617,18 +563,16 @@ int search_main(app *self, const app_command *train, train_task *task) {
     if (code == APP_EXIT_OK) code = check_names(self, train, task, file);
     if (code == APP_EXIT_OK) code = train_read(self, task);
     if (code == APP_EXIT_OK) {
-        searching search = {.app = self,
-                            .values = values,
-                            .rungs = {rungs[RUNGS], rungs[WARM_UP], rungs[QUANTILE]},
-                            .train = train,
-                            .task = task,
-                            .file = file,
-                            .trials = app_alloc((size_t)values->trials, sizeof *search.trials)};
+        search.file = file;
+        search.work.user = &search;
+        search.results = app_alloc((size_t)values->trials, sizeof *search.results);
+        search.trials = app_alloc((size_t)values->trials, sizeof *search.trials);
         (void)snprintf(search.setting, sizeof search.setting,
-                       "data %s validation %.17g rungs %.17g warm-up %.17g quantile %.17g",
-                       task->training.sha256, values->validation, search.rungs[RUNGS], search.rungs[WARM_UP],
-                       search.rungs[QUANTILE]);
-        code = run_search(&search, together);
+                       "data %s validation %.17g rungs %u warm-up %u quantile %.17g", task->training.sha256,
+                       values->validation, options.rungs, options.warm_up, options.quantile);
+        code = run_search(&search);
+        trials_close(&search.work);
+        free(search.results);
         free(search.trials);
     }
     free(file);

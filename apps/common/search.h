@@ -3,17 +3,17 @@
 #ifndef LG_APPS_SEARCH_H
 #define LG_APPS_SEARCH_H
 
-#include "common/board.h"
 #include "common/train.h"
+#include "common/trials.h"
 #include "liegrad/settings.h"
 
 typedef struct search_values {
     const char *out, *plot;
     bool resume;
-    uint64_t trials;
+    uint64_t trials, jobs;
     lg_reals rungs;
     double validation;
-    board_values board;
+    trials_values shared;
 } search_values;
 
 extern search_values search_given;
@@ -33,7 +33,7 @@ extern const lg_field search_options[];
  * program's train command, e.g. "DATA.h5". */
 #define SEARCH_COMMAND(data)                                                                                 \
     .name = "search", .arguments = "RANGES.yaml " data,                                                      \
-    .summary = "Random search over the options of train", .details = SEARCH_DETAILS, .together = APP_WORKERS
+    .summary = "Random search over the options of train", .details = SEARCH_DETAILS, .together = APP_RANKS
 
 /* Arguments of the command: RANGES.yaml DATA.h5. `train` is the command whose task is searched. Returns the
  * exit code. */

@@ -2,7 +2,6 @@
 #include "common/study.h"
 
 #include <math.h>
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -20,20 +19,17 @@ const lg_field study_options[] = {
               "Number of simultaneous runs (default: --threads); each uses threads/jobs threads", .low = 1,
               .high = 256),
     LG_OPTION(study_values, stop_after, U64, "n", "Stop after n new runs", .low = 1, .high = 1e9),
-    BOARD_ROWS(study_values), LG_FIELD_END};
+    TRIALS_ROWS(study_values), LG_FIELD_END};
 
 typedef struct study {
     app *app;
     const study_task *task;
     study_plan plan;
     study_file file;
-    uint64_t *pending; /* indices of the runs that are still to be done */
-    size_t pending_count, done;
-    board *board; /* NULL unless several processes run the study together */
+    trials_work work;
+    study_row *rows; /* (runs) those that are done, from all processes */
+    bool *saved;     /* (runs) the row is in `file` */
     uint64_t threads_each;
-    pthread_mutex_t mutex; /* protects file, done, status, error and progress */
-    lg_status status;
-    lg_error error;
     app_progress progress;
 } study;
 
@@ -127,98 +123,43 @@ static void fail_row(const study_plan *plan, study_row *row) {
     for (uint32_t k = 0; k + 1 < plan->measure_count; k++) row->result[k] = (double)NAN;
 }
 
-static bool is_stopped(study *self) {
-    (void)pthread_mutex_lock(&self->mutex);
-    const bool stop = self->status != LG_OK || app_interrupted();
-    (void)pthread_mutex_unlock(&self->mutex);
-    return stop;
+static lg_status do_run(void *user, size_t index, void *record, lg_error *error) {
+    study *self = user;
+    study_row *row = record;
+    *row = study_run_at(&self->plan, index);
+    const lg_status status =
+        self->task->run(self->task->user, self->app, &self->plan, self->threads_each, row, error);
+    if (!is_result(status)) return status;
+    fail_row(&self->plan, row);
+    return LG_OK;
 }
 
-/* Trains run `index` of the plan; its row goes to the table, or to the board if there is one. */
-static void run_one(study *self, uint64_t index) {
+/* A record of another process must be of this run. */
+static bool take_row(void *user, size_t index, void *record, bool done, bool own) {
+    study *self = user;
+    const study_plan *plan = &self->plan;
+    const study_row run = study_run_at(plan, index), *row = record;
+    unsigned char failed;
     char text[256];
-    lg_error error = {LG_OK, ""};
-    study_row row = study_run_at(&self->plan, index);
-    lg_status status =
-        self->task->run(self->task->user, self->app, &self->plan, self->threads_each, &row, &error);
-    if (is_result(status)) {
-        fail_row(&self->plan, &row);
-        status = LG_OK;
-    }
-    (void)pthread_mutex_lock(&self->mutex);
-    if (status == LG_OK)
-        status = self->board != NULL ? board_write(self->board, (size_t)index, &row, BOARD_DONE, &error)
-                                     : study_file_append(&self->file, &row, &error);
-    if (status == LG_OK) {
-        self->done++;
-        self->task->show(&self->plan, &row, text, sizeof text);
-        app_progress_show(&self->progress, self->done, "run %zu/%zu  %s", self->done, self->pending_count,
-                          text);
-    } else if (self->status == LG_OK) {
-        self->status = status;
-        self->error = error;
-    }
-    (void)pthread_mutex_unlock(&self->mutex);
+    memcpy(&failed, &row->failed, 1);
+    if (!done || failed > 1 || row->repeat != run.repeat ||
+        memcmp(row->at, run.at, plan->axis_count * sizeof *run.at) != 0)
+        return false;
+    self->rows[index] = *row;
+    if (!own) return true;
+    self->task->show(plan, row, text, sizeof text);
+    app_progress_show(&self->progress, self->work.fresh, "run %zu  %s", self->work.fresh, text);
+    return true;
 }
 
-static void run_task(void *user, size_t index) {
+/* Appends the rows that are done to the table, in the order of the plan. */
+static lg_status save(void *user, lg_error *error) {
     study *self = user;
-    if (!is_stopped(self)) run_one(self, self->pending[index]);
-}
-
-static void collect_pending(study *self) {
-    const uint64_t runs = study_runs(&self->plan);
-    self->pending = app_alloc((size_t)runs, sizeof *self->pending);
-    for (uint64_t i = 0; i < runs; i++) {
-        const study_row row = study_run_at(&self->plan, i);
-        if (study_file_find(&self->file, &row) == NULL) self->pending[self->pending_count++] = i;
+    for (size_t i = 0; i < self->work.count; i++) {
+        if (self->work.known[i] && !self->saved[i]) study_file_append(&self->file, &self->rows[i]);
+        self->saved[i] = self->work.known[i];
     }
-    if (study_given.stop_after > 0 && self->pending_count > study_given.stop_after)
-        self->pending_count = (size_t)study_given.stop_after;
-}
-
-/* Calls task(self, i) for i < count, `jobs` of them at a time. Ctrl-C and failures end the command. When it
- * is stopped, it says that finished(self) runs are stored in the file `where`. */
-static void run_jobs(study *self, uint64_t jobs, size_t count, void (*task)(void *user, size_t index),
-                     const char *where, size_t (*finished)(const study *self)) {
-    self->threads_each = self->app->threads / jobs > 0 ? self->app->threads / jobs : 1;
-    (void)pthread_mutex_init(&self->mutex, NULL);
-    app_progress_begin(&self->progress, 0, self->pending_count);
-    app_parallel(jobs, count, task, self);
-    app_progress_end(&self->progress);
-    (void)pthread_mutex_destroy(&self->mutex);
-    if (app_interrupted() || self->status == LG_CANCELLED)
-        app_stop(self->app, LG_CANCELLED, "stopped; %zu of %llu runs are in %s, the same command continues",
-                 finished(self), (unsigned long long)study_runs(&self->plan), where);
-    app_must(self->app, self->status, &self->error);
-}
-
-static uint64_t jobs_of(const study *self) {
-    return study_given.jobs > 0 ? study_given.jobs : self->app->threads;
-}
-
-static size_t rows_of(const study *self) {
-    return self->file.count;
-}
-
-/* ---- runs of several processes ---- */
-
-static size_t done_on_board(const study *self) {
-    return (size_t)study_runs(&self->plan) - board_left(self->board);
-}
-
-static bool is_enough(const study *self) {
-    return study_given.stop_after > 0 && self->done >= study_given.stop_after;
-}
-
-static void board_task(void *user, size_t index) {
-    study *self = user;
-    size_t piece;
-    (void)index;
-    while (!is_stopped(self) && !is_enough(self) && board_next(self->board, &piece)) {
-        run_one(self, piece);
-        if (is_stopped(self)) board_release(self->board, piece);
-    }
+    return study_file_save(&self->file, error);
 }
 
 /* Hash of everything that the runs depend on. */
@@ -238,110 +179,64 @@ static void label_of(const study_plan *plan, char label[LG_SHA256_TEXT]) {
     lg_sha256_finish(&sha, label);
 }
 
-/* Copies the rows of the table to the board. */
-static lg_status post_rows(study *self, lg_error *error) {
-    lg_status status = study_file_open(study_given.out, &self->plan, &self->file, error);
-    if (status != LG_OK) return status;
-    for (uint64_t i = 0; i < study_runs(&self->plan) && status == LG_OK; i++) {
-        const study_row key = study_run_at(&self->plan, i), *row = study_file_find(&self->file, &key);
-        if (row != NULL) status = board_write(self->board, (size_t)i, row, BOARD_DONE, error);
-    }
-    study_file_close(&self->file);
-    return status;
-}
-
-/* Appends the rows that only the board has to the table, in the order of the plan. */
-static lg_status append_rows(study *self, lg_error *error) {
-    lg_status status = study_file_open(study_given.out, &self->plan, &self->file, error);
-    if (status != LG_OK) return status;
-    for (uint64_t i = 0; i < study_runs(&self->plan) && status == LG_OK; i++) {
-        const study_row key = study_run_at(&self->plan, i);
-        study_row row;
-        if (study_file_find(&self->file, &key) == NULL &&
-            board_read(self->board, (size_t)i, &row) == BOARD_DONE)
-            status = study_file_append(&self->file, &row, error);
-    }
-    study_file_close(&self->file);
-    return status;
-}
-
-/* Returns true if this run can have the values of the record, which any process may have written. */
-static bool is_run(const void *user, size_t piece, void *record) {
-    const study_plan *plan = &((const study *)user)->plan;
-    const study_row run = study_run_at(plan, piece), *row = record;
-    unsigned char failed;
-    memcpy(&failed, &row->failed, 1);
-    return failed <= 1 && row->repeat == run.repeat &&
-           memcmp(row->at, run.at, plan->axis_count * sizeof *run.at) == 0;
-}
-
-static lg_status open_board(study *self, lg_error *error) {
-    char label[LG_SHA256_TEXT];
-    bool fresh = false;
-    label_of(&self->plan, label);
-    lg_status status = board_open(self->app, &study_given.board, study_given.out, label, sizeof(study_row),
-                                  (size_t)study_runs(&self->plan), &self->board, &fresh, error);
-    if (status == LG_OK) board_set_check(self->board, is_run, self);
-    if (status == LG_OK && fresh) status = post_rows(self, error);
-    if (status == LG_OK) return board_begin(self->board, error);
-    /* the table belongs to other work, so the new board is removed */
-    if (fresh) board_end(self->board, false);
-    return status;
-}
-
-/* Trains runs, and completes the table when all are done; with --merge the runs that are done are added to
- * it. False: another process prints the report, or this was a task of a job array. */
-static bool run_together(study *self) {
-    const app *host = self->app;
-    lg_error why = {LG_OK, ""};
-    const lg_status status = open_board(self, &why);
-    if (status == LG_NOT_FOUND) return false;
-    app_must_file(host, status, &why, study_given.out);
-    const size_t jobs = (size_t)jobs_of(self);
-    self->pending_count = board_left(self->board);
-    if (!study_given.board.merge)
-        run_jobs(self, jobs, jobs, board_task, board_path(self->board), done_on_board);
-    const size_t left = board_left(self->board);
-    if (study_given.board.task != NULL) {
-        (void)board_report(host, &study_given.board, done_on_board(self), (size_t)study_runs(&self->plan));
-        return false;
-    }
-    if (!board_lock(self->board)) return true;
-    APP_MUST_FILE(host, study_given.out, append_rows(self, &error));
-    board_end(self->board, left > 0);
-    if (left > 0 && study_given.board.merge)
-        APP_MUST_FILE(host, study_given.out, board_unfinished(self->board, left, &error));
-    return true;
-}
-
 /* ---- the command ---- */
 
-static void check_outputs(const app *self, const study_task *task) {
-    const app_path paths[] = {{"out", study_given.out, LG_FILE_TEXT}, {"plot", task->plot, LG_FILE_DRAWN}};
-    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
-    if (code != APP_EXIT_OK) app_end(code);
-}
-
 static void study_end_all(study **self) {
-    board_close((*self)->board);
+    trials_close(&(*self)->work);
     study_file_close(&(*self)->file);
-    free((*self)->pending);
+    free((*self)->rows);
+    free((*self)->saved);
     free(*self);
 }
 
-void study_main(app *host, const study_task *task) {
-    const double begin = app_seconds();
-    const bool together = board_wanted(host, &study_given.board, study_given.out);
-    check_outputs(host, task);
-    APP_CLEAN(study_end_all) study *self = app_alloc(1, sizeof *self);
-    *self = (study){.app = host, .task = task, .file = {.fd = -1}};
-    task->read(task->user, host, &self->plan);
-    if (together && !run_together(self)) return;
-    APP_MUST_FILE(host, study_given.out, study_file_open(study_given.out, &self->plan, &self->file, &error));
-    if (!together) {
-        collect_pending(self);
-        run_jobs(self, jobs_of(self), self->pending_count, run_task, self->file.path, rows_of);
+/* Reads the table and the results of other processes. */
+static void begin(study *self) {
+    trials_work *work = &self->work;
+    char label[LG_SHA256_TEXT];
+    work->count = (size_t)study_runs(&self->plan);
+    self->rows = app_alloc(work->count, sizeof *self->rows);
+    self->saved = app_alloc(work->count, sizeof *self->saved);
+    APP_MUST_FILE(self->app, work->out, study_file_open(work->out, &self->plan, &self->file, &error));
+    app_continue(work->out);
+    label_of(&self->plan, label);
+    APP_MUST_FILE(self->app, work->out, trials_open(work, label, &error));
+    for (size_t i = 0; i < work->count; i++) {
+        const study_row key = study_run_at(&self->plan, i);
+        self->saved[i] = study_file_find(&self->file, &key) != NULL;
+        work->known[i] = work->known[i] || self->saved[i];
     }
+}
+
+void study_main(app *host, const study_task *task) {
+    const double start = app_seconds();
+    const uint64_t jobs = study_given.jobs > 0 ? study_given.jobs : host->threads;
+    APP_CLEAN(study_end_all) study *self = app_alloc(1, sizeof *self);
+    *self = (study){.app = host,
+                    .task = task,
+                    .threads_each = host->threads / jobs > 0 ? host->threads / jobs : 1,
+                    .work = {.app = host,
+                             .values = &study_given.shared,
+                             .out = study_given.out,
+                             .noun = "runs",
+                             .resume = "the same command continues",
+                             .record = sizeof(study_row),
+                             .threads = jobs,
+                             .most = study_given.stop_after,
+                             .user = self,
+                             .run = do_run,
+                             .take = take_row,
+                             .save = save}};
+    const app_path paths[] = {trials_choose(&self->work, LG_FILE_TEXT), {"plot", task->plot, LG_FILE_DRAWN}};
+    const int code = app_check_outputs(host, paths, LG_COUNT(paths));
+    if (code != APP_EXIT_OK) app_end(code);
+    task->read(task->user, host, &self->plan);
+    begin(self);
+    app_progress_begin(&self->progress, 0, self->work.count - trials_known(&self->work));
+    const bool whole = trials_run(&self->work);
+    app_progress_end(&self->progress);
+    if (!whole) return;
+    APP_MUST_FILE(host, study_given.out, save(self, &error));
+    trials_end(&self->work);
     if (task->plot != NULL) task->draw(host, task->plot, &self->file);
-    task->report(host, &self->file, self->done, app_seconds() - begin);
+    task->report(host, &self->file, self->work.fresh, app_seconds() - start);
 }

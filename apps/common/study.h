@@ -6,7 +6,7 @@
 #ifndef LG_APPS_STUDY_DRIVER_H
 #define LG_APPS_STUDY_DRIVER_H
 
-#include "common/board.h"
+#include "common/trials.h"
 
 enum { STUDY_AXES = 8, STUDY_VALUES = 16, STUDY_TEXT = 32, STUDY_MEASURES = 6, STUDY_PROTOCOL_TEXT = 13 };
 
@@ -57,18 +57,19 @@ void study_set_protocol(study_plan *plan, const char *text);
 
 /* ---- the table on disk (study_file.c) ---- */
 
-/* The CSV file, opened for appending. Each row is written whole and fsynced; opening the file cuts off an
- * unfinished last row that a crash left. */
+/* The CSV file in memory. It is written whole, so a crash leaves the rows that were saved. A last row without a
+ * line end is not read. */
 typedef struct study_file {
-    const char *path;
     const study_plan *plan;
-    int fd;
+    app_file text;
+    bool changed; /* since it was read or saved */
     size_t count, room;
     study_row *rows;
 } study_file;
 
 lg_status study_file_open(const char *path, const study_plan *plan, study_file *out, lg_error *error);
-lg_status study_file_append(study_file *file, const study_row *row, lg_error *error);
+void study_file_append(study_file *file, const study_row *row);
+lg_status study_file_save(study_file *file, lg_error *error); /* does nothing if nothing has changed */
 /* The row of the run that `key` describes; NULL if this run is not done. */
 const study_row *study_file_find(const study_file *file, const study_row *key);
 void study_file_close(study_file *file);
@@ -96,7 +97,7 @@ study_summary study_cell_summary(const study_file *file, study_row key);
 typedef struct study_values {
     const char *out;
     uint64_t jobs, stop_after;
-    board_values board;
+    trials_values shared;
 } study_values;
 extern study_values study_given;
 extern const lg_field study_options[];

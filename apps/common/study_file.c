@@ -1,13 +1,11 @@
 /* The CSV file of a study. */
 #include "common/study.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
+
+#include "files/csv.h"
 
 /* Columns between the axes and the measures, and columns behind the measures. */
 static const char *const between[] = {"repeat", "seed"}, *const behind[] = {"epochs", "status", "protocol"};
@@ -87,115 +85,55 @@ static void keep(study_file *file, const study_row *row) {
     file->rows[file->count++] = *row;
 }
 
-static lg_status parse_text(study_file *file, char *text, lg_error *error) {
-    size_t number = 0;
-    char header[512];
-    header_of(file->plan, header, sizeof header);
-    for (char *line = text, *end; (end = strchr(line, '\n')) != NULL; line = end + 1) {
-        const char *protocol;
-        study_row row;
-        *end = '\0';
-        number++;
-        if (number == 1) {
-            if (strcmp(line, header) == 0) continue;
-            return app_error(error, LG_FORMAT,
-                             "%s: line 1: this is not the table of a study; first line expected: %s",
-                             file->path, header);
-        }
-        if (!parse_row(file->plan, line, &protocol, &row))
-            return app_error(error, LG_FORMAT, "%s: line %zu: not a row of a study", file->path, number);
-        if (strcmp(protocol, file->plan->protocol) != 0)
-            return app_error(
-                error, LG_FORMAT,
-                "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
-                file->path, number, protocol, file->plan->protocol);
-        keep(file, &row);
-    }
+static lg_status parse_line(study_file *file, const lg_csv *csv, const char *header, lg_error *error) {
+    const char *path = file->text.path, *protocol;
+    study_row row;
+    if (csv->number == 1 && strcmp(csv->line, header) == 0) return LG_OK;
+    if (csv->number == 1)
+        return app_error(error, LG_FORMAT,
+                         "%s: line 1: this is not the table of a study; first line expected: %s", path,
+                         header);
+    (void)fprintf(file->text.stream, "%s\n", csv->line);
+    if (!parse_row(file->plan, csv->line, &protocol, &row))
+        return app_error(error, LG_FORMAT, "%s: line %zu: not a row of a study", path, csv->number);
+    if (strcmp(protocol, file->plan->protocol) != 0)
+        return app_error(error, LG_FORMAT,
+                         "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
+                         path, csv->number, protocol, file->plan->protocol);
+    keep(file, &row);
     return LG_OK;
 }
 
-/* Returns the file's contents with a 0 at the end; NULL if it cannot be read. Freed with free. */
-static char *read_whole(int fd, size_t *size) {
-    struct stat information;
-    if (fstat(fd, &information) != 0 || !S_ISREG(information.st_mode)) return NULL;
-    char *text = app_alloc((size_t)information.st_size + 1, 1);
-    ssize_t n = 1;
-    for (*size = 0; *size < (size_t)information.st_size && n != 0;) {
-        n = read(fd, text + *size, (size_t)information.st_size - *size);
-        if (n > 0) *size += (size_t)n;
-        if (n >= 0 || errno == EINTR) continue;
-        free(text);
-        return NULL;
-    }
-    return text;
+static lg_status read_table(study_file *file, lg_error *error) {
+    lg_csv csv;
+    char header[512];
+    bool more = true;
+    header_of(file->plan, header, sizeof header);
+    (void)fprintf(file->text.stream, "%s\n", header);
+    lg_status status = lg_csv_open(NULL, file->text.path, "table of a study", &csv, error);
+    while (status == LG_OK && (status = lg_csv_next(&csv, &more, error)) == LG_OK && more &&
+           (csv.closed || csv.number == 1))
+        status = parse_line(file, &csv, header, error);
+    file->changed = file->count == 0;
+    lg_csv_close(&csv);
+    return status == LG_NOT_FOUND ? LG_OK : status;
+}
+
+lg_status study_file_open(const char *path, const study_plan *plan, study_file *out, lg_error *error) {
+    *out = (study_file){.plan = plan};
+    app_file_begin(&out->text, path);
+    const lg_status status = read_table(out, error);
+    if (status != LG_OK) study_file_close(out);
+    return status;
 }
 
 /* ---- writing ---- */
 
-/* Appends the whole text or nothing: if the disk is full, the part that was written is cut off again. */
-static lg_status append(study_file *file, const char *text, lg_error *error) {
-    const off_t before = lseek(file->fd, 0, SEEK_END);
-    size_t left = strlen(text);
-    int number = 0;
-    for (const char *at = text; left > 0 && number == 0;) {
-        const ssize_t n = write(file->fd, at, left);
-        if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) {
-            number = n < 0 ? errno : ENOSPC;
-        } else {
-            at += n;
-            left -= (size_t)n;
-        }
-    }
-    if (number == 0 && fsync(file->fd) != 0) number = errno;
-    if (number == 0) return LG_OK;
-    if (before >= 0 && ftruncate(file->fd, before) != 0) number = errno;
-    return app_error(error, LG_FILE, "%s: a row cannot be written: %s", file->path, strerror(number));
-}
-
-/* Reads the rows of the table, and cuts off an unfinished last row. */
-static lg_status read_table(study_file *file, lg_error *error) {
-    const char *path = file->path;
-    size_t size = 0;
-    APP_FREE char *text = read_whole(file->fd, &size);
-    if (text == NULL) return app_error(error, LG_FILE, "%s: cannot be read", path);
-    /* After a loss of power the last row may consist of zero bytes. */
-    const size_t length = strlen(text);
-    if (memchr(text + length, '\n', size - length) != NULL)
-        return app_error(error, LG_FORMAT, "%s: this is not the table of a study", path);
-    const char *last = strrchr(text, '\n');
-    const size_t whole = last != NULL ? (size_t)(last - text) + 1 : 0;
-    if (whole == 0 && size > 0)
-        return app_error(error, LG_FORMAT, "%s: line 1: this is not the table of a study", path);
-    LG_TRY(parse_text(file, text, error));
-    if (whole < size && ftruncate(file->fd, (off_t)whole) != 0)
-        return app_error(error, LG_FILE, "%s: the unfinished last row cannot be removed: %s", path,
-                         strerror(errno));
-    return LG_OK;
-}
-
-/* Writes a table without rows as a complete file. An appended header could be lost when the power fails, and
- * the file would then not be recognised as a table of a study. */
-static lg_status begin_table(const char *path, const study_plan *plan, lg_error *error) {
-    struct stat about;
-    char header[512];
-    header_of(plan, header, sizeof header);
-    if (stat(path, &about) == 0 && about.st_size > 0) return LG_OK;
-    APP_FREE char *first = app_format("%s\n", header);
-    return lg_file_write(NULL, path, first, strlen(first), error);
-}
-
-lg_status study_file_open(const char *path, const study_plan *plan, study_file *out, lg_error *error) {
-    LG_TRY(begin_table(path, plan, error));
-    study_file file = {.path = path, .plan = plan, .fd = open(path, O_RDWR | O_APPEND | O_CLOEXEC)};
-    if (file.fd < 0)
-        return app_error(error, LG_FILE, "%s: cannot be opened for writing: %s", path, strerror(errno));
-    const lg_status status = read_table(&file, error);
-    if (status != LG_OK)
-        study_file_close(&file);
-    else
-        *out = file;
-    return status;
+lg_status study_file_save(study_file *file, lg_error *error) {
+    if (!file->changed) return LG_OK;
+    if (fflush(file->text.stream) != 0) return app_error(error, LG_OUT_OF_MEMORY, "out of memory");
+    file->changed = false;
+    return lg_file_write(app_running()->context, file->text.path, file->text.text, file->text.length, error);
 }
 
 /* Writes nothing if the number is not finite. */
@@ -215,12 +153,10 @@ void study_axis_add(study_axis *axis, const char *name, double number) {
         number_text(number, text);
 }
 
-static char *row_text(const study_file *file, const study_row *row) {
+void study_file_append(study_file *file, const study_row *row) {
     const study_plan *plan = file->plan;
     char number[STUDY_TEXT];
-    app_file memory;
-    app_file_begin(&memory, file->path);
-    FILE *stream = memory.stream;
+    FILE *stream = file->text.stream;
     for (uint32_t i = 0; i < plan->axis_count; i++)
         (void)fprintf(stream, "%s,", plan->axes[i].text[row->at[i]]);
     (void)fprintf(stream, "%u,%llu", row->repeat, (unsigned long long)row->seed);
@@ -230,15 +166,8 @@ static char *row_text(const study_file *file, const study_row *row) {
     }
     (void)fprintf(stream, ",%llu,%s,%s\n", (unsigned long long)row->epochs, row->failed ? "failed" : "ok",
                   plan->protocol);
-    (void)fclose(stream);
-    return memory.text;
-}
-
-lg_status study_file_append(study_file *file, const study_row *row, lg_error *error) {
-    APP_FREE char *text = row_text(file, row);
-    LG_TRY(append(file, text, error));
+    file->changed = true;
     keep(file, row);
-    return LG_OK;
 }
 
 const study_row *study_file_find(const study_file *file, const study_row *key) {
@@ -252,8 +181,7 @@ const study_row *study_file_find(const study_file *file, const study_row *key) {
 }
 
 void study_file_close(study_file *file) {
-    if (file->fd >= 0) (void)close(file->fd);
+    if (file->text.stream != NULL) app_file_discard(&file->text);
     free(file->rows);
-    file->rows = NULL;
-    file->fd = -1;
+    *file = (study_file){.plan = NULL};
 }

@@ -2,9 +2,9 @@
  * data file. */
 #include <math.h>
 
-#include "common/pieces.h"
 #include "lg-anomaly/anomaly.h"
 #include "common/train.h"
+#include "common/trials.h"
 
 enum { CONDITIONS = LG_RISER_RUNS / 2, MAX_RUNS = 1000 * LG_RISER_RUNS };
 
@@ -14,7 +14,7 @@ typedef struct generate_values {
     int plot_kind;
     double noise, hours, severity, window;
     well_setup well;
-    board_values board;
+    trials_values shared;
 } generate_values;
 
 const char *const housing_names[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING_TIGHT] = "tight", NULL};
@@ -52,7 +52,7 @@ static const lg_field generate_options[] = {
     LG_OPTION(generate_values, plot_kind, NAME, NULL,
               "With --plot: states, intact and broken (default), or housings, slack and tight",
               .names = plots),
-    BOARD_ROWS(generate_values),
+    TRIALS_ROWS(generate_values),
     LG_FIELD_END};
 
 static generate_values values = {
@@ -84,8 +84,9 @@ static void transpose(const float *samples, size_t windows, uint32_t channels, u
                 x[(w * channels + c) * length + t] = samples[(w * length + t) * channels + c];
 }
 
-static lg_status generate_run(void *user, size_t index, lg_error *error) {
+static lg_status generate_run(void *user, size_t index, void *record, lg_error *error) {
     generating *self = user;
+    (void)record;
     lg_series *series = self->series;
     const size_t windows = self->windows_of_run, first = index * windows;
     const size_t count = windows * series->length;
@@ -199,7 +200,7 @@ static void report(const app *self, const lg_series_data *data, double seconds) 
 
 /* Simulates all runs, together with other processes if there are any. False: another process writes the
  * file. */
-static bool simulate(const app *self, size_t windows, lg_series *series, pieces *made) {
+static bool simulate(const app *self, size_t windows, lg_series *series, trials_work *made) {
     const size_t runs = (size_t)values.runs, window = (size_t)series->channels * series->length;
     generating what = {.app = self, .series = series, .windows_of_run = windows};
     char label[LG_SHA256_TEXT];
@@ -207,16 +208,12 @@ static bool simulate(const app *self, size_t windows, lg_series *series, pieces 
         app_format("%llu %.17g %.17g %.17g %d %d %.17g %.17g %llu", (unsigned long long)values.runs,
                    values.hours, values.window, values.noise, values.well.housing, values.well.operation,
                    values.well.load_relief, values.severity, (unsigned long long)self->seed);
-    (void)board_label(text, NULL, label, NULL); /* without a file it cannot fail */
-    *made = (pieces){.app = self,
-                     .board = &values.board,
-                     .out = values.out,
-                     .sweep = label,
-                     .count = runs,
-                     .array_count = 4,
-                     .make = generate_run,
-                     .user = &what};
-    const pieces_array arrays[] = {{series->x, windows * window * sizeof *series->x, 0},
+    trials_label(self, text, NULL, label);
+    made->count = runs;
+    made->array_count = 4;
+    made->run = generate_run;
+    made->user = &what;
+    const trials_array arrays[] = {{series->x, windows * window * sizeof *series->x, 0},
                                    {series->label, windows * sizeof *series->label, 0},
                                    {series->group, windows * sizeof *series->group, 0},
                                    {series->run, windows * sizeof *series->run, 0}};
@@ -224,7 +221,8 @@ static bool simulate(const app *self, size_t windows, lg_series *series, pieces 
         made->arrays[k] = arrays[k];
         made->arrays[k].total = runs * arrays[k].each;
     }
-    return pieces_make(made);
+    APP_MUST_FILE(self, values.out, trials_open(made, label, &error));
+    return trials_run(made);
 }
 
 /* Computes the samples per window and the windows per recording. Ends the command if a window is not a whole
@@ -248,14 +246,18 @@ static void cut(const app *self, uint32_t *length, size_t *windows) {
 }
 
 static int run(app *self) {
-    const app_path paths[] = {{"out", values.out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
+    APP_CLEAN(trials_close)
+    trials_work made = {.app = self,
+                        .values = &values.shared,
+                        .out = values.out,
+                        .noun = "recordings",
+                        .threads = self->threads};
     APP_CLEAN(data_destroy) lg_series_data data = {.noise = values.noise, .severity = values.severity};
     uint32_t length;
     size_t windows;
-    pieces made;
     if (app_given(self, "plot-kind") && values.plot == NULL)
         app_stop_usage(self, "--plot-kind: needs --plot FILE");
-    (void)board_wanted(self, &values.board, values.out);
+    const app_path paths[] = {trials_choose(&made, LG_FILE_WRITTEN), {"plot", values.plot, LG_FILE_DRAWN}};
     (void)app_check_outputs(self, paths, LG_COUNT(paths));
     cut(self, &length, &windows);
     const double begin = app_seconds();
@@ -266,7 +268,7 @@ static int run(app *self) {
     (void)snprintf(data.healthy, sizeof data.healthy, "%s", data.series.class_name[0]);
     data.provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out, lg_series_write(self->context, values.out, &data, &error));
-    pieces_end(&made);
+    trials_end(&made);
     if (values.plot != NULL) draw(self, data.series.rate);
     report(self, &data, seconds);
     return APP_EXIT_OK;
@@ -283,4 +285,4 @@ const app_command generate_command = {
         "--severity.",
     .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
     .run = run,
-    .together = APP_WORKERS};
+    .together = APP_RANKS};

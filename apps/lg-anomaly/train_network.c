@@ -62,4 +62,4 @@ const app_command search_command = {
         "evaluate it.",
     .settings = APP_SETTINGS(SEARCH_SHARED),
     .run = search,
-    .together = APP_WORKERS};
+    .together = APP_RANKS};

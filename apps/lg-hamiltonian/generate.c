@@ -1,7 +1,7 @@
 /* lg-hamiltonian generate: samples trajectories of a scene and writes a data file. */
 #include "lg-hamiltonian/training.h"
 
-#include "common/pieces.h"
+#include "common/trials.h"
 
 #include <stdio.h>
 
@@ -10,7 +10,7 @@ typedef struct generate_values {
     uint64_t trajectories, points, segments;
     double t_end, noise, speed;
     int noise_kind, noise_on;
-    board_values board;
+    trials_values shared;
 } generate_values;
 
 static const char *const noise_names[] = {"normal", "uniform", NULL};
@@ -39,7 +39,7 @@ static const lg_field generate_options[] = {
               "manifold",
               .names = noise_on_names),
     LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .required = true),
-    BOARD_ROWS(generate_values),
+    TRIALS_ROWS(generate_values),
     LG_FIELD_END};
 
 static generate_values values = {.points = 5};
@@ -75,8 +75,9 @@ typedef struct generating {
     size_t each; /* trajectories per piece */
 } generating;
 
-static lg_status make_piece(void *user, size_t piece, lg_error *error) {
+static lg_status make_piece(void *user, size_t piece, void *record, lg_error *error) {
     const generating *self = user;
+    (void)record;
     const size_t first = piece * self->each, rest = self->data->count - first;
     const size_t count = rest < self->each ? rest : self->each;
     if (self->scene == NULL)
@@ -87,7 +88,7 @@ static lg_status make_piece(void *user, size_t piece, lg_error *error) {
 /* Computes all trajectories, together with other processes if there are any. False: another process writes
  * the file. */
 static bool make_all(const app *self, const lg_scene *scene, const sampling *how, lg_trajectories *data,
-                     pieces *made) {
+                     trials_work *made) {
     const size_t segments = scene != NULL && scene->segments > 0 ? scene->segments : 1;
     const size_t each = STARTS_OF_PIECE * segments, point = data->points * data->state_dim * sizeof(double);
     generating what = {self, scene, how, data, each};
@@ -95,18 +96,15 @@ static bool make_all(const app *self, const lg_scene *scene, const sampling *how
     APP_FREE char *text = app_format(
         "%zu %zu %.17g %.17g %d %d %llu %zu %.17g", how->trajectories, how->points, how->t_end, how->noise,
         how->noise_first, (int)how->noise_kind, (unsigned long long)how->seed, segments, values.speed);
-    APP_MUST_FILE(self, self->arguments[0], board_label(text, self->arguments[0], label, &error));
-    *made = (pieces){.app = self,
-                     .board = &values.board,
-                     .out = values.out,
-                     .sweep = label,
-                     .count = (data->count + each - 1) / each,
-                     .array_count = 2,
-                     .arrays = {{data->data, each * point, data->count * point},
-                                {data->hamiltonian, each * sizeof(double), data->count * sizeof(double)}},
-                     .make = make_piece,
-                     .user = &what};
-    return pieces_make(made);
+    trials_label(self, text, self->arguments[0], label);
+    made->count = (data->count + each - 1) / each;
+    made->array_count = 2;
+    made->arrays[0] = (trials_array){data->data, each * point, data->count * point};
+    made->arrays[1] = (trials_array){data->hamiltonian, each * sizeof(double), data->count * sizeof(double)};
+    made->run = make_piece;
+    made->user = &what;
+    APP_MUST_FILE(self, values.out, trials_open(made, label, &error));
+    return trials_run(made);
 }
 
 static void create(const app *self, const lg_scene *scene, const sampling *how, lg_trajectories *data) {
@@ -130,20 +128,19 @@ static sampling sampling_of(const app *self, const lg_scene *scene) {
                       .seed = self->seed};
 }
 
-static void finish(const app *self, lg_trajectories *data, pieces *made, double begin) {
+static void finish(const app *self, lg_trajectories *data, trials_work *made, double begin) {
     data->provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, data, &error));
-    pieces_end(made);
+    trials_end(made);
     report(self, data, app_seconds() - begin);
 }
 
 /* Samples the motion of a program with the functions constraint, potential and mass. */
-static int run_constrained(app *self, const char *path, double begin) {
+static int run_constrained(app *self, const char *path, trials_work *made, double begin) {
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0};
     lg_program *program;
     lg_constraint *constraint = NULL;
     lg_error why = {LG_OK, ""};
-    pieces made;
     if (values.segments > 0) return app_usage(self, "--segments is for scenes");
     APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
     lg_status status = lg_constraint_create(self->context, program, &constraint, &why);
@@ -158,23 +155,24 @@ static int run_constrained(app *self, const char *path, double begin) {
     APP_MUST_FILE(self, path, lg_trajectories_set_constraint(&data, program, &error));
     lg_constraint_destroy(constraint);
     lg_program_destroy(program);
-    if (make_all(self, NULL, &how, &data, &made)) finish(self, &data, &made, begin);
+    if (make_all(self, NULL, &how, &data, made)) finish(self, &data, made, begin);
     return APP_EXIT_OK;
 }
 
 static int run(app *self) {
     const char *path = self->arguments[0];
     const double begin = app_seconds();
-    const app_path out = {"out", values.out, LG_FILE_WRITTEN};
     APP_CLEAN(lg_scene_destroy) lg_scene scene = {0};
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0};
-    pieces made;
+    APP_CLEAN(trials_close)
+    trials_work made = {
+        .app = self, .values = &values.shared, .out = values.out, .noun = "pieces", .threads = self->threads};
     bool h5;
-    (void)board_wanted(self, &values.board, values.out);
+    const app_path out = trials_choose(&made, LG_FILE_WRITTEN);
     const int code = app_check_outputs(self, &out, 1);
     if (code != APP_EXIT_OK) return code;
     APP_MUST_FILE(self, path, lg_file_is_h5(path, &h5, &error));
-    if (h5) return run_constrained(self, path, begin);
+    if (h5) return run_constrained(self, path, &made, begin);
     if (values.speed > 0)
         return app_usage(self, "--speed is for constraints; a scene says how starts are drawn");
     APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &scene, &error));
@@ -209,4 +207,4 @@ const app_command generate_command = {.name = "generate",
                                           "need no further file.",
                                       .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
                                       .run = run,
-                                      .together = APP_WORKERS};
+                                      .together = APP_RANKS};

@@ -231,4 +231,4 @@ const app_command study_command = {.name = "study",
                                               "--preset thesis.",
                                    .settings = APP_SETTINGS(APP_GIVEN(plot_options, values), STUDY_SHARED),
                                    .run = run,
-                                   .together = APP_WORKERS};
+                                   .together = APP_RANKS};

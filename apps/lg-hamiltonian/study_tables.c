@@ -146,7 +146,7 @@ void study_report(const app *self, const study_file *file, uint64_t fresh, doubl
     put_best(&out, "best_without_noise", file, false);
     put_best(&out, "best_with_noise", file, true);
     app_json_size(&out, "threads", self->threads);
-    app_json_text(&out, "out", file->path);
+    app_json_text(&out, "out", file->text.path);
     app_result_real(&out, "seconds", seconds, NULL);
     app_json_end(&out);
 }

@@ -204,15 +204,15 @@ trains lg-identify fit $in/machine.yaml $in/log.csv --epochs 4 --method lm $one
 writes 0 'out plot' '' lg-anomaly train $in/well.h5 --method tree --out m.h5 --plot p.svg
 writes 0 'suggest' '' lg-identify fit $in/machine.yaml $in/log.csv --epochs 2 --out m.h5 --suggest s.yaml
 writes 0 'out' m.h5.checkpoint lg-control train $in/task.yaml --seeds 1 --race 2 --finish 0 --polish 0 --starts 64 --out m.h5
-writes 0 'out plot' t.csv.board lg-fit search $in/fit.yaml $in/table.csv --outputs y --trials 2 $one --out t.csv --plot p.svg
-writes 0 'out plot' t.csv.board lg-learn search $in/fit.yaml $in/table.csv --recipe table --outputs y --trials 2 $one --out t.csv --plot p.svg
-writes 0 'out plot' t.csv.board lg-elastica search $in/beam.yaml $in/curves.h5 --trials 2 $one --out t.csv --plot p.svg
-writes 0 'out plot' t.csv.board lg-anomaly search $in/well.yaml $in/well.h5 --trials 2 $one --out t.csv --plot p.svg
+writes 0 'out plot' t.csv.part-0-of-2 lg-fit search $in/fit.yaml $in/table.csv --outputs y --trials 2 $one --out t.csv --plot p.svg
+writes 0 'out plot' t.csv.part-0-of-2 lg-learn search $in/fit.yaml $in/table.csv --recipe table --outputs y --trials 2 $one --out t.csv --plot p.svg
+writes 0 'out plot' t.csv.part-0-of-2 lg-elastica search $in/beam.yaml $in/curves.h5 --trials 2 $one --out t.csv --plot p.svg
+writes 0 'out plot' t.csv.part-0-of-2 lg-anomaly search $in/well.yaml $in/well.h5 --trials 2 $one --out t.csv --plot p.svg
 writes 0 'out' '' lg-fit search $in/fit.yaml $in/table.csv --outputs y --trials 2 $one --task 0/2 --out t.csv
-writes 0 'out plot' s.csv.board lg-hamiltonian study $in/grid.yaml --jobs 1 $one --out s.csv --plot p.svg
-writes 0 'out' d.h5.board lg-hamiltonian generate $in/pendulum.yaml --trajectories 5 --points 3 --out d.h5
+writes 0 'out plot' s.csv.part-0-of-2 lg-hamiltonian study $in/grid.yaml --jobs 1 $one --out s.csv --plot p.svg
+writes 0 'out' d.h5.part-0-of-2 lg-hamiltonian generate $in/pendulum.yaml --trajectories 5 --points 3 --out d.h5
 writes 0 'out plot' '' lg-elastica generate --count 20 --intervals 10 --out d.h5 --plot p.svg
-writes 0 'out plot' d.h5.board lg-anomaly generate --noise 10 --runs 2 --hours 1 --out d.h5 --plot p.png
+writes 0 'out plot' d.h5.part-0-of-2 lg-anomaly generate --noise 10 --runs 2 --hours 1 --out d.h5 --plot p.png
 writes 0 'out plot' '' lg-identify generate $in/truth.yaml --runs 2 --t-end 1 --out l.csv --plot p.svg
 writes 0 'out' '' lg-anomaly feed --hours 0.1 --noise 10 --out f.csv
 writes 0 'plot' '' lg-fit evaluate $in/fit.h5 $in/table.csv --plot p.svg

@@ -8,7 +8,7 @@
  * failed. Afterwards each output must be absent, unchanged or complete, and a checkpoint must hold at least
  * what it held before. SIGTERM must leave no lock and no temporary file. Then the command runs to its end,
  * with 1 to 4 ranks: its outputs must be those of one undisturbed process, and no temporary file, lock or
- * board may be left. If a check fails the exit code is 1; without mpirun or liegrad_mpi it is 77. The results
+ * part may be left. If a check fails the exit code is 1; without mpirun or liegrad_mpi it is 77. The results
  * are printed as a Markdown table. */
 #define _GNU_SOURCE /* getopt in addition to POSIX */
 #include "crash/commands.h"
@@ -26,7 +26,7 @@ static const char silence[] = "10";  /* LIEGRAD_SILENCE, s */
 
 #define SAVES   "--checkpoint check.h5 --out model.h5"
 #define RESUMES .checkpoint = "check.h5", .again = "--resume check.h5", .keeps = true
-/* The boards of searches and studies continue by themselves. */
+/* The parts of searches and studies continue by themselves. */
 #define CONTINUES(table) .checkpoint = table, .again = "", .outputs = {table}
 
 static const job rank_jobs[] = {
@@ -196,10 +196,9 @@ static bool disturb(disturbance what, pid_t launcher, uint64_t rank) {
 }
 
 static void check_left(bench *b, const char *when) {
-    static const char *const parts[] = {".liegrad-", ".board"};
-    const bool board = b->job->checkpoint != NULL && b->job->again[0] == '\0';
+    static const char *const parts[] = {".liegrad-", ".csv.part-", ".h5.part-"};
     for (size_t i = 0; i < LG_COUNT(parts); i++) {
-        if (strcmp(when, "SIGTERM") == 0 && board && i == 1) continue;
+        if (strcmp(when, "SIGTERM") == 0 && i > 0) continue;
         const int left = count_left(work(""), parts[i], true);
         if (left > 0) fail(b, "%s: %d files *%s* are left", when, left, parts[i]);
     }

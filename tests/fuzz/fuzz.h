@@ -33,7 +33,7 @@ const fuzz_harness *fuzz_find(const char *name);
 
 /* Writes the bytes to a file and returns its path. All inputs use the same file. Its name ends like the name
  * of a board. */
-#define FUZZ_ENDING ".board"
+#define FUZZ_ENDING ".part-0-of-2"
 const char *fuzz_file(const void *data, size_t size);
 int fuzz_file_descriptor(void);
 /* Reads a file of any format as a table and as a frame. */
@@ -62,7 +62,7 @@ void fuzz_task(const uint8_t *data, size_t size);
 void fuzz_policy(const uint8_t *data, size_t size);
 void fuzz_image(const uint8_t *data, size_t size);
 void fuzz_parts(const uint8_t *data, size_t size);
-void fuzz_board(const uint8_t *data, size_t size);
+void fuzz_part(const uint8_t *data, size_t size);
 void fuzz_fmu2(const uint8_t *data, size_t size);
 void fuzz_fmu3(const uint8_t *data, size_t size);
 

@@ -31,7 +31,7 @@ const fuzz_harness fuzz_harnesses[] = {
      "packed functions of random programs, their plans and their C"},
     {"checkpoint", fuzz_checkpoint, FORM_TREE, 16384, "checkpoints (HDF5)"},
     {"parts", fuzz_parts, FORM_TREE, 32768, "parts of an ensemble (HDF5)"},
-    {"board", fuzz_board, FORM_BYTES, 512, "the board of tasks that share work"},
+    {"part", fuzz_part, FORM_BYTES, 512, "the part of a task that shares work"},
     {"fmu2", fuzz_fmu2, FORM_BYTES, 512, "calls and serialised states of an FMU 2.0"},
     {"fmu3", fuzz_fmu3, FORM_BYTES, 512, "calls and serialised states of an FMU 3.0"},
     {NULL, NULL, FORM_BYTES, 0, NULL}};

@@ -1,9 +1,9 @@
-/* Harnesses of what processes leave for each other: boards, and parts of an ensemble. */
+/* Harnesses of what processes leave for each other: parts of work and of an ensemble. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/board.h"
+#include "common/trials.h"
 #include "fuzz.h"
 #include "lg-simulate/ensemble.h"
 #include "tree.h"
@@ -12,45 +12,46 @@ static void refused(lg_status status, const lg_error *error) {
     if (status != LG_OK && error->message[0] == '\0') abort();
 }
 
-/* ---- boards ---- */
+/* ---- parts of work ---- */
 
-/* Two tasks of one process: its locks do not exclude each other, so both may claim a piece. */
-static void work_on(board *b, size_t count) {
-    enum { RECORD = 24 };
-    unsigned char record[RECORD] = {0};
-    lg_error error = {LG_OK, ""};
-    size_t piece, done = 0;
-    for (size_t i = 0; i < count; i++) done += board_read(b, i, record) == BOARD_DONE;
-    if (board_left(b) != count - done) abort();
-    while (board_claim(b, &piece)) {
-        const board_state state = board_read(b, piece, record);
-        if (piece >= count || state == BOARD_DONE) abort();
-        refused(board_write(b, piece, record, state == BOARD_EMPTY ? BOARD_PARTIAL : BOARD_DONE, &error),
-                &error);
-        if (state == BOARD_EMPTY) board_release(b, piece);
-    }
-    if (board_left(b) != 0) abort();
+enum { PART_RECORD = 24, PART_COUNT = 3 };
+
+static bool take_record(void *user, size_t item, void *record, bool done, bool own) {
+    (void)user, (void)done, (void)own;
+    if (item >= PART_COUNT) abort();
+    return *(const unsigned char *)record != 0;
 }
 
-void fuzz_board(const uint8_t *data, size_t size) {
-    enum { RECORD = 24, COUNT = 3 };
-    static const board_values values = {.task = "0/2"};
-    static const app by = {.title = "fuzz", .rank_count = 1};
-    lg_error error = {LG_OK, ""};
+/* A task reads the part that it has left, adds the items that are missing, and finds all of them in it. */
+void fuzz_part(const uint8_t *data, size_t size) {
+    static const trials_values values = {.task = "0/2"};
+    static app by = {.title = "fuzz", .rank_count = 1};
+    const unsigned char record[PART_RECORD] = {1};
     const char *path = fuzz_file(data, size);
     char out[256];
     (void)snprintf(out, sizeof out, "%.*s", (int)(strlen(path) - strlen(FUZZ_ENDING)), path);
-    board *b = NULL;
-    bool fresh = false;
-    const lg_status status = board_open(&by, &values, out, "fuzz", RECORD, COUNT, &b, &fresh, &error);
-    refused(status, &error);
-    if (status != LG_OK) return;
-    refused(board_begin(b, &error), &error);
-    work_on(b, COUNT);
-    board_close(b);
+    for (int time = 0; time < 2; time++) {
+        trials_work t = {.app = &by,
+                         .values = &values,
+                         .out = out,
+                         .count = PART_COUNT,
+                         .record = PART_RECORD,
+                         .take = take_record};
+        lg_error error = {LG_OK, ""};
+        (void)trials_choose(&t, LG_FILE_TEXT);
+        const lg_status status = trials_open(&t, "fuzz", &error);
+        refused(status, &error);
+        if (time == 1 && (status != LG_OK || trials_known(&t) != PART_COUNT)) abort();
+        for (size_t i = 0; i < PART_COUNT && status == LG_OK; i++) {
+            trials_exchange(&t, i, record);
+            if (!t.known[i] && trials_add(&t, i, record, true, &error) != LG_OK) abort();
+        }
+        trials_close(&t);
+        if (status != LG_OK) return;
+    }
 }
 
-/* ---- parts ---- */
+/* ---- parts of an ensemble ---- */
 
 /* The counts summed over both parts must be counts that a file may have. */
 static void merge(result *into, result *from) {
