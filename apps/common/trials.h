@@ -81,8 +81,7 @@ typedef struct trials_work {
 } trials_work;
 
 /* Reads --task and finds out what this process does; call it before app_check_outputs. Returns the path that
- * the process writes, for app_check_outputs: OUT, whose use is `use`, or the part of a task. A wrong --task
- * ends the command. */
+ * the process writes: OUT, whose use is `use`, or the part of a task. A wrong --task ends the command. */
 app_path trials_choose(trials_work *self, lg_file_use use);
 /* Whether parts of OUT exist or this process adds to one: the command continues earlier work. */
 bool trials_continues(const trials_work *self);
