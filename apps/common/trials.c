@@ -14,8 +14,8 @@
 #include <time.h>
 #include <unistd.h>
 
-/* A part: this head, then entries of an item's number, its state (1: done) and its record. A later entry of an
- * item replaces an earlier one. An entry is written by one call. */
+/* A part: this head, then entries of an item's number, its state (1: done) and its record. A later entry of
+ * an item replaces an earlier one. An entry is written by one call. */
 typedef struct head {
     char magic[16], label[TRIALS_LABEL];
     uint64_t record, count;

@@ -1,12 +1,12 @@
 /* Work that is divided into items 0..count-1, each with a result of `record` bytes: the trials of a search,
- * the runs of a study, the pieces of a data file. The items are done by threads of one process, by jobs (child
- * processes), by tasks of a job array or by ranks of mpirun. The results are the same in all cases.
+ * the runs of a study, the pieces of a data file. The items are done by threads of one process, by jobs
+ * (child processes), by tasks of a job array or by ranks of mpirun. The results are the same in all cases.
  *
  * A process that works alone keeps its results itself. Task i of n does the items i, i + n, i + 2n, ... and
- * adds each result to a file that no other process writes, the part OUT.part-i-of-n. Rank i of n ranks is task
- * i of n; jobs take the items of their process in turn. A command reads all parts that it finds next to its
- * output OUT and never repeats what is in them, so each killed command continues from there. The process that
- * writes OUT removes the parts when no item is missing. */
+ * adds each result to a file that no other process writes, the part OUT.part-i-of-n. Rank i of n ranks is
+ * task i of n; jobs take the items of their process in turn. A command reads all parts that it finds next to
+ * its output OUT and never repeats what is in them, so each killed command continues from there. The process
+ * that writes OUT removes the parts when no item is missing. */
 #ifndef LG_APPS_TRIALS_H
 #define LG_APPS_TRIALS_H
 
@@ -91,9 +91,9 @@ bool trials_continues(const trials_work *self);
 lg_status trials_open(trials_work *self, const char *label, lg_error *error);
 /* Hash of what the results depend on: this text and the contents of the file at `path` (NULL: no file). */
 void trials_label(const app *self, const char *text, const char *path, char label[LG_SHA256_TEXT]);
-/* Does the items. True: the caller writes OUT with the items that are known, and then calls trials_end. False:
- * another process writes OUT, or this was a task, which has printed how much is done. A failure or signal ends
- * the command. */
+/* Does the items. True: the caller writes OUT with the items that are known, and then calls trials_end.
+ * False: another process writes OUT, or this was a task, which has printed how much is done. A failure or
+ * signal ends the command. */
 bool trials_run(trials_work *self);
 /* Removes the parts if no item is missing; otherwise --merge ends the command with LG_FILE. */
 void trials_end(trials_work *self);

@@ -3,98 +3,75 @@
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/study.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct plot_values {
-    const char *plot;
-} plot_values;
+typedef struct study_values {
+    const char *out, *plot;
+    uint64_t jobs, stop_after;
+    trials_values shared;
+} study_values;
 
-static const lg_field plot_options[] = {
-    LG_OPTION(plot_values, plot, STRING, "FILE.svg|.png", "Draw median E1 against training time"),
+static const lg_field study_options[] = {
+    LG_OPTION(study_values, plot, STRING, "FILE.svg|.png", "Draw median E1 against training time"),
+    LG_OPTION(study_values, out, STRING, "FILE.csv",
+              "Table of runs; runs that are in it already are not repeated", .required = true),
+    LG_OPTION(study_values, jobs, U64, "J",
+              "Number of simultaneous runs (default: --threads); each uses threads/jobs threads", .low = 1,
+              .high = 256),
+    LG_OPTION(study_values, stop_after, U64, "n", "Stop after n new runs", .low = 1, .high = 1e9),
+    TRIALS_ROWS(study_values),
     LG_FIELD_END};
 
-static plot_values values;
+static study_values values;
 
 enum { SEED_TEST = 1 }; /* kind of seed (study_seed) for the test trajectories; kind 0 is the row's seed */
 
+typedef struct study {
+    app *app;
+    lg_grid grid;
+    study_plan plan;
+    study_table table;
+    trials_work work;
+    uint64_t threads_each;
+    app_progress progress;
+} study;
+
 /* ---- the grid ---- */
 
-/* The values of the parameter with this key; NULL if the system has no such parameter. */
-static const double *parameter_of(const lg_system *system, const char *key) {
-    const lg_parameter_entry *row = lg_system_parameters(lg_system_name(system), lg_system_form(system));
-    const double *numbers = lg_system_parameter_values(system);
-    for (; row->key != NULL && strcmp(row->key, key) != 0; row++)
-        numbers += row->count > 0 ? row->count : lg_system_links(system);
-    return row->key != NULL ? numbers : NULL;
-}
-
-/* Adds the hyperparameters that grids of earlier versions did not have. One with its default value adds
- * nothing, so that the tables of those versions keep their protocol. A file is told by its hash. */
-static void write_later_keys(const lg_hamiltonian_run *run, FILE *text) {
-    char value[LG_FIELD_TEXT_SIZE], usual[LG_FIELD_TEXT_SIZE];
-    lg_hamiltonian_run initial = *run;
-    lg_fields_default(lg_hamiltonian_fields, &initial);
-    for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
-        /* set_protocol writes the schedule itself. */
-        if (!row->optional || strcmp(row->name, "schedule") == 0) continue;
-        lg_field_show(row, run, value, sizeof value);
-        lg_field_show(row, &initial, usual, sizeof usual);
-        if (strcmp(value, usual) == 0) continue;
-        const bool in_file = strcmp(value, run->penalty_integral) == 0 && run->penalty_sha256[0] != '\0';
-        (void)fprintf(text, "; %s %s", row->name, in_file ? run->penalty_sha256 : value);
-    }
-}
-
+/* Sets the hash of all that the runs depend on and that is no column. A file is represented by its hash. */
 static void set_protocol(const lg_grid *grid, study_plan *plan) {
+    static const char *const columns[] = {"integrator", "penalty", "substeps", "seed"};
     const lg_scene *scene = &grid->scene;
     const lg_system *system = scene->system;
-    const double *gravity = parameter_of(system, "gravity"), *masses = parameter_of(system, "masses"),
-                 *lengths = parameter_of(system, "lengths");
-    const size_t k = lg_system_links(system), links = k > 0 ? k : lg_system_dim(system) / 2;
+    const lg_hamiltonian_run *run = &grid->run;
+    char value[LG_FIELD_TEXT_SIZE];
     app_file memory;
     app_file_begin(&memory, "");
     FILE *text = memory.stream;
-    (void)fprintf(text, "%s %zu %.17g %d %.17g %.17g %u;", lg_system_name(system), links,
-                  gravity != NULL ? gravity[0] : 0, scene->has_starts ? (int)scene->starts : -1, scene->low,
-                  scene->high, scene->segments);
-    for (size_t i = 0; i < links; i++)
-        (void)fprintf(text, " %.17g %.17g", masses != NULL ? masses[i] : 0, lengths != NULL ? lengths[i] : 0);
-    const lg_hamiltonian_run *run = &grid->run;
-    const lg_fit_settings *how = &run->training;
-    (void)fprintf(text, "; %.17g %llu %llu %llu %.17g %.17g %.17g %.17g %.17g;", grid->t_end,
-                  (unsigned long long)how->epochs, (unsigned long long)how->batch,
-                  (unsigned long long)how->lr_step, how->lr, how->lr_gamma, how->weight_decay, how->adam_eps,
-                  how->clip);
-    for (uint32_t i = 1; i < run->model.net.layers; i++) (void)fprintf(text, " %u", run->model.net.width[i]);
-    (void)fprintf(text, "; %d %d %d %d %d %u %u %u %llu", (int)run->model.net.activation,
-                  (int)run->model.potential, (int)how->dtype, (int)grid->noise_kind, (int)run->penalty_form,
-                  how->shards, grid->test_trajectories, grid->test_points, (unsigned long long)grid->seed);
-    if (how->schedule != LG_SCHEDULE_STEP || how->validation > 0)
-        (void)fprintf(text, "; %d %.17g", (int)how->schedule, how->validation);
-    if (scene->ahead > 0) (void)fprintf(text, "; ahead %.17g", scene->ahead);
-    write_later_keys(run, text);
+    (void)fprintf(text, "%s %zu;", lg_system_name(system), lg_system_links(system));
+    for (size_t i = 0; i < lg_system_parameter_count(system); i++)
+        (void)fprintf(text, " %.17g", lg_system_parameter_values(system)[i]);
+    (void)fprintf(text, "; %d %.17g %.17g %u %.17g; %.17g %d %u %u %llu",
+                  scene->has_starts ? (int)scene->starts : -1, scene->low, scene->high, scene->segments,
+                  scene->ahead, grid->t_end, (int)grid->noise_kind, grid->test_trajectories,
+                  grid->test_points, (unsigned long long)grid->seed);
+    for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
+        bool column = false;
+        for (size_t i = 0; i < LG_COUNT(columns); i++) column = column || strcmp(columns[i], row->name) == 0;
+        if (column) continue;
+        lg_field_show(row, run, value, sizeof value);
+        const bool in_file = strcmp(value, run->penalty_integral) == 0 && run->penalty_sha256[0] != '\0';
+        (void)fprintf(text, "; %s %s", row->name, in_file ? run->penalty_sha256 : value);
+    }
     (void)fclose(text);
     study_set_protocol(plan, memory.text);
     free(memory.text);
 }
 
-/* Integrators and substeps vary fastest, the noise slowest. */
 static void make_plan(const lg_grid *grid, study_plan *plan) {
-    const study_plan shape = {
-        .axis_count = AXES,
-        .axes = {[AXIS_INTEGRATOR].name = "integrator",
-                 [AXIS_SUBSTEPS].name = "substeps",
-                 [AXIS_N].name = "N",
-                 [AXIS_M].name = "M",
-                 [AXIS_EPS].name = "eps",
-                 [AXIS_PENALTY].name = "penalty"},
-        .order = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_PENALTY, AXIS_M, AXIS_N, AXIS_EPS},
-        .measure_count = MEASURES,
-        .measures = {"loss", "E1", "E2", "seconds"},
-        .repeats = grid->repeats,
-        .seed = grid->seed};
-    *plan = shape;
+    *plan = (study_plan){.repeats = grid->repeats, .seed = grid->seed};
     study_axis *axes = plan->axes;
     for (uint32_t i = 0; i < grid->integrator_count; i++)
         study_axis_add(&axes[AXIS_INTEGRATOR], grid->integrators[i]->name, 0);
@@ -116,8 +93,7 @@ static void read_integral(const app *self, const char *path, lg_hamiltonian_run 
     lg_program_destroy(program);
 }
 
-static void read_grid(void *user, app *self, study_plan *plan) {
-    lg_grid *grid = user;
+static void read_grid(app *self, lg_grid *grid) {
     const char *path = self->arguments[0];
     const lg_hamiltonian_family *family;
     lg_error why = {LG_OK, ""};
@@ -127,18 +103,12 @@ static void read_grid(void *user, app *self, study_plan *plan) {
     if (scene_family(&grid->scene, &family, &n, &why) != LG_OK)
         app_stop(self, LG_FORMAT, "%s: %s", path, why.message);
     read_integral(self, path, &grid->run);
-    make_plan(grid, plan);
 }
 
 /* ---- one run ---- */
 
-static lg_hamiltonian_run run_of(const lg_grid *grid, const study_plan *plan, const study_row *row) {
-    lg_hamiltonian_run run = grid->run;
-    run.scheme = grid->integrators[row->at[AXIS_INTEGRATOR]];
-    run.substeps = (uint32_t)number_at(plan, row, AXIS_SUBSTEPS);
-    run.penalty = number_at(plan, row, AXIS_PENALTY);
-    run.training.seed = row->seed;
-    return run;
+static double number_at(const study_plan *plan, const study_row *row, uint32_t axis) {
+    return plan->axes[axis].number[row->at[axis]];
 }
 
 static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64_t threads,
@@ -170,9 +140,9 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
     return LG_OK;
 }
 
-static lg_status do_run(void *user, const app *self, const study_plan *plan, uint64_t threads, study_row *row,
-                        lg_error *error) {
-    const lg_grid *grid = user;
+static lg_status train_row(const study *self, study_row *row, lg_error *error) {
+    const lg_grid *grid = &self->grid;
+    const study_plan *plan = &self->plan;
     const sampling training = {(size_t)number_at(plan, row, AXIS_N),
                                (size_t)number_at(plan, row, AXIS_M),
                                grid->t_end,
@@ -187,32 +157,129 @@ static lg_status do_run(void *user, const app *self, const study_plan *plan, uin
                               LG_NOISE_NORMAL,
                               false,
                               study_seed(plan->seed, row->repeat, SEED_TEST)};
+    const lg_context *context = self->app->context;
     lg_scene test_scene = grid->scene;
     test_scene.segments = 1;
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0}, test = {0};
-    LG_TRY(sample_scene(self->context, &grid->scene, &training, &data, error));
-    LG_TRY(sample_scene(self->context, &test_scene, &testing, &test, error));
-    return train_and_judge(self, run_of(grid, plan, row), threads, &data, &test, row, error);
+    LG_TRY(sample_scene(context, &grid->scene, &training, &data, error));
+    LG_TRY(sample_scene(context, &test_scene, &testing, &test, error));
+    lg_hamiltonian_run run = grid->run;
+    run.scheme = grid->integrators[row->at[AXIS_INTEGRATOR]];
+    run.substeps = (uint32_t)number_at(plan, row, AXIS_SUBSTEPS);
+    run.penalty = number_at(plan, row, AXIS_PENALTY);
+    run.training.seed = row->seed;
+    return train_and_judge(self->app, run, self->threads_each, &data, &test, row, error);
 }
 
-static void show_row(const study_plan *plan, const study_row *row, char *text, size_t size) {
-    (void)snprintf(text, size, "%s N=%s M=%s eps=%s: E1 %.2e", text_at(plan, row, AXIS_INTEGRATOR),
-                   text_at(plan, row, AXIS_N), text_at(plan, row, AXIS_M), text_at(plan, row, AXIS_EPS),
-                   row->result[STUDY_E1]);
+/* A run that overflows or does not converge counts as failed in the table; any other failure ends the
+ * study. */
+static lg_status do_run(void *user, size_t index, void *record, lg_error *error) {
+    const study *self = user;
+    study_row *row = record;
+    *row = study_run_at(&self->plan, index);
+    const lg_status status = train_row(self, row, error);
+    if (status != LG_NOT_FINITE && status != LG_NO_CONVERGENCE && status != LG_STEP_TOO_SMALL &&
+        status != LG_TOO_MANY_STEPS)
+        return status;
+    row->failed = true;
+    for (uint32_t k = 0; k < STUDY_SECONDS; k++) row->result[k] = (double)NAN;
+    return LG_OK;
+}
+
+static void show_row(study *self, const study_row *row) {
+    const char *text[AXES];
+    for (uint32_t i = 0; i < AXES; i++) text[i] = self->plan.axes[i].text[row->at[i]];
+    app_progress_show(&self->progress, self->work.fresh, "run %zu  %s N=%s M=%s eps=%s: E1 %.2e",
+                      self->work.fresh, text[AXIS_INTEGRATOR], text[AXIS_N], text[AXIS_M], text[AXIS_EPS],
+                      row->result[STUDY_E1]);
+}
+
+/* A record of another process must be of this run. */
+static bool take_row(void *user, size_t index, void *record, bool done, bool own) {
+    study *self = user;
+    const study_row run = study_run_at(&self->plan, index), *row = record;
+    unsigned char failed;
+    memcpy(&failed, &row->failed, 1);
+    if (!done || failed > 1 || row->repeat != run.repeat || memcmp(row->at, run.at, sizeof run.at) != 0)
+        return false;
+    self->table.rows[index] = *row;
+    if (own) show_row(self, row);
+    return true;
+}
+
+/* Appends the rows that are done to the table, in the order of the plan. */
+static lg_status save(void *user, lg_error *error) {
+    study *self = user;
+    for (size_t i = 0; i < self->work.count; i++)
+        if (self->work.known[i] && !self->table.done[i]) study_table_add(&self->table, i);
+    return study_table_save(&self->table, error);
 }
 
 /* ---- the command ---- */
 
+static void study_end(study *self) {
+    trials_close(&self->work);
+    study_table_close(&self->table);
+    lg_grid_destroy(&self->grid);
+}
+
+/* Hash of everything that the runs depend on. */
+static void label_of(const study_plan *plan, char label[LG_SHA256_TEXT]) {
+    app_file memory;
+    app_file_begin(&memory, "");
+    (void)fprintf(memory.stream, "%s %llu", plan->protocol, (unsigned long long)plan->seed);
+    for (uint32_t i = 0; i < AXES; i++)
+        for (uint32_t k = 0; k < plan->axes[i].count; k++)
+            (void)fprintf(memory.stream, " %u %s", i, plan->axes[i].text[k]);
+    (void)fclose(memory.stream);
+    trials_label(NULL, memory.text, NULL, label);
+    free(memory.text);
+}
+
+/* Reads the table and the results of other processes. */
+static void begin(study *self) {
+    trials_work *work = &self->work;
+    char label[LG_SHA256_TEXT];
+    work->count = study_runs(&self->plan);
+    APP_MUST_FILE(self->app, work->out, study_table_open(work->out, &self->plan, &self->table, &error));
+    app_continue(work->out);
+    label_of(&self->plan, label);
+    APP_MUST_FILE(self->app, work->out, trials_open(work, label, &error));
+    for (size_t i = 0; i < work->count; i++) work->known[i] = work->known[i] || self->table.done[i];
+}
+
 static int run(app *host) {
-    APP_CLEAN(lg_grid_destroy) lg_grid grid = {.repeats = 0};
-    const study_task task = {.user = &grid,
-                             .read = read_grid,
-                             .run = do_run,
-                             .show = show_row,
-                             .report = study_report,
-                             .plot = values.plot,
-                             .draw = study_draw_work};
-    study_main(host, &task);
+    const double start = app_seconds();
+    const uint64_t jobs = values.jobs > 0 ? values.jobs : host->threads;
+    APP_CLEAN(study_end)
+    study self = {.app = host,
+                  .threads_each = host->threads / jobs > 0 ? host->threads / jobs : 1,
+                  .work = {.app = host,
+                           .values = &values.shared,
+                           .out = values.out,
+                           .noun = "runs",
+                           .resume = "the same command continues",
+                           .record = sizeof(study_row),
+                           .threads = jobs,
+                           .most = values.stop_after,
+                           .user = &self,
+                           .run = do_run,
+                           .take = take_row,
+                           .save = save}};
+    const app_path paths[] = {trials_choose(&self.work, LG_FILE_TEXT), {"plot", values.plot, LG_FILE_DRAWN}};
+    const int code = app_check_outputs(host, paths, LG_COUNT(paths));
+    if (code != APP_EXIT_OK) return code;
+    read_grid(host, &self.grid);
+    make_plan(&self.grid, &self.plan);
+    begin(&self);
+    app_progress_begin(&self.progress, 0, self.work.count - trials_known(&self.work));
+    const bool whole = trials_run(&self.work);
+    app_progress_end(&self.progress);
+    if (!whole) return APP_EXIT_OK;
+    APP_MUST_FILE(host, values.out, save(&self, &error));
+    trials_end(&self.work);
+    if (values.plot != NULL) study_draw_work(host, values.plot, &self.table);
+    study_report(host, &self.table, self.work.fresh, app_seconds() - start);
     return APP_EXIT_OK;
 }
 
@@ -229,6 +296,6 @@ const app_command study_command = {.name = "study",
                                               "over all runs of an integrator. The default seed is the "
                                               "grid's; other keys that it lacks have the values of train "
                                               "--preset thesis.",
-                                   .settings = APP_SETTINGS(APP_GIVEN(plot_options, values), STUDY_SHARED),
+                                   .settings = APP_SETTINGS(APP_GIVEN(study_options, values)),
                                    .run = run,
                                    .together = APP_RANKS};

@@ -5,7 +5,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "common/study.h"
 #include "control/policy.h"
 #include "files/frame.h"
 #include "fuzz.h"
@@ -16,6 +15,7 @@
 #include "liegrad/machine.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/settings.h"
+#include "lg-hamiltonian/study.h"
 #include "liegrad/table.h"
 #include "table/files/recipe.h"
 #include "nn/search.h"
@@ -162,27 +162,26 @@ void fuzz_trials(const uint8_t *data, size_t size) {
 
 void fuzz_study(const uint8_t *data, size_t size) {
     static study_plan plan;
-    if (plan.axis_count == 0) {
-        plan = (study_plan){.axis_count = 2, .measure_count = 2, .measures = {"E1", "seconds"}, .repeats = 2};
-        plan.axes[0].name = "integrator";
-        plan.axes[1].name = "N";
-        study_axis_add(&plan.axes[0], "cf4", 0);
-        study_axis_add(&plan.axes[0], "euler", 0);
-        study_axis_add(&plan.axes[1], NULL, 10);
-        study_axis_add(&plan.axes[1], NULL, 20.5);
+    if (plan.repeats == 0) {
+        plan.repeats = 2;
+        study_axis_add(&plan.axes[AXIS_INTEGRATOR], "cf4", 0);
+        study_axis_add(&plan.axes[AXIS_INTEGRATOR], "euler", 0);
+        study_axis_add(&plan.axes[AXIS_N], NULL, 10);
+        study_axis_add(&plan.axes[AXIS_N], NULL, 20.5);
+        static const uint32_t single[] = {AXIS_SUBSTEPS, AXIS_M, AXIS_EPS, AXIS_PENALTY};
+        for (size_t i = 0; i < LG_COUNT(single); i++) study_axis_add(&plan.axes[single[i]], NULL, (double)i);
         study_set_protocol(&plan, "fuzz");
     }
     lg_error error = {LG_OK, ""};
-    study_file file;
-    const lg_status status = study_file_open(fuzz_file(data, size), &plan, &file, &error);
+    study_table table;
+    const lg_status status = study_table_open(fuzz_file(data, size), &plan, &table, &error);
     refused(status, &error);
     if (status != LG_OK) return;
-    for (uint64_t i = 0; i < study_runs(&plan); i++) {
-        const study_row run = study_run_at(&plan, i);
-        (void)study_file_find(&file, &run);
+    for (size_t i = 0; i < study_cells(&plan); i++) {
+        const study_row cell = study_run_at(&plan, i);
+        if (study_summarise(&table, &cell, study_cell_axes, AXES, STUDY_ANY).runs > plan.repeats) abort();
     }
-    for (uint64_t i = 0; i < study_cells(&plan); i++) (void)study_cell_summary(&file, study_run_at(&plan, i));
-    study_file_close(&file);
+    study_table_close(&table);
 }
 
 /* ---- tables and logs ---- */
