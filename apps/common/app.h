@@ -69,6 +69,7 @@ typedef struct app_command {
     /* Returns the exit code. Before it is called, the files that options name (lg_field.file) are checked. */
     int (*run)(app *app);
     app_together together;
+    const void *row; /* for a `run` that several commands share */
 } app_command;
 
 /* An option of the chosen command. */
@@ -414,11 +415,20 @@ typedef struct app_named_text {
     const char *name, *text;
 } app_named_text;
 void app_write_texts(const app *app, const char *folder, const app_named_text *texts);
-/* Runs the demo of a program in `folder` (demo.c): writes `texts`, the files below apps/PROGRAM/demo, and
- * runs demo.sh with bash. Its variables are LG_JSON, LG_SEED, LG_THREADS and the options of the command, such
+/* The demo of a program (demo.c): writes the files below apps/PROGRAM/demo into the folder --out, and runs
+ * demo.sh there with bash. Its variables are LG_JSON, LG_SEED, LG_THREADS and the options of the command, such
  * as LG_T_END. Returns the exit code of the first command that fails, otherwise 0. */
-int app_demo(app *app, const char *folder, const app_named_text *texts);
+typedef struct app_demo_values {
+    const char *out;
+    uint64_t epochs;
+    double t_end, seconds;
+} app_demo_values;
+extern app_demo_values app_demo_given;
 extern const app_named_text app_demo_texts[]; /* in each program with a folder demo */
+#define APP_DEMO(options)                                                                                    \
+    .name = "demo", .settings = APP_SETTINGS(APP_GIVEN(options, app_demo_given)), .run = app_demo,           \
+    .row = app_demo_texts
+int app_demo(app *app);
 /* Prints that an earlier result is replaced. */
 void app_say_replaces(const app *app, const char *path);
 /* Reserves the file or folder for this process until it ends (lg_lock_take); app_check_outputs calls this for

@@ -31,18 +31,6 @@ static void set_variables(const app *self) {
     set_variable("json", self->json ? "1" : "");
 }
 
-/* The folder of this program becomes the first of PATH. An empty entry of PATH would be the demo's folder. */
-static void find_programs(const app *self) {
-    char own[4096];
-    const ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
-    if (length <= 0) app_stop(self, LG_FILE, "/proc/self/exe: %s", strerror(errno));
-    own[length] = '\0';
-    *strrchr(own, '/') = '\0';
-    const char *path = getenv("PATH");
-    APP_FREE char *with = app_format("%s:%s", own, path != NULL && *path != '\0' ? path : "/usr/bin:/bin");
-    if (setenv("PATH", with, 1) != 0) app_out_of_memory();
-}
-
 /* Waits for the script, and passes a signal on to it. Returns its exit code. */
 static int wait_for_script(const app *self, pid_t child) {
     static const struct timespec pause = {0, 20000000};
@@ -60,13 +48,16 @@ static const char *text_of(const app_named_text *texts, const char *name) {
     return texts->text;
 }
 
-int app_demo(app *self, const char *folder, const app_named_text *texts) {
+app_demo_values app_demo_given;
+
+int app_demo(app *self) {
     extern char **environ;
+    const app_named_text *texts = self->command->row;
+    const char *folder = app_demo_given.out;
     pid_t child;
     APP_MUST_FILE(self, folder, app_make_folder(folder, &error));
     APP_MUST_FILE(self, folder, app_claim(self, folder, &error));
     app_write_texts(self, folder, texts);
-    find_programs(self);
     set_variables(self);
     if (chdir(folder) != 0) app_stop(self, LG_FILE, "%s: %s", folder, strerror(errno));
     APP_FREE char *commands = app_format("%s%s", text_of(texts, "begin.sh"), text_of(texts, "demo.sh"));

@@ -561,8 +561,8 @@ int search_main(app *self, const app_command *train, train_task *task) {
     const lg_status status = lg_search_file_read(self->context, self->arguments[0], file, &error);
     if (status != LG_OK) code = app_fail_file(self, status, &error, self->arguments[0]);
     if (code == APP_EXIT_OK) code = check_names(self, train, task, file);
-    if (code == APP_EXIT_OK) code = train_read(self, task);
     if (code == APP_EXIT_OK) {
+        train_read(self, task);
         search.file = file;
         search.work.user = &search;
         search.results = app_alloc((size_t)values->trials, sizeof *search.results);

@@ -43,8 +43,7 @@ static lg_status run_lane(app *self, train_task *task, app_slot *slot, double se
     training->epochs = planned / EPOCHS_DIVISOR > 0 ? planned / EPOCHS_DIVISOR : 1;
     training->validation = PART;
     training->patience = 0;
-    if (status == LG_OK && train_prepare(self, task) != APP_EXIT_OK)
-        status = app_error(error, LG_INVALID_ARGUMENT, "the data cannot be split");
+    if (status == LG_OK) train_prepare(self, task);
     lg_fit_options options = train_fit_options(self, training);
     options.seconds = seconds;
     if (status == LG_OK) status = train_create(task, &options, error);

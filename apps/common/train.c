@@ -14,20 +14,21 @@ const lg_field train_file_options[] = {TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw the
 
 static const train_files *const files = &train_given_files;
 
-/* ---- calls of the trainer's hooks; their errors are printed ---- */
+/* ---- calls of the trainer's hooks; an error ends the command ---- */
 
 static bool given(const lg_training *training, const char *option) {
     return app_given(training->user, option);
 }
 
-/* A message that begins with an option is about the command line. */
-static bool is_usage(lg_status status, const lg_error *error) {
-    return status == LG_INVALID_ARGUMENT && strncmp(error->message, "--", 2) == 0;
+/* As app_must, but a message that begins with an option is about the command line. */
+static void must(const app *self, lg_status status, const lg_error *error) {
+    if (status == LG_INVALID_ARGUMENT && strncmp(error->message, "--", 2) == 0)
+        app_stop_usage(self, "%s", error->message);
+    app_must(self, status, error);
 }
 
-static int fail(const app *self, lg_status status, const lg_error *error) {
-    return is_usage(status, error) ? app_usage(self, "%s", error->message)
-                                   : app_fail(self, status, "%s", app_sentence(status, error));
+static void must_end_well(int code) {
+    if (code != APP_EXIT_OK) app_end(code);
 }
 
 void train_begin(const app *self, train_task *task, int argument) {
@@ -43,15 +44,13 @@ void train_begin(const app *self, train_task *task, int argument) {
     task->training.user = self;
 }
 
-int train_read(const app *self, train_task *task) {
+void train_read(const app *self, train_task *task) {
     lg_training *training = &task->training;
     lg_error error = {LG_OK, ""};
     training->resumed = files->resume != NULL;
     const lg_status status = task->recipe->trainer->read(training, &error);
-    if (status == LG_OK) return APP_EXIT_OK;
-    if (is_usage(status, &error)) return fail(self, status, &error);
-    return app_fail_file(self, status, &error,
-                         training->failed != NULL ? training->failed : training->paths[0]);
+    if (status == LG_INVALID_ARGUMENT) must(self, status, &error);
+    app_must_file(self, status, &error, training->failed != NULL ? training->failed : training->paths[0]);
 }
 
 lg_status train_describe(const app *self, train_task *task, const void *stored, lg_error *error) {
@@ -62,12 +61,11 @@ lg_status train_describe(const app *self, train_task *task, const void *stored, 
     return task->recipe->trainer->describe(training, error);
 }
 
-int train_prepare(const app *self, train_task *task) {
+void train_prepare(const app *self, train_task *task) {
     const lg_trainer *trainer = task->recipe->trainer;
     lg_error error = {LG_OK, ""};
-    const lg_status status = trainer->prepare != NULL ? trainer->prepare(&task->training, &error) : LG_OK;
-    if (status != LG_OK) return fail(self, status, &error);
-    return task->check != NULL ? task->check(self, &task->training) : APP_EXIT_OK;
+    if (trainer->prepare != NULL) must(self, trainer->prepare(&task->training, &error), &error);
+    if (task->check != NULL) task->check(self, &task->training);
 }
 
 lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error) {
@@ -112,13 +110,11 @@ const char *train_refuses(const train_task *task, const app_slot *slot) {
     return text;
 }
 
-static int check_options(const app *self, const train_task *task) {
-    for (size_t i = 0; i < self->slot_count; i++) {
-        const char *refuses = self->slots[i].given ? train_refuses(task, &self->slots[i]) : NULL;
-        if (refuses != NULL)
-            return app_usage(self, "--%s: %s has no such option", self->slots[i].name, refuses);
+static void check_options(const app *self, const train_task *task) {
+    for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++) {
+        const char *refuses = slot->given ? train_refuses(task, slot) : NULL;
+        if (refuses != NULL) app_stop_usage(self, "--%s: %s has no such option", slot->name, refuses);
     }
-    return APP_EXIT_OK;
 }
 
 /* Removes temporary files that a killed training left in the folder of the checkpoint that is resumed:
@@ -130,11 +126,11 @@ static void tidy(const app *self, const char *checkpoint) {
 }
 
 /* Checks that --out is given and that no output file is also an input or another output. */
-static int check_files(app *self, const train_task *task) {
-    if (files->out == NULL) return app_usage(self, "--out FILE is missing");
+static void check_files(app *self, const train_task *task) {
+    if (files->out == NULL) app_stop_usage(self, "--out FILE is missing");
     const char *const kept_name = task->recipe->trainer->kept;
     const app_slot *kept = kept_name != NULL ? app_find_slot(self, kept_name) : NULL;
-    char *checkpoint = checkpoint_path();
+    APP_FREE char *checkpoint = checkpoint_path();
     /* A resumed run may write its checkpoints to the file that it was resumed from. */
     const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
     if (files->resume != NULL && !same) tidy(self, files->resume);
@@ -149,10 +145,8 @@ static int check_files(app *self, const train_task *task) {
         {"history", files->history, LG_FILE_TEXT},
         {"plot", files->plot, LG_FILE_DRAWN}};
     enum { OWN = 6 };
-    const int code = app_check_outputs(self, paths, OWN + app_file_options(self, paths + OWN));
-    if (code == APP_EXIT_OK) app_check_text(self, files->history, TRAIN_HISTORY);
-    free(checkpoint);
-    return code;
+    must_end_well(app_check_outputs(self, paths, OWN + app_file_options(self, paths + OWN)));
+    app_check_text(self, files->history, TRAIN_HISTORY);
 }
 
 static lg_fit *fit_of(const train_session *self) {
@@ -161,8 +155,7 @@ static lg_fit *fit_of(const train_session *self) {
 
 /* ---- callbacks of the fit ---- */
 
-static lg_status save_checkpoint(const train_session *self, const char *path, const lg_fit *fit,
-                                 lg_error *error) {
+static lg_status write_checkpoint(const train_session *self, const char *path, lg_error *error) {
     const train_task *task = self->task;
     const lg_provenance provenance = app_provenance(self->app, train_training(task)->seed);
     lg_file_writer *writer = NULL;
@@ -170,21 +163,26 @@ static lg_status save_checkpoint(const train_session *self, const char *path, co
     lg_status status = lg_checkpoint_create(self->app->context, path, task->recipe, task->settings[0].values,
                                             &provenance, &writer, error);
     if (status == LG_OK) status = lg_file_writer_archive(writer, "fit", &archive);
-    if (status == LG_OK) status = lg_fit_save(fit, &archive, error);
+    if (status == LG_OK) status = lg_fit_save(fit_of(self), &archive, error);
     if (status == LG_OK) status = lg_file_writer_commit(writer, error);
     lg_file_writer_destroy(writer);
     return status;
 }
 
-/* A checkpoint that cannot be written does not end the training, because the next one may succeed. */
-static lg_status on_checkpoint(void *user, const lg_fit *fit) {
-    train_session *self = user;
-    char *path = checkpoint_path();
+/* Saves the state; false, with a warning, if it cannot be written. */
+static bool save_state(train_session *self) {
+    APP_FREE char *path = checkpoint_path();
     self->checkpoint_error = (lg_error){LG_OK, ""};
-    self->checkpoint_status = save_checkpoint(self, path, fit, &self->checkpoint_error);
+    self->checkpoint_status = write_checkpoint(self, path, &self->checkpoint_error);
     if (self->checkpoint_status != LG_OK)
         app_warn(self->app, "%s", app_sentence(self->checkpoint_status, &self->checkpoint_error));
-    free(path);
+    return self->checkpoint_status == LG_OK;
+}
+
+/* A checkpoint that cannot be written does not end the training, because the next one may succeed. */
+static lg_status on_checkpoint(void *user, const lg_fit *fit) {
+    (void)fit;
+    (void)save_state(user);
     return LG_OK;
 }
 
@@ -222,32 +220,16 @@ static lg_fit_options session_options(train_session *self) {
 }
 
 /* Loads the state in the group /fit of an open checkpoint into the fit. */
-static int load_fit(train_session *self, lg_file_reader *stored) {
+static void load_fit(const train_session *self, lg_file_reader *stored) {
     lg_error error = {LG_OK, ""};
     lg_archive_reader archive;
     lg_status status = lg_file_reader_archive(stored, "fit", &archive);
     if (status == LG_OK) status = lg_fit_load(fit_of(self), &archive, &error);
-    if (status == LG_OK) return APP_EXIT_OK;
-    const char *more = lg_file_reader_message(stored);
+    const char *more = status != LG_OK ? lg_file_reader_message(stored) : "";
     if (more[0] != '\0') (void)snprintf(error.message, sizeof error.message, "%s", more);
     if (status == LG_INVALID_ARGUMENT)
-        return app_fail(self->app, status, "%s: %s", files->resume, app_sentence(status, &error));
-    return app_fail_file(self->app, status, &error, files->resume);
-}
-
-/* Training failed: saves the state before the failed step in a checkpoint, so that nothing is lost. */
-static int broken(train_session *self, lg_status status, const lg_error *fit_error) {
-    if (lg_fit_steps_done(fit_of(self)) > 0) {
-        (void)on_checkpoint(self, fit_of(self));
-        if (self->checkpoint_status == LG_OK) {
-            char *path = checkpoint_path();
-            const int code = app_fail(self->app, status, "%s; the state before this failure is in %s",
-                                      app_sentence(status, fit_error), path);
-            free(path);
-            return code;
-        }
-    }
-    return fail(self->app, status, fit_error);
+        app_stop(self->app, status, "%s: %s", files->resume, app_sentence(status, &error));
+    app_must_file(self->app, status, &error, files->resume);
 }
 
 /* Says that the training stopped before its plan was finished, and how to continue. Its state has been
@@ -256,30 +238,34 @@ static int stopped(const train_session *self, lg_status status) {
     if (self->checkpoint_status != LG_OK)
         return app_fail(self->app, LG_FILE, "the state could not be saved: %s",
                         app_sentence(self->checkpoint_status, &self->checkpoint_error));
-    char *path = checkpoint_path();
+    APP_FREE char *path = checkpoint_path();
     app_note(self->app, "stopped in epoch %llu of %llu; continue with --resume %s",
              (unsigned long long)lg_fit_epochs_done(fit_of(self)) + 1,
              (unsigned long long)train_training(self->task)->epochs, path);
-    free(path);
     return status == LG_CANCELLED ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
 }
 
 /* Called after the fit has returned `status`: writes the history, then does what the status requires. */
 static int conclude(train_session *self, lg_status status, const lg_error *fit_error) {
     lg_error error = {LG_OK, ""};
+    lg_fit *fit = fit_of(self);
     int code = APP_EXIT_OK;
-    if (files->history != NULL && lg_fit_epochs_done(fit_of(self)) > 0) {
-        const lg_status saved = train_save_history(files->history, fit_of(self), &error);
+    if (files->history != NULL && lg_fit_epochs_done(fit) > 0) {
+        const lg_status saved = train_save_history(files->history, fit, &error);
         if (saved != LG_OK) code = app_fail_file(self->app, saved, &error, files->history);
     }
-    if (status == LG_CANCELLED || (status == LG_OK && !lg_fit_finished(fit_of(self)))) {
+    if (status == LG_CANCELLED || (status == LG_OK && !lg_fit_finished(fit))) {
         const int more = stopped(self, status);
         return more == APP_EXIT_OK ? code : more;
     }
-    if (status != LG_OK) return broken(self, status, fit_error);
-    if (lg_fit_why_finished(fit_of(self)) != LG_FIT_END_EPOCHS)
+    /* Training failed: the state before the failed step is saved, so that nothing is lost. */
+    if (status != LG_OK && lg_fit_steps_done(fit) > 0 && save_state(self))
+        app_stop(self->app, status, "%s; the state before this failure is in %s",
+                 app_sentence(status, fit_error), checkpoint_path());
+    must(self->app, status, fit_error);
+    if (lg_fit_why_finished(fit) != LG_FIT_END_EPOCHS)
         app_note(self->app, "training ended after %llu epochs: %s",
-                 (unsigned long long)lg_fit_epochs_done(fit_of(self)), lg_fit_end_sentence(fit_of(self)));
+                 (unsigned long long)lg_fit_epochs_done(fit), lg_fit_end_sentence(fit));
     return code;
 }
 
@@ -292,32 +278,19 @@ static int run_fit(train_session *self) {
     self->task->training.seconds = app_seconds() - begin;
     app_end_exchanges(self->app);
     if (self->app->rank == 0) return conclude(self, status, &error);
-    return status == LG_OK ? APP_EXIT_OK : fail(self->app, status, &error);
+    must(self->app, status, &error);
+    return APP_EXIT_OK;
 }
 
-/* If the model cannot be written, or the user stops while the model is judged, saves the state in a
+/* If the model cannot be written, or the user stops while the model is scored, saves the state in a
  * checkpoint, so that the training is not lost. Not done when several ranks train. */
 static int finish(train_session *self) {
     const int code = train_finish(self);
     const bool kept = code == APP_EXIT_FILE || code == APP_EXIT_MEMORY || code == APP_EXIT_INTERRUPTED;
-    if (!kept || self->app->rank_count > 1) return code;
-    (void)on_checkpoint(self, fit_of(self));
-    if (self->checkpoint_status != LG_OK) return code;
-    char *path = checkpoint_path();
+    if (!kept || self->app->rank_count > 1 || !save_state(self)) return code;
+    APP_FREE char *path = checkpoint_path();
     app_note(self->app, "the training is kept in %s; write the model with --resume %s", path, path);
-    free(path);
     return code;
-}
-
-/* Called when the run is complete and the data are split. */
-static int train(train_session *self, lg_file_reader *stored) {
-    lg_error error = {LG_OK, ""};
-    const lg_fit_options options = session_options(self);
-    const lg_status status = train_create(self->task, &options, &error);
-    int code = status == LG_OK ? APP_EXIT_OK : fail(self->app, status, &error);
-    if (code == APP_EXIT_OK && stored != NULL) code = load_fit(self, stored);
-    if (code == APP_EXIT_OK) code = run_fit(self);
-    return code == APP_EXIT_OK && self->app->rank == 0 ? finish(self) : code;
 }
 
 /* ---- the run ---- */
@@ -348,25 +321,24 @@ static void adopt_size(app *self, const app_settings *settings, const void *from
 
 /* Opens the checkpoint of --resume. Options that were not given on the command line get the stored run's
  * values. */
-static int open_stored(app *self, const train_task *task, stored_run *stored) {
-    lg_error error = {LG_OK, ""};
-    if (files->resume == NULL) return APP_EXIT_OK;
+static void open_stored(app *self, const train_task *task, stored_run *stored) {
+    if (files->resume == NULL) return;
     stored->run = app_alloc(1, task->settings[0].size);
-    const lg_status status = lg_checkpoint_open(self->context, files->resume, NULL, task->recipe, stored->run,
-                                                &stored->reader, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, files->resume);
+    APP_MUST_FILE(self, files->resume,
+                  lg_checkpoint_open(self->context, files->resume, NULL, task->recipe, stored->run,
+                                     &stored->reader, &error));
     adopt_size(self, &task->settings[0], stored->run);
     if (!derives_again(self)) app_adopt(self, &task->settings[0], stored->run, false);
     if (!self->seed_given) self->seed = stored_training(task, stored)->seed;
-    return APP_EXIT_OK;
 }
 
-static int compare(const app *self, const train_task *task, const stored_run *stored) {
+static void compare(const app *self, const train_task *task, const stored_run *stored) {
     lg_error error = {LG_OK, ""};
-    if (stored->reader == NULL) return APP_EXIT_OK;
-    const lg_status status =
-        lg_recipe_compare_runs(task->recipe, stored->run, task->settings[0].values, files->resume, &error);
-    return status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
+    if (stored->reader != NULL)
+        must(self,
+             lg_recipe_compare_runs(task->recipe, stored->run, task->settings[0].values, files->resume,
+                                    &error),
+             &error);
 }
 
 uint32_t train_preset_given;
@@ -392,23 +364,20 @@ static bool takes_prior(const lg_fit_plan *plan) {
     return takes;
 }
 
-/* Refuses options that the plan does not use: --prior, and the options of Adam. */
-static int check_method(const app *self, const train_task *task) {
+/* Rejects options that the plan does not use: --prior, and the options of Adam. */
+static void check_method(const app *self, const train_task *task) {
     char plan[LG_FIT_PLAN_TEXT];
-    lg_fit_plan_show(&train_training(task)->plan, plan);
-    const bool prior = app_given(self, "prior") && train_training(task)->prior > 0;
+    const lg_fit_settings *training = train_training(task);
+    lg_fit_plan_show(&training->plan, plan);
+    const bool prior = app_given(self, "prior") && training->prior > 0;
     if (prior && !task->recipe->trainer->prior)
-        return app_usage(self, "--prior: the training of this model does not use a prior");
-    if (prior && !takes_prior(&train_training(task)->plan))
-        return app_usage(self, "--prior: is for ssbroyden and lbfgs; training by %s has no such option",
-                         plan);
-    if (lg_fit_plan_batches(&train_training(task)->plan)) return APP_EXIT_OK;
-    for (size_t i = 0; i < self->slot_count; i++) {
-        const app_slot *slot = &self->slots[i];
+        app_stop_usage(self, "--prior: the training of this model does not use a prior");
+    if (prior && !takes_prior(&training->plan))
+        app_stop_usage(self, "--prior: is for ssbroyden and lbfgs; training by %s has no such option", plan);
+    if (lg_fit_plan_batches(&training->plan)) return;
+    for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++)
         if (slot->given && slot->row->adam)
-            return app_usage(self, "--%s: is for adam; training by %s has no such option", slot->name, plan);
-    }
-    return APP_EXIT_OK;
+            app_stop_usage(self, "--%s: is for adam; training by %s has no such option", slot->name, plan);
 }
 
 /* The histories of 10^6 epochs take 40 MB. */
@@ -420,44 +389,45 @@ uint64_t train_epochs(const app *self, const lg_fit_settings *training) {
 
 /* A resumed run is also compared before the split, because other data may not be divisible in the stored
  * way. */
-static int run_with(app *self, train_task *task, stored_run *stored, const train_race *race) {
+static int run_with(app *self, train_task *task, const stored_run *stored, const train_race *race) {
     lg_error error = {LG_OK, ""};
     train_session session = {.app = self, .task = task, .race = *race};
     lg_fit_settings *training = train_training(task);
     const bool again = derives_again(self), splits = task->recipe->trainer->prepare != NULL;
     training->seed = self->seed;
-    const lg_status status = train_describe(self, task, again ? NULL : stored->run, &error);
-    int code = status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
+    must(self, train_describe(self, task, again ? NULL : stored->run, &error), &error);
     if (stored->reader != NULL && !app_given(self, "epochs"))
         training->epochs = stored_training(task, stored)->epochs;
     training->epochs = train_epochs(self, training);
-    if (code == APP_EXIT_OK && stored->reader == NULL) code = check_method(self, task);
+    if (stored->reader == NULL) check_method(self, task);
     /* A run derived again from --preset knows the parts of the data only after the split, so it is compared
      * only then. */
-    if (code == APP_EXIT_OK && !(splits && again)) code = compare(self, task, stored);
-    if (code == APP_EXIT_OK) code = train_prepare(self, task);
-    if (code == APP_EXIT_OK && splits) code = compare(self, task, stored);
-    if (code == APP_EXIT_OK) code = train(&session, stored->reader);
-    lg_training_release(&task->training);
-    return code;
+    if (!(splits && again)) compare(self, task, stored);
+    train_prepare(self, task);
+    if (splits) compare(self, task, stored);
+    const lg_fit_options options = session_options(&session);
+    must(self, train_create(task, &options, &error), &error);
+    if (stored->reader != NULL) load_fit(&session, stored->reader);
+    const int code = run_fit(&session);
+    return code == APP_EXIT_OK && self->rank == 0 ? finish(&session) : code;
 }
 
-int train_open(app *self, train_task *task) {
+void train_open(app *self, train_task *task) {
     train_begin(self, task, 0);
-    int code = check_options(self, task);
-    if (code == APP_EXIT_OK) code = check_files(self, task);
-    if (code == APP_EXIT_OK) app_read_options(self);
-    return code == APP_EXIT_OK ? train_read(self, task) : code;
+    check_options(self, task);
+    check_files(self, task);
+    app_read_options(self);
+    train_read(self, task);
 }
 
 int train_main(app *self, train_task *task) {
     stored_run stored = {NULL, NULL};
     train_race race;
-    int code = train_open(self, task);
-    if (code == APP_EXIT_OK) code = train_size(self, task, files->size, &race);
-    if (code == APP_EXIT_OK) code = open_stored(self, task, &stored);
-    if (code == APP_EXIT_OK) app_read_options(self);
-    if (code == APP_EXIT_OK) code = run_with(self, task, &stored, &race);
+    train_open(self, task);
+    must_end_well(train_size(self, task, files->size, &race));
+    open_stored(self, task, &stored);
+    app_read_options(self);
+    const int code = run_with(self, task, &stored, &race);
     lg_file_reader_destroy(stored.reader);
     free(stored.run);
     lg_training_close(&task->training);

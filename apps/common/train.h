@@ -7,7 +7,7 @@
  * (common/search.h) trains the same task.
  *
  * Functions that return int return an exit code; if it is not APP_EXIT_OK, they have printed why. Functions
- * that return a status explain it in `error`. */
+ * that return a status explain it in `error`; in those that return nothing an error ends the command. */
 #ifndef LG_APPS_TRAIN_DRIVER_H
 #define LG_APPS_TRAIN_DRIVER_H
 
@@ -69,11 +69,11 @@ typedef struct train_task {
     /* A trial of a search by a method that the recipe does not train: trains on the training part, and sets
      * parameters and objective. Returns LG_NOT_FOUND for a method that the recipe trains. May be NULL. */
     lg_status (*trial)(const app *app, lg_trial *trial, lg_error *error);
-    void *state; /* the trainer's state; if NULL, train_begin allocates it */
-    /* Called after the data are split and before training; returns an exit code. May be NULL. */
-    int (*check)(const app *app, const lg_training *training);
-    /* Prints the outcome for people. NULL: each result is printed on a line of its own. */
-    void (*print)(const lg_training *training);
+    const app_command *command; /* the command `train`, for a search */
+    void *state;                /* the trainer's state; if NULL, train_begin allocates it */
+    /* Called after the data are split and before training. May be NULL. */
+    void (*check)(const app *app, const lg_training *training);
+    void (*print)(const lg_training *training); /* prints more than the results for people; may be NULL */
     /* draws the plot of --plot; NULL: the loss is drawn */
     void (*draw)(const app *app, const char *path, const lg_training *training);
     lg_training training; /* set and used by the driver */
@@ -117,12 +117,8 @@ struct train_session {
 
 int train_main(app *app, train_task *task);
 /* The first part of train_main, for a command that can also train without a recipe: checks options and files,
- * and reads the data. Returns an exit code; whatever it is, the caller then calls lg_training_close. */
-int train_open(app *app, train_task *task);
-/* Computes the results of a loaded model file (`file`: its contents) on the data files, arguments 1 and
- * following. An error ends the command. APP_EXIT_NUMERIC: the results are useless, and a warning has said
- * why. */
-int train_evaluate(const app *app, train_task *task, const void *file);
+ * and reads the data. The caller calls lg_training_close. */
+void train_open(app *app, train_task *task);
 
 /* ---- parts of train_main, also used by race and search ---- */
 
@@ -131,11 +127,11 @@ static inline lg_fit_settings *train_training(const train_task *task) {
 }
 /* Prepares task->training; its data files are the command's arguments from index `argument` on. */
 void train_begin(const app *app, train_task *task, int argument);
-int train_read(const app *app, train_task *task);
+void train_read(const app *app, train_task *task);
 /* Completes the run from the options that were given to `app`. `stored`: the run that is resumed, or NULL. */
 lg_status train_describe(const app *app, train_task *task, const void *stored, lg_error *error);
 /* Splits the data and calls the task's check. */
-int train_prepare(const app *app, train_task *task);
+void train_prepare(const app *app, train_task *task);
 lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error);
 /* Called when the training has done all that was asked: judges and writes the model, draws and reports. */
 int train_finish(train_session *session);

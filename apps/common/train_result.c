@@ -65,18 +65,23 @@ static void put_value(app_json *out, const lg_result *result) {
 }
 
 void train_put_results(app_json *out, const lg_training *training, size_t first, size_t end) {
+    const lg_result *outer = NULL; /* the object whose members people see under its name and theirs */
     size_t depth = 0;
     if (training->results_lost) app_out_of_memory();
-    for (size_t i = first; i < end; i++) {
-        const lg_result *result = &training->results[i];
-        if (result->bracket == '[' || result->bracket == '{') {
-            app_json_open(out, result->name, result->bracket);
-            depth++;
-        } else if (result->bracket != 0) {
-            app_json_close(out, result->bracket);
+    for (const lg_result *at = training->results + first; at < training->results + end; at++) {
+        if (at->bracket == '[' || at->bracket == '{') {
+            app_json_open(out, at->name, at->bracket);
+            if (depth++ == 0) outer = at;
+        } else if (at->bracket != 0) {
+            app_json_close(out, at->bracket);
             depth--;
         } else if (depth == 0 || !out->people) {
-            put_value(out, result);
+            put_value(out, at);
+        } else if (depth == 1 && at->name != NULL) {
+            lg_result member = *at;
+            APP_FREE char *name = app_format("%s, %s", outer->name, at->name);
+            member.name = name;
+            put_value(out, &member);
         }
     }
 }
@@ -101,10 +106,11 @@ static void json_training(const train_session *session, app_json *json) {
     const lg_fit *fit = training->fit;
     const uint64_t done = lg_fit_epochs_done(fit);
     (void)lg_cpu_describe(cpu, sizeof cpu);
-    app_json_size(json, "epochs", done);
+    app_result_size(json, "epochs", done, NULL);
     app_json_size(json, "evaluations", done);
     app_json_text(json, "gradients", lg_fit_by_plans(fit) ? "plans" : "tape");
-    app_json_real(json, "floor", training->floor);
+    if (!json->people || isfinite(training->floor))
+        app_result_real(json, "floor", training->floor, "part of the error that the integrator's steps make");
     app_json_real(json, "running_loss", lg_fit_loss(fit));
     app_json_real(json, "validation_loss",
                   done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN);
@@ -112,13 +118,13 @@ static void json_training(const train_session *session, app_json *json) {
     app_json_bool(json, "finished", lg_fit_finished(fit));
     app_json_text(json, "stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL);
     app_json_real(json, "seconds_per_epoch", lg_fit_seconds_per_epoch(fit));
-    app_json_real(json, "seconds", training->seconds);
+    app_result_real(json, "seconds", training->seconds, NULL);
     app_json_size(json, "threads", self->threads);
     json_ranks(self, fit, json);
     app_json_size(json, "steps", lg_fit_steps_done(fit));
     app_json_size(json, "tape_bytes", lg_fit_tape_size(fit));
     app_json_text(json, "cpu", cpu);
-    app_json_text(json, "out", train_given_files.out);
+    app_result_text(json, "out", train_given_files.out, NULL);
     json_run(json, &session->task->settings[0]);
     train_size_json(&session->race, json);
     app_json_warnings(json, self);
@@ -166,56 +172,36 @@ static void report(const train_session *session) {
     const train_task *task = session->task;
     const lg_training *training = &task->training;
     app_json out;
-    if (!session->app->json && task->print != NULL) {
-        task->print(training);
-        return;
-    }
     app_result_begin(&out, session->app);
     train_put_results(&out, training, 0, training->first_count);
     json_training(session, &out);
     train_put_results(&out, training, training->first_count, training->result_count);
     app_json_end(&out);
+    if (!session->app->json && task->print != NULL) task->print(training);
 }
 
-/* Judges the fit's parameters, writes the model, draws and reports. */
-static int conclude(const train_session *session, double *theta) {
+/* Scores the fit's parameters, writes the model, draws and reports. */
+int train_finish(train_session *session) {
     train_task *task = session->task;
     lg_training *training = &task->training;
     const app *self = session->app;
     const char *out = train_given_files.out;
     lg_error error = {LG_OK, ""};
-    lg_fit_parameters(training->fit, theta);
-    lg_status status = lg_training_judge(training, theta, &error);
-    if (status == LG_CANCELLED)
-        return app_fail(self, status, "after the last epoch: stopped by %s", app_stopper());
-    if (status != LG_OK)
+    double *theta = lg_training_alloc(training, training->problem.parameters, sizeof *theta, &error);
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (theta != NULL) {
+        lg_fit_parameters(training->fit, theta);
+        status = lg_training_judge(training, theta, &error);
+    }
+    if (status != LG_OK && status != LG_CANCELLED)
         return app_fail(self, status, "after the last epoch: %s", app_sentence(status, &error));
-    const int judged = judge(self, training);
+    const int judged = status == LG_OK ? judge(self, training) : APP_EXIT_OK;
     const lg_provenance provenance = app_provenance(self, train_training(task)->seed);
-    status = lg_training_save(training, out, theta, &provenance, &error);
+    if (status == LG_OK) status = lg_training_save(training, out, theta, &provenance, &error);
     if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK) return app_fail_file(self, status, &error, out);
     if (train_given_files.plot != NULL)
         (task->draw != NULL ? task->draw : draw_loss)(self, train_given_files.plot, training);
     report(session);
     return judged == APP_EXIT_OK && training->verdict.failed ? APP_EXIT_NUMERIC : judged;
-}
-
-int train_finish(train_session *session) {
-    lg_training *training = &session->task->training;
-    lg_error error = {LG_OK, ""};
-    double *theta = lg_training_alloc(training, training->problem.parameters, sizeof *theta, &error);
-    if (theta == NULL)
-        return app_fail(session->app, LG_OUT_OF_MEMORY, "after the last epoch: %s", error.message);
-    return conclude(session, theta);
-}
-
-int train_evaluate(const app *self, train_task *task, const void *file) {
-    lg_training *training = &task->training;
-    lg_error error = {LG_OK, ""};
-    train_begin(self, task, 1);
-    training->model = self->arguments[0];
-    const lg_status status = lg_training_evaluate(training, file, &error);
-    app_must_file(self, status, &error, training->failed != NULL ? training->failed : training->paths[0]);
-    return training->verdict.failed ? APP_EXIT_NUMERIC : APP_EXIT_OK;
 }

@@ -1,4 +1,6 @@
 # Every demo.sh begins with these lines. A signal is passed on to the command that runs, which saves its state.
+# The folder of the program that runs the demo becomes the first of PATH. An empty entry would be the demo's folder.
+PATH=${PATH:-/usr/bin:/bin} PATH=$(dirname "$(readlink "/proc/$PPID/exe")"):$PATH
 # fail CODE SENTENCE: ends the demo.
 fail() { printf '%s: %s\n' "$0" "$2" >&2; exit "$1"; }
 # run COMMAND...: shows the command and runs it. result COMMAND...: likewise; with --json its object is all that is printed.

@@ -1,6 +1,18 @@
 /* lg-control: controllers that are learned through a machine. */
 #include "lg-control/control_app.h"
 
+static const lg_field demo_options[] = {
+    LG_OPTION(app_demo_values, out, STRING, "FOLDER", "Folder for all files", .value = "liegrad-control"),
+    LG_OPTION(app_demo_values, seconds, REAL, "s", "Shorten the phases to this time", .high = 1e9,
+              .above = true, .value = "20"),
+    LG_FIELD_END};
+
+static const app_command demo_command = {
+    APP_DEMO(demo_options), .summary = "From a log to a controller in C, by the commands that do it",
+    .details = "Writes a machine and a task into the folder and runs there: "
+               "lg-identify generate and fit, train, evaluate "
+               "on the true machine, lg-export, and the self-test of the C."};
+
 int main(int argc, char **argv) {
     const app_command commands[] = {train_command,  evaluate_command, certify_command,
                                     verify_command, demo_command,     {.run = NULL}};

@@ -7,8 +7,7 @@
 #include "liegrad/elastica.h"
 #include "liegrad/settings.h"
 
-extern const app_command solve_command, generate_command, train_command, evaluate_command, predict_command,
-    search_command;
+extern const app_command solve_command, generate_command, evaluate_command, predict_command;
 
 /* ---- options for beams (boundary.c) ---- */
 
@@ -141,51 +140,12 @@ typedef struct sweep_values {
 } sweep_values;
 void sweep_run(const app *app, const sweep_values *values, const lg_elastica_options *options);
 
-/* ---- learned curves (learned.c) ---- */
+/* ---- plots ---- */
 
-/* `count`: number of curves whose boundary conditions are outside the range of the trained ones, as
- * liegrad/elastica.h defines it. All distances are NaN if the model file has no boundary conditions of its
- * training part. */
-typedef struct outside {
-    double reach, largest; /* largest: largest distance of a curve */
-    double spread, off;    /* off: largest distance of a curve from the family */
-    size_t count;
-} outside;
-/* `chosen` (count): the rows of `boundary` to count; NULL: the first `count` rows. */
-outside count_outside(const lg_surrogate_file *file, const double *boundary, const uint32_t *chosen,
-                      size_t count);
-
-/* The beam of the data that a model was trained on, without its end angles. *known: the file has its
- * stiffness. */
-lg_elastica beam_of_model(const lg_surrogate_file *file, bool *known);
-
-/* A network that is ready to compute its curves at up to `points` points at a time. */
-typedef struct learned {
-    lg_surrogate_curves *curves;
-    void *work;
-} learned;
-learned learned_open(const app *app, const lg_surrogate_file *file, size_t points);
-void learned_close(learned *curves);
-/* Number k, from 0, of n equidistant arc lengths on [0, length]. */
-double equidistant(double length, size_t k, size_t n);
-
-/* ---- plots (plots.c); nothing is drawn if `plot` is NULL ---- */
-
-/* Draws curves in the plane, with equal scales on both axes; `labelled`: with their energies. */
-void draw_curves(const app *app, const char *path, const beam_curve *curves, size_t count, bool labelled);
-/* Draws some curves of a set, evenly chosen. */
-void draw_set(const app *app, const char *path, const lg_elastica_curves *curves);
-
-typedef struct sweep_point {
-    double x, energy;
-    uint32_t negative_eigenvalues;
-    double rotation;
-    size_t branch;
-} sweep_point;
-/* The points are sorted by branch, then by x. */
-void draw_sweep(const app *app, const char *path, const sweep_point *points, size_t count);
-
-/* Draws a learned curve and, if `truth` is not NULL, the solution. */
-void draw_prediction(const app *app, const char *path, const beam_curve *curve, const beam_curve *truth);
+/* Writes a data block with a beam, interpolated by cubic Hermite polynomials. */
+void put_beam(app_plot *plot, const beam_curve *curve);
+/* Draws beams, with their energies if `labelled`. `width` is that of the lines of minima. `path` NULL: none. */
+void draw_beams(const app *app, const char *path, const char *title, bool labelled, double width,
+                const beam_curve *curves, size_t count);
 
 #endif

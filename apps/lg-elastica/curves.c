@@ -193,3 +193,38 @@ void result_nodes(app_json *out, const beam_nodes *nodes, bool all) {
     if (out->people && out->rows == NULL)
         show_nodes(out, nodes, all || last <= SHOWN_NODES ? 1 : (last + SHOWN_NODES - 1) / SHOWN_NODES);
 }
+
+/* ---- plots ---- */
+
+enum { SMOOTH_POINTS = 400 };
+
+void put_beam(app_plot *plot, const beam_curve *curve) {
+    const double *q = curve->at.q, *v = curve->at.v;
+    const size_t intervals = curve->problem.intervals;
+    const double h = curve->problem.length / (double)intervals;
+    const size_t parts = intervals < SMOOTH_POINTS ? (SMOOTH_POINTS + intervals - 1) / intervals : 1;
+    for (size_t k = 0; k < 2 * intervals; k += 2)
+        for (size_t i = 0; i < parts + (k + 2 == 2 * intervals); i++) {
+            const double t = (double)i / (double)parts, a = t * t * (3 - 2 * t), b = t * (1 - t) * (1 - t),
+                         c = t * t * (t - 1);
+            double x[2];
+            for (size_t d = k; d < k + 2; d++)
+                x[d - k] = q[d] * (1 - a) + q[d + 2] * a + h * (v[d] * b + v[d + 2] * c);
+            app_plot_numbers(plot, 9, x, 2);
+        }
+    app_plot_block(plot);
+}
+
+void draw_beams(const app *self, const char *path, const char *title, bool labelled, double width,
+                const beam_curve *curves, size_t count) {
+    app_plot plot;
+    if (path == NULL) return;
+    app_plot_begin(&plot, "elastica_beams", path);
+    app_plot_text(&plot, "%s\t%d\t%g", title, labelled, width);
+    for (const beam_curve *at = curves; at < curves + count; at++) {
+        const bool saddle = at->solution.negative_eigenvalues > 0;
+        app_plot_text(&plot, "E = %.6g%s\t%d", at->solution.energy, saddle ? " (saddle)" : "", saddle);
+        put_beam(&plot, at);
+    }
+    app_plot_end(self, &plot);
+}

@@ -35,6 +35,22 @@ static const lg_field generate_options[] = {
 
 static generate_values values;
 
+enum { SHOWN_CURVES = 24 };
+
+/* Draws some curves of a set, evenly chosen. */
+static void draw_set(const app *self, const char *path, const lg_elastica_curves *curves) {
+    beam_curve beams[SHOWN_CURVES];
+    const size_t nodes = (size_t)curves->intervals + 1;
+    const size_t shown = curves->count < SHOWN_CURVES ? curves->count : (size_t)SHOWN_CURVES;
+    APP_FREE char *title = app_format("%zu of %zu curves", shown, curves->count);
+    for (size_t i = 0; i < shown; i++) {
+        const size_t at = 2 * nodes * (i * curves->count / shown);
+        beams[i] = (beam_curve){.problem = {.length = curves->length, .intervals = curves->intervals},
+                                .at = {.count = nodes, .q = curves->q + at, .v = curves->v + at}};
+    }
+    draw_beams(self, path, title, false, 1.3, beams, shown);
+}
+
 static void report(const app *self, const lg_elastica_data *data, double seconds) {
     const lg_elastica_curves *curves = &data->curves;
     double low = INFINITY, high = -INFINITY;
@@ -76,7 +92,7 @@ static int run(app *self) {
     const double seconds = app_seconds() - begin;
     data.provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out, lg_elastica_data_write(self->context, values.out, &data, &error));
-    draw_set(self, values.plot, &data.curves);
+    if (values.plot != NULL) draw_set(self, values.plot, &data.curves);
     report(self, &data, seconds);
     return APP_EXIT_OK;
 }

@@ -96,7 +96,7 @@ static void solve_curve(const app *self, const boundary *where, const lg_elastic
     const double seconds = app_seconds() - begin;
     if (!values.continuous) warn_of_intervals(self, &curve.problem, curve.solution.energy);
     write_curves(self, values.out, &curve, 1, false);
-    draw_curves(self, values.plot, &curve, 1, false);
+    draw_beams(self, values.plot, "", false, 2.5, &curve, 1);
     report_curve(self, &curve, seconds);
 }
 
@@ -130,7 +130,7 @@ static void solve_branches(const app *self, const boundary *where, const lg_elas
     if (found.count == 0) app_stop(self, LG_NO_CONVERGENCE, "no equilibrium was found");
     if (found.full) app_warn(self, "there may be more branches than those listed");
     write_curves(self, values.out, found.list, found.count, true);
-    draw_curves(self, values.plot, found.list, found.count, true);
+    draw_beams(self, values.plot, "", true, 2.5, found.list, found.count);
     report_branches(self, &found, &where->problem, seconds);
 }
 

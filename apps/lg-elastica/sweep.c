@@ -34,6 +34,13 @@ static void find(void *user, size_t i) {
     s->branch[i] = app_alloc(s->found[i].count, sizeof *s->branch[i]);
 }
 
+typedef struct sweep_point {
+    double x, energy;
+    uint32_t negative_eigenvalues;
+    double rotation;
+    size_t branch;
+} sweep_point;
+
 /* ---- following the branches ---- */
 
 typedef struct pair {
@@ -99,6 +106,25 @@ static void write_sweep(const app *self, const char *path, const sweep_point *po
         (void)fprintf(file.stream, "%zu,%.17g,%.17g,%u,%.17g\n", points[i].branch + 1, points[i].x,
                       points[i].energy, points[i].negative_eigenvalues, points[i].rotation);
     APP_MUST_FILE(self, path, app_file_end(&file, &error));
+}
+
+/* Branches are drawn as pieces of equal stability, since stable and unstable ones have different dashes. */
+static void draw_sweep(const app *self, const char *path, const sweep_point *points, size_t count) {
+    if (path == NULL) return;
+    app_plot plot;
+    double before = NAN;
+    app_plot_begin(&plot, "elastica_sweep", path);
+    for (const sweep_point *at = points; at < points + count; at++) {
+        const bool follows = at > points && at[-1].branch == at->branch;
+        const double saddle = at->negative_eigenvalues > 0, branch = (double)at->branch;
+        if (!follows || saddle != before) app_plot_gap(&plot);
+        if (follows && saddle != before) /* a piece begins with the last point of the piece before it */
+            APP_PLOT_ROW(&plot, 9, at[-1].x, at[-1].energy, saddle, branch);
+        APP_PLOT_ROW(&plot, 9, at->x, at->energy, saddle, branch);
+        before = saddle;
+    }
+    app_plot_block(&plot);
+    app_plot_end(self, &plot);
 }
 
 /* For people: prints a table row per branch. */

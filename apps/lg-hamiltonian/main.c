@@ -17,6 +17,18 @@ static char *summary(void) {
     return text;
 }
 
+static const lg_field demo_options[] = {
+    LG_OPTION(app_demo_values, out, STRING, "DIR", "Folder for data, model and plots",
+              .value = "liegrad-demo"),
+    LG_OPTION(app_demo_values, epochs, U64, "E", "Evaluations of the loss (default 2000)", .low = 1,
+              .high = 1e6),
+    LG_OPTION(app_demo_values, t_end, REAL, "T", "Length of the long prediction", LG_POSITIVE,
+              .value = "100"),
+    LG_FIELD_END};
+
+static const app_command demo_command = {APP_DEMO(demo_options),
+                                         .summary = "Learn, test and draw the spherical pendulum"};
+
 int main(int argc, char **argv) {
     app_command commands[7] = {generate_command, train_command, evaluate_command, predict_command,
                                study_command,    demo_command,  {.run = NULL}};

@@ -9,8 +9,7 @@
 #include "liegrad/integrators.h"
 #include "liegrad/mechanics.h"
 
-extern const app_command generate_command, train_command, evaluate_command, predict_command, study_command,
-    demo_command;
+extern const app_command generate_command, train_command, evaluate_command, predict_command, study_command;
 
 /* ---- sampling (sample.c) ---- */
 

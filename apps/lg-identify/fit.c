@@ -69,15 +69,8 @@ static void show_suggestion(void) {
 }
 
 static void print(const lg_training *training) {
-    const lg_machine_verdict *what = &state.verdict;
     (void)training;
-    app_put(stdout,
-            "%s: %zu parameters, %llu windows, %llu evaluations, loss %.3e (noise and steps leave "
-            "%.1e at most), floor of the steps %.1e, %.1f s\n",
-            train_given_files.out, run.machine.parameters, (unsigned long long)run.windows,
-            (unsigned long long)lg_fit_epochs_done(training->fit), what->loss, what->expected,
-            training->floor, training->seconds);
-    show_identified(what);
+    show_identified(&state.verdict);
     show_suggestion();
 }
 

@@ -7,7 +7,7 @@
 #include "machine/files/recipe.h"
 
 extern const app_command check_command, fit_command, evaluate_command, predict_command, generate_command,
-    demo_command, adapt_command;
+    adapt_command;
 
 /* ---- models and logs (data.c) ---- */
 

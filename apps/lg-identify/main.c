@@ -1,6 +1,19 @@
 /* lg-identify: learns a forced, damped machine from its logs. */
 #include "lg-identify/identify.h"
 
+static const lg_field demo_options[] = {
+    LG_OPTION(app_demo_values, out, STRING, "DIR", "Folder for files and plots", .value = "liegrad-machine"),
+    LG_OPTION(app_demo_values, seconds, REAL, "S", "Time for the fit", LG_POSITIVE, .value = "20"),
+    LG_OPTION(app_demo_values, epochs, U64, "E", "Evaluations of the loss, if the time allows (default 300)",
+              .low = 1, .high = 1e6),
+    LG_FIELD_END};
+
+static const app_command demo_command = {
+    APP_DEMO(demo_options), .summary = "A driven, damped rigid body from its log to a controller",
+    .details =
+        "Makes a log of a body whose masses, damping and potential are known, learns them from it, and "
+        "controls the true body with the learned one. Every command is shown before it runs."};
+
 int main(int argc, char **argv) {
     const app_command commands[] = {check_command, fit_command,      evaluate_command, predict_command,
                                     adapt_command, generate_command, demo_command,     {.run = NULL}};

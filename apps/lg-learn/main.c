@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "common/flow.h"
-#include "common/search.h"
+#include "common/verbs.h"
 
 /* ---- the recipe and its options ---- */
 
@@ -25,7 +25,8 @@ static const lg_field recipe_rows[] = {{.name = "recipe",
 
 enum { SETTINGS = 8 };
 static app_settings train_settings[SETTINGS], search_settings[SETTINGS];
-static train_task recipe;
+static const app_command train_command;
+static train_task task, any_kind;
 
 static void add(app_settings *settings, const lg_field *rows, void *values, size_t size) {
     while (settings->rows != NULL) settings++;
@@ -46,15 +47,15 @@ static const lg_recipe *find_recipe(int argc, char **argv) {
 }
 
 static void choose_recipe(const lg_recipe *chosen) {
-    recipe = (train_task){.recipe = chosen, .settings = train_settings};
+    task = (train_task){.recipe = chosen, .settings = train_settings, .command = &train_command};
     if (chosen != NULL) {
         const lg_trainer *trainer = chosen->trainer;
-        recipe.state = app_alloc(1, trainer->state_size + 1);
+        task.state = app_alloc(1, trainer->state_size + 1);
         add(train_settings, chosen->fields, app_alloc(1, chosen->run_size), chosen->run_size);
         if (trainer->presets)
             add(train_settings, train_preset_rows, &train_preset_given, sizeof train_preset_given);
-        add(train_settings, trainer->options, recipe.state, 0);
-        add(search_settings, trainer->options, recipe.state, 0);
+        add(train_settings, trainer->options, task.state, 0);
+        add(search_settings, trainer->options, task.state, 0);
     }
     const bool sizes = chosen != NULL && chosen->trainer->sizes != NULL;
     add(train_settings, recipe_rows, &recipe_given, 0);
@@ -63,70 +64,13 @@ static void choose_recipe(const lg_recipe *chosen) {
     add(search_settings, search_options, &search_given, 0);
 }
 
-/* ---- train and search ---- */
-
-/* Checks the data arguments, which begin at argument number `first`. */
-static void check_data(const app *self, const lg_recipe *chosen, int first) {
-    if (chosen == NULL) app_stop_usage(self, "--recipe NAME is missing");
-    const char *data = chosen->trainer->data;
-    if (self->argument_count > first + 1 && strstr(data, "...") == NULL)
-        app_stop_usage(self, "%s: there are too many arguments; the recipe %s takes only %s",
-                       self->arguments[first + 1], chosen->name, data);
-}
-
-static int run_train(app *self) {
-    check_data(self, recipe.recipe, 0);
-    return train_main(self, &recipe);
-}
-
 static const app_command train_command = {
-    .name = "train",
-    .arguments = "DATA...",
-    .summary = "Learn a model from data",
+    TRAIN_COMMAND("DATA...", task), .summary = "Learn a model from data",
     .details = "With --recipe NAME the options of this kind of model are listed above. The command search "
                "draws values of the same options.\n\nCtrl-C saves a checkpoint and ends with exit code 130; "
                "--resume continues to "
                "the same bits.",
-    .settings = train_settings,
-    .run = run_train,
-    .together = APP_RANKS};
-
-static int run_search(app *self) {
-    check_data(self, recipe.recipe, 1);
-    return search_main(self, &train_command, &recipe);
-}
-
-/* ---- evaluate ---- */
-
-static int run_evaluate(app *self) {
-    const char *path = self->arguments[0];
-    APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
-    APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
-    if (file.recipe == NULL) {
-        char kind[64] = "";
-        (void)lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, NULL);
-        app_stop(
-            self, LG_FORMAT,
-            "%s: no recipe belongs to the kind '%s', so its data are unknown and it cannot be evaluated; "
-            "lg-learn list names the recipes",
-            path, kind);
-    }
-    check_data(self, file.recipe, 1);
-    APP_FREE void *run = app_alloc(1, file.recipe->run_size);
-    const app_settings settings[] = {{file.recipe->fields, run, 0}, APP_SETTINGS_END};
-    train_task task = {.recipe = file.recipe, .settings = settings};
-    app_json out;
-    const int code = train_evaluate(self, &task, file.contents);
-    app_result_begin(&out, self);
-    train_put_results(&out, &task.training, 0, task.training.result_count);
-    app_json_text(&out, "recipe", file.recipe->name);
-    app_result_real(&out, "seconds", task.training.seconds, NULL);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
-    lg_training_close(&task.training);
-    free(task.state);
-    return code;
-}
+    .settings = train_settings};
 
 /* ---- predict ---- */
 
@@ -257,11 +201,11 @@ int main(int argc, char **argv) {
     choose_recipe(find_recipe(argc, argv));
     const app_command commands[] = {
         train_command,
-        {SEARCH_COMMAND("DATA..."), .settings = search_settings, .run = run_search},
+        {SEARCH_COMMAND("DATA..."), VERB(search, task), .settings = search_settings},
         {.name = "evaluate",
          .arguments = "MODEL.h5 DATA...",
          .summary = "Evaluate a model on data",
-         .run = run_evaluate},
+         VERB(evaluate, any_kind)},
         {.name = "predict",
          .arguments = "MODEL.h5",
          .summary = "Value of a model, and its trajectory if it has a flow",

@@ -210,7 +210,8 @@ TEST("errors that overflow are null in JSON and named in a message, and no table
             fail_msg("%s", result.out);
     }
     cli_write("over.csv", "a,b,y\n0,1,1\n1,1,1\n");
-    cli_expect(fit, "evaluate clean.h5 over.csv", 0, " -\n"); /* r2 of a constant column */
+    cli_expect(fit, "evaluate clean.h5 over.csv", 0,
+               "r2, y                        unknown\n"); /* of a constant column */
     cli_json(fit, "evaluate clean.h5 over.csv", "warnings []");
 }
 
@@ -577,11 +578,12 @@ TEST("a constant column and one that --without excludes have no effect: the bits
             sin(noise(2 * i)) + noise(2 * i + 1));
     cli_write("pump.csv", s->text);
     cli_expect(fit, "train pump.csv --inputs a,\"rate,kg/s\" --outputs y --out two.h5 --validation 0.2", 0,
-               "regression of 48 of 60 rows, 2 inputs");
-    assert_says(result.out, "validation rows (12, not learned)");
+               "train_rows                        48\ninputs                             2\n");
+    assert_says(result.out, "judged_rows                       12");
+    assert_says(result.out, "part                      validation");
     if (strstr(result.err, "warning") != NULL) fail_msg("%s", result.err);
     cli_expect(fit, "train pump.csv --without tag --out all.h5 --validation 0.2", 0,
-               "48 of 60 rows, 2 inputs");
+               "train_rows                        48\ninputs                             2\n");
     assert_says(result.err, "column unit is constant: it carries no information and is left out");
     cli_expect(fit,
                "train pump.csv --without tag --out part.h5 --validation 0.2 --stop-after 2 --checkpoint "

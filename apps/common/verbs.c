@@ -1,0 +1,72 @@
+/* The commands train, search and evaluate of any kind of model. */
+#include "common/verbs.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Checks the data arguments, which begin at argument number `first`. */
+static const lg_recipe *check_data(const app *self, const lg_recipe *recipe, int first) {
+    if (recipe == NULL) app_stop_usage(self, "--recipe NAME is missing");
+    const char *data = recipe->trainer->data;
+    if (self->argument_count > first + 1 && strstr(data, "...") == NULL)
+        app_stop_usage(self, "%s: there are too many arguments; the recipe %s takes only %s",
+                       self->arguments[first + 1], recipe->name, data);
+    return recipe;
+}
+
+static train_task *task_of(const app *self) {
+    return (train_task *)(uintptr_t)self->command->row;
+}
+
+int verb_train(app *self) {
+    (void)check_data(self, task_of(self)->recipe, 0);
+    return train_main(self, task_of(self));
+}
+
+int verb_search(app *self) {
+    (void)check_data(self, task_of(self)->recipe, 1);
+    return search_main(self, task_of(self)->command, task_of(self));
+}
+
+static const lg_recipe *recipe_of_file(const app *self, const char *path) {
+    char kind[64] = "";
+    APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
+    APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
+    if (file.recipe != NULL) return file.recipe;
+    (void)lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, NULL);
+    app_stop(self, LG_FORMAT,
+             "%s: no recipe belongs to the kind '%s', so its data are unknown and it cannot be evaluated; "
+             "lg-learn list names the recipes",
+             path, kind);
+}
+
+int verb_evaluate(app *self) {
+    const char *path = self->arguments[0], *plot = train_given_files.plot;
+    train_task task = *task_of(self);
+    if (task.recipe == NULL) task.recipe = recipe_of_file(self, path);
+    const lg_recipe *recipe = check_data(self, task.recipe, 1);
+    APP_FREE void *run = app_alloc(1, recipe->run_size), *file = app_alloc(1, recipe->file_size);
+    const app_settings settings[] = {{recipe->fields, run, 0}, APP_SETTINGS_END};
+    task.settings = settings;
+    *(const lg_context **)(void *)((char *)file + recipe->file_context) = self->context;
+    APP_MUST_FILE(self, path, lg_run_load(self->context, path, NULL, recipe, file, &error));
+    app_json out;
+    train_begin(self, &task, 1);
+    lg_training *training = &task.training;
+    training->model = path;
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_training_evaluate(training, file, &error);
+    app_must_file(self, status, &error, training->failed != NULL ? training->failed : training->paths[0]);
+    if (plot != NULL) task.draw(self, plot, training);
+    app_result_begin(&out, self);
+    train_put_results(&out, training, 0, training->result_count);
+    app_json_text(&out, "recipe", recipe->name);
+    app_json_real(&out, "seconds", training->seconds);
+    app_json_warnings(&out, self);
+    app_json_end(&out);
+    if (!self->json && task.print != NULL) task.print(training);
+    const int code = training->verdict.failed ? APP_EXIT_NUMERIC : APP_EXIT_OK;
+    lg_training_close(training);
+    lg_run_release(recipe, file);
+    return code;
+}
