@@ -45,10 +45,10 @@ int verb_evaluate(app *self) {
     train_task task = *task_of(self);
     if (task.recipe == NULL) task.recipe = recipe_of_file(self, path);
     const lg_recipe *recipe = check_data(self, task.recipe, 1);
-    APP_FREE void *run = app_alloc(1, recipe->run_size), *file = app_alloc(1, recipe->file_size);
-    const app_settings settings[] = {{recipe->fields, run, 0}, APP_SETTINGS_END};
+    const app_settings settings[] = {{recipe->fields, app_keep(1, recipe->run_size), 0}, APP_SETTINGS_END};
     task.settings = settings;
-    *(const lg_context **)(void *)((char *)file + recipe->file_context) = self->context;
+    char *file = app_keep(1, recipe->file_size);
+    *(const lg_context **)(void *)(file + recipe->file_context) = self->context;
     APP_MUST_FILE(self, path, lg_run_load(self->context, path, NULL, recipe, file, &error));
     app_json out;
     train_begin(self, &task, 1);

@@ -147,7 +147,8 @@ TEST("the default is the preset best; an option of Adam selects the published se
     cli_json(lg, "train train.h5 --epochs 1 --batch 20 --out b.h5", "method \"adam\", hidden [100");
     cli_json(lg, "train train.h5 --method adam:2,ssbroyden --epochs 4 --out b.h5", "hidden [20");
     cli_json(lg, "train train.h5 --preset thesis --epochs 1 --out b.h5", "method \"adam\", prior 0");
-    cli_expect(lg, "train train.h5 --method adam:5,lbfgs --lr 1e-2 --epochs 9 --out b.h5", 0, "9 epochs");
+    cli_expect(lg, "train train.h5 --method adam:5,lbfgs --lr 1e-2 --epochs 9 --out b.h5", 0,
+               "epochs                             9\n");
 }
 
 TEST("training that ends early says why, and training for some seconds records its number of evaluations") {
