@@ -307,9 +307,9 @@ static void start_job(trials_work *self, size_t job, pid_t parent) {
     self->own_part = part_path(self, self->task + job * self->tasks, (size_t)self->jobs * self->tasks);
     self->app->threads = self->app->threads > self->jobs ? self->app->threads / self->jobs : 1;
     work(self, 0);
-    if (!app_interrupted() && self->status != LG_OK)
-        (void)app_fail(self->app, self->status, "%s", app_sentence(self->status, &self->error));
-    _exit(app_interrupted() ? APP_EXIT_INTERRUPTED : app_exit_code(self->status));
+    if (app_interrupted()) _exit(APP_EXIT_INTERRUPTED);
+    if (self->status == LG_OK) _exit(APP_EXIT_OK);
+    _exit(app_fail(self->app, self->status, "%s", app_sentence(self->status, &self->error)));
 }
 
 /* Takes what the jobs have done, and saves it. */

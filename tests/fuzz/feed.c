@@ -71,7 +71,7 @@ static void take_feed(const app *by, const well_model *model, uint8_t options) {
         else
             watch_take_malformed(&self, &reader, sample, time);
     watch_settle(&self);
-    watch_time_close(&self);
+    app_free_kept();
     sample_reader_close(&reader);
 }
 
