@@ -1,6 +1,9 @@
-/* The chain's fields on a tape, in both forms, with operations on k x k matrices. */
+/* The chain's fields on a tape, in both forms, as compositions of plain operations on k x k matrices. In
+ * Lagrangian form a custom operation computes the value, and the adjoint for lg_backward, in O(k)
+ * (chain_derivatives.c). All other derivatives use the composition, which takes 4 times as long with 2 links
+ * and 60 times with 150. */
 #include "liegrad/ops.h"
-#include "mechanics/chain.h"
+#include "mechanics/chain_derivatives.h"
 
 /* ---- constants ---- */
 
@@ -67,13 +70,12 @@ static taped_chain bind(lg_tape *tape, uint32_t k, lg_var parameters) {
     return c;
 }
 
-/* ---- Lagrangian; notation as at lg_system_ode ---- */
+/* ---- Lagrangian ---- */
 
-lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
-                                    lg_var input, lg_var parameters, lg_var *algebra) {
-    const uint32_t k = (uint32_t)system->links;
+/* The second part v = (q_i (q_i.q_i'') - q_i'') of the LIE field, (B, k, 3); notation as at lg_system_ode. */
+static lg_var compose(lg_tape *tape, lg_var q, lg_var omega, lg_var parameters) {
+    const uint32_t k = lg_var_shape(tape, q).dims[1];
     const taped_chain c = bind(tape, k, parameters);
-    lg_var q = y[0], omega = y[1];
     lg_var gravity = lg_mul(tape, c.gravity, e3_first(tape, k)); /* (1, k, 3) */
     lg_var gram = lg_matmul_nt(tape, q, q);
     lg_var T = lg_add(tape, c.links, lg_mul(tape, c.coupling, gram));
@@ -82,9 +84,81 @@ lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, lg_t
     lg_var pull = lg_mul(tape, lg_spd_solve(tape, T, b), q);
     lg_var a = lg_mul(tape, c.light, lg_matmul(tape, band(tape, k, 0.0, -1.0, 1.0), pull));
     lg_var jump = lg_sub(tape, lg_matmul(tape, band(tape, k, -1.0, 1.0, 0.0), a), gravity);
-    lg_var second = lg_mul(tape, c.curvature, jump); /* q_i'' */
-    algebra[0] = omega;
-    algebra[1] = lg_sub(tape, lg_mul(tape, q, lg_rowdot(tape, q, second)), second);
+    lg_var second = lg_mul(tape, c.curvature, jump);
+    return lg_sub(tape, lg_mul(tape, q, lg_rowdot(tape, q, second)), second);
+}
+
+enum { Q, OMEGA, PARAMETERS, VARIABLES };
+enum { SIZES = VARIABLES, SCRATCH, INPUTS }; /* further inputs of field_op */
+
+/* The composition of copies x of the inputs, for partial derivatives: one input may depend on another. */
+static lg_var composed(lg_tape *tape, const lg_var *in, lg_var *x) {
+    for (size_t i = 0; i < VARIABLES; i++) x[i] = lg_scale(tape, in[i], 1.0);
+    return compose(tape, x[Q], x[OMEGA], x[PARAMETERS]);
+}
+
+static lg_status field_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
+    lg_chain_batch_value(&(lg_chain_batch){dtype, in[SIZES], in[SCRATCH]}, in, y);
+    return LG_OK;
+}
+
+static lg_status field_numeric_vjp(void *user, lg_dtype dtype, const void *const *in, const void *y,
+                                   const void *g, void *const *out) {
+    lg_chain_batch_adjoint(&(lg_chain_batch){dtype, in[SIZES], in[SCRATCH]}, in, g, out);
+    return LG_OK;
+}
+
+static lg_status field_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
+                           const bool *need, lg_var *out) {
+    lg_var x[VARIABLES], wanted[VARIABLES], found[VARIABLES];
+    const lg_var value = composed(tape, in, x);
+    size_t count = 0;
+    for (size_t i = 0; i < VARIABLES; i++)
+        if (need[i]) wanted[count++] = x[i];
+    LG_TRY(lg_vjp(tape, &value, &g, 1, wanted, count, found));
+    count = 0;
+    for (size_t i = 0; i < VARIABLES; i++)
+        if (need[i]) out[i] = found[count++];
+    return LG_OK;
+}
+
+static lg_status field_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
+                           const lg_var *tangents, lg_var *out) {
+    lg_var x[VARIABLES], moving[VARIABLES], direction[VARIABLES];
+    const lg_var value = composed(tape, in, x);
+    size_t count = 0;
+    for (size_t i = 0; i < VARIABLES; i++) {
+        if (lg_is_none(tangents[i])) continue;
+        moving[count] = x[i];
+        direction[count++] = tangents[i];
+    }
+    return lg_jvp(tape, &value, 1, moving, direction, count, out);
+}
+
+static const lg_custom_op field_op = {.name = "pendulum-chain",
+                                      .forward = field_forward,
+                                      .vjp = field_vjp,
+                                      .numeric_vjp = field_numeric_vjp,
+                                      .jvp = field_jvp};
+
+lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                    lg_var input, lg_var parameters, lg_var *algebra) {
+    const uint32_t k = (uint32_t)system->links, batch = lg_var_shape(tape, y[0]).dims[0];
+    const size_t scratch = lg_chain_scratch(k) * (lg_tape_dtype(tape) == LG_F64 ? 1 : 2);
+    void *unused = NULL;
+    if (scratch > UINT32_MAX) {
+        (void)lg_tape_fail(tape, LG_OUT_OF_MEMORY, "pendulum-chain", "too many links for a tape");
+        return lg_tape_status(tape);
+    }
+    const double sizes[2] = {batch, k};
+    lg_var in[INPUTS] = {[Q] = y[0],
+                         [OMEGA] = y[1],
+                         [PARAMETERS] = parameters,
+                         [SIZES] = lg_input_f64(tape, lg_shape1(2), sizes),
+                         [SCRATCH] = lg_input_buffer(tape, lg_shape1((uint32_t)scratch), &unused)};
+    lg_var v = lg_custom(tape, &field_op, in, INPUTS, lg_shape3(batch, k, 3));
+    algebra[0] = y[1];
+    algebra[1] = v;
     return lg_tape_status(tape);
 }
 

@@ -34,7 +34,7 @@ TEST("momenta and velocities are converted back and forth exactly, and both form
     }
 }
 
-/* ---- the field on a tape ---- */
+/* ---- the field on a tape, an operation with an adjoint by hand ---- */
 
 TEST("NaN in one row of a tape is no error and stays in that row") {
     lg_system *system = make_chain("lagrangian", 2, GRAVITY, masses, lengths);
