@@ -55,6 +55,11 @@ lg_status lg_chain_space(size_t links, lg_space *out);
 size_t lg_chain_constants(size_t links);
 void lg_chain_prepare(lg_system *system, double *constants);
 extern const char *const lg_chain_invariants[];
+#define LG_CHAIN_MEMBERS                                                                                     \
+    .name = "pendulum-chain", .parameters = lg_chain_parameters, .state = state, .space = lg_chain_space,    \
+    .constants = lg_chain_constants, .prepare = lg_chain_prepare, .work = work_of,                           \
+    .invariants = lg_chain_invariants, .invariant = invariant, .observed = lg_chain_observed,                \
+    .observe = observe, .plane = plane
 
 /* ---- symmetric tridiagonal systems, diagonal d (k), upper diagonal e (k, the last is not used) ---- */
 

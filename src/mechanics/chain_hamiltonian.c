@@ -111,23 +111,12 @@ static const lg_state_entry state[] = {
     {.key = NULL}};
 
 const lg_system_row lg_system_row_chain_hamiltonian = {
-    .name = "pendulum-chain",
     .form = "hamiltonian",
-    .parameters = lg_chain_parameters,
-    .state = state,
-    .space = lg_chain_space,
-    .constants = lg_chain_constants,
-    .prepare = lg_chain_prepare,
-    .work = work_of,
-    .invariants = lg_chain_invariants,
-    .invariant = invariant,
-    .observed = lg_chain_observed,
-    .observe = observe,
-    .plane = plane,
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
     .extended = true,
     .step = step,
     .lanes = LG_LANES_CHAIN_HAMILTONIAN,
     .taped = lg_chain_taped_hamiltonian,
+    LG_CHAIN_MEMBERS,
 };

@@ -145,32 +145,26 @@ static lg_status direct_space(size_t links, lg_space *out) {
     return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}}, 2);
 }
 
+#define TOP     .name = "heavy-top", .parameters = parameters, .structure = LG_STRUCTURE_HAMILTONIAN
+#define SPATIAL TOP, .state = spatial_state, .invariants = spatial_invariants
 const lg_system_row lg_system_row_top_cotangent = {
-    .name = "heavy-top",
     .form = "cotangent",
-    .parameters = parameters,
-    .state = spatial_state,
     .space = cotangent_space,
-    .invariants = spatial_invariants,
     .invariant = spatial_invariant,
-    .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {cotangent_field, NULL},
     .lanes = LG_LANES_TOP_COTANGENT,
     .taped = cotangent_taped,
+    SPATIAL,
 };
 
 const lg_system_row lg_system_row_top_direct = {
-    .name = "heavy-top",
     .form = "direct",
-    .parameters = parameters,
-    .state = spatial_state,
     .space = direct_space,
-    .invariants = spatial_invariants,
     .invariant = spatial_invariant,
-    .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {direct_field, NULL},
     .lanes = LG_LANES_TOP_DIRECT,
     .taped = direct_taped,
+    SPATIAL,
 };
 
 /* ---- lie-poisson ---- */
@@ -209,17 +203,15 @@ static lg_status poisson_taped(const lg_system *system, lg_tape *tape, lg_taped_
 }
 
 const lg_system_row lg_system_row_top_lie_poisson = {
-    .name = "heavy-top",
     .form = "lie-poisson",
-    .parameters = parameters,
     .state = poisson_state,
     .space = poisson_space,
     .invariants = poisson_invariants,
     .invariant = poisson_invariant,
-    .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {poisson_field, NULL},
     .lanes = LG_LANES_TOP_LIE_POISSON,
     .taped = poisson_taped,
+    TOP,
 };
 
 /* ---- quadratic: Q, pi, q, p + M l chi ---- */
@@ -261,17 +253,13 @@ static lg_status quadratic_taped(const lg_system *system, lg_tape *tape, lg_tape
 }
 
 const lg_system_row lg_system_row_top_quadratic = {
-    .name = "heavy-top",
     .form = "quadratic",
-    .parameters = parameters,
-    .state = spatial_state,
     .unreported = 6,
     .space = quadratic_space,
-    .invariants = spatial_invariants,
     .invariant = quadratic_invariant,
-    .structure = LG_STRUCTURE_HAMILTONIAN,
     .generating = quadratic_generating,
     .field = {quadratic_field, NULL},
     .lanes = LG_LANES_TOP_QUADRATIC,
     .taped = quadratic_taped,
+    SPATIAL,
 };

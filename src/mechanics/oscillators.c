@@ -56,23 +56,22 @@ static lg_status identity_velocity(const lg_system *system, lg_tape *tape, lg_ta
     return lg_tape_status(tape);
 }
 
+#define SEPARABLE                                                                                            \
+    .parameters = no_parameters, .separable = true, .structure = LG_STRUCTURE_HAMILTONIAN,                   \
+    .field = {lg_separable_field}, .taped = lg_separable_taped
 const lg_system_row lg_system_row_oscillator = {
     .name = "oscillator",
-    .parameters = no_parameters,
     .state = one_degree,
-    .separable = true,
     .space = space_r2,
     .invariants = energy_only,
     .invariant = oscillator_energy,
-    .structure = LG_STRUCTURE_HAMILTONIAN,
-    .field = {lg_separable_field},
     .force = oscillator_force,
     .velocity = oscillator_velocity,
     .step = oscillator_step,
     .lanes = LG_LANES_OSCILLATOR,
-    .taped = lg_separable_taped,
     .taped_force = oscillator_taped_force,
     .taped_velocity = identity_velocity,
+    SEPARABLE,
 };
 
 /* ---- H = 1/2 p^T [5 -1; -1 5] p + (q_1^4 + q_2^4)/4 + (q_1^2 + q_2^2)/2 ---- */
@@ -101,20 +100,16 @@ static lg_status quartic_taped_velocity(const lg_system *system, lg_tape *tape, 
 
 const lg_system_row lg_system_row_quartic = {
     .name = "quartic",
-    .parameters = no_parameters,
     .state = two_degrees,
-    .separable = true,
     .space = space_r4,
     .invariants = energy_only,
     .invariant = quartic_energy,
-    .structure = LG_STRUCTURE_HAMILTONIAN,
-    .field = {lg_separable_field},
     .force = quartic_force,
     .velocity = quartic_velocity,
     .lanes = LG_LANES_QUARTIC,
-    .taped = lg_separable_taped,
     .taped_force = quartic_taped_force,
     .taped_velocity = quartic_taped_velocity,
+    SEPARABLE,
 };
 
 /* ---- H = (q_1^2 + p_1^2)/2 + p_2^2/2 + q_2^2/2 + q_2^4/4, G = (q_1^2 + p_1^2)/2 ---- */
@@ -139,18 +134,14 @@ static const char *const coupled_invariants[] = {"energy", "G", NULL};
 
 const lg_system_row lg_system_row_coupled = {
     .name = "coupled-oscillators",
-    .parameters = no_parameters,
     .state = two_degrees,
-    .separable = true,
     .space = space_r4,
     .invariants = coupled_invariants,
     .invariant = coupled_invariant,
-    .structure = LG_STRUCTURE_HAMILTONIAN,
-    .field = {lg_separable_field},
     .force = coupled_force,
     .velocity = coupled_velocity,
     .lanes = LG_LANES_COUPLED,
-    .taped = lg_separable_taped,
     .taped_force = coupled_taped_force,
     .taped_velocity = identity_velocity,
+    SEPARABLE,
 };
