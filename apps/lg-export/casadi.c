@@ -194,12 +194,6 @@ static void write_entry(job *j, const char *symbol, const entry *e) {
     j->entries++;
 }
 
-static void free_entry(entry *e) {
-    for (size_t o = 0; o < e->outs; o++) free((void *)e->out[o].pattern);
-    free(e->out);
-    free(e->in);
-}
-
 /* ---- a function and its derivatives ---- */
 
 typedef struct ports {
@@ -214,10 +208,20 @@ static ports ports_of(const job *j, const char *function) {
     return p;
 }
 
-/* Returns the symbol of a function or derivative: `begin` ("", "jac_", ...), then the model's name, then
- * the function's name. */
-static char *symbol_of(const job *j, const char *begin, const char *function) {
-    return app_format("%s%s_%s", begin, j->source->options->name, function);
+/* Writes the entry of a function or derivative, whose symbol is `begin` ("", "jac_", ...), then the model's
+ * name, then the function's name; frees the entry's lists. */
+static void end_entry(job *j, const char *begin, const char *function, entry *e) {
+    APP_FREE char *symbol = app_format("%s%s_%s", begin, j->source->options->name, function);
+    write_entry(j, symbol, e);
+    for (size_t o = 0; o < e->outs; o++) free((void *)e->out[o].pattern);
+    free(e->out);
+    free(e->in);
+}
+
+/* The arguments (x, out_y) of a derivative. */
+static void add_given(entry *e, const ports *f, const ports *d) {
+    add_columns(e->in, &e->ins, "", f->in, f->ins, d->in, d->ins);
+    add_columns(e->in, &e->ins, "out_", f->out, f->outs, d->in, d->ins);
 }
 
 static void write_value(job *j, char *function) {
@@ -227,10 +231,7 @@ static void write_value(job *j, char *function) {
     e.out = app_alloc(f.outs, sizeof *e.out);
     add_columns(e.in, &e.ins, "", f.in, f.ins, f.in, f.ins);
     add_columns(e.out, &e.outs, "", f.out, f.outs, f.out, f.outs);
-    char *symbol = symbol_of(j, "", function);
-    write_entry(j, symbol, &e);
-    free(symbol);
-    free_entry(&e);
+    end_entry(j, "", function, &e);
 }
 
 /* Writes the Jacobian: arguments (x, out_y), results jac_y_x. */
@@ -241,15 +242,11 @@ static void write_jacobian(job *j, char *function, char *derived) {
     e.in = app_alloc(f.ins + f.outs, sizeof *e.in);
     e.out = app_alloc(f.ins * f.outs, sizeof *e.out);
     value.out = app_alloc(f.outs, sizeof *value.out);
-    add_columns(e.in, &e.ins, "", f.in, f.ins, d.in, d.ins);
-    add_columns(e.in, &e.ins, "out_", f.out, f.outs, d.in, d.ins);
+    add_given(&e, &f, &d);
     add_columns(value.out, &count, "", f.out, f.outs, f.out, f.outs);
     add_blocks(j, &e, function, value.out, f.outs, e.in, f.ins);
-    char *symbol = symbol_of(j, "jac_", function);
-    write_entry(j, symbol, &e);
-    free(symbol);
+    end_entry(j, "jac_", function, &e);
     free(value.out);
-    free_entry(&e);
 }
 
 /* Writes the forward derivative, with arguments (x, out_y, fwd_x) and results fwd_y; or, if not `forward`,
@@ -260,14 +257,10 @@ static void write_sensitivity(job *j, const char *begin, char *function, char *d
     entry e = {.function = derived};
     e.in = app_alloc(2 * f.ins + 2 * f.outs, sizeof *e.in);
     e.out = app_alloc(f.ins + f.outs, sizeof *e.out);
-    add_columns(e.in, &e.ins, "", f.in, f.ins, d.in, d.ins);
-    add_columns(e.in, &e.ins, "out_", f.out, f.outs, d.in, d.ins);
+    add_given(&e, &f, &d);
     add_columns(e.in, &e.ins, letters, forward ? f.in : f.out, forward ? f.ins : f.outs, d.in, d.ins);
     add_columns(e.out, &e.outs, letters, forward ? f.out : f.in, forward ? f.outs : f.ins, d.out, d.outs);
-    char *symbol = symbol_of(j, begin, function);
-    write_entry(j, symbol, &e);
-    free(symbol);
-    free_entry(&e);
+    end_entry(j, begin, function, &e);
 }
 
 /* Writes the Jacobian of the adjoint derivative: arguments (x, out_y, adj_y, out_adj_x), results jac_adj_x_w
@@ -279,17 +272,13 @@ static void write_second(job *j, char *function, char *adjoint, char *derived) {
     APP_FREE slot *adjoints = app_alloc(f.ins, sizeof *adjoints);
     e.in = app_alloc(2 * f.ins + 2 * f.outs, sizeof *e.in);
     e.out = app_alloc(f.ins * (f.ins + 2 * f.outs), sizeof *e.out);
-    add_columns(e.in, &e.ins, "", f.in, f.ins, d.in, d.ins);
-    add_columns(e.in, &e.ins, "out_", f.out, f.outs, d.in, d.ins);
+    add_given(&e, &f, &d);
     add_columns(e.in, &e.ins, "adj_", f.out, f.outs, d.in, d.ins);
     const size_t by = e.ins;
     add_columns(e.in, &e.ins, "out_adj_", f.in, f.ins, d.in, d.ins);
     add_columns(adjoints, &count, "adj_", f.in, f.ins, d.in, d.ins);
     add_blocks(j, &e, adjoint, adjoints, count, e.in, by);
-    char *symbol = symbol_of(j, "jac_adj1_", function);
-    write_entry(j, symbol, &e);
-    free(symbol);
-    free_entry(&e);
+    end_entry(j, "jac_adj1_", function, &e);
 }
 
 static size_t numbers_of(const lg_port *p, size_t count) {

@@ -119,6 +119,13 @@ typedef struct lg_beam_branch {
 lg_status lg_beam_search(const lg_beam *beam, lg_beam_work *work, bool saddles, bool quick, size_t room,
                          double *theta, lg_beam_branch *branches, size_t *count);
 
+/* Writes the angles of the beam in the frame of the problem, to theta (n + 1); if `solution` is not
+ * NULL, also the solution of this branch. curve: work space for 4 (n + 1) numbers. */
+void lg_beam_export(const lg_elastica *problem, const lg_beam_frame *frame, const lg_beam_branch *branch,
+                    const double *beam, double *curve, double *theta, lg_elastica_solution *solution);
+/* Converts the guess to the frame of the chord and sets its end angles. Error: LG_NOT_FINITE. */
+lg_status lg_beam_take_guess(const lg_beam_frame *frame, const double *guess, double *out, lg_error *error);
+
 /* Copies the options after checking them, or copies the defaults if `options` is NULL. Error:
  * LG_INVALID_ARGUMENT. */
 lg_status lg_elastica_options_take(const lg_elastica_options *options, lg_elastica_options *out,

@@ -261,26 +261,6 @@ lg_status lg_beam_search(const lg_beam *beam, lg_beam_work *work, bool saddles, 
     return status;
 }
 
-static void export_branch(const lg_elastica *problem, const lg_beam_frame *frame,
-                          const lg_beam_branch *branch, const double *beam, double *curve, double *theta,
-                          lg_elastica_solution *solution) {
-    const size_t n = frame->beam.n, points = 2 * (n + 1);
-    const double c = cos(frame->chord), s = sin(frame->chord);
-    for (size_t k = 1; k < n; k++) theta[k] = beam[k] + frame->turn;
-    theta[0] = problem->theta0;
-    theta[n] = problem->theta0 + problem->rotation;
-    lg_elastica_curve(problem, theta, curve, curve + points);
-    *solution =
-        (lg_elastica_solution){.energy = frame->energy * branch->energy,
-                               .gradient = frame->energy * branch->gradient,
-                               .residual = lg_elastica_euler_lagrange(problem, curve, curve + points, NULL),
-                               .force = {frame->force * (c * branch->force[0] - s * branch->force[1]),
-                                         frame->force * (s * branch->force[0] + c * branch->force[1])},
-                               .negative_eigenvalues = branch->negative,
-                               .iterations = branch->iterations,
-                               .problems = 1};
-}
-
 lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *problem,
                                const lg_elastica_options *options, bool saddles, size_t room, double *theta,
                                lg_elastica_solution *solutions, size_t *count, lg_error *error) {
@@ -306,8 +286,8 @@ lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *pro
                                                    : LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
         for (size_t i = 0; i < found; i++)
-            export_branch(problem, &frame, &branches[i], angles + i * (n + 1), curve, theta + i * (n + 1),
-                          &solutions[i]);
+            lg_beam_export(problem, &frame, &branches[i], angles + i * (n + 1), curve, theta + i * (n + 1),
+                           &solutions[i]);
         *count = found;
         (void)lg_fail(error, LG_OK, "%s", "");
     } else {

@@ -190,40 +190,35 @@ lg_status lg_elastica_no_minimum(lg_beam_end end, const lg_beam *beam, const lg_
     }
 }
 
-static void report(const lg_elastica *problem, const lg_beam_frame *frame, const lg_beam_work *work,
-                   const double *theta, double *curve, lg_elastica_solution *solution) {
+void lg_beam_export(const lg_elastica *problem, const lg_beam_frame *frame, const lg_beam_branch *branch,
+                    const double *beam, double *curve, double *theta, lg_elastica_solution *solution) {
+    const size_t n = frame->beam.n, points = 2 * (n + 1);
     const double c = cos(frame->chord), s = sin(frame->chord);
-    const size_t points = 2 * (frame->beam.n + 1);
-    lg_elastica_curve(problem, theta, curve, curve + points);
-    *solution =
-        (lg_elastica_solution){.energy = frame->energy * lg_beam_energy(&frame->beam, work->theta),
-                               .gradient = frame->energy * lg_beam_gradient(&frame->beam, work),
-                               .residual = lg_elastica_euler_lagrange(problem, curve, curve + points, NULL),
-                               .force = {frame->force * (c * work->force[0] - s * work->force[1]),
-                                         frame->force * (s * work->force[0] + c * work->force[1])},
-                               .negative_eigenvalues = work->negative,
-                               .iterations = work->iterations,
-                               .problems = work->problems};
-}
-
-static void export_angles(const lg_elastica *problem, const lg_beam_frame *frame, const double *beam,
-                          double *theta) {
-    const size_t n = frame->beam.n;
     for (size_t k = 1; k < n; k++) theta[k] = beam[k] + frame->turn;
     theta[0] = problem->theta0;
     theta[n] = problem->theta0 + problem->rotation;
+    if (solution == NULL) return;
+    lg_elastica_curve(problem, theta, curve, curve + points);
+    *solution =
+        (lg_elastica_solution){.energy = frame->energy * branch->energy,
+                               .gradient = frame->energy * branch->gradient,
+                               .residual = lg_elastica_euler_lagrange(problem, curve, curve + points, NULL),
+                               .force = {frame->force * (c * branch->force[0] - s * branch->force[1]),
+                                         frame->force * (s * branch->force[0] + c * branch->force[1])},
+                               .negative_eigenvalues = branch->negative,
+                               .iterations = branch->iterations,
+                               .problems = 1};
 }
 
-static lg_status take_guess(const lg_beam_frame *frame, const double *guess, lg_beam_work *work,
-                            lg_error *error) {
+lg_status lg_beam_take_guess(const lg_beam_frame *frame, const double *guess, double *out, lg_error *error) {
     const size_t n = frame->beam.n;
     for (size_t k = 1; k < n; k++) {
         if (!isfinite(guess[k]))
             return lg_fail(error, LG_NOT_FINITE, "elastica: angle %zu of the guess is not finite", k);
-        work->theta[k] = guess[k] - frame->turn;
+        out[k] = guess[k] - frame->turn;
     }
-    work->theta[0] = frame->beam.first;
-    work->theta[n] = frame->beam.last;
+    out[0] = frame->beam.first;
+    out[n] = frame->beam.last;
     return LG_OK;
 }
 
@@ -246,7 +241,7 @@ lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *proble
     work.keep_saddles = o.guess != NULL;
     lg_status status = curve ? LG_OK : LG_OUT_OF_MEMORY;
     if (status == LG_OK && o.guess) {
-        status = take_guess(&frame, o.guess, &work, error);
+        status = lg_beam_take_guess(&frame, o.guess, work.theta, error);
         if (status == LG_OK) end = lg_beam_minimise(&frame.beam, &work);
         work.problems = 1;
     } else if (status == LG_OK) {
@@ -254,8 +249,13 @@ lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *proble
     }
     if (status == LG_OK) {
         if (end == LG_BEAM_MINIMUM || end == LG_BEAM_SADDLE) {
-            export_angles(problem, &frame, work.theta, theta);
-            if (solution) report(problem, &frame, &work, theta, curve, solution);
+            const lg_beam_branch branch = {.energy = lg_beam_energy(&frame.beam, work.theta),
+                                           .gradient = lg_beam_gradient(&frame.beam, &work),
+                                           .force = {work.force[0], work.force[1]},
+                                           .negative = work.negative,
+                                           .iterations = work.iterations};
+            lg_beam_export(problem, &frame, &branch, work.theta, curve, theta, solution);
+            if (solution) solution->problems = work.problems;
         }
         status = lg_elastica_no_minimum(end, &frame.beam, &work, error);
     } else if (status != LG_NOT_FINITE) {

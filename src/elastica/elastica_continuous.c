@@ -130,19 +130,6 @@ void lg_collocation_export(const lg_collocation *c, const lg_elastica *problem, 
     }
 }
 
-/* Converts the guess to the frame of the chord and sets its end angles. */
-static lg_status take_guess(const lg_beam_frame *frame, const double *guess, double *out, lg_error *error) {
-    const size_t n = frame->beam.n;
-    for (size_t k = 1; k < n; k++) {
-        if (!isfinite(guess[k]))
-            return lg_fail(error, LG_NOT_FINITE, "elastica: angle %zu of the guess is not finite", k);
-        out[k] = guess[k] - frame->turn;
-    }
-    out[0] = frame->beam.first;
-    out[n] = frame->beam.last;
-    return LG_OK;
-}
-
 lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elastica *problem,
                                        const lg_elastica_options *options, double *theta, double *q,
                                        lg_elastica_solution *solution, lg_error *error) {
@@ -164,7 +151,7 @@ lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elast
     work.keep_saddles = o.guess != NULL;
     if (status == LG_OK && o.guess) {
         guess = lg_alloc(context, frame.beam.n + 1, sizeof *guess);
-        status = guess ? take_guess(&frame, o.guess, guess, error) : LG_OUT_OF_MEMORY;
+        status = guess ? lg_beam_take_guess(&frame, o.guess, guess, error) : LG_OUT_OF_MEMORY;
     }
     if (status == LG_OK)
         status = guess ? solve_from(c, &fine, guess, frame.beam.n, o.max_step, &work, &end)

@@ -133,15 +133,8 @@ static double unit_energy(const lg_machine *machine, uint32_t k) {
 /* Velocities in the order of the numbers of a diagonal mass: momenta on R^n first, then one velocity per
  * direction. */
 static uint32_t mass_velocities(const lg_machine *machine, uint32_t *out) {
-    uint32_t count = 0;
-    for (int directions = 0; directions < 2; directions++)
-        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-            const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-            if ((row->directions > 0) != (directions == 1)) continue;
-            for (uint32_t k = 0; k < (directions == 1 ? 1 : row->velocities); k++) out[count++] = first + k;
-        }
-    return count;
+    const uint32_t count = lg_machine_mass_velocities(machine, false, out);
+    return count + lg_machine_mass_velocities(machine, true, out + count);
 }
 
 /* Whether the first mass is learned and diagonal. */
