@@ -105,13 +105,6 @@ void identify_leave_out(const lg_learned_machine *model, const lg_machine_log *l
 size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log *log, size_t from,
                            size_t *out);
 
-/* ---- bands (bands.c) ---- */
-
-/* Standard deviations (rows, columns of the file) of the predictions q and v from these starts. They are
- * computed from 40 runs with parameters theta + W x, x of N(0, 1), where W is the model's `spread`. */
-void identify_bands(const app *self, const identify_given *given, const size_t *start, size_t count,
-                    const double *q, const double *v, double *out);
-
 /* ---- comparisons (linear.c, balance.c) ---- */
 
 /* A linear model v' = A (q, v, u, 1), fitted to all rows of these logs. If the logs have no velocities, its

@@ -124,24 +124,35 @@ static bool next_name(const char **rest, const char **name, size_t *length) {
     return true;
 }
 
-/* Returns how many names of the list are the name of this kind. */
-static size_t count_of(const char *names, const adaptable *kind) {
+/* The kinds that a list names, in its order. */
+typedef struct picked {
+    size_t count;
+    const adaptable *kind[LG_COUNT(kinds)];
+} picked;
+
+static bool has(const picked *of, const adaptable *kind) {
+    for (size_t i = 0; i < of->count; i++)
+        if (of->kind[i] == kind) return true;
+    return false;
+}
+
+static lg_status pick(const char *names, picked *out, lg_error *error) {
     const char *name;
-    size_t length, count = 0;
-    while (next_name(&names, &name, &length)) count += find(name, length) == kind;
-    return count;
+    size_t length;
+    *out = (picked){.count = 0};
+    while (next_name(&names, &name, &length)) {
+        const adaptable *kind = find(name, length);
+        if (kind == NULL) return refuse(name, length, error);
+        if (has(out, kind))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--numbers: \"%s\" stands twice", kind->name);
+        out->kind[out->count++] = kind;
+    }
+    return LG_OK;
 }
 
 lg_status lg_adapt_check(const char *names, lg_error *error) {
-    const char *rest = names, *name;
-    size_t length;
-    while (next_name(&rest, &name, &length)) {
-        const adaptable *kind = find(name, length);
-        if (kind == NULL) return refuse(name, length, error);
-        if (count_of(names, kind) > 1)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "--numbers: \"%s\" stands twice", kind->name);
-    }
-    return LG_OK;
+    picked all;
+    return pick(names, &all, error);
 }
 
 /* ---- the machine's text with an offset ---- */
@@ -159,25 +170,6 @@ static lg_status add_offset(char text[LG_MACHINE_TEXT], lg_error *error) {
                    "`offset: unknown` in the machine's file and fit it");
 }
 
-/* Index of the term among those of its part. */
-static uint32_t place_in_part(const lg_machine *machine, uint32_t term) {
-    uint32_t before = 0;
-    for (uint32_t t = 0; t < term; t++) before += machine->terms[t].part == machine->terms[term].part;
-    return before;
-}
-
-/* Copies the parameters of `from`. `to` has all terms of `from`, with as many parameters. Parameters of terms
- * that only `to` has become 0. */
-static void carry(const lg_machine *from, const double *theta, const lg_machine *to, double *out) {
-    memset(out, 0, to->parameters * sizeof *out);
-    for (uint32_t t = 0; t < to->term_count; t++)
-        for (uint32_t s = 0; s < from->term_count; s++) {
-            const lg_machine_term *a = &from->terms[s], *b = &to->terms[t];
-            if (a->part == b->part && place_in_part(from, s) == place_in_part(to, t))
-                memcpy(out + b->offset, theta + a->offset, a->parameters * sizeof *out);
-        }
-}
-
 static lg_status extend(const lg_context *context, const char *path, lg_machine_model_run *run,
                         lg_error *error) {
     lg_machine_file file;
@@ -191,15 +183,13 @@ static lg_status extend(const lg_context *context, const char *path, lg_machine_
 
 /* ---- preparing ---- */
 
-static lg_status fill(const char *names, const double *force, lg_adaptation *out, lg_error *error) {
-    const char *name;
-    size_t length;
-    while (next_name(&names, &name, &length)) {
-        const adaptable *kind = find(name, length);
+static lg_status fill(const picked *of, const double *force, lg_adaptation *out, lg_error *error) {
+    for (size_t i = 0; i < of->count; i++) {
         const size_t before = out->count;
-        while (kind->append(force, out)) out->count++;
+        while (of->kind[i]->append(force, out)) out->count++;
         if (out->count == before)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "--numbers %s: %s", kind->name, kind->missing);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--numbers %s: %s", of->kind[i]->name,
+                           of->kind[i]->missing);
     }
     return LG_OK;
 }
@@ -208,15 +198,17 @@ lg_status lg_adaptation_create(const lg_context *context, const char *path, cons
                                const char *names, const double *force, lg_adaptation *out, lg_error *error) {
     const lg_machine *before = &file->run.machine;
     *out = (lg_adaptation){.run = file->run, .context = context};
-    LG_TRY(lg_adapt_check(names, error));
-    if (count_of(names, &kinds[0]) > 0 && !lg_machine_has_part(before, LG_MACHINE_OFFSET))
+    picked all;
+    LG_TRY(pick(names, &all, error));
+    if (has(&all, &kinds[0]) && !lg_machine_has_part(before, LG_MACHINE_OFFSET))
         LG_TRY(extend(context, path, &out->run, error));
     const size_t P = out->run.machine.parameters;
     out->theta = lg_alloc(context, (1 + LG_ADAPT_MOST) * P + 1, sizeof *out->theta);
     if (out->theta == NULL) return lg_no_memory(error);
     out->directions = out->theta + P;
-    carry(before, file->theta, &out->run.machine, out->theta);
-    return fill(names, force, out, error);
+    memset(out->theta, 0, P * sizeof *out->theta);
+    lg_machine_carry(before, file->theta, &out->run.machine, out->theta);
+    return fill(&all, force, out, error);
 }
 
 void lg_adaptation_move(lg_adaptation *adaptation, const double *x) {

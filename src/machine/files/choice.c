@@ -28,14 +28,14 @@ static bool are_same(const lg_machine_term *a, const lg_machine_term *b) {
            memcmp(a->of, b->of, a->of_count * sizeof *a->of) == 0;
 }
 
-void lg_machine_take_over(const struct lg_machine_warm *from, const lg_machine *machine, double *theta) {
+void lg_machine_carry(const lg_machine *from, const double *theta, const lg_machine *to, double *out) {
     bool taken[LG_MACHINE_TERMS] = {false};
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        for (uint32_t j = 0; j < from->machine.term_count; j++) {
-            const lg_machine_term *to = &machine->terms[i], *own = &from->machine.terms[j];
-            if (taken[j] || !are_same(to, own)) continue;
+    for (uint32_t i = 0; i < to->term_count; i++)
+        for (uint32_t j = 0; j < from->term_count; j++) {
+            const lg_machine_term *a = &from->terms[j], *b = &to->terms[i];
+            if (taken[j] || !are_same(a, b)) continue;
             taken[j] = true;
-            memcpy(theta + to->offset, from->theta + own->offset, own->parameters * sizeof *theta);
+            memcpy(out + b->offset, theta + a->offset, a->parameters * sizeof *theta);
             break;
         }
 }

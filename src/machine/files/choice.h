@@ -111,8 +111,6 @@ typedef struct lg_machine_contest {
  * does not beat; its `square` is NULL if none was learned. trials (count) are the caller's. */
 lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest *contest,
                                  lg_machine_trial *trials, size_t *winner, lg_error *error);
-/* Copies parameters of terms that both machines have. */
-void lg_machine_take_over(const struct lg_machine_warm *from, const lg_machine *machine, double *theta);
 
 /* Reads the machine's file again from `text`, and the logs as this file says. */
 lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error);

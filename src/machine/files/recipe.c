@@ -344,7 +344,7 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
     const struct lg_machine_warm *warm = ((const lg_machine_state *)self->state)->warm;
     LG_TRAINING_ARRAY(self, initial, run->machine.parameters + 1, error);
     memcpy(initial, self->theta, run->machine.parameters * sizeof *initial);
-    if (warm != NULL) lg_machine_take_over(warm, &run->machine, self->theta);
+    if (warm != NULL) lg_machine_carry(&warm->machine, warm->theta, &run->machine, self->theta);
     lg_machine_revive(&run->machine, initial, self->theta);
     LG_TRY(lg_machine_check_room(self, error));
     if (self->stored == NULL) LG_TRY(lg_machine_warm_up(self, self->theta, error));

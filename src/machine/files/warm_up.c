@@ -19,56 +19,36 @@ static bool is_spare(const lg_machine *machine, uint32_t i) {
     return others && lg_term_is_network(term);
 }
 
-/* The machine without its spare terms. from[i]: index of its term i in the full machine. */
-typedef struct plain_machine {
-    lg_machine machine;
-    uint32_t from[LG_MACHINE_TERMS];
-} plain_machine;
-
-static lg_status make_plain(const lg_machine *machine, plain_machine *out, lg_error *error) {
-    out->machine = *machine;
-    out->machine.term_count = 0;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        if (is_spare(machine, i)) continue;
-        out->from[out->machine.term_count] = i;
-        out->machine.terms[out->machine.term_count++] = machine->terms[i];
-    }
-    return lg_machine_init(&out->machine, error);
+/* The machine without its spare terms. */
+static lg_status make_plain(const lg_machine *machine, lg_machine *out, lg_error *error) {
+    *out = *machine;
+    out->term_count = 0;
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (!is_spare(machine, i)) out->terms[out->term_count++] = machine->terms[i];
+    return lg_machine_init(out, error);
 }
 
-/* Copies the parameters of the plain machine's terms from `own` to the full machine's theta, or back. */
-static void copy_parameters(const lg_machine *machine, const plain_machine *plain, double *theta, double *own,
-                            bool back) {
-    for (uint32_t i = 0; i < plain->machine.term_count; i++) {
-        const lg_machine_term *term = &plain->machine.terms[i];
-        double *all = theta + machine->terms[plain->from[i]].offset;
-        memcpy(back ? own + term->offset : all, back ? all : own + term->offset,
-               term->parameters * sizeof *own);
+/* Damping's parameters below `part` of their initial values become `value` times these. */
+static void raise(const lg_machine *machine, const double *initial, double part, double value,
+                  double *theta) {
+    for (uint32_t t = 0; t < machine->term_count; t++) {
+        const lg_machine_term *term = &machine->terms[t];
+        for (size_t k = term->offset; k < term->offset + term->parameters; k++)
+            if (term->part == LG_MACHINE_DAMPING && initial[k] > 0.0 && fabs(theta[k]) < part * initial[k])
+                theta[k] = value * initial[k];
     }
 }
 
 /* Coefficients are squares of parameters, so a parameter that a fit of the plain machine brought near 0
  * would stay there. Where other friction changes these coefficients, such a parameter begins again. */
 static void lift(const lg_machine *machine, const double *initial, double *theta) {
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        if (!is_spare(machine, i) || machine->terms[i].part != LG_MACHINE_DAMPING) continue;
-        for (uint32_t t = 0; t < machine->term_count; t++) {
-            const lg_machine_term *other = &machine->terms[t];
-            for (size_t k = other->offset; k < other->offset + other->parameters; k++)
-                if (other->part == LG_MACHINE_DAMPING && initial[k] > 0.0 && fabs(theta[k]) < initial[k])
-                    theta[k] = initial[k];
-        }
-    }
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (is_spare(machine, i) && machine->terms[i].part == LG_MACHINE_DAMPING)
+            raise(machine, initial, 1.0, 1.0, theta);
 }
 
 void lg_machine_revive(const lg_machine *machine, const double *initial, double *theta) {
-    static const double dead = 1e-4, alive = 0.1;
-    for (uint32_t t = 0; t < machine->term_count; t++) {
-        const lg_machine_term *term = &machine->terms[t];
-        for (size_t k = term->offset; k < term->offset + term->parameters; k++)
-            if (term->part == LG_MACHINE_DAMPING && initial[k] > 0.0 && fabs(theta[k]) < dead * initial[k])
-                theta[k] = alive * initial[k];
-    }
+    raise(machine, initial, 1e-4, 0.1, theta);
 }
 
 /* Scales down the last layers of spare networks, so that they begin near 0. */
@@ -368,21 +348,21 @@ lg_status lg_machine_warm_up(lg_training *self, double *theta, lg_error *error) 
     const lg_machine_state *s = self->state;
     /* Fits of logs without velocities also give the parameters of all starts. */
     const size_t starts = s->estimated ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
-    plain_machine *plain;
+    lg_machine *plain;
     double *own, *initial;
     LG_TRAINING_ARRAY(self, initial, machine->parameters + 1, error);
     memcpy(initial, theta, machine->parameters * sizeof *initial);
     LG_TRAINING_ARRAY(self, plain, 1, error);
     LG_TRAINING_ARRAY(self, own, machine->parameters + starts + 1, error);
     LG_TRY(make_plain(machine, plain, error));
-    copy_parameters(machine, plain, theta, own, true);
-    const uint32_t sticks = plain->machine.sticks;
-    plain->machine.sticks = 0; /* at first friction has a width: parameters may be far off */
-    if (plain->machine.parameters > 0) LG_TRY(fit_windows(self, &plain->machine, own, error));
-    plain->machine.sticks = sticks;
-    LG_TRY(find_substeps(self, &plain->machine, own, error));
-    copy_parameters(machine, plain, theta, own, false);
-    memcpy(theta + machine->parameters, own + plain->machine.parameters, starts * sizeof *own);
+    lg_machine_carry(machine, theta, plain, own);
+    const uint32_t sticks = plain->sticks;
+    plain->sticks = 0; /* at first friction has a width: parameters may be far off */
+    if (plain->parameters > 0) LG_TRY(fit_windows(self, plain, own, error));
+    plain->sticks = sticks;
+    LG_TRY(find_substeps(self, plain, own, error));
+    lg_machine_carry(plain, own, machine, theta);
+    memcpy(theta + machine->parameters, own + plain->parameters, starts * sizeof *own);
     lift(machine, initial, theta);
     quieten(machine, theta);
     return LG_OK;
