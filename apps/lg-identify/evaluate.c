@@ -250,17 +250,17 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
         simple.v = slopes;
         APP_MUST(self, lg_machine_states(model, log, values.every, &states, &error));
     }
-    identify_linear *linear = identify_linear_create(model->machine, &simple);
+    identify_linear linear;
+    identify_linear_fit(model->machine, &simple, &linear);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
         APP_MUST(self, lg_machine_horizon(model, log, seconds, values.every, &out->horizons[i], &error));
-        judge_linear(self, given, linear, &states.log, seconds, &out->linear[i]);
+        judge_linear(self, given, &linear, &states.log, seconds, &out->linear[i]);
         if (out->horizons[i].starts == 0)
             app_warn(self, "no run of %g s fits into a part of the logs: that horizon is not judged",
                      seconds);
     }
-    identify_linear_destroy(linear);
     warn_of_horizons(self, out);
 }
 

@@ -109,9 +109,13 @@ size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log
 
 /* A linear model v' = A (q, v, u, 1), fitted to all rows of these logs. If the logs have no velocities, its
  * runs are NaN. */
-typedef struct identify_linear identify_linear;
-identify_linear *identify_linear_create(const lg_machine *machine, const lg_machine_log *log);
-void identify_linear_destroy(identify_linear *linear);
+enum { IDENTIFY_FEATURES = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
+typedef struct identify_linear {
+    const lg_machine *machine;
+    size_t features;
+    double A[LG_MACHINE_VELOCITIES * IDENTIFY_FEATURES]; /* (velocities, features) */
+} identify_linear;
+void identify_linear_fit(const lg_machine *machine, const lg_machine_log *log, identify_linear *linear);
 lg_runner identify_linear_run; /* user: an identify_linear. */
 
 /* Sums over all intervals of the log, in the unit of energy. In each interval, the change of H is the work of

@@ -1,20 +1,11 @@
 /* A linear model to compare the machine with: v' = A (q, v, u, 1), fitted to the same logs on which it is
  * judged. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-identify/identify.h"
 #include "liegrad/geometry.h"
 #include "liegrad/minimise.h"
-
-enum { MOST_FEATURES = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
-
-struct identify_linear {
-    const lg_machine *machine;
-    size_t features;
-    double A[LG_MACHINE_VELOCITIES * MOST_FEATURES]; /* (velocities, features) */
-};
 
 static void input_at(const lg_machine *machine, const lg_machine_log *log, size_t row, double s,
                      double *out) {
@@ -37,7 +28,7 @@ static void fill(const lg_machine *machine, const double *q, const double *v, co
 
 static void add_interval(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t n,
                          double *matrix, double *right) {
-    double a[MOST_FEATURES], b[MOST_FEATURES], u[LG_MACHINE_INPUTS], x[MOST_FEATURES];
+    double a[IDENTIFY_FEATURES], b[IDENTIFY_FEATURES], u[LG_MACHINE_INPUTS], x[IDENTIFY_FEATURES];
     const size_t nq = machine->positions, nv = machine->velocities;
     const double *va = log->v + row * nv, *vb = va + nv, h = log->t[row + 1] - log->t[row];
     if (machine->input_count > 0) input_at(machine, log, row, 0.5, u);
@@ -53,8 +44,7 @@ static void add_interval(const lg_machine *machine, const lg_machine_log *log, s
     }
 }
 
-identify_linear *identify_linear_create(const lg_machine *machine, const lg_machine_log *log) {
-    identify_linear *linear = app_alloc(1, sizeof *linear);
+void identify_linear_fit(const lg_machine *machine, const lg_machine_log *log, identify_linear *linear) {
     const size_t n = machine->positions + machine->velocities + machine->input_count + 1;
     APP_FREE double *matrix = app_alloc(n * n, sizeof *matrix);
     *linear = (identify_linear){.machine = machine, .features = n};
@@ -66,11 +56,6 @@ identify_linear *identify_linear_create(const lg_machine *machine, const lg_mach
     const bool solved =
         !empty && lg_normal_equations(n, machine->velocities, 1e-10, matrix, linear->A) == LG_OK;
     for (size_t i = 0; i < n * machine->velocities && !solved; i++) linear->A[i] = (double)NAN;
-    return linear;
-}
-
-void identify_linear_destroy(identify_linear *linear) {
-    free(linear);
 }
 
 /* ---- runs ---- */
@@ -79,7 +64,7 @@ static void slope(const identify_linear *linear, const double *q, const double *
                   double *dq, double *dv) {
     const lg_machine *machine = linear->machine;
     const size_t nv = machine->velocities;
-    double x[MOST_FEATURES];
+    double x[IDENTIFY_FEATURES];
     fill(machine, q, v, u, x);
     for (size_t k = 0; k < nv; k++) dv[k] = 0;
     for (size_t i = 0; i < linear->features; i++)
@@ -116,7 +101,8 @@ static void advance(const identify_linear *linear, const lg_machine_log *log, si
     const lg_machine *machine = linear->machine;
     const size_t nq = machine->positions, nv = machine->velocities;
     const double h = log->t[row + 1] - log->t[row];
-    double sum[MOST_FEATURES] = {0}, d[MOST_FEATURES] = {0}, y[MOST_FEATURES], u[LG_MACHINE_INPUTS];
+    double sum[IDENTIFY_FEATURES] = {0}, d[IDENTIFY_FEATURES] = {0}, y[IDENTIFY_FEATURES],
+           u[LG_MACHINE_INPUTS];
     for (int stage = 0; stage < 4; stage++) {
         for (size_t k = 0; k < nq; k++) y[k] = q[k] + h * at[stage] * d[k];
         for (size_t k = 0; k < nv; k++) y[nq + k] = v[k] + h * at[stage] * d[nq + k];

@@ -121,11 +121,10 @@ static const lg_field lag_keys[LAG_COUNT] = {
 
 static lg_status read_lag(reading *r, const yaml_node_t *node, uint32_t input) {
     lg_key_value values[LAG_COUNT] = {{.line = 0}};
-    const lg_key_set set = {lag_keys, LAG_COUNT, values};
     wish w = {.kind = "lag", .name = "inputs.lag", .input = input, .count = 1, .above = true};
     if (lg_node_is(node, "none")) return LG_OK;
     if (node->type != YAML_MAPPING_NODE) return add(r, &w, node, node);
-    LG_TRY(lg_yaml_read_below(r->yaml, node, &set, "inputs.lag", r->error));
+    LG_TRY(LG_READ_MAP(r, node, lag_keys, values, "inputs.lag"));
     const bool given = values[LAG_VALUE].line != 0,
                bound = values[LAG_START].line + values[LAG_WITHIN].line + values[LAG_SIGMA].line != 0;
     if (given && bound)
@@ -144,7 +143,6 @@ static const lg_field keys[KEY_COUNT] = {
 
 static lg_status read_curve(reading *r, const yaml_node_t *node, uint32_t input) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
-    const lg_key_set set = {keys, KEY_COUNT, values};
     const lg_key_value *degree = &values[KEY_DEGREE], *zone = &values[KEY_DEAD_ZONE],
                        *given = &values[KEY_VALUES];
     const wish dead = {.kind = "dead_zone", .name = "inputs.curve.dead_zone", .input = input, .count = 1};
@@ -153,7 +151,7 @@ static lg_status read_curve(reading *r, const yaml_node_t *node, uint32_t input)
     if (node->type != YAML_MAPPING_NODE)
         return LG_FAULT(r, lg_node_line(node),
                         "inputs.curve: expected none, {degree: 2}, {degree: 3} or {dead_zone: unknown}");
-    LG_TRY(lg_yaml_read_below(r->yaml, node, &set, "inputs.curve", r->error));
+    LG_TRY(LG_READ_MAP(r, node, keys, values, "inputs.curve"));
     if (degree->line == 0 && (zone->line == 0 || given->line != 0))
         return LG_FAULT(r, lg_node_line(node), "inputs.curve: needs key 'degree'%s",
                         zone->line == 0 ? " or key 'dead_zone'" : ", because it has values");

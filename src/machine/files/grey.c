@@ -70,8 +70,7 @@ static const lg_field keys[KEY_COUNT] = {
  * `unknown` is a truth value, or one per number of `start`; default true. */
 static lg_status read_start(reading *r, const yaml_node_t *node, parameter *p) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
-    const lg_key_set set = {keys, KEY_COUNT, values};
-    LG_TRY(lg_yaml_read_below(r->yaml, node, &set, p->key, r->error));
+    LG_TRY(LG_READ_MAP(r, node, keys, values, p->key));
     LG_TRY(read_numbers(r, values[KEY_START].node, p));
     if (p->count == 0)
         return LG_FAULT(r, values[KEY_START].line, "%s: start: expected a number, or a list of numbers",

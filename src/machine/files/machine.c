@@ -267,12 +267,11 @@ static lg_status read_velocities(reading *r, uint32_t line, const lg_key_value *
 
 static lg_status read_coordinate(reading *r, const yaml_node_t *node) {
     lg_key_value values[OF_COUNT] = {{.line = 0}};
-    const lg_key_set set = {coordinate_keys, OF_COUNT, values};
     lg_machine *m = &r->out->machine;
     const uint32_t line = lg_node_line(node), i = m->coordinate_count;
     if (i == LG_MACHINE_COORDINATES)
         return LG_FAULT(r, line, "more than %d coordinates", LG_MACHINE_COORDINATES);
-    LG_TRY(lg_yaml_read_below(r->yaml, node, &set, "coordinates", r->error));
+    LG_TRY(LG_READ_MAP(r, node, coordinate_keys, values, "coordinates"));
     lg_log_coordinate *c = &r->out->coordinates[i];
     const char *name = values[OF_NAME].text;
     if (!is_name(name))

@@ -20,6 +20,10 @@ typedef struct lg_machine_reading {
 /* Fails with LG_FORMAT and a sentence that begins with the file and this line. */
 #define LG_FAULT(r, line, ...) lg_yaml_fail((r)->yaml, line, LG_FORMAT, (r)->error, __VA_ARGS__)
 
+/* Reads a map with these keys (lg_field[]) into `values`, which have as many elements. */
+#define LG_READ_MAP(r, node, keys, values, what)                                                             \
+    lg_yaml_read_below((r)->yaml, node, &(const lg_key_set){keys, LG_COUNT(values), values}, what, (r)->error)
+
 /* ---- nodes ---- */
 
 static inline uint32_t lg_node_line(const yaml_node_t *node) {

@@ -273,10 +273,9 @@ static lg_status kind_of(reading *r, lg_machine_part part, const lg_key_value *v
 
 static lg_status read_mapping(reading *r, lg_machine_part part, const yaml_node_t *node) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
-    const lg_key_set set = {keys, KEY_COUNT, values};
     const char *kind = NULL;
     lg_machine_term *term = NULL;
-    LG_TRY(lg_yaml_read_below(r->yaml, node, &set, lg_machine_part_name(part), r->error));
+    LG_TRY(LG_READ_MAP(r, node, keys, values, lg_machine_part_name(part)));
     LG_TRY(kind_of(r, part, values, &kind));
     if (strcmp(kind, "none") == 0) {
         LG_TRY(check_keys(r, part, kind, 0, values));
