@@ -127,6 +127,27 @@ TEST("angles count modulo turns; without positions velocities count; a run that 
     for (size_t w = 0; w < held->count; w++) assert_true(isinf(square[w]));
 }
 
+TEST("with positions alone a run begins in the row that is asked for, in the state that is estimated there") {
+    enum { STEPS = 6, ROW = 60 };
+    const swinging *true_motion = swing();
+    swinging *s = swing();
+    const lg_learned_machine model = {
+        .machine = &s->machine, .scheme = lg_scheme_find("cf4"), .substeps = 1, .start_rows = 25};
+    const size_t start = ROW;
+    double q[2 * (STEPS + 1)], v[2 * (STEPS + 1)];
+    for (size_t i = 0; i < LG_COUNT(s->v); i++) s->v[i] = (double)NAN;
+    assert_ok(lg_machine_run(&model, &s->logs.log, &start, 1, STEPS, q, v, NULL));
+    for (size_t i = 0; i < LG_COUNT(q); i++) {
+        assert_close(q[i], true_motion->q[2 * ROW + i], 0, 1e-4);
+        assert_close(v[i], true_motion->v[2 * ROW + i], 0, 1e-3);
+    }
+    const lg_held_out *held = plan(s, 0.3, true);
+    double *square = TEST_ARRAY(double, held->count + 1);
+    assert_true(held->count > 0);
+    assert_ok(lg_held_out_judge(held, &model, &s->logs.log, square, NULL));
+    for (size_t w = 0; w < held->count; w++) assert_true(square[w] < 1e-6);
+}
+
 /* The result must be destroyed after an error too. */
 static lg_status match(const lg_held_out *held, const lg_logs *from, const lg_logs *to, lg_held_out *out,
                        lg_error *error) {
