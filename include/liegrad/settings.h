@@ -59,7 +59,7 @@ typedef enum lg_file_use {
 #define LG_FIELD_LIST_MAX  256
 #define LG_FIELD_TEXT_SIZE 4096
 
-/* Types of list members for which a field needs no `get` and `put`. */
+/* Types of list members for which a field needs neither `array` nor `get` and `put`. */
 typedef struct lg_wholes {
     size_t count;
     uint32_t values[LG_FIELD_LIST_MAX];
@@ -102,8 +102,12 @@ typedef struct lg_field {
     const char *const *names;
     /* For type NAME, if the member is a pointer to an entry of a table: returns the entry for a value. */
     const void *(*value_at)(uint32_t value);
-    /* For lists whose member is not lg_wholes or lg_reals: `get` copies the numbers out and returns how many
-     * there are, `put` stores them. */
+    /* For lists whose member is an array of uint32_t (WHOLES) or double (REALS). `counted`: offset of the
+     * uint32_t with their number in the structure; 0: there are always `most`. */
+    bool array;
+    size_t counted;
+    /* For other lists whose member is not lg_wholes or lg_reals: `get` copies the numbers out and returns how
+     * many there are, `put` stores them. */
     uint32_t (*get)(const void *member, double *values);
     void (*put)(void *member, const double *values, uint32_t count);
     uint32_t least, most; /* lengths that a list may have; most = 0: LG_FIELD_LIST_MAX */
@@ -131,8 +135,10 @@ typedef struct lg_field {
  * meaning, and then any designated initialisers. */
 #define LG_OPTION(struct_, member, type_, unit_, ...)                                                        \
     LG_FIELD(struct_, NULL, #member, type_, member, .unit = unit_, .meaning = __VA_ARGS__)
-#define LG_ANY_REAL .low = -1e300, .high = 1e300
-#define LG_POSITIVE .high = 1e300, .above = true
+/* For a row whose member is an array with its number of entries in `count`. */
+#define LG_COUNTED(struct_, count) .array = true, .counted = offsetof(struct_, count)
+#define LG_ANY_REAL                .low = -1e300, .high = 1e300
+#define LG_POSITIVE                .high = 1e300, .above = true
 /* Initialises `names` of a row: the first name belongs to value 0. */
 #define LG_NAMES(...)                                                                                        \
     .names = (const char *const[]) {                                                                         \

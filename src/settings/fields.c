@@ -96,39 +96,43 @@ const char *lg_field_name(const lg_field *row, uint32_t value) {
     return *name;
 }
 
-static uint32_t get_wholes(const void *member, double *values) {
-    const lg_wholes *list = member;
-    for (size_t i = 0; i < list->count; i++) values[i] = list->values[i];
-    return (uint32_t)list->count;
-}
-
-static uint32_t get_reals(const void *member, double *values) {
-    const lg_reals *list = member;
-    memcpy(values, list->values, list->count * sizeof *values);
-    return (uint32_t)list->count;
-}
-
-static void put_wholes(void *member, const double *values, uint32_t count) {
-    lg_wholes *list = member;
-    list->count = count;
-    for (size_t i = 0; i < count; i++) list->values[i] = (uint32_t)values[i];
-}
-
-static void put_reals(void *member, const double *values, uint32_t count) {
-    lg_reals *list = member;
-    list->count = count;
-    for (size_t i = 0; i < count; i++) list->values[i] = values[i];
+/* Where the numbers of a list without `get` and `put` are, and their count: NULL if it is fixed. */
+static char *list_at(const lg_field *row, const void *run, void **count) {
+    char *base = (char *)(uintptr_t)run, *member = base + row->offset;
+    *count = !row->array ? member : row->counted > 0 ? base + row->counted : NULL;
+    if (row->array) return member;
+    return member + (row->type == LG_FIELD_WHOLES ? offsetof(lg_wholes, values) : offsetof(lg_reals, values));
 }
 
 uint32_t lg_field_list(const lg_field *row, const void *run, double *values) {
-    const bool whole = row->type == LG_FIELD_WHOLES;
+    void *counted;
     if (!is_list(row)) return 0;
-    return (row->get != NULL ? row->get : whole ? get_wholes : get_reals)(member_of(row, run), values);
+    if (row->get != NULL) return row->get(member_of(row, run), values);
+    const char *at = list_at(row, run, &counted);
+    uint32_t count = row->most;
+    if (counted != NULL)
+        count = row->array ? *(const uint32_t *)counted : (uint32_t) * (const size_t *)counted;
+    if (row->array && count > row->most) count = row->most;
+    for (uint32_t i = 0; i < count; i++)
+        values[i] = row->type == LG_FIELD_WHOLES ? ((const uint32_t *)(const void *)at)[i]
+                                                 : ((const double *)(const void *)at)[i];
+    return count;
 }
 
 static void put_list(const lg_field *row, const double *values, uint32_t count, void *run) {
-    const bool whole = row->type == LG_FIELD_WHOLES;
-    (row->put != NULL ? row->put : whole ? put_wholes : put_reals)((char *)run + row->offset, values, count);
+    void *counted;
+    if (row->put != NULL) {
+        row->put((char *)run + row->offset, values, count);
+        return;
+    }
+    char *at = list_at(row, run, &counted);
+    if (counted != NULL && row->array) *(uint32_t *)counted = count;
+    if (counted != NULL && !row->array) *(size_t *)counted = count;
+    for (uint32_t i = 0; i < count; i++)
+        if (row->type == LG_FIELD_WHOLES)
+            ((uint32_t *)(void *)at)[i] = (uint32_t)values[i];
+        else
+            ((double *)(void *)at)[i] = values[i];
 }
 
 uint64_t lg_field_whole(const lg_field *row, const void *run) {

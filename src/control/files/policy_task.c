@@ -46,30 +46,6 @@ enum {
     KEY_COUNT
 };
 
-static uint32_t get_hidden(const void *member, double *values) {
-    const lg_policy_task *task = member;
-    for (uint32_t i = 0; i < task->hidden_layers; i++) values[i] = task->hidden[i];
-    return task->hidden_layers;
-}
-
-static void put_hidden(void *member, const double *values, uint32_t count) {
-    lg_policy_task *task = member;
-    task->hidden_layers = count;
-    for (uint32_t i = 0; i < count; i++) task->hidden[i] = (uint32_t)values[i];
-}
-
-static uint32_t get_gains(const void *member, double *values) {
-    const lg_policy_task *task = member;
-    memcpy(values, task->gains, task->gain_count * sizeof *values);
-    return task->gain_count;
-}
-
-static void put_gains(void *member, const double *values, uint32_t count) {
-    lg_policy_task *task = member;
-    task->gain_count = count;
-    memcpy(task->gains, values, count * sizeof *values);
-}
-
 static const char *name_kind(uint32_t value) {
     return lg_policy_kind_name((lg_policy_kind)value);
 }
@@ -88,25 +64,11 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_SUBSTEPS] = FIELD("substeps", U32, substeps, .low = 1, .high = 10000),
     [KEY_CONTROLLER] = {.name = "controller", .type = LG_FIELD_MAP},
     [KEY_KIND] = FIELD("controller.kind", NAME, kind, .value_name = name_kind),
-    [KEY_HIDDEN] = {.name = "controller.hidden",
-                    .type = LG_FIELD_WHOLES,
-                    .offset = 0,
-                    .size = sizeof(lg_policy_task),
-                    .low = 1,
-                    .high = 4096,
-                    .get = get_hidden,
-                    .put = put_hidden,
-                    .most = LG_POLICY_HIDDEN},
+    [KEY_HIDDEN] = FIELD("controller.hidden", WHOLES, hidden, LG_COUNTED(lg_policy_task, hidden_layers),
+                         .low = 1, .high = 4096, .most = LG_POLICY_HIDDEN),
     [KEY_GATE] = FIELD("controller.gate", NAME, gate, LG_NAMES("none", "lqr")),
-    [KEY_GAINS] = {.name = "controller.gains",
-                   .type = LG_FIELD_REALS,
-                   .offset = 0,
-                   .size = sizeof(lg_policy_task),
-                   .low = -1e300,
-                   .high = 1e300,
-                   .get = get_gains,
-                   .put = put_gains,
-                   .most = LG_POLICY_GAINS},
+    [KEY_GAINS] = FIELD("controller.gains", REALS, gains, LG_COUNTED(lg_policy_task, gain_count), LG_ANY_REAL,
+                        .most = LG_POLICY_GAINS),
     [KEY_ROBUST] = {.name = "robust", .type = LG_FIELD_MAP},
     [KEY_DRAWS] = FIELD("robust.draws", U32, draws, .high = 1000),
     [KEY_SPREAD] = FIELD("robust.spread", REAL, spread, .high = 10),

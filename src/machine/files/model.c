@@ -56,39 +56,16 @@ _Static_assert(offsetof(lg_machine_scales, lag) == SCALES * sizeof(double),
 _Static_assert(SCALES <= LG_FIELD_LIST_MAX && 2 * LG_MACHINE_RANGE <= LG_FIELD_LIST_MAX,
                "they fit into lists");
 
-static uint32_t get_scales(const void *member, double *values) {
-    memcpy(values, member, SCALES * sizeof *values);
-    return SCALES;
-}
-
-static uint32_t get_range(const void *member, double *values) {
-    memcpy(values, member, sizeof(lg_machine_range));
-    return 2 * LG_MACHINE_RANGE;
-}
-
-/* Stores a list whose field allows one length only. */
-static void put_numbers(void *member, const double *values, uint32_t count) {
-    memcpy(member, values, count * sizeof *values);
-}
-
-/* All LG_MACHINE_COORDINATES entries, also of coordinates that the machine does not have. */
-static uint32_t get_coordinates(const void *member, double *values) {
-    memcpy(values, member, LG_MACHINE_COORDINATES * sizeof *values);
-    return LG_MACHINE_COORDINATES;
-}
-
+/* A list of so many numbers, also of coordinates that the machine does not have. */
+#define FIXED(count) .array = true, .least = (count), .most = (count)
 #define FACT(group, name, type, member, ...)                                                                 \
     LG_FACT(lg_machine_model_run, group, name, type, member, __VA_ARGS__)
 static const lg_field facts[] = {
     FACT("model", "machine", TEXT, text, .low = 0),
-    FACT("model", "scales", REALS, scales, .low = 0, .get = get_scales, .put = put_numbers, .least = SCALES,
-         .most = SCALES),
-    FACT("run", "range", REALS, range, .low = -1e300, .get = get_range, .put = put_numbers,
-         .least = 2 * LG_MACHINE_RANGE, .most = 2 * LG_MACHINE_RANGE),
-    FACT("run", "position_scale", REALS, position_scale, .low = 0, .get = get_coordinates, .put = put_numbers,
-         .least = LG_MACHINE_COORDINATES, .most = LG_MACHINE_COORDINATES),
-    FACT("run", "velocity_scale", REALS, velocity_scale, .low = 0, .get = get_coordinates, .put = put_numbers,
-         .least = LG_MACHINE_COORDINATES, .most = LG_MACHINE_COORDINATES),
+    FACT("model", "scales", REALS, scales, .low = 0, FIXED(SCALES)),
+    FACT("run", "range", REALS, range, .low = -1e300, FIXED(2 * LG_MACHINE_RANGE)),
+    FACT("run", "position_scale", REALS, position_scale, .low = 0, FIXED(LG_MACHINE_COORDINATES)),
+    FACT("run", "velocity_scale", REALS, velocity_scale, .low = 0, FIXED(LG_MACHINE_COORDINATES)),
     FACT("run", "residual", REAL, residual, .low = 0),
     FACT("run", "windows", U64, windows, .low = 0),
     FACT("run", "dt", REAL, dt, .low = 0),
@@ -102,20 +79,14 @@ static const lg_machine_model_run defaults = {
 
 static bool positive(const lg_machine_scales *scales) {
     double values[SCALES];
-    const uint32_t count = get_scales(scales, values);
-    for (uint32_t i = 0; i < count; i++)
+    memcpy(values, scales, sizeof values);
+    for (uint32_t i = 0; i < SCALES; i++)
         if (!(values[i] > 0.0)) return false;
     return true;
 }
 
 /* The range of time constants, which only files of machines with lags have. */
-static uint32_t get_lags(const void *member, double *values) {
-    memcpy(values, member, 2 * sizeof *values);
-    return 2;
-}
-
-static const lg_field lag_range = FACT("model", "lag_range", REALS, scales.lag, .low = 0, .get = get_lags,
-                                       .put = put_numbers, .least = 2, .most = 2);
+static const lg_field lag_range = FACT("model", "lag_range", REALS, scales.lag, .low = 0, FIXED(2));
 
 static lg_status read_lags(lg_h5 *h5, lg_machine_model_run *run, lg_error *error) {
     lg_machine_scales fallback;
