@@ -393,6 +393,13 @@ LG_API bool lg_fit_by_plans(const lg_fit *fit);
 /* Returns the bytes that the tapes and plans of all shards of this process hold. */
 LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 
+/* The loss of all samples but the validation part, as one batch, in double precision: problem->loss is
+ * recorded for problem->chunk samples at a time. Of the problem only parameters, samples, validation, chunk,
+ * loss and user are read. Errors, `loss` is then untouched: LG_INVALID_ARGUMENT (NULL), LG_OUT_OF_MEMORY, the
+ * status of the loss callback or of the tape, with its sentence. */
+LG_API lg_status lg_fit_problem_loss(const lg_context *context, const lg_fit_problem *problem,
+                                     const double *theta, double *loss, lg_error *error);
+
 /* ---- Newton's method, for models with few parameters ---- */
 
 #define LG_NEWTON_MAX_PARAMETERS 512

@@ -244,40 +244,6 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
     return lg_tape_status(tape);
 }
 
-enum { CHUNK = 128 };
-
-/* Adds the loss of all samples chunk by chunk. Each chunk is a part of one batch, so *sum is the mean. */
-static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
-    uint32_t samples[CHUNK];
-    *sum = 0.0;
-    for (size_t first = 0; first < fit->samples; first += CHUNK) {
-        const size_t left = fit->samples - first, count = left < CHUNK ? left : CHUNK;
-        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
-        lg_tape_reset(tape);
-        lg_var part, parameters = lg_parameter(tape, lg_shape1((uint32_t)fit->parameters), theta);
-        double value = 0.0;
-        LG_TRY(fit->loss(fit->user, tape, parameters, samples, count, fit->samples, &part));
-        LG_TRY(lg_read(tape, part, 1, &value));
-        *sum += value;
-    }
-    return LG_OK;
-}
-
-static lg_status mean_of(const lg_context *context, lg_fit_problem *fit, const double *theta, double *out,
-                         lg_error *error) {
-    lg_tape *tape = NULL;
-    double sum = 0.0;
-    lg_status status = lg_tape_create(context, NULL, &tape);
-    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
-    status = add_chunks(tape, fit, theta, &sum);
-    if (status == LG_OK)
-        *out = sum;
-    else
-        (void)lg_fail(error, status, "%s", lg_tape_message(tape));
-    lg_tape_destroy(tape);
-    return status;
-}
-
 /* Sets weights that take the squares from the model's scales back to the units of the data. */
 static void weigh_in_units(lg_hamiltonian_problem *problem) {
     const lg_hamiltonian_scales *scales = &problem->model->scales;
@@ -295,7 +261,7 @@ lg_status lg_hamiltonian_mean_squared_error(const lg_context *context, const lg_
     LG_TRY(lg_hamiltonian_problem_check(&plain, error));
     weigh_in_units(&plain);
     lg_hamiltonian_fit_problem(&plain, &fit);
-    return mean_of(context, &fit, theta, out, error);
+    return lg_fit_problem_loss(context, &fit, theta, out, error);
 }
 
 lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
@@ -310,7 +276,7 @@ lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamiltonian_p
     weigh_in_units(&plain);
     lg_hamiltonian_fit_problem(&plain, &fit);
     fit.loss = shard_floor;
-    return mean_of(context, &fit, theta, out, error);
+    return lg_fit_problem_loss(context, &fit, theta, out, error);
 }
 
 /* ---- the problem ---- */
@@ -471,7 +437,7 @@ lg_status lg_hamiltonian_integral_change(const lg_context *context, const lg_ham
     lg_hamiltonian_fit_problem(problem, &fit);
     fit.loss = shard_change;
     fit.user = &of;
-    return mean_of(context, &fit, theta, out, error);
+    return lg_fit_problem_loss(context, &fit, theta, out, error);
 }
 
 /* ---- the unit of the penalty's first integral ---- */
@@ -502,7 +468,7 @@ static lg_status measure_unit(const lg_context *context, const lg_hamiltonian_pr
     lg_hamiltonian_fit_problem(problem, &fit);
     fit.parameters = 1; /* shard_slope does not use them */
     fit.loss = shard_slope;
-    LG_TRY(mean_of(context, &fit, &nothing, &square, error));
+    LG_TRY(lg_fit_problem_loss(context, &fit, &nothing, &square, error));
     if (!isfinite(square) || square == 0.0)
         return lg_fail(error, LG_NOT_FINITE, "%s: %s %s points of the data", problem->penalty_integral->name,
                        problem->penalty_integral->formula,

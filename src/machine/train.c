@@ -310,23 +310,6 @@ static lg_status add_windows(lg_tape *tape, const lg_machine_problem *problem, c
     return LG_OK;
 }
 
-static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
-    uint32_t samples[LG_FIT_CHUNK];
-    const size_t all = fit->samples - fit->validation;
-    *sum = 0.0;
-    for (size_t first = 0; first < all; first += fit->chunk) {
-        const size_t left = all - first, count = left < fit->chunk ? left : fit->chunk;
-        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
-        lg_tape_reset(tape);
-        lg_var part, parameters = lg_parameter(tape, lg_shape1((uint32_t)fit->parameters), theta);
-        double value = 0.0;
-        LG_TRY(fit->loss(fit->user, tape, parameters, samples, count, all, &part));
-        LG_TRY(lg_read(tape, part, 1, &value));
-        *sum += value;
-    }
-    return LG_OK;
-}
-
 lg_status lg_machine_conclude(const lg_tape *tape, lg_status status, lg_error *error) {
     if (status == LG_OK) return LG_OK;
     const bool of_tape = tape != NULL && lg_tape_status(tape) != LG_OK;
@@ -336,17 +319,17 @@ lg_status lg_machine_conclude(const lg_tape *tape, lg_status status, lg_error *e
 lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem, const double *theta,
                           double *loss, double *floor, lg_error *error) {
     LG_NEEDS(error, problem, loss);
-    lg_tape *tape = NULL;
-    lg_fit_problem fit;
     LG_TRY(lg_machine_problem_check(problem, error));
-    lg_machine_fit_problem(problem, &fit);
+    if (!lg_machine_is_long(problem)) {
+        lg_fit_problem fit;
+        lg_machine_fit_problem(problem, &fit);
+        LG_TRY(lg_fit_problem_loss(context, &fit, theta, loss, error));
+        fit.loss = shard_floor;
+        return floor != NULL ? lg_fit_problem_loss(context, &fit, theta, floor, error) : LG_OK;
+    }
+    lg_tape *tape = NULL;
     lg_status status = lg_tape_create(context, NULL, &tape);
-    const bool as_runs = lg_machine_is_long(problem);
-    if (status == LG_OK)
-        status =
-            as_runs ? add_windows(tape, problem, theta, loss, floor) : add_chunks(tape, &fit, theta, loss);
-    fit.loss = shard_floor;
-    if (status == LG_OK && floor != NULL && !as_runs) status = add_chunks(tape, &fit, theta, floor);
+    if (status == LG_OK) status = add_windows(tape, problem, theta, loss, floor);
     (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
     return status;

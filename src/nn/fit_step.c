@@ -268,3 +268,40 @@ lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double
     *loss = value;
     return LG_OK;
 }
+
+/* ---- the loss of all samples ---- */
+
+static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *problem, const double *theta, size_t chunk,
+                            uint32_t *samples, double *loss) {
+    const size_t all = problem->samples - problem->validation;
+    double sum = 0.0, value = 0.0;
+    for (size_t first = 0; first < all; first += chunk) {
+        const size_t left = all - first, count = left < chunk ? left : chunk;
+        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
+        lg_tape_reset(tape);
+        lg_var part, weights = lg_parameter(tape, lg_shape1((uint32_t)problem->parameters), theta);
+        LG_TRY(problem->loss(problem->user, tape, weights, samples, count, all, &part));
+        LG_TRY(lg_read(tape, part, 1, &value));
+        sum += value;
+    }
+    *loss = sum;
+    return LG_OK;
+}
+
+lg_status lg_fit_problem_loss(const lg_context *context, const lg_fit_problem *problem, const double *theta,
+                              double *loss, lg_error *error) {
+    LG_NEEDS(error, problem, loss);
+    if (problem->parameters > 0) LG_NEEDS(error, theta);
+    const size_t chunk = problem->chunk > 0 ? problem->chunk : LG_FIT_CHUNK;
+    uint32_t *samples = lg_alloc(context, chunk, sizeof *samples);
+    lg_tape *tape = NULL;
+    lg_status status = samples != NULL ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
+    if (status == LG_OK) status = add_chunks(tape, problem, theta, chunk, samples, loss);
+    if (status != LG_OK)
+        (void)lg_fail(error, status, "%s",
+                      tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
+                                                                    : lg_status_sentence(status));
+    lg_tape_destroy(tape);
+    lg_free(context, samples);
+    return status;
+}

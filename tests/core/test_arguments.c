@@ -409,6 +409,7 @@ TEST("functions of networks and fits refuse NULL") {
     REFUSES(lg_fit_save(NEEDED(fit), NEEDED(&writer), NULL));
     REFUSES(lg_fit_load(NEEDED(fit), NEEDED(&reader), NULL));
     REFUSES(lg_fit_newton(NULL, NEEDED(&problem), NEEDED(others), NULL));
+    REFUSES(lg_fit_problem_loss(NULL, NEEDED(&problem), NEEDED(numbers), NEEDED(others), NULL));
     lg_fit_destroy(fit);
 }
 

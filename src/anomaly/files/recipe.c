@@ -312,19 +312,6 @@ static lg_status judge_parts(const lg_training *self, const lg_scaler *scaler, c
     return status;
 }
 
-/* Returns the error of always guessing the most frequent class: the share of windows of the other classes.
- * `judged` is the training part. */
-static double rare_share(const lg_judgement *judged) {
-    uint64_t most = 0;
-    for (uint32_t i = 0; i < judged->classes; i++) {
-        uint64_t row = 0;
-        for (uint32_t j = 0; j < judged->classes; j++)
-            row += judged->confusion[(size_t)i * judged->classes + j];
-        if (row > most) most = row;
-    }
-    return 1.0 - (double)most / (double)judged->count;
-}
-
 /* Counts the dead units of the result. A network that has died makes the training fail. */
 static lg_status judge_units(lg_training *self, const double *theta, uint64_t *dead, lg_error *error) {
     lg_detector_state *s = self->state;
@@ -365,18 +352,10 @@ void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t ho
     lg_result_real(self, "auc", judged->auc, NULL);
     lg_result_real(self, "false_positive_rate", metrics->false_positive_rate, NULL);
     lg_result_real(self, "false_alarms_per_day", lg_judgement_alarms(judged, hop, rate), "window by window");
-    if (judged->count == 0) {
+    if (judged->count == 0)
         lg_result_text(self, "confusion", NULL, NULL);
-        return;
-    }
-    lg_result_open(self, "confusion", '[');
-    for (uint32_t i = 0; i < judged->classes; i++) {
-        lg_result_open(self, NULL, '[');
-        for (uint32_t j = 0; j < judged->classes; j++)
-            lg_result_whole(self, NULL, judged->confusion[(size_t)i * judged->classes + j], NULL);
-        lg_result_close(self, ']');
-    }
-    lg_result_close(self, ']');
+    else
+        lg_result_confusion(self, judged->confusion, judged->classes);
 }
 
 void lg_detector_tell_training(lg_training *self, const char *method, uint32_t classes,
@@ -389,9 +368,7 @@ void lg_detector_tell_training(lg_training *self, const char *method, uint32_t c
     lg_result_real(self, "train_seconds", self->seconds, NULL);
     lg_result_real(self, "test_seconds", s->judged.seconds, NULL);
     lg_result_text(self, "method", method, NULL);
-    lg_result_open(self, "classes", '[');
-    for (uint32_t c = 0; c < classes; c++) lg_result_text(self, NULL, class_name[c], NULL);
-    lg_result_close(self, ']');
+    lg_result_texts(self, "classes", class_name[0], LG_SERIES_NAME, classes);
     lg_result_whole(self, "channels", series->channels, NULL);
     lg_result_whole(self, "window", run->window, "samples");
     lg_result_whole(self, "hop", run->hop, "samples");
@@ -428,10 +405,11 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
     const lg_series *series = &s->all.data.series;
     uint64_t dead = 0;
     LG_TRY(judge_parts(self, &s->scaler, theta, error));
-    self->verdict = (lg_training_verdict){.what = "share of wrong windows",
-                                          .guess = "the most frequent class",
-                                          .error = 1.0 - s->train_judged.metrics.accuracy,
-                                          .guessed = rare_share(&s->train_judged)};
+    self->verdict =
+        (lg_training_verdict){.what = "share of wrong windows",
+                              .guess = "the most frequent class",
+                              .error = 1.0 - s->train_judged.metrics.accuracy,
+                              .guessed = lg_guess_class(s->train_judged.confusion, s->train_judged.classes)};
     LG_TRY(judge_units(self, theta, &dead, error));
     lg_detector_tell(self, &s->judged, run->hop, series->rate);
     lg_detector_tell_training(self, "cnn", series->classes, series->class_name);

@@ -147,6 +147,33 @@ void lg_result_close(lg_training *self, char bracket) {
     add_result(self, NULL, LG_FIELD_NODE, NULL)->bracket = bracket;
 }
 
+void lg_result_texts(lg_training *self, const char *name, const char *texts, size_t size, uint32_t count) {
+    lg_result_open(self, name, '[');
+    for (uint32_t i = 0; i < count; i++) lg_result_text(self, NULL, texts + i * size, NULL);
+    lg_result_close(self, ']');
+}
+
+void lg_result_confusion(lg_training *self, const uint64_t *confusion, uint32_t classes) {
+    lg_result_open(self, "confusion", '[');
+    for (uint32_t i = 0; i < classes; i++) {
+        lg_result_open(self, NULL, '[');
+        for (uint32_t j = 0; j < classes; j++) lg_result_whole(self, NULL, *confusion++, NULL);
+        lg_result_close(self, ']');
+    }
+    lg_result_close(self, ']');
+}
+
+double lg_guess_class(const uint64_t *confusion, uint32_t classes) {
+    uint64_t most = 0, all = 0;
+    for (uint32_t i = 0; i < classes; i++) {
+        uint64_t members = 0;
+        for (uint32_t j = 0; j < classes; j++) members += *confusion++;
+        if (members > most) most = members;
+        all += members;
+    }
+    return 1.0 - (double)most / (double)all;
+}
+
 const lg_result *lg_result_find(const lg_training *self, const char *name) {
     size_t depth = 0;
     for (size_t i = 0; i < self->result_count; i++) {
@@ -180,37 +207,6 @@ lg_status lg_training_hold_out(lg_training *self, double part, lg_error *error) 
     if (trainer->hold_out != NULL) return trainer->hold_out(self, part, error);
     lg_training_settings(self)->validation = part;
     return trainer->prepare != NULL ? trainer->prepare(self, error) : LG_OK;
-}
-
-/* ---- the loss ---- */
-
-/* The part of the loss that belongs to the `count` samples from `first` on. */
-static lg_status part_of_loss(const lg_fit_problem *problem, lg_tape *tape, const double *theta, size_t first,
-                              size_t count, double *part) {
-    uint32_t samples[LG_FIT_CHUNK];
-    lg_var loss;
-    lg_tape_reset(tape);
-    for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
-    const lg_var weights = lg_parameter(tape, lg_shape1((uint32_t)problem->parameters), theta);
-    LG_TRY(problem->loss(problem->user, tape, weights, samples, count, problem->samples, &loss));
-    return lg_read(tape, loss, 1, part);
-}
-
-lg_status lg_training_loss(const lg_training *self, const double *theta, double *loss, lg_error *error) {
-    const lg_fit_problem *problem = &self->problem;
-    lg_tape *tape;
-    double part = 0, sum = 0;
-    lg_status status = lg_tape_create(self->context, NULL, &tape);
-    if (status != LG_OK) return status;
-    for (size_t i = 0; i < problem->samples && status == LG_OK; i += LG_FIT_CHUNK) {
-        const size_t left = problem->samples - i;
-        status = part_of_loss(problem, tape, theta, i, left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK, &part);
-        sum += part;
-    }
-    if (status == LG_OK) *loss = sum;
-    if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_tape_message(tape));
-    lg_tape_destroy(tape);
-    return status;
 }
 
 /* ---- the fit and the model file ---- */

@@ -150,6 +150,11 @@ void lg_result_text(lg_training *self, const char *name, const char *value, cons
  * members, which only JSON shows. */
 void lg_result_open(lg_training *self, const char *name, char bracket);
 void lg_result_close(lg_training *self, char bracket);
+/* A list of texts, of `size` bytes each; and the matrix "confusion" (classes, classes). */
+void lg_result_texts(lg_training *self, const char *name, const char *texts, size_t size, uint32_t count);
+void lg_result_confusion(lg_training *self, const uint64_t *confusion, uint32_t classes);
+/* The error of always guessing the most frequent class: the share of the others. */
+double lg_guess_class(const uint64_t *confusion, uint32_t classes);
 void lg_training_clear(lg_training *self); /* removes all results */
 /* Finds a result by name. NULL: there is none outside lists and objects. */
 const lg_result *lg_result_find(const lg_training *self, const char *name);
@@ -158,8 +163,6 @@ lg_status lg_training_judge(lg_training *self, double *theta, lg_error *error);
 /* Call the hook of the trainer, or do its default. */
 lg_status lg_training_objective(lg_training *self, double *out, lg_error *error);
 lg_status lg_training_hold_out(lg_training *self, double part, lg_error *error);
-/* The loss of the problem over all samples, in double precision. */
-lg_status lg_training_loss(const lg_training *self, const double *theta, double *loss, lg_error *error);
 /* Calls `problem` and creates the fit. The data must be read and the run described. */
 lg_status lg_training_create_fit(lg_training *self, lg_error *error);
 /* Writes the model file with these parameters and the state of the fit. */

@@ -159,21 +159,6 @@ static void tell_columns(lg_training *self, const lg_table_file *file, const cha
     lg_result_close(self, '}');
 }
 
-static void tell_confusion(lg_training *self, const lg_table_file *file, const lg_table_judgement *j) {
-    const uint32_t classes = file->run.model.net.outputs;
-    lg_result_open(self, "confusion", '[');
-    for (uint32_t c = 0; c < classes; c++) {
-        lg_result_open(self, NULL, '[');
-        for (uint32_t k = 0; k < classes; k++)
-            lg_result_whole(self, NULL, j->confusion[c * classes + k], NULL);
-        lg_result_close(self, ']');
-    }
-    lg_result_close(self, ']');
-    lg_result_open(self, "classes", '[');
-    for (uint32_t c = 0; c < classes; c++) lg_result_text(self, NULL, file->output_name[c], NULL);
-    lg_result_close(self, ']');
-}
-
 void lg_table_tell(lg_training *self, const lg_table_file *file, const lg_table_judgement *j) {
     if (is_regression(file)) {
         tell_columns(self, file, "rmse", j->rmse);
@@ -183,7 +168,8 @@ void lg_table_tell(lg_training *self, const lg_table_file *file, const lg_table_
         lg_result_real(self, "accuracy", j->accuracy, "share of the rows whose class is right");
         lg_result_real(self, "f1", j->f1, NULL);
         lg_result_real(self, "log_loss", j->log_loss, "mean of -log of the probability of the true class");
-        tell_confusion(self, file, j);
+        lg_result_confusion(self, j->confusion, file->run.model.net.outputs);
+        lg_result_texts(self, "classes", file->output_name[0], LG_TABLE_NAME, file->run.model.net.outputs);
     }
     lg_result_whole(self, "judged_rows", j->rows, NULL);
     lg_result_whole(self, "outside", j->outside, "rows beyond the training range");

@@ -380,19 +380,6 @@ static lg_status warn_of_parts(lg_training *self, lg_error *error) {
     return warn_far_outputs(self, &s->test, error);
 }
 
-/* The error of a simple guess: of the mean (in units of the variance), or of the most frequent class. */
-static double guessed(const lg_table_state *s) {
-    if (lg_table_is_regression(s)) return 1.0;
-    const uint32_t classes = s->outputs.count;
-    uint64_t most = 0;
-    for (uint32_t c = 0; c < classes; c++) {
-        uint64_t members = 0;
-        for (uint32_t k = 0; k < classes; k++) members += s->learned.confusion[c * classes + k];
-        if (members > most) most = members;
-    }
-    return 1.0 - (double)most / (double)s->learned.rows;
-}
-
 /* Compares the training error with the error of a simple guess. After a search for the evidence the fit
  * starts near its minimum and its loss hardly falls; the caller's check of self->verdict would fault that, so
  * this function warns instead. */
@@ -402,7 +389,8 @@ static void judge_training(lg_training *self) {
     const bool regression = lg_table_is_regression(s);
     const char *what = regression ? "mean squared error" : "share of wrong rows",
                *simple = regression ? "the mean" : "the most frequent class";
-    const double wrong = regression ? j->scaled_rmse * j->scaled_rmse : 1.0 - j->accuracy, guess = guessed(s);
+    const double wrong = regression ? j->scaled_rmse * j->scaled_rmse : 1.0 - j->accuracy,
+                 guess = regression ? 1.0 : lg_guess_class(s->learned.confusion, s->outputs.count);
     if (s->evidence.evaluations == 0)
         self->verdict =
             (lg_training_verdict){.what = what, .guess = simple, .error = wrong, .guessed = guess};

@@ -189,7 +189,7 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
     state *s = self->state;
     const size_t rows = s->pairs.rows;
     double loss = 0, unchanged = 0;
-    LG_TRY(lg_training_loss(self, theta, &loss, error));
+    LG_TRY(lg_fit_problem_loss(self->context, &self->problem, theta, &loss, error));
     for (size_t i = 0; i < rows * D; i++) {
         const double *row = s->pairs.values + i / D * PAIR + i % D;
         unchanged += (row[D] - row[0]) * (row[D] - row[0]) / (double)(rows * D);
