@@ -11,11 +11,11 @@
 
 enum { STORED = 7, NEEDED = STORED - 2 /* the last two may be missing in a file */ };
 static void list_stored(classifier_file *file, lg_stored out[STORED]) {
-    const lg_stored rows[STORED] = {{"run/test_fraction", LG_ELEMENT_F64, .data = &file->test_fraction},
-                                    {"run/seed", LG_ELEMENT_U64, .data = &file->seed},
-                                    {"run/windows", LG_ELEMENT_U64, .data = &file->windows},
-                                    {"run/window", LG_ELEMENT_U64, .data = &file->window},
-                                    {"run/hop", LG_ELEMENT_U64, .data = &file->hop},
+    const lg_stored rows[STORED] = {{"run/test_fraction", LG_ELEMENT_F64, .data = &file->run.test_fraction},
+                                    {"run/seed", LG_ELEMENT_U64, .data = &file->run.training.seed},
+                                    {"run/windows", LG_ELEMENT_U64, .data = &file->run.windows},
+                                    {"run/window", LG_ELEMENT_U64, .data = &file->run.window},
+                                    {"run/hop", LG_ELEMENT_U64, .data = &file->run.hop},
                                     {"run/accuracy", LG_ELEMENT_F64, .data = &file->accuracy},
                                     {"run/f1", LG_ELEMENT_F64, .data = &file->f1}};
     memcpy(out, rows, sizeof rows);
@@ -36,13 +36,13 @@ static lg_status write_run(const lg_archive_writer *to, const classifier_file *f
     classifier_file copy = *file;
     lg_stored rows[STORED];
     list_stored(&copy, rows);
-    for (size_t i = 0; i < STORED; i++)
-        if (i < NEEDED || isfinite(*(const double *)rows[i].data))
-            LG_TRY(lg_stored_save(to, &rows[i], 1, NULL));
+    for (size_t i = NEEDED; i < STORED; i++)
+        if (!isfinite(*(const double *)rows[i].data)) rows[i].data = NULL;
+    LG_TRY(lg_stored_save(to, rows, STORED, NULL));
     const char *const texts[][2] = {{"run/method", file->method},
-                                    {"run/split", lg_split_name(file->split)},
-                                    {"run/data_sha256", file->data_sha256},
-                                    {"run/healthy", file->healthy}};
+                                    {"run/split", lg_split_name(file->run.split)},
+                                    {"run/data_sha256", file->run.data_sha256},
+                                    {"run/healthy", file->run.healthy}};
     for (size_t i = 0; i < LG_COUNT(texts); i++) LG_TRY(to->text(to->user, texts[i][0], texts[i][1]));
     return LG_OK;
 }
@@ -77,12 +77,12 @@ static lg_status read_texts(const lg_archive_reader *from, classifier_file *out,
     char method[32], split[32];
     LG_TRY(from->text(from->user, "run/method", method, sizeof method));
     LG_TRY(from->text(from->user, "run/split", split, sizeof split));
-    LG_TRY(from->text(from->user, "run/data_sha256", out->data_sha256, sizeof out->data_sha256));
+    LG_TRY(from->text(from->user, "run/data_sha256", out->run.data_sha256, sizeof out->run.data_sha256));
     out->method = known_method(method);
     /* Files of earlier versions lack it. */
-    if (from->text(from->user, "run/healthy", out->healthy, sizeof out->healthy) != LG_OK)
-        out->healthy[0] = '\0';
-    if (out->method == NULL || lg_split_parse(split, &out->split) != LG_OK)
+    if (from->text(from->user, "run/healthy", out->run.healthy, sizeof out->run.healthy) != LG_OK)
+        out->run.healthy[0] = '\0';
+    if (out->method == NULL || lg_split_parse(split, &out->run.split) != LG_OK)
         return app_error(error, LG_FORMAT, "/run: the attribute method or split is unknown");
     return LG_OK;
 }
@@ -111,12 +111,13 @@ static lg_status read_names(lg_file_reader *reader, classifier_file *out, lg_err
 }
 
 static lg_status read_run(const lg_archive_reader *from, classifier_file *out, lg_error *error) {
+    const lg_detector_run *run = &out->run;
     lg_stored rows[STORED];
     list_stored(out, rows);
     LG_TRY(lg_stored_load(from, rows, NEEDED, NULL));
     const uint32_t length =
         classifier_file_is_novelty(out) ? out->novelty.length : out->classifier.features.length;
-    if (out->window != length || out->hop < 1 || !(out->test_fraction >= 0 && out->test_fraction < 1))
+    if (run->window != length || run->hop < 1 || !(run->test_fraction >= 0 && run->test_fraction < 1))
         return app_error(error, LG_FORMAT, "/run does not fit the classifier: window, hop or test_fraction");
     for (size_t i = NEEDED; i < STORED; i++)
         if (lg_stored_load(from, &rows[i], 1, NULL) != LG_OK) *(double *)rows[i].data = NAN;

@@ -16,14 +16,10 @@ typedef struct classifier_file {
     lg_series names;
     /* "logistic", "tree", "svm-linear", "svm-rbf", "baseline", "rocket" or "novelty"; static storage */
     const char *method;
-    lg_split split;
-    double test_fraction;
-    /* `windows`: their number; `window`: samples per window; `hop`: samples from the start of one to the
-     * next. */
-    uint64_t seed, windows, window, hop;
-    char data_sha256[LG_SHA256_TEXT];
-    char healthy[LG_SERIES_NAME]; /* name of the class that means "all is well"; "" if unknown */
-    double accuracy, f1;          /* on the test part; NaN: not stored */
+    /* How the data were cut: split, test_fraction, training.seed, windows, window, hop, data_sha256,
+     * healthy. */
+    lg_detector_run run;
+    double accuracy, f1; /* on the test part; NaN: not stored */
     lg_provenance provenance;
 } classifier_file;
 

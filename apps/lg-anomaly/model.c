@@ -45,17 +45,10 @@ lg_status well_model_save(const app *self, const char *path, const well_model *m
                                       .class_label = model->class_label,
                                       .channel_name = model->channel_name},
                             .method = model->method,
-                            .split = model->cut.split,
-                            .test_fraction = model->cut.test_fraction,
-                            .seed = model->cut.training.seed,
-                            .windows = model->cut.windows,
-                            .window = model->cut.window,
-                            .hop = model->cut.hop,
+                            .run = model->cut,
                             .accuracy = accuracy,
                             .f1 = f1,
                             .provenance = app_provenance(self, model->cut.training.seed)};
-    memcpy(file.data_sha256, model->cut.data_sha256, sizeof file.data_sha256);
-    memcpy(file.healthy, model->cut.healthy, sizeof file.healthy);
     return classifier_file_save(self->context, path, &file, error);
 }
 
@@ -69,23 +62,16 @@ static void load_classifier(const app *self, const char *path, well_model *out) 
                         .method = file.method,
                         .classes = file.names.classes,
                         .channels = alone ? file.novelty.channels : features->channels,
-                        .window = (uint32_t)file.window,
+                        .window = (uint32_t)file.run.window,
                         .rate = file.names.rate,
                         .class_name = file.names.class_name,
                         .class_label = file.names.class_label,
                         .probabilities = !alone && file.classifier.method <= LG_METHOD_TREE,
+                        .cut = file.run,
                         .classifier = file.classifier,
                         .novelty = file.novelty,
                         .names = file.names};
     if (file.names.channels == out->channels) out->channel_name = file.names.channel_name;
-    out->cut = (lg_detector_run){.split = file.split,
-                                 .test_fraction = file.test_fraction,
-                                 .training.seed = file.seed,
-                                 .windows = file.windows,
-                                 .window = file.window,
-                                 .hop = file.hop};
-    memcpy(out->cut.data_sha256, file.data_sha256, sizeof out->cut.data_sha256);
-    memcpy(out->cut.healthy, file.healthy, sizeof out->cut.healthy);
 }
 
 /* ---- all models ---- */

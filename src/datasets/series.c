@@ -283,15 +283,6 @@ lg_status lg_series_read(const lg_context *context, const char *path, const lg_r
 
 /* ---- writing ---- */
 
-static lg_sensing sensing_of(const lg_series *s) {
-    return (lg_sensing){.classes = s->classes,
-                        .channels = s->channels,
-                        .class_name = s->class_name,
-                        .class_label = s->class_label,
-                        .channel_name = s->channel_name,
-                        .rate = s->rate};
-}
-
 static lg_status check_labels(const char *path, const lg_series *s, lg_error *error) {
     for (size_t i = 0; i < s->count; i++)
         if (s->label[i] >= s->classes)
@@ -318,7 +309,6 @@ static lg_status check_written_runs(const lg_context *context, const char *path,
 static lg_status check_written(const lg_context *context, const char *path, const lg_series_data *data,
                                lg_error *error) {
     const lg_series *s = &data->series;
-    const lg_sensing sensing = sensing_of(s);
     if (isinf(data->noise) || isinf(data->severity))
         return lg_fail(error, LG_NOT_FINITE, "%s: noise or severity is infinite", lg_shown_path(path));
     if (memchr(data->housing, '\0', sizeof data->housing) == NULL ||
@@ -328,7 +318,7 @@ static lg_status check_written(const lg_context *context, const char *path, cons
     if (data->healthy[0] != '\0' && lg_series_healthy(s, data->healthy) == LG_NO_CLASS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: healthy: '%s' is none of the classes",
                        lg_shown_path(path), data->healthy);
-    LG_TRY(lg_sensing_check(context, path, &sensing, error));
+    LG_TRY(lg_sensing_check(context, path, s, error));
     LG_TRY(check_labels(path, s, error));
     LG_TRY(check_written_runs(context, path, s, error));
     return check_samples(path, s, error);
@@ -341,10 +331,10 @@ static lg_status put_healthy(lg_h5 *h5, const lg_series_data *data, lg_error *er
 }
 
 static lg_status put_attributes(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
-    lg_sensing sensing = sensing_of(&data->series);
-    sensing.class_label = NULL; /* the /y that is written holds class numbers 0, 1, ... */
+    lg_series names = data->series;
+    names.class_label = NULL; /* the /y that is written holds class numbers 0, 1, ... */
     LG_TRY(lg_h5_put_header(h5, "series", &data->provenance, error));
-    LG_TRY(lg_sensing_put(h5, &sensing, error));
+    LG_TRY(lg_sensing_put(h5, &names, error));
     if (!isnan(data->noise)) LG_TRY(lg_h5_put_number(h5, "", "noise", LG_ELEMENT_F64, &data->noise, error));
     if (!isnan(data->severity))
         LG_TRY(lg_h5_put_number(h5, "", "severity", LG_ELEMENT_F64, &data->severity, error));
@@ -383,27 +373,20 @@ lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, 
     if (writer == NULL || series == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the file or the series is NULL");
     lg_h5 *h5 = lg_file_writer_h5(writer);
-    const lg_sensing sensing = sensing_of(series);
-    LG_TRY(lg_sensing_check(h5->context, h5->path, &sensing, error));
-    return lg_sensing_put(h5, &sensing, error);
+    LG_TRY(lg_sensing_check(h5->context, h5->path, series, error));
+    return lg_sensing_put(h5, series, error);
 }
 
 lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error) {
     if (reader == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the file or `out` is NULL");
     lg_h5 *h5 = lg_file_reader_h5(reader);
-    lg_sensing sensing = {.classes = 0};
-    LG_TRY(lg_sensing_get(h5, &sensing, error));
-    if (sensing.class_name == NULL) {
-        lg_sensing_destroy(h5->context, &sensing);
+    lg_series names = {.classes = 0};
+    LG_TRY(lg_sensing_get(h5, &names, error));
+    if (names.class_name == NULL) {
+        lg_series_destroy(&names);
         return lg_fail(error, LG_FORMAT, "%s: attribute classes is missing", lg_shown_path(h5->path));
     }
-    *out = (lg_series){.channels = sensing.channels,
-                       .classes = sensing.classes,
-                       .rate = sensing.rate,
-                       .class_name = sensing.class_name,
-                       .class_label = sensing.class_label,
-                       .channel_name = sensing.channel_name,
-                       .context = h5->context};
+    *out = names;
     return LG_OK;
 }

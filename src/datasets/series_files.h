@@ -55,21 +55,13 @@ char (*lg_names_take(lg_names *names))[LG_SERIES_NAME];
 lg_status lg_rate_get(lg_h5 *h5, double *rate, lg_error *error);
 
 /* Classes, channels and rate of a model or data set, in the attributes `classes`, `class_labels`, `channels`
- * and `rate` of the root. When reading, class_name and channel_name are NULL if the file does not have them.
- * If `classes` or `channels` is not 0 before reading, the file must have that many names, else LG_FORMAT. */
-typedef struct lg_sensing {
-    uint32_t classes, channels;
-    char (*class_name)[LG_SERIES_NAME];
-    char (*class_label)[LG_SERIES_NAME]; /* may be NULL; as in lg_series */
-    char (*channel_name)[LG_SERIES_NAME];
-    double rate; /* Hz; 0 if unknown */
-} lg_sensing;
-lg_status lg_sensing_check(const lg_context *context, const char *path, const lg_sensing *sensing,
+ * and `rate` of the root; these members of the series are checked, written and read. When reading, class_name
+ * and channel_name are NULL if the file does not have them. If `classes` or `channels` is not 0 before
+ * reading, the file must have that many names, else LG_FORMAT. On failure *names is unchanged. */
+lg_status lg_sensing_check(const lg_context *context, const char *path, const lg_series *names,
                            lg_error *error);
-lg_status lg_sensing_put(lg_h5 *h5, const lg_sensing *sensing, lg_error *error);
-/* On failure *sensing is unchanged. */
-lg_status lg_sensing_get(lg_h5 *h5, lg_sensing *sensing, lg_error *error);
-void lg_sensing_destroy(const lg_context *context, lg_sensing *sensing);
+lg_status lg_sensing_put(lg_h5 *h5, const lg_series *names, lg_error *error);
+lg_status lg_sensing_get(lg_h5 *h5, lg_series *names, lg_error *error);
 
 /* ---- single precision (series_precision.c) ---- */
 

@@ -183,12 +183,7 @@ lg_status lg_names_put(lg_h5 *h5, const char *key, const char (*name)[LG_SERIES_
 
 /* ---- classes, channels, rate ---- */
 
-void lg_sensing_destroy(const lg_context *context, lg_sensing *sensing) {
-    LG_FREE_ALL(context, sensing->class_name, sensing->class_label, sensing->channel_name);
-    *sensing = (lg_sensing){.classes = 0};
-}
-
-lg_status lg_sensing_check(const lg_context *context, const char *path, const lg_sensing *sensing,
+lg_status lg_sensing_check(const lg_context *context, const char *path, const lg_series *sensing,
                            lg_error *error) {
     if (!(isfinite(sensing->rate) && sensing->rate >= 0))
         return lg_fail(error, isfinite(sensing->rate) ? LG_INVALID_ARGUMENT : LG_NOT_FINITE,
@@ -207,7 +202,7 @@ lg_status lg_sensing_check(const lg_context *context, const char *path, const lg
                           sensing->channels, false, error);
 }
 
-lg_status lg_sensing_put(lg_h5 *h5, const lg_sensing *sensing, lg_error *error) {
+lg_status lg_sensing_put(lg_h5 *h5, const lg_series *sensing, lg_error *error) {
     LG_TRY(lg_names_put(h5, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name, sensing->classes,
                         error));
     if (sensing->class_label != NULL)
@@ -245,8 +240,8 @@ lg_status lg_rate_get(lg_h5 *h5, double *rate, lg_error *error) {
                    lg_shown_path(h5->path), *rate);
 }
 
-lg_status lg_sensing_get(lg_h5 *h5, lg_sensing *sensing, lg_error *error) {
-    lg_sensing got = {.classes = sensing->classes, .channels = sensing->channels};
+lg_status lg_sensing_get(lg_h5 *h5, lg_series *sensing, lg_error *error) {
+    lg_series got = {.classes = sensing->classes, .channels = sensing->channels, .context = h5->context};
     lg_status status = lg_names_list(h5, "classes", true, &got.classes, &got.class_name, error);
     if (status == LG_OK && got.classes > 0)
         status = lg_names_list(h5, "class_labels", true, &got.classes, &got.class_label, error);
@@ -256,6 +251,6 @@ lg_status lg_sensing_get(lg_h5 *h5, lg_sensing *sensing, lg_error *error) {
     if (status == LG_OK)
         *sensing = got;
     else
-        lg_sensing_destroy(h5->context, &got);
+        lg_series_destroy(&got);
     return status;
 }

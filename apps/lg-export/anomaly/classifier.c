@@ -439,9 +439,9 @@ static void add_words(const classifier_job *j, const export_window *window) {
         lg_text_add(to,
                     "gradient      Its rounding grows as the largest root of a window's covariance over the "
                     "smallest; along roots below 2^-22 of the largest it is taken as 0.\n");
-    lg_text_add(to, "training      %llu windows, split %s\n", (unsigned long long)j->file->windows,
-                lg_split_name(j->file->split));
-    export_provenance(j->source, &j->file->provenance, j->file->data_sha256);
+    lg_text_add(to, "training      %llu windows, split %s\n", (unsigned long long)j->file->run.windows,
+                lg_split_name(j->file->run.split));
+    export_provenance(j->source, &j->file->provenance, j->file->run.data_sha256);
 }
 
 /* ---- the export ---- */
@@ -473,7 +473,7 @@ static export_window window_of(const classifier_file *file) {
     return (export_window){.channels = c->features.channels,
                            .length = c->features.length,
                            .classes = c->classes,
-                           .healthy = file->healthy,
+                           .healthy = file->run.healthy,
                            .rate = file->names.rate,
                            .class_name = file->names.class_name,
                            .channel_name = named ? file->names.channel_name : NULL,

@@ -130,15 +130,6 @@ static const lg_item items[] = {{.type = LG_ITEM_SCALER,
                                 LG_ATTRIBUTE(lg_detector_file, REAL, "test_mse", test_mse),
                                 {.type = LG_ITEM_END}};
 
-static lg_sensing sensing_of(const lg_detector_file *file) {
-    return (lg_sensing){.classes = file->run.model.classes,
-                        .channels = file->run.model.net.channels,
-                        .class_name = file->class_name,
-                        .class_label = file->class_label,
-                        .channel_name = file->channel_name,
-                        .rate = file->rate};
-}
-
 static lg_status check_novelty(const lg_h5 *h5, const lg_detector_file *file, lg_status status,
                                lg_error *error) {
     const lg_novelty *v = &file->novelty;
@@ -170,10 +161,16 @@ static lg_status get_novelty(lg_h5 *h5, lg_detector_file *file, lg_error *error)
 }
 
 static lg_status put_rest(lg_h5 *h5, const void *user, lg_error *error) {
-    const lg_sensing sensing = sensing_of(user);
-    LG_TRY(lg_sensing_check(h5->context, h5->path, &sensing, error));
-    LG_TRY(lg_sensing_put(h5, &sensing, error));
-    return put_novelty(h5, user, error);
+    const lg_detector_file *file = user;
+    const lg_series names = {.classes = file->run.model.classes,
+                             .channels = file->run.model.net.channels,
+                             .class_name = file->class_name,
+                             .class_label = file->class_label,
+                             .channel_name = file->channel_name,
+                             .rate = file->rate};
+    LG_TRY(lg_sensing_check(h5->context, h5->path, &names, error));
+    LG_TRY(lg_sensing_put(h5, &names, error));
+    return put_novelty(h5, file, error);
 }
 
 /* Names the classes "0", "1", ... if the file has no names for them. */
@@ -188,12 +185,12 @@ static lg_status number_classes(lg_h5 *h5, lg_detector_file *file, lg_error *err
 
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_detector_file *file = user;
-    lg_sensing sensing = {.classes = file->run.model.classes, .channels = file->run.model.net.channels};
-    LG_TRY(lg_sensing_get(h5, &sensing, error));
-    file->class_name = sensing.class_name;
-    file->class_label = sensing.class_label;
-    file->channel_name = sensing.channel_name;
-    file->rate = sensing.rate;
+    lg_series names = {.classes = file->run.model.classes, .channels = file->run.model.net.channels};
+    LG_TRY(lg_sensing_get(h5, &names, error));
+    file->class_name = names.class_name;
+    file->class_label = names.class_label;
+    file->channel_name = names.channel_name;
+    file->rate = names.rate;
     LG_TRY(number_classes(h5, file, error));
     return get_novelty(h5, file, error);
 }

@@ -30,9 +30,9 @@ struct lg_recipe {
     const void *defaults;      /* a run with the values for attributes that a file lacks */
     /* Reads into the run what is no row; may be NULL. */
     lg_status (*read)(lg_h5 *h5, void *run, lg_error *error);
-    /* Makes the model from the values of the rows. `why` says what is wrong with them; it begins with the group
-     * if it is not about the whole model. Called again on a copy of a run, it must make the same bytes at
-     * `made`, of which there are made_size. */
+    /* Makes the model from the values of the rows. `why` says what is wrong with them; it begins with the
+     * group if it is not about the whole model. Called again on a copy of a run, it must make the same bytes
+     * at `made`, of which there are made_size. */
     lg_status (*make)(void *run, lg_error *why);
     size_t made, made_size;
     lg_status (*describe)(lg_h5 *h5, const void *run,
@@ -83,19 +83,20 @@ lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error
 
 /* A slice of rank 1 (first) or 2 (first, second); the caller sets its name. */
 void lg_slice_set(lg_slice_info *s, size_t offset, uint32_t rank, uint64_t first, uint64_t second);
-/* Slice number *index of a network whose parameters begin at `offset`: PART/layer1/weight, PART/layer1/bias, ...
- * False if the network has fewer slices, whose number is then subtracted from *index. */
+/* Slice number *index of a network whose parameters begin at `offset`: PART/layer1/weight,
+ * PART/layer1/bias, ... False if the network has fewer slices; their number is then subtracted from
+ * *index. */
 bool lg_slice_of_mlp(const lg_mlp *net, const char *part, size_t offset, uint32_t *index, lg_slice_info *s);
 /* Frees what the file structure owns, and zeroes it. NULL is fine. */
 void lg_run_release(const lg_recipe *kind, void *file);
 
 /* ---- items (items.c) ---- */
 
-/* An array in a member `double *`; the arrays NAME/mean and NAME/scale in a member lg_scaler; an attribute of the
- * root. The list ends with LG_ITEM_END. */
+/* An array in a member `double *`; the arrays NAME/mean and NAME/scale in a member lg_scaler; an attribute of
+ * the root. The list ends with LG_ITEM_END. */
 typedef enum lg_item_type { LG_ITEM_END, LG_ITEM_ARRAY, LG_ITEM_SCALER, LG_ITEM_ATTRIBUTE } lg_item_type;
-/* A dimension of an array: a member uint32_t or size_t of the file structure, or (bytes = 0) the number `offset`.
- * A size_t that is 0 becomes what the file has. */
+/* A dimension of an array: a member uint32_t or size_t of the file structure, or (bytes = 0) the number
+ * `offset`. A size_t that is 0 becomes what the file has. */
 typedef struct lg_item_size {
     size_t offset, bytes;
     const char *what; /* what it counts, in messages */
@@ -135,9 +136,9 @@ void lg_items_release(const lg_context *context, const lg_recipe *kind, void *fi
 
 #define LG_MADE(struct_, member)                                                                             \
     .made = offsetof(struct_, member), .made_size = sizeof(((struct_ *)0)->member)
-/* Defines lg_recipe_<kind>, lg_<kind>_save, lg_<kind>_load and lg_<kind>_file_destroy. The source file must define
- * facts, defaults, make, describe, parameters, slice and program of the kind. The common members have the same
- * names in every file structure. Further members of the row may follow as arguments. */
+/* Defines lg_recipe_<kind>, lg_<kind>_save, lg_<kind>_load and lg_<kind>_file_destroy. The source file must
+ * define facts, defaults, make, describe, parameters, slice and program of the kind. The common members have
+ * the same names in every file structure. Further members of the row may follow as arguments. */
 #define LG_RECIPE(kind, checkpoint_name, ...)                                                                \
     lg_status lg_##kind##_save(const lg_context *context, const char *path, const lg_##kind##_file *file,    \
                                const lg_fit *fit, lg_error *error) {                                         \
