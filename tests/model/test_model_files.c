@@ -968,9 +968,11 @@ static bool change_row(const lg_field *r, void *run) {
         return true;
     }
     if (r->type == LG_FIELD_PHRASE) return lg_field_set(r, "adam:3,lbfgs", run, NULL) == LG_OK;
-    if (r->get != NULL)
-        count = r->get(at, values), values[0]++;
-    else if (r->type == LG_FIELD_REAL)
+    if (r->type == LG_FIELD_WHOLES || r->type == LG_FIELD_REALS) {
+        count = lg_field_list(r, run, values);
+        count = count > 0 ? count : 1;
+        values[0]++;
+    } else if (r->type == LG_FIELD_REAL)
         values[0] = nextafter(lg_field_number(r, run), INFINITY);
     else
         values[0] = lg_field_whole(r, run) != 1;
