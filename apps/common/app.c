@@ -454,7 +454,6 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     (void)snprintf(self.title, sizeof self.title, "%s", program);
     running = &self;
     app_find_ranks(&self);
-    self.warnings = app_warnings_create();
     argp_err_exit_status = APP_EXIT_USAGE;
     argp_program_version_hook = print_version;
     self.command_line = join(argc, argv);
@@ -476,7 +475,6 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     reserve(&self);
     const int code = run_command(&self);
     free(self.command_line);
-    app_warnings_destroy(self.warnings);
     app_free_kept();
     running = NULL;
     return code;

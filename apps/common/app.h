@@ -33,8 +33,6 @@ enum {
 /* ---- tables of options ---- */
 
 typedef struct app app;
-/* The first 64 different sentences of app_warn. */
-typedef struct app_warnings app_warnings;
 
 /* Options: a table of rows (liegrad/settings.h) and the structure that holds their values. Before the command
  * line is read, a structure of `size` bytes is set to zero (size 0: it is not zeroed) and then gets the
@@ -95,14 +93,11 @@ struct app {
     app_slot slots[APP_SLOTS];
     size_t slot_count;
     lg_context *context;
-    app_warnings *warnings;
     uint32_t rank, rank_count; /* from mpirun's environment; 0 and 1 without mpirun */
     const lg_ranks *ranks;     /* set for an APP_RANKS command under mpirun; otherwise NULL */
     bool continues; /* The command continues an earlier run: it does not say that it replaces its results. */
 };
 
-app_warnings *app_warnings_create(void);
-void app_warnings_destroy(app_warnings *warnings);
 /* Parses the command line, runs the command and flushes stdout. Returns the exit code, which main returns. */
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands);
 /* The program's app: from the parsing of the command line to the end of app_main. */
@@ -217,8 +212,8 @@ int app_fail_file(const app *app, lg_status status, const lg_error *error, const
  * error. */
 lg_status app_error(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
-/* Prints a warning on stderr and keeps it for app_json_warnings. A warning that is already kept is not
- * printed again. May be called from any thread; warnings of the library come here too. */
+/* Prints a warning on stderr and keeps it for app_json_warnings, which has the first 64. A warning that is
+ * already kept is not printed again. May be called from any thread; warnings of the library come here too. */
 void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 struct lg_scene;
 /* If the scene has no `initial`, draws its start with --seed and warns that it did so. */

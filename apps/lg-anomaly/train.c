@@ -56,6 +56,7 @@ void report_trained(const app *self, const well_model *model, void (*put)(app_js
     app_json_size(&out, "seed", self->seed);
     app_json_size(&out, "threads", self->threads);
     app_result_text(&out, "out", train_given_files.out, NULL);
+    if (model->sort == WELL_CLASSICAL) app_json_real(&out, "floor", (double)NAN);
     app_json_warnings(&out, self);
     app_json_end(&out);
 }

@@ -341,7 +341,6 @@ static void put_classical(app_json *out, const void *user) {
     app_result_real(out, "feature_seconds", self->feature_seconds, NULL);
     put_method(out, model, &self->chosen.options[self->chosen.best]);
     if (self->chosen.accuracy != NULL) put_choice(out, &self->chosen);
-    app_json_real(out, "floor", (double)NAN);
 }
 
 /* ---- a trial of a search ---- */

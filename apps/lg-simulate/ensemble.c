@@ -48,12 +48,6 @@ static void name_columns(study *all) {
     }
 }
 
-static bool *logarithmic_columns(const study *all) {
-    bool *out = app_alloc(all->total->columns, sizeof *out);
-    for (size_t i = 0; i < all->invariants; i++) out[all->sim->reported + 2 * i + 1] = true;
-    return out;
-}
-
 /* Called as visit(user, row, column, values, count) for each cell (row, column); values (count) are the
  * cell's numbers of all members of a block. */
 typedef void (*cell_visitor)(void *user, size_t row, size_t column, const double *values, size_t count);
@@ -140,8 +134,7 @@ static lg_status keep_block(void *user, const lg_ensemble_block *of) {
         part->rejected += member->rejected;
         if (member->status == LG_OK) continue;
         part->failed[(size_t)member->status < STATUSES ? (size_t)member->status : STATUSES - 1]++;
-        const failure what = {of->first + m, (uint64_t)member->status, member->reached};
-        result_list(part, &what);
+        result_list(part, of->first + m, (uint64_t)member->status, member->reached);
     }
     part->members += of->members;
     const unsigned long long done = atomic_fetch_add(&all->done, of->members) + of->members;
@@ -301,7 +294,7 @@ static lg_status run(const study *all, const lg_ensemble_options *options, lg_en
 static lg_status run_pilot(study *all, lg_error *error) {
     result *total = all->total;
     lg_ensemble_options pilot = all->options;
-    APP_FREE bool *logarithmic = logarithmic_columns(all);
+    const bool *logarithmic = result_logarithmic(total);
     lg_status status = lg_statistics_create(all->sim->self->context, total->points, total->columns, BINS,
                                             logarithmic, &total->states);
     if (status == LG_OK && total->events > 0)

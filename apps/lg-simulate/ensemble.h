@@ -51,11 +51,6 @@ typedef char column_name[NAME_SIZE];
 
 enum { STATUSES = 17, LISTED = 100 };
 
-typedef struct failure {
-    uint64_t member, status;
-    double t;
-} failure;
-
 #define MEMBERS_MAX 1e15 /* largest number of members of an ensemble */
 
 /* The statistics of an ensemble or of a part of it. Parts can be merged in any order. */
@@ -76,14 +71,18 @@ typedef struct result {
     lg_statistics *states;       /* (points, columns) */
     lg_statistics *times;        /* (1, events); NULL without events */
     uint64_t failed[STATUSES];   /* number of failed members by status */
-    failure failures[LISTED];    /* (listed): the failed members with the lowest numbers */
+    /* (listed): number and status of the failed members with the lowest numbers; when they failed */
+    uint64_t who[LISTED][2];
+    double when[LISTED];
 } result;
 
 void result_free(result *self); /* its statistics; the other memory is kept */
+/* For each column whether its histogram is logarithmic, as of a drift. */
+const bool *result_logarithmic(const result *self);
 /* The number of members that failed. */
 uint64_t result_failed(const result *self);
 /* Adds a failure to the list, which is sorted by member and keeps the first LISTED. */
-void result_list(result *self, const failure *what);
+void result_list(result *self, uint64_t member, uint64_t status, double t);
 /* Adds the part `from` to `into`, which must not have its members yet. */
 lg_status result_merge(result *into, const result *from, lg_error *error);
 
@@ -94,7 +93,7 @@ typedef struct result_rows {
     uint64_t dim; /* numbers per state */
 } result_rows;
 /* `rows` NULL: the file has no trajectories. */
-lg_status result_write(const app *self, const char *path, const result *what, const result_rows *rows,
+lg_status result_write(const app *self, const char *path, result *what, const result_rows *rows,
                        lg_error *error);
 /* The caller must free `out` after a failure, too. */
 lg_status result_read(const app *self, const char *path, result *out, lg_error *error);

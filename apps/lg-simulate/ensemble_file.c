@@ -1,6 +1,7 @@
 /* An ensemble, or a part of it, as an HDF5 file. For people: /t, /mean, /deviation, /least, /largest,
  * /quantiles, /events. For merging parts: /accumulators. */
 #include "common/train.h"
+#include "core/stored.h"
 #include "lg-simulate/ensemble.h"
 
 #include <string.h>
@@ -43,20 +44,20 @@ static void put_cells(const lg_archive_writer *to, const char *prefix, const lg_
     (void)to->array(to->user, path, LG_ELEMENT_F64, 3, dims, values);
 }
 
-static void put_numbers(const lg_archive_writer *to, const result *what) {
-    const uint64_t dims[] = {LG_COUNT(what->numbers)}, statuses[] = {STATUSES}, listed[] = {what->listed, 2};
-    uint64_t list[2 * LISTED];
-    double t[LISTED];
-    for (size_t i = 0; i < what->listed; i++) {
-        list[2 * i] = what->failures[i].member;
-        list[2 * i + 1] = what->failures[i].status;
-        t[i] = what->failures[i].t;
-    }
-    (void)to->array(to->user, "accumulators/numbers", LG_ELEMENT_U64, 1, dims, what->numbers);
-    (void)to->array(to->user, "failures/by_status", LG_ELEMENT_U64, 1, statuses, what->failed);
-    if (what->listed == 0) return;
-    (void)to->array(to->user, "failures/member_and_status", LG_ELEMENT_U64, 2, listed, list);
-    (void)to->array(to->user, "failures/t", LG_ELEMENT_F64, 1, listed, t);
+enum { ARRAYS = 4 };
+
+/* The arrays whose sizes `numbers` has. */
+static void list_arrays(result *of, lg_stored out[ARRAYS]) {
+    const lg_stored rows[ARRAYS] = {
+        {"t", LG_ELEMENT_F64, 1, {of->points}, .data = of->t},
+        {"failures/by_status", LG_ELEMENT_U64, 1, {STATUSES}, .data = of->failed},
+        {"failures/member_and_status",
+         LG_ELEMENT_U64,
+         2,
+         {of->listed, 2},
+         .data = of->listed > 0 ? of->who : NULL},
+        {"failures/t", LG_ELEMENT_F64, 1, {of->listed}, .data = of->listed > 0 ? of->when : NULL}};
+    memcpy(out, rows, sizeof rows);
 }
 
 static lg_archive_writer archive_of(lg_file_writer *writer, const char *prefix) {
@@ -65,16 +66,18 @@ static lg_archive_writer archive_of(lg_file_writer *writer, const char *prefix) 
     return to;
 }
 
-static void put_result(lg_file_writer *writer, const result *what) {
-    const uint64_t points[] = {what->points}, level_count[] = {LG_COUNT(levels)};
+static void put_result(lg_file_writer *writer, result *what) {
+    lg_stored arrays[ARRAYS];
+    const uint64_t numbers[] = {LG_COUNT(what->numbers)}, level_count[] = {LG_COUNT(levels)};
     const lg_archive_writer to = archive_of(writer, ""), states = archive_of(writer, "accumulators/states"),
                             times = archive_of(writer, "accumulators/events");
     (void)to.text(to.user, "ensemble", what->what);
     put_names(&to, "columns", what->column, what->columns);
-    (void)to.array(to.user, "t", LG_ELEMENT_F64, 1, points, what->t);
+    (void)to.array(to.user, "accumulators/numbers", LG_ELEMENT_U64, 1, numbers, what->numbers);
+    list_arrays(what, arrays);
+    (void)lg_stored_save(&to, arrays, ARRAYS, NULL);
     (void)to.array(to.user, "levels", LG_ELEMENT_F64, 1, level_count, levels);
     put_cells(&to, "", what->states, what->points, what->columns);
-    put_numbers(&to, what);
     (void)app_had_memory(lg_statistics_save(what->states, &states));
     if (what->events == 0) return;
     put_names(&to, "events", what->event, what->events);
@@ -86,7 +89,7 @@ static void close_writer(lg_file_writer **writer) {
     lg_file_writer_destroy(*writer);
 }
 
-lg_status result_write(const app *self, const char *path, const result *what, const result_rows *rows,
+lg_status result_write(const app *self, const char *path, result *what, const result_rows *rows,
                        lg_error *error) {
     APP_CLEAN(close_writer) lg_file_writer *writer = NULL;
     const lg_provenance provenance = app_provenance(self, self->seed);
@@ -109,18 +112,6 @@ static lg_status get_names(const lg_archive_reader *from, const char *path, size
          name = strtok_r(NULL, "|", &rest))
         (void)snprintf((*out)[i++], NAME_SIZE, "%s", name);
     return i < count ? LG_FORMAT : LG_OK;
-}
-
-static lg_status get_failures(const lg_archive_reader *from, result *out) {
-    const uint64_t statuses[] = {STATUSES}, listed[] = {out->listed, 2};
-    uint64_t list[2 * LISTED];
-    double t[LISTED];
-    LG_TRY(from->array(from->user, "failures/by_status", LG_ELEMENT_U64, 1, statuses, out->failed));
-    if (out->listed == 0) return LG_OK;
-    LG_TRY(from->array(from->user, "failures/member_and_status", LG_ELEMENT_U64, 2, listed, list));
-    LG_TRY(from->array(from->user, "failures/t", LG_ELEMENT_F64, 1, listed, t));
-    for (size_t i = 0; i < out->listed; i++) out->failures[i] = (failure){list[2 * i], list[2 * i + 1], t[i]};
-    return LG_OK;
 }
 
 static lg_status get_statistics(const app *self, lg_file_reader *reader, const char *prefix, size_t rows,
@@ -154,8 +145,8 @@ static bool check_counts(const result *what) {
     }
     if (what->listed > failed) return false;
     for (size_t i = 0; i < what->listed; i++) {
-        const failure *f = &what->failures[i];
-        if (f->member < what->first || f->member - what->first >= what->members || f->status >= STATUSES)
+        const uint64_t member = what->who[i][0];
+        if (member < what->first || member - what->first >= what->members || what->who[i][1] >= STATUSES)
             return false;
     }
     return fits_members(what->states, what->points, what->columns, what->members) &&
@@ -165,6 +156,7 @@ static bool check_counts(const result *what) {
 static lg_status get_result(const app *self, lg_file_reader *reader, result *out) {
     enum { LONGEST = 4096 };
     const uint64_t dims[] = {LG_COUNT(out->numbers)};
+    lg_stored arrays[ARRAYS];
     lg_archive_reader from;
     LG_TRY(lg_file_reader_archive(reader, "", &from));
     LG_TRY(from.array(from.user, "accumulators/numbers", LG_ELEMENT_U64, 1, dims, out->numbers));
@@ -173,17 +165,14 @@ static lg_status get_result(const app *self, lg_file_reader *reader, result *out
         out->block < 1 || out->first > out->total - out->members || out->saved > out->total ||
         (double)out->total > MEMBERS_MAX)
         return LG_CHECK_FAILED;
-    const uint64_t points[] = {out->points};
     out->what = app_keep(LONGEST, 1);
     out->t = app_keep(out->points, sizeof *out->t);
     LG_TRY(from.text(from.user, "ensemble", out->what, LONGEST));
-    LG_TRY(from.array(from.user, "t", LG_ELEMENT_F64, 1, points, out->t));
+    list_arrays(out, arrays);
+    LG_TRY(lg_stored_load(&from, arrays, ARRAYS, NULL));
     LG_TRY(get_names(&from, "columns", out->columns, &out->column));
-    LG_TRY(get_failures(&from, out));
-    APP_FREE bool *logarithmic = app_alloc(out->columns, sizeof *logarithmic);
-    for (size_t i = 0; i < out->columns; i++) logarithmic[i] = strncmp(out->column[i], "drift of ", 9) == 0;
-    LG_TRY(get_statistics(self, reader, "accumulators/states", out->points, out->columns, logarithmic,
-                          &out->states));
+    LG_TRY(get_statistics(self, reader, "accumulators/states", out->points, out->columns,
+                          result_logarithmic(out), &out->states));
     if (out->events > 0) {
         LG_TRY(get_names(&from, "events", out->events, &out->event));
         LG_TRY(get_statistics(self, reader, "accumulators/events", 1, out->events, NULL, &out->times));

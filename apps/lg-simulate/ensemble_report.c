@@ -38,9 +38,9 @@ static void put_failures(app_json *out, const result *what) {
     app_result_rows(out, "failures");
     for (size_t i = 0; i < listed; i++) {
         app_json_open(out, NULL, '{');
-        app_json_size(out, "member", what->failures[i].member);
-        app_json_text(out, "status", lg_status_name((lg_status)what->failures[i].status));
-        app_json_real(out, "t", what->failures[i].t);
+        app_json_size(out, "member", what->who[i][0]);
+        app_json_text(out, "status", lg_status_name((lg_status)what->who[i][1]));
+        app_json_real(out, "t", what->when[i]);
         app_json_close(out, '}');
     }
     app_result_rows_end(out);

@@ -9,20 +9,29 @@ void result_free(result *self) {
     *self = (result){.what = NULL};
 }
 
+const bool *result_logarithmic(const result *self) {
+    bool *out = app_keep(self->columns, sizeof *out);
+    for (size_t i = 0; i < self->columns; i++) out[i] = strncmp(self->column[i], "drift of ", 9) == 0;
+    return out;
+}
+
 uint64_t result_failed(const result *self) {
     uint64_t sum = 0;
     for (size_t i = 0; i < STATUSES; i++) sum += self->failed[i];
     return sum;
 }
 
-void result_list(result *self, const failure *what) {
-    size_t at = self->listed;
-    if (at == LISTED && self->failures[LISTED - 1].member < what->member) return;
-    if (at == LISTED) at--;
-    for (; at > 0 && self->failures[at - 1].member > what->member; at--)
-        self->failures[at] = self->failures[at - 1];
-    self->failures[at] = *what;
+void result_list(result *self, uint64_t member, uint64_t status, double t) {
+    size_t at = 0;
+    while (at < self->listed && self->who[at][0] < member) at++;
+    if (at == LISTED) return;
     if (self->listed < LISTED) self->listed++;
+    const size_t behind = self->listed - at - 1;
+    memmove(self->who + at + 1, self->who + at, behind * sizeof *self->who);
+    memmove(self->when + at + 1, self->when + at, behind * sizeof *self->when);
+    self->who[at][0] = member;
+    self->who[at][1] = status;
+    self->when[at] = t;
 }
 
 lg_status result_merge(result *into, const result *from, lg_error *error) {
@@ -39,6 +48,7 @@ lg_status result_merge(result *into, const result *from, lg_error *error) {
     into->steps += from->steps;
     into->rejected += from->rejected;
     for (size_t i = 0; i < STATUSES; i++) into->failed[i] += from->failed[i];
-    for (size_t i = 0; i < from->listed; i++) result_list(into, &from->failures[i]);
+    for (size_t i = 0; i < from->listed; i++)
+        result_list(into, from->who[i][0], from->who[i][1], from->when[i]);
     return LG_OK;
 }

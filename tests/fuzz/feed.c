@@ -78,8 +78,7 @@ static void take_feed(const app *by, const well_model *model, uint8_t options) {
 void fuzz_feed(const uint8_t *data, size_t size) {
     static const well_model model = {.channels = CHANNELS, .window = WINDOW, .classes = 2};
     if (size == 0) return;
-    app by = {.title = "fuzz", .warnings = app_warnings_create()};
+    app by = {.title = "fuzz"};
     (void)fuzz_file(data + 1, size - 1);
     take_feed(&by, &model, data[0]);
-    app_warnings_destroy(by.warnings);
 }

@@ -57,7 +57,7 @@ void fuzz_part(const uint8_t *data, size_t size) {
 static void merge(result *into, result *from) {
     lg_error error = {LG_OK, ""};
     from->first += from->members;
-    for (size_t i = 0; i < from->listed; i++) from->failures[i].member += from->members;
+    for (size_t i = 0; i < from->listed; i++) from->who[i][0] += from->members;
     const lg_status status = result_merge(into, from, &error);
     refused(status, &error);
     if (status == LG_OK && result_failed(into) > into->members) abort();
