@@ -223,7 +223,7 @@ void app_out_of_memory(void) __attribute__((noreturn));
 /* Returns zeroed memory, aligned to 64 bytes; without memory the program exits with code 5. Freed with
  * free. */
 void *app_alloc(uint64_t count, size_t size);
-/* As app_alloc, for memory that lives until the command ends and is not freed by anyone. Not thread safe. */
+/* As app_alloc, for memory that lives until the command ends and is not freed by anyone. */
 void *app_keep(uint64_t count, size_t size);
 void app_free_kept(void); /* at the end of app_main */
 /* Returns an empty text. When memory is missing it ends the program as app_alloc does, so its `failed` is

@@ -3,6 +3,7 @@
 
 #include <pthread.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -125,13 +126,13 @@ typedef struct kept {
     _Alignas(64) struct kept *next;
 } kept;
 
-static kept *kept_memory;
+static kept *_Atomic kept_memory;
 
 void *app_keep(uint64_t count, size_t size) {
     if (size > 0 && count > (SIZE_MAX - sizeof(kept)) / size) app_out_of_memory();
-    kept *memory = app_alloc(1, sizeof *memory + (size_t)count * size);
-    memory->next = kept_memory;
-    kept_memory = memory;
+    kept *memory = app_alloc(1, sizeof *memory + (size_t)count * size), *next = kept_memory;
+    do memory->next = next;
+    while (!atomic_compare_exchange_weak(&kept_memory, &next, memory));
     return memory + 1;
 }
 

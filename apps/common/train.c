@@ -20,10 +20,13 @@ static bool given(const lg_training *training, const char *option) {
     return app_given(training->user, option);
 }
 
-/* As app_must, but a message that begins with an option is about the command line. */
-static void must(const app *self, lg_status status, const lg_error *error) {
+void train_check_usage(const app *self, lg_status status, const lg_error *error) {
     if (status == LG_INVALID_ARGUMENT && strncmp(error->message, "--", 2) == 0)
         app_stop_usage(self, "%s", error->message);
+}
+
+static void must(const app *self, lg_status status, const lg_error *error) {
+    train_check_usage(self, status, error);
     app_must(self, status, error);
 }
 
@@ -34,7 +37,7 @@ static void must_end_well(int code) {
 void train_begin(const app *self, train_task *task, int argument) {
     const lg_recipe *recipe = task->recipe;
     if (task->state == NULL && recipe->trainer->state_size > 0)
-        task->state = app_alloc(1, recipe->trainer->state_size);
+        task->state = app_keep(1, recipe->trainer->state_size);
     task->training = lg_training_of(self->context, recipe, task->settings[0].values, task->state);
     task->training.paths = self->arguments + argument;
     task->training.path_count = (size_t)(self->argument_count - argument);
@@ -49,7 +52,7 @@ void train_read(const app *self, train_task *task) {
     lg_error error = {LG_OK, ""};
     training->resumed = files->resume != NULL;
     const lg_status status = task->recipe->trainer->read(training, &error);
-    if (status == LG_INVALID_ARGUMENT) must(self, status, &error);
+    train_check_usage(self, status, &error);
     app_must_file(self, status, &error, training->failed != NULL ? training->failed : training->paths[0]);
 }
 
@@ -323,7 +326,7 @@ static void adopt_size(app *self, const app_settings *settings, const void *from
  * values. */
 static void open_stored(app *self, const train_task *task, stored_run *stored) {
     if (files->resume == NULL) return;
-    stored->run = app_alloc(1, task->settings[0].size);
+    stored->run = app_keep(1, task->settings[0].size);
     APP_MUST_FILE(self, files->resume,
                   lg_checkpoint_open(self->context, files->resume, NULL, task->recipe, stored->run,
                                      &stored->reader, &error));
@@ -429,7 +432,6 @@ int train_main(app *self, train_task *task) {
     app_read_options(self);
     const int code = run_with(self, task, &stored, &race);
     lg_file_reader_destroy(stored.reader);
-    free(stored.run);
     lg_training_close(&task->training);
     return code;
 }

@@ -125,6 +125,8 @@ void train_open(app *app, train_task *task);
 static inline lg_fit_settings *train_training(const train_task *task) {
     return lg_training_settings(&task->training);
 }
+/* Ends the command if the error is about the command line: its message begins with an option. */
+void train_check_usage(const app *app, lg_status status, const lg_error *error);
 /* Prepares task->training; its data files are the command's arguments from index `argument` on. */
 void train_begin(const app *app, train_task *task, int argument);
 void train_read(const app *app, train_task *task);

@@ -56,6 +56,8 @@ int verb_evaluate(app *self) {
     training->model = path;
     lg_error error = {LG_OK, ""};
     const lg_status status = lg_training_evaluate(training, file, &error);
+    train_check_usage(self, status, &error);
+    if (status == LG_NOT_FINITE) app_must(self, status, &error);
     app_must_file(self, status, &error, training->failed != NULL ? training->failed : training->paths[0]);
     if (plot != NULL) task.draw(self, plot, training);
     app_result_begin(&out, self);

@@ -13,54 +13,19 @@ extern const app_command solve_command, generate_command, evaluate_command, pred
 
 extern const char *const case_names[]; /* indexed by lg_elastica_case */
 
-/* Groups of options, which are members of the structure with a command's values. */
-typedef struct end_values {
-    lg_reals q0, qN;
-} end_values;
-
+/* The options that commands share: their values and rows, as entries of a command's settings. */
 typedef struct beam_values {
     double length, stiffness;
     uint64_t intervals;
-} beam_values;
-
-typedef struct boundary_values {
+    lg_reals q0, qN;
     int kind; /* index into case_names */
     double x, theta0, thetaN, rotation;
-    end_values ends;
-} boundary_values;
-
-#define END_ROWS(type, field, begins, ends_at)                                                               \
-    LG_OPTION(type, field.q0, REALS, "X,Y", "Where the beam begins (default " begins ")", .option = "q0",    \
-              LG_ANY_REAL),                                                                                  \
-        LG_OPTION(type, field.qN, REALS, "X,Y", "Where it ends (default " ends_at ")", .option = "qN",       \
-                  LG_ANY_REAL)
-
-#define BEAM_ROWS(type, field)                                                                               \
-    LG_OPTION(type, field.length, REAL, "L", "Length of the beam", .option = "length", LG_POSITIVE,          \
-              .value = "3.3"),                                                                               \
-        LG_OPTION(type, field.stiffness, REAL, "EI", "Bending stiffness", .option = "stiffness",             \
-                  LG_POSITIVE, .value = "10"),                                                               \
-        LG_OPTION(type, field.intervals, U64, "N", "Number of equal intervals between the nodes",            \
-                  .option = "intervals", .low = LG_ELASTICA_MIN_INTERVALS,                                   \
-                  .high = LG_ELASTICA_MAX_INTERVALS, .value = "50")
-
-#define BOUNDARY_ROWS(type, field, case_default, begins, ends_at)                                            \
-    LG_OPTION(type, field.kind, NAME, NULL,                                                                  \
-              "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "           \
-              "wrapped to (-pi, pi] (default " case_default ")",                                             \
-              .option = "case", .names = case_names),                                                        \
-        LG_OPTION(type, field.x, REAL, "X", "The case's parameter, radians", .option = "x", .low = -1e6,     \
-                  .high = 1e6),                                                                              \
-        LG_OPTION(type, field.theta0, REAL, "A",                                                             \
-                  "Instead of --case and --x: tangent angle at s = 0, radians", .option = "theta0",          \
-                  .low = -1e6, .high = 1e6),                                                                 \
-        LG_OPTION(type, field.thetaN, REAL, "B", "With --theta0: tangent angle at s = L, radians",           \
-                  .option = "thetaN", .low = -1e6, .high = 1e6),                                             \
-        LG_OPTION(type, field.rotation, REAL, "R",                                                           \
-                  "Turning of the tangent along the beam: B - A plus whole turns (default: of B - A "        \
-                  "wrapped to (-pi, pi], one turn more and one less, the one with the lowest energy)",       \
-                  .option = "rotation", .low = -1e6, .high = 1e6),                                           \
-        END_ROWS(type, field.ends, begins, ends_at)
+} beam_values;
+extern beam_values beam_given;
+extern const lg_field beam_rows[], end_rows[], boundary_rows[];
+#define BEAM     APP_GIVEN(beam_rows, beam_given) /* length, stiffness, intervals */
+#define ENDS     APP_GIVEN(end_rows, beam_given)
+#define BOUNDARY APP_GIVEN(boundary_rows, beam_given)
 
 #define BOUNDARY_ROTATIONS 3
 
@@ -72,12 +37,11 @@ typedef struct boundary {
     double rotation[BOUNDARY_ROTATIONS], chosen;
 } boundary;
 
-/* A beam with these ends; the end angles are not set yet. */
-lg_elastica beam_problem(const app *app, const beam_values *beam, const end_values *ends);
+/* The beam of the options; the end angles are not set yet. */
+lg_elastica beam_problem(const app *app);
 /* Reads the boundary conditions. `problem` has the values that the options do not set. `kind` is the case if
  * --x is given without --case. */
-void boundary_read(const app *app, const boundary_values *values, const lg_elastica *problem,
-                   lg_elastica_case kind, boundary *out);
+void boundary_read(const app *app, const lg_elastica *problem, lg_elastica_case kind, boundary *out);
 /* Sets all possible rotations for a pair of end angles. */
 void boundary_rotations(double theta0, double thetaN, boundary *out);
 /* An angle wrapped to (-pi, pi]. */
@@ -87,13 +51,12 @@ void boundary_vector(const lg_elastica *problem, double x[8]);
 
 /* ---- curves (curves.c) ---- */
 
-/* Points of a curve; owns its arrays. */
+/* Points of a curve. */
 typedef struct beam_nodes {
     size_t count;
     double *s, *q, *v, *theta; /* (count), (count, 2), (count, 2), (count) */
 } beam_nodes;
 beam_nodes beam_nodes_create(size_t count);
-void beam_nodes_destroy(beam_nodes *nodes);
 
 /* An equilibrium, given at its N + 1 nodes. */
 typedef struct beam_curve {
@@ -102,7 +65,6 @@ typedef struct beam_curve {
     lg_elastica_solution solution;
 } beam_curve;
 beam_curve beam_curve_create(const lg_elastica *problem);
-void beam_curve_destroy(beam_curve *curve);
 
 /* Solves for the equilibrium with the chosen rotation, or, without a choice, for the one with the lowest
  * energy. */
@@ -115,10 +77,9 @@ typedef struct beam_curves {
     bool full;        /* the search stopped because the list was full */
 } beam_curves;
 /* Finds all equilibria of the discrete problem that the library can find, for all rotations of the boundary
- * conditions. The caller destroys `out`, also after a failure. */
+ * conditions. */
 lg_status beam_branches(const lg_context *context, const boundary *where, const lg_elastica_options *options,
                         bool saddles, beam_curves *out, lg_error *error);
-void beam_curves_destroy(beam_curves *curves);
 /* Root mean square, over the nodes, of the difference of the tangents. Both curves must have the same N. */
 double beam_distance(const beam_curve *a, const beam_curve *b);
 

@@ -8,6 +8,38 @@ static const double rotation_tolerance = 1e-9; /* radians */
 
 const char *const case_names[] = {"both-ends", "right-end", NULL};
 
+beam_values beam_given;
+
+const lg_field beam_rows[] = {
+    LG_OPTION(beam_values, length, REAL, "L", "Length of the beam", LG_POSITIVE, .value = "3.3"),
+    LG_OPTION(beam_values, stiffness, REAL, "EI", "Bending stiffness", LG_POSITIVE, .value = "10"),
+    LG_OPTION(beam_values, intervals, U64, "N", "Number of equal intervals between the nodes",
+              .low = LG_ELASTICA_MIN_INTERVALS, .high = LG_ELASTICA_MAX_INTERVALS, .value = "50"),
+    LG_FIELD_END};
+
+const lg_field end_rows[] = {
+    LG_OPTION(beam_values, q0, REALS, "X,Y",
+              "Where the beam begins (default 0,0; of a model: as in its training data)", LG_ANY_REAL),
+    LG_OPTION(beam_values, qN, REALS, "X,Y",
+              "Where it ends (default 3,0; of a model: as in its training data)", LG_ANY_REAL),
+    LG_FIELD_END};
+
+const lg_field boundary_rows[] = {
+    LG_OPTION(beam_values, kind, NAME, NULL,
+              "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "
+              "wrapped to (-pi, pi] (default both-ends; of a model: the family trained on)",
+              .option = "case", .names = case_names),
+    LG_OPTION(beam_values, x, REAL, "X", "The case's parameter, radians", .low = -1e6, .high = 1e6),
+    LG_OPTION(beam_values, theta0, REAL, "A", "Instead of --case and --x: tangent angle at s = 0, radians",
+              .option = "theta0", .low = -1e6, .high = 1e6),
+    LG_OPTION(beam_values, thetaN, REAL, "B", "With --theta0: tangent angle at s = L, radians",
+              .option = "thetaN", .low = -1e6, .high = 1e6),
+    LG_OPTION(beam_values, rotation, REAL, "R",
+              "Turning of the tangent along the beam: B - A plus whole turns (default: of B - A wrapped to "
+              "(-pi, pi], one turn more and one less, the one with the lowest energy)",
+              .low = -1e6, .high = 1e6),
+    LG_FIELD_END};
+
 double wrap_angle(double angle) {
     const double w = remainder(angle, 2 * pi);
     return w <= -pi ? w + 2 * pi : w;
@@ -44,18 +76,18 @@ static void read_point(const app *self, const char *option, const lg_reals *give
     point[1] = given->values[1];
 }
 
-static void read_ends(const app *self, const end_values *values, lg_elastica *problem) {
-    read_point(self, "q0", &values->q0, problem->q0);
-    read_point(self, "qN", &values->qN, problem->qN);
+static void read_ends(const app *self, lg_elastica *problem) {
+    read_point(self, "q0", &beam_given.q0, problem->q0);
+    read_point(self, "qN", &beam_given.qN, problem->qN);
 }
 
-lg_elastica beam_problem(const app *self, const beam_values *beam, const end_values *ends) {
+lg_elastica beam_problem(const app *self) {
     lg_elastica problem;
     lg_elastica_init(&problem);
-    problem.length = beam->length;
-    problem.stiffness = beam->stiffness;
-    problem.intervals = (uint32_t)beam->intervals;
-    read_ends(self, ends, &problem);
+    problem.length = beam_given.length;
+    problem.stiffness = beam_given.stiffness;
+    problem.intervals = (uint32_t)beam_given.intervals;
+    read_ends(self, &problem);
     return problem;
 }
 
@@ -72,24 +104,24 @@ static void fix_rotation(const app *self, double wanted, boundary *out) {
     out->rotation[0] = out->chosen = out->problem.rotation = nearest;
 }
 
-static void read_angles(const app *self, const boundary_values *values, boundary *out) {
+static void read_angles(const app *self, boundary *out) {
     const bool last = app_given(self, "thetaN");
     if (!app_given(self, "theta0")) app_stop_usage(self, "--theta0 A is missing");
     if (!last && !app_given(self, "rotation")) app_stop_usage(self, "--thetaN B is missing");
-    boundary_rotations(values->theta0, last ? values->thetaN : values->theta0 + values->rotation, out);
+    boundary_rotations(beam_given.theta0, last ? beam_given.thetaN : beam_given.theta0 + beam_given.rotation,
+                       out);
 }
 
-static void read_case(const app *self, const boundary_values *values, lg_elastica_case kind, boundary *out) {
+static void read_case(const app *self, lg_elastica_case kind, boundary *out) {
     if (!app_given(self, "x")) app_stop_usage(self, "--x X is missing");
-    if (app_given(self, "case")) kind = (lg_elastica_case)values->kind;
-    lg_elastica_set_case(&out->problem, kind, values->x);
+    if (app_given(self, "case")) kind = (lg_elastica_case)beam_given.kind;
+    lg_elastica_set_case(&out->problem, kind, beam_given.x);
     const double rotation = out->problem.rotation;
     boundary_rotations(out->problem.theta0, out->problem.theta0 + rotation, out);
     out->chosen = out->problem.rotation = rotation;
 }
 
-void boundary_read(const app *self, const boundary_values *values, const lg_elastica *problem,
-                   lg_elastica_case kind, boundary *out) {
+void boundary_read(const app *self, const lg_elastica *problem, lg_elastica_case kind, boundary *out) {
     const bool family = app_given(self, "case") || app_given(self, "x");
     const bool angles = app_given(self, "theta0") || app_given(self, "thetaN");
     *out = (boundary){.problem = *problem};
@@ -97,11 +129,11 @@ void boundary_read(const app *self, const boundary_values *values, const lg_elas
         app_stop_usage(self, "--case with --x and --theta0 with --thetaN cannot be given together");
     if (!family && !angles)
         app_stop_usage(self, "no boundary conditions: give --case and --x, or --theta0 and --thetaN");
-    read_ends(self, &values->ends, &out->problem);
+    read_ends(self, &out->problem);
     if (family)
-        read_case(self, values, kind, out);
+        read_case(self, kind, out);
     else
-        read_angles(self, values, out);
-    if (app_given(self, "rotation")) fix_rotation(self, values->rotation, out);
+        read_angles(self, out);
+    if (app_given(self, "rotation")) fix_rotation(self, beam_given.rotation, out);
     APP_MUST(self, lg_elastica_check(&out->problem, &error));
 }

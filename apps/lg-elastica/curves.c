@@ -12,15 +12,8 @@ enum { BRANCH_ROOM = 64 };
 static const double same_energy = 1e-9;
 
 beam_nodes beam_nodes_create(size_t count) {
-    return (beam_nodes){count, app_alloc(count, sizeof(double)), app_alloc(2 * count, sizeof(double)),
-                        app_alloc(2 * count, sizeof(double)), app_alloc(count, sizeof(double))};
-}
-
-void beam_nodes_destroy(beam_nodes *nodes) {
-    free(nodes->s);
-    free(nodes->q);
-    free(nodes->v);
-    free(nodes->theta);
+    double *memory = app_keep(6 * count, sizeof *memory);
+    return (beam_nodes){count, memory, memory + count, memory + 3 * count, memory + 5 * count};
 }
 
 beam_curve beam_curve_create(const lg_elastica *problem) {
@@ -28,10 +21,6 @@ beam_curve beam_curve_create(const lg_elastica *problem) {
     const beam_curve out = {.problem = *problem, .at = beam_nodes_create(n + 1)};
     for (size_t k = 0; k <= n; k++) out.at.s[k] = problem->length * (double)k / (double)n;
     return out;
-}
-
-void beam_curve_destroy(beam_curve *curve) {
-    beam_nodes_destroy(&curve->at);
 }
 
 static lg_status solve_one(const lg_context *context, const lg_elastica_options *options, bool continuous,
@@ -84,12 +73,9 @@ void beam_solve(const app *self, const boundary *where, const lg_elastica_option
         if (status == LG_OK &&
             (!found ||
              curve.solution.energy < out->solution.energy - same_energy * fabs(out->solution.energy))) {
-            const beam_curve worse = *out;
             *out = curve;
-            curve = worse;
             found = true;
         }
-        beam_curve_destroy(&curve);
         if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) break;
     }
     if (!found) app_must(self, failure, &first);
@@ -115,7 +101,7 @@ lg_status beam_branches(const lg_context *context, const boundary *where, const 
     APP_FREE double *theta = app_alloc(BRANCH_ROOM * nodes, sizeof *theta);
     APP_FREE lg_elastica_solution *solutions = app_alloc(BRANCH_ROOM, sizeof *solutions);
     lg_status status = LG_OK;
-    *out = (beam_curves){.list = app_alloc(BOUNDARY_ROTATIONS * BRANCH_ROOM, sizeof *out->list)};
+    *out = (beam_curves){.list = app_keep(BOUNDARY_ROTATIONS * BRANCH_ROOM, sizeof *out->list)};
     for (size_t k = 0; k < where->count && status == LG_OK; k++) {
         size_t count = 0;
         lg_elastica problem = where->problem;
@@ -134,11 +120,6 @@ lg_status beam_branches(const lg_context *context, const boundary *where, const 
     }
     qsort(out->list, out->count, sizeof *out->list, by_energy);
     return status;
-}
-
-void beam_curves_destroy(beam_curves *curves) {
-    for (size_t i = 0; i < curves->count; i++) beam_curve_destroy(&curves->list[i]);
-    free(curves->list);
 }
 
 /* ---- output ---- */

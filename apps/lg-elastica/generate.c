@@ -9,8 +9,6 @@ typedef struct generate_values {
     int kind;
     uint64_t count;
     double gap;
-    beam_values beam;
-    end_values ends;
     bool continuous;
 } generate_values;
 
@@ -25,8 +23,6 @@ static const lg_field generate_options[] = {
               .high = 0.499, .value = "0.01"),
     LG_OPTION(generate_values, continuous, SWITCH, NULL,
               "Store solutions of the differential equation at the nodes instead of discrete solutions"),
-    BEAM_ROWS(generate_values, beam),
-    END_ROWS(generate_values, ends, "0,0", "3,0"),
     LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .file = LG_FILE_WRITTEN,
               .required = true),
     LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png", "Draw some of the curves",
@@ -86,7 +82,7 @@ static int run(app *self) {
     sampling.gap = values.gap;
     sampling.continuous = values.continuous;
     sampling.threads = (int)self->threads;
-    sampling.problem = beam_problem(self, &values.beam, &values.ends);
+    sampling.problem = beam_problem(self);
     const double begin = app_seconds();
     APP_MUST(self, lg_elastica_generate(self->context, &sampling, &data.curves, &error));
     const double seconds = app_seconds() - begin;
@@ -104,5 +100,5 @@ const app_command generate_command = {
         "The file holds /boundary (n, 8) as q0, v0, qN, vN, /q and /v (n, N + 1, 2), /energy, /x and /case "
         "(n). x takes equidistant values in [G pi, (1 - G) pi] and in its mirror image, ends included; each "
         "interval has half of the curves.",
-    .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
+    .settings = APP_SETTINGS(BEAM, ENDS, APP_GIVEN(generate_options, values)),
     .run = run};

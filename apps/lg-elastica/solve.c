@@ -4,8 +4,6 @@
 #include "lg-elastica/beam.h"
 
 typedef struct solve_values {
-    boundary_values where;
-    beam_values beam;
     double gradient_tol;
     uint64_t sweep;
     bool continuous, branches, saddles;
@@ -13,8 +11,6 @@ typedef struct solve_values {
 } solve_values;
 
 static const lg_field solve_options[] = {
-    BOUNDARY_ROWS(solve_values, where, "both-ends", "0,0", "3,0"),
-    BEAM_ROWS(solve_values, beam),
     LG_OPTION(solve_values, gradient_tol, REAL, "TOL",
               "Largest gradient, relative to the largest term in its sum (default 1e-12)", LG_POSITIVE),
     LG_OPTION(solve_values, continuous, SWITCH, NULL,
@@ -90,7 +86,7 @@ static void warn_of_intervals(const app *self, const lg_elastica *problem, doubl
 }
 
 static void solve_curve(const app *self, const boundary *where, const lg_elastica_options *options) {
-    APP_CLEAN(beam_curve_destroy) beam_curve curve = {.solution = {0}};
+    beam_curve curve;
     const double begin = app_seconds();
     beam_solve(self, where, options, values.continuous, &curve);
     const double seconds = app_seconds() - begin;
@@ -123,7 +119,7 @@ static void report_branches(const app *self, const beam_curves *found, const lg_
 }
 
 static void solve_branches(const app *self, const boundary *where, const lg_elastica_options *options) {
-    APP_CLEAN(beam_curves_destroy) beam_curves found = {.count = 0};
+    beam_curves found;
     const double begin = app_seconds();
     APP_MUST(self, beam_branches(self->context, where, options, values.saddles, &found, &error));
     const double seconds = app_seconds() - begin;
@@ -154,18 +150,18 @@ static void check_options(const app *self) {
 static int run(app *self) {
     check_options(self);
     app_check_text(self, values.out, values.sweep > 0 ? SWEEP_HEAD : curves_head(values.branches));
-    const lg_elastica problem = beam_problem(self, &values.beam, &values.where.ends);
+    const lg_elastica problem = beam_problem(self);
     lg_elastica_options options;
     lg_elastica_options_init(&options);
     if (values.gradient_tol > 0) options.gradient_tolerance = values.gradient_tol;
     if (values.sweep > 0) {
-        const sweep_values sweep = {(size_t)values.sweep, problem,    (lg_elastica_case)values.where.kind,
+        const sweep_values sweep = {(size_t)values.sweep, problem,    (lg_elastica_case)beam_given.kind,
                                     values.saddles,       values.out, values.plot};
         sweep_run(self, &sweep, &options);
         return APP_EXIT_OK;
     }
     boundary where;
-    boundary_read(self, &values.where, &problem, LG_ELASTICA_BOTH_ENDS, &where);
+    boundary_read(self, &problem, LG_ELASTICA_BOTH_ENDS, &where);
     (values.branches ? solve_branches : solve_curve)(self, &where, &options);
     return APP_EXIT_OK;
 }
@@ -177,5 +173,5 @@ const app_command solve_command = {
                "rotation; for a case it is the global minimum. The exit code is 4 when no acceptable "
                "minimum is found. --branches lists all minima found for the three rotations nearest to "
                "zero, or for the one of --rotation.",
-    .settings = APP_SETTINGS(APP_GIVEN(solve_options, values)),
+    .settings = APP_SETTINGS(BOUNDARY, ENDS, BEAM, APP_GIVEN(solve_options, values)),
     .run = run};

@@ -31,7 +31,7 @@ static void find(void *user, size_t i) {
     boundary_rotations(where.problem.theta0, where.problem.theta0 + where.problem.rotation, &where);
     s->status[i] =
         beam_branches(s->self->context, &where, s->options, s->values->saddles, &s->found[i], &s->error[i]);
-    s->branch[i] = app_alloc(s->found[i].count, sizeof *s->branch[i]);
+    s->branch[i] = app_keep(s->found[i].count, sizeof *s->branch[i]);
 }
 
 typedef struct sweep_point {
@@ -84,7 +84,7 @@ static int by_branch(const void *a, const void *b) {
 static sweep_point *collect(const sweep *s, size_t *count) {
     size_t n = 0;
     for (size_t i = 0; i < s->values->points; i++) n += s->found[i].count;
-    sweep_point *points = app_alloc(n, sizeof *points);
+    sweep_point *points = app_keep(n, sizeof *points);
     *count = 0;
     for (size_t i = 0; i < s->values->points; i++)
         for (size_t k = 0; k < s->found[i].count; k++) {
@@ -183,37 +183,24 @@ static void check_found(const sweep *s, size_t i) {
         app_stop(s->self, s->status[i], "x = %.9g: %s", s->x[i], app_sentence(s->status[i], &s->error[i]));
 }
 
-static void sweep_destroy(sweep *s) {
-    for (size_t i = 0; i < s->values->points; i++) {
-        beam_curves_destroy(&s->found[i]);
-        free(s->branch[i]);
-    }
-    free(s->found);
-    free(s->branch);
-    free(s->x);
-    free(s->status);
-    free(s->error);
-}
-
 void sweep_run(const app *self, const sweep_values *values, const lg_elastica_options *options) {
     const size_t n = values->points;
     size_t count;
-    APP_CLEAN(sweep_destroy)
     sweep s = {.self = self,
                .values = values,
                .options = options,
-               .found = app_alloc(n, sizeof *s.found),
-               .branch = app_alloc(n, sizeof *s.branch),
-               .x = app_alloc(n, sizeof *s.x),
-               .status = app_alloc(n, sizeof *s.status),
-               .error = app_alloc(n, sizeof *s.error)};
+               .found = app_keep(n, sizeof *s.found),
+               .branch = app_keep(n, sizeof *s.branch),
+               .x = app_keep(n, sizeof *s.x),
+               .status = app_keep(n, sizeof *s.status),
+               .error = app_keep(n, sizeof *s.error)};
     const double begin = app_seconds();
     APP_MUST(self, lg_elastica_check(&values->problem, &error));
     for (size_t i = 0; i < n; i++) s.x[i] = 2 * 3.14159265358979323846 * (double)i / (double)(n - 1);
     app_parallel(self->threads, n, find, &s);
     for (size_t i = 0; i < n; i++) check_found(&s, i);
     for (size_t i = 0; i < n; i++) follow(&s, i);
-    APP_FREE sweep_point *points = collect(&s, &count);
+    sweep_point *points = collect(&s, &count);
     const double seconds = app_seconds() - begin;
     write_sweep(self, values->out, points, count);
     draw_sweep(self, values->plot, points, count);

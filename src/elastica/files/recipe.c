@@ -8,20 +8,8 @@
 
 enum { STREAM_WEIGHTS = 1 };
 
-/* Indices of the curves of one part, in rising order. */
-typedef struct part {
-    uint32_t *list;
-    size_t count;
-} part;
-
-typedef struct state {
-    lg_elastica_data data;
-    const lg_surrogate_preset *preset; /* preset that was adopted; NULL when training is resumed */
-    part train, test; /* in a hyperparameter search `test` is held out of the training part */
-    part learned;     /* curves of `train` that are learned, at most run->most_curves */
-    double *modes, *coefficients, truncation; /* of a network with modes; otherwise NULL, NULL, NaN */
-    lg_surrogate_problem problem;
-} state;
+typedef lg_curves_part part;
+typedef lg_surrogate_state state;
 
 /* ---- the data ---- */
 
@@ -34,27 +22,22 @@ static bool is_impossible(const lg_elastica_curves *curves, size_t curve, size_t
     return !(hypot(q[0] - first[0], q[1] - first[1]) <= 2 * curves->length && hypot(v[0], v[1]) <= 2);
 }
 
-lg_status lg_elastica_data_judge(const lg_context *context, const char *path, lg_elastica_data *out,
-                                 lg_error *error) {
-    LG_TRY(lg_elastica_data_read(context, path, NULL, out, error));
-    const lg_elastica_curves *curves = &out->curves;
+static lg_status read_data(lg_training *self, lg_error *error) {
+    state *s = self->state;
+    const char *path = self->paths[0];
+    LG_TRY(lg_elastica_data_read(self->context, path, NULL, &s->data, error));
+    memcpy(self->sha256, s->data.sha256, sizeof self->sha256);
+    const lg_elastica_curves *curves = &s->data.curves;
     size_t count = 0, curve = 0, node = 0;
     for (size_t i = curves->count; i-- > 0;)
         for (size_t k = (size_t)curves->intervals + 1; k-- > 0;)
             if (is_impossible(curves, i, k)) curve = i, node = k, count++;
     if (count > 0)
-        lg_log_message(context, LG_LOG_WARNING,
-                       "%s: %zu nodes cannot be points of a beam; the first is node %zu of curve %zu (both "
-                       "counted from 0): such a node is farther from the beam's start than twice the length, "
-                       "or its tangent is longer than 2; most of the error comes from these nodes",
-                       path, count, node, curve);
-    return LG_OK;
-}
-
-static lg_status read_data(lg_training *self, lg_error *error) {
-    state *s = self->state;
-    LG_TRY(lg_elastica_data_judge(self->context, self->paths[0], &s->data, error));
-    memcpy(self->sha256, s->data.sha256, sizeof self->sha256);
+        LG_WARN(self,
+                "%s: %zu nodes cannot be points of a beam; the first is node %zu of curve %zu (both "
+                "counted from 0): such a node is farther from the beam's start than twice the length, "
+                "or its tangent is longer than 2; most of the error comes from these nodes",
+                path, count, node, curve);
     return LG_OK;
 }
 
@@ -81,20 +64,15 @@ static lg_status split(const lg_surrogate_run *run, uint8_t *parts, lg_error *er
                    run->train_fraction, run->test_fraction, (size_t)run->curves);
 }
 
-lg_status lg_surrogate_part(const lg_context *context, const lg_surrogate_run *run, lg_part wanted,
-                            uint32_t *list, size_t *count, lg_error *error) {
-    uint8_t *parts = lg_alloc(context, (size_t)run->curves, 1);
-    if (parts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
-    const lg_status status = split(run, parts, error);
-    if (status == LG_OK) *count = indices_of(parts, (size_t)run->curves, wanted, list).count;
-    lg_free(context, parts);
-    return status;
-}
-
 static lg_status take_part(lg_training *self, lg_part wanted, part *out, lg_error *error) {
     const lg_surrogate_run *run = self->run;
-    LG_TRAINING_ARRAY(self, out->list, (size_t)run->curves, error);
-    return lg_surrogate_part(self->context, run, wanted, out->list, &out->count, error);
+    const size_t count = (size_t)run->curves;
+    uint8_t *parts;
+    LG_TRAINING_ARRAY(self, parts, count, error);
+    LG_TRAINING_ARRAY(self, out->list, count, error);
+    LG_TRY(split(run, parts, error));
+    *out = indices_of(parts, count, wanted, out->list);
+    return LG_OK;
 }
 
 static lg_status prepare(lg_training *self, lg_error *error) {
@@ -364,21 +342,97 @@ static lg_status save(lg_training *self, void *into, lg_error *error) {
     return LG_OK;
 }
 
-/* Evaluates the model on all curves. */
+/* ---- evaluation ---- */
+
+const char *const lg_curves_part_names[] = {"all", "train", "test", NULL};
+
+/* Sets s->test to the curves that are used. */
+static lg_status choose(lg_training *self, lg_error *error) {
+    state *s = self->state;
+    const lg_surrogate_run *run = self->run;
+    const size_t count = s->data.curves.count;
+    const char *name = lg_curves_part_names[s->part];
+    if (s->part == LG_CURVES_ALL) {
+        s->test.count = count;
+        LG_TRAINING_ARRAY(self, s->test.list, count, error);
+        for (size_t i = 0; i < count; i++) s->test.list[i] = (uint32_t)i;
+        return LG_OK;
+    }
+    if (strcmp(run->data_sha256, s->data.sha256) != 0 || run->curves != count)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "--part %s: %s was trained on other data than %s", name,
+                       self->model, self->paths[0]);
+    LG_TRY(take_part(self, s->part == LG_CURVES_TRAIN ? LG_PART_TRAIN : LG_PART_TEST, &s->test, error));
+    if (s->test.count > 0) return LG_OK;
+    return lg_fail(error, LG_INVALID_ARGUMENT, "--part %s: the model has no curves in it", name);
+}
+
+/* A curve is outside if its distance exceeds the reach or the spread times this factor. */
+static const double outside_factor = 2;
+
+lg_elastica_outside lg_elastica_count_outside(const lg_surrogate_file *file, const double *boundary,
+                                              const uint32_t *chosen, size_t count) {
+    const double none = (double)NAN;
+    if (file->trained_count == 0) return (lg_elastica_outside){none, none, none, none, 0};
+    lg_elastica_outside out = {.reach = lg_surrogate_reach(file->trained, file->trained_count),
+                               .spread = lg_surrogate_spread(file->trained, file->trained_count)};
+    for (size_t i = 0; i < count; i++) {
+        const double *x = boundary + 8 * (chosen != NULL ? chosen[i] : i);
+        const double distance =
+            lg_surrogate_distance(&file->run.model, file->trained, file->trained_count, x);
+        const double off = lg_surrogate_off_family(&file->run.model, file->trained, file->trained_count, x);
+        out.largest = fmax(out.largest, distance);
+        out.off = fmax(out.off, off);
+        out.count += distance > outside_factor * out.reach || off > outside_factor * out.spread;
+    }
+    return out;
+}
+
+static void warn_of_range(const lg_training *self, const lg_surrogate_file *file,
+                          const lg_elastica_outside *beyond) {
+    const state *s = self->state;
+    const bool trained = file->run.continuous, given = s->data.curves.continuous;
+    if (beyond->count > 0)
+        LG_WARN(self,
+                "%zu of %zu curves lie outside the training range of %s (their boundary conditions are up "
+                "to %.3g away from the training part, whose boundary conditions are at most %.3g apart, and "
+                "up to %.3g off its family, which itself spreads by %.3g): expect large errors there",
+                beyond->count, s->test.count, self->model, beyond->largest, beyond->reach, beyond->off,
+                beyond->spread);
+    if (trained != given)
+        LG_WARN(self,
+                "%s was trained on %s values, but %s holds %s ones: the errors include their difference",
+                self->model, trained ? "continuous" : "discrete", self->paths[0],
+                given ? "continuous" : "discrete");
+}
+
 static lg_status evaluate(lg_training *self, const void *from, lg_error *error) {
     const lg_surrogate_file *file = from;
-    const lg_elastica_curves *curves = &((state *)self->state)->data.curves;
-    lg_surrogate_errors errors;
-    uint32_t *all;
-    LG_TRAINING_ARRAY(self, all, curves->count, error);
-    for (size_t i = 0; i < curves->count; i++) all[i] = (uint32_t)i;
-    LG_TRY(lg_surrogate_evaluate(self->context, &file->run.model, file->theta, curves, all, curves->count,
-                                 NULL, &errors, error));
-    lg_result_real(self, "mse", errors.mse, "mean squared error over nodes and components");
-    lg_result_real(self, "max_error", errors.max_error, "largest component");
-    lg_result_real(self, "boundary_error", errors.boundary_error,
+    state *s = self->state;
+    const lg_elastica_curves *curves = &s->data.curves;
+    lg_surrogate_errors *of = &s->errors;
+    LG_TRY(choose(self, error));
+    LG_TRAINING_ARRAY(self, s->node_error, 2 * ((size_t)curves->intervals + 1), error);
+    const lg_elastica_outside beyond =
+        lg_elastica_count_outside(file, curves->boundary, s->test.list, s->test.count);
+    warn_of_range(self, file, &beyond);
+    LG_TRY(lg_surrogate_evaluate(self->context, &file->run.model, file->theta, curves, s->test.list,
+                                 s->test.count, s->node_error, of, error));
+    lg_result_real(self, "mse", of->mse, "mean squared error over nodes and components");
+    lg_result_real(self, "mse_q", of->mse_q, "of the nodes");
+    lg_result_real(self, "mse_v", of->mse_v, "of the tangents");
+    lg_result_real(self, "max_error", of->max_error, "largest component");
+    lg_result_real(self, "boundary_error", of->boundary_error,
                    "largest difference from the boundary conditions");
-    lg_result_whole(self, "curves", curves->count, NULL);
+    lg_result_real(self, "unit_tangent_error", of->unit_tangent_error, "largest | |v| - 1 |");
+    lg_result_real(self, "unit_tangent_between", of->unit_tangent_between, "half-way between nodes");
+    lg_result_whole(self, "curves", s->test.count, NULL);
+    lg_result_text(self, "part", lg_curves_part_names[s->part], NULL);
+    lg_result_whole(self, "outside", beyond.count, "curves beyond the training range");
+    lg_result_real(self, "reach", beyond.reach, "largest distance between trained boundary conditions");
+    lg_result_real(self, "largest_distance", beyond.largest, "from them");
+    lg_result_real(self, "spread", beyond.spread, "largest distance of them from their family");
+    lg_result_real(self, "largest_off_family", beyond.off, "from the family");
+    lg_result_text(self, "network", lg_surrogate_kind_name(file->run.model.options.kind), NULL);
     return LG_OK;
 }
 
