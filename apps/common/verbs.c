@@ -57,7 +57,8 @@ int verb_evaluate(app *self) {
     lg_error error = {LG_OK, ""};
     const lg_status status = lg_training_evaluate(training, file, &error);
     train_check_usage(self, status, &error);
-    if (status == LG_NOT_FINITE) app_must(self, status, &error);
+    if (status == LG_NOT_FINITE && training->sha256[0] != '\0')
+        app_must(self, status, &error); /* it was read */
     app_must_file(self, status, &error, training->failed != NULL ? training->failed : training->paths[0]);
     if (plot != NULL) task.draw(self, plot, training);
     app_result_begin(&out, self);
