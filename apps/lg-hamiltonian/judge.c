@@ -32,33 +32,25 @@ typedef struct judgement {
     const lg_context *context;
     const lg_hamiltonian *model;
     const lg_model *learned;
-    const lg_scheme *scheme;
     const lg_trajectories *test;
     double tolerance;
-    double *predicted;   /* (N, M, d) or NULL */
-    double *squares;     /* (N): sum of the squared differences */
-    lg_status *status;   /* (N) */
-    atomic_bool *failed; /* set when a trajectory fails, so that no further ones are begun */
+    double *predicted;  /* (N, M, d) */
+    lg_status *status;  /* (N) */
+    atomic_bool failed; /* set when a trajectory fails, so that no further ones are begun */
 } judgement;
 
 static void judge_one(void *user, size_t i) {
-    const judgement *self = user;
+    judgement *self = user;
     const lg_trajectories *test = self->test;
-    const size_t size = test->points * test->state_dim;
-    const double *given = test->data + i * size;
-    APP_FREE double *own = self->predicted == NULL ? app_alloc(size, sizeof *own) : NULL;
-    double *y = own != NULL ? own : self->predicted + i * size;
-    if (app_interrupted()) {
-        self->status[i] = LG_CANCELLED;
-    } else if (!atomic_load(self->failed)) {
-        const size_t most = MOST_STEPS + MOST_STEPS_A_POINT * test->points;
-        self->status[i] = app_flow(self->context, self->learned, self->scheme, self->tolerance, most, given,
-                                   test->t, test->points, y, NULL);
-        if (self->status[i] == LG_OK) self->status[i] = land(self->model, test->points, y, NULL);
-        if (self->status[i] != LG_OK) atomic_store(self->failed, true);
-        for (size_t k = 0; self->status[i] == LG_OK && k < size; k++)
-            self->squares[i] += (y[k] - given[k]) * (y[k] - given[k]);
-    }
+    const size_t size = test->points * test->state_dim, most = MOST_STEPS + MOST_STEPS_A_POINT * test->points;
+    lg_status *status = &self->status[i];
+    double *y = self->predicted + i * size;
+    if (app_interrupted()) *status = LG_CANCELLED;
+    if (*status != LG_OK || atomic_load(&self->failed)) return;
+    *status = app_flow(self->context, self->learned, lg_scheme_find(self->model->family->accurate),
+                       self->tolerance, most, test->data + i * size, test->t, test->points, y, NULL);
+    if (*status == LG_OK) *status = land(self->model, test->points, y, NULL);
+    if (*status != LG_OK) atomic_store(&self->failed, true);
 }
 
 /* H_Theta at `count` states; consecutive states are `stride` numbers apart. */
@@ -113,26 +105,32 @@ lg_status record_verdict(const lg_context *context, const char *path, const lg_h
     return lg_hamiltonian_save_errors(context, path, &file, error);
 }
 
-/* Judges all test trajectories in parallel, with the model in work->learned. */
-static lg_status judge_all(const judgement *work, uint64_t threads, verdict *out, lg_error *error) {
-    const lg_trajectories *test = work->test;
-    app_parallel(threads, test->count, judge_one, (void *)(uintptr_t)work);
+/* Mean of the squared differences; each trajectory's are added first. */
+static double mean_square(const lg_trajectories *test, const double *predicted) {
+    const size_t size = test->points * test->state_dim;
     double sum = 0;
     for (size_t i = 0; i < test->count; i++) {
-        if (work->status[i] == LG_TOO_MANY_STEPS)
+        double squares = 0;
+        for (size_t k = i * size; k < (i + 1) * size; k++)
+            squares += (predicted[k] - test->data[k]) * (predicted[k] - test->data[k]);
+        sum += squares;
+    }
+    return sum / ((double)test->count * (double)test->points * (double)test->state_dim);
+}
+
+static lg_status find_failure(const judgement *self, lg_error *error) {
+    for (size_t i = 0; i < self->test->count; i++) {
+        if (self->status[i] == LG_TOO_MANY_STEPS)
             return app_error(
                 error, LG_TOO_MANY_STEPS,
                 "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: "
                 "the model is far from a flow of these data; train it longer, or give a larger "
                 "--tolerance",
-                i, MOST_STEPS + MOST_STEPS_A_POINT * test->points, work->tolerance);
-        if (work->status[i] != LG_OK)
-            return app_error(error, work->status[i], "the learned flow of test trajectory %zu: %s", i,
-                             lg_status_sentence(work->status[i]));
-        sum += work->squares[i];
+                i, MOST_STEPS + MOST_STEPS_A_POINT * self->test->points, self->tolerance);
+        if (self->status[i] != LG_OK)
+            return app_error(error, self->status[i], "the learned flow of test trajectory %zu: %s", i,
+                             lg_status_sentence(self->status[i]));
     }
-    out->e1 = sum / ((double)test->count * (double)test->points * (double)test->state_dim);
-    out->e2 = energy_error(work->learned, test);
     return LG_OK;
 }
 
@@ -141,22 +139,14 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
                 lg_error *error) {
     lg_model *learned = NULL;
     LG_TRY(lg_hamiltonian_learned(context, model, theta, &learned, error));
-    atomic_bool failed = false;
-    const judgement work = {.context = context,
-                            .model = model,
-                            .failed = &failed,
-                            .learned = learned,
-                            .scheme = lg_scheme_find(model->family->accurate),
-                            .test = test,
-                            .tolerance = tolerance,
-                            .predicted = predicted,
-                            .squares = app_alloc(test->count, sizeof *work.squares),
-                            .status = app_alloc(test->count, sizeof *work.status)};
-    const lg_status status = judge_all(&work, threads, out, error);
-    free(work.squares);
-    free(work.status);
+    APP_FREE lg_status *status = app_alloc(test->count, sizeof *status);
+    judgement work = {context, model, learned, test, tolerance, predicted, status, false};
+    app_parallel(threads, test->count, judge_one, &work);
+    const lg_status failure = find_failure(&work, error);
+    if (failure == LG_OK)
+        *out = (verdict){.e1 = mean_square(test, predicted), .e2 = energy_error(learned, test)};
     lg_model_destroy(learned);
-    return status;
+    return failure;
 }
 
 /* ---- relative errors ---- */

@@ -133,7 +133,8 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
     lg_fit_parameters(training.fit, theta);
     LG_TRY(
         lg_hamiltonian_mean_squared_error(context, &state.problem, theta, &row->result[STUDY_LOSS], error));
-    LG_TRY(judge(context, threads, &run.model, theta, test, default_tolerance(&run.model), NULL, &result,
+    APP_FREE double *predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
+    LG_TRY(judge(context, threads, &run.model, theta, test, default_tolerance(&run.model), predicted, &result,
                  error));
     row->result[STUDY_E1] = result.e1;
     row->result[STUDY_E2] = result.e2;

@@ -56,7 +56,7 @@ typedef struct verdict {
 } verdict;
 /* E1: mean of the squared difference between the test trajectories and the learned flow, over trajectories,
  * coordinates and points (the first included). E2: mean |d - mean d|, where d = H - H_Theta at the starts.
- * predicted (N, M, d) receives the learned flow; may be NULL. */
+ * predicted (N, M, d) receives the learned flow. */
 lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonian *model, const double *theta,
                 const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
                 lg_error *error);
