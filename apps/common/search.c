@@ -15,7 +15,8 @@ const lg_field search_options[] = {
     LG_OPTION(search_values, trials, U64, "n",
               "Planned number of trials, including earlier trials in the table", .low = 1, .high = 1000000,
               .value = "50"),
-    LG_OPTION(search_values, out, STRING, "FILE.csv", "Table of trials, written after each trial"),
+    LG_OPTION(search_values, out, STRING, "FILE.csv", "Table of trials, written after each trial",
+              .required = true),
     LG_OPTION(search_values, resume, SWITCH, NULL,
               "Continue the search of this table; without --resume an existing table is replaced"),
     LG_OPTION(search_values, rungs, REALS, "R[,W[,Q]]",
@@ -103,24 +104,6 @@ static void value_text(const lg_range *range, double value, char *out, size_t si
         (void)snprintf(out, size, "%.17g", value);
 }
 
-static lg_status set_fixed(app *v, train_task *task, const lg_search_file *file, size_t *bad,
-                           lg_error *error) {
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < file->fixed_count && status == LG_OK; i++) {
-        *bad = i;
-        status = virtual_set(v, task, file->fixed_name[i], file->fixed_value[i], 0, error);
-    }
-    return status;
-}
-
-static lg_status set_drawn(app *v, train_task *task, const lg_search_space *space, const double *drawn,
-                           lg_error *error) {
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < space->count && status == LG_OK; i++)
-        status = virtual_draw(v, task, &space->ranges[i], drawn[i], error);
-    return status;
-}
-
 /* Checks that train accepts the bounds, a number between them, and every choice. */
 static lg_status check_range(app *v, train_task *task, const lg_range *range, lg_error *error) {
     const bool choice = range->kind == LG_RANGE_CHOICE;
@@ -131,6 +114,23 @@ static lg_status check_range(app *v, train_task *task, const lg_range *range, lg
     for (size_t i = 0; i < count && status == LG_OK; i++)
         status = virtual_draw(v, task, range, choice ? (double)i : probes[i], error);
     return status;
+}
+
+/* Sets the fixed options and the drawn values; `drawn` NULL: only checks the ranges. *line is where a bad one
+ * stands. */
+static lg_status set_all(app *v, train_task *task, const lg_search_file *file, const double *drawn,
+                         uint32_t *line, lg_error *error) {
+    for (size_t i = 0; i < file->fixed_count; i++) {
+        *line = file->fixed_line[i];
+        LG_TRY(virtual_set(v, task, file->fixed_name[i], file->fixed_value[i], 0, error));
+    }
+    for (size_t i = 0; i < file->space.count; i++) {
+        const lg_range *range = &file->space.ranges[i];
+        *line = file->line[i];
+        LG_TRY(drawn != NULL ? virtual_draw(v, task, range, drawn[i], error)
+                             : check_range(v, task, range, error));
+    }
+    return LG_OK;
 }
 
 /* Refuses an option that the chosen method does not have. If the search varies the method itself, every
@@ -152,21 +152,14 @@ static lg_status check_method(const app *v, const train_task *task, const lg_sea
     return LG_OK;
 }
 
-static int check_names(const app *self, const app_command *train, train_task *task,
-                       const lg_search_file *file) {
+static void check_names(const app *self, const app_command *train, train_task *task,
+                        const lg_search_file *file) {
     lg_error error = {LG_OK, ""};
     app v = virtual_begin(self, train);
-    size_t bad = 0;
-    lg_status status = set_fixed(&v, task, file, &bad, &error);
-    uint32_t line = file->fixed_line[bad];
-    for (size_t i = 0; i < file->space.count && status == LG_OK; i++) {
-        line = file->line[i];
-        status = check_range(&v, task, &file->space.ranges[i], &error);
-    }
+    uint32_t line = 0;
+    lg_status status = set_all(&v, task, file, NULL, &line, &error);
     if (status == LG_OK) status = check_method(&v, task, file, &line, &error);
-    return status == LG_OK
-               ? APP_EXIT_OK
-               : app_fail(self, status, "%s: line %u: %s", self->arguments[0], line, error.message);
+    if (status != LG_OK) app_stop(self, status, "%s: line %u: %s", self->arguments[0], line, error.message);
 }
 
 /* ---- one trial ---- */
@@ -229,9 +222,8 @@ static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_e
     train_task *task = search->task;
     app v = virtual_begin(search->app, search->train);
     search_trial self = {.search = search, .session = session, .trial = trial, .train = &v};
-    size_t bad;
-    lg_status status = set_fixed(&v, task, search->file, &bad, error);
-    if (status == LG_OK) status = set_drawn(&v, task, &search->file->space, trial->value, error);
+    uint32_t line;
+    lg_status status = set_all(&v, task, search->file, trial->value, &line, error);
     train_training(task)->seed = v.seed;
     if (status == LG_OK) status = train_describe(&v, task, NULL, error);
     if (status == LG_OK) status = lg_training_hold_out(&task->training, search->values->validation, error);
@@ -303,7 +295,7 @@ static bool known_before(void *user, const lg_trial *trial, uint32_t rung, const
 
 static lg_status do_trial(void *user, size_t item, void *record, lg_error *error) {
     searching *search = user;
-    const lg_search_problem problem = {run_trial, NULL, search};
+    const lg_search_problem problem = {run_trial, search};
     posted *p = record;
     lg_error why = {LG_OK, ""};
     search->count = trials_known(&search->work);
@@ -405,12 +397,6 @@ static void print_best(const searching *search, size_t best) {
     app_put(stdout, " --seed %llu --out FILE\n", (unsigned long long)search->app->seed);
 }
 
-static size_t count_state(const searching *search, lg_trial_state state) {
-    size_t n = 0;
-    for (size_t i = 0; i < search->count; i++) n += search->trials[i].state == state;
-    return n;
-}
-
 static void json_best(app_json *json, const searching *search, size_t best) {
     const lg_search_space *space = &search->file->space;
     const lg_trial *trial = &search->trials[best];
@@ -432,22 +418,19 @@ static void json_best(app_json *json, const searching *search, size_t best) {
 
 static void report(const searching *search, double seconds) {
     const size_t best = lg_search_best(search->trials, search->count);
-    if (!search->app->json) {
-        print_trials(search);
-        app_put(stdout, "%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)\n", search->count,
-                count_state(search, LG_TRIAL_DONE), count_state(search, LG_TRIAL_PRUNED),
-                count_state(search, LG_TRIAL_FAILED), seconds);
-        if (best < search->count) print_best(search, best);
-        return;
-    }
+    size_t states[LG_TRIAL_STATE_COUNT] = {0};
     app_json json;
-    app_json_begin(&json);
+    for (size_t i = 0; i < search->count; i++) states[search->trials[i].state]++;
+    app_result_begin(&json, search->app);
+    if (!search->app->json) print_trials(search);
+    app_result_line(&json, "%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)", search->count,
+                    states[LG_TRIAL_DONE], states[LG_TRIAL_PRUNED], states[LG_TRIAL_FAILED], seconds);
     app_json_size(&json, "trials", search->count);
     app_json_size(&json, "new", search->count - search->before);
-    app_json_size(&json, "done", count_state(search, LG_TRIAL_DONE));
-    app_json_size(&json, "pruned", count_state(search, LG_TRIAL_PRUNED));
-    app_json_size(&json, "failed", count_state(search, LG_TRIAL_FAILED));
-    if (best < search->count) json_best(&json, search, best);
+    for (int i = 0; i < LG_TRIAL_STATE_COUNT; i++)
+        app_json_size(&json, lg_trial_state_name((lg_trial_state)i), states[i]);
+    if (best < search->count && search->app->json) json_best(&json, search, best);
+    if (best < search->count && !search->app->json) print_best(search, best);
     app_json_size(&json, "seed", search->app->seed);
     app_json_size(&json, "threads", search->app->threads);
     app_json_text(&json, "out", search->values->out);
@@ -506,39 +489,36 @@ static int run_search(searching *search) {
     return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
 }
 
-/* Takes the numbers of --rungs; missing numbers keep their defaults. False: a number is out of its range. */
-static bool take_rungs(lg_search_options *options) {
+/* Takes the numbers of --rungs; missing numbers keep their defaults. */
+static void take_rungs(const app *self, lg_search_options *options) {
     const lg_reals *given = &search_given.rungs;
+    char text[128];
+    lg_search_options_init(options);
+    options->seed = self->seed;
     const double rungs = given->count > 0 ? given->values[0] : options->rungs,
                  warm_up = given->count > 1 ? given->values[1] : options->warm_up;
     if (given->count > 2) options->quantile = given->values[2];
     options->rungs = (uint32_t)rungs;
     options->warm_up = (uint32_t)warm_up;
-    return rungs <= LG_TRIAL_REPORTS && rungs == floor(rungs) && warm_up == floor(warm_up) &&
-           options->quantile > 0 && options->quantile <= 1;
+    if (rungs <= LG_TRIAL_REPORTS && rungs == floor(rungs) && warm_up == floor(warm_up) &&
+        options->quantile > 0 && options->quantile <= 1)
+        return;
+    lg_field_show(lg_field_find(search_options, "rungs"), &search_given, text, sizeof text);
+    app_stop_usage(
+        self,
+        "--rungs: '%s' is not R,W,Q with whole numbers R (0 to %d) and W, and a Q above 0 and at most 1",
+        text, LG_TRIAL_REPORTS);
 }
 
 int search_main(app *self, const app_command *train, train_task *task) {
     const search_values *values = &search_given;
-    lg_search_options options;
-    lg_error error = {LG_OK, ""};
-    lg_search_options_init(&options);
-    options.trials = values->trials;
-    options.seed = self->seed;
-    if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
-    if (!take_rungs(&options)) {
-        char text[128];
-        lg_field_show(lg_field_find(search_options, "rungs"), &search_given, text, sizeof text);
-        return app_usage(
-            self,
-            "--rungs: '%s' is not R,W,Q with whole numbers R (0 to %d) and W, and a Q above 0 and at most 1",
-            text, LG_TRIAL_REPORTS);
-    }
+    const char *ranges = self->arguments[0];
+    APP_FREE lg_search_file *file = app_alloc(1, sizeof *file);
     searching search = {.app = self,
                         .values = values,
-                        .options = options,
                         .train = train,
                         .task = task,
+                        .file = file,
                         .work = {.app = self,
                                  .values = &values->shared,
                                  .out = values->out,
@@ -548,34 +528,29 @@ int search_main(app *self, const app_command *train, train_task *task) {
                                  .record = sizeof(posted),
                                  .threads = 1,
                                  .jobs = values->jobs,
+                                 .user = &search,
                                  .run = do_trial,
                                  .take = take_trial,
                                  .save = save}};
+    take_rungs(self, &search.options);
     const app_path paths[] = {trials_choose(&search.work, LG_FILE_TEXT),
                               {"plot", values->plot, LG_FILE_DRAWN}};
     self->continues = values->resume || trials_continues(&search.work);
-    int code = app_check_outputs(self, paths, LG_COUNT(paths));
-    if (code != APP_EXIT_OK) return code;
-    lg_search_file *file = app_alloc(1, sizeof *file);
+    (void)app_check_outputs(self, paths, LG_COUNT(paths));
     train_begin(self, task, 1);
-    const lg_status status = lg_search_file_read(self->context, self->arguments[0], file, &error);
-    if (status != LG_OK) code = app_fail_file(self, status, &error, self->arguments[0]);
-    if (code == APP_EXIT_OK) code = check_names(self, train, task, file);
-    if (code == APP_EXIT_OK) {
-        train_read(self, task);
-        search.file = file;
-        search.work.user = &search;
-        search.results = app_alloc((size_t)values->trials, sizeof *search.results);
-        search.trials = app_alloc((size_t)values->trials, sizeof *search.trials);
-        (void)snprintf(search.setting, sizeof search.setting,
-                       "data %s validation %.17g rungs %u warm-up %u quantile %.17g", task->training.sha256,
-                       values->validation, options.rungs, options.warm_up, options.quantile);
-        code = run_search(&search);
-        trials_close(&search.work);
-        free(search.results);
-        free(search.trials);
-    }
-    free(file);
+    APP_MUST_FILE(self, ranges, lg_search_file_read(self->context, ranges, file, &error));
+    check_names(self, train, task, file);
+    train_read(self, task);
+    search.results = app_alloc((size_t)values->trials, sizeof *search.results);
+    search.trials = app_alloc((size_t)values->trials, sizeof *search.trials);
+    (void)snprintf(search.setting, sizeof search.setting,
+                   "data %s validation %.17g rungs %u warm-up %u quantile %.17g", task->training.sha256,
+                   values->validation, search.options.rungs, search.options.warm_up,
+                   search.options.quantile);
+    const int code = run_search(&search);
+    free(search.results);
+    free(search.trials);
+    trials_close(&search.work);
     lg_training_close(&task->training);
     return code;
 }

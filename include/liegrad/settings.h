@@ -243,16 +243,14 @@ typedef struct lg_trial {
     double value[LG_RANGE_MAX];      /* drawn value of each range */
     uint32_t reports;                /* number of rungs reached */
     double report[LG_TRIAL_REPORTS]; /* objective at each rung reached */
-    /* For a trial of lg_search_run_trial: its planned epochs, and the epochs done when each rung was
-     * reported. planned is 0 after lg_search_settle, and for trials of lg_search_run. */
+    /* The planned epochs (0 after lg_search_settle), and the epochs done when each rung was reported. */
     uint64_t planned, report_epoch[LG_TRIAL_REPORTS];
 } lg_trial;
 
 /* The comments give the values of lg_search_options_init. */
 typedef struct lg_search_options {
-    size_t size;     /* sizeof(lg_search_options) */
-    uint64_t trials; /* default 50: planned number of trials, earlier ones included */
-    uint64_t seed;   /* default 1 */
+    size_t size;   /* sizeof(lg_search_options) */
+    uint64_t seed; /* default 1 */
     /* Default 5, 0..LG_TRIAL_REPORTS. The rungs divide the epochs of a trial into rungs + 1 equal parts. 0
      * means that no trial is stopped early. */
     uint32_t rungs;
@@ -288,23 +286,10 @@ typedef struct lg_search_problem {
      *   LG_CANCELLED means the same as LG_OK, so the status of lg_fit_run can be returned unchanged
      * - any other status: the trial has failed for the reason in `error`, and the search goes on */
     lg_status (*run)(void *user, lg_search *search, lg_trial *trial, lg_error *error);
-    /* Called after each trial with all trials so far, the new one last; it may save them. `error` has LG_OK,
-     * or why the trial failed. A status other than LG_OK stops the search. The callback may be NULL. */
-    lg_status (*finished)(void *user, const lg_trial *trials, size_t count, const lg_error *error);
     void *user;
 } lg_search_problem;
 
-/* Runs a search. The first *count entries of `trials` (room for options->trials) are the trials that were run
- * before. All other numbers below options->trials are run one after the other, in rising order, and appended;
- * *count counts them. The cancel flag is read before each trial. `options` NULL stands for the defaults. If
- * `run` is a pure function of its trial, an interrupted and continued search ends with the same trials as an
- * uninterrupted one, except for `seconds`. Errors, the trials so far are kept: LG_INVALID_ARGUMENT
- * (lg_search_space_check refuses the space, an option is out of range, an earlier trial occurs twice or its
- * number is not below options->trials), LG_CANCELLED, the status of `finished`. */
-LG_API lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
-                               const lg_search_options *options, const lg_search_problem *problem,
-                               lg_trial *trials, size_t *count, lg_error *error);
-/* ---- trials that run at the same time, on other threads, processes or machines ---- */
+/* ---- trials run in any order, and at the same time on other threads, processes or machines ---- */
 
 /* The search calls this when `trial` passes a rung, to get the other trials that it is compared with. It sets
  * *trials and *count to the trials with lower numbers, after lg_search_settle, and returns true. It returns
@@ -314,13 +299,15 @@ typedef bool (*lg_search_known)(void *user, const lg_trial *trial, uint32_t rung
                                 size_t *count);
 /* Runs the trial `number` and fills *trial. `known` NULL means that nothing is known of other trials. Returns
  * LG_OK also for a trial that failed; `why` (may be NULL) then has the reason. Errors: LG_CANCELLED (the
- * trial is not to be kept), LG_INVALID_ARGUMENT (the space or an option, as in lg_search_run). */
+ * trial is not to be kept), LG_INVALID_ARGUMENT (lg_search_space_check refuses the space, or an option is out
+ * of range). */
 LG_API lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_options *options,
                                      const lg_search_problem *problem, lg_search_known known, uint64_t number,
                                      lg_trial *trial, lg_error *why);
-/* Sorts the trials by number. A trial that ran on beyond the rung where lg_search_run would have stopped it
- * is changed into a trial that was stopped there. If no number is missing, the trials are then the trials of
- * lg_search_run, except for `seconds`. */
+/* Sorts the trials by number. A trial that ran on beyond the rung where it would have stopped if it had known
+ * all trials with lower numbers is changed into a trial that was stopped there. If no number is missing and
+ * `run` is a pure function of its trial, the trials are then the same in whatever order and by whichever
+ * processes they ran, except for `seconds`. */
 LG_API void lg_search_settle(const lg_search_options *options, lg_trial *trials, size_t count);
 
 /* Returns the index of the trial with state LG_TRIAL_DONE and the lowest objective; of equal ones the trial

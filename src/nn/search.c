@@ -13,12 +13,8 @@
 
 struct lg_search {
     const lg_search_options *options;
-    const lg_trial *before; /* (count): the earlier trials */
-    size_t count;
     lg_trial *trial; /* the trial that is running */
     bool stopped;    /* a report has told the trial to stop */
-    /* other trials run at the same time; `known`, unless NULL, tells what is known of them */
-    bool beside;
     lg_search_known known;
     void *user;
 };
@@ -30,8 +26,8 @@ const char *lg_trial_state_name(lg_trial_state state) {
 }
 
 void lg_search_options_init(lg_search_options *options) {
-    *options = (lg_search_options){
-        .size = sizeof *options, .trials = 50, .seed = 1, .rungs = 5, .warm_up = 5, .quantile = 0.5};
+    *options =
+        (lg_search_options){.size = sizeof *options, .seed = 1, .rungs = 5, .warm_up = 5, .quantile = 0.5};
 }
 
 /* ---- spaces ---- */
@@ -173,10 +169,9 @@ static uint64_t rung_epoch(uint64_t total, uint32_t rung, uint32_t parts) {
 /* Whether the trial is to be stopped at the rung that it has just reached. Where the other trials are not
  * known yet, only an objective that is not finite stops it. */
 static bool prunes(const lg_search *search, uint32_t rung) {
-    const lg_trial *before = search->before, *trial = search->trial;
-    size_t count = search->count;
-    if (search->beside &&
-        (search->known == NULL || !search->known(search->user, trial, rung, &before, &count)))
+    const lg_trial *before, *trial = search->trial;
+    size_t count;
+    if (search->known == NULL || !search->known(search->user, trial, rung, &before, &count))
         return !isfinite(trial->report[rung]);
     return lg_search_prune(search->options, before, count, trial->number, rung, trial->report[rung]);
 }
@@ -187,11 +182,11 @@ bool lg_search_report(lg_search *search, uint64_t done, uint64_t total, double o
     const uint32_t rungs = search->options->rungs;
     bool stop = !isfinite(objective);
     trial->objective = objective;
-    if (search->beside) trial->planned = total;
+    trial->planned = total;
     while (trial->reports < rungs && done >= rung_epoch(total, trial->reports, rungs + 1)) {
         const uint32_t rung = trial->reports++;
         trial->report[rung] = objective;
-        if (search->beside) trial->report_epoch[rung] = done;
+        trial->report_epoch[rung] = done;
         stop = stop || (done < total && prunes(search, rung));
     }
     search->stopped = search->stopped || stop;
@@ -209,29 +204,6 @@ static lg_status check_options(const lg_search_options *options, lg_error *error
                        options->rungs, LG_TRIAL_REPORTS);
     if (!(options->quantile > 0 && options->quantile <= 1))
         return lg_fail(error, LG_INVALID_ARGUMENT, "quantile: %g is outside (0, 1]", options->quantile);
-    return LG_OK;
-}
-
-static bool has_number(const lg_trial *trials, size_t count, uint64_t number) {
-    for (size_t i = 0; i < count; i++)
-        if (trials[i].number == number) return true;
-    return false;
-}
-
-static lg_status check_earlier(const lg_search_options *options, const lg_trial *trials, size_t count,
-                               lg_error *error) {
-    for (size_t i = 0; i < count; i++) {
-        const unsigned long long number = trials[i].number;
-        if (number >= options->trials)
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "trial %llu was already run, but only %llu trials are planned in all", number,
-                           (unsigned long long)options->trials);
-        if (has_number(trials, i, number))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "trial %llu stands twice", number);
-        if (trials[i].reports > LG_TRIAL_REPORTS)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "trial %llu has %u reports; at most %d are possible",
-                           number, trials[i].reports, LG_TRIAL_REPORTS);
-    }
     return LG_OK;
 }
 
@@ -271,39 +243,6 @@ static bool run_trial(lg_search *search, const lg_search_problem *problem, const
     return true;
 }
 
-lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
-                        const lg_search_options *options, const lg_search_problem *problem, lg_trial *trials,
-                        size_t *count, lg_error *error) {
-    lg_search_options defaults;
-    lg_search_options_init(&defaults);
-    if (options == NULL) options = &defaults;
-    if (problem == NULL || problem->run == NULL || trials == NULL || count == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the problem, its function `run`, the options or the trials are NULL");
-    LG_TRY(lg_search_space_check(space, error));
-    LG_TRY(check_options(options, error));
-    LG_TRY(check_earlier(options, trials, *count, error));
-    for (uint64_t number = 0; number < options->trials; number++) {
-        if (has_number(trials, *count, number)) continue;
-        lg_error why = {LG_OK, ""};
-        lg_search one = {.options = options, .before = trials, .count = *count, .trial = &trials[*count]};
-        if (lg_cancelled(context)) return lg_fail(error, LG_CANCELLED, "the search was stopped");
-        if (!run_trial(&one, problem, space, number, &why))
-            return lg_fail(error, LG_CANCELLED, "the search was stopped in trial %llu",
-                           (unsigned long long)number);
-        ++*count;
-        if (problem->finished == NULL) continue;
-        const lg_status saved = problem->finished(problem->user, trials, *count, &why);
-        if (saved != LG_OK)
-            return lg_fail(error, saved, "trial %llu could not be saved: %s", (unsigned long long)number,
-                           lg_status_sentence(saved));
-    }
-    if (error != NULL) *error = (lg_error){LG_OK, ""};
-    return LG_OK;
-}
-
-/* ---- trials that run at the same time ---- */
-
 lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_options *options,
                               const lg_search_problem *problem, lg_search_known known, uint64_t number,
                               lg_trial *trial, lg_error *why) {
@@ -314,8 +253,7 @@ lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_opti
                        "the problem, its function `run`, the options or the trials are NULL");
     LG_TRY(lg_search_space_check(space, why));
     LG_TRY(check_options(options, why));
-    lg_search one = {
-        .options = options, .trial = trial, .beside = true, .known = known, .user = problem->user};
+    lg_search one = {.options = options, .trial = trial, .known = known, .user = problem->user};
     *why = (lg_error){LG_OK, ""};
     if (run_trial(&one, problem, space, number, why)) return LG_OK;
     return lg_fail(why, LG_CANCELLED, "the search was stopped in trial %llu", (unsigned long long)number);
@@ -335,7 +273,7 @@ static void stop_at(lg_trial *trial, uint32_t reports) {
     for (uint32_t r = reports; r < LG_TRIAL_REPORTS; r++) trial->report[r] = 0.0;
 }
 
-/* Stops the trial where lg_search_run would have stopped it, if it ran too long. Rungs that one report passed
+/* Stops the trial where it would have stopped in a search without other processes, if it ran too long. Rungs that one report passed
  * at once are judged together, since the trial could only stop after the last of them. */
 static void settle(const lg_search_options *options, const lg_trial *before, lg_trial *trial) {
     for (uint32_t first = 0, end; first < trial->reports; first = end) {

@@ -884,12 +884,8 @@ TEST("functions of risers, searches and ranks refuse NULL") {
     const lg_search_problem problem = {.run = run_trial};
     lg_search_options options;
     lg_search_options_init(&options);
-    options.trials = 1;
     lg_trial trial = {0};
-    size_t count = 0;
     REFUSES(lg_search_space_check(NEEDED(&space), NULL));
-    REFUSES(lg_search_run(NULL, NEEDED(&space), &options, NEEDED(&problem), NEEDED(&trial), NEEDED(&count),
-                          NULL));
     REFUSES(lg_search_run_trial(NEEDED(&space), NEEDED(&options), NEEDED(&problem), NULL, 0, NEEDED(&trial),
                                 NULL));
 

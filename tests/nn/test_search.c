@@ -2,6 +2,7 @@
 #include "test_support.h"
 #include "liegrad/core.h"
 #include "nn/search.h"
+#include "support/searches.h"
 static lg_range bounds(const char *name, lg_range_kind kind, double low, double high) {
     lg_range range = {.kind = kind, .low = low, .high = high};
     (void)snprintf(range.name, sizeof range.name, "%s", name);
@@ -155,7 +156,7 @@ static lg_trial with_report(uint64_t number, uint32_t reports, double value) {
 TEST("a trial that is worse than the quantile of the others is stopped") {
     lg_search_options o;
     lg_search_options_init(&o);
-    assert_true(o.size == sizeof o && o.trials == 50 && o.seed == 1 && o.rungs == 5 && o.warm_up == 5);
+    assert_true(o.size == sizeof o && o.seed == 1 && o.rungs == 5 && o.warm_up == 5);
     assert_close(o.quantile, 0.5, 0, 0);
     o.warm_up = 4;
     lg_trial t[6];
@@ -220,7 +221,6 @@ typedef struct training {
     bool by_status; /* returns LG_CANCELLED when a report says stop, as a fit does */
     uint32_t rungs_seen;
     size_t failures;
-    lg_status save; /* the status that `finished` returns */
 } training;
 static double curve(const lg_trial *trial, uint64_t done) {
     const double end = trial->value[0] + 0.1 * trial->value[3];
@@ -253,12 +253,11 @@ static lg_status finished(void *user, const lg_trial *trials, size_t count, cons
     assert_int_equal(failed, error->message[0] != '\0');
     if (failed) assert_status(error->status, LG_SHAPE);
     t->failures += failed;
-    return t->save;
+    return LG_OK;
 }
 static lg_search_options few(void) {
     lg_search_options options;
     lg_search_options_init(&options);
-    options.trials = TRIALS;
     options.seed = 3;
     return options;
 }
@@ -284,11 +283,9 @@ static void assert_same_trials(const lg_trial *a, const lg_trial *b, size_t coun
 static void search_whole(training *t, lg_trial *trials) {
     const lg_search_space space = example();
     const lg_search_options options = few();
-    const lg_search_problem problem = {run, finished, t};
+    const lg_search_problem problem = {run, t};
     size_t count = 0;
-    lg_error error = {LG_FILE, "left"};
-    assert_ok(lg_search_run(NULL, &space, &options, &problem, trials, &count, &error));
-    assert_status(error.status, LG_OK);
+    assert_ok(serial_search(NULL, &space, &options, TRIALS, &problem, finished, trials, &count));
     assert_int_equal(count, TRIALS);
     assert_int_equal(t->finished, TRIALS);
 }
@@ -336,25 +333,21 @@ TEST("a search that is cancelled at any epoch and continued gives the same table
     const lg_search_options options = few();
     for (long stop = 1; stop <= t.epochs; stop++) {
         training u = {.stop_at = stop};
-        const lg_search_problem problem = {run, finished, &u};
-        lg_context_options with;
-        lg_context_options_init(&with);
-        with.cancel = &u.cancel;
-        lg_context *context = NULL;
-        assert_ok(lg_context_create(&with, &context));
+        const lg_search_problem problem = {run, &u};
         size_t count = 0;
-        assert_status(lg_search_run(context, &space, &options, &problem, parts, &count, NULL), LG_CANCELLED);
+        assert_status(serial_search(&u.cancel, &space, &options, TRIALS, &problem, finished, parts, &count),
+                      LG_CANCELLED);
         assert_true(count < TRIALS && count == u.finished);
         /* While it is still cancelled nothing runs. */
         const long epochs = u.epochs;
-        assert_status(lg_search_run(context, &space, &options, &problem, parts, &count, NULL), LG_CANCELLED);
+        assert_status(serial_search(&u.cancel, &space, &options, TRIALS, &problem, finished, parts, &count),
+                      LG_CANCELLED);
         assert_int_equal(u.epochs, epochs);
         u.cancel = 0;
-        assert_ok(lg_search_run(context, &space, &options, &problem, parts, &count, NULL));
+        assert_ok(serial_search(&u.cancel, &space, &options, TRIALS, &problem, finished, parts, &count));
         assert_int_equal(count, TRIALS);
         assert_int_equal(u.finished, TRIALS);
         assert_same_trials(whole, parts, TRIALS);
-        lg_context_destroy(context);
     }
 }
 TEST("any trial that is missing in the table is run again with the same result") {
@@ -365,34 +358,30 @@ TEST("any trial that is missing in the table is run again with the same result")
     const lg_search_options options = few();
     for (size_t hole = 0; hole < TRIALS; hole++) {
         training u = {.stop_at = 0};
-        const lg_search_problem problem = {run, finished, &u};
+        const lg_search_problem problem = {run, &u};
         size_t count = 0;
         for (size_t i = TRIALS; i-- > 0;)
             if (i != hole) parts[count++] = whole[i];
-        assert_ok(lg_search_run(NULL, &space, &options, &problem, parts, &count, NULL));
+        assert_ok(serial_search(NULL, &space, &options, TRIALS, &problem, finished, parts, &count));
         assert_int_equal(count, TRIALS);
         assert_int_equal(u.finished, 1);
         assert_same_trials(&whole[hole], &parts[TRIALS - 1], 1);
     }
     /* Nothing is left to do. */
     training u = {.stop_at = 0};
-    const lg_search_problem problem = {run, finished, &u};
+    const lg_search_problem problem = {run, &u};
     size_t count = TRIALS;
-    assert_ok(lg_search_run(NULL, &space, &options, &problem, whole, &count, NULL));
+    assert_ok(serial_search(NULL, &space, &options, TRIALS, &problem, finished, whole, &count));
     assert_int_equal(u.finished, 0);
 }
-TEST("invalid arguments, options and tables are refused, and a table that cannot be saved ends the search") {
-    lg_trial trials[TRIALS];
+TEST("invalid arguments and options are refused") {
+    lg_trial trial;
     training t = {.stop_at = 0};
     const lg_search_space space = example(), empty = {.count = 0};
-    const lg_search_problem problem = {run, finished, &t}, nothing = {NULL, finished, &t};
+    const lg_search_problem problem = {run, &t}, nothing = {NULL, &t};
     lg_search_options o = few();
-    size_t count = 0;
-    lg_error error = {LG_OK, ""};
-    assert_status(lg_search_run(NULL, &empty, &o, &problem, trials, &count, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_search_run(NULL, &space, &o, &nothing, trials, &count, NULL), LG_INVALID_ARGUMENT);
-    assert_status(lg_search_run_trial(&space, &o, &nothing, (lg_search_known){0}, 0, trials, NULL),
-                  LG_INVALID_ARGUMENT);
+    assert_status(lg_search_run_trial(&empty, &o, &problem, NULL, 0, &trial, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_search_run_trial(&space, &o, &nothing, NULL, 0, &trial, NULL), LG_INVALID_ARGUMENT);
     lg_search_space odd = example();
     memcpy(odd.ranges[0].name, "\x7f", 2);
     assert_status(lg_search_space_check(&odd, NULL), LG_INVALID_ARGUMENT);
@@ -406,43 +395,25 @@ TEST("invalid arguments, options and tables are refused, and a table that cannot
         o.quantile = wrong[i].quantile;
         o.rungs = wrong[i].rungs;
         o.size = wrong[i].size;
-        assert_status(lg_search_run(NULL, &space, &o, &problem, trials, &count, NULL), LG_INVALID_ARGUMENT);
+        assert_status(lg_search_run_trial(&space, &o, &problem, NULL, 0, &trial, NULL), LG_INVALID_ARGUMENT);
     }
-    o = few();
-    trials[0] = with_report(TRIALS, 0, 0);
-    count = 1;
-    assert_status(lg_search_run(NULL, &space, &o, &problem, trials, &count, &error), LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "trial 24"));
-    trials[0] = trials[1] = with_report(5, 0, 0);
-    count = 2;
-    assert_status(lg_search_run(NULL, &space, &o, &problem, trials, &count, &error), LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "trial 5 stands twice"));
-    trials[1].number = 6;
-    trials[1].reports = LG_TRIAL_REPORTS + 1;
-    assert_status(lg_search_run(NULL, &space, &o, &problem, trials, &count, &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "trial 6 has 17 reports; at most 16 are possible");
     assert_int_equal(t.epochs, 0);
-    /* A table that cannot be saved ends the search with its status; the trial is kept. */
-    t.save = LG_FILE;
-    count = 0;
-    assert_status(lg_search_run(NULL, &space, &o, &problem, trials, &count, &error), LG_FILE);
-    assert_int_equal(count, 1);
 }
 TEST("there may be no rungs, and more rungs than epochs") {
     lg_trial trials[TRIALS];
     const lg_search_space space = example();
     training t = {.stop_at = 0};
-    const lg_search_problem problem = {run, finished, &t};
+    const lg_search_problem problem = {run, &t};
     lg_search_options o = few();
     size_t count = 0;
     o.rungs = 0;
-    assert_ok(lg_search_run(NULL, &space, &o, &problem, trials, &count, NULL));
+    assert_ok(serial_search(NULL, &space, &o, TRIALS, &problem, NULL, trials, &count));
     assert_int_equal(t.rungs_seen, 0);
     for (size_t i = 0; i < TRIALS; i++) /* only trials that diverged were stopped */
         if (trials[i].state == LG_TRIAL_PRUNED) assert_true(isnan(trials[i].objective));
     count = 0;
     o.rungs = LG_TRIAL_REPORTS; /* after 12/17, 24/17, ... epochs */
-    assert_ok(lg_search_run(NULL, &space, &o, &problem, trials, &count, NULL));
+    assert_ok(serial_search(NULL, &space, &o, TRIALS, &problem, NULL, trials, &count));
     assert_int_equal(t.rungs_seen, LG_TRIAL_REPORTS);
     for (size_t i = 0; i < TRIALS; i++)
         for (uint32_t r = 0; r < trials[i].reports; r++) {
@@ -466,10 +437,10 @@ static lg_status run_once(void *user, lg_search *search, lg_trial *trial, lg_err
 TEST("a trial is not stopped after its last epoch") {
     lg_trial trials[TRIALS];
     const lg_search_space space = example();
-    const lg_search_problem problem = {run_once, NULL, NULL};
+    const lg_search_problem problem = {run_once, NULL};
     const lg_search_options o = few();
     size_t count = 0;
-    assert_ok(lg_search_run(NULL, &space, &o, &problem, trials, &count, NULL));
+    assert_ok(serial_search(NULL, &space, &o, TRIALS, &problem, NULL, trials, &count));
     lg_trial alone[TRIALS];
     lg_error why;
     for (size_t i = 0; i < TRIALS; i++)
@@ -536,7 +507,7 @@ static bool known(void *user, const lg_trial *trial, uint32_t rung, const lg_tri
 
 static void run_in_order(beside *b, const size_t *order) {
     const lg_search_space space = example();
-    const lg_search_problem problem = {run_beside, NULL, b};
+    const lg_search_problem problem = {run_beside, b};
     for (size_t i = 0; i < TRIALS; i++) {
         lg_error why = {LG_OK, ""};
         lg_trial *trial = &b->all[order[i]];
@@ -581,11 +552,11 @@ TEST("rungs that one report passes are decided together, and a cancelled trial i
     lg_trial whole[TRIALS], alone[TRIALS];
     training t = {.stop_at = 0}, u = {.stop_at = 1};
     lg_search_options o = few();
-    const lg_search_problem problem = {run, finished, &t}, broken = {run, NULL, &u};
+    const lg_search_problem problem = {run, &t}, broken = {run, &u};
     size_t count = 0;
     lg_error why;
     o.rungs = LG_TRIAL_REPORTS;
-    assert_ok(lg_search_run(NULL, &space, &o, &problem, whole, &count, NULL));
+    assert_ok(serial_search(NULL, &space, &o, TRIALS, &problem, NULL, whole, &count));
     for (size_t i = 0; i < TRIALS; i++)
         assert_ok(lg_search_run_trial(&space, &o, &problem, NULL, i, &alone[i], &why));
     lg_search_settle(&o, alone, TRIALS);

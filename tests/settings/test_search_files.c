@@ -4,6 +4,7 @@
 #include "support/io_test.h"
 
 #include "nn/search.h"
+#include "support/searches.h"
 
 /* ---- ranges ---- */
 
@@ -453,25 +454,16 @@ static lg_status session_go(session *s) {
     lg_trial trials[16];
     size_t count = 0, size;
     lg_search_options options;
-    lg_context_options with;
-    lg_context *context = NULL;
     lg_search_options_init(&options);
-    options.trials = 12;
     options.warm_up = 2;
-    lg_context_options_init(&with);
-    with.cancel = &s->cancel;
-    assert_ok(lg_context_create(&with, &context));
     if (s->tear) {
         unsigned char *data = read_bytes_of(s->path, &size);
         write_bytes_to(s->path, data, size - 5);
     }
     const lg_status found = lg_trials_read(NULL, s->path, s->file, 1, "d", 12, trials, &count, NULL);
     assert_true(found == LG_OK || found == LG_NOT_FOUND);
-    const lg_search_problem problem = {session_run, session_save, s};
-    const lg_status status =
-        lg_search_run(context, &s->file->space, &options, &problem, trials, &count, NULL);
-    lg_context_destroy(context);
-    return status;
+    const lg_search_problem problem = {session_run, s};
+    return serial_search(&s->cancel, &s->file->space, &options, 12, &problem, session_save, trials, &count);
 }
 
 TEST("a resumed search ends as an uninterrupted one") {
