@@ -486,7 +486,7 @@ void app_plot_block(app_plot *plot);
  * cannot be written, the files that this call wrote are removed, and the command ends. */
 void app_plot_end(const app *app, app_plot *plot);
 
-/* Begins the plot of a confusion matrix and writes its data: the count of each entry (confusion.c). confusion
+/* Begins the plot of a confusion matrix and writes its data: the count of each entry. confusion
  * (classes, classes): rows are the true classes. app_print_confusion prints the counts of at most 12
  * classes. */
 enum { APP_CLASS_NAME = 64 }; /* LG_SERIES_NAME and LG_TABLE_NAME */

@@ -1,5 +1,5 @@
 /* Measures the errors of a learned Hamiltonian. */
-#include "common/flow.h"
+#include "common/verbs.h"
 #include "hamiltonian/learned.h"
 #include "lg-hamiltonian/training.h"
 
@@ -18,9 +18,7 @@ double default_tolerance(const lg_hamiltonian *model) {
  * point to point. */
 enum { MOST_STEPS = 20000, MOST_STEPS_A_POINT = 2000 };
 
-/* Projects the points of a flow (count, d) onto the constraint of the model, if it has one. The integration
- * in R^2n leaves it by about the tolerance. */
-static lg_status land(const lg_hamiltonian *model, size_t count, double *y, lg_error *error) {
+lg_status land(const lg_hamiltonian *model, size_t count, double *y, lg_error *error) {
     const size_t d = lg_hamiltonian_state_dim(model);
     lg_status status = LG_OK;
     for (size_t i = 0; model->constraint != NULL && status == LG_OK && i < count; i++)
@@ -53,25 +51,9 @@ static void judge_one(void *user, size_t i) {
     if (*status != LG_OK) atomic_store(&self->failed, true);
 }
 
-/* H_Theta at `count` states; consecutive states are `stride` numbers apart. */
-static void energies_of(const lg_model *learned, const double *states, size_t count, size_t stride,
-                        double *out) {
+void energies_of(const lg_model *learned, const double *states, size_t count, size_t stride, double *out) {
     APP_FREE void *work = app_alloc(lg_model_work_size(learned), 1);
     for (size_t i = 0; i < count; i++) lg_model_eval(learned, states + i * stride, out + i, work);
-}
-
-lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
-                       double tolerance, const double *start, const double *times, size_t count, double *out,
-                       double *energy, lg_run_stats *stats, lg_error *error) {
-    lg_model *learned;
-    const lg_scheme *scheme = lg_scheme_find(model->family->accurate);
-    LG_TRY(lg_hamiltonian_learned(context, model, theta, &learned, error));
-    lg_status status = app_flow(context, learned, scheme, tolerance, 0, start, times, count, out, stats);
-    if (status == LG_OK) status = land(model, count, out, error);
-    if (status != LG_OK) (void)app_error(error, status, "the learned flow: %s", lg_status_sentence(status));
-    if (status == LG_OK && energy != NULL) energies_of(learned, out, count, lg_model_inputs(learned), energy);
-    lg_model_destroy(learned);
-    return status;
 }
 
 /* Mean |d - mean d|; the mean is subtracted because H is determined only up to a constant. */

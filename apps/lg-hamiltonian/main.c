@@ -1,21 +1,33 @@
 /* lg-hamiltonian: learns the Hamiltonian of a mechanical system from trajectories. */
+#include "common/verbs.h"
+#include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/training.h"
 
-#include <stdlib.h>
+static lg_hamiltonian_state state;
+static lg_hamiltonian_run run; /* everything that determines the result */
 
-/* The program's summary, with a line for each family of Hamiltonians. */
-static char *summary(void) {
-    char *text =
-        app_format("Learns the Hamiltonian of a mechanical system from sampled trajectories. The system's "
-                   "family says what is learned, and the default integrator:\n");
-    for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
-        const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
-        char *longer = app_format("%s\n  %-12s %s (%s)", text, family->name, family->formula, family->scheme);
-        free(text);
-        text = longer;
-    }
-    return text;
-}
+static const app_settings settings[] = {{lg_hamiltonian_fields, &run, sizeof run},
+                                        TRAIN_PRESET,
+                                        APP_GIVEN(lg_hamiltonian_options, state),
+                                        TRAIN_SHARED,
+                                        APP_SETTINGS_END};
+
+static train_task task = {.recipe = &lg_recipe_hamiltonian, .settings = settings, .state = &state};
+
+static const app_command train_command = {
+    TRAIN_COMMAND("DATA.h5", task), .summary = "Fit a Hamiltonian to trajectories",
+    .details =
+        "Loss: the mean squared difference over trajectories, coordinates and points (the first excluded; "
+        "with --starts estimated it counts too) between the data and the integrator's prediction with the "
+        "learned Hamiltonian; with --penalty, plus the penalty. The `loss` reported is this mean squared "
+        "error (no penalty) over all trajectories of the file, in double precision, at the parameters that "
+        "are written; `running_loss` is the last epoch's mean over its batches. `floor` is the part of this "
+        "error that the integrator's steps make, estimated by steps of half the size.\n\nIf an option of "
+        "Adam is given, the defaults are those of --preset thesis, else of --preset best. --preset thesis "
+        "has the published settings but for Adam's eps and bound on the gradient (published: --adam-eps 1e-8 "
+        "--clip 0). docs/reports/accuracy.md has the table of both; --json prints the values of a run.\n\n"
+        "Ctrl-C saves a checkpoint and ends with exit code 130; --resume continues to the same bits.",
+    .settings = settings};
 
 static const lg_field demo_options[] = {
     LG_OPTION(app_demo_values, out, STRING, "DIR", "Folder for data, model and plots",
@@ -30,10 +42,15 @@ static const app_command demo_command = {APP_DEMO(demo_options),
                                          .summary = "Learn, test and draw the spherical pendulum"};
 
 int main(int argc, char **argv) {
-    app_command commands[7] = {generate_command, train_command, evaluate_command, predict_command,
-                               study_command,    demo_command,  {.run = NULL}};
-    char *text = summary();
-    const int code = app_main(argc, argv, "lg-hamiltonian", text, commands);
-    free(text);
-    return code;
+    const app_command commands[] = {generate_command, train_command, evaluate_command, predict_command,
+                                    study_command,    demo_command,  {.run = NULL}};
+    APP_CLEAN(lg_text_destroy) lg_text text = app_text();
+    lg_text_add(
+        &text, "Learns the Hamiltonian of a mechanical system from sampled trajectories. The system's family "
+               "says what is learned, and the default integrator:\n");
+    for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
+        const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
+        lg_text_add(&text, "\n  %-12s %s (%s)", family->name, family->formula, family->scheme);
+    }
+    return app_main(argc, argv, "lg-hamiltonian", text.data, commands);
 }

@@ -1,8 +1,9 @@
 /* lg-hamiltonian predict: integrates the learned flow from one start. */
+#include "common/verbs.h"
+#include "hamiltonian/learned.h"
 #include "lg-hamiltonian/training.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 typedef struct predict_values {
@@ -113,18 +114,24 @@ static void integrate(const app *self, prediction *p) {
              lg_trajectories_create(self->context, p->file->run.system, model->family, model->n, 1, points,
                                     p->t_end, true, 0, &p->y),
              NULL);
-    p->energy = app_alloc(points, sizeof *p->energy);
+    p->energy = app_keep(points, sizeof *p->energy);
     const double tolerance = values.tolerance > 0 ? values.tolerance : default_tolerance(model);
     const double begin = app_seconds();
-    APP_MUST(self, learned_flow(self->context, model, p->file->theta, tolerance, p->start, p->y.t, points,
-                                p->y.data, p->energy, &p->stats, &error));
+    lg_model *learned;
+    APP_MUST(self, lg_hamiltonian_learned(self->context, model, p->file->theta, &learned, &error));
+    const lg_status flown = app_flow(self->context, learned, lg_scheme_find(model->family->accurate),
+                                     tolerance, 0, p->start, p->y.t, points, p->y.data, &p->stats);
+    if (flown != LG_OK) app_stop(self, flown, "the learned flow: %s", lg_status_sentence(flown));
+    APP_MUST(self, land(model, points, p->y.data, &error));
+    energies_of(learned, p->y.data, points, p->dim, p->energy);
+    lg_model_destroy(learned);
     p->seconds = app_seconds() - begin;
     p->y.hamiltonian[0] = p->energy[0];
     if (model->constraint != NULL)
         APP_MUST(self,
                  lg_trajectories_set_constraint(&p->y, lg_constraint_program(model->constraint), &error));
     if (!p->has_scene) return;
-    p->truth = app_alloc(points * p->dim, sizeof *p->truth);
+    p->truth = app_keep(points * p->dim, sizeof *p->truth);
     const lg_status status =
         lg_system_solve(self->context, p->scene.system, p->start, 1, p->y.t, points, 0, 0, p->truth, &why);
     if (status != LG_OK) app_stop(self, status, "the true flow: %s", why.message);
@@ -170,9 +177,6 @@ static void write_outputs(const app *self, prediction *p) {
 }
 
 static void prediction_destroy(prediction *p) {
-    free(p->start);
-    free(p->truth);
-    free(p->energy);
     lg_trajectories_destroy(&p->y);
     lg_scene_destroy(&p->scene);
 }
@@ -187,7 +191,7 @@ static int run(app *self) {
                                    : "no start: give --initial X,X,... or a scene");
     APP_MUST_FILE(self, path, lg_hamiltonian_load(self->context, path, NULL, &file, &error));
     p.dim = lg_hamiltonian_state_dim(&file.run.model);
-    p.start = app_alloc(p.dim, sizeof *p.start);
+    p.start = app_keep(p.dim, sizeof *p.start);
     if (scene)
         start_from_scene(self, &p);
     else

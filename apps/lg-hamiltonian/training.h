@@ -9,7 +9,7 @@
 #include "liegrad/integrators.h"
 #include "liegrad/mechanics.h"
 
-extern const app_command generate_command, train_command, evaluate_command, predict_command, study_command;
+extern const app_command generate_command, evaluate_command, predict_command, study_command;
 
 /* ---- sampling (sample.c) ---- */
 
@@ -44,11 +44,11 @@ lg_status sample_scene(const lg_context *context, const lg_scene *scene, const s
 /* Default tolerance of the adaptive integration of the learned flow, used for rtol and atol as in app_flow.
  * It is 1e-10, and 1e-13 for LG_POTENTIAL_LINEAR, whose error E1 may be 1e-17 or less. */
 double default_tolerance(const lg_hamiltonian *model);
-/* Integrates the learned flow from `start` to the given times: out (count, d). energy (count) is the learned
- * Hamiltonian along it; it may be NULL, as may stats. */
-lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
-                       double tolerance, const double *start, const double *times, size_t count, double *out,
-                       double *energy, lg_run_stats *stats, lg_error *error);
+/* Projects the points of a flow (count, d) onto the constraint of the model, if it has one. The integration
+ * in R^2n leaves it by about the tolerance. */
+lg_status land(const lg_hamiltonian *model, size_t count, double *y, lg_error *error);
+/* H_Theta at `count` states; consecutive states are `stride` numbers apart. */
+void energies_of(const lg_model *learned, const double *states, size_t count, size_t stride, double *out);
 
 typedef struct verdict {
     double e1, e2; /* e2 is NaN if the energies of the starts are unknown */

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/flow.h"
 #include "common/verbs.h"
 
 /* ---- the recipe and its options ---- */

@@ -58,8 +58,6 @@ static const char *const defaults[][2] = {
     {"lr-step", "presets"},
     {"patience", "presets"},
     {"prior", "presets"},
-    {"q0", "the default problem, the training data"},
-    {"qN", "the default problem, the training data"},
     {"schedule", "presets"},
     {"shards", "presets"},
     {"substeps", "of data, of a machine, of its model"},
