@@ -545,8 +545,7 @@ int search_main(app *self, const app_command *train, train_task *task) {
     search.trials = app_alloc((size_t)values->trials, sizeof *search.trials);
     (void)snprintf(search.setting, sizeof search.setting,
                    "data %s validation %.17g rungs %u warm-up %u quantile %.17g", task->training.sha256,
-                   values->validation, search.options.rungs, search.options.warm_up,
-                   search.options.quantile);
+                   values->validation, search.options.rungs, search.options.warm_up, search.options.quantile);
     const int code = run_search(&search);
     free(search.results);
     free(search.trials);

@@ -994,7 +994,7 @@ TEST("a model whose names or scales do not fit its network is refused") {
         const char *names[4];
         hsize_t count;
         const char *words;
-    } rows[] = {{{"a", "b"}, 2, "/names/inputs: has 2 names, but the model has 3 columns or classes"},
+    } rows[] = {{{"a", "b"}, 2, "names/inputs: 2 names, expected 3"},
                 {{"a", "b", "c", "d"}, 4, "/names/inputs: expected 3 names of 1 to 63 bytes"},
                 {{"a", "", "c"}, 3, "/names/inputs: expected 3 names of 1 to 63 bytes"},
                 {{"a", "b", LONG}, 3, "/names/inputs: expected 3 names of 1 to 63 bytes"}};

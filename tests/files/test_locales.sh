@@ -72,6 +72,7 @@ for locale in C de_DE.UTF-8 tr_TR.ISO-8859-9; do
         "$LG_BIN_DIR/lg-fit" train table.csv --method adam --lr 1,5e-3 --out no.h5
         rm own.h5 # has the time that the training took
     ) >"$locale/said" 2>&1
+    sed -i '/^seconds /d' "$locale/said"
 done
 for locale in de_DE.UTF-8 tr_TR.ISO-8859-9; do
     diff -r C "$locale" >"$locale.differences" || fail "under $locale programs wrote other bytes: $(head -n 20 "$locale.differences")"
