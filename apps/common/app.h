@@ -411,8 +411,8 @@ typedef struct app_named_text {
 } app_named_text;
 void app_write_texts(const app *app, const char *folder, const app_named_text *texts);
 /* The demo of a program (demo.c): writes the files below apps/PROGRAM/demo into the folder --out, and runs
- * demo.sh there with bash. Its variables are LG_JSON, LG_SEED, LG_THREADS and the options of the command, such
- * as LG_T_END. Returns the exit code of the first command that fails, otherwise 0. */
+ * demo.sh there with bash. Its variables are LG_JSON, LG_SEED, LG_THREADS and the options of the command,
+ * such as LG_T_END. Returns the exit code of the first command that fails, otherwise 0. */
 typedef struct app_demo_values {
     const char *out;
     uint64_t epochs;
