@@ -88,6 +88,25 @@ TEST("parameters vary for each member; a member whose parameter is not allowed f
     assert_says(result.err, "members failed");
 }
 
+TEST("the list of failures has the lowest members in their order, whatever the number of threads") {
+    long last[2] = {-1, -1};
+    for (int k = 0; k < 2; k++) {
+        int count = 0;
+        json(test_text("pendulums.yaml --ensemble 9000 --points 2 --vary m1=normal:0.1:0.1 --threads %d",
+                       1 + 2 * k),
+             "failed >1000");
+        const char *at = strstr(result.out, "\"failures\": [");
+        for (const char *end = strchr(at, ']'); (at = strstr(at, "\"member\": ")) != NULL && at < end; at++) {
+            const long member = strtol(at + strlen("\"member\": "), NULL, 10);
+            assert_true(member > last[k]);
+            last[k] = member;
+            count++;
+        }
+        assert_int_equal(count, 100);
+    }
+    assert_int_equal(last[0], last[1]);
+}
+
 TEST("each row of a table of starts is a member") {
     cli_write("starts.csv", "q1.x,q1.y,q1.z,g\n0,1,0,0\n0,0,1,1\n0,0,-1,2\n");
     json("pendulums.yaml --ensemble 3 --starts starts.csv --points 2 --t-end 1e-9", "members 3, failed 1");
