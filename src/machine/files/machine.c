@@ -402,38 +402,31 @@ static lg_status read_machine(reading *r, lg_key_value *values) {
     return finish_machine(r);
 }
 
-static lg_status parse_machine(const lg_context *context, const char *name, const void *text, size_t bytes,
-                               lg_machine_file *out, lg_error *error) {
-    lg_yaml *yaml = NULL;
-    LG_TRY(lg_yaml_open_text(context, name, text, bytes, &yaml, error));
-    reading r = {.yaml = yaml, .out = out, .error = error};
-    lg_key_value *values = lg_alloc(context, KEY_COUNT, sizeof *values);
-    out->context = context;
-    out->text = lg_alloc(context, bytes + 1, 1);
-    lg_status status = LG_OK;
-    if (values == NULL || out->text == NULL)
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(name));
-    if (status == LG_OK) status = read_machine(&r, values);
-    lg_free(context, values);
-    lg_yaml_close(yaml);
-    if (status != LG_OK) {
-        lg_free(context, out->text);
-        return status;
-    }
-    memcpy(out->text, text, bytes);
-    out->text_bytes = bytes;
-    return LG_OK;
-}
-
 lg_status lg_machine_file_parse(const lg_context *context, const char *name, const char *text, size_t bytes,
                                 lg_machine_file *out, lg_error *error) {
     if (name == NULL || text == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the name, the text or the place for the machine is NULL");
+    lg_yaml *yaml = NULL;
+    LG_TRY(lg_yaml_open_text(context, name, text, bytes, &yaml, error));
     lg_machine_file *made = lg_alloc(context, 1, sizeof *made);
-    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(name));
-    const lg_status status = parse_machine(context, name, text, bytes, made, error);
-    if (status == LG_OK) *out = *made;
+    lg_key_value *values = lg_alloc(context, KEY_COUNT, sizeof *values);
+    char *copy = lg_alloc(context, bytes + 1, 1);
+    reading r = {.yaml = yaml, .out = made, .error = error};
+    const bool room = made != NULL && values != NULL && copy != NULL;
+    const lg_status status = room
+                                 ? read_machine(&r, values)
+                                 : lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(name));
+    if (status == LG_OK) {
+        *out = *made;
+        out->context = context;
+        out->text = memcpy(copy, text, bytes);
+        out->text_bytes = bytes;
+        copy = NULL;
+    }
+    lg_yaml_close(yaml);
     lg_free(context, made);
+    lg_free(context, values);
+    lg_free(context, copy);
     return status;
 }
 
