@@ -533,6 +533,29 @@ TEST("losses of an epoch are means over the training part and over the validatio
     }
 }
 
+/* Sample i has the loss (theta (i + 1))^2, divided by the batch. */
+static lg_status indexed_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                              size_t batch, lg_var *loss) {
+    double *x;
+    const lg_var factor = lg_input_buffer(tape, lg_shape1((uint32_t)count), (void **)&x);
+    (void)user;
+    for (size_t i = 0; i < count; i++) x[i] = samples[i] + 1.0;
+    const lg_var all = lg_sum(tape, lg_square(tape, lg_mul(tape, factor, theta)));
+    *loss = lg_scale(tape, all, 1.0 / (double)batch);
+    return lg_tape_status(tape);
+}
+
+TEST("the loss of a problem is the mean over all samples before the validation part, whatever the chunk") {
+    const double theta = 0.5;
+    for (size_t chunk = 0; chunk < 400; chunk += 57) {
+        const lg_fit_problem problem = {
+            .parameters = 1, .samples = 310, .validation = 9, .chunk = chunk, .loss = indexed_loss};
+        double loss = NAN;
+        assert_ok(lg_fit_problem_loss(NULL, &problem, &theta, &loss, NULL));
+        assert_close(loss, 0.25 * 302.0 * 603.0 / 6.0, 1e-14, 0); /* sum of k^2 to n: n (n + 1) (2 n + 1)/6 */
+    }
+}
+
 TEST("training stops when patience ends") {
     regression r = make_regression();
     lg_fit_options o = options_of(1000, 5);
