@@ -105,26 +105,10 @@ void trials_label(const app *self, const char *text, const char *path, char labe
 
 /* ---- reading parts ---- */
 
-/* Returns the number of bytes that were read. */
-static size_t get(int fd, void *data, size_t bytes, off_t at) {
-    size_t done = 0;
-    while (done < bytes) {
-        const ssize_t n = pread(fd, (char *)data + done, bytes - done, at + (off_t)done);
-        if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) break;
-        done += (size_t)n;
-    }
-    return done;
-}
-
 static lg_status put(const part *p, const void *data, size_t bytes, off_t at, lg_error *error) {
-    ssize_t n;
-    do n = pwrite(p->fd, data, bytes, at);
-    while (n < 0 && errno == EINTR);
+    const ssize_t n = pwrite(p->fd, data, bytes, at);
     if (n == (ssize_t)bytes) return LG_OK;
-    const int number = n < 0 ? errno : ENOSPC;
-    if (n > 0) (void)!ftruncate(p->fd, at);
-    return app_error(error, LG_FILE, "%s: cannot be written: %s", p->path, strerror(number));
+    return app_error(error, LG_FILE, "%s: cannot be written: %s", p->path, strerror(n < 0 ? errno : ENOSPC));
 }
 
 static head head_of(const trials_work *self) {
@@ -151,17 +135,17 @@ static lg_status read_part(trials_work *self, part *p, void *record, lg_error *e
     head found;
     uint64_t entry[2];
     if (p->at == 0) {
-        const size_t size = get(p->fd, &found, sizeof found, 0);
-        if (memcmp(&found, &mine, size) != 0)
+        const ssize_t size = pread(p->fd, &found, sizeof found, 0);
+        if (size < 0 || memcmp(&found, &mine, (size_t)size) != 0)
             return app_error(error, LG_FORMAT,
                              "%s: belongs to work with other options or data; remove it, or write to another "
                              "file",
                              p->path);
-        if (size < sizeof found) return LG_OK; /* its process has just made it */
+        if (size < (ssize_t)sizeof found) return LG_OK; /* its process has just made it */
         p->at = sizeof found;
     }
-    for (; get(p->fd, entry, sizeof entry, p->at) == sizeof entry &&
-           get(p->fd, record, self->record, p->at + ENTRY_HEAD) == self->record;
+    for (; pread(p->fd, entry, sizeof entry, p->at) == (ssize_t)sizeof entry &&
+           pread(p->fd, record, self->record, p->at + ENTRY_HEAD) == (ssize_t)self->record;
          p->at += (off_t)(ENTRY_HEAD + self->record)) {
         const bool done = entry[1] == 1;
         const size_t item = (size_t)entry[0];

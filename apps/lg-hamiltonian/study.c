@@ -70,18 +70,24 @@ static void set_protocol(const lg_grid *grid, study_plan *plan) {
     free(memory.text);
 }
 
+static void add_wholes(study_axis *axis, const lg_wholes *list) {
+    for (size_t i = 0; i < list->count; i++) study_axis_add(axis, NULL, list->values[i]);
+}
+
+static void add_reals(study_axis *axis, const lg_reals *list) {
+    for (size_t i = 0; i < list->count; i++) study_axis_add(axis, NULL, list->values[i]);
+}
+
 static void make_plan(const lg_grid *grid, study_plan *plan) {
-    *plan = (study_plan){.repeats = grid->repeats, .seed = grid->seed};
     study_axis *axes = plan->axes;
+    *plan = (study_plan){.repeats = grid->repeats, .seed = grid->seed};
     for (uint32_t i = 0; i < grid->integrator_count; i++)
         study_axis_add(&axes[AXIS_INTEGRATOR], grid->integrators[i]->name, 0);
-    for (uint32_t i = 0; i < grid->substeps_count; i++)
-        study_axis_add(&axes[AXIS_SUBSTEPS], NULL, grid->substeps[i]);
-    for (uint32_t i = 0; i < grid->n_count; i++) study_axis_add(&axes[AXIS_N], NULL, grid->n[i]);
-    for (uint32_t i = 0; i < grid->m_count; i++) study_axis_add(&axes[AXIS_M], NULL, grid->m[i]);
-    for (uint32_t i = 0; i < grid->eps_count; i++) study_axis_add(&axes[AXIS_EPS], NULL, grid->eps[i]);
-    for (uint32_t i = 0; i < grid->penalty_count; i++)
-        study_axis_add(&axes[AXIS_PENALTY], NULL, grid->penalty[i]);
+    add_wholes(&axes[AXIS_SUBSTEPS], &grid->substeps);
+    add_wholes(&axes[AXIS_N], &grid->n);
+    add_wholes(&axes[AXIS_M], &grid->m);
+    add_reals(&axes[AXIS_EPS], &grid->eps);
+    add_reals(&axes[AXIS_PENALTY], &grid->penalty);
     set_protocol(grid, plan);
 }
 
@@ -224,19 +230,6 @@ static void study_end(study *self) {
     lg_grid_destroy(&self->grid);
 }
 
-/* Hash of everything that the runs depend on. */
-static void label_of(const study_plan *plan, char label[LG_SHA256_TEXT]) {
-    app_file memory;
-    app_file_begin(&memory, "");
-    (void)fprintf(memory.stream, "%s %llu", plan->protocol, (unsigned long long)plan->seed);
-    for (uint32_t i = 0; i < AXES; i++)
-        for (uint32_t k = 0; k < plan->axes[i].count; k++)
-            (void)fprintf(memory.stream, " %u %s", i, plan->axes[i].text[k]);
-    (void)fclose(memory.stream);
-    trials_label(NULL, memory.text, NULL, label);
-    free(memory.text);
-}
-
 /* Reads the table and the results of other processes. */
 static void begin(study *self) {
     trials_work *work = &self->work;
@@ -244,7 +237,7 @@ static void begin(study *self) {
     work->count = study_runs(&self->plan);
     APP_MUST_FILE(self->app, work->out, study_table_open(work->out, &self->plan, &self->table, &error));
     app_continue(work->out);
-    label_of(&self->plan, label);
+    trials_label(self->app, self->plan.protocol, self->app->arguments[0], label);
     APP_MUST_FILE(self->app, work->out, trials_open(work, label, &error));
     for (size_t i = 0; i < work->count; i++) work->known[i] = work->known[i] || self->table.done[i];
 }

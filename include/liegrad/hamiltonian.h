@@ -682,13 +682,13 @@ typedef struct lg_grid {
     /* In Hamiltonian form; owned. The grid has the key `scene: FILE` (relative to the grid's folder), or
      * itself the key `system` and the other keys of a scene. */
     lg_scene scene;
-    uint32_t integrator_count, n_count, m_count, eps_count, penalty_count, substeps_count;
-    const lg_scheme *integrators[LG_GRID_VALUES];  /* Required. */
-    uint32_t n[LG_GRID_VALUES], m[LG_GRID_VALUES]; /* Required; keys N and M. */
-    double eps[LG_GRID_VALUES];                    /* Noise of the data; default 0. */
-    double penalty[LG_GRID_VALUES];                /* mu; default 0. */
-    uint32_t substeps[LG_GRID_VALUES];             /* Default 1. */
-    uint32_t repeats;                              /* Default 1. */
+    uint32_t integrator_count;
+    const lg_scheme *integrators[LG_GRID_VALUES]; /* Required. */
+    lg_wholes n, m;                               /* Required; keys N and M. */
+    lg_reals eps;                                 /* Noise of the data; default 0. */
+    lg_reals penalty;                             /* mu; default 0. */
+    lg_wholes substeps;                           /* Default 1. */
+    uint32_t repeats;                             /* Default 1. */
     /* Duration of a trajectory: from the grid, else from the scene; one of them must have it. */
     double t_end;
     /* The hyperparameters that all runs share; each has its name in lg_hamiltonian_fields as the key.

@@ -341,12 +341,12 @@ typedef struct lg_search_file {
  * _. */
 LG_API lg_status lg_search_file_read(const lg_context *context, const char *path, lg_search_file *out,
                                      lg_error *error);
-/* Writes trials as CSV, one per line, by rising number. The columns are trial, state, objective, parameters,
- * epochs, seconds, one column per range (choices by name), and the reports rung1, rung2, ... up to the
- * largest number of reports of any trial. Numbers have 17 digits, or are nan, inf or -inf. The first line, `#
- * seed S space HASH setting HASH`, ties the file to its search. The first hash is of the ranges. The second
- * hash is of the fixed options and of `setting` (NULL stands for ""), any text that says what else the
- * results depend on, such as the SHA-256 of the data and the options of the search. Errors:
+/* Writes trials as CSV, one per line; their numbers must rise. The columns are trial, state, objective,
+ * parameters, epochs, seconds, one column per range (choices by name), and the reports rung1, rung2, ... up
+ * to the largest number of reports of any trial. Numbers have 17 digits, or are nan, inf or -inf. The first
+ * line, `# seed S space HASH setting HASH`, ties the file to its search. The first hash is of the ranges.
+ * The second hash is of the fixed options and of `setting` (NULL stands for ""), any text that says what
+ * else the results depend on, such as the SHA-256 of the data and the options of the search. Errors:
  * LG_INVALID_ARGUMENT (a space that lg_search_space_check refuses, a trial that could not be read back),
  * LG_FILE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
@@ -358,10 +358,10 @@ LG_API lg_status lg_trials_write(const lg_context *context, const char *path, co
 LG_API void lg_search_label(const lg_search_file *search, uint64_t seed, const char *setting,
                             char label[LG_SEARCH_LABEL]);
 /* Reads the trials of a file to trials (room), and sets *count. The ranges, fixed options, seed and setting
- * must be the ones that were written. With `trials` NULL and room 0 the trials are only counted. A last line
- * without its line end is ignored: this trial was not saved completely and must run again. Errors:
- * LG_NOT_FOUND (no such file), LG_INVALID_ARGUMENT (the file belongs to another search, and the sentence says
- * what differs; or it has more than `room` trials), LG_FORMAT (with the line), LG_FILE, LG_OUT_OF_MEMORY. */
+ * must be the ones that were written. A last line without its line end is ignored: this trial was not saved
+ * completely and must run again. Errors: LG_NOT_FOUND (no such file), LG_INVALID_ARGUMENT (the file belongs
+ * to another search, and the sentence says what differs; or it has more than `room` trials), LG_FORMAT (with
+ * the line), LG_FILE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
                                 uint64_t seed, const char *setting, size_t room, lg_trial *trials,
                                 size_t *count, lg_error *error);

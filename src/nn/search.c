@@ -169,10 +169,9 @@ static uint64_t rung_epoch(uint64_t total, uint32_t rung, uint32_t parts) {
 /* Whether the trial is to be stopped at the rung that it has just reached. Where the other trials are not
  * known yet, only an objective that is not finite stops it. */
 static bool prunes(const lg_search *search, uint32_t rung) {
-    const lg_trial *before, *trial = search->trial;
-    size_t count;
-    if (search->known == NULL || !search->known(search->user, trial, rung, &before, &count))
-        return !isfinite(trial->report[rung]);
+    const lg_trial *before = NULL, *trial = search->trial;
+    size_t count = 0;
+    if (search->known == NULL || !search->known(search->user, trial, rung, &before, &count)) count = 0;
     return lg_search_prune(search->options, before, count, trial->number, rung, trial->report[rung]);
 }
 
@@ -273,8 +272,9 @@ static void stop_at(lg_trial *trial, uint32_t reports) {
     for (uint32_t r = reports; r < LG_TRIAL_REPORTS; r++) trial->report[r] = 0.0;
 }
 
-/* Stops the trial where it would have stopped in a search without other processes, if it ran too long. Rungs that one report passed
- * at once are judged together, since the trial could only stop after the last of them. */
+/* Stops the trial where it would have stopped in a search without other processes, if it ran too long. Rungs
+ * that one report passed at once are judged together, since the trial could only stop after the last of
+ * them. */
 static void settle(const lg_search_options *options, const lg_trial *before, lg_trial *trial) {
     for (uint32_t first = 0, end; first < trial->reports; first = end) {
         const uint64_t epoch = trial->report_epoch[first];

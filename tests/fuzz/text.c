@@ -77,8 +77,8 @@ void fuzz_grid(const uint8_t *data, size_t size) {
     const lg_status status = lg_grid_read(NULL, fuzz_file(data, size), &grid, &error);
     refused(status, &error);
     if (status != LG_OK) return;
-    if (grid.integrator_count == 0 || grid.n_count == 0 || grid.m_count == 0 || grid.eps_count == 0 ||
-        grid.penalty_count == 0 || grid.substeps_count == 0 || grid.repeats == 0)
+    if (grid.integrator_count == 0 || grid.n.count == 0 || grid.m.count == 0 || grid.eps.count == 0 ||
+        grid.penalty.count == 0 || grid.substeps.count == 0 || grid.repeats == 0)
         abort();
     lg_grid_destroy(&grid);
 }

@@ -697,8 +697,8 @@ TEST("a damaged scene is refused") {
 /* ---- grids ---- */
 
 static uint64_t runs_of(const lg_grid *grid) {
-    return (uint64_t)grid->integrator_count * grid->n_count * grid->m_count * grid->eps_count *
-           grid->penalty_count * grid->substeps_count * grid->repeats;
+    return (uint64_t)grid->integrator_count * grid->n.count * grid->m.count * grid->eps.count *
+           grid->penalty.count * grid->substeps.count * grid->repeats;
 }
 
 TEST("every key of a grid is read") {
@@ -707,8 +707,9 @@ TEST("every key of a grid is read") {
     assert_int_equal(runs_of(&grid), 2 * 2 * 1 * 3 * 2 * 2 * 5);
     assert_int_equal(lg_system_links(grid.scene.system), 2);
     assert_true(grid.integrators[0] == lg_scheme_find("cf4") && grid.integrators[1] == lg_scheme_find("rk4"));
-    assert_true(grid.n[1] == 500 && grid.m[0] == 5 && grid.m_count == 1 && grid.substeps[1] == 2);
-    assert_true(grid.eps[2] == 0.1 && grid.penalty[1] == 1e-3 && grid.t_end == 0.1);
+    assert_true(grid.n.values[1] == 500 && grid.m.values[0] == 5 && grid.m.count == 1 &&
+                grid.substeps.values[1] == 2);
+    assert_true(grid.eps.values[2] == 0.1 && grid.penalty.values[1] == 1e-3 && grid.t_end == 0.1);
     const lg_mlp *net = &grid.run.model.net;
     const lg_fit_settings *how = &grid.run.training;
     assert_true(net->layers == 3 && net->width[2] == 30 && net->activation == LG_TANH);
@@ -721,7 +722,7 @@ TEST("every key of a grid is read") {
                                               "N: 900\nM: 6\nhidden: [100, 50, 50]\n"));
     assert_string_equal(lg_system_name(grid.scene.system), "quartic");
     assert_int_equal(runs_of(&grid), 1);
-    assert_true(grid.t_end == 0.3 && grid.eps[0] == 0 && grid.noise_kind == LG_NOISE_NORMAL);
+    assert_true(grid.t_end == 0.3 && grid.eps.values[0] == 0 && grid.noise_kind == LG_NOISE_NORMAL);
     grid = read_good_grid(changed("grid.yaml", good_grid, "repeats: 5", "noise_kind: uniform"));
     assert_int_equal(grid.noise_kind, LG_NOISE_UNIFORM);
 }

@@ -37,11 +37,11 @@ static const lg_field own_keys[OWN_KEYS] = {
                          .required = true,
                          .most = LISTS,
                          .value_name = lg_name_scheme},
-    [KEY_PENALTY] = {.name = "penalty", .type = LG_FIELD_REALS, .most = LISTS},
-    [KEY_SUBSTEPS] = {.name = "substeps", .type = LG_FIELD_WHOLES, .most = LISTS},
-    [KEY_N] = {.name = "N", .type = LG_FIELD_WHOLES, .required = true, .low = 1, .high = 1e9, .most = LISTS},
-    [KEY_M] = {.name = "M", .type = LG_FIELD_WHOLES, .required = true, .low = 2, .high = 1e9, .most = LISTS},
-    [KEY_EPS] = {.name = "eps", .type = LG_FIELD_REALS, .high = 1e6, .most = LISTS},
+    [KEY_PENALTY] = LG_FIELD(lg_grid, NULL, "penalty", REALS, penalty, .most = LISTS),
+    [KEY_SUBSTEPS] = LG_FIELD(lg_grid, NULL, "substeps", WHOLES, substeps, .most = LISTS),
+    [KEY_N] = LG_FIELD(lg_grid, NULL, "N", WHOLES, n, .required = true, .low = 1, .high = 1e9, .most = LISTS),
+    [KEY_M] = LG_FIELD(lg_grid, NULL, "M", WHOLES, m, .required = true, .low = 2, .high = 1e9, .most = LISTS),
+    [KEY_EPS] = LG_FIELD(lg_grid, NULL, "eps", REALS, eps, .high = 1e6, .most = LISTS),
     [KEY_REPEATS] = LG_FIELD(lg_grid, NULL, "repeats", U32, repeats, .low = 1, .high = 1e6),
     [KEY_NOISE_KIND] = LG_FIELD(lg_grid, NULL, "noise_kind", NAME, noise_kind, .value_name = name_noise),
     [KEY_SEED] = LG_FIELD(lg_grid, NULL, "seed", U64, seed, .high = 0x1p64),
@@ -90,25 +90,12 @@ static const lg_field file_keys[FILE_KEYS] = {
     [KEY_T_END] = LG_FIELD(lg_grid, NULL, "t_end", REAL, t_end, .above = true, .high = 1e12),
 };
 
-static void set_u32s(const lg_key_value *value, uint32_t *count, uint32_t *out) {
-    if (value->line == 0) return;
-    *count = value->count;
-    for (uint32_t i = 0; i < value->count; i++) out[i] = (uint32_t)value->real[i];
-}
-
-static void set_reals(const lg_key_value *value, uint32_t *count, double *out) {
-    if (value->line == 0) return;
-    *count = value->count;
-    memcpy(out, value->real, value->count * sizeof *out);
-}
-
 static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *v, lg_grid *out,
                       lg_error *error) {
     *out = (lg_grid){.scene = out->scene,
-                     .eps_count = 1,
-                     .penalty_count = 1,
-                     .substeps_count = 1,
-                     .substeps = {1},
+                     .eps = {.count = 1},
+                     .penalty = {.count = 1},
+                     .substeps = {1, {1}},
                      .repeats = 1,
                      .test_trajectories = 100,
                      .test_points = 15,
@@ -117,11 +104,6 @@ static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *
     out->integrator_count = v[KEY_INTEGRATORS].count;
     for (uint32_t i = 0; i < out->integrator_count; i++)
         out->integrators[i] = lg_scheme_at((size_t)v[KEY_INTEGRATORS].real[i]);
-    set_u32s(&v[KEY_N], &out->n_count, out->n);
-    set_u32s(&v[KEY_M], &out->m_count, out->m);
-    set_reals(&v[KEY_EPS], &out->eps_count, out->eps);
-    set_reals(&v[KEY_PENALTY], &out->penalty_count, out->penalty);
-    set_u32s(&v[KEY_SUBSTEPS], &out->substeps_count, out->substeps);
     LG_TRY(lg_yaml_store(yaml, keys->keys, v, OWN_KEYS, out, error));
     return lg_yaml_store(yaml, keys->keys + OWN_KEYS, v + OWN_KEYS, keys->count - OWN_KEYS, &out->run, error);
 }

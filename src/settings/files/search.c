@@ -2,11 +2,12 @@
 #include <float.h>
 #include <inttypes.h>
 #include <math.h>
+#include <stdarg.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 #include <yaml.h>
 
-#include "core/bytes.h"
 #include "files/csv.h"
 #include "files/h5.h"
 #include "settings/files/yaml.h"
@@ -210,57 +211,34 @@ lg_status lg_search_file_read(const lg_context *context, const char *path, lg_se
 
 #define HASH_DIGITS 16
 
-static const char *const columns[] = {"trial", "state", "objective", "parameters", "epochs", "seconds"};
-
-static void add_text(lg_sha256 *sha, const char *text) {
-    lg_sha256_add(sha, text, strlen(text) + 1);
+static void hash_line(lg_sha256 *sha, const char *format, ...) {
+    char line[256];
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    lg_sha256_add(sha, line, strlen(line) + 1);
 }
 
-/* Hashes the bits of a number in little-endian order. */
-static void add_bits(lg_sha256 *sha, uint64_t bits) {
-    unsigned char bytes[8];
-    lg_bytes_put(bytes, sizeof bytes, bits);
-    lg_sha256_add(sha, bytes, sizeof bytes);
-}
-
-static void add_real(lg_sha256 *sha, double x) {
-    add_bits(sha, lg_bits_of_f64(x + 0.0)); /* + 0.0 makes -0 the same bound as 0 */
-}
-
-static void finish_hash(lg_sha256 *sha, char out[HASH_DIGITS + 1]) {
+/* The hash of the ranges, and the hash of the fixed options and of `setting`. */
+static void hash_search(const lg_search_file *search, const char *setting, char out[2][HASH_DIGITS + 1]) {
+    lg_sha256 sha[2];
     char text[LG_SHA256_TEXT];
-    lg_sha256_finish(sha, text);
-    memcpy(out, text, HASH_DIGITS);
-    out[HASH_DIGITS] = '\0';
-}
-
-static void space_hash(const lg_search_space *space, char out[HASH_DIGITS + 1]) {
-    lg_sha256 sha;
-    lg_sha256_init(&sha);
-    add_bits(&sha, space->count);
-    for (size_t i = 0; i < space->count; i++) {
-        const lg_range *range = &space->ranges[i];
+    for (int i = 0; i < 2; i++) lg_sha256_init(&sha[i]);
+    for (size_t i = 0; i < search->space.count; i++) {
+        const lg_range *range = &search->space.ranges[i];
         const bool choice = range->kind == LG_RANGE_CHOICE;
-        add_text(&sha, range->name);
-        add_text(&sha, kind_names[range->kind]);
-        if (!choice) add_real(&sha, range->low);
-        if (!choice) add_real(&sha, range->high);
-        if (choice) add_bits(&sha, range->choices);
-        for (uint32_t k = 0; choice && k < range->choices; k++) add_text(&sha, range->choice[k]);
+        hash_line(&sha[0], "%s %s", range->name, kind_names[range->kind]);
+        if (!choice) hash_line(&sha[0], "%.17g %.17g", range->low + 0.0, range->high + 0.0); /* -0 is 0 */
+        for (uint32_t k = 0; choice && k < range->choices; k++) hash_line(&sha[0], "%s", range->choice[k]);
     }
-    finish_hash(&sha, out);
-}
-
-static void setting_hash(const lg_search_file *search, const char *setting, char out[HASH_DIGITS + 1]) {
-    lg_sha256 sha;
-    lg_sha256_init(&sha);
-    add_bits(&sha, search->fixed_count);
-    for (size_t i = 0; i < search->fixed_count; i++) {
-        add_text(&sha, search->fixed_name[i]);
-        add_text(&sha, search->fixed_value[i]);
+    for (size_t i = 0; i < search->fixed_count; i++)
+        hash_line(&sha[1], "%s %s", search->fixed_name[i], search->fixed_value[i]);
+    if (setting != NULL) lg_sha256_add(&sha[1], setting, strlen(setting));
+    for (int i = 0; i < 2; i++) {
+        lg_sha256_finish(&sha[i], text);
+        (void)snprintf(out[i], HASH_DIGITS + 1, "%.*s", HASH_DIGITS, text);
     }
-    add_text(&sha, setting != NULL ? setting : "");
-    finish_hash(&sha, out);
 }
 
 static lg_status check_search(const lg_search_file *search, lg_error *error) {
@@ -291,16 +269,12 @@ bool lg_trial_is_possible(const lg_search_space *space, const lg_trial *trial) {
 
 static lg_status check_trials(const lg_search_space *space, const lg_trial *trials, size_t count,
                               lg_error *error) {
-    for (size_t i = 0; i < count; i++) {
-        const lg_trial *trial = &trials[i];
-        bool good = lg_trial_is_possible(space, trial);
-        for (size_t k = 0; good && k < i; k++) good = trials[k].number != trial->number;
-        if (!good)
+    for (size_t i = 0; i < count; i++)
+        if (!lg_trial_is_possible(space, &trials[i]) || (i > 0 && trials[i].number <= trials[i - 1].number))
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "trial %" PRIu64
-                           " is given twice, or its state, a value or its number of reports is not possible",
-                           trial->number);
-    }
+                           "trial %" PRIu64 " does not come after the trial before it, or its state, a value "
+                           "or its number of reports is not possible",
+                           trials[i].number);
     return LG_OK;
 }
 
@@ -316,29 +290,48 @@ static void add_number(lg_text *t, double x) {
 
 void lg_search_label(const lg_search_file *search, uint64_t seed, const char *setting,
                      char label[LG_SEARCH_LABEL]) {
-    char space[HASH_DIGITS + 1], settings[HASH_DIGITS + 1];
-    space_hash(&search->space, space);
-    setting_hash(search, setting, settings);
-    (void)snprintf(label, LG_SEARCH_LABEL, LG_SEARCH_SEED "%" PRIu64 " space %s setting %s", seed, space,
-                   settings);
+    char hash[2][HASH_DIGITS + 1];
+    hash_search(search, setting, hash);
+    (void)snprintf(label, LG_SEARCH_LABEL, LG_SEARCH_SEED "%" PRIu64 " space %s setting %s", seed, hash[0],
+                   hash[1]);
 }
+
+/* The columns that every table has. */
+typedef enum column_type { COLUMN_WHOLE, COLUMN_REAL, COLUMN_STATE } column_type;
+static const struct {
+    const char *name;
+    column_type type;
+    size_t offset; /* in lg_trial */
+} columns[] = {
+    {"trial", COLUMN_WHOLE, offsetof(lg_trial, number)},
+    {"state", COLUMN_STATE, offsetof(lg_trial, state)},
+    {"objective", COLUMN_REAL, offsetof(lg_trial, objective)},
+    {"parameters", COLUMN_WHOLE, offsetof(lg_trial, parameters)},
+    {"epochs", COLUMN_WHOLE, offsetof(lg_trial, epochs)},
+    {"seconds", COLUMN_REAL, offsetof(lg_trial, seconds)},
+};
 
 static void add_head(lg_text *t, const lg_search_file *search, uint64_t seed, const char *setting,
                      uint32_t reports) {
     char label[LG_SEARCH_LABEL];
     lg_search_label(search, seed, setting, label);
     lg_text_add(t, "# %s\n", label);
-    for (size_t i = 0; i < LG_COUNT(columns); i++) lg_text_add(t, "%s%s", i > 0 ? "," : "", columns[i]);
+    for (size_t i = 0; i < LG_COUNT(columns); i++) lg_text_add(t, "%s%s", i > 0 ? "," : "", columns[i].name);
     for (size_t i = 0; i < search->space.count; i++) lg_text_add(t, ",%s", search->space.ranges[i].name);
     for (uint32_t i = 0; i < reports; i++) lg_text_add(t, ",rung%u", i + 1);
     lg_text_add(t, "\n");
 }
 
 static void add_trial(lg_text *t, const lg_search_space *space, const lg_trial *trial, uint32_t reports) {
-    lg_text_add(t, "%" PRIu64 ",%s", trial->number, lg_trial_state_name(trial->state));
-    add_number(t, trial->objective);
-    lg_text_add(t, ",%" PRIu64 ",%" PRIu64, trial->parameters, trial->epochs);
-    add_number(t, trial->seconds);
+    for (size_t i = 0; i < LG_COUNT(columns); i++) {
+        const void *member = (const char *)trial + columns[i].offset;
+        if (columns[i].type == COLUMN_REAL)
+            add_number(t, *(const double *)member);
+        else if (columns[i].type == COLUMN_STATE)
+            lg_text_add(t, ",%s", lg_trial_state_name(trial->state));
+        else
+            lg_text_add(t, "%s%" PRIu64, i > 0 ? "," : "", *(const uint64_t *)member);
+    }
     for (size_t i = 0; i < space->count; i++)
         if (space->ranges[i].kind == LG_RANGE_CHOICE)
             lg_text_add(t, ",%s", space->ranges[i].choice[(size_t)trial->value[i]]);
@@ -352,28 +345,6 @@ static void add_trial(lg_text *t, const lg_search_space *space, const lg_trial *
     lg_text_add(t, "\n");
 }
 
-/* Returns the position of the trial with the lowest number above `last`, or with the lowest number of all if
- * `first`. */
-static size_t next_trial(const lg_trial *trials, size_t count, uint64_t last, bool first) {
-    size_t found = count;
-    for (size_t i = 0; i < count; i++) {
-        const bool after = first || trials[i].number > last;
-        if (after && (found == count || trials[i].number < trials[found].number)) found = i;
-    }
-    return found;
-}
-
-static void compose(lg_text *t, const lg_search_file *search, uint64_t seed, const char *setting,
-                    const lg_trial *trials, size_t count, uint32_t reports) {
-    add_head(t, search, seed, setting, reports);
-    uint64_t last = 0;
-    for (size_t i = 0; i < count; i++) {
-        const lg_trial *trial = &trials[next_trial(trials, count, last, i == 0)];
-        add_trial(t, &search->space, trial, reports);
-        last = trial->number;
-    }
-}
-
 lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
                           uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
                           lg_error *error) {
@@ -385,7 +356,8 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
     for (size_t i = 0; i < count; i++)
         if (trials[i].reports > reports) reports = trials[i].reports;
     lg_text t = {.context = context};
-    compose(&t, search, seed, setting, trials, count, reports);
+    add_head(&t, search, seed, setting, reports);
+    for (size_t i = 0; i < count; i++) add_trial(&t, &search->space, &trials[i], reports);
     const lg_status status = t.failed
                                  ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
                                  : lg_file_write(context, path, t.data, t.length, error);
@@ -447,20 +419,10 @@ static bool parse_value(const lg_range *range, const char *cell, double *out) {
 
 /* Reads a cell of one of the columns that every table has. */
 static bool parse_column(size_t column, const char *cell, lg_trial *trial) {
-    switch (column) {
-    case 0:
-        return lg_integer_parse(cell, &trial->number) == LG_OK;
-    case 1:
-        return parse_state(cell, &trial->state);
-    case 2:
-        return parse_number(cell, &trial->objective);
-    case 3:
-        return lg_integer_parse(cell, &trial->parameters) == LG_OK;
-    case 4:
-        return lg_integer_parse(cell, &trial->epochs) == LG_OK;
-    default:
-        return parse_number(cell, &trial->seconds);
-    }
+    void *member = (char *)trial + columns[column].offset;
+    if (columns[column].type == COLUMN_STATE) return parse_state(cell, member);
+    return columns[column].type == COLUMN_REAL ? parse_number(cell, member)
+                                               : lg_integer_parse(cell, member) == LG_OK;
 }
 
 static lg_status parse_trial(table *t, const lg_search_space *space, lg_trial *trial) {
@@ -468,7 +430,7 @@ static lg_status parse_trial(table *t, const lg_search_space *space, lg_trial *t
     *trial = (lg_trial){.number = 0};
     for (size_t i = 0; i < LG_COUNT(columns); i++) {
         const char *cell = next_cell(t, &line);
-        if (cell == NULL || !parse_column(i, cell, trial)) return bad(t, columns[i], cell);
+        if (cell == NULL || !parse_column(i, cell, trial)) return bad(t, columns[i].name, cell);
     }
     for (size_t i = 0; i < space->count; i++) {
         const char *cell = next_cell(t, &line);
@@ -487,29 +449,28 @@ static lg_status parse_trial(table *t, const lg_search_space *space, lg_trial *t
 
 /* Reads the first line and checks that it is the `# seed S space HASH setting HASH` of this search. */
 static lg_status check_head(table *t, const lg_search_file *search, uint64_t seed, const char *setting) {
-    char want[2][HASH_DIGITS + 1], seen_hash[2][HASH_DIGITS + 1], seen_seed[24];
+    static const char *const made_with[] = {"other ranges",
+                                            "other fixed options or settings, or from other data"};
+    char want[2][HASH_DIGITS + 1], seen[2][HASH_DIGITS + 1], seen_seed[24];
     const char *shown = t->csv.shown;
     uint64_t number = 0;
     bool more;
     int end = 0;
     LG_TRY(lg_csv_next(&t->csv, &more, t->error));
-    space_hash(&search->space, want[0]);
-    setting_hash(search, setting, want[1]);
+    hash_search(search, setting, want);
     if (!t->csv.closed ||
-        sscanf(t->csv.line, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed,
-               seen_hash[0], seen_hash[1], &end) != 3 ||
+        sscanf(t->csv.line, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen[0],
+               seen[1], &end) != 3 ||
         t->csv.line[end] != '\0' || lg_integer_parse(seen_seed, &number) != LG_OK)
         return lg_fail(t->error, LG_FORMAT, "%s: line 1: '# seed S space HASH setting HASH' is expected",
                        shown);
     if (number != seed)
         return lg_fail(t->error, LG_INVALID_ARGUMENT,
                        "%s: the trials were made with seed %" PRIu64 ", not %" PRIu64, shown, number, seed);
-    if (strcmp(seen_hash[0], want[0]) != 0)
-        return lg_fail(t->error, LG_INVALID_ARGUMENT, "%s: the trials were made with other ranges", shown);
-    if (strcmp(seen_hash[1], want[1]) != 0)
-        return lg_fail(t->error, LG_INVALID_ARGUMENT,
-                       "%s: the trials were made with other fixed options or settings, or from other data",
-                       shown);
+    for (int i = 0; i < 2; i++)
+        if (strcmp(seen[i], want[i]) != 0)
+            return lg_fail(t->error, LG_INVALID_ARGUMENT, "%s: the trials were made with %s", shown,
+                           made_with[i]);
     return LG_OK;
 }
 
@@ -517,7 +478,8 @@ static lg_status check_head(table *t, const lg_search_file *search, uint64_t see
 static lg_status check_columns(table *t, const lg_search_space *space) {
     char *line = t->csv.line;
     for (size_t i = 0; i < LG_COUNT(columns) + space->count; i++) {
-        const char *name = i < LG_COUNT(columns) ? columns[i] : space->ranges[i - LG_COUNT(columns)].name;
+        const char *name =
+            i < LG_COUNT(columns) ? columns[i].name : space->ranges[i - LG_COUNT(columns)].name;
         const char *cell = next_cell(t, &line);
         if (cell == NULL || strcmp(cell, name) != 0)
             return lg_fail(t->error, LG_FORMAT, "%s: line %zu: column '%s' is expected", t->csv.shown,
@@ -535,20 +497,22 @@ static lg_status check_columns(table *t, const lg_search_space *space) {
 static lg_status read_rows(table *t, const lg_search_space *space, lg_trial *trials, size_t room,
                            size_t *count) {
     lg_trial one;
-    for (size_t found = 0;; found++) {
-        lg_trial *trial = found < room ? &trials[found] : &one;
+    for (*count = 0;; ++*count) {
         bool more;
-        *count = found;
         LG_TRY(lg_csv_line(&t->csv, &more, t->error));
         if (!more || !t->csv.closed) return LG_OK;
-        if (t->csv.number != found + 3) { /* an empty line or a comment */
-            t->csv.number = found + 3;
+        if (t->csv.number != *count + 3) { /* an empty line or a comment */
+            t->csv.number = *count + 3;
             return bad(t, "trial", "");
         }
-        LG_TRY(parse_trial(t, space, trial));
-        for (size_t i = 0; i < found && i < room; i++)
-            if (trials[i].number == trial->number)
+        LG_TRY(parse_trial(t, space, &one));
+        if (*count == room)
+            return lg_fail(t->error, LG_INVALID_ARGUMENT, "%s: holds more than the %zu trials that fit",
+                           t->csv.shown, room);
+        for (size_t i = 0; i < *count; i++)
+            if (trials[i].number == one.number)
                 return bad(t, "this trial is in the table already", t->csv.line);
+        trials[*count] = one;
     }
 }
 
@@ -575,16 +539,11 @@ lg_status lg_trials_read(const lg_context *context, const char *path, const lg_s
                        "the file's name is missing, or the memory for its trials is NULL");
     LG_TRY(check_search(search, error));
     table t = {.error = error};
-    lg_trial *made = trials == NULL ? NULL : lg_alloc(context, room, sizeof *made);
-    lg_status status = LG_OK;
-    if (trials != NULL && made == NULL)
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    else
-        status = read_table(&t, context, path, search, seed, setting, made, room, &found);
-    if (status == LG_OK && trials != NULL && found > room)
-        status = lg_fail(error, LG_INVALID_ARGUMENT, "%s: holds %zu trials, but at most %zu fit",
-                         lg_shown_path(path), found, room);
-    if (status == LG_OK && trials != NULL && found > 0) memcpy(trials, made, found * sizeof *made);
+    lg_trial *made = lg_alloc(context, room + 1, sizeof *made);
+    const lg_status status = made == NULL
+                                 ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
+                                 : read_table(&t, context, path, search, seed, setting, made, room, &found);
+    if (status == LG_OK && found > 0) memcpy(trials, made, found * sizeof *made);
     if (status == LG_OK) *count = found;
     lg_free(context, made);
     lg_csv_close(&t.csv);
