@@ -32,7 +32,7 @@ extern const fuzz_harness fuzz_harnesses[];
 const fuzz_harness *fuzz_find(const char *name);
 
 /* Writes the bytes to a file and returns its path. All inputs use the same file. Its name ends like the name
- * of a board. */
+ * of a part. */
 #define FUZZ_ENDING ".part-0-of-2"
 const char *fuzz_file(const void *data, size_t size);
 int fuzz_file_descriptor(void);
