@@ -281,8 +281,6 @@ LG_API void lg_tree_destroy(lg_tree *tree);
 /* Depth of the tree; 0 if the root is a leaf. The samples of the children of a node must add up to the
  * samples of the node. */
 LG_API uint32_t lg_tree_depth(const lg_tree *tree);
-/* Index of the leaf to which x (d) goes. */
-LG_API uint32_t lg_tree_leaf(const lg_tree *tree, const double *x);
 /* Computes probability (n, classes) of the rows of x (n, d): the fractions of the classes in the leaf of each
  * row. */
 LG_API void lg_tree_predict(const lg_tree *tree, const double *x, size_t n, double *probability);

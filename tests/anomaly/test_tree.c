@@ -292,8 +292,10 @@ TEST("a threshold lies between neighbouring doubles") {
         const lg_tree *tree = fit(&options, pairs[i], y, 2, 1, 2);
         assert_int_equal(tree->count, 3);
         assert_true(tree->node[0].threshold >= pairs[i][0] && tree->node[0].threshold < pairs[i][1]);
-        assert_int_equal(lg_tree_leaf(tree, &pairs[i][0]), 1);
-        assert_int_equal(lg_tree_leaf(tree, &pairs[i][1]), 2);
+        double probability[4];
+        lg_tree_predict(tree, pairs[i], 2, probability);
+        assert_true(probability[0] == 1 && probability[1] == 0); /* leaf 1 */
+        assert_true(probability[2] == 0 && probability[3] == 1); /* leaf 2 */
     }
 }
 

@@ -994,10 +994,11 @@ TEST("a model whose names or scales do not fit its network is refused") {
         const char *names[4];
         hsize_t count;
         const char *words;
-    } rows[] = {{{"a", "b"}, 2, "names/inputs: 2 names, expected 3"},
-                {{"a", "b", "c", "d"}, 4, "/names/inputs: expected 3 names of 1 to 63 bytes"},
-                {{"a", "", "c"}, 3, "/names/inputs: expected 3 names of 1 to 63 bytes"},
-                {{"a", "b", LONG}, 3, "/names/inputs: expected 3 names of 1 to 63 bytes"}};
+    } rows[] = {
+        {{"a", "b"}, 2, "names/inputs: 2 names, expected 3"},
+        {{"a", "b", "c", "d"}, 4, "names/inputs: 4 names, expected 3"},
+        {{"a", "", "c"}, 3, "names/inputs: name number 2 is empty"},
+        {{"a", "b", LONG}, 3, "names/inputs: more than 65536 names, or one of more than 63 bytes: " LONG}};
     static const double two[] = {1, 2};
     static const char train[] =
         "train smooth.csv --inputs a,b,c --outputs y --out model.h5 --test other.csv --epochs 2";
@@ -1016,7 +1017,7 @@ TEST("a model whose names or scales do not fit its network is refused") {
     cli_expect(fit, train, 0, "");
     put_instead("model.h5", "/scaler/inputs/mean", H5T_NATIVE_DOUBLE, 2, two);
     cli_expect(fit, "predict model.h5 smooth.csv", 3,
-               "/scaler/inputs/mean: has shape (2 inputs), expected (3 inputs as in /model)");
+               "/scaler/inputs/mean: has shape (2 columns), expected (3 columns as in /model)");
     lg_table_file_destroy(NULL);
 }
 

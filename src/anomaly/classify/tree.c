@@ -396,7 +396,8 @@ void lg_tree_destroy(lg_tree *tree) {
     *tree = (lg_tree){.inputs = 0};
 }
 
-uint32_t lg_tree_leaf(const lg_tree *tree, const double *x) {
+/* Index of the leaf to which x (d) goes. */
+static uint32_t leaf_of(const lg_tree *tree, const double *x) {
     uint32_t i = 0;
     while (tree->node[i].left != 0)
         i = x[tree->node[i].feature] <= tree->node[i].threshold ? tree->node[i].left : tree->node[i].right;
@@ -406,7 +407,7 @@ uint32_t lg_tree_leaf(const lg_tree *tree, const double *x) {
 void lg_tree_predict(const lg_tree *tree, const double *x, size_t n, double *probability) {
     const uint32_t classes = tree->classes;
     for (size_t i = 0; i < n; i++) {
-        const uint32_t leaf = lg_tree_leaf(tree, &x[i * tree->inputs]);
+        const uint32_t leaf = leaf_of(tree, &x[i * tree->inputs]);
         const uint32_t *counts = &tree->counts[(size_t)leaf * classes];
         const double samples = tree->node[leaf].samples;
         for (uint32_t k = 0; k < classes; k++) probability[i * classes + k] = counts[k] / samples;

@@ -156,19 +156,6 @@ static void choose_settings(const lg_training *self) {
     if (!self->given(self, "epochs")) run->training.epochs = lm ? 100 : 3000;
 }
 
-double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32_t coordinate) {
-    const uint32_t first = lg_log_place_of(machine, coordinate).velocity,
-                   end = lg_log_place_of(machine, coordinate + 1).velocity;
-    double sum = 0.0;
-    size_t count = 0;
-    for (size_t row = 0; row < log->rows; row++)
-        for (uint32_t k = first; k < end; k++) {
-            const double v = lg_log_shown(log)[row * machine->velocities + k];
-            if (!isnan(v)) sum += v * v, count++;
-        }
-    return count > 0 ? sqrt(sum / (double)count) : 0.0;
-}
-
 /* Sets the scales of the loss: the noise of each coordinate; without noise the root mean square of its
  * velocities, and for positions half the distance that this velocity covers in a window. */
 static void set_loss_scales(lg_machine_model_run *run, const lg_machine_state *s) {

@@ -81,7 +81,8 @@ static inline lg_log_place lg_log_place_of(const lg_machine *machine, uint32_t c
 /* Copies the parameters of terms that both machines have (choice.c). */
 void lg_machine_carry(const lg_machine *from, const double *theta, const lg_machine *to, double *out);
 size_t lg_log_longest_part(const lg_machine_log *log); /* in rows (recipe.c) */
-/* Root mean square of the logged velocities (or accelerations) of a coordinate; 0: none was logged. */
+/* Root mean square of the logged velocities (or accelerations) of a coordinate; 0: none was logged
+ * (short_fits.c). */
 double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32_t coordinate);
 
 /* ---- positions against velocities (kinematics.c) ---- */

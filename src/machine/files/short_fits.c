@@ -146,6 +146,19 @@ static lg_stage_limits limits(const stages *s, uint64_t epochs) {
 
 /* ---- a log with velocities ---- */
 
+double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32_t coordinate) {
+    const uint32_t first = lg_log_place_of(machine, coordinate).velocity,
+                   end = lg_log_place_of(machine, coordinate + 1).velocity;
+    double sum = 0.0;
+    size_t count = 0;
+    for (size_t row = 0; row < log->rows; row++)
+        for (uint32_t k = first; k < end; k++) {
+            const double v = lg_log_shown(log)[row * machine->velocities + k];
+            if (!isnan(v)) sum += v * v, count++;
+        }
+    return count > 0 ? sqrt(sum / (double)count) : 0.0;
+}
+
 /* Scales of the loss: the root mean square of a coordinate's velocities, and half the way that this covers in
  * a window. */
 static void set_scales(const lg_machine_log *log, double seconds, lg_machine_problem *problem) {

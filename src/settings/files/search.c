@@ -215,7 +215,7 @@ static void hash_line(lg_sha256 *sha, const char *format, ...) {
     char line[256];
     va_list arguments;
     va_start(arguments, format);
-    (void)vsnprintf(line, sizeof line, format, arguments);
+    (void)lg_format_list(line, sizeof line, format, arguments);
     va_end(arguments);
     lg_sha256_add(sha, line, strlen(line) + 1);
 }
