@@ -7,6 +7,7 @@ set size square
 set xlabel 'true'
 set ylabel 'predicted'
 do for [k = 1:n] {
+    set autoscale # `stats` skips points outside the ranges of the panel before
     stats datafile index 1 using k nooutput
     low = STATS_min
     high = STATS_max

@@ -656,6 +656,21 @@ TEST("plots show names of columns and classes as they are, and no name is a comm
     }
 }
 
+TEST("a plot shows all points of each output, also where outputs differ in size") {
+    static char plot[1 << 20];
+    need_tables();
+    sheet *s = TEST_ARRAY(sheet, 1);
+    put(s, "a,c,d\n");
+    for (size_t i = 0; i < 60; i++) put(s, "%g,%g,%g\n", noise(i), noise(2 * i), 1300 + 300 * noise(3 * i));
+    cli_write("sizes.csv", s->text);
+    cli_run(fit, "train sizes.csv --outputs c,d --epochs 3 --validation 0 --out sizes.h5 --plot sizes.svg");
+    if (strstr(result.err, "gnuplot is not installed") != NULL) return;
+    (void)cli_read("sizes.svg", plot, sizeof plot);
+    size_t points = 0;
+    for (const char *at = plot; (at = strstr(at, "<use xlink:href='#gpPt6'")) != NULL; at++) points++;
+    assert_int_equal(points, 2 * 60);
+}
+
 TEST("lg-fit reads predictions for classes with long names, and plots show these names completely") {
     static char table[1 << 14], svg[1 << 16];
     char first[64] = "", second[64] = "", *to = table;
