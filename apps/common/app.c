@@ -439,7 +439,7 @@ static int run_command(app *self) {
     app_must(self, lg_context_create(&options, &self->context), NULL);
     app_join_ranks(self);
     check_required(self, true);
-    (void)app_check_outputs(self, paths, app_file_options(self, paths));
+    app_check_outputs(self, paths, app_file_options(self, paths));
     check_required(self, false);
     const int code = conclude(self, self->command->run(self));
     lg_context_destroy(self->context);

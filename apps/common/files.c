@@ -338,7 +338,7 @@ static void check_earlier(const app *self, const written_file *file) {
                  file[1].path);
 }
 
-int app_check_outputs(const app *self, const app_path *paths, size_t count) {
+void app_check_outputs(const app *self, const app_path *paths, size_t count) {
     for (size_t i = 0; i < count; i++)
         if (paths[i].use == LG_FILE_DRAWN && paths[i].path != NULL && !app_plot_name_fits(paths[i].path))
             app_stop_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);
@@ -356,7 +356,6 @@ int app_check_outputs(const app *self, const app_path *paths, size_t count) {
     for (size_t i = 0; i < n; i++) free(files[i].path);
     free(files);
     drop_inputs(registered);
-    return APP_EXIT_OK;
 }
 
 lg_status app_make_folder(const char *path, lg_error *error) {

@@ -536,7 +536,7 @@ int search_main(app *self, const app_command *train, train_task *task) {
     const app_path paths[] = {trials_choose(&search.work, LG_FILE_TEXT),
                               {"plot", values->plot, LG_FILE_DRAWN}};
     self->continues = values->resume || trials_continues(&search.work);
-    (void)app_check_outputs(self, paths, LG_COUNT(paths));
+    app_check_outputs(self, paths, LG_COUNT(paths));
     train_begin(self, task, 1);
     APP_MUST_FILE(self, ranges, lg_search_file_read(self->context, ranges, file, &error));
     check_names(self, train, task, file);

@@ -258,7 +258,7 @@ static int run(app *self) {
     if (app_given(self, "plot-kind") && values.plot == NULL)
         app_stop_usage(self, "--plot-kind: needs --plot FILE");
     const app_path paths[] = {trials_choose(&made, LG_FILE_WRITTEN), {"plot", values.plot, LG_FILE_DRAWN}};
-    (void)app_check_outputs(self, paths, LG_COUNT(paths));
+    app_check_outputs(self, paths, LG_COUNT(paths));
     cut(self, &length, &windows);
     const double begin = app_seconds();
     create_series(self, length, windows * (size_t)values.runs, &data.series);

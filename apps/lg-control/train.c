@@ -227,7 +227,7 @@ static void check_checkpoint(app *self) {
     const app_path paths[] = {{"resume", same ? NULL : values.resume, LG_FILE_READ},
                               {"out", values.out, LG_FILE_WRITTEN},
                               {"checkpoint", path, LG_FILE_WRITTEN}};
-    (void)app_check_outputs(self, paths, LG_COUNT(paths));
+    app_check_outputs(self, paths, LG_COUNT(paths));
 }
 
 static int run(app *self) {

@@ -125,7 +125,7 @@ static void check_outputs(const app *self, const ensemble_files *files) {
                               /* Rank 0 merges the parts of all ranks into the file of --out. */
                               {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN},
                               {"plot", values.plot, LG_FILE_DRAWN}};
-    (void)app_check_outputs(self, paths, LG_COUNT(paths));
+    app_check_outputs(self, paths, LG_COUNT(paths));
 }
 
 /* ---- one run ---- */

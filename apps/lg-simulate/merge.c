@@ -171,7 +171,7 @@ static int run(app *self) {
     memmove((void *)self->arguments, self->arguments + 1,
             (size_t)self->argument_count * sizeof *self->arguments);
     const app_path paths[] = {{NULL, out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
-    (void)app_check_outputs(self, paths, LG_COUNT(paths));
+    app_check_outputs(self, paths, LG_COUNT(paths));
     merge_parts(self, out, self->arguments, (size_t)self->argument_count, &values);
     return APP_EXIT_OK;
 }
