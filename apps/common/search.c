@@ -46,7 +46,7 @@ typedef struct searching {
     trials_work work;
     lg_trial *results; /* (values->trials) by number, as the trials reported them */
     lg_trial *trials;  /* (count) those that are done, stopped where one process would have stopped them */
-    size_t count, before;
+    size_t count, written, before; /* written: how many the file has */
     lg_error failure; /* why the first failed trial of this call failed */
     uint64_t failed;  /* number of this trial */
     app_progress progress;
@@ -272,6 +272,8 @@ static void collect(searching *search) {
 static lg_status save(void *user, lg_error *error) {
     searching *search = user;
     collect(search);
+    if (search->written == search->count) return LG_OK;
+    search->written = search->count;
     return lg_trials_write(search->app->context, search->values->out, search->file, search->app->seed,
                            search->setting, search->trials, search->count, error);
 }
@@ -321,6 +323,7 @@ static lg_status read_table(searching *search, lg_error *error) {
         if (!search->work.known[number]) search->results[number] = search->trials[i];
         search->work.known[number] = true;
     }
+    search->written = search->count;
     return status == LG_NOT_FOUND ? LG_OK : status;
 }
 

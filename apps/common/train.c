@@ -30,10 +30,6 @@ static void must(const app *self, lg_status status, const lg_error *error) {
     app_must(self, status, error);
 }
 
-static void must_end_well(int code) {
-    if (code != APP_EXIT_OK) app_end(code);
-}
-
 void train_begin(const app *self, train_task *task, int argument) {
     const lg_recipe *recipe = task->recipe;
     if (task->state == NULL && recipe->trainer->state_size > 0)
@@ -427,7 +423,8 @@ int train_main(app *self, train_task *task) {
     stored_run stored = {NULL, NULL};
     train_race race;
     train_open(self, task);
-    must_end_well(train_size(self, task, files->size, &race));
+    const int code = train_size(self, task, files->size, &race);
+    if (code != APP_EXIT_OK) app_end(code);
     open_stored(self, task, &stored);
     app_read_options(self);
     const int code = run_with(self, task, &stored, &race);
