@@ -47,8 +47,8 @@ typedef struct searching {
     lg_trial *results; /* (values->trials) by number, as the trials reported them */
     lg_trial *trials;  /* (count) those that are done, stopped where one process would have stopped them */
     size_t count, written, before; /* written: how many the file has */
-    lg_error failure; /* why the first failed trial of this call failed */
-    uint64_t failed;  /* number of this trial */
+    lg_error failure;              /* why the first failed trial of this call failed */
+    uint64_t failed;               /* number of this trial */
     app_progress progress;
 } searching;
 

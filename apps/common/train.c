@@ -423,11 +423,11 @@ int train_main(app *self, train_task *task) {
     stored_run stored = {NULL, NULL};
     train_race race;
     train_open(self, task);
-    const int code = train_size(self, task, files->size, &race);
+    int code = train_size(self, task, files->size, &race);
     if (code != APP_EXIT_OK) app_end(code);
     open_stored(self, task, &stored);
     app_read_options(self);
-    const int code = run_with(self, task, &stored, &race);
+    code = run_with(self, task, &stored, &race);
     lg_file_reader_destroy(stored.reader);
     lg_training_close(&task->training);
     return code;
