@@ -475,9 +475,8 @@ static int run_search(searching *search) {
     const double begin = app_seconds();
     if (!self->continues) app_check_text(self, search->values->out, "# " LG_SEARCH_SEED);
     lg_search_label(search->file, self->seed, search->setting, label);
-    lg_status status = trials_open(&search->work, label, &error);
-    app_must_file(self, status, &error, search->values->out);
-    if (self->continues) status = read_table(search, &error);
+    app_must_file(self, trials_open(&search->work, label, &error), &error, search->values->out);
+    const lg_status status = self->continues ? read_table(search, &error) : LG_OK;
     if (status == LG_INVALID_ARGUMENT) app_must(self, status, &error);
     app_must_file(self, status, &error, search->values->out);
     search->before = trials_known(&search->work);

@@ -123,32 +123,32 @@ static int run_race(app *self, train_task *task, app_slot *slot, train_race *rac
     return APP_EXIT_OK;
 }
 
-int train_size(app *self, train_task *task, const char *size, train_race *race) {
+void train_size(app *self, train_task *task, const char *size, train_race *race) {
     lg_error error = {LG_OK, ""};
     *race = (train_race){.count = 0};
-    if (size == NULL) return APP_EXIT_OK;
+    if (size == NULL) return;
     const lg_trainer *trainer = task->recipe->trainer;
     app_slot *slot = trainer->sizes != NULL ? app_find_slot(self, "hidden") : NULL;
-    if (slot == NULL) return app_usage(self, "--size: the width of this network cannot be chosen");
+    if (slot == NULL) app_stop_usage(self, "--size: the width of this network cannot be chosen");
     const bool automatic = strcmp(size, "auto") == 0;
     if (trainer->has_width != NULL && !trainer->has_width(&task->training)) {
-        if (!automatic) return app_usage(self, "--size: this model has no network");
+        if (!automatic) app_stop_usage(self, "--size: this model has no network");
         app_warn(self, "--size auto: this model has no network, so there is no width to choose");
-        return APP_EXIT_OK;
+        return;
     }
     if (slot->given)
-        return app_usage(self, "--size and --hidden both set the widths of the network; give one of them");
+        app_stop_usage(self, "--size and --hidden both set the widths of the network; give one of them");
     if (!automatic) {
-        if (app_store(slot, size, &error) == LG_OK) return APP_EXIT_OK;
-        return app_usage(self, "--size: %s, or auto", error.message);
+        if (app_store(slot, size, &error) != LG_OK)
+            app_stop_usage(self, "--size: %s, or auto", error.message);
+        return;
     }
-    if (train_given_files.resume != NULL) return APP_EXIT_OK; /* the checkpoint stores the winner's size */
+    if (train_given_files.resume != NULL) return; /* the checkpoint stores the winner's size */
     const int code = run_race(self, task, slot, race);
-    if (code != APP_EXIT_OK) return code;
+    if (code != APP_EXIT_OK) app_end(code);
     race->winner = winner(race);
     print_race(race);
     (void)app_store(slot, race->lane[race->winner].size, NULL);
-    return APP_EXIT_OK;
 }
 
 void train_size_json(const train_race *race, app_json *json) {

@@ -423,11 +423,10 @@ int train_main(app *self, train_task *task) {
     stored_run stored = {NULL, NULL};
     train_race race;
     train_open(self, task);
-    int code = train_size(self, task, files->size, &race);
-    if (code != APP_EXIT_OK) app_end(code);
+    train_size(self, task, files->size, &race);
     open_stored(self, task, &stored);
     app_read_options(self);
-    code = run_with(self, task, &stored, &race);
+    const int code = run_with(self, task, &stored, &race);
     lg_file_reader_destroy(stored.reader);
     lg_training_close(&task->training);
     return code;

@@ -98,7 +98,7 @@ typedef struct train_race {
  * third of --seconds. The race ends when two networks in a row are no better than a smaller one. The winner
  * is the smallest network whose forecast is at most twice the lowest forecast (at most equal to it while its
  * loss still falls fast). Prints the table of the race on stderr. */
-int train_size(app *app, train_task *task, const char *size, train_race *race);
+void train_size(app *app, train_task *task, const char *size, train_race *race);
 double train_race_seconds(const train_race *race); /* the part of --seconds that the race took */
 /* writes "sizes"; nothing if there was no race */
 void train_size_json(const train_race *race, app_json *json);
