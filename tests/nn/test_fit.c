@@ -536,10 +536,10 @@ TEST("losses of an epoch are means over the training part and over the validatio
 /* Sample i has the loss (theta (i + 1))^2, divided by the batch. */
 static lg_status indexed_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                               size_t batch, lg_var *loss) {
-    double *x;
+    double *x = NULL;
     const lg_var factor = lg_input_buffer(tape, lg_shape1((uint32_t)count), (void **)&x);
     (void)user;
-    for (size_t i = 0; i < count; i++) x[i] = samples[i] + 1.0;
+    for (size_t i = 0; i < count && x != NULL; i++) x[i] = samples[i] + 1.0;
     const lg_var all = lg_sum(tape, lg_square(tape, lg_mul(tape, factor, theta)));
     *loss = lg_scale(tape, all, 1.0 / (double)batch);
     return lg_tape_status(tape);
