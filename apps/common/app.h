@@ -50,7 +50,7 @@ typedef struct app_settings {
 
 /* What a command does when mpirun starts several processes of it. */
 typedef enum app_together {
-    APP_ALONE, /* the command refuses to run */
+    APP_ALONE, /* the command does not run */
     APP_RANKS  /* the processes compute one result together: app->ranks */
 } app_together;
 

@@ -299,7 +299,7 @@ typedef bool (*lg_search_known)(void *user, const lg_trial *trial, uint32_t rung
                                 size_t *count);
 /* Runs the trial `number` and fills *trial. `known` NULL means that nothing is known of other trials. Returns
  * LG_OK also for a trial that failed; `why` (may be NULL) then has the reason. Errors: LG_CANCELLED (the
- * trial is not to be kept), LG_INVALID_ARGUMENT (lg_search_space_check refuses the space, or an option is out
+ * trial is not to be kept), LG_INVALID_ARGUMENT (lg_search_space_check rejects the space, or an option is out
  * of range). */
 LG_API lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_options *options,
                                      const lg_search_problem *problem, lg_search_known known, uint64_t number,

@@ -88,7 +88,7 @@ static inline const char *scan_digits(const char *at, int behind, scan *out) {
     return at;
 }
 
-/* Returns the end of the number at the beginning of a text, or NULL if there is none. */
+/* Returns the end of the number at the beginning of a text, or NULL if no number is there. */
 static inline const char *scan_number(const char *text, scan *out) {
     enum { FAR = 100000 };
     scan number = {.count = 0};

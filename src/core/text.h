@@ -25,7 +25,7 @@ void lg_text_join(lg_text *to, const lg_text *from);
 void lg_text_add_named(lg_text *to, const char *name, const char *code);
 void lg_text_destroy(lg_text *to);
 /* Reads a number that lg_is_decimal accepts, at the beginning of a text that may go on. Returns its end, or
- * NULL if there is none. */
+ * NULL if no number is there. */
 const char *lg_decimal(const char *text, double *out);
 /* Decodes the UTF-8 character at `text`, of which `left` bytes may be read. Returns its number of bytes;
  * *code becomes its number, or LG_NO_CHARACTER for one byte that begins no character (overlong forms and

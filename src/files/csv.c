@@ -24,7 +24,7 @@ lg_status lg_csv_no_memory(const lg_csv *c, lg_error *error) {
 
 /* ---- lines ---- */
 
-/* Reads the next block. False: there is none. */
+/* Reads the next block. Returns false after the last block. */
 static bool fill(lg_csv *c) {
     ssize_t got = -1;
     while (got < 0 && !c->ended) {

@@ -50,7 +50,7 @@ lg_status lg_csv_open(const lg_context *context, const char *path, const char *w
 lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name, size_t longest,
                            bool (*wait)(void *user), void *user, lg_csv *c, lg_error *error);
 void lg_csv_close(lg_csv *c);
-/* Reads the next line, also if it is blank or a comment. *more becomes false when there is none. */
+/* Reads the next line, also if it is blank or a comment. *more becomes false after the last line. */
 lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error);
 /* Number of cells of a line. *open: a quote is not closed. */
 size_t lg_csv_count(const char *line, char separator, bool *open);
@@ -58,7 +58,7 @@ size_t lg_csv_count(const char *line, char separator, bool *open);
 void lg_csv_join_blanks(char *line, char separator);
 /* Returns the length of the sign (#, % or //) with which a comment begins; 0 if the line is not a comment. */
 size_t lg_csv_comment(const char *line);
-/* Reads the next line that is neither blank nor a comment. *more becomes false when there is none. */
+/* Reads the next line that is neither blank nor a comment. *more becomes false after the last line. */
 lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error);
 /* Reads the header line and finds the separator. Fails if the line has numbers where names are expected and
  * no comment before it has one name per column. The names may be 0, 1, 2, ..., and one of three or more

@@ -57,7 +57,7 @@ static lg_status missing_column(const lg_frame *f, const char *name, lg_error *e
                          lg_tamed(have.text));
 }
 
-/* Sets *at to the column with this name, or to f->columns if there is none. */
+/* Sets *at to the column with this name, or to f->columns if no column has it. */
 static lg_status find_column(const lg_frame *f, const lg_lookup *sorted, const char *name, uint32_t *at,
                              lg_error *error) {
     const lg_lookup *found = lg_lookup_find(sorted, f->columns, name);

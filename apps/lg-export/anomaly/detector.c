@@ -80,7 +80,7 @@ static void tell(export_model *m) {
     if (source->condition != 1)
         lg_text_add(
             to,
-            "tolerance     contains the factor %.6g: the error of single precision, beside the root mean "
+            "tolerance     contains the factor %.6g: the error of single precision, divided by the root mean "
             "square of the results, is at most this times DEPTH roundings on windows like the golden ones\n",
             source->condition);
     lg_text_add(to, "training      %zu of %llu epochs, loss %s, %s; %llu windows\n", file->epochs_done,

@@ -378,7 +378,7 @@ static lg_status bad(const table *t, const char *column, const char *cell) {
                    t->csv.number, column, cell != NULL ? cell : "");
 }
 
-/* Returns the next cell of a line, or NULL if there is none. */
+/* Returns the next cell of a line, or NULL after the last one. */
 static char *next_cell(table *t, char **line) {
     char *cell = NULL;
     return *line != NULL && lg_csv_cell(&t->csv, line, &cell, NULL) == LG_OK ? cell : NULL;
