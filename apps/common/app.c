@@ -71,6 +71,13 @@ void app_choose_command(app *self, const app_command *command) {
     for (; settings != NULL && settings->rows != NULL; settings++) add_settings(self, settings);
 }
 
+/* The command of the command line. */
+static void begin_command(app *self, const app_command *command) {
+    app_choose_command(self, command);
+    if (command->plots != NULL)
+        add_settings(self, &(app_settings){app_plot_options(command->plots), &app_plot_given, 0});
+}
+
 lg_status app_store(app_slot *slot, const char *text, lg_error *error) {
     const lg_status status = lg_field_set(slot->row, text, slot->values, error);
     slot->given = slot->given || status == LG_OK;
@@ -229,7 +236,7 @@ static error_t parse_top(int key, char *text, struct argp_state *state) {
     if (key != ARGP_KEY_ARG) return parse_option(key, text, state, d->self);
     for (const app_command *c = d->commands; c->run != NULL; c++) {
         if (strcmp(c->name, text) != 0) continue;
-        app_choose_command(d->self, c);
+        begin_command(d->self, c);
         (void)snprintf(d->self->title, sizeof d->self->title, "%s %s", d->self->program, c->name);
         const int first = state->next - 1;
         char *word = state->argv[first];
@@ -430,6 +437,7 @@ void app_end(int code) {
 static int run_command(app *self) {
     app_path paths[APP_SLOTS];
     lg_context_options options;
+    app_json out;
     lg_context_options_init(&options);
     options.log = on_log;
     options.log_user = self;
@@ -441,7 +449,13 @@ static int run_command(app *self) {
     check_required(self, true);
     app_check_outputs(self, paths, app_file_options(self, paths));
     check_required(self, false);
-    const int code = conclude(self, self->command->run(self));
+    if (app_given(self, "plot-kind") && !app_given(self, "plot"))
+        app_stop_usage(self, "--plot-kind: needs --plot FILE");
+    app_result_begin(&out, self);
+    self->out = &out;
+    self->command->run(self);
+    app_result_end(self);
+    const int code = conclude(self, self->code);
     lg_context_destroy(self->context);
     return code;
 }
@@ -464,7 +478,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
             app_stop_usage(&self, "unrecognized option '%s'", argv[i]);
     parsing = atexit(flush_help) == 0;
     if (commands[0].name == NULL) {
-        app_choose_command(&self, &commands[0]);
+        begin_command(&self, &commands[0]);
         run_parser(&self, argc, argv);
     } else {
         parse_with_commands(&self, argc, argv, summary, commands);

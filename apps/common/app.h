@@ -64,10 +64,12 @@ typedef struct app_command {
     const char *details; /* --help prints them after the options; may be NULL */
     /* tables of options; an entry with rows == NULL ends the list; may be NULL */
     const app_settings *settings;
-    /* Returns the exit code. Before it is called, the files that options name (lg_field.file) are checked. */
-    int (*run)(app *app);
+    /* Sets app->code if it is not 0. Before it is called, the files that options name (lg_field.file) are
+     * checked. */
+    void (*run)(app *app);
     app_together together;
-    const void *row; /* for a `run` that several commands share */
+    const void *row;                   /* for a `run` that several commands share */
+    const struct app_plot_kind *plots; /* the options --plot and --plot-kind follow from it; may be NULL */
 } app_command;
 
 /* An option of the chosen command. */
@@ -93,6 +95,8 @@ struct app {
     app_slot slots[APP_SLOTS];
     size_t slot_count;
     lg_context *context;
+    struct app_json *out;      /* the result of the command; app_main prints it */
+    int code;                  /* the exit code, set by the command */
     uint32_t rank, rank_count; /* from mpirun's environment; 0 and 1 without mpirun */
     const lg_ranks *ranks;     /* set for an APP_RANKS command under mpirun; otherwise NULL */
     bool continues; /* The command continues an earlier run: it does not say that it replaces its results. */
@@ -104,7 +108,8 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
 const app *app_running(void);
 /* Returns whether the option was on the command line. */
 bool app_given(const app *app, const char *option);
-/* Sets the command and gives its settings their defaults. No option counts as given. */
+/* Sets the command and gives its settings their defaults. No option counts as given. Its plots have no options:
+ * they are those of the command line. */
 void app_choose_command(app *app, const app_command *command);
 /* Finds the option with this name; NULL when the command has no such option. */
 app_slot *app_find_slot(const app *app, const char *option);
@@ -208,11 +213,7 @@ const char *app_last_failure(void); /* the last sentence that app_fail or app_us
 /* As app_fail, for an error while reading or writing `path`. The exit code is 3 whatever the status, except
  * when memory is missing or Ctrl-C stopped the command. `error` may be NULL. */
 int app_fail_file(const app *app, lg_status status, const lg_error *error, const char *path);
-/* Fills `error` (may be NULL) and returns `status`. For functions that leave it to their caller to print the
- * error. */
-lg_status app_error(lg_error *error, lg_status status, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-/* Prints a warning on stderr and keeps it for app_json_warnings, which has the first 64. A warning that is
+/* Prints a warning on stderr and keeps it for the result, which has the first 64. A warning that is
  * already kept is not printed again. May be called from any thread; warnings of the library come here too. */
 void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 struct lg_scene;
@@ -243,11 +244,6 @@ char *app_format_list(const char *format, va_list arguments) __attribute__((form
 
 /* ---- numbers ---- */
 
-/* Parses a decimal number. The whole text must be one finite number, without blanks before or after it. On
- * false *out is unchanged. */
-bool app_parse_real(const char *text, double *out);
-bool app_parse_size(const char *text, uint64_t *out);
-
 double app_seconds(void); /* monotonic clock */
 
 /* ---- JSON: one object, built in memory and printed when it is complete ---- */
@@ -258,13 +254,12 @@ typedef struct app_json {
     size_t length;
     bool comma;
     bool people;        /* the output is text for people, not JSON */
-    const char *prefix; /* of the lines of app_result_real, _size and _text; app_result_begin sets "" */
+    const char *prefix; /* of the lines of app_result_real, _size and _text; "" at the beginning */
     /* the open table of text for people, between app_result_rows or app_result_named and
      * app_result_rows_end */
     struct app_rows *rows;
     bool named; /* the table was opened with app_result_named */
 } app_json;
-void app_json_begin(app_json *json);
 void app_json_real(app_json *json, const char *key,
                    double value); /* reads back as the same double; null when it is not finite */
 void app_json_size(app_json *json, const char *key, uint64_t value);
@@ -274,20 +269,18 @@ void app_json_reals(app_json *json, const char *key, const double *values, size_
 /* Writes the field of `values`. Its key is the row's option name if there is one, otherwise the row's
  * name. */
 void app_json_field(app_json *json, const lg_field *row, const void *values);
-/* Writes the array "warnings" with the warnings so far; without any the array is empty. Must not run while
- * other threads may warn. */
-void app_json_warnings(app_json *json, const app *app);
 /* '{' or '['; key is NULL inside an array */
 void app_json_open(app_json *json, const char *key, char bracket);
 void app_json_close(app_json *json, char bracket); /* '}' or ']' */
-/* Closes the object, prints it on stdout and frees the text. */
-void app_json_end(app_json *json);
 /* ---- the result of a command: one list of calls prints JSON or text for people ---- */
 
-/* With --json the following calls build one JSON object. Otherwise each app_result_... prints one line with
- * key, value and label (label may be NULL), each app_result_rows prints a table, and app_json_... prints
- * nothing by itself. app_json_end ends both kinds of output. */
-void app_result_begin(app_json *json, const app *app);
+/* The result is app->out. With --json the following calls build one JSON object. Otherwise each app_result_...
+ * prints one line with key, value and label (label may be NULL), each app_result_rows prints a table, and
+ * app_json_... prints nothing by itself. */
+void app_result_begin(app_json *json, const app *app); /* called by app_main, before the command */
+/* Prints what the command has put into its result; JSON with the array "warnings". Called by app_main after the
+ * command, or before, if something may fail after the result or is printed after it. */
+void app_result_end(const app *app);
 void app_result_real(app_json *json, const char *key, double value, const char *label);
 void app_result_size(app_json *json, const char *key, uint64_t value, const char *label);
 void app_result_text(app_json *json, const char *key, const char *value, const char *label);
@@ -308,10 +301,9 @@ typedef struct app_table {
     size_t columns, cells, room;
     char **text;
 } app_table;
-void app_table_begin(app_table *table, size_t columns);
 void app_table_cell(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Adds a row; tabs in the text separate its cells. In a table that was initialised as {0} the first row sets
- * the number of columns. */
+/* Adds a row; tabs in the text separate its cells. A table that does not begin with a number of columns
+ * takes that of the first row. */
 void app_table_row(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* Prints the table and frees it. The first column is aligned to the left, the others to the right; a line of
  * dashes follows the first row. */
@@ -365,9 +357,6 @@ bool app_same_file(const char *a, const char *b);
 /* Returns the folder that contains `path`. Slashes at the end of `path` do not count. The caller frees the
  * text. */
 char *app_folder_of(const char *path);
-/* Syncs a folder, so that new names in it survive a loss of power. If the file system cannot sync folders,
- * this is no error. */
-void app_sync_folder(const char *path);
 
 typedef struct app_path {
     const char *option; /* without the dashes; NULL for an argument that is not in app->arguments */
@@ -423,7 +412,7 @@ extern const app_named_text app_demo_texts[]; /* in each program with a folder d
 #define APP_DEMO(options)                                                                                    \
     .name = "demo", .settings = APP_SETTINGS(APP_GIVEN(options, app_demo_given)), .run = app_demo,           \
     .row = app_demo_texts
-int app_demo(app *app);
+void app_demo(app *app);
 /* Prints that an earlier result is replaced. */
 void app_say_replaces(const app *app, const char *path);
 /* Reserves the file or folder for this process until it ends (lg_lock_take); app_check_outputs calls this for
@@ -432,8 +421,6 @@ void app_say_replaces(const app *app, const char *path);
 lg_status app_claim(const app *app, const char *path, lg_error *error);
 /* Releases what app_claim reserved. Also happens when the process exits. */
 void app_release_claims(void);
-/* Creates the folder unless it exists. Its parent folder must exist. */
-lg_status app_make_folder(const char *path, lg_error *error);
 
 /* ---- plots through gnuplot ---- */
 
@@ -486,13 +473,40 @@ void app_plot_block(app_plot *plot);
  * cannot be written, the files that this call wrote are removed, and the command ends. */
 void app_plot_end(const app *app, app_plot *plot);
 
-/* Begins the plot of a confusion matrix and writes its data: the count of each entry. confusion
- * (classes, classes): rows are the true classes. app_print_confusion prints the counts of at most 12
- * classes. */
+/* A plot that a command can draw. A table of these ends with a row whose name is NULL. `has` below has a bit
+ * for each property of what is drawn; the bit APP_PLOT_ANY is always set. */
+typedef struct app_plot_kind {
+    const char *name, *help; /* name for --plot-kind; what is drawn, as in "the loss over the epochs" */
+    const char *script;      /* NULL: `put` calls app_plot_begin */
+    void (*put)(app_plot *plot, const void *of); /* writes the texts and numbers */
+    unsigned needs;                              /* the plot exists where `has` has these bits */
+    const char *missing;                         /* why it does not exist */
+    unsigned usual; /* the default is the first row with `usual` whose bits `has` has; the last is ANY */
+} app_plot_kind;
+enum { APP_PLOT_ANY = 1 };
+/* A row; after `put` any designated initialisers may follow. */
+#define APP_PLOT(name_, help_, script_, ...)                                                                 \
+    { .name = name_, .help = help_, .script = script_, .put = __VA_ARGS__ }
+#define APP_PLOTS(...) ((const app_plot_kind[]){__VA_ARGS__, {.name = NULL}})
+/* The values of --plot and --plot-kind of the command. */
+typedef struct app_plot_values {
+    const char *plot;   /* NULL: nothing is drawn */
+    uint32_t plot_kind; /* 0: the default; otherwise number of the row + 1 */
+} app_plot_values;
+extern app_plot_values app_plot_given;
+/* The rows of these options; without --plot-kind where there is one plot. */
+const lg_field *app_plot_options(const app_plot_kind *plots);
+/* Ends the command if --plot was given and the plot needs bits that `has` lacks. */
+void app_plot_check(const app *app, unsigned has);
+/* If --plot was given, checks the plot and draws `of`. */
+void app_plot_draw(const app *app, unsigned has, const void *of);
+
+/* Writes the plot of a confusion matrix (script "confusion"): the count of each entry. confusion (classes,
+ * classes): rows are the true classes. app_print_confusion prints the counts of at most 12 classes. */
 enum { APP_CLASS_NAME = 64 }; /* LG_SERIES_NAME and LG_TABLE_NAME */
 void app_print_confusion(FILE *stream, const uint64_t *confusion, uint32_t classes,
                          char (*class_name)[APP_CLASS_NAME]);
-void app_plot_confusion(app_plot *plot, const char *image, const char *title, const uint64_t *confusion,
-                        uint32_t classes, char (*class_name)[APP_CLASS_NAME]);
+void app_plot_confusion(app_plot *plot, const char *title, const uint64_t *confusion, uint32_t classes,
+                        char (*class_name)[APP_CLASS_NAME]);
 
 #endif

@@ -83,16 +83,6 @@ int app_fail_file(const app *self, lg_status status, const lg_error *error, cons
     return code == APP_EXIT_MEMORY || code == APP_EXIT_INTERRUPTED ? code : APP_EXIT_FILE;
 }
 
-lg_status app_error(lg_error *error, lg_status status, const char *format, ...) {
-    if (error == NULL) return status;
-    va_list arguments;
-    va_start(arguments, format);
-    error->status = status;
-    (void)vsnprintf(error->message, sizeof error->message, format, arguments);
-    va_end(arguments);
-    return status;
-}
-
 int app_usage(const app *self, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
@@ -190,17 +180,6 @@ char *app_format(const char *format, ...) {
     char *text = app_format_list(format, arguments);
     va_end(arguments);
     return text;
-}
-
-bool app_parse_real(const char *text, double *out) {
-    double value;
-    if (lg_number_parse(text, &value) != LG_OK) return false;
-    *out = value;
-    return true;
-}
-
-bool app_parse_size(const char *text, uint64_t *out) {
-    return lg_integer_parse(text, out) == LG_OK;
 }
 
 double app_seconds(void) {

@@ -83,7 +83,7 @@ static lg_status read_texts(const lg_archive_reader *from, classifier_file *out,
     if (from->text(from->user, "run/healthy", out->run.healthy, sizeof out->run.healthy) != LG_OK)
         out->run.healthy[0] = '\0';
     if (out->method == NULL || lg_split_parse(split, &out->run.split) != LG_OK)
-        return app_error(error, LG_FORMAT, "/run: the attribute method or split is unknown");
+        return lg_fail(error, LG_FORMAT, "/run: the attribute method or split is unknown");
     return LG_OK;
 }
 
@@ -96,17 +96,22 @@ static lg_status read_models(const lg_context *context, const lg_archive_reader 
     if (status == LG_NOT_FOUND && !alone) return LG_OK;
     LG_TRY(status);
     if (!alone && (out->novelty.channels != f->channels || out->novelty.length != f->length))
-        return app_error(error, LG_FORMAT,
-                         "the novelty detector is for windows of another shape than the classifier");
+        return lg_fail(error, LG_FORMAT,
+                       "the novelty detector is for windows of another shape than the classifier");
     return LG_OK;
 }
 
 static lg_status read_names(lg_file_reader *reader, classifier_file *out, lg_error *error) {
     LG_TRY(lg_file_reader_names(reader, &out->names, error));
     const uint32_t classes = classifier_file_is_novelty(out) ? 2 : out->classifier.classes;
+    const uint32_t channels =
+        classifier_file_is_novelty(out) ? out->novelty.channels : out->classifier.features.channels;
+    if (out->names.channels > 0 && out->names.channels != channels)
+        return lg_fail(error, LG_FORMAT, "the file names %u channels, but its model has %u",
+                       out->names.channels, channels);
     if (out->names.classes != classes)
-        return app_error(error, LG_FORMAT, "the file names %u classes, but its classifier has %u",
-                         out->names.classes, classes);
+        return lg_fail(error, LG_FORMAT, "the file names %u classes, but its classifier has %u",
+                       out->names.classes, classes);
     return LG_OK;
 }
 
@@ -118,7 +123,7 @@ static lg_status read_run(const lg_archive_reader *from, classifier_file *out, l
     const uint32_t length =
         classifier_file_is_novelty(out) ? out->novelty.length : out->classifier.features.length;
     if (run->window != length || run->hop < 1 || !(run->test_fraction >= 0 && run->test_fraction < 1))
-        return app_error(error, LG_FORMAT, "/run does not fit the classifier: window, hop or test_fraction");
+        return lg_fail(error, LG_FORMAT, "/run does not fit the classifier: window, hop or test_fraction");
     for (size_t i = NEEDED; i < STORED; i++)
         if (lg_stored_load(from, &rows[i], 1, NULL) != LG_OK) *(double *)rows[i].data = NAN;
     return LG_OK;
@@ -143,7 +148,7 @@ lg_status classifier_file_load(const lg_context *context, const char *path, clas
     LG_TRY(lg_file_reader_create(context, path, "classifier", NULL, &reader, error));
     const lg_status status = read_all(context, reader, out, error);
     if (status != LG_OK && error->message[0] == '\0')
-        (void)app_error(error, status, "%s", lg_file_reader_message(reader));
+        (void)lg_fail(error, status, "%s", lg_file_reader_message(reader));
     lg_file_reader_destroy(reader);
     if (status == LG_OK) return LG_OK;
     /* The method was read, so the file exists; LG_NOT_FOUND then means that a part of the file is missing. */

@@ -5,6 +5,7 @@
 #include <spawn.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -48,14 +49,23 @@ static const char *text_of(const app_named_text *texts, const char *name) {
     return texts->text;
 }
 
+/* Creates the folder unless it exists. Its parent folder must exist. */
+static lg_status make_folder(const char *path, lg_error *error) {
+    struct stat information;
+    if (mkdir(path, 0777) == 0) return LG_OK;
+    const int number = errno;
+    if (number == EEXIST && stat(path, &information) == 0 && S_ISDIR(information.st_mode)) return LG_OK;
+    return lg_fail(error, LG_FILE, "%s: the folder cannot be made: %s", path, strerror(number));
+}
+
 app_demo_values app_demo_given;
 
-int app_demo(app *self) {
+void app_demo(app *self) {
     extern char **environ;
     const app_named_text *texts = self->command->row;
     const char *folder = app_demo_given.out;
     pid_t child;
-    APP_MUST_FILE(self, folder, app_make_folder(folder, &error));
+    APP_MUST_FILE(self, folder, make_folder(folder, &error));
     APP_MUST_FILE(self, folder, app_claim(self, folder, &error));
     app_write_texts(self, folder, texts);
     set_variables(self);
@@ -66,5 +76,5 @@ int app_demo(app *self) {
     if (failed != 0)
         app_stop(self, LG_FILE, "the demo is a bash script, and bash cannot be started: %s",
                  strerror(failed));
-    return wait_for_script(self, child);
+    self->code = wait_for_script(self, child);
 }

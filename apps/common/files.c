@@ -21,12 +21,12 @@ lg_status app_hash_file(const char *path, lg_sha256 *state, lg_error *error) {
     errno = 0;
     FILE *file = app_open(path);
     if (file == NULL)
-        return app_error(error, errno == ENOMEM ? LG_OUT_OF_MEMORY : LG_FILE, "%s: cannot be read: %s", path,
-                         errno != 0 ? strerror(errno) : "it is not a regular file");
+        return lg_fail(error, errno == ENOMEM ? LG_OUT_OF_MEMORY : LG_FILE, "%s: cannot be read: %s", path,
+                       errno != 0 ? strerror(errno) : "it is not a regular file");
     for (size_t n; (n = fread(block, 1, sizeof block, file)) > 0;) lg_sha256_add(state, block, n);
     const bool whole = ferror(file) == 0;
     (void)fclose(file);
-    return whole ? LG_OK : app_error(error, LG_FILE, "%s: cannot be read", path);
+    return whole ? LG_OK : lg_fail(error, LG_FILE, "%s: cannot be read", path);
 }
 
 void app_file_begin(app_file *file, const char *path) {
@@ -39,7 +39,7 @@ lg_status app_file_end(app_file *file, lg_error *error) {
     const bool whole = fclose(file->stream) == 0;
     const lg_status status =
         whole ? lg_file_write(app_running()->context, file->path, file->text, file->length, error)
-              : app_error(error, LG_OUT_OF_MEMORY, "%s: out of memory", file->path);
+              : lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", file->path);
     free(file->text);
     return status;
 }
@@ -62,7 +62,7 @@ lg_status app_check_writable(const char *path, lg_error *error) {
         why = strerror(ENOTDIR);
     else if (access(folder, W_OK | X_OK) != 0)
         why = strerror(errno);
-    return why == NULL ? LG_OK : app_error(error, LG_FILE, "%s: cannot be written: %s", path, why);
+    return why == NULL ? LG_OK : lg_fail(error, LG_FILE, "%s: cannot be written: %s", path, why);
 }
 
 /* ---- outputs ---- */
@@ -164,22 +164,22 @@ static void check_output(const app *self, const written_file *files, size_t at) 
 
 /* ---- outputs that this process has claimed ---- */
 
-typedef struct claim {
-    struct claim *next;
+/* A file that this process writes, or a file or folder that it has claimed. */
+typedef struct output {
+    struct output *next;
     char *target;
-    lg_lock lock;
-} claim;
+    lg_lock lock; /* of a claim */
+    bool written; /* this process has written the file, or continues it */
+    /* the existing file, if it is an earlier result of the same kind; else 0 */
+    dev_t device;
+    ino_t inode;
+} output;
 
-static claim *claims;
+static output *outputs;
 
 void app_release_claims(void) {
-    while (claims != NULL) {
-        claim *first = claims;
-        claims = first->next;
-        lg_lock_release(&first->lock);
-        free(first->target);
-        free(first);
-    }
+    for (output *o = outputs; o != NULL; o = o->next)
+        if (o->lock.fd >= 0) lg_lock_release(&o->lock);
 }
 
 /* The lock's target: `path` with links resolved and without slashes at its end. For a folder whose parent
@@ -194,10 +194,16 @@ static char *target_of(const char *path, bool folder) {
     return app_format("%s%s", target, folder && access(above, W_OK) != 0 ? "/" : "");
 }
 
-static bool is_claimed(const char *target) {
-    for (const claim *c = claims; c != NULL; c = c->next)
-        if (strcmp(c->target, target) == 0) return true;
-    return false;
+static output *output_of(const char *path, bool folder) {
+    char *target = target_of(path, folder);
+    output *o = outputs;
+    while (o != NULL && strcmp(o->target, target) != 0) o = o->next;
+    if (o == NULL) {
+        const output made = {.next = outputs, .target = target, .lock = {.fd = -1}};
+        return outputs = memcpy(app_alloc(1, sizeof made), &made, sizeof made);
+    }
+    free(target);
+    return o;
 }
 
 lg_status app_claim(const app *self, const char *path, lg_error *error) {
@@ -206,48 +212,14 @@ lg_status app_claim(const app *self, const char *path, lg_error *error) {
     if (self->rank > 0) return LG_OK;
     const bool there = stat(path, &about) == 0, folder = there && S_ISDIR(about.st_mode);
     if (there && !folder && !S_ISREG(about.st_mode)) return LG_OK;
-    /* allocated before the lock is taken: if memory ran out later, the lock file would remain */
-    claim *made = app_alloc(1, sizeof *made);
-    *made = (claim){claims, target_of(path, folder), {.fd = -1}};
-    lg_status status = LG_OK;
-    if (!is_claimed(made->target))
-        status = lg_lock_take(NULL, made->target, self->command_line, &made->lock, error);
-    if (made->lock.fd < 0) {
-        free(made->target);
-        free(made);
-        return status;
-    }
-    claims = made;
+    output *o = output_of(path, folder);
+    if (o->lock.fd >= 0) return LG_OK;
     if (!registered) (void)atexit(app_release_claims);
     registered = true;
-    return LG_OK;
+    return lg_lock_take(NULL, o->target, self->command_line, &o->lock, error);
 }
 
 /* ---- files that exist ---- */
-
-/* A file that this process writes. */
-typedef struct output {
-    struct output *next;
-    char *target;
-    bool written; /* this process has written the file, or continues it */
-    /* the existing file, if it is an earlier result of the same kind; else 0 */
-    dev_t device;
-    ino_t inode;
-} output;
-
-static output *outputs;
-
-static output *output_of(const char *path) {
-    char *target = target_of(path, false);
-    output *o = outputs;
-    while (o != NULL && strcmp(o->target, target) != 0) o = o->next;
-    if (o == NULL) {
-        outputs = o = memcpy(app_alloc(1, sizeof *o), &(output){outputs, target, false, 0, 0}, sizeof *o);
-        return o;
-    }
-    free(target);
-    return o;
-}
 
 bool app_begins(const app *self, const char *path, const char *data, size_t bytes, int lines) {
     static const char h5[] = LG_H5_SIGNATURE;
@@ -274,14 +246,14 @@ void app_say_replaces(const app *self, const char *path) {
 static lg_status may_write(const app *self, const char *path, const char *data, size_t bytes, bool whole,
                            bool now, lg_error *error) {
     struct stat about;
-    output *of = output_of(path);
+    output *of = output_of(path, false);
     const bool there = !of->written && stat(path, &about) == 0 && S_ISREG(about.st_mode) && about.st_size > 0,
                known = there && about.st_dev == of->device && about.st_ino == of->inode;
     if (there && !known && !app_begins(self, path, data, bytes, whole ? 0 : 1))
-        return app_error(error, LG_FILE,
-                         "%s: exists and is not an earlier result of this kind: remove it, or write to "
-                         "another file",
-                         path);
+        return lg_fail(error, LG_FILE,
+                       "%s: exists and is not an earlier result of this kind: remove it, or write to "
+                       "another file",
+                       path);
     if (there && now && !self->continues) app_say_replaces(self, path);
     if (there) of->device = about.st_dev, of->inode = about.st_ino;
     of->written = of->written || now;
@@ -300,7 +272,7 @@ void app_reads(const app *self, const char *path) {
 }
 
 void app_continue(const char *path) {
-    output_of(path)->written = true;
+    output_of(path, false)->written = true;
 }
 
 void app_check_text(const app *self, const char *path, const char *text) {
@@ -316,7 +288,7 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
             const char *text = at->text;
             if (strstr(at->name, ".sh") != NULL) continue;
             APP_MUST_FILE(self, path, may_write(self, path, text, strlen(text), true, false, &error));
-            if (!writing || output_of(path)->inode != 0) continue; /* inode: the text is there */
+            if (!writing || output_of(path, false)->inode != 0) continue; /* inode: the text is there */
             app_file_begin(&file, path);
             (void)fputs(text, file.stream);
             APP_MUST_FILE(self, path, app_file_end(&file, &error));
@@ -327,7 +299,8 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
  * data lie next to it. */
 static void check_earlier(const app *self, const written_file *file) {
     const char *path = file->path, *begins = file->begins;
-    const output *of = output_of(path); /* output_of adds the path to the outputs, which app_reads searches */
+    const output *of =
+        output_of(path, false); /* output_of adds the path to the outputs, which app_reads searches */
     if (begins == NULL) return;
     app_check_text(self, path, begins);
     const bool drawn = app_plot_name_fits(path);
@@ -358,25 +331,8 @@ void app_check_outputs(const app *self, const app_path *paths, size_t count) {
     drop_inputs(registered);
 }
 
-lg_status app_make_folder(const char *path, lg_error *error) {
-    struct stat information;
-    if (mkdir(path, 0777) == 0) return LG_OK;
-    const int number = errno;
-    if (number == EEXIST && stat(path, &information) == 0 && S_ISDIR(information.st_mode)) return LG_OK;
-    return app_error(error, LG_FILE, "%s: the folder cannot be made: %s", path, strerror(number));
-}
-
-/* ---- folders ---- */
-
 char *app_folder_of(const char *path) {
     const char *slash = strrchr(path, '/');
     return slash == NULL ? app_format(".")
                          : app_format("%.*s", slash == path ? 1 : (int)(slash - path), path);
-}
-
-void app_sync_folder(const char *path) {
-    const int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0) return;
-    (void)fsync(fd);
-    (void)close(fd);
 }

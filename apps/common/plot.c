@@ -99,17 +99,6 @@ static bool drain(int from, FILE *to) {
     return got == 0;
 }
 
-/* Returns the text as one word of the shell. Freed with free. */
-static char *quoted(const char *text, size_t length) {
-    char *word = app_alloc(4 * (uint64_t)length + 3, 1), *to = stpcpy(word, "'");
-    for (size_t i = 0; i < length; i++) {
-        *to++ = text[i];
-        if (text[i] == '\'') to = stpcpy(to, "\\''");
-    }
-    (void)stpcpy(to, "'");
-    return word;
-}
-
 /* Runs gnuplot in the script's folder, without its start-up files, and copies its standard output to
  * `image`. The name of the script is given as ./NAME, because gnuplot starts a program if a name begins
  * with < or |. Returns gnuplot's exit status: 127 if gnuplot is not installed, -1 if it could not be started,
@@ -117,7 +106,8 @@ static char *quoted(const char *text, size_t length) {
  * image. */
 static int run_gnuplot(const char *script, FILE *image) {
     const char *slash = strrchr(script, '/'), *name = slash != NULL ? slash + 1 : script;
-    APP_FREE char *folder = quoted(script, (size_t)(name - script)), *file = quoted(name, strlen(name));
+    APP_FREE char *above = app_format("%.*s", (int)(name - script), script);
+    APP_FREE char *folder = app_quote(above), *file = app_quote(name);
     APP_FREE char *command = app_format("(cd %s%s && exec gnuplot -d ./%s) < /dev/null 2> /dev/null",
                                         *script == '/' ? "" : "./", folder, file);
     FILE *pipe = popen(command, "r");
@@ -156,14 +146,66 @@ void app_plot_end(const app *self, app_plot *plot) {
     for (size_t i = 0; i < LG_COUNT(texts); i++) free(texts[i]);
 }
 
+/* ---- the plots of a command ---- */
+
+app_plot_values app_plot_given;
+static const app_plot_kind *kinds; /* of the command */
+
+static const char *kind_name(uint32_t value) {
+    const app_plot_kind *at = kinds;
+    while (value > 1 && at->name != NULL) at++, value--;
+    return value == 0 ? "default" : at->name;
+}
+
+const lg_field *app_plot_options(const app_plot_kind *plots) {
+    static char drawn[256], listed[1024];
+    static lg_field rows[] = {
+        LG_OPTION(app_plot_values, plot, STRING, "FILE.svg|.png", drawn, .file = LG_FILE_DRAWN),
+        LG_OPTION(app_plot_values, plot_kind, NAME, NULL, listed, .value_name = kind_name), LG_FIELD_END};
+    const bool one = plots[1].name == NULL;
+    kinds = plots;
+    rows[1].name = one ? NULL : "plot_kind";
+    (void)snprintf(drawn, sizeof drawn,
+                   "Draw %s; its data and script stay next to it, as FILE.dat and FILE.gp",
+                   one ? plots->help : "a plot");
+    listed[0] = '\0';
+    for (const app_plot_kind *at = plots; at->name != NULL; at++)
+        lg_append(listed, sizeof listed, "%s%s (%s)", at == plots ? "With --plot: " : ", ", at->name,
+                  at->help);
+    lg_append(listed, sizeof listed, "; the default suits the data and the model");
+    return rows;
+}
+
+static const app_plot_kind *kind_of(unsigned has) {
+    const app_plot_kind *at = kinds;
+    if (app_plot_given.plot_kind > 0) return kinds + app_plot_given.plot_kind - 1;
+    while (at->usual == 0 || (at->usual & ~has) != 0) at++;
+    return at;
+}
+
+void app_plot_check(const app *self, unsigned has) {
+    const app_plot_kind *kind = app_plot_given.plot != NULL ? kind_of(has | APP_PLOT_ANY) : NULL;
+    if (kind != NULL && (kind->needs & ~has) != 0)
+        app_stop_usage(self, "--plot-kind %s: %s", kind->name, kind->missing);
+}
+
+void app_plot_draw(const app *self, unsigned has, const void *of) {
+    if (app_plot_given.plot == NULL) return;
+    const app_plot_kind *kind = kind_of(has | APP_PLOT_ANY);
+    app_plot plot;
+    app_plot_check(self, has);
+    if (kind->script != NULL) app_plot_begin(&plot, kind->script, app_plot_given.plot);
+    kind->put(&plot, of);
+    app_plot_end(self, &plot);
+}
+
 /* ---- confusion matrices ---- */
 
 void app_print_confusion(FILE *stream, const uint64_t *confusion, uint32_t classes,
                          char (*class_name)[APP_CLASS_NAME]) {
     enum { SHOWN = 12 };
-    app_table table;
+    app_table table = {.columns = classes + 1};
     if (classes > SHOWN) return;
-    app_table_begin(&table, classes + 1);
     app_table_cell(&table, "true class / given");
     for (uint32_t j = 0; j < classes; j++) app_table_cell(&table, "%s", class_name[j]);
     for (uint32_t i = 0; i < classes * classes; i++) {
@@ -173,9 +215,8 @@ void app_print_confusion(FILE *stream, const uint64_t *confusion, uint32_t class
     app_table_end(&table, stream);
 }
 
-void app_plot_confusion(app_plot *plot, const char *image, const char *title, const uint64_t *confusion,
-                        uint32_t classes, char (*class_name)[APP_CLASS_NAME]) {
-    app_plot_begin(plot, "confusion", image);
+void app_plot_confusion(app_plot *plot, const char *title, const uint64_t *confusion, uint32_t classes,
+                        char (*class_name)[APP_CLASS_NAME]) {
     app_plot_text(plot, "%u\t%s", classes, title);
     for (uint32_t row = 0; row < classes; row++) {
         app_plot_text(plot, "%s", class_name[row]);

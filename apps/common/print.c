@@ -1,7 +1,8 @@
-/* JSON, tables, progress. */
+/* JSON, tables, warnings, progress. */
 #include "common/app.h"
 
 #include <math.h>
+#include <pthread.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
@@ -41,17 +42,6 @@ static bool put_key(app_json *json, const char *key) {
 static void put_cell(app_json *json, const char *key, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 static void put_name(app_json *json, const char *name);
-
-static void begin(app_json *json, bool people) {
-    *json = (app_json){.people = people};
-    json->stream = open_memstream(&json->text, &json->length);
-    if (json->stream == NULL) app_out_of_memory();
-    if (!people) (void)fputc('{', json->stream);
-}
-
-void app_json_begin(app_json *json) {
-    begin(json, false);
-}
 
 void app_json_real(app_json *json, const char *key, double value) {
     char text[LG_SHORTEST];
@@ -125,18 +115,7 @@ void app_json_close(app_json *json, char bracket) {
     json->comma = true;
 }
 
-void app_json_end(app_json *json) {
-    if (!json->people) (void)fputs("}\n", json->stream);
-    if (fclose(json->stream) != 0) app_out_of_memory();
-    (void)fwrite(json->text, 1, json->length, stdout);
-    free(json->text);
-}
-
 /* ---- tables ---- */
-
-void app_table_begin(app_table *table, size_t columns) {
-    *table = (app_table){.columns = columns};
-}
 
 void app_table_cell(app_table *table, const char *format, ...) {
     if (table->cells == table->room) {
@@ -194,11 +173,56 @@ void app_table_end(app_table *table, FILE *stream) {
     free(table->text);
 }
 
+/* ---- warnings: each sentence is printed on stderr once and kept for JSON ---- */
+
+enum { KEPT = 64 };
+
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+static size_t warnings;
+static char *sentences[KEPT];
+
+void app_warn(const app *self, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    char *sentence = app_format_list(format, arguments);
+    va_end(arguments);
+    (void)pthread_mutex_lock(&lock);
+    size_t i = 0;
+    while (i < warnings && strcmp(sentences[i], sentence) != 0) i++;
+    if (i == warnings) app_note(self, "warning: %s", sentence);
+    if (i == warnings && i < KEPT)
+        sentences[warnings++] = sentence;
+    else
+        free(sentence);
+    (void)pthread_mutex_unlock(&lock);
+}
+
+/* No other thread may warn meanwhile. */
+static void put_warnings(app_json *json) {
+    app_json_open(json, "warnings", '[');
+    for (size_t i = 0; i < warnings; i++) app_json_text(json, NULL, sentences[i]);
+    app_json_close(json, ']');
+}
+
 /* ---- results for people ---- */
 
 void app_result_begin(app_json *json, const app *self) {
-    begin(json, !self->json);
-    json->prefix = "";
+    *json = (app_json){.people = !self->json, .prefix = ""};
+    json->stream = open_memstream(&json->text, &json->length);
+    if (json->stream == NULL) app_out_of_memory();
+    if (!json->people) (void)fputc('{', json->stream);
+}
+
+void app_result_end(const app *self) {
+    app_json *json = self->out;
+    const bool used = json->people || json->comma;
+    if (json->stream == NULL) return;
+    if (!json->people && used) put_warnings(json);
+    if (!json->people) (void)fputs("}\n", json->stream);
+    if (fclose(json->stream) != 0) app_out_of_memory();
+    if (used) (void)fwrite(json->text, 1, json->length, stdout);
+    free(json->text);
+    json->stream = NULL;
 }
 
 static void put_line(app_json *json, const char *key, const char *value, const char *label) {

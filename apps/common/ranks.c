@@ -22,7 +22,7 @@ static const struct {
 
 static bool environment_number(const char *name, uint64_t *out) {
     const char *text = getenv(name);
-    return text != NULL && app_parse_size(text, out);
+    return text != NULL && lg_integer_parse(text, out) == LG_OK;
 }
 
 static bool find(uint64_t *rank, uint64_t *count) {
@@ -103,7 +103,7 @@ static double silence_of(const app *self) {
     static const double otherwise = 30.0;
     const char *text = getenv("LIEGRAD_SILENCE");
     double seconds = otherwise;
-    if (text != NULL && !(app_parse_real(text, &seconds) && seconds >= 0.0))
+    if (text != NULL && !(lg_number_parse(text, &seconds) == LG_OK && seconds >= 0.0))
         app_stop_usage(self, "LIEGRAD_SILENCE: expected seconds, or 0 for no limit, not '%s'", text);
     return seconds;
 }

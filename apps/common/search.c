@@ -26,9 +26,6 @@ const lg_field search_options[] = {
     LG_OPTION(search_values, validation, REAL, "F",
               "Fraction of the training data that is held out; the objective is the error on this part",
               .low = 1e-9, .high = 0.9, .value = "0.1"),
-    LG_OPTION(search_values, plot, STRING, "FILE.svg|.png",
-              "Draw the objective of each trial and the "
-              "best so far"),
     LG_OPTION(search_values, jobs, U64, "J",
               "Number of simultaneous trials (default 1); each has a process and threads/jobs threads",
               .low = 1, .high = 256, .value = "1"),
@@ -80,13 +77,13 @@ static lg_status virtual_set(app *v, train_task *task, const char *name, const c
     lg_error reason = {LG_OK, ""};
     app_slot *slot = app_find_slot(v, name);
     if (!is_hyperparameter(task, slot))
-        return app_error(error, LG_FORMAT, "'%s' is not an option of train that changes its result", name);
+        return lg_fail(error, LG_FORMAT, "'%s' is not an option of train that changes its result", name);
     if (task->searched != NULL && strcmp(name, task->recipe->trainer->method) == 0 &&
         (text == NULL || !is_searched(task, text)))
-        return app_error(error, LG_FORMAT, "a search does not train '%s: %s'; --help names the methods", name,
-                         text != NULL ? text : "(a number)");
+        return lg_fail(error, LG_FORMAT, "a search does not train '%s: %s'; --help names the methods", name,
+                       text != NULL ? text : "(a number)");
     if ((text != NULL ? app_store(slot, text, &reason) : app_store_number(slot, number, &reason)) != LG_OK)
-        return app_error(error, LG_FORMAT, "%s: %.400s", name, reason.message);
+        return lg_fail(error, LG_FORMAT, "%s: %.400s", name, reason.message);
     return LG_OK;
 }
 
@@ -147,7 +144,7 @@ static lg_status check_method(const app *v, const train_task *task, const lg_sea
         const char *name = fixed ? file->fixed_name[i] : space->ranges[range].name,
                    *refuses = train_refuses(task, app_find_slot(v, name));
         *line = fixed ? file->fixed_line[i] : file->line[range];
-        if (refuses != NULL) return app_error(error, LG_FORMAT, "'%s' is not an option of %s", name, refuses);
+        if (refuses != NULL) return lg_fail(error, LG_FORMAT, "'%s' is not an option of %s", name, refuses);
     }
     return LG_OK;
 }
@@ -243,7 +240,7 @@ typedef struct posted {
 static void warn(searching *search, const posted *p) {
     if (search->failure.status == LG_OK) {
         search->failed = p->trial.number;
-        (void)app_error(&search->failure, LG_NO_CONVERGENCE, "%s", p->why);
+        (void)lg_fail(&search->failure, LG_NO_CONVERGENCE, "%s", p->why);
     }
     app_warn(search->app, "trial %llu failed: %s", (unsigned long long)p->trial.number, p->why);
 }
@@ -306,7 +303,7 @@ static lg_status do_trial(void *user, size_t item, void *record, lg_error *error
     app_progress_end(&search->progress);
     app_progress_begin(&search->progress, search->before, search->values->trials);
     (void)snprintf(p->why, sizeof p->why, "%.*s", (int)sizeof p->why - 1, why.message);
-    return status == LG_OK ? LG_OK : app_error(error, status, "%s", why.message);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", why.message);
 }
 
 /* Takes the trials of the table that no part has. */
@@ -317,9 +314,9 @@ static lg_status read_table(searching *search, lg_error *error) {
     for (size_t i = 0; i < search->count && status == LG_OK; i++) {
         const uint64_t number = search->trials[i].number;
         if (number >= search->values->trials)
-            return app_error(error, LG_INVALID_ARGUMENT,
-                             "trial %llu was already run, but only %llu trials are planned in all",
-                             (unsigned long long)number, (unsigned long long)search->values->trials);
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "trial %llu was already run, but only %llu trials are planned in all",
+                           (unsigned long long)number, (unsigned long long)search->values->trials);
         if (!search->work.known[number]) search->results[number] = search->trials[i];
         search->work.known[number] = true;
     }
@@ -335,76 +332,10 @@ static int by_objective(const void *a, const void *b) {
     return lg_compare_doubles(&p->objective, &q->objective);
 }
 
-static void print_trials(const searching *search) {
-    const lg_search_space *space = &search->file->space;
-    const lg_trial **order = app_alloc(search->count, sizeof *order);
-    app_table table;
-    char text[64];
-    for (size_t i = 0; i < search->count; i++) order[i] = &search->trials[i];
-    qsort(order, search->count, sizeof *order, by_objective);
-    app_table_begin(&table, 5 + space->count);
-    static const char *const heads[] = {"trial", "state", "objective", "parameters", "seconds"};
-    for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
-    for (size_t c = 0; c < space->count; c++) app_table_cell(&table, "%s", space->ranges[c].name);
-    for (size_t i = 0; i < search->count && i < SHOWN_TRIALS; i++) {
-        app_table_cell(&table, "%llu", (unsigned long long)order[i]->number);
-        app_table_cell(&table, "%s", lg_trial_state_name(order[i]->state));
-        app_table_cell(&table, "%.4e", order[i]->objective);
-        app_table_cell(&table, "%llu", (unsigned long long)order[i]->parameters);
-        app_table_cell(&table, "%.1f", order[i]->seconds);
-        for (size_t c = 0; c < space->count; c++) {
-            if (space->ranges[c].kind == LG_RANGE_CHOICE)
-                value_text(&space->ranges[c], order[i]->value[c], text, sizeof text);
-            else
-                (void)snprintf(text, sizeof text, "%.6g", order[i]->value[c]);
-            app_table_cell(&table, "%s", text);
-        }
-    }
-    app_table_end(&table, stdout);
-    free(order);
-}
-
-/* Prints the given options that are texts or names and do not belong to the search itself; train takes them
- * too. */
-static void print_given(const app *self) {
-    char text[LG_FIELD_TEXT_SIZE];
-    for (size_t i = 0; i < self->slot_count; i++) {
-        const app_slot *slot = &self->slots[i];
-        const bool word_like = slot->row->type == LG_FIELD_STRING || slot->row->type == LG_FIELD_NAME;
-        if (!slot->given || !word_like || slot->values == &search_given) continue;
-        lg_field_show(slot->row, slot->values, text, sizeof text);
-        char *word = app_quote(text);
-        app_put(stdout, " --%s %s", slot->name, word);
-        free(word);
-    }
-}
-
-/* Prints the command line that trains with the best trial's settings. */
-static void print_best(const searching *search, size_t best) {
-    const lg_search_file *file = search->file;
-    char text[64];
-    app_put(stdout, "best: trial %llu, objective %.4e; %s train",
-            (unsigned long long)search->trials[best].number, search->trials[best].objective,
-            search->app->program);
-    for (int i = 1; i < search->app->argument_count; i++) {
-        APP_FREE char *data = app_quote(search->app->arguments[i]);
-        app_put(stdout, " %s", data);
-    }
-    print_given(search->app);
-    for (size_t i = 0; i < file->fixed_count; i++)
-        app_put(stdout, " --%s %s", file->fixed_name[i], file->fixed_value[i]);
-    for (size_t i = 0; i < file->space.count; i++) {
-        value_text(&file->space.ranges[i], search->trials[best].value[i], text, sizeof text);
-        app_put(stdout, " --%s %s", file->space.ranges[i].name, text);
-    }
-    app_put(stdout, " --seed %llu --out FILE\n", (unsigned long long)search->app->seed);
-}
-
-static void json_best(app_json *json, const searching *search, size_t best) {
-    const lg_search_space *space = &search->file->space;
-    const lg_trial *trial = &search->trials[best];
-    app_json_open(json, "best", '{');
+static void put_trial(app_json *json, const lg_search_space *space, const char *key, const lg_trial *trial) {
+    app_json_open(json, key, '{');
     app_json_size(json, "trial", trial->number);
+    if (json->people) app_json_text(json, "state", lg_trial_state_name(trial->state));
     app_json_real(json, "objective", trial->objective);
     app_json_size(json, "parameters", trial->parameters);
     app_json_size(json, "epochs", trial->epochs);
@@ -419,43 +350,93 @@ static void json_best(app_json *json, const searching *search, size_t best) {
     app_json_close(json, '}');
 }
 
+static void print_trials(const searching *search) {
+    app_json *out = search->app->out;
+    APP_FREE const lg_trial **order = app_alloc(search->count, sizeof *order);
+    for (size_t i = 0; i < search->count; i++) order[i] = &search->trials[i];
+    qsort(order, search->count, sizeof *order, by_objective);
+    app_result_rows(out, NULL);
+    for (size_t i = 0; i < search->count && i < SHOWN_TRIALS; i++)
+        put_trial(out, &search->file->space, NULL, order[i]);
+    app_result_rows_end(out);
+}
+
+/* Prints the given options that are texts or names and do not belong to the search itself; train takes them
+ * too. */
+static void print_given(const app *self, FILE *out) {
+    char text[LG_FIELD_TEXT_SIZE];
+    for (size_t i = 0; i < self->slot_count; i++) {
+        const app_slot *slot = &self->slots[i];
+        const bool word_like = slot->row->type == LG_FIELD_STRING || slot->row->type == LG_FIELD_NAME;
+        if (!slot->given || !word_like || slot->values == &search_given || slot->values == &app_plot_given)
+            continue;
+        lg_field_show(slot->row, slot->values, text, sizeof text);
+        char *word = app_quote(text);
+        app_put(out, " --%s %s", slot->name, word);
+        free(word);
+    }
+}
+
+/* Prints the command line that trains with the best trial's settings. */
+static void print_best(const searching *search, size_t best) {
+    const lg_search_file *file = search->file;
+    FILE *out = search->app->out->stream;
+    char text[64];
+    app_put(out, "best: trial %llu, objective %.4e; %s train",
+            (unsigned long long)search->trials[best].number, search->trials[best].objective,
+            search->app->program);
+    for (int i = 1; i < search->app->argument_count; i++) {
+        APP_FREE char *data = app_quote(search->app->arguments[i]);
+        app_put(out, " %s", data);
+    }
+    print_given(search->app, out);
+    for (size_t i = 0; i < file->fixed_count; i++)
+        app_put(out, " --%s %s", file->fixed_name[i], file->fixed_value[i]);
+    for (size_t i = 0; i < file->space.count; i++) {
+        value_text(&file->space.ranges[i], search->trials[best].value[i], text, sizeof text);
+        app_put(out, " --%s %s", file->space.ranges[i].name, text);
+    }
+    app_put(out, " --seed %llu --out FILE\n", (unsigned long long)search->app->seed);
+}
+
 static void report(const searching *search, double seconds) {
     const size_t best = lg_search_best(search->trials, search->count);
     size_t states[LG_TRIAL_STATE_COUNT] = {0};
-    app_json json;
     for (size_t i = 0; i < search->count; i++) states[search->trials[i].state]++;
-    app_result_begin(&json, search->app);
+    app_json *json = search->app->out;
     if (!search->app->json) print_trials(search);
-    app_result_line(&json, "%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)", search->count,
+    app_result_line(json, "%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)", search->count,
                     states[LG_TRIAL_DONE], states[LG_TRIAL_PRUNED], states[LG_TRIAL_FAILED], seconds);
-    app_json_size(&json, "trials", search->count);
-    app_json_size(&json, "new", search->count - search->before);
+    app_json_size(json, "trials", search->count);
+    app_json_size(json, "new", search->count - search->before);
     for (int i = 0; i < LG_TRIAL_STATE_COUNT; i++)
-        app_json_size(&json, lg_trial_state_name((lg_trial_state)i), states[i]);
-    if (best < search->count && search->app->json) json_best(&json, search, best);
+        app_json_size(json, lg_trial_state_name((lg_trial_state)i), states[i]);
+    if (best < search->count && search->app->json)
+        put_trial(json, &search->file->space, "best", &search->trials[best]);
     if (best < search->count && !search->app->json) print_best(search, best);
-    app_json_size(&json, "seed", search->app->seed);
-    app_json_size(&json, "threads", search->app->threads);
-    app_json_text(&json, "out", search->values->out);
-    app_json_real(&json, "seconds", seconds);
-    app_json_end(&json);
+    app_json_size(json, "seed", search->app->seed);
+    app_json_size(json, "threads", search->app->threads);
+    app_json_text(json, "out", search->values->out);
+    app_json_real(json, "seconds", seconds);
 }
 
 /* ---- the plot ---- */
 
-static void draw_search(const searching *search) {
-    app_plot plot;
+static void put_search(app_plot *plot, const void *user) {
+    const searching *search = user;
     double best = NAN;
-    app_plot_begin(&plot, "search", search->values->plot);
-    app_plot_text(&plot, "%zu", search->count);
+    app_plot_text(plot, "%zu", search->count);
     for (const lg_trial *at = search->trials; at < search->trials + search->count; at++) {
         const bool done = at->state == LG_TRIAL_DONE;
         if (done) best = fmin(best, at->objective);
-        APP_PLOT_ROW(&plot, 9, (double)at->number, at->state == LG_TRIAL_PRUNED ? at->objective : (double)NAN,
+        APP_PLOT_ROW(plot, 9, (double)at->number, at->state == LG_TRIAL_PRUNED ? at->objective : (double)NAN,
                      done ? at->objective : (double)NAN, best);
     }
-    app_plot_end(search->app, &plot);
 }
+
+const app_plot_kind search_plots[] = {APP_PLOT("search", "the objective of each trial and the best so far",
+                                               "search", put_search, .usual = APP_PLOT_ANY),
+                                      {.name = NULL}};
 
 /* ---- the command ---- */
 
@@ -486,7 +467,7 @@ static int run_search(searching *search) {
     if (!whole) return APP_EXIT_OK;
     app_must_file(self, save(search, &error), &error, search->values->out);
     trials_end(&search->work);
-    if (search->values->plot != NULL) draw_search(search);
+    app_plot_draw(self, 0, search);
     report(search, app_seconds() - begin);
     return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
 }
@@ -512,7 +493,7 @@ static void take_rungs(const app *self, lg_search_options *options) {
         text, LG_TRIAL_REPORTS);
 }
 
-int search_main(app *self, const app_command *train, train_task *task) {
+void search_main(app *self, const app_command *train, train_task *task) {
     const search_values *values = &search_given;
     const char *ranges = self->arguments[0];
     APP_FREE lg_search_file *file = app_alloc(1, sizeof *file);
@@ -536,7 +517,7 @@ int search_main(app *self, const app_command *train, train_task *task) {
                                  .save = save}};
     take_rungs(self, &search.options);
     const app_path paths[] = {trials_choose(&search.work, LG_FILE_TEXT),
-                              {"plot", values->plot, LG_FILE_DRAWN}};
+                              {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
     self->continues = values->resume || trials_continues(&search.work);
     app_check_outputs(self, paths, LG_COUNT(paths));
     train_begin(self, task, 1);
@@ -548,10 +529,9 @@ int search_main(app *self, const app_command *train, train_task *task) {
     (void)snprintf(search.setting, sizeof search.setting,
                    "data %s validation %.17g rungs %u warm-up %u quantile %.17g", task->training.sha256,
                    values->validation, search.options.rungs, search.options.warm_up, search.options.quantile);
-    const int code = run_search(&search);
+    self->code = run_search(&search);
     free(search.results);
     free(search.trials);
     trials_close(&search.work);
     lg_training_close(&task->training);
-    return code;
 }

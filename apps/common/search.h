@@ -8,7 +8,7 @@
 #include "liegrad/settings.h"
 
 typedef struct search_values {
-    const char *out, *plot;
+    const char *out;
     bool resume;
     uint64_t trials, jobs;
     lg_reals rungs;
@@ -18,6 +18,7 @@ typedef struct search_values {
 
 extern search_values search_given;
 extern const lg_field search_options[];
+extern const app_plot_kind search_plots[];
 #define SEARCH_SHARED APP_GIVEN(search_options, search_given)
 
 #define SEARCH_DETAILS                                                                                       \
@@ -32,11 +33,10 @@ extern const lg_field search_options[];
 /* The fields of a command `search`, except its settings and `run`. `data`: the data arguments of the
  * program's train command, e.g. "DATA.h5". */
 #define SEARCH_COMMAND(data)                                                                                 \
-    .name = "search", .arguments = "RANGES.yaml " data,                                                      \
+    .name = "search", .arguments = "RANGES.yaml " data, .plots = search_plots,                               \
     .summary = "Random search over the options of train", .details = SEARCH_DETAILS, .together = APP_RANKS
 
-/* Arguments of the command: RANGES.yaml DATA.h5. `train` is the command whose task is searched. Returns the
- * exit code. */
-int search_main(app *app, const app_command *train, train_task *task);
+/* Arguments of the command: RANGES.yaml DATA.h5. `train` is the command whose task is searched. */
+void search_main(app *app, const app_command *train, train_task *task);
 
 #endif

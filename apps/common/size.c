@@ -91,23 +91,8 @@ double train_race_seconds(const train_race *race) {
     return sum;
 }
 
-static void print_race(const train_race *race) {
-    app_table table;
-    app_table_begin(&table, 5);
-    static const char *const heads[] = {"size", "parameters", "validation loss", "forecast", "seconds"};
-    for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
-    for (size_t i = 0; i < race->count; i++) {
-        app_table_cell(&table, "%s%s", race->lane[i].size, i == race->winner ? " *" : "");
-        app_table_cell(&table, "%zu", race->lane[i].parameters);
-        app_table_cell(&table, "%.3e", race->lane[i].validation);
-        app_table_cell(&table, "%.3e", race->lane[i].forecast);
-        app_table_cell(&table, "%.1f", race->lane[i].seconds);
-    }
-    app_table_end(&table, stderr);
-}
-
 /* Trains the networks from small to large; each gets an equal part of the race's time. */
-static int run_race(app *self, train_task *task, app_slot *slot, train_race *race) {
+static void run_race(app *self, train_task *task, app_slot *slot, train_race *race) {
     lg_error error = {LG_OK, ""};
     size_t count = 0;
     while (count < TRAIN_LANES && task->recipe->trainer->sizes[count] != NULL) count++;
@@ -117,10 +102,9 @@ static int run_race(app *self, train_task *task, app_slot *slot, train_race *rac
         lane->size = task->recipe->trainer->sizes[i];
         const lg_status status = run_lane(self, task, slot, seconds, lane, &error);
         if (status != LG_OK)
-            return app_fail(self, status, "--size auto, %s: %s", lane->size, app_sentence(status, &error));
+            app_stop(self, status, "--size auto, %s: %s", lane->size, app_sentence(status, &error));
         race->count++;
     }
-    return APP_EXIT_OK;
 }
 
 void train_size(app *self, train_task *task, const char *size, train_race *race) {
@@ -144,16 +128,15 @@ void train_size(app *self, train_task *task, const char *size, train_race *race)
         return;
     }
     if (train_given_files.resume != NULL) return; /* the checkpoint stores the winner's size */
-    const int code = run_race(self, task, slot, race);
-    if (code != APP_EXIT_OK) app_end(code);
+    run_race(self, task, slot, race);
     race->winner = winner(race);
-    print_race(race);
+    app_note(self, "--size auto: %s, of %zu widths", race->lane[race->winner].size, race->count);
     (void)app_store(slot, race->lane[race->winner].size, NULL);
 }
 
 void train_size_json(const train_race *race, app_json *json) {
     if (race->count == 0) return;
-    app_json_open(json, "sizes", '[');
+    app_result_rows(json, "sizes");
     for (size_t i = 0; i < race->count; i++) {
         app_json_open(json, NULL, '{');
         app_json_text(json, "size", race->lane[i].size);
@@ -163,5 +146,5 @@ void train_size_json(const train_race *race, app_json *json) {
         app_json_real(json, "seconds", race->lane[i].seconds);
         app_json_close(json, '}');
     }
-    app_json_close(json, ']');
+    app_result_rows_end(json);
 }

@@ -10,7 +10,28 @@ enum { CHECKPOINT_EVERY = 10 };
 train_files train_given_files;
 
 /* --size must be first: TRAIN_SHARED_NO_SIZE begins behind it. */
-const lg_field train_file_options[] = {TRAIN_SIZE_ROW, TRAIN_FILE_ROWS("Draw the loss"), LG_FIELD_END};
+const lg_field train_file_options[] = {
+    LG_OPTION(
+        train_files, size, STRING, "auto|W,...",
+        "Widths of the network, as --hidden; or auto: train a few widths, each for half of the epochs and "
+        "all together for at most a third of --seconds, and take the one with the best validation loss"),
+    LG_OPTION(train_files, out, STRING, "FILE", "The model file to write"),
+    LG_OPTION(train_files, checkpoint, STRING, "FILE",
+              "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),
+    LG_OPTION(train_files, checkpoint_every, U64, "n",
+              "Number of epochs between checkpoints (default 10 with --checkpoint)", .low = 1, .high = 1e9),
+    LG_OPTION(train_files, stop_after, U64, "n", "Save the state and stop after n epochs of this run",
+              .low = 1, .high = 1e9),
+    LG_OPTION(train_files, seconds, REAL, "S",
+              "Stop after this many seconds of training; with a method other than adam and no --epochs "
+              "this is the only limit",
+              .high = 1e9),
+    LG_OPTION(train_files, resume, STRING, "FILE",
+              "Continue from a checkpoint; the result has the same bits as one run. Options not given "
+              "are the checkpoint's"),
+    LG_OPTION(train_files, history, STRING, "FILE.csv",
+              "Write one row for each epoch: epoch, loss, validation, rate, seconds"),
+    LG_FIELD_END};
 
 static const train_files *const files = &train_given_files;
 
@@ -64,7 +85,7 @@ void train_prepare(const app *self, train_task *task) {
     const lg_trainer *trainer = task->recipe->trainer;
     lg_error error = {LG_OK, ""};
     if (trainer->prepare != NULL) must(self, trainer->prepare(&task->training, &error), &error);
-    if (task->check != NULL) task->check(self, &task->training);
+    app_plot_check(self, task->has != NULL ? task->has(&task->training) : 0);
 }
 
 lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error) {
@@ -141,9 +162,8 @@ static void check_files(app *self, const train_task *task) {
          LG_FILE_READ},
         {"out", files->out, LG_FILE_WRITTEN},
         {"checkpoint", checkpoint, LG_FILE_WRITTEN},
-        {"history", files->history, LG_FILE_TEXT},
-        {"plot", files->plot, LG_FILE_DRAWN}};
-    enum { OWN = 6 };
+        {"history", files->history, LG_FILE_TEXT}};
+    enum { OWN = 5 };
     app_check_outputs(self, paths, OWN + app_file_options(self, paths + OWN));
     app_check_text(self, files->history, TRAIN_HISTORY);
 }
@@ -233,29 +253,29 @@ static void load_fit(const train_session *self, lg_file_reader *stored) {
 
 /* Says that the training stopped before its plan was finished, and how to continue. Its state has been
  * saved. */
-static int stopped(const train_session *self, lg_status status) {
+static void stopped(const train_session *self, lg_status status) {
     if (self->checkpoint_status != LG_OK)
-        return app_fail(self->app, LG_FILE, "the state could not be saved: %s",
-                        app_sentence(self->checkpoint_status, &self->checkpoint_error));
+        app_stop(self->app, LG_FILE, "the state could not be saved: %s",
+                 app_sentence(self->checkpoint_status, &self->checkpoint_error));
     APP_FREE char *path = checkpoint_path();
     app_note(self->app, "stopped in epoch %llu of %llu; continue with --resume %s",
              (unsigned long long)lg_fit_epochs_done(fit_of(self)) + 1,
              (unsigned long long)train_training(self->task)->epochs, path);
-    return status == LG_CANCELLED ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
+    if (status == LG_CANCELLED) app_end(APP_EXIT_INTERRUPTED);
 }
 
-/* Called after the fit has returned `status`: writes the history, then does what the status requires. */
-static int conclude(train_session *self, lg_status status, const lg_error *fit_error) {
+/* Called after the fit has returned `status`: writes the history, then does what the status requires. Returns
+ * whether the model is to be written. */
+static bool conclude(train_session *self, lg_status status, const lg_error *fit_error) {
     lg_error error = {LG_OK, ""};
     lg_fit *fit = fit_of(self);
-    int code = APP_EXIT_OK;
     if (files->history != NULL && lg_fit_epochs_done(fit) > 0) {
         const lg_status saved = train_save_history(files->history, fit, &error);
-        if (saved != LG_OK) code = app_fail_file(self->app, saved, &error, files->history);
+        if (saved != LG_OK) self->app->code = app_fail_file(self->app, saved, &error, files->history);
     }
     if (status == LG_CANCELLED || (status == LG_OK && !lg_fit_finished(fit))) {
-        const int more = stopped(self, status);
-        return more == APP_EXIT_OK ? code : more;
+        stopped(self, status);
+        return self->app->code == APP_EXIT_OK;
     }
     /* Training failed: the state before the failed step is saved, so that nothing is lost. */
     if (status != LG_OK && lg_fit_steps_done(fit) > 0 && save_state(self))
@@ -265,10 +285,10 @@ static int conclude(train_session *self, lg_status status, const lg_error *fit_e
     if (lg_fit_why_finished(fit) != LG_FIT_END_EPOCHS)
         app_note(self->app, "training ended after %llu epochs: %s",
                  (unsigned long long)lg_fit_epochs_done(fit), lg_fit_end_sentence(fit));
-    return code;
+    return self->app->code == APP_EXIT_OK;
 }
 
-static int run_fit(train_session *self) {
+static bool run_fit(train_session *self) {
     lg_error error = {LG_OK, ""};
     const double begin = app_seconds();
     app_progress_begin(&self->progress, lg_fit_epochs_done(fit_of(self)), train_training(self->task)->epochs);
@@ -278,18 +298,17 @@ static int run_fit(train_session *self) {
     app_end_exchanges(self->app);
     if (self->app->rank == 0) return conclude(self, status, &error);
     must(self->app, status, &error);
-    return APP_EXIT_OK;
+    return false;
 }
 
 /* If the model cannot be written, or the user stops while the model is scored, saves the state in a
  * checkpoint, so that the training is not lost. Not done when several ranks train. */
-static int finish(train_session *self) {
-    const int code = train_finish(self);
+static void finish(train_session *self) {
+    const int code = self->app->code = train_finish(self);
     const bool kept = code == APP_EXIT_FILE || code == APP_EXIT_MEMORY || code == APP_EXIT_INTERRUPTED;
-    if (!kept || self->app->rank_count > 1 || !save_state(self)) return code;
+    if (!kept || self->app->rank_count > 1 || !save_state(self)) return;
     APP_FREE char *path = checkpoint_path();
     app_note(self->app, "the training is kept in %s; write the model with --resume %s", path, path);
-    return code;
 }
 
 /* ---- the run ---- */
@@ -388,7 +407,7 @@ uint64_t train_epochs(const app *self, const lg_fit_settings *training) {
 
 /* A resumed run is also compared before the split, because other data may not be divisible in the stored
  * way. */
-static int run_with(app *self, train_task *task, const stored_run *stored, const train_race *race) {
+static void run_with(app *self, train_task *task, const stored_run *stored, const train_race *race) {
     lg_error error = {LG_OK, ""};
     train_session session = {.app = self, .task = task, .race = *race};
     lg_fit_settings *training = train_training(task);
@@ -407,8 +426,7 @@ static int run_with(app *self, train_task *task, const stored_run *stored, const
     const lg_fit_options options = session_options(&session);
     must(self, train_create(task, &options, &error), &error);
     if (stored->reader != NULL) load_fit(&session, stored->reader);
-    const int code = run_fit(&session);
-    return code == APP_EXIT_OK && self->rank == 0 ? finish(&session) : code;
+    if (run_fit(&session)) finish(&session);
 }
 
 void train_open(app *self, train_task *task) {
@@ -419,15 +437,14 @@ void train_open(app *self, train_task *task) {
     train_read(self, task);
 }
 
-int train_main(app *self, train_task *task) {
+void train_main(app *self, train_task *task) {
     stored_run stored = {NULL, NULL};
     train_race race;
     train_open(self, task);
     train_size(self, task, files->size, &race);
     open_stored(self, task, &stored);
     app_read_options(self);
-    const int code = run_with(self, task, &stored, &race);
+    run_with(self, task, &stored, &race);
     lg_file_reader_destroy(stored.reader);
     lg_training_close(&task->training);
-    return code;
 }

@@ -1,7 +1,7 @@
 /* What every `train` command shares: its options for files, and everything from the command line to the end
  * of training: --resume, checkpoints, progress, Ctrl-C, --history, exit codes, JSON.
  *
- * A command fills a train_task and returns train_main(...). The trainer of the task's recipe
+ * A command fills a train_task and calls train_main(...). The trainer of the task's recipe
  * (model/files/training.h) does what is special to a kind of model. The rows of settings[0] are the
  * hyperparameters: checkpoints store them, and a resumed run is compared with them. The search driver
  * (common/search.h) trains the same task.
@@ -19,7 +19,7 @@
 #include "model/files/training.h"
 
 typedef struct train_files {
-    const char *out, *checkpoint, *resume, *history, *plot, *size;
+    const char *out, *checkpoint, *resume, *history, *size;
     uint64_t checkpoint_every, stop_after;
     double seconds;
 } train_files;
@@ -30,35 +30,6 @@ extern train_files train_given_files;
 extern const lg_field train_file_options[];
 #define TRAIN_SHARED         APP_GIVEN(train_file_options, train_given_files)
 #define TRAIN_SHARED_NO_SIZE APP_GIVEN(train_file_options + 1, train_given_files)
-#define TRAIN_SIZE_ROW                                                                                       \
-    LG_OPTION(                                                                                               \
-        train_files, size, STRING, "auto|W,...",                                                             \
-        "Widths of the network, as --hidden; or auto: train a few widths, each for half of the epochs and "  \
-        "all together for at most a third of --seconds, and take the one with the best validation loss")
-/* The rows of the other options. `drawn` is the help text of --plot, for a command whose plot is not the
- * loss. */
-#define TRAIN_FILE_ROWS(drawn)                                                                               \
-    LG_OPTION(train_files, out, STRING, "FILE", "The model file to write"),                                  \
-        LG_OPTION(                                                                                           \
-            train_files, checkpoint, STRING, "FILE",                                                         \
-            "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),    \
-        LG_OPTION(train_files, checkpoint_every, U64, "n",                                                   \
-                  "Number of epochs between checkpoints (default 10 with --checkpoint)", .low = 1,           \
-                  .high = 1e9),                                                                              \
-        LG_OPTION(train_files, stop_after, U64, "n", "Save the state and stop after n epochs of this run",   \
-                  .low = 1, .high = 1e9),                                                                    \
-        LG_OPTION(train_files, seconds, REAL, "S",                                                           \
-                  "Stop after this many seconds of training; with a method other than adam and no --epochs " \
-                  "this is the only limit",                                                                  \
-                  .high = 1e9),                                                                              \
-        LG_OPTION(train_files, resume, STRING, "FILE",                                                       \
-                  "Continue from a checkpoint; the result has the same bits as one run. Options not given "  \
-                  "are the checkpoint's"),                                                                   \
-        LG_OPTION(train_files, history, STRING, "FILE.csv",                                                  \
-                  "Write one row for each epoch: epoch, loss, validation, rate, seconds"),                   \
-        LG_OPTION(train_files, plot, STRING, "FILE.svg|.png",                                                \
-                  drawn "; its data and script stay beside it, as FILE.dat and FILE.gp")
-
 /* A training that is running or has ended. */
 typedef struct train_session train_session;
 
@@ -69,13 +40,13 @@ typedef struct train_task {
     /* A trial of a search by a method that the recipe does not train: trains on the training part, and sets
      * parameters and objective. Returns LG_NOT_FOUND for a method that the recipe trains. May be NULL. */
     lg_status (*trial)(const app *app, lg_trial *trial, lg_error *error);
-    const app_command *command; /* the command `train`, for a search */
-    void *state;                /* the trainer's state; if NULL, train_begin allocates it */
-    /* Called after the data are split and before training. May be NULL. */
-    void (*check)(const app *app, const lg_training *training);
+    const app_command *command;                 /* the command `train`, for a search */
+    void *state;                                /* the trainer's state; if NULL, train_begin allocates it */
     void (*print)(const lg_training *training); /* prints more than the results for people; may be NULL */
-    /* draws the plot of --plot; NULL: the loss is drawn */
-    void (*draw)(const app *app, const char *path, const lg_training *training);
+    /* The bits that `needs` and `usual` of the command's plots mean, for data that are read and split; NULL:
+     * none. What is drawn is the training, or what `draw` gives to app_plot_draw. */
+    unsigned (*has)(const lg_training *training);
+    void (*draw)(const app *app, const lg_training *training);
     lg_training training; /* set and used by the driver */
 } train_task;
 
@@ -97,7 +68,7 @@ typedef struct train_race {
  * increasing size are trained for half of the epochs on four fifths of the data, all together for at most a
  * third of --seconds. The race ends when two networks in a row are no better than a smaller one. The winner
  * is the smallest network whose forecast is at most twice the lowest forecast (at most equal to it while its
- * loss still falls fast). Prints the table of the race on stderr. */
+ * loss still falls fast). Says on stderr which one it is. */
 void train_size(app *app, train_task *task, const char *size, train_race *race);
 double train_race_seconds(const train_race *race); /* the part of --seconds that the race took */
 /* writes "sizes"; nothing if there was no race */
@@ -115,7 +86,7 @@ struct train_session {
     lg_error checkpoint_error;
 };
 
-int train_main(app *app, train_task *task);
+void train_main(app *app, train_task *task);
 /* The first part of train_main, for a command that can also train without a recipe: checks options and files,
  * and reads the data. The caller calls lg_training_close. */
 void train_open(app *app, train_task *task);
@@ -132,7 +103,7 @@ void train_begin(const app *app, train_task *task, int argument);
 void train_read(const app *app, train_task *task);
 /* Completes the run from the options that were given to `app`. `stored`: the run that is resumed, or NULL. */
 lg_status train_describe(const app *app, train_task *task, const void *stored, lg_error *error);
-/* Splits the data and calls the task's check. */
+/* Splits the data, and checks that the plot exists. */
 void train_prepare(const app *app, train_task *task);
 lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error);
 /* Called when the training has done all that was asked: judges and writes the model, draws and reports. */
@@ -156,7 +127,10 @@ lg_provenance app_provenance(const app *app, uint64_t seed);
 /* Writes a CSV file with these columns. */
 #define TRAIN_HISTORY "epoch,loss,validation,rate,seconds\n"
 lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error);
-/* Draws the loss over the epochs, and that of the validation part if there is one. */
-void train_draw_loss(const app *app, const char *path, const lg_fit *fit, bool validated);
+/* A row of the plots of a command: the loss over the epochs, and that of the validation part if there is one.
+ * train_plots has this row only. */
+void train_put_loss(app_plot *plot, const void *training);
+extern const app_plot_kind train_plots[];
+void train_draw(const app *app, const train_task *task); /* the plot of --plot, if it was given */
 
 #endif

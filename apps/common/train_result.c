@@ -76,7 +76,7 @@ void train_put_results(app_json *out, const lg_training *training, size_t first,
             app_json_close(out, at->bracket);
             depth--;
         } else if (depth == 0 || !out->people) {
-            put_value(out, at);
+            if (!out->people || at->type != LG_FIELD_REAL || !isnan(at->real)) put_value(out, at);
         } else if (depth == 1 && at->name != NULL) {
             lg_result member = *at;
             APP_FREE char *name = app_format("%s, %s", outer->name, at->name);
@@ -127,7 +127,6 @@ static void json_training(const train_session *session, app_json *json) {
     app_result_text(json, "out", train_given_files.out, NULL);
     json_run(json, &session->task->settings[0]);
     train_size_json(&session->race, json);
-    app_json_warnings(json, self);
 }
 
 static void csv_number(FILE *stream, double value) {
@@ -151,19 +150,24 @@ lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *erro
     return app_file_end(&file, error);
 }
 
-void train_draw_loss(const app *self, const char *path, const lg_fit *fit, bool validated) {
+void train_put_loss(app_plot *plot, const void *training) {
+    const lg_fit *fit = ((const lg_training *)training)->fit;
     const double *loss = lg_fit_history(fit, LG_FIT_LOSS),
                  *validation = lg_fit_history(fit, LG_FIT_VALIDATION);
-    app_plot plot;
-    app_plot_begin(&plot, "training", path);
-    app_plot_text(&plot, "%d", validated);
+    app_plot_text(plot, "%d", lg_fit_epochs_done(fit) > 0 && isfinite(validation[0]));
     for (size_t i = 0; i < lg_fit_epochs_done(fit); i++)
-        APP_PLOT_ROW(&plot, 17, (double)i + 1, loss[i], validated ? validation[i] : (double)NAN);
-    app_plot_end(self, &plot);
+        APP_PLOT_ROW(plot, 17, (double)i + 1, loss[i], validation[i]);
 }
 
-static void draw_loss(const app *self, const char *path, const lg_training *training) {
-    train_draw_loss(self, path, training->fit, lg_training_settings(training)->validation > 0);
+const app_plot_kind train_plots[] = {
+    APP_PLOT("loss", "the loss over the epochs", "training", train_put_loss, .usual = APP_PLOT_ANY),
+    {.name = NULL}};
+
+void train_draw(const app *self, const train_task *task) {
+    if (task->draw != NULL)
+        task->draw(self, &task->training);
+    else
+        app_plot_draw(self, task->has != NULL ? task->has(&task->training) : 0, &task->training);
 }
 
 /* ---- the end of a training ---- */
@@ -171,12 +175,11 @@ static void draw_loss(const app *self, const char *path, const lg_training *trai
 static void report(const train_session *session) {
     const train_task *task = session->task;
     const lg_training *training = &task->training;
-    app_json out;
-    app_result_begin(&out, session->app);
-    train_put_results(&out, training, 0, training->first_count);
-    json_training(session, &out);
-    train_put_results(&out, training, training->first_count, training->result_count);
-    app_json_end(&out);
+    app_json *out = session->app->out;
+    train_put_results(out, training, 0, training->first_count);
+    json_training(session, out);
+    train_put_results(out, training, training->first_count, training->result_count);
+    app_result_end(session->app);
     if (!session->app->json && task->print != NULL) task->print(training);
 }
 
@@ -200,8 +203,7 @@ int train_finish(train_session *session) {
     if (status == LG_OK) status = lg_training_save(training, out, theta, &provenance, &error);
     if (status == LG_CANCELLED) return app_fail(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK) return app_fail_file(self, status, &error, out);
-    if (train_given_files.plot != NULL)
-        (task->draw != NULL ? task->draw : draw_loss)(self, train_given_files.plot, training);
+    train_draw(self, task);
     report(session);
     return judged == APP_EXIT_OK && training->verdict.failed ? APP_EXIT_NUMERIC : judged;
 }

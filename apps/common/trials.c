@@ -41,15 +41,20 @@ static char *part_path(const trials_work *self, size_t task, size_t tasks) {
     return app_format("%s.part-%zu-of-%zu", self->out, task, tasks);
 }
 
-static void read_task(trials_work *self) {
-    const char *text = self->values->task, *slash = strchr(text, '/');
-    uint64_t i = 0, n = 0;
+void trials_task(const app *self, const char *text, uint64_t most, uint64_t *i, uint64_t *n) {
+    const char *slash = strchr(text, '/');
     APP_FREE char *first = app_format("%.*s", slash != NULL ? (int)(slash - text) : 0, text);
-    if (self->app->rank_count > 1)
-        app_stop_usage(self->app, "--task cannot be given with mpirun, whose ranks already are the tasks");
-    if (slash == NULL || !app_parse_size(first, &i) || !app_parse_size(slash + 1, &n) || i >= n ||
-        n > UINT32_MAX)
-        app_stop_usage(self->app, "--task: expected i/n with i from 0 to n - 1, as in 3/16");
+    if (self->rank_count > 1)
+        app_stop_usage(self, "--task cannot be given with mpirun, whose ranks already are the tasks");
+    if (slash == NULL || lg_integer_parse(first, i) != LG_OK || lg_integer_parse(slash + 1, n) != LG_OK ||
+        *i >= *n || *n > most)
+        app_stop_usage(self, "--task: expected i/n with 0 <= i < n <= %llu, not '%s'",
+                       (unsigned long long)most, text);
+}
+
+static void read_task(trials_work *self) {
+    uint64_t i, n;
+    trials_task(self->app, self->values->task, UINT32_MAX, &i, &n);
     if (self->values->merge)
         app_stop_usage(
             self->app,
@@ -108,7 +113,7 @@ void trials_label(const app *self, const char *text, const char *path, char labe
 static lg_status put(const part *p, const void *data, size_t bytes, off_t at, lg_error *error) {
     const ssize_t n = pwrite(p->fd, data, bytes, at);
     if (n == (ssize_t)bytes) return LG_OK;
-    return app_error(error, LG_FILE, "%s: cannot be written: %s", p->path, strerror(n < 0 ? errno : ENOSPC));
+    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", p->path, strerror(n < 0 ? errno : ENOSPC));
 }
 
 static head head_of(const trials_work *self) {
@@ -137,10 +142,10 @@ static lg_status read_part(trials_work *self, part *p, void *record, lg_error *e
     if (p->at == 0) {
         const ssize_t size = pread(p->fd, &found, sizeof found, 0);
         if (size < 0 || memcmp(&found, &mine, (size_t)size) != 0)
-            return app_error(error, LG_FORMAT,
-                             "%s: belongs to work with other options or data; remove it, or write to another "
-                             "file",
-                             p->path);
+            return lg_fail(error, LG_FORMAT,
+                           "%s: belongs to work with other options or data; remove it, or write to another "
+                           "file",
+                           p->path);
         if (size < (ssize_t)sizeof found) return LG_OK; /* its process has just made it */
         p->at = sizeof found;
     }
@@ -192,7 +197,7 @@ lg_status trials_add(trials_work *self, size_t item, const void *record, bool do
     APP_FREE char *bytes = app_alloc(ENTRY_HEAD + self->record, 1);
     part *p = open_part(self, self->own_part, O_CREAT);
     if (p == NULL)
-        return app_error(error, LG_FILE, "%s: cannot be written: %s", self->own_part, strerror(errno));
+        return lg_fail(error, LG_FILE, "%s: cannot be written: %s", self->own_part, strerror(errno));
     if (p->at == 0) LG_TRY(read_part(self, p, bytes, error));
     if (p->at == 0) {
         LG_TRY(put(p, &mine, sizeof mine, 0, error));
@@ -203,7 +208,7 @@ lg_status trials_add(trials_work *self, size_t item, const void *record, bool do
     LG_TRY(put(p, bytes, ENTRY_HEAD + self->record, p->at, error));
     p->at += (off_t)(ENTRY_HEAD + self->record);
     if (done && fdatasync(p->fd) != 0)
-        return app_error(error, LG_FILE, "%s: cannot be written: %s", p->path, strerror(errno));
+        return lg_fail(error, LG_FILE, "%s: cannot be written: %s", p->path, strerror(errno));
     return LG_OK;
 }
 
@@ -313,8 +318,8 @@ static int wait_for_jobs(trials_work *self, const pid_t *pids, size_t jobs) {
     for (size_t ended = 0; ended < jobs; nap(20)) {
         for (pid_t pid; ended < jobs && (pid = waitpid(-1, &state, WNOHANG)) > 0; ended++) {
             if (WIFSIGNALED(state) && self->status == LG_OK && !app_interrupted())
-                self->status = app_error(&self->error, LG_FILE, "a job was ended by signal %d; %s",
-                                         WTERMSIG(state), "the same command continues");
+                self->status = lg_fail(&self->error, LG_FILE, "a job was ended by signal %d; %s",
+                                       WTERMSIG(state), "the same command continues");
             if (WIFEXITED(state) && WEXITSTATUS(state) != APP_EXIT_OK) code = WEXITSTATUS(state);
         }
         if (self->status == LG_OK) self->status = follow(self, &self->error);
@@ -345,14 +350,12 @@ static void run_jobs(trials_work *self) {
 
 static void report_task(const trials_work *self) {
     const size_t done = trials_known(self);
-    app_json out;
-    app_result_begin(&out, self->app);
-    app_result_line(&out, "task %s: all tasks together have done %zu of %zu pieces%s", self->values->task,
+    app_json *out = self->app->out;
+    app_result_line(out, "task %s: all tasks together have done %zu of %zu pieces%s", self->values->task,
                     done, self->count, done == self->count ? "; collect them with --merge" : "");
-    app_json_text(&out, "task", self->values->task);
-    app_json_size(&out, "done", done);
-    app_json_size(&out, "count", self->count);
-    app_json_end(&out);
+    app_json_text(out, "task", self->values->task);
+    app_json_size(out, "done", done);
+    app_json_size(out, "count", self->count);
 }
 
 /* All ranks have ended their work, or one of them has failed. */

@@ -80,6 +80,8 @@ typedef struct trials_work {
     size_t failed;
 } trials_work;
 
+/* Reads the i/n of --task, n at most `most`. Anything else, and ranks, end the command. */
+void trials_task(const app *app, const char *text, uint64_t most, uint64_t *i, uint64_t *n);
 /* Reads --task and finds out what this process does; call it before app_check_outputs. Returns the path that
  * the process writes: OUT, whose use is `use`, or the part of a task. A wrong --task ends the command. */
 app_path trials_choose(trials_work *self, lg_file_use use);

@@ -18,14 +18,14 @@ static train_task *task_of(const app *self) {
     return (train_task *)(uintptr_t)self->command->row;
 }
 
-int verb_train(app *self) {
+void verb_train(app *self) {
     (void)check_data(self, task_of(self)->recipe, 0);
-    return train_main(self, task_of(self));
+    train_main(self, task_of(self));
 }
 
-int verb_search(app *self) {
+void verb_search(app *self) {
     (void)check_data(self, task_of(self)->recipe, 1);
-    return search_main(self, task_of(self)->command, task_of(self));
+    search_main(self, task_of(self)->command, task_of(self));
 }
 
 static const lg_recipe *recipe_of_file(const app *self, const char *path) {
@@ -40,8 +40,8 @@ static const lg_recipe *recipe_of_file(const app *self, const char *path) {
              path, kind);
 }
 
-int verb_evaluate(app *self) {
-    const char *path = self->arguments[0], *plot = train_given_files.plot;
+void verb_evaluate(app *self) {
+    const char *path = self->arguments[0];
     train_task task = *task_of(self);
     if (task.recipe == NULL) task.recipe = recipe_of_file(self, path);
     const lg_recipe *recipe = check_data(self, task.recipe, 1);
@@ -50,7 +50,6 @@ int verb_evaluate(app *self) {
     char *file = app_keep(1, recipe->file_size);
     *(const lg_context **)(void *)(file + recipe->file_context) = self->context;
     APP_MUST_FILE(self, path, lg_run_load(self->context, path, NULL, recipe, file, &error));
-    app_json out;
     train_begin(self, &task, 1);
     lg_training *training = &task.training;
     training->model = path;
@@ -60,18 +59,16 @@ int verb_evaluate(app *self) {
     if (status == LG_NOT_FINITE && training->sha256[0] != '\0')
         app_must(self, status, &error); /* it was read */
     app_must_file(self, status, &error, training->failed != NULL ? training->failed : training->paths[0]);
-    if (plot != NULL) task.draw(self, plot, training);
-    app_result_begin(&out, self);
-    train_put_results(&out, training, 0, training->result_count);
-    app_json_text(&out, "recipe", recipe->name);
-    app_json_real(&out, "seconds", training->seconds);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
+    train_draw(self, &task);
+    app_json *out = self->out;
+    train_put_results(out, training, 0, training->result_count);
+    app_json_text(out, "recipe", recipe->name);
+    app_json_real(out, "seconds", training->seconds);
+    app_result_end(self);
     if (!self->json && task.print != NULL) task.print(training);
-    const int code = training->verdict.failed ? APP_EXIT_NUMERIC : APP_EXIT_OK;
+    if (training->verdict.failed) self->code = APP_EXIT_NUMERIC;
     lg_training_close(training);
     lg_run_release(recipe, file);
-    return code;
 }
 
 lg_status app_flow(const lg_context *context, const lg_model *learned, const lg_scheme *scheme,

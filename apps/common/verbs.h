@@ -7,13 +7,14 @@
 
 #define VERB(name, task) .run = verb_##name, .row = &(task)
 /* Fields of a command `train`; the task's settings are its options. */
-#define TRAIN_COMMAND(data, task) .name = "train", .arguments = data, VERB(train, task), .together = APP_RANKS
+#define TRAIN_COMMAND(data, task, kinds)                                                                     \
+    .name = "train", .arguments = data, .plots = kinds, VERB(train, task), .together = APP_RANKS
 
-int verb_train(app *app);
-int verb_search(app *app); /* options: SEARCH_SHARED; task->command is the command whose options vary */
+void verb_train(app *app);
+void verb_search(app *app); /* options: SEARCH_SHARED; task->command is the command whose options vary */
 /* Results of the model in argument 0 on the data in the others, by the trainer's `evaluate`. A task without a
- * recipe evaluates a model of any kind. Option: the row `plot` of train_files, where the task has `draw`. */
-int verb_evaluate(app *app);
+ * recipe evaluates a model of any kind. The plots of the command get the training (train_draw). */
+void verb_evaluate(app *app);
 
 /* Integrates the field of a model from `start` at times[0] and writes the states at all `count` times to
  * `out`, (count, d). The scheme is adaptive. Its error per step is relative to the largest value so far of

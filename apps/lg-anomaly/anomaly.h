@@ -21,7 +21,7 @@ extern const char *const operation_names[]; /* drilling, completion */
 /* What is chosen before an operation and stays. */
 typedef struct well_setup {
     int housing, operation;
-    double load_relief;
+    double load_relief, severity, noise;
 } well_setup;
 /* The options of a member `well` of type well_setup. */
 #define WELL_ROWS(type)                                                                                      \
@@ -32,8 +32,13 @@ typedef struct well_setup {
                   .option = "operation", .names = operation_names),                                          \
         LG_OPTION(type, well.load_relief, REAL, "K",                                                         \
                   "Horizontal stiffness in N/m of wires that hold the BOP (default 0: no wires)",            \
-                  .option = "load-relief", .high = 1e9)
-void well_set_up(const well_setup *setup, lg_riser_parameters *parameters);
+                  .option = "load-relief", .high = 1e9),                                                     \
+        LG_OPTION(type, well.severity, REAL, "R",                                                            \
+                  "Remaining fraction of the broken casing's rotational stiffness: 1 is intact",             \
+                  .option = "severity", .low = 1e-3, .high = 1, .value = "0.58"),                            \
+        LG_OPTION(type, well.noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",     \
+                  .option = "noise", .high = 1e6, .value = "1")
+void well_set_up(const well_setup *setup, lg_riser_parameters *parameters, lg_riser_run *run);
 
 /* ---- models (model.c) ---- */
 
@@ -51,13 +56,10 @@ typedef enum well_sort {
 /* A model that is ready to judge windows. */
 typedef struct well_model {
     well_sort sort;
-    const char *method;                  /* "cnn", "logistic", ..., "baseline" or "novelty"; static storage */
-    uint32_t classes, channels, window;  /* window: samples per window */
-    uint32_t healthy;                    /* class that means "all is well", or LG_NO_CLASS */
-    double rate;                         /* Hz; 0 if unknown */
-    char (*class_name)[LG_SERIES_NAME];  /* (classes); owned by `detector` or `names` */
-    char (*class_label)[LG_SERIES_NAME]; /* (classes) or NULL; same owner */
-    char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL; same owner */
+    const char *method; /* "cnn", "logistic", ..., "baseline" or "novelty"; static storage */
+    lg_series names;    /* classes, channels and rate, no windows; of a loaded classifier it owns the names */
+    uint32_t window;    /* samples per window */
+    uint32_t healthy;   /* class that means "all is well", or LG_NO_CLASS */
     /* How the training data were cut and split; the other members are set for a network only. */
     lg_detector_run cut;
     bool probabilities;        /* true: scores are probabilities; false: decision values or distances */
@@ -67,7 +69,6 @@ typedef struct well_model {
     /* Novelty model of the training windows; channels is 0 if there is none. For a network `detector` owns
      * it. */
     lg_novelty novelty;
-    lg_series names; /* owns the names of a loaded classifier */
 } well_model;
 
 /* The healthy class is unknown until well_model_settle. */
@@ -95,8 +96,6 @@ double well_model_alarm(const well_model *model, const double *score);
 lg_status well_model_save(const app *app, const char *path, const well_model *model, double accuracy,
                           double f1, lg_error *error);
 
-/* ---- data (data.c) ---- */
-
 /* Reads data whose classes and channels must be the model's. A novelty model accepts any classes and merges
  * them (merge_classes). */
 void read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
@@ -106,12 +105,11 @@ void merge_classes(lg_series *series, const char *healthy);
 
 /* ---- judging (judge.c) ---- */
 
+/* Adds a vote to the last n (1 to 64) of *votes, in which bit 0 is the latest, and counts those for. */
+uint32_t cast_vote(uint64_t *votes, uint32_t n, bool is_for);
+
 lg_status judge_windows(const app *app, const well_model *model, const lg_cut_series *from,
                         const lg_window_list *part, lg_judgement *out, lg_error *error);
-/* As judge_windows, for a classical model, from the features of all windows: table (windows, d). Runs on one
- * thread, so out->seconds is the time on one thread. */
-lg_status judge_rows(const app *app, const well_model *model, const lg_cut_series *from,
-                     const lg_window_list *part, const double *table, lg_judgement *out, lg_error *error);
 /* Counts the judged windows that are unlike the training windows; *farthest is the result of the window with
  * the largest distance. The model must have a novelty model. */
 size_t count_novel(const app *app, const well_model *model, const lg_cut_series *from,

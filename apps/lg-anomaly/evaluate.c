@@ -10,9 +10,9 @@
 enum { MAX_FILES = 7, MAX_VOTES = 64, SHOWN_GROUPS = 40 };
 
 typedef struct evaluate_values {
-    const char *plot, *scores;
+    const char *scores;
     char healthy[LG_SERIES_NAME];
-    int part, plot_kind;
+    int part;
     lg_wholes votes;
 } evaluate_values;
 
@@ -31,8 +31,6 @@ static const lg_field evaluate_options[] = {
               .low = 1, .high = MAX_VOTES),
     LG_OPTION(evaluate_values, scores, STRING, "FILE.csv",
               "Write one row for each window: run, group, truth, class, scores", .file = LG_FILE_TEXT),
-    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png", "Draw a plot", .file = LG_FILE_DRAWN),
-    LG_OPTION(evaluate_values, plot_kind, NAME, NULL, EVALUATE_VIEW_HELP, .names = evaluate_view_names),
     LG_FIELD_END};
 
 static evaluate_values values;
@@ -94,27 +92,9 @@ static uint32_t *run_begins(const lg_series *series) {
     return begin;
 }
 
-typedef struct ballot {
-    bool last[MAX_VOTES];
-    size_t cast, positive;
-    bool alarm;
-} ballot;
-
-/* Adds the vote of one window. Returns true if the alarm begins with it. */
-static bool cast_vote(ballot *b, bool positive) {
-    const size_t n = values.votes.values[1], at = b->cast % n;
-    if (b->cast >= n && b->last[at]) b->positive--;
-    b->last[at] = positive;
-    b->positive += positive;
-    b->cast++;
-    const bool before = b->alarm;
-    b->alarm = b->positive >= values.votes.values[0];
-    return b->alarm && !before;
-}
-
 typedef struct watching {
-    ballot ballot;
-    bool damaged, detected;
+    uint64_t votes;
+    bool alarm, damaged, detected;
     double onset; /* the recording's sample at which damage begins */
 } watching;
 
@@ -122,17 +102,18 @@ typedef struct watching {
 static void watch_window(const evaluation *e, watching *state, size_t i, double begin, voting *out,
                          double *times) {
     const lg_judgement *judged = &e->judged;
-    const double unit = e->model->rate > 0 ? 1 / e->model->rate : 1;
+    const double unit = e->model->names.rate > 0 ? 1 / e->model->names.rate : 1;
     if (judged->truth[i] != judged->healthy && !state->damaged) {
         state->damaged = true;
         state->onset = begin;
         out->damaged++;
     }
-    const bool began = cast_vote(&state->ballot, judged->given[i] != judged->healthy);
+    const bool before = state->alarm, positive = judged->given[i] != judged->healthy;
+    state->alarm = cast_vote(&state->votes, values.votes.values[1], positive) >= values.votes.values[0];
     if (!state->damaged) {
-        out->false_alarms += began;
+        out->false_alarms += state->alarm && !before;
         out->intact_time += (double)e->model->cut.hop * unit;
-    } else if (state->ballot.alarm && !state->detected) {
+    } else if (state->alarm && !state->detected) {
         state->detected = true;
         times[out->detected++] = (begin + (double)e->model->window - state->onset) * unit;
     }
@@ -156,7 +137,7 @@ static void vote(evaluation *e) {
     }
     for (size_t i = 0; i < out->detected; i++) out->largest = fmax(out->largest, times[i]);
     out->median = lg_median(times, out->detected);
-    out->a_day = e->model->rate > 0 && out->intact_time > 0
+    out->a_day = e->model->names.rate > 0 && out->intact_time > 0
                      ? (double)out->false_alarms * 86400 / out->intact_time
                      : (double)NAN;
 }
@@ -222,7 +203,7 @@ static void add_groups(app_json *out, const evaluation *e) {
 
 static void add_votes(app_json *out, const evaluation *e) {
     const voting *votes = &e->votes;
-    const char *unit = e->model->rate > 0 ? "s" : "samples";
+    const char *unit = e->model->names.rate > 0 ? "s" : "samples";
     if (values.votes.count == 0) return;
     app_json_open(out, "votes", '{');
     app_json_size(out, "k", values.votes.values[0]);
@@ -253,7 +234,8 @@ static void add_evaluation(app_json *out, const evaluation *e) {
     add_groups(out, e);
     app_result_text(out, "method", e->model->method, NULL);
     app_json_open(out, "classes", '[');
-    for (uint32_t c = 0; c < e->model->classes; c++) app_json_text(out, NULL, e->model->class_name[c]);
+    for (uint32_t c = 0; c < e->model->names.classes; c++)
+        app_json_text(out, NULL, e->model->names.class_name[c]);
     app_json_close(out, ']');
     app_result_text(out, "healthy", e->model->cut.healthy[0] != '\0' ? e->model->cut.healthy : NULL, NULL);
     app_json_size(out, "threads", e->app->threads);
@@ -271,24 +253,22 @@ static void add_row(app_json *out, const evaluation *e) {
     app_json_real(out, "F1", e->judged.metrics.f1);
     app_json_text(out, "healthy", e->model->cut.healthy);
     app_json_real(out, "false alarms/day",
-                  lg_judgement_alarms(&e->judged, e->model->cut.hop, e->model->rate));
+                  lg_judgement_alarms(&e->judged, e->model->cut.hop, e->model->names.rate));
     if (values.votes.count == 0) return;
     app_json_size(out, "damaged", e->votes.damaged);
     app_json_size(out, "detected", e->votes.detected);
 }
 
 static void report(const app *self, const evaluation *list, size_t count) {
-    app_json out;
-    app_result_begin(&out, self);
-    if (count == 1) add_evaluation(&out, list);
-    if (count > 1) app_result_rows(&out, "files");
+    app_json *out = self->out;
+    if (count == 1) add_evaluation(out, list);
+    if (count > 1) app_result_rows(out, "files");
     for (size_t i = 0; i < count && count > 1; i++) {
-        app_json_open(&out, NULL, '{');
-        (out.people ? add_row : add_evaluation)(&out, &list[i]);
-        app_json_close(&out, '}');
+        app_json_open(out, NULL, '{');
+        (out->people ? add_row : add_evaluation)(out, &list[i]);
+        app_json_close(out, '}');
     }
-    if (count > 1) app_result_rows_end(&out);
-    app_json_end(&out);
+    if (count > 1) app_result_rows_end(out);
 }
 
 static void write_scores(const evaluation *e) {
@@ -298,7 +278,7 @@ static void write_scores(const evaluation *e) {
     app_file_begin(&file, values.scores);
     (void)fputs("window,run,group,truth,class", file.stream);
     for (uint32_t c = 0; c < judged->classes; c++) {
-        APP_FREE char *name = app_format("score %s", e->model->class_name[c]);
+        APP_FREE char *name = app_format("score %s", e->model->names.class_name[c]);
         lg_csv_put(file.stream, ",", name, true);
     }
     (void)fputc('\n', file.stream);
@@ -308,8 +288,8 @@ static void write_scores(const evaluation *e) {
         if (series->run != NULL) (void)fprintf(file.stream, "%u", series->run[first]);
         (void)fputc(',', file.stream);
         if (series->group != NULL) (void)fprintf(file.stream, "%u", series->group[first]);
-        lg_csv_put(file.stream, ",", e->model->class_name[judged->truth[i]], false);
-        lg_csv_put(file.stream, ",", e->model->class_name[judged->given[i]], false);
+        lg_csv_put(file.stream, ",", e->model->names.class_name[judged->truth[i]], false);
+        lg_csv_put(file.stream, ",", e->model->names.class_name[judged->given[i]], false);
         for (uint32_t c = 0; c < judged->classes; c++)
             (void)fprintf(file.stream, ",%.17g", judged->score[i * judged->classes + c]);
         (void)fputc('\n', file.stream);
@@ -327,7 +307,7 @@ static void tell_unlike(evaluation *e) {
     char reason[256];
     e->unlike = count_novel(e->app, model, &e->from, &e->judged, &farthest);
     if ((double)e->unlike <= MANY * (double)e->judged.count) return;
-    (void)lg_novelty_explain(&model->novelty, &farthest, model->channel_name, model->rate, reason,
+    (void)lg_novelty_explain(&model->novelty, &farthest, model->names.channel_name, model->names.rate, reason,
                              sizeof reason);
     app_warn(e->app, "%s: %zu of %zu windows are unlike those of training, the farthest by %s", e->path,
              e->unlike, e->judged.count, reason);
@@ -370,9 +350,7 @@ static void check_options(const app *self) {
                        self->command->arguments);
     if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
         app_stop_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
-    if (app_given(self, "plot-kind") && values.plot == NULL)
-        app_stop_usage(self, "--plot-kind: needs --plot FILE");
-    if ((values.plot != NULL || values.scores != NULL) && self->argument_count > 2)
+    if ((app_plot_given.plot != NULL || values.scores != NULL) && self->argument_count > 2)
         app_stop_usage(self, "--plot and --scores take one data file only");
 }
 
@@ -383,24 +361,21 @@ static void evaluation_destroy(evaluation *e) {
     lg_series_data_destroy(&e->from.data);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     APP_CLEAN(well_model_destroy) well_model model = {.method = NULL};
     const size_t count = (size_t)self->argument_count - 1;
     evaluation list[MAX_FILES];
     check_options(self);
     well_model_load(self, self->arguments[0], &model);
-    if (values.plot != NULL) check_view(self, &model, values.plot_kind, false);
+    app_plot_check(self, plots_of(&model, false));
     for (size_t i = 0; i < count; i++) {
         list[i] = (evaluation){.app = self, .model = &model, .path = self->arguments[i + 1]};
         evaluate(&list[i]);
     }
     if (values.scores != NULL) write_scores(&list[0]);
-    if (values.plot != NULL)
-        draw_view(self, values.plot, view_of(&model, values.plot_kind, false), &model, &list[0].from,
-                  &list[0].judged);
+    draw_view(self, &(viewing){&model, &list[0].from, &list[0].judged, .training = NULL});
     report(self, list, count);
     for (size_t i = 0; i < count; i++) evaluation_destroy(&list[i]);
-    return APP_EXIT_OK;
 }
 
 const app_command evaluate_command = {
@@ -414,4 +389,5 @@ const app_command evaluate_command = {
         "Alarms before any damage are false alarms. Each of several data files gives one row, for the "
         "probability of detection against severity.",
     .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
+    .plots = anomaly_plots + EVALUATE_PLOTS,
     .run = run};

@@ -16,7 +16,7 @@ enum { STREAM_SEA = 0x66656564, STREAM_FAULTS = 0x6661756c };
 typedef struct feed_values {
     const char *out;
     well_setup well;
-    double hours, crack_at, severity, nan, noise;
+    double hours, crack_at, nan;
     lg_reals gaps;
 } feed_values;
 
@@ -26,9 +26,6 @@ static const lg_field feed_options[] = {
               "Time at which the casing breaks, in hours (`watch --crack-at` takes seconds; default: "
               "never)",
               .high = 1e6),
-    LG_OPTION(feed_values, severity, REAL, "R",
-              "Remaining fraction of the broken casing's rotational stiffness: 1 is intact", .low = 1e-3,
-              .high = 1, .value = "0.58"),
     LG_OPTION(
         feed_values, gaps, REALS, "N[,S]",
         "Average number of gaps per day (default 0), and their mean length in seconds (default 30); a gap "
@@ -36,8 +33,6 @@ static const lg_field feed_options[] = {
         .high = 86400, .most = 2),
     LG_OPTION(feed_values, nan, REAL, "N", "Average number of samples per day with one value nan (default 0)",
               .high = 432000),
-    LG_OPTION(feed_values, noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",
-              .high = 1e6, .value = "1"),
     WELL_ROWS(feed_values),
     LG_OPTION(feed_values, out, STRING, "FILE.csv", "File for the feed (default: standard output)",
               .file = LG_FILE_STREAMED),
@@ -78,15 +73,15 @@ static void scene_of(const app *self, uint64_t index, lg_riser_parameters *param
     lg_rng rng;
     const double start = (double)index * HOUR, crack = values.crack_at * HOUR;
     const uint32_t well = (uint32_t)(self->seed % (LG_RISER_RUNS / 2));
-    lg_riser_standard_run(2 * well + 1, self->seed, values.severity, parameters, run, &label, &sea_state);
+    lg_riser_standard_run(2 * well + 1, self->seed, values.well.severity, parameters, run, &label,
+                          &sea_state);
     lg_rng_seed(&rng, self->seed ^ (index * UINT64_C(0x9e3779b97f4a7c15)), STREAM_SEA);
     run->sea = lg_sea_state_draw((uint32_t)lg_rng_below(&rng, LG_SEA_STATES), &rng);
     run->seed = lg_rng_next(&rng);
     run->noise_seed = lg_rng_next(&rng);
-    well_set_up(&values.well, parameters);
+    well_set_up(&values.well, parameters, run);
     if (!(crack < start + HOUR)) parameters->severity = 1; /* the casing breaks in a later hour or never */
     run->crack_time = crack > start && crack < start + HOUR ? crack - start : 0;
-    run->noise = values.noise;
 }
 
 /* Writes the lines of hour `index`, without the lines that fall into gaps. A gap ends at the end of the hour
@@ -157,8 +152,8 @@ typedef struct sink {
 /* Returns LG_FILE with the message of errno, or LG_CANCELLED if a signal interrupted the write. */
 static lg_status file_failed(lg_error *error) {
     if (app_interrupted()) return LG_CANCELLED;
-    return app_error(error, LG_FILE, "%s: %s", values.out != NULL ? values.out : "standard output",
-                     strerror(errno));
+    return lg_fail(error, LG_FILE, "%s: %s", values.out != NULL ? values.out : "standard output",
+                   strerror(errno));
 }
 
 /* Opens the sink and writes the line of names. */
@@ -194,29 +189,27 @@ static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
 /* ---- the command ---- */
 
 static void report(const feeding *feed, double seconds) {
-    app_json out;
-    app_result_begin(&out, feed->app);
-    app_result_real(&out, "hours", values.hours, NULL);
-    app_result_size(&out, "samples", feed->samples, NULL);
-    app_result_size(&out, "lines", feed->lines, "samples that are there");
-    app_result_size(&out, "gaps", feed->gaps, NULL);
-    app_result_size(&out, "nan", feed->nans, "samples with a value nan");
-    app_json_size(&out, "bytes", feed->bytes);
-    app_json_real(&out, "rate", (double)feed->rate);
-    app_json_real(&out, "crack_at", values.crack_at);
-    app_json_real(&out, "severity", values.severity);
-    app_json_real(&out, "noise", values.noise);
-    app_json_size(&out, "seed", feed->app->seed);
-    app_result_text(&out, "out", values.out, NULL);
-    app_result_real(&out, "seconds", seconds, NULL);
-    app_json_end(&out);
+    app_json *out = feed->app->out;
+    app_result_real(out, "hours", values.hours, NULL);
+    app_result_size(out, "samples", feed->samples, NULL);
+    app_result_size(out, "lines", feed->lines, "samples that are there");
+    app_result_size(out, "gaps", feed->gaps, NULL);
+    app_result_size(out, "nan", feed->nans, "samples with a value nan");
+    app_json_size(out, "bytes", feed->bytes);
+    app_json_real(out, "rate", (double)feed->rate);
+    app_json_real(out, "crack_at", values.crack_at);
+    app_json_real(out, "severity", values.well.severity);
+    app_json_real(out, "noise", values.well.noise);
+    app_json_size(out, "seed", feed->app->seed);
+    app_result_text(out, "out", values.out, NULL);
+    app_result_real(out, "seconds", seconds, NULL);
 }
 
 static lg_status write_hour(feeding *feed, uint64_t index, const hour *h, const sink *to, lg_error *error) {
     if (app_interrupted()) return LG_CANCELLED;
     if (h->status != LG_OK)
-        return app_error(error, h->status, "hour %llu: %s", (unsigned long long)index,
-                         app_sentence(h->status, &h->error));
+        return lg_fail(error, h->status, "hour %llu: %s", (unsigned long long)index,
+                       app_sentence(h->status, &h->error));
     if (fwrite(h->text, 1, h->bytes, to->stream) != h->bytes) return file_failed(error);
     feed->lines += h->lines;
     feed->gaps += h->gaps;
@@ -256,7 +249,7 @@ static void feeding_create(const app *self, feeding *out) {
     }
 }
 
-static int run(app *self) {
+static void run(app *self) {
     feeding feed;
     lg_error error = {LG_OK, ""};
     sink to;
@@ -268,7 +261,6 @@ static int run(app *self) {
     if (status == LG_OK) status = write_hours(&feed, &to, &error);
     app_must(self, sink_close(&to, status, &error), &error);
     if (values.out != NULL) report(&feed, app_seconds() - begin);
-    return APP_EXIT_OK;
 }
 
 const app_command feed_command = {

@@ -9,10 +9,9 @@
 enum { CONDITIONS = LG_RISER_RUNS / 2, MAX_RUNS = 1000 * LG_RISER_RUNS };
 
 typedef struct generate_values {
-    const char *out, *plot;
+    const char *out;
     uint64_t runs;
-    int plot_kind;
-    double noise, hours, severity, window;
+    double hours, window;
     well_setup well;
     trials_values shared;
 } generate_values;
@@ -21,19 +20,15 @@ const char *const housing_names[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING_T
 enum { DRILLING, COMPLETION };
 const char *const operation_names[] = {[DRILLING] = "drilling", [COMPLETION] = "completion", NULL};
 
-void well_set_up(const well_setup *setup, lg_riser_parameters *parameters) {
+void well_set_up(const well_setup *setup, lg_riser_parameters *parameters, lg_riser_run *run) {
+    run->noise = setup->noise;
     parameters->housing = (lg_housing)setup->housing;
     parameters->relief_stiffness = setup->load_relief;
     if (setup->operation == COMPLETION) lg_riser_complete(parameters);
 }
 
-enum { PLOT_STATES, PLOT_HOUSINGS };
-static const char *const plots[] = {"states", "housings", NULL};
-
 static const lg_field generate_options[] = {
     LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .required = true),
-    LG_OPTION(generate_values, noise, REAL, "F",
-              "Noise of the sensors as a multiple of the data sheet's (default 1)", .high = 1e6),
     LG_OPTION(
         generate_values, runs, U64, "n",
         "Recordings (default 108: 3 top tensions x 18 sea states, each intact and broken). A smaller number "
@@ -42,21 +37,12 @@ static const lg_field generate_options[] = {
     LG_OPTION(generate_values, hours, REAL, "H", "Length of a recording (default 1)", .low = 1e-3,
               .high = 1000),
     WELL_ROWS(generate_values),
-    LG_OPTION(generate_values, severity, REAL, "R",
-              "Remaining fraction of the broken casing's rotational stiffness: 1 is intact (default 0.58)",
-              .low = 1e-3, .high = 1),
     LG_OPTION(generate_values, window, REAL, "SECONDS", "Length of a window (default 60)", .low = 0.2,
               .high = 1e6),
-    LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png",
-              "Draw recordings against time, and their moments against their accelerations"),
-    LG_OPTION(generate_values, plot_kind, NAME, NULL,
-              "With --plot: states, intact and broken (default), or housings, slack and tight",
-              .names = plots),
     TRIALS_ROWS(generate_values),
     LG_FIELD_END};
 
-static generate_values values = {
-    .runs = LG_RISER_RUNS, .noise = 1, .hours = 1, .severity = 0.58, .window = 60};
+static generate_values values = {.runs = LG_RISER_RUNS, .hours = 1, .window = 60};
 
 typedef struct generating {
     const app *app;
@@ -71,10 +57,9 @@ static void scene_of(const app *self, uint64_t index, const well_setup *well, lg
     const uint64_t pairs = (values.runs + 1) / 2, pair = index / 2;
     const uint64_t condition = pairs <= CONDITIONS ? pair * CONDITIONS / pairs : pair % CONDITIONS;
     const uint64_t seed = self->seed + UINT64_C(0x9e3779b97f4a7c15) * (pair / CONDITIONS);
-    lg_riser_standard_run((uint32_t)(2 * condition + index % 2), seed, values.severity, parameters, run,
+    lg_riser_standard_run((uint32_t)(2 * condition + index % 2), seed, values.well.severity, parameters, run,
                           label, sea_state);
-    well_set_up(well, parameters);
-    run->noise = values.noise;
+    well_set_up(well, parameters, run);
 }
 
 static void transpose(const float *samples, size_t windows, uint32_t channels, uint32_t length, float *x) {
@@ -96,7 +81,7 @@ static lg_status generate_run(void *user, size_t index, void *record, lg_error *
     lg_error why = {LG_OK, ""};
     scene_of(self->app, index, &values.well, &parameters, &run, &label, &sea_state);
     APP_FREE float *samples = app_try_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
-    if (samples == NULL) return app_error(error, LG_OUT_OF_MEMORY, "run %zu: out of memory", index);
+    if (samples == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "run %zu: out of memory", index);
     const lg_status status = lg_riser_simulate(self->app->context, &parameters, &run, count, samples, &why);
     if (status == LG_OK)
         transpose(samples, windows, series->channels, series->length,
@@ -106,8 +91,7 @@ static lg_status generate_run(void *user, size_t index, void *record, lg_error *
         series->group[w] = sea_state;
         series->run[w] = (uint32_t)index;
     }
-    return status == LG_OK ? LG_OK
-                           : app_error(error, status, "run %zu: %s", index, app_sentence(status, &why));
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "run %zu: %s", index, app_sentence(status, &why));
 }
 
 /* The channel names while the series is in use; not freed with it. */
@@ -138,17 +122,14 @@ static void data_destroy(lg_series_data *data) {
 
 enum { SHOWN_SECONDS = 3600, SHOWN_SAMPLES = 1800 };
 
-/* Draws two recordings of the first condition: intact and broken, or, both broken, slack and tight. */
-static void draw(const app *self, double rate) {
-    static const char *const names[] = {"intact", "broken", "slack, broken", "tight, broken"};
-    const bool states = values.plot_kind == PLOT_STATES;
+/* Two recordings of the first condition against time: intact and broken, or, both broken, slack and tight. */
+static void put_recordings(app_plot *plot, bool states, double rate) {
+    const app *self = app_running();
     const size_t count = (size_t)(fmin(values.hours * 3600, SHOWN_SECONDS) * rate);
     APP_FREE float *samples = app_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
-    app_plot plot;
-    app_plot_begin(&plot, "recordings", values.plot);
-    app_plot_text(&plot, "2\t%d\t%s\t%s", LG_RISER_CHANNELS, names[2 * values.plot_kind],
-                  names[2 * values.plot_kind + 1]);
-    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) app_plot_text(&plot, "%s", channel_names[c]);
+    app_plot_text(plot, states ? "2\t%d\tintact\tbroken" : "2\t%d\tslack, broken\ttight, broken",
+                  LG_RISER_CHANNELS);
+    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) app_plot_text(plot, "%s", channel_names[c]);
     for (int i = 0; i < 2; i++) {
         lg_riser_parameters parameters;
         lg_riser_run run;
@@ -156,17 +137,24 @@ static void draw(const app *self, double rate) {
         well_setup well = values.well;
         if (!states) well.housing = i;
         scene_of(self, states ? (uint64_t)i : 1, &well, &parameters, &run, &label, &sea_state);
-        APP_MUST_FILE(self, values.plot,
+        APP_MUST_FILE(self, app_plot_given.plot,
                       lg_riser_simulate(self->context, &parameters, &run, count, samples, &error));
         for (size_t k = 0; k < count; k += count / SHOWN_SAMPLES + 1) {
             double row[1 + LG_RISER_CHANNELS] = {(double)k / rate / 60};
             for (size_t c = 0; c < LG_RISER_CHANNELS; c++)
                 row[1 + c] = (double)samples[k * LG_RISER_CHANNELS + c];
-            app_plot_numbers(&plot, 6, row, LG_COUNT(row));
+            app_plot_numbers(plot, 6, row, LG_COUNT(row));
         }
-        app_plot_block(&plot);
+        app_plot_block(plot);
     }
-    app_plot_end(self, &plot);
+}
+
+static void put_states(app_plot *plot, const void *rate) {
+    put_recordings(plot, true, *(const double *)rate);
+}
+
+static void put_housings(app_plot *plot, const void *rate) {
+    put_recordings(plot, false, *(const double *)rate);
 }
 
 /* ---- the command ---- */
@@ -175,27 +163,25 @@ static void report(const app *self, const lg_series_data *data, double seconds) 
     const lg_series *series = &data->series;
     size_t broken = 0;
     for (size_t i = 0; i < series->count; i++) broken += series->label[i] == 1;
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_size(&out, "runs", values.runs, NULL);
-    app_result_real(&out, "hours", values.hours, "of a run");
-    app_result_size(&out, "windows", series->count, NULL);
-    app_result_size(&out, "intact", series->count - broken, NULL);
-    app_result_size(&out, "broken", broken, NULL);
-    app_result_size(&out, "channels", series->channels, NULL);
-    app_result_size(&out, "length", series->length, "samples of a window");
-    app_result_real(&out, "rate", series->rate, "samples per second");
-    app_result_real(&out, "noise", values.noise, NULL);
-    app_result_text(&out, "housing", data->housing, NULL);
-    app_result_text(&out, "operation", operation_names[values.well.operation], NULL);
-    app_result_real(&out, "load_relief", values.well.load_relief, "N/m");
-    app_result_real(&out, "severity", values.severity, NULL);
-    app_json_size(&out, "seed", self->seed);
-    app_json_size(&out, "threads", self->threads);
-    app_json_text(&out, "sha256", data->sha256);
-    app_result_text(&out, "out", values.out, NULL);
-    app_result_real(&out, "seconds", seconds, NULL);
-    app_json_end(&out);
+    app_json *out = self->out;
+    app_result_size(out, "runs", values.runs, NULL);
+    app_result_real(out, "hours", values.hours, "of a run");
+    app_result_size(out, "windows", series->count, NULL);
+    app_result_size(out, "intact", series->count - broken, NULL);
+    app_result_size(out, "broken", broken, NULL);
+    app_result_size(out, "channels", series->channels, NULL);
+    app_result_size(out, "length", series->length, "samples of a window");
+    app_result_real(out, "rate", series->rate, "samples per second");
+    app_result_real(out, "noise", values.well.noise, NULL);
+    app_result_text(out, "housing", data->housing, NULL);
+    app_result_text(out, "operation", operation_names[values.well.operation], NULL);
+    app_result_real(out, "load_relief", values.well.load_relief, "N/m");
+    app_result_real(out, "severity", values.well.severity, NULL);
+    app_json_size(out, "seed", self->seed);
+    app_json_size(out, "threads", self->threads);
+    app_json_text(out, "sha256", data->sha256);
+    app_result_text(out, "out", values.out, NULL);
+    app_result_real(out, "seconds", seconds, NULL);
 }
 
 /* Simulates all runs, together with other processes if there are any. False: another process writes the
@@ -206,8 +192,8 @@ static bool simulate(const app *self, size_t windows, lg_series *series, trials_
     char label[LG_SHA256_TEXT];
     APP_FREE char *text =
         app_format("%llu %.17g %.17g %.17g %d %d %.17g %.17g %llu", (unsigned long long)values.runs,
-                   values.hours, values.window, values.noise, values.well.housing, values.well.operation,
-                   values.well.load_relief, values.severity, (unsigned long long)self->seed);
+                   values.hours, values.window, values.well.noise, values.well.housing, values.well.operation,
+                   values.well.load_relief, values.well.severity, (unsigned long long)self->seed);
     trials_label(self, text, NULL, label);
     made->count = runs;
     made->array_count = 4;
@@ -245,33 +231,32 @@ static void cut(const app *self, uint32_t *length, size_t *windows) {
     *windows = (size_t)count;
 }
 
-static int run(app *self) {
+static void run(app *self) {
     APP_CLEAN(trials_close)
     trials_work made = {.app = self,
                         .values = &values.shared,
                         .out = values.out,
                         .noun = "recordings",
                         .threads = self->threads};
-    APP_CLEAN(data_destroy) lg_series_data data = {.noise = values.noise, .severity = values.severity};
+    APP_CLEAN(data_destroy)
+    lg_series_data data = {.noise = values.well.noise, .severity = values.well.severity};
     uint32_t length;
     size_t windows;
-    if (app_given(self, "plot-kind") && values.plot == NULL)
-        app_stop_usage(self, "--plot-kind: needs --plot FILE");
-    const app_path paths[] = {trials_choose(&made, LG_FILE_WRITTEN), {"plot", values.plot, LG_FILE_DRAWN}};
+    const app_path paths[] = {trials_choose(&made, LG_FILE_WRITTEN),
+                              {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
     app_check_outputs(self, paths, LG_COUNT(paths));
     cut(self, &length, &windows);
     const double begin = app_seconds();
     create_series(self, length, windows * (size_t)values.runs, &data.series);
-    if (!simulate(self, windows, &data.series, &made)) return APP_EXIT_OK;
+    if (!simulate(self, windows, &data.series, &made)) return;
     const double seconds = app_seconds() - begin;
     (void)snprintf(data.housing, sizeof data.housing, "%s", housing_names[values.well.housing]);
     (void)snprintf(data.healthy, sizeof data.healthy, "%s", data.series.class_name[0]);
     data.provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out, lg_series_write(self->context, values.out, &data, &error));
     trials_end(&made);
-    if (values.plot != NULL) draw(self, data.series.rate);
+    app_plot_draw(self, 0, &data.series.rate);
     report(self, &data, seconds);
-    return APP_EXIT_OK;
 }
 
 const app_command generate_command = {
@@ -284,5 +269,8 @@ const app_command generate_command = {
         "each in x and y. For the probability of detection against severity, make one file for each "
         "--severity.",
     .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
+    .plots = APP_PLOTS(
+        APP_PLOT("states", "recordings, intact and broken", "recordings", put_states, .usual = APP_PLOT_ANY),
+        APP_PLOT("housings", "recordings, slack and tight", "recordings", put_housings)),
     .run = run,
     .together = APP_RANKS};

@@ -3,6 +3,11 @@
 #include "common/train.h"
 #include "lg-anomaly/anomaly.h"
 
+uint32_t cast_vote(uint64_t *votes, uint32_t n, bool is_for) {
+    *votes = (*votes << 1 | is_for) & (UINT64_MAX >> (64 - n));
+    return (uint32_t)__builtin_popcountll(*votes);
+}
+
 /* ---- scores ---- */
 
 typedef struct scoring {
@@ -21,23 +26,11 @@ lg_status judge_windows(const app *self, const well_model *model, const lg_cut_s
                         const lg_window_list *part, lg_judgement *out, lg_error *error) {
     const bool plane = model->sort == WELL_NETWORK && model->detector.run.model.net.plane == 2;
     scoring user = {model, out};
-    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes,
+    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->names.classes,
                               model->healthy, plane, out, error));
     const lg_status status = lg_windows_each(self->context, &from->data.series, &from->windows, part,
                                              self->threads, well_model_work(model), score, &user);
     return lg_judgement_end(out, model->probabilities, status, error);
-}
-
-lg_status judge_rows(const app *self, const well_model *model, const lg_cut_series *from,
-                     const lg_window_list *part, const double *table, lg_judgement *out, lg_error *error) {
-    const lg_classifier *classifier = &model->classifier;
-    APP_FREE void *work = app_alloc(lg_classifier_work_size(classifier), 1);
-    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes,
-                              model->healthy, false, out, error));
-    for (size_t i = 0; i < out->count; i++)
-        lg_classifier_score(classifier, table + (size_t)part->list[i] * classifier->features.count,
-                            out->score + i * out->classes, work);
-    return lg_judgement_end(out, model->probabilities, LG_OK, error);
 }
 
 /* ---- novelty ---- */
@@ -75,9 +68,9 @@ size_t count_novel(const app *self, const well_model *model, const lg_cut_series
 
 void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model) {
     lg_training list = {.results = NULL};
-    lg_detector_tell(&list, judged, model->cut.hop, model->rate);
+    lg_detector_tell(&list, judged, model->cut.hop, model->names.rate);
     train_put_results(out, &list, 0, list.result_count);
     lg_training_clear(&list);
     if (out->people && judged->count > 0)
-        app_print_confusion(out->stream, judged->confusion, judged->classes, model->class_name);
+        app_print_confusion(out->stream, judged->confusion, judged->classes, model->names.class_name);
 }

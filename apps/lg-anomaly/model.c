@@ -16,13 +16,13 @@ static void load_detector(const app *self, const char *path, well_model *out) {
     *out = (well_model){.sort = WELL_NETWORK,
                         .healthy = LG_NO_CLASS,
                         .method = "cnn",
-                        .classes = run->model.classes,
-                        .channels = run->model.net.channels,
                         .window = run->model.net.length,
-                        .rate = file.rate,
-                        .class_name = file.class_name,
-                        .class_label = file.class_label,
-                        .channel_name = file.channel_name,
+                        .names = {.classes = run->model.classes,
+                                  .channels = run->model.net.channels,
+                                  .rate = file.rate,
+                                  .class_name = file.class_name,
+                                  .class_label = file.class_label,
+                                  .channel_name = file.channel_name},
                         .cut = *run,
                         .probabilities = true,
                         .detector = file,
@@ -38,12 +38,7 @@ lg_status well_model_save(const app *self, const char *path, const well_model *m
                           double f1, lg_error *error) {
     classifier_file file = {.classifier = model->classifier,
                             .novelty = model->novelty,
-                            .names = {.classes = model->classes,
-                                      .channels = model->channels,
-                                      .rate = model->rate,
-                                      .class_name = model->class_name,
-                                      .class_label = model->class_label,
-                                      .channel_name = model->channel_name},
+                            .names = model->names,
                             .method = model->method,
                             .run = model->cut,
                             .accuracy = accuracy,
@@ -56,22 +51,16 @@ static void load_classifier(const app *self, const char *path, well_model *out) 
     classifier_file file;
     APP_MUST_FILE(self, path, classifier_file_load(self->context, path, &file, &error));
     const bool alone = classifier_file_is_novelty(&file);
-    const lg_features *features = &file.classifier.features;
     *out = (well_model){.sort = alone ? WELL_NOVELTY : WELL_CLASSICAL,
                         .healthy = LG_NO_CLASS,
                         .method = file.method,
-                        .classes = file.names.classes,
-                        .channels = alone ? file.novelty.channels : features->channels,
                         .window = (uint32_t)file.run.window,
-                        .rate = file.names.rate,
-                        .class_name = file.names.class_name,
-                        .class_label = file.names.class_label,
+                        .names = file.names,
                         .probabilities = !alone && file.classifier.method <= LG_METHOD_TREE,
                         .cut = file.run,
                         .classifier = file.classifier,
-                        .novelty = file.novelty,
-                        .names = file.names};
-    if (file.names.channels == out->channels) out->channel_name = file.names.channel_name;
+                        .novelty = file.novelty};
+    out->names.channels = alone ? file.novelty.channels : file.classifier.features.channels;
 }
 
 /* ---- all models ---- */
@@ -92,9 +81,9 @@ void well_model_load(const app *self, const char *path, well_model *out) {
 
 /* A novelty model has learned its first class as healthy; its other class cannot be. */
 static lg_series names_of(const well_model *model) {
-    return (lg_series){.classes = model->sort == WELL_NOVELTY ? 1 : model->classes,
-                       .class_name = model->class_name,
-                       .class_label = model->class_label};
+    lg_series names = model->names;
+    if (model->sort == WELL_NOVELTY) names.classes = 1;
+    return names;
 }
 
 void well_model_settle(const app *self, well_model *model, const char *given, const char *data) {
@@ -148,10 +137,29 @@ lg_status well_model_score(const well_model *model, const float *x, double *scor
 }
 
 double well_model_alarm(const well_model *model, const double *score) {
-    if (model->classes == 2) return score[1 - model->healthy];
+    if (model->names.classes == 2) return score[1 - model->healthy];
     if (model->probabilities) return 1 - score[model->healthy];
     double best = -INFINITY;
-    for (uint32_t c = 0; c < model->classes; c++)
+    for (uint32_t c = 0; c < model->names.classes; c++)
         if (c != model->healthy) best = fmax(best, score[c]);
     return best - score[model->healthy];
+}
+
+/* ---- labelled series for a model ---- */
+
+void read_series_of(const app *self, const char *path, const well_model *model, lg_series_data *out) {
+    const bool any = model->sort == WELL_NOVELTY;
+    lg_series like = model->names;
+    if (any) like.classes = 0;
+    APP_MUST_FILE(self, path, lg_series_read_like(self->context, path, &like, out, &error));
+    if (any) merge_classes(&out->series, model->names.class_name[0]);
+}
+
+void merge_classes(lg_series *series, const char *healthy) {
+    uint32_t others = 0;
+    for (size_t i = 0; i < series->count; i++) {
+        series->label[i] = strcmp(series->class_name[series->label[i]], healthy) != 0;
+        others |= series->label[i];
+    }
+    series->classes = 1 + others;
 }

@@ -25,7 +25,6 @@ typedef struct name_or_number {
 
 /* Values from the command line, except for files, train_run and train_state. */
 typedef struct train_values {
-    int plot_kind;
     lg_reals grid;
     /* Hyperparameters of the classical methods. */
     uint32_t method;
@@ -56,53 +55,26 @@ extern train_task network_recipe;
 void train_classical(const app *app);
 /* train_task.trial: rocket; a cnn is trained by the recipe. */
 lg_status train_trial(const app *app, lg_trial *trial, lg_error *error);
-void train_novelty(const app *app);
 /* Returns a model that describes the data in train_state; what training learns is not set yet. */
 well_model trained_model(well_sort sort, const char *method);
-/* Writes the file of a model that is not a network. */
-void save_trained(const app *app, const well_model *model);
-/* If --plot is given: check_plot checks that the model has the plot of --plot-kind, draw_tested draws it
- * for the windows of the test part (lg_detector_tested). */
-void check_plot(const app *app, const well_model *model);
-void draw_tested(const app *app, int view, const well_model *model, const lg_judgement *judged);
-/* Prints the results of a training that is not a network's; `put` adds those of the method. */
-void report_trained(const app *app, const well_model *model, void (*put)(app_json *, const void *),
-                    const void *user);
 
 /* ---- plots of a model (plots.c) ---- */
 
-/* Indices into view_names. */
-enum {
-    VIEW_DEFAULT,
-    VIEW_PAIRS,
-    VIEW_CLOUDS,
-    VIEW_VARIANCE,
-    VIEW_TREE,
-    VIEW_MARGIN,
-    VIEW_REGRESSIONS,
-    VIEW_PLANE,
-    VIEW_CONFUSION,
-    VIEW_ROC,
-    VIEW_LOSS,
-    VIEW_PRUNING
-};
-extern const char *const view_names[];
-/* view_names without the plots that can only be drawn during training. */
-extern const char *const evaluate_view_names[];
-#define EVALUATE_VIEW_HELP                                                                                   \
-    "With --plot: pairs (features), clouds (components), variance (explained), tree, margin (linear svm), "  \
-    "regressions (baseline), plane (cnn), confusion or roc; the default suits the method"
-#define VIEW_HELP                                                                                            \
-    "With --plot: pairs (features), clouds (components), variance (explained), pruning, tree, margin "       \
-    "(linear "                                                                                               \
-    "svm), regressions (baseline), plane (cnn), loss (cnn), confusion or roc; the default suits the method"
-
-/* Replaces VIEW_DEFAULT by the model's default plot; `training`: the model is being trained. */
-int view_of(const well_model *model, int wanted, bool training);
-/* Ends the command if the model has no such plot. */
-void check_view(const app *app, const well_model *model, int view, bool training);
-/* Draws the windows of `judged`; not VIEW_LOSS and VIEW_PRUNING. */
-void draw_view(const app *app, const char *path, int view, const well_model *model, const lg_cut_series *from,
-               const lg_judgement *judged);
+/* What is drawn: windows that were judged, and what is known while a model is trained. */
+typedef struct viewing {
+    const well_model *model;
+    const lg_cut_series *from;
+    const lg_judgement *judged;
+    const lg_training *training; /* of a network; NULL: its training is over */
+    const void *classical;       /* the training of a tree; NULL: it is over */
+} viewing;
+/* The plots of train; those of evaluate follow the first EVALUATE_PLOTS. */
+enum { EVALUATE_PLOTS = 2 };
+extern const app_plot_kind anomaly_plots[];
+/* The bits of the plots that a model has. */
+unsigned plots_of(const well_model *model, bool training);
+/* Draws the plot of --plot. */
+void draw_view(const app *app, const viewing *view);
+void put_pruning(app_plot *plot, const void *view); /* train_classical.c */
 
 #endif

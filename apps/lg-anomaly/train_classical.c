@@ -1,6 +1,8 @@
-/* lg-anomaly train with a classical method on features. */
+/* lg-anomaly train with a classical method: a classifier of features, or novelty, which learns what windows of
+ * the healthy class look like, and nothing else. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "lg-anomaly/train.h"
 
@@ -10,6 +12,9 @@ enum {
     PRUNED_WINDOWS = 20000 /* groups times training windows */
 };
 static const double default_grid[] = {0.1, 1, 10, 100};
+/* Of --method novelty. Smaller than the default, which is for a third answer in addition to the classes of a
+ * classifier. Here single windows beyond the limit are outvoted, while damage stays beyond it. */
+static const double MARGIN = 1.6;
 
 /* The candidates for the options, and the chosen candidate. */
 typedef struct choice {
@@ -27,6 +32,7 @@ typedef struct classical {
     double *table;   /* features of all windows */
     /* Features of the series that has the test part. NULL: its windows are judged one by one. */
     double *tested_table;
+    char names[2][LG_SERIES_NAME]; /* the classes of --method novelty */
     double feature_seconds;
     choice chosen;
 } classical;
@@ -187,7 +193,7 @@ static void choose(classical *self) {
     APP_MUST(self->app, lg_classifier_search(
                             self->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds,
                             self->table, self->label, self->unit, state->train.list, state->train.count,
-                            self->model.classifier.features.count, self->model.classes,
+                            self->model.classifier.features.count, self->model.names.classes,
                             (int)self->app->threads, chosen->accuracy, &chosen->best, &error));
     chosen->seconds = app_seconds() - begin;
 }
@@ -195,8 +201,8 @@ static void choose(classical *self) {
 static lg_status fit(const classical *self, const lg_classifier_options *options, lg_classifier *out,
                      lg_error *error) {
     return lg_classifier_fit(self->app->context, options, self->table, self->label, state->train.list,
-                             state->train.count, self->model.classifier.features.count, self->model.classes,
-                             out, error);
+                             state->train.count, self->model.classifier.features.count,
+                             self->model.names.classes, out, error);
 }
 
 /* ---- pruning of random convolution features ---- */
@@ -229,16 +235,27 @@ static lg_status prune(classical *self, const lg_classifier_options *options, lg
     return LG_OK;
 }
 
-static void judge(const classical *self) {
-    APP_MUST(self->app, judge_rows(self->app, &self->model, &state->all, &state->train, self->table,
-                                   &state->train_judged, &error));
-    const lg_cut_series *tested = lg_detector_tested(state);
-    if (self->tested_table == NULL)
-        APP_MUST(self->app,
-                 judge_windows(self->app, &self->model, tested, &state->tested, &state->judged, &error));
+/* Scores windows from the features of all windows, table (windows, d), on one thread: so out->seconds is the
+ * time on one thread. */
+static lg_status judge_rows(const app *self, const well_model *model, const lg_cut_series *from,
+                            const lg_window_list *part, const double *table, lg_judgement *out,
+                            lg_error *error) {
+    const lg_classifier *classifier = &model->classifier;
+    APP_FREE void *work = app_alloc(lg_classifier_work_size(classifier), 1);
+    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->names.classes,
+                              model->healthy, false, out, error));
+    for (size_t i = 0; i < out->count; i++)
+        lg_classifier_score(classifier, table + (size_t)part->list[i] * classifier->features.count,
+                            out->score + i * out->classes, work);
+    return lg_judgement_end(out, model->probabilities, LG_OK, error);
+}
+
+static void judge_part(const classical *self, const lg_cut_series *from, const lg_window_list *part,
+                       const double *table, lg_judgement *out) {
+    if (table != NULL)
+        APP_MUST(self->app, judge_rows(self->app, &self->model, from, part, table, out, &error));
     else
-        APP_MUST(self->app, judge_rows(self->app, &self->model, tested, &state->tested, self->tested_table,
-                                       &state->judged, &error));
+        APP_MUST(self->app, judge_windows(self->app, &self->model, from, part, out, &error));
 }
 
 /* ---- accuracy of pruned trees against alpha ---- */
@@ -251,15 +268,15 @@ static double accuracy_of(const classical *self, const well_model *model, const 
 }
 
 /* Draws accuracy, nodes and depth against alpha: of the tree without pruning, pruned at each step. */
-static void draw_pruning(const classical *self, const char *path) {
+void put_pruning(app_plot *plot, const void *view) {
+    const classical *self = ((const viewing *)view)->classical;
     const app *program = self->app;
+    const char *path = app_plot_given.plot;
     lg_classifier_options options = self->chosen.options[self->chosen.best];
     well_model model = self->model;
     APP_CLEAN(lg_classifier_destroy) lg_classifier whole = {.classes = 0};
-    app_plot plot;
     size_t count = 0;
-    app_plot_begin(&plot, "pruning", path);
-    app_plot_text(&plot, "%.9g", options.tree.ccp_alpha);
+    app_plot_text(plot, "%.9g", options.tree.ccp_alpha);
     options.tree.ccp_alpha = 0;
     APP_MUST_FILE(program, path, fit(self, &options, &whole, &error));
     const lg_tree *tree = &whole.tree;
@@ -268,22 +285,19 @@ static void draw_pruning(const classical *self, const char *path) {
     for (size_t i = 0; i < count; i++) {
         lg_tree *pruned = &model.classifier.tree;
         APP_MUST_FILE(program, path, lg_tree_prune(program->context, tree, steps[i].alpha, pruned));
-        APP_PLOT_ROW(&plot, 9, steps[i].alpha,
+        APP_PLOT_ROW(plot, 9, steps[i].alpha,
                      accuracy_of(self, &model, &state->all, &state->train, self->table),
                      accuracy_of(self, &model, lg_detector_tested(state), &state->tested, self->tested_table),
                      pruned->count, lg_tree_depth(pruned));
         lg_tree_destroy(pruned);
     }
-    app_plot_end(program, &plot);
 }
 
 static void draw(const classical *self) {
-    const int view = view_of(&self->model, train_given.plot_kind, true);
-    if (train_given_files.plot != NULL && view == VIEW_PRUNING)
-        draw_pruning(self, train_given_files.plot);
-    else
-        draw_tested(self->app, view, &self->model,
-                    state->tested.count > 0 ? &state->judged : &state->train_judged);
+    const bool tested = state->tested.count > 0;
+    const viewing view = {&self->model, lg_detector_tested(state),
+                          tested ? &state->judged : &state->train_judged, .classical = self};
+    draw_view(self->app, &view);
 }
 
 /* ---- results ---- */
@@ -331,9 +345,13 @@ static void put_method(app_json *out, const lg_classifier *model, const lg_class
     }
 }
 
-static void put_classical(app_json *out, const void *user) {
-    const classical *self = user;
+static void put_classical(app_json *out, const classical *self) {
     const lg_classifier *model = &self->model.classifier;
+    if (self->model.sort == WELL_NOVELTY) {
+        app_result_size(out, "feature_count", self->model.novelty.features, NULL);
+        app_json_size(out, "bands", self->model.novelty.bands);
+        return;
+    }
     app_result_text(out, "features", lg_feature_kind_name(model->features.kind), NULL);
     app_result_size(out, "feature_count", model->features.count, NULL);
     app_result_size(out, "components", model->pca.components, NULL);
@@ -341,6 +359,24 @@ static void put_classical(app_json *out, const void *user) {
     app_result_real(out, "feature_seconds", self->feature_seconds, NULL);
     put_method(out, model, &self->chosen.options[self->chosen.best]);
     if (self->chosen.accuracy != NULL) put_choice(out, &self->chosen);
+}
+
+static void report(const classical *self) {
+    const app *program = self->app;
+    const well_model *model = &self->model;
+    lg_training *training = &network_recipe.training;
+    app_json *out = program->out;
+    put_metrics(out, &state->judged, model);
+    lg_detector_tell_training(training, model->method, model->names.classes, model->names.class_name);
+    train_put_results(out, training, 0, training->result_count);
+    app_result_text(out, "healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL);
+    app_result_text(out, "split", lg_split_name(train_run.split), NULL);
+    app_json_real(out, "test_fraction", train_run.test_fraction);
+    put_classical(out, self);
+    app_json_size(out, "seed", program->seed);
+    app_json_size(out, "threads", program->threads);
+    app_result_text(out, "out", train_given_files.out, NULL);
+    if (model->sort == WELL_CLASSICAL) app_json_real(out, "floor", (double)NAN);
 }
 
 /* ---- a trial of a search ---- */
@@ -354,7 +390,8 @@ static lg_status run_trial(classical *self, lg_trial *trial, lg_error *error) {
     LG_TRY(fit(self, &options, model, error));
     LG_TRY(prune(self, &options, error));
     LG_TRY(judge_rows(self->app, &self->model, &state->all, &state->validation, self->table, &judged, error));
-    trial->parameters = (uint64_t)model->features.count * (self->model.classes > 2 ? self->model.classes : 1);
+    trial->parameters =
+        (uint64_t)model->features.count * (self->model.names.classes > 2 ? self->model.names.classes : 1);
     trial->objective = 1.0 - judged.metrics.accuracy;
     lg_judgement_destroy(&judged);
     return LG_OK;
@@ -374,24 +411,56 @@ lg_status train_trial(const app *program, lg_trial *trial, lg_error *error) {
 
 /* ---- training ---- */
 
-void train_classical(const app *program) {
-    const lg_classifier_method method = method_of(train_given.method);
-    classical self = {.app = program};
-    self.model = trained_model(WELL_CLASSICAL, train_method_name(train_given.method));
-    self.model.classifier.method = method;
-    self.model.probabilities = method <= LG_METHOD_TREE;
-    compute_features(&self);
-    choose(&self);
+static void train_classifier(classical *self) {
+    lg_classifier *model = &self->model.classifier;
+    model->method = method_of((int)train_given.method);
+    self->model.probabilities = model->method <= LG_METHOD_TREE;
+    compute_features(self);
+    choose(self);
     const double begin = app_seconds();
-    APP_MUST(program, fit(&self, &self.chosen.options[self.chosen.best], &self.model.classifier, &error));
-    APP_MUST(program, prune(&self, &self.chosen.options[self.chosen.best], &error));
+    APP_MUST(self->app, fit(self, &self->chosen.options[self->chosen.best], model, &error));
+    APP_MUST(self->app, prune(self, &self->chosen.options[self->chosen.best], &error));
     network_recipe.training.seconds = app_seconds() - begin;
-    check_plot(program, &self.model);
-    judge(&self);
-    APP_MUST(program, lg_detector_fit_novelty(&network_recipe.training, &self.model.novelty, &error));
-    save_trained(program, &self.model);
+    APP_MUST(self->app, lg_detector_fit_novelty(&network_recipe.training, &self->model.novelty, &error));
+}
+
+/* Learns the training windows of the healthy class, number 0; all others are of one class. */
+static void train_novelty(classical *self) {
+    lg_window_list *train = &state->train;
+    const lg_cut_series *all = &state->all;
+    lg_novelty_options options;
+    size_t kept = 0;
+    (void)snprintf(self->names[0], LG_SERIES_NAME, "%s", train_run.healthy);
+    (void)snprintf(self->names[1], LG_SERIES_NAME, "unlike");
+    self->model.sort = WELL_NOVELTY;
+    self->model.names.classes = 2;
+    self->model.names.class_name = self->names;
+    self->model.names.class_label = NULL;
+    for (size_t i = 0; i < train->count; i++)
+        if (all->data.series.label[all->windows.first[train->list[i]]] == 0)
+            train->list[kept++] = train->list[i];
+    train->count = kept;
+    const double begin = app_seconds();
+    lg_novelty_options_init(&options);
+    options.margin = MARGIN;
+    APP_MUST(self->app,
+             lg_novelty_fit(self->app->context, &options, &all->data.series, &all->windows, train->list,
+                            train->count, (int)self->app->threads, &self->model.novelty, &error));
+    network_recipe.training.seconds = app_seconds() - begin;
+}
+
+void train_classical(const app *program) {
+    const char *method = train_method_name(train_given.method);
+    classical self = {.app = program, .model = trained_model(WELL_CLASSICAL, method)};
+    (train_given.method == METHOD_NOVELTY ? train_novelty : train_classifier)(&self);
+    app_plot_check(program, plots_of(&self.model, true));
+    judge_part(&self, &state->all, &state->train, self.table, &state->train_judged);
+    judge_part(&self, lg_detector_tested(state), &state->tested, self.tested_table, &state->judged);
+    APP_MUST_FILE(program, train_given_files.out,
+                  well_model_save(program, train_given_files.out, &self.model, state->judged.metrics.accuracy,
+                                  state->judged.metrics.f1, &error));
     draw(&self);
-    report_trained(program, &self.model, put_classical, &self);
+    report(&self);
     lg_classifier_destroy(&self.model.classifier);
     lg_novelty_destroy(&self.model.novelty);
     if (self.tested_table != self.table) free(self.tested_table);

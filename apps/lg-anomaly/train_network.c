@@ -1,6 +1,7 @@
 /* lg-anomaly train --method cnn, and lg-anomaly search, a random search over options of cnn or rocket. */
 #include <math.h>
 
+#include "common/verbs.h"
 #include "lg-anomaly/train.h"
 
 /* Returns the network as a model. `theta` are its parameters; there is no plan, because plots do not need
@@ -11,44 +12,38 @@ static well_model model_of(double *theta) {
     return out;
 }
 
-static void check(const app *self, const lg_training *training) {
+static unsigned has(const lg_training *training) {
     const well_model shape = model_of(NULL);
     (void)training;
-    check_plot(self, &shape);
+    return plots_of(&shape, true);
 }
 
 static void print(const lg_training *training) {
     const lg_judgement *judged = &train_state.judged;
     const well_model model = model_of(NULL);
     (void)training;
-    app_print_confusion(stdout, judged->confusion, judged->classes, model.class_name);
+    app_print_confusion(stdout, judged->confusion, judged->classes, model.names.class_name);
 }
 
-static void draw(const app *self, const char *path, const lg_training *training) {
-    const lg_fit *fit = training->fit;
+static void draw(const app *self, const lg_training *training) {
     APP_FREE double *theta = app_alloc(training->problem.parameters, sizeof *theta);
-    lg_fit_parameters(fit, theta);
+    lg_fit_parameters(training->fit, theta);
     const well_model model = model_of(theta);
-    const int view = view_of(&model, train_given.plot_kind, true);
-    if (view == VIEW_LOSS)
-        train_draw_loss(self, path, fit, train_state.validation.count > 0);
-    else
-        draw_tested(self, view, &model, &train_state.judged);
+    const viewing view = {&model, lg_detector_tested(&train_state), &train_state.judged,
+                          .training = training};
+    draw_view(self, &view);
 }
 
 static const char *const searched[] = {"cnn", "rocket", NULL};
 train_task network_recipe = {.recipe = &lg_recipe_detector,
                              .settings = train_settings,
+                             .command = &train_command,
                              .searched = searched,
                              .trial = train_trial,
                              .state = &train_state,
-                             .check = check,
                              .print = print,
+                             .has = has,
                              .draw = draw};
-
-static int search(app *self) {
-    return search_main(self, &train_command, &network_recipe);
-}
 
 const app_command search_command = {
     .name = "search",
@@ -60,5 +55,6 @@ const app_command search_command = {
         " The search never uses the test part (fixed: test-fraction, split): train the best trial to "
         "evaluate it.",
     .settings = APP_SETTINGS(SEARCH_SHARED),
-    .run = search,
+    .plots = search_plots,
+    VERB(search, network_recipe),
     .together = APP_RANKS};

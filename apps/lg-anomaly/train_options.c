@@ -17,8 +17,6 @@ NAMES(extern, train_method_name, [METHOD_CNN] = "cnn", [METHOD_LOGISTIC] = "logi
       [METHOD_ROCKET] = "rocket", [METHOD_NOVELTY] = "novelty")
 NAMES(static, features_name, [LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov",
       [LG_FEATURES_SPECTRUM] = "spectrum")
-NAMES(static, directions_name, "xy", "x")
-NAMES(static, criterion_name, [LG_GINI] = "gini", [LG_ENTROPY] = "entropy")
 NAMES(static, prune_name, [PRUNE_NONE] = "none", [PRUNE_PRE] = "pre", [PRUNE_POST] = "post")
 
 static lg_status parse_name_or_number(const char *text, const char *(*name)(uint32_t), name_or_number *out,
@@ -83,10 +81,10 @@ static const lg_field rows[] = {
                    "(10000)"),
     ROW("components", U64, components, .high = 1 << 20, .value = "0", .unit = "k",
         .methods = CLASSICAL | BASELINE, .meaning = "Number of principal components; 0: none"),
-    ROW("directions", NAME, directions, .value_name = directions_name, .value = "xy",
+    ROW("directions", NAME, directions, LG_NAMES("xy", "x"), .value = "xy",
         .methods = CLASSICAL | BASELINE | ROCKET,
         .meaning = "Channels to use: all, or x (names that end in _x, or every second channel)"),
-    ROW("criterion", NAME, criterion, .value_name = criterion_name, .value = "gini", .methods = TREE,
+    ROW("criterion", NAME, criterion, LG_NAMES("gini", "entropy"), .value = "gini", .methods = TREE,
         .meaning = "Trees: measure of impurity"),
     ROW("prune", PHRASE, prune, .value_name = prune_name, .parse = parse_prune, .phrase = phrase_prune,
         .form = "a number", .value = "none", .methods = TREE | ROCKET,
@@ -116,8 +114,8 @@ static const lg_field train_options[] = {
     LG_OPTION(train_values, grid, REALS, "C,C,...",
               "Choose C among these by cross-validation on the training part (default for svm: "
               "0.1,1,10,100)",
-              LG_ANY_REAL),
-    LG_OPTION(train_values, plot_kind, NAME, NULL, VIEW_HELP, .names = view_names), LG_FIELD_END};
+              LG_ANY_REAL, .methods = LOGISTIC | LINEAR | RBF | BASELINE),
+    LG_FIELD_END};
 
 const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof train_run},
                                        {rows, &train_given, sizeof train_given},
@@ -128,23 +126,13 @@ const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof t
 
 /* ---- options that cannot be combined ---- */
 
-/* Options that are not hyperparameters, and the methods that have them. */
-static const struct {
-    const char *option;
-    unsigned methods;
-} owners[] = {{"grid", LOGISTIC | LINEAR | RBF | BASELINE},
-              {"checkpoint", CNN},
-              {"checkpoint-every", CNN},
-              {"stop-after", CNN},
-              {"resume", CNN},
-              {"history", CNN},
-              {"seconds", CNN}};
-
 void train_check_options(const app *self) {
     const train_values *values = &train_given;
-    for (size_t i = 0; i < LG_COUNT(owners); i++)
-        if (app_given(self, owners[i].option) && (owners[i].methods & 1u << values->method) == 0)
-            app_stop_usage(self, "--%s: --method %s has no such option", owners[i].option,
+    /* Only the network has a fit, so only it has the options for files, except --out. */
+    for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++)
+        if (values->method != METHOD_CNN && slot->given && slot->values == &train_given_files &&
+            strcmp(slot->name, "out") != 0)
+            app_stop_usage(self, "--%s: --method %s has no such option", slot->name,
                            train_method_name(values->method));
     if (app_given(self, "c") && app_given(self, "grid"))
         app_stop_usage(self, "--grid and --c cannot be given together: both choose C");
@@ -164,8 +152,6 @@ void train_check_options(const app *self) {
         app_stop_usage(self, "--ccp-alpha: needs --prune post");
     if (pre && (app_given(self, "max-depth") || app_given(self, "min-samples-leaf")))
         app_stop_usage(self, "--prune pre: chooses --max-depth and --min-samples-leaf");
-    if (app_given(self, "plot-kind") && train_given_files.plot == NULL)
-        app_stop_usage(self, "--plot-kind: needs --plot FILE");
     if (train_state.test != NULL && app_given(self, "test-fraction"))
         app_stop_usage(self, "--test and --test-fraction cannot be given together");
 }

@@ -79,7 +79,7 @@ static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *
     bench *b = user;
     const lg_status status = well_model_score(b->model, x, b->score, NULL, b->work);
     if (status != LG_OK) return status;
-    b->given = lg_metrics_class(b->score, b->model->classes);
+    b->given = lg_metrics_class(b->score, b->model->names.classes);
     *score = well_model_alarm(b->model, b->score);
     *answer = b->given != b->model->healthy ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
     if (b->novelty_work == NULL) return LG_OK;
@@ -92,14 +92,14 @@ static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *
 
 static uint32_t most_silent(const watching *self) {
     uint32_t most = 0;
-    for (uint32_t c = 1; c < self->bench.model->channels; c++)
+    for (uint32_t c = 1; c < self->bench.model->names.channels; c++)
         if (self->silence.without[c] > self->silence.without[most]) most = c;
     return most;
 }
 
 static void hear(watching *self, const float *sample) {
     self->silence.samples++;
-    for (uint32_t c = 0; sample != NULL && c < self->bench.model->channels; c++)
+    for (uint32_t c = 0; sample != NULL && c < self->bench.model->names.channels; c++)
         self->silence.without[c] += !isfinite(sample[c]);
 }
 
@@ -107,13 +107,9 @@ static void hear(watching *self, const float *sample) {
  * windows. */
 static void blame_silence(watching *self, lg_verdict *v) {
     silence *s = &self->silence;
-    const uint32_t n = voters();
-    const uint64_t kept = n == 64 ? UINT64_MAX : ((uint64_t)1 << n) - 1;
     const bool silent =
         !v->judged && isfinite(self->bench.farthest) && 2 * s->without[most_silent(self)] > s->samples;
-    uint32_t votes = 0;
-    s->windows = (s->windows << 1 | silent) & kept;
-    for (uint64_t bits = s->windows; bits != 0; bits &= bits - 1) votes++;
+    const uint32_t votes = cast_vote(&s->windows, voters(), silent);
     if (silent) v->answer = LG_ANSWER_NOVEL;
     if (votes > v->novel_votes) v->novel_votes = votes;
     v->novel = v->novel || votes >= values.votes.values[0];
@@ -121,14 +117,14 @@ static void blame_silence(watching *self, lg_verdict *v) {
 
 static void forget_silence(watching *self) {
     self->silence.samples = 0;
-    memset(self->silence.without, 0, self->bench.model->channels * sizeof *self->silence.without);
+    memset(self->silence.without, 0, self->bench.model->names.channels * sizeof *self->silence.without);
 }
 
 static void tell_silence(const watching *self, char text[REASON]) {
     const well_model *model = self->bench.model;
     const uint32_t c = most_silent(self);
-    const bool named = model->channel_name != NULL && model->channel_name[c][0] != '\0';
-    int used = named ? snprintf(text, REASON, "%s", model->channel_name[c])
+    const bool named = model->names.channel_name != NULL && model->names.channel_name[c][0] != '\0';
+    int used = named ? snprintf(text, REASON, "%s", model->names.channel_name[c])
                      : snprintf(text, REASON, "channel %u", c + 1);
     (void)snprintf(text + used, (size_t)(REASON - used), ": no number in %llu of %llu samples",
                    (unsigned long long)self->silence.without[c], (unsigned long long)self->silence.samples);
@@ -144,13 +140,13 @@ static const char *reason_of(const watching *self, const lg_verdict *v, char tex
     if (!v->judged && v->answer == LG_ANSWER_NOVEL)
         tell_silence(self, text);
     else if (v->judged && (v->answer == LG_ANSWER_NOVEL || alone))
-        (void)lg_novelty_explain(&model->novelty, &b->novelty, model->channel_name, model->rate, text,
-                                 REASON);
+        (void)lg_novelty_explain(&model->novelty, &b->novelty, model->names.channel_name, model->names.rate,
+                                 text, REASON);
     return text;
 }
 
 static const char *class_name(const watching *self, const lg_verdict *v) {
-    return v->answer == LG_ANSWER_NOVEL ? "unlike" : self->bench.model->class_name[self->bench.given];
+    return v->answer == LG_ANSWER_NOVEL ? "unlike" : self->bench.model->names.class_name[self->bench.given];
 }
 
 /* ---- the level of noise ---- */
@@ -158,21 +154,21 @@ static const char *class_name(const watching *self, const lg_verdict *v) {
 static void warn_of_noise(const watching *self) {
     const well_model *model = self->bench.model;
     const noise_level *noise = &self->noise;
-    const double rate = model->rate > 0 ? model->rate : 1;
+    const double rate = model->names.rate > 0 ? model->names.rate : 1;
     uint32_t more = 0, less = 0, most = 0;
-    for (uint32_t c = 0; c < model->channels; c++) {
+    for (uint32_t c = 0; c < model->names.channels; c++) {
         const double change = noise->sum[c] / noise->windows;
         more += change > log(SAME_NOISE);
         less += change < -log(SAME_NOISE);
         if (fabs(noise->sum[c]) > fabs(noise->sum[most])) most = c;
     }
-    if (2 * more <= model->channels && 2 * less <= model->channels) return;
+    if (2 * more <= model->names.channels && 2 * less <= model->names.channels) return;
     app_warn(self->app,
              "the noise of the feed differs from the noise in training: %u of %u channels have %s amplitude "
              "above %.3g %s, channel %u %.3g times the usual one; a model that was trained at another level "
              "of noise misses damage",
-             more > less ? more : less, model->channels, more > less ? "more" : "less",
-             lg_novelty_noise_from(&model->novelty) * rate, model->rate > 0 ? "Hz" : "cycles a sample",
+             more > less ? more : less, model->names.channels, more > less ? "more" : "less",
+             lg_novelty_noise_from(&model->novelty) * rate, model->names.rate > 0 ? "Hz" : "cycles a sample",
              most + 1, exp(noise->sum[most] / noise->windows));
 }
 
@@ -185,7 +181,7 @@ static void listen(watching *self, uint32_t missing) {
     if (missing > 0 || cause == LG_NOVELTY_STILL || cause == LG_NOVELTY_NONE) return;
     double *ratio = b->novelty_work; /* this memory is free until the next window is judged */
     lg_novelty_noise(&b->model->novelty, b->novelty.nearest, b->features, ratio);
-    for (uint32_t c = 0; c < b->model->channels; c++) noise->sum[c] += log(ratio[c]);
+    for (uint32_t c = 0; c < b->model->names.channels; c++) noise->sum[c] += log(ratio[c]);
     if (++noise->windows == NOISE_WINDOWS) warn_of_noise(self);
 }
 
@@ -364,43 +360,41 @@ static void put_known(app_json *out, bool known, const char *key, double value, 
 static void print_summary(const watching *self, const totals *all) {
     const tally *t = &self->tally;
     const bool known = app_given(self->app, "crack-at"), novel = isfinite(self->bench.farthest);
-    app_json out;
-    app_result_begin(&out, self->app);
-    out.prefix = "# ";
-    app_json_bool(&out, "summary", true);
-    app_result_text(&out, "healthy", self->bench.model->cut.healthy,
+    app_json *out = self->app->out;
+    out->prefix = "# ";
+    app_json_bool(out, "summary", true);
+    app_result_text(out, "healthy", self->bench.model->cut.healthy,
                     "windows of other classes vote for the alarm");
-    app_json_bool(&out, "interrupted", app_interrupted());
-    app_result_size(&out, "samples", t->samples, NULL);
-    app_result_size(&out, "received", t->received, NULL);
-    app_result_size(&out, "absent", t->absent, NULL);
-    app_result_size(&out, "not_finite", t->not_finite, NULL);
-    app_result_size(&out, "malformed", t->malformed, NULL);
-    app_result_size(&out, "repeated", t->repeated, NULL);
-    app_result_real(&out, "days", all->days, NULL);
-    app_result_size(&out, "windows", t->windows, NULL);
-    app_result_size(&out, "judged", t->judged, NULL);
-    app_result_size(&out, "positive", t->positive, NULL);
-    app_json_size(&out, "failed", t->failed);
-    if (novel || !out.people) {
-        app_result_size(&out, "unlike", t->unlike, NULL);
-        app_result_size(&out, "unlike_alarms", t->unlike_alarms, self->unlike ? "standing" : NULL);
+    app_json_bool(out, "interrupted", app_interrupted());
+    app_result_size(out, "samples", t->samples, NULL);
+    app_result_size(out, "received", t->received, NULL);
+    app_result_size(out, "absent", t->absent, NULL);
+    app_result_size(out, "not_finite", t->not_finite, NULL);
+    app_result_size(out, "malformed", t->malformed, NULL);
+    app_result_size(out, "repeated", t->repeated, NULL);
+    app_result_real(out, "days", all->days, NULL);
+    app_result_size(out, "windows", t->windows, NULL);
+    app_result_size(out, "judged", t->judged, NULL);
+    app_result_size(out, "positive", t->positive, NULL);
+    app_json_size(out, "failed", t->failed);
+    if (novel || !out->people) {
+        app_result_size(out, "unlike", t->unlike, NULL);
+        app_result_size(out, "unlike_alarms", t->unlike_alarms, self->unlike ? "standing" : NULL);
     }
-    app_json_real(&out, "first_unlike", t->first_unlike);
-    app_json_bool(&out, "alarm", self->alarm);
-    app_result_size(&out, "alarms", t->alarms, self->alarm ? "standing" : NULL);
-    app_json_real(&out, "first_alarm", t->first_alarm);
-    put_known(&out, known, "crack_at", values.crack_at, "s");
-    put_known(&out, known, "time_to_detection", all->delay, "s");
-    put_known(&out, known, "false_alarms", (double)t->alarms_before, NULL);
-    put_known(&out, known, "false_alarms_per_day", all->false_alarms, NULL);
-    put_known(&out, known, "false_positive_windows_per_day", all->false_windows, NULL);
-    app_result_real(&out, "seconds", all->seconds, NULL);
-    app_result_real(&out, "samples_per_second", (double)t->samples / all->seconds, NULL);
-    app_result_size(&out, "watch_bytes", all->watch_bytes, NULL);
-    app_json_size(&out, "start_rss_kb", all->start_rss);
-    app_result_size(&out, "max_rss_kb", all->max_rss, NULL);
-    app_json_end(&out);
+    app_json_real(out, "first_unlike", t->first_unlike);
+    app_json_bool(out, "alarm", self->alarm);
+    app_result_size(out, "alarms", t->alarms, self->alarm ? "standing" : NULL);
+    app_json_real(out, "first_alarm", t->first_alarm);
+    put_known(out, known, "crack_at", values.crack_at, "s");
+    put_known(out, known, "time_to_detection", all->delay, "s");
+    put_known(out, known, "false_alarms", (double)t->alarms_before, NULL);
+    put_known(out, known, "false_alarms_per_day", all->false_alarms, NULL);
+    put_known(out, known, "false_positive_windows_per_day", all->false_windows, NULL);
+    app_result_real(out, "seconds", all->seconds, NULL);
+    app_result_real(out, "samples_per_second", (double)t->samples / all->seconds, NULL);
+    app_result_size(out, "watch_bytes", all->watch_bytes, NULL);
+    app_json_size(out, "start_rss_kb", all->start_rss);
+    app_result_size(out, "max_rss_kb", all->max_rss, NULL);
 }
 
 /* ---- the command ---- */
@@ -414,15 +408,15 @@ static bool samples_of(double seconds, double rate, double least, double most, u
 }
 
 static void set_options(const app *self, const well_model *model, watching *w, lg_monitor_options *o) {
-    w->rate_known = app_given(self, "rate") || model->rate > 0;
-    w->rate = app_given(self, "rate") ? values.rate : model->rate > 0 ? model->rate : 1.0;
+    w->rate_known = app_given(self, "rate") || model->names.rate > 0;
+    w->rate = app_given(self, "rate") ? values.rate : model->names.rate > 0 ? model->names.rate : 1.0;
     if (!w->rate_known)
         app_warn(self, "the model has no sampling rate: options in seconds count samples instead (see "
                        "--rate)");
-    if (app_given(self, "rate") && model->rate > 0 && fabs(values.rate / model->rate - 1) > 1e-3)
-        app_warn(self, "the model was trained at %.6g Hz, not %.6g Hz", model->rate, values.rate);
+    if (app_given(self, "rate") && model->names.rate > 0 && fabs(values.rate / model->names.rate - 1) > 1e-3)
+        app_warn(self, "the model was trained at %.6g Hz, not %.6g Hz", model->names.rate, values.rate);
     lg_monitor_options_init(o);
-    o->channels = model->channels;
+    o->channels = model->names.channels;
     o->window = model->window;
     o->missing = values.missing;
     o->votes = values.votes.values[0];
@@ -444,9 +438,9 @@ static const char *feed_name(void) {
 
 /* The names of the model's channels; NULL if they have none. */
 static const char **names_of(const well_model *model) {
-    if (model->channel_name == NULL) return NULL;
-    const char **names = app_alloc(model->channels, sizeof *names);
-    for (uint32_t c = 0; c < model->channels; c++) names[c] = model->channel_name[c];
+    if (model->names.channel_name == NULL) return NULL;
+    const char **names = app_alloc(model->names.channels, sizeof *names);
+    for (uint32_t c = 0; c < model->names.channels; c++) names[c] = model->names.channel_name[c];
     return names;
 }
 
@@ -486,7 +480,7 @@ static void on_idle(void *user) {
 }
 
 static void watch_feed(watching *self, int file, size_t watch_bytes) {
-    const uint32_t channels = self->bench.model->channels;
+    const uint32_t channels = self->bench.model->names.channels;
     APP_FREE float *sample = app_alloc(channels, sizeof *sample);
     APP_FREE const char **names = names_of(self->bench.model);
     APP_CLEAN(sample_reader_close) sample_reader reader = {.channels = 0};
@@ -505,13 +499,14 @@ static void watch_feed(watching *self, int file, size_t watch_bytes) {
                  "--crack-at %.15g s is after the last sample, at %.15g s (seconds here, hours for `feed`)",
                  values.crack_at, self->now);
     print_summary(self, &all);
+    app_result_end(self->app); /* the file of --log may fail later */
 }
 
 static void open_novelty(watching *self) {
     bench *b = &self->bench;
     const lg_novelty *novelty = &b->model->novelty;
     b->farthest = values.unlike > 0 ? values.unlike : INFINITY;
-    self->silence.without = app_keep(b->model->channels, sizeof *self->silence.without);
+    self->silence.without = app_keep(b->model->names.channels, sizeof *self->silence.without);
     if (novelty->channels == 0) {
         app_warn(self->app,
                  "the model has no record of what its training windows look like: a dead sensor gets a "
@@ -532,7 +527,7 @@ static void watch_with(const app *self, const well_model *model, int file) {
     watch_log_open(&w.log, self, values.log, self->json ? json_begin : text_begin);
     const size_t bytes = lg_monitor_size(&options);
     APP_FREE void *memory = app_alloc(bytes, 1);
-    w.bench.score = app_keep(model->classes, sizeof *w.bench.score);
+    w.bench.score = app_keep(model->names.classes, sizeof *w.bench.score);
     w.bench.work = app_keep(well_model_work(model), 1);
     open_novelty(&w);
     APP_MUST(self, lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error));
@@ -540,7 +535,7 @@ static void watch_with(const app *self, const well_model *model, int file) {
     watch_log_close(&w.log);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     APP_CLEAN(well_model_destroy) well_model model = {.method = NULL};
     int file = STDIN_FILENO;
     well_model_load(self, self->arguments[0], &model);
@@ -550,7 +545,7 @@ static int run(app *self) {
     if (file < 0) app_stop(self, LG_FILE, "%s: %s", values.input, strerror(errno));
     watch_with(self, &model, file);
     if (values.input != NULL) (void)close(file);
-    return app_interrupted() ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
+    if (app_interrupted()) self->code = APP_EXIT_INTERRUPTED;
 }
 
 const app_command watch_command = {

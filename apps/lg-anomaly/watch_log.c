@@ -22,9 +22,9 @@ static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
         ssize_t n = pread(fd, text, LONGEST_LINE, from);
         while (n > 0 && text[n - 1] != '\n') n--;
         if (n <= 0 && from > 0)
-            status = app_error(error, LG_FORMAT, "%s: is not a text file", log->path);
+            status = lg_fail(error, LG_FORMAT, "%s: is not a text file", log->path);
         else if (n >= 0 && from + n < about.st_size && ftruncate(fd, from + n) != 0)
-            status = app_error(error, LG_FILE, "%s: %s", log->path, strerror(errno));
+            status = lg_fail(error, LG_FILE, "%s: %s", log->path, strerror(errno));
     }
     return status;
 }
@@ -34,14 +34,14 @@ static lg_status check_begin(const watch_log *log, int fd, lg_error *error) {
     struct stat about;
     if (fstat(fd, &about) == 0 && (!S_ISREG(about.st_mode) || about.st_size == 0)) return LG_OK;
     if (app_begins(log->app, log->path, log->begin, strlen(log->begin), 1)) return LG_OK;
-    return app_error(error, LG_FILE,
-                     "%s: exists and is not a log of such verdicts: remove it, or choose another file",
-                     log->path);
+    return lg_fail(error, LG_FILE,
+                   "%s: exists and is not a log of such verdicts: remove it, or choose another file",
+                   log->path);
 }
 
 static lg_status open_file(const watch_log *log, int *out, lg_error *error) {
     const int fd = open(log->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
-    if (fd < 0) return app_error(error, LG_FILE, "%s: %s", log->path, strerror(errno));
+    if (fd < 0) return lg_fail(error, LG_FILE, "%s: %s", log->path, strerror(errno));
     lg_status status = check_begin(log, fd, error);
     if (status == LG_OK) status = end_line(log, fd, error);
     if (status == LG_OK)

@@ -113,7 +113,7 @@ static void read_states(const app *self, naming names, const char *option, const
         if (number == NULL) app_stop_usage(self, "%s: '%s' is not NAME=number", option, entry);
         *number++ = '\0';
         const size_t i = find_state(self, names, option, entry);
-        if (!app_parse_real(number, &x) || !(x > 0))
+        if (lg_number_parse(number, &x) != LG_OK || !(x > 0))
             app_stop_usage(self, "%s: %s: '%s' is not a number above 0", option, entry, number);
         if (seen[i]) app_stop_usage(self, "%s: '%s' stands twice", option, entry);
         seen[i] = true;
@@ -165,7 +165,7 @@ static void read_model_error(const app *self, lg_policy *policy, naming names, c
     if (strchr(values.model_error, '=') != NULL) {
         read_states(self, names, "--model-error", values.model_error, out);
     } else {
-        if (!app_parse_real(values.model_error, &x) || !(x >= 0))
+        if (lg_number_parse(values.model_error, &x) != LG_OK || !(x >= 0))
             app_stop_usage(self, "--model-error: '%s' is not a number of at least 0", values.model_error);
         for (size_t i = !values.continuous || names.n == positions ? 0 : positions; i < names.n; i++)
             out[i] = is_remembered(names.of[i]) ? 0 : x;
@@ -179,7 +179,7 @@ static void read_model_error(const app *self, lg_policy *policy, naming names, c
 /* 0: auto */
 static double read_level(const app *self, const char *option, const char *given) {
     double c = 0;
-    if (strcmp(given, "auto") != 0 && (!app_parse_real(given, &c) || !(c > 0)))
+    if (strcmp(given, "auto") != 0 && (lg_number_parse(given, &c) != LG_OK || !(c > 0)))
         app_stop_usage(self, "--%s: '%s' is neither auto nor a number above 0", option, given);
     return c;
 }
@@ -310,34 +310,32 @@ static double rounded_down(double x) {
 
 static void tell(app *self, naming names, const verdict *v) {
     const lg_certify_result *r = &v->r;
-    app_json out;
-    app_result_begin(&out, self);
-    app_json_bool(&out, "verified", r->verified);
-    app_json_bool(&out, "global", r->verified && v->global);
-    app_json_bool(&out, "converges", r->converges);
-    app_result_text(&out, "claim", r->claim, NULL);
-    APP_FREE char *reason = r->verified ? NULL : tell_reason(&out, names, v);
-    if (!r->verified) app_result_text(&out, "reason", reason, NULL);
+    app_json *out = self->out;
+    app_json_bool(out, "verified", r->verified);
+    app_json_bool(out, "global", r->verified && v->global);
+    app_json_bool(out, "converges", r->converges);
+    app_result_text(out, "claim", r->claim, NULL);
+    APP_FREE char *reason = r->verified ? NULL : tell_reason(out, names, v);
+    if (!r->verified) app_result_text(out, "reason", reason, NULL);
     if (v->global) {
-        app_result_real(&out, "margin", v->margin, "of the input's force over the potential's");
+        app_result_real(out, "margin", v->margin, "of the input's force over the potential's");
     } else if (values.lyapunov == ENERGY) {
-        app_result_real(&out, "level", r->level, NULL);
-        app_result_real(&out, "angle", v->margin, "radians: all rotations at rest up to it are in the set");
+        app_result_real(out, "level", r->level, NULL);
+        app_result_real(out, "angle", v->margin, "radians: all rotations at rest up to it are in the set");
     } else {
-        app_result_real(&out, "level", rounded_down(r->level), NULL);
-        app_result_real(&out, "volume", rounded_down(r->volume), "of {V <= level}, a lower bound");
-        app_result_real(&out, "fraction", rounded_down(r->fraction), "of the box");
+        app_result_real(out, "level", rounded_down(r->level), NULL);
+        app_result_real(out, "volume", rounded_down(r->volume), "of {V <= level}, a lower bound");
+        app_result_real(out, "fraction", rounded_down(r->fraction), "of the box");
     }
     if (r->width != NULL)
-        app_result_reals(&out, "width", r->width, v->sides,
+        app_result_reals(out, "width", r->width, v->sides,
                          "the set's largest distance from the goal in each state");
-    if (r->input_error > 0) app_json_real(&out, "input_error", r->input_error);
-    if (r->input_error > 0 && r->verified) app_json_real(&out, "eps_rounded", r->eps_rounded);
-    tell_forms(&out, names, v);
-    app_result_size(&out, "boxes", r->boxes, "examined");
-    app_result_real(&out, "seconds", r->seconds, NULL);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
+    if (r->input_error > 0) app_json_real(out, "input_error", r->input_error);
+    if (r->input_error > 0 && r->verified) app_json_real(out, "eps_rounded", r->eps_rounded);
+    tell_forms(out, names, v);
+    app_result_size(out, "boxes", r->boxes, "examined");
+    app_result_real(out, "seconds", r->seconds, NULL);
+    app_result_end(self);
     if (!r->verified) app_stop(self, LG_CHECK_FAILED, "not proved: %s", reason);
 }
 
@@ -722,7 +720,7 @@ static void prove(app *self, lg_policy *given, naming names) {
     lg_policy_destroy(own);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     check_options(self);
     lg_policy *policy = read_policy(self, self->arguments[0], NULL, 0);
     const naming names = name_states(lg_policy_task_of(policy));
@@ -730,7 +728,6 @@ static int run(app *self) {
     const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;
     (values.lyapunov != ENERGY ? prove : turns ? prove_rotation : prove_energy)(self, policy, names);
     lg_policy_destroy(policy);
-    return APP_EXIT_OK;
 }
 
 const app_command certify_command = {

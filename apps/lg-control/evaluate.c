@@ -128,10 +128,9 @@ static void show_runs(const app *self, control_runs *runs) {
     if (values.plot != NULL) control_draw_runs(self, runs, values.plot);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     lg_policy *policy = NULL;
     lg_policy_outcome rough;
-    app_json out;
     APP_MUST_FILE(self, self->arguments[0],
                   lg_policy_load(self->context, self->arguments[0], NULL, &policy, NULL, &error));
     policy = values.plant != NULL ? other_plant(self, policy) : refined(self, policy);
@@ -146,21 +145,18 @@ static int run(app *self) {
         disturb(self, policy);
         rough = control_evaluate(self, policy, LG_POLICY_DISTURBED, values.starts, self->seed, NULL);
     }
-    app_result_begin(&out, self);
-    control_tell_outcome(&out, NULL, NULL, &own);
-    app_result_real(&out, "microseconds", time_control(self, policy),
+    app_json *out = self->out;
+    control_tell_outcome(out, NULL, NULL, &own);
+    app_result_real(out, "microseconds", time_control(self, policy),
                     "of a call of the controller in the library");
-    tell_worst(&out, policy, &own, runs.runs.path);
-    control_tell_outcome(&out, "lqr", "the saturated regulator alone", &regulator);
+    tell_worst(out, policy, &own, runs.runs.path);
+    control_tell_outcome(out, "lqr", "the saturated regulator alone", &regulator);
     if (values.disturb != NULL) {
         APP_FREE char *heading = app_format("with the disturbances of %s", values.disturb);
-        control_tell_outcome(&out, "disturbed", heading, &rough);
+        control_tell_outcome(out, "disturbed", heading, &rough);
     }
-    if (values.reference != NULL) control_follow(self, policy, values.reference, &out);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
+    if (values.reference != NULL) control_follow(self, policy, values.reference, out);
     lg_policy_destroy(policy);
-    return APP_EXIT_OK;
 }
 
 const app_command evaluate_command = {

@@ -172,7 +172,6 @@ static void report(const app *self, const lg_policy *trained, control_machine *m
                    const lg_policy_train_result *result) {
     lg_policy_outcome rough;
     lg_policy *policy = NULL;
-    app_json out;
     const uint64_t seed = self->seed ^ UINT64_C(0x9e3779b97f4a7c15);
     APP_MUST(self, lg_policy_refine(trained, &policy, &error));
     const lg_policy_outcome held = control_evaluate(self, policy, LG_POLICY_NOMINAL, 500, seed, NULL),
@@ -180,24 +179,22 @@ static void report(const app *self, const lg_policy *trained, control_machine *m
     const bool disturbed = lg_policy_is_disturbed(lg_policy_task_of(policy));
     if (disturbed) rough = control_evaluate(self, trained, LG_POLICY_DISTURBED, 512, seed, NULL);
     warn_of_failures(self, trained, &held, result);
-    app_result_begin(&out, self);
-    app_result_real(&out, "cost", held.cost_mean, "mean over 500 held-out starts");
-    put_success(&out, &held);
-    app_result_real(&out, "regulator_success", (double)regulator.succeeded / (double)regulator.starts,
+    app_json *out = self->out;
+    app_result_real(out, "cost", held.cost_mean, "mean over 500 held-out starts");
+    put_success(out, &held);
+    app_result_real(out, "regulator_success", (double)regulator.succeeded / (double)regulator.starts,
                     "share, the saturated regulator alone");
-    if (disturbed) control_tell_outcome(&out, "disturbed", "with the disturbances of the task", &rough);
-    app_result_size(&out, "parameters", lg_policy_parameters(policy), NULL);
-    app_result_size(&out, "substeps", lg_policy_task_of(trained)->substeps, "of the integrator in a period");
-    app_result_real(&out, "seconds", result->seconds, NULL);
-    app_result_size(&out, "seed", self->seed, NULL);
-    app_result_size(&out, "winner", result->seed, "of the race");
-    app_result_text(&out, "out", values.out, NULL);
+    if (disturbed) control_tell_outcome(out, "disturbed", "with the disturbances of the task", &rough);
+    app_result_size(out, "parameters", lg_policy_parameters(policy), NULL);
+    app_result_size(out, "substeps", lg_policy_task_of(trained)->substeps, "of the integrator in a period");
+    app_result_real(out, "seconds", result->seconds, NULL);
+    app_result_size(out, "seed", self->seed, NULL);
+    app_result_size(out, "winner", result->seed, "of the race");
+    app_result_text(out, "out", values.out, NULL);
     report_gap(self, policy, seed,
-               values.seconds > 0 ? 0.2 * values.seconds : fmax(10, 0.2 * result->seconds), &out);
-    control_tell_robustness(self, policy, machine, values.robustness, &out);
+               values.seconds > 0 ? 0.2 * values.seconds : fmax(10, 0.2 * result->seconds), out);
+    control_tell_robustness(self, policy, machine, values.robustness, out);
     lg_policy_destroy(policy);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
 }
 
 static void warn(const app *self, const lg_policy *policy) {
@@ -230,7 +227,7 @@ static void check_checkpoint(app *self) {
     app_check_outputs(self, paths, LG_COUNT(paths));
 }
 
-static int run(app *self) {
+static void run(app *self) {
     lg_policy_task task;
     lg_policy *policy = NULL;
     lg_policy_trainer *trainer = NULL;
@@ -256,7 +253,7 @@ static int run(app *self) {
     if (self->rank == 0) store(self, policy, trainer, &machine, text, &result, status == LG_CANCELLED);
     lg_policy_trainer_destroy(trainer);
     lg_policy_destroy(policy);
-    return status == LG_CANCELLED ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
+    if (status == LG_CANCELLED) self->code = APP_EXIT_INTERRUPTED;
 }
 
 const app_command train_command = {

@@ -68,31 +68,29 @@ static void tell_box(app_json *out, const lg_certificate *file, const lg_certify
 static void tell(app *self, const lg_certificate *file, const lg_certify_result *r, const comparison *c,
                  const char *reason) {
     const bool verified = reason[0] == '\0';
-    app_json out;
-    app_result_begin(&out, self);
-    app_json_bool(&out, "verified", verified);
-    app_json_bool(&out, "converges", verified && r->converges);
-    app_result_text(&out, "claim", r->claim, NULL);
-    if (!verified) app_result_text(&out, "reason", reason, NULL);
-    app_result_text(&out, "plant", file->plant, file->plant_sha256);
-    app_result_text(&out, "controller", file->controller, file->controller_sha256);
-    app_json_text(&out, "plant_sha256", file->plant_sha256);
-    app_json_text(&out, "controller_sha256", file->controller_sha256);
+    app_json *out = self->out;
+    app_json_bool(out, "verified", verified);
+    app_json_bool(out, "converges", verified && r->converges);
+    app_result_text(out, "claim", r->claim, NULL);
+    if (!verified) app_result_text(out, "reason", reason, NULL);
+    app_result_text(out, "plant", file->plant, file->plant_sha256);
+    app_result_text(out, "controller", file->controller, file->controller_sha256);
+    app_json_text(out, "plant_sha256", file->plant_sha256);
+    app_json_text(out, "controller_sha256", file->controller_sha256);
     if (c->compared) {
-        app_json_bool(&out, "same_plant", c->plant);
-        app_json_bool(&out, "same_controller", c->controller);
-        app_json_bool(&out, "same_period", c->period);
+        app_json_bool(out, "same_plant", c->plant);
+        app_json_bool(out, "same_controller", c->controller);
+        app_json_bool(out, "same_period", c->period);
     }
-    app_result_real(&out, "level", r->level, NULL);
-    app_result_size(&out, "boxes", r->boxes, "examined");
-    app_result_real(&out, "seconds", r->seconds, NULL);
-    if (!r->verified) tell_box(&out, file, r);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
+    app_result_real(out, "level", r->level, NULL);
+    app_result_size(out, "boxes", r->boxes, "examined");
+    app_result_real(out, "seconds", r->seconds, NULL);
+    if (!r->verified) tell_box(out, file, r);
+    app_result_end(self);
     if (!verified) app_stop(self, LG_CHECK_FAILED, "not proved: %s", reason);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     lg_certificate file;
     lg_certify *certify = NULL;
     lg_certify_result r;
@@ -112,7 +110,6 @@ static int run(app *self) {
     tell(self, &file, &r, &c, reason);
     lg_certify_destroy(certify);
     lg_certificate_destroy(&file);
-    return APP_EXIT_OK;
 }
 
 const app_command verify_command = {

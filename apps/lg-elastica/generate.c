@@ -54,25 +54,23 @@ static void report(const app *self, const lg_elastica_data *data, double seconds
         low = fmin(low, curves->energy[i]);
         high = fmax(high, curves->energy[i]);
     }
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_text(&out, "case", families_names[values.kind], NULL);
-    app_result_size(&out, "curves", curves->count, NULL);
-    app_result_size(&out, "intervals", curves->intervals, NULL);
-    app_result_text(&out, "values", curves->continuous ? "continuous" : "discrete", NULL);
-    app_json_real(&out, "length", curves->length);
-    app_json_real(&out, "stiffness", curves->stiffness);
-    app_json_real(&out, "gap", values.gap);
-    app_result_real(&out, "energy_min", low, NULL);
-    app_result_real(&out, "energy_max", high, NULL);
-    app_json_size(&out, "threads", self->threads);
-    app_json_text(&out, "sha256", data->sha256);
-    app_result_text(&out, "out", values.out, NULL);
-    app_result_real(&out, "seconds", seconds, NULL);
-    app_json_end(&out);
+    app_json *out = self->out;
+    app_result_text(out, "case", families_names[values.kind], NULL);
+    app_result_size(out, "curves", curves->count, NULL);
+    app_result_size(out, "intervals", curves->intervals, NULL);
+    app_result_text(out, "values", curves->continuous ? "continuous" : "discrete", NULL);
+    app_json_real(out, "length", curves->length);
+    app_json_real(out, "stiffness", curves->stiffness);
+    app_json_real(out, "gap", values.gap);
+    app_result_real(out, "energy_min", low, NULL);
+    app_result_real(out, "energy_max", high, NULL);
+    app_json_size(out, "threads", self->threads);
+    app_json_text(out, "sha256", data->sha256);
+    app_result_text(out, "out", values.out, NULL);
+    app_result_real(out, "seconds", seconds, NULL);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     APP_CLEAN(lg_elastica_data_destroy) lg_elastica_data data = {.sha256 = ""};
     lg_elastica_sampling sampling;
     lg_elastica_sampling_init(&sampling);
@@ -90,7 +88,6 @@ static int run(app *self) {
     APP_MUST_FILE(self, values.out, lg_elastica_data_write(self->context, values.out, &data, &error));
     if (values.plot != NULL) draw_set(self, values.plot, &data.curves);
     report(self, &data, seconds);
-    return APP_EXIT_OK;
 }
 
 const app_command generate_command = {

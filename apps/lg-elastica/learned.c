@@ -50,14 +50,10 @@ static const lg_field part_option[] = {
               "trained on",
               .names = lg_curves_part_names),
     LG_FIELD_END};
-static const lg_field plot_option[] = {
-    LG_OPTION(train_files, plot, STRING, "FILE.svg|.png",
-              "Draw ten curves, true and learned, with their tangents and the mean error along the beam",
-              .file = LG_FILE_DRAWN),
-    LG_FIELD_END};
 
 /* A block for each shown curve, with its true and learned nodes; then the mean errors at each node. */
-static void draw(const app *self, const char *path, const lg_training *training) {
+static void put_curves(app_plot *plot, const void *user) {
+    const lg_training *training = user;
     const lg_surrogate_file *file = training->file;
     const lg_surrogate_state *of = training->state;
     const lg_elastica_curves *curves = &of->data.curves;
@@ -66,10 +62,8 @@ static void draw(const app *self, const char *path, const lg_training *training)
     APP_FREE double *q = app_alloc(5 * nodes, sizeof *q);
     double *const v = q + 2 * nodes, *const s = v + 2 * nodes;
     void *work;
-    lg_surrogate_curves *network = open_network(self, file, nodes, &work);
-    app_plot plot;
-    app_plot_begin(&plot, "elastica_comparison", path);
-    app_plot_text(&plot, "%s network, %zu of %zu curves, mean squared error %.3e\t%zu\t%.9g",
+    lg_surrogate_curves *network = open_network(app_running(), file, nodes, &work);
+    app_plot_text(plot, "%s network, %zu of %zu curves, mean squared error %.3e\t%zu\t%.9g",
                   lg_surrogate_kind_name(file->run.model.options.kind), shown, count, of->errors.mse, shown,
                   curves->length);
     for (size_t k = 0; k < nodes; k++) s[k] = equidistant(curves->length, k, nodes);
@@ -78,18 +72,17 @@ static void draw(const app *self, const char *path, const lg_training *training)
         const double *true_q = curves->q + 2 * nodes * curve, *true_v = curves->v + 2 * nodes * curve;
         lg_surrogate_curve(network, curves->boundary + 8 * curve, s, nodes, q, v, work);
         for (size_t k = 0; k < 2 * nodes; k += 2)
-            APP_PLOT_ROW(&plot, 9, true_q[k], true_q[k + 1], q[k], q[k + 1], true_v[k], true_v[k + 1], v[k],
+            APP_PLOT_ROW(plot, 9, true_q[k], true_q[k + 1], q[k], q[k + 1], true_v[k], true_v[k + 1], v[k],
                          v[k + 1]);
-        app_plot_block(&plot);
+        app_plot_block(plot);
     }
     lg_surrogate_curves_destroy(network);
     for (size_t k = 0; k < nodes; k++)
-        APP_PLOT_ROW(&plot, 9, s[k], of->node_error[2 * k], of->node_error[2 * k + 1]);
-    app_plot_end(self, &plot);
+        APP_PLOT_ROW(plot, 9, s[k], of->node_error[2 * k], of->node_error[2 * k + 1]);
 }
 
 static lg_surrogate_state state;
-static train_task task = {.recipe = &lg_recipe_surrogate, .state = &state, .draw = draw};
+static train_task task = {.recipe = &lg_recipe_surrogate, .state = &state};
 
 const app_command evaluate_command = {
     .name = "evaluate",
@@ -100,7 +93,10 @@ const app_command evaluate_command = {
         "network, all 4(N + 1) for the others. Boundary conditions lie outside the training range if they "
         "are farther from those of the training part than twice the largest gap among these, or farther off "
         "the lines through neighbours. The command counts them.",
-    .settings = APP_SETTINGS(APP_GIVEN(part_option, state), APP_GIVEN(plot_option, train_given_files)),
+    .settings = APP_SETTINGS(APP_GIVEN(part_option, state)),
+    .plots = APP_PLOTS(APP_PLOT(
+        "curves", "ten curves, true and learned, with their tangents and the mean error along the beam",
+        "elastica_comparison", put_curves, .usual = APP_PLOT_ANY)),
     VERB(evaluate, task)};
 
 /* ---- predict ---- */
@@ -227,27 +223,25 @@ static void compare(const app *self, prediction *p) {
 
 static void report_curve(const app *self, const prediction *p) {
     const beam_nodes *at = &p->curve.at;
-    app_json out;
-    app_result_begin(&out, self);
-    app_json_reals(&out, "s", at->s, at->count);
-    result_nodes(&out, at, predict_given.s.count > 0);
-    app_json_reals(&out, "boundary", p->x, 8);
-    app_result_real(&out, "distance", p->beyond.largest, "from the nearest boundary conditions trained on");
-    app_result_real(&out, "reach", p->beyond.reach, "largest distance among these");
-    app_result_real(&out, "off_family", p->beyond.off, "from the family of boundary conditions trained on");
-    app_result_real(&out, "spread", p->beyond.spread, "largest such distance among these");
-    app_json_bool(&out, "inside", p->beyond.count == 0);
-    app_result_real(&out, "seconds", p->seconds, NULL);
+    app_json *out = self->out;
+    app_json_reals(out, "s", at->s, at->count);
+    result_nodes(out, at, predict_given.s.count > 0);
+    app_json_reals(out, "boundary", p->x, 8);
+    app_result_real(out, "distance", p->beyond.largest, "from the nearest boundary conditions trained on");
+    app_result_real(out, "reach", p->beyond.reach, "largest distance among these");
+    app_result_real(out, "off_family", p->beyond.off, "from the family of boundary conditions trained on");
+    app_result_real(out, "spread", p->beyond.spread, "largest such distance among these");
+    app_json_bool(out, "inside", p->beyond.count == 0);
+    app_result_real(out, "seconds", p->seconds, NULL);
     if (predict_given.solve) {
-        app_result_real(&out, "max_error", p->max_error, "largest difference at the nodes");
-        app_result_real(&out, "mse", p->mse, NULL);
-        app_result_real(&out, "energy", p->stiff ? p->truth.solution.energy : (double)NAN, NULL);
-        app_result_real(&out, "rotation", p->truth.problem.rotation, NULL);
-        app_result_real(&out, "solve_seconds", p->solve_seconds, NULL);
+        app_result_real(out, "max_error", p->max_error, "largest difference at the nodes");
+        app_result_real(out, "mse", p->mse, NULL);
+        app_result_real(out, "energy", p->stiff ? p->truth.solution.energy : (double)NAN, NULL);
+        app_result_real(out, "rotation", p->truth.problem.rotation, NULL);
+        app_result_real(out, "solve_seconds", p->solve_seconds, NULL);
     }
-    app_json_text(&out, "network", lg_surrogate_kind_name(p->file.run.model.options.kind));
-    app_json_text(&out, "out", predict_given.out);
-    app_json_end(&out);
+    app_json_text(out, "network", lg_surrogate_kind_name(p->file.run.model.options.kind));
+    app_json_text(out, "out", predict_given.out);
 }
 
 /* Draws the learned curve and, if `truth` is not NULL, the solution. */
@@ -265,7 +259,7 @@ static void draw_prediction(const app *self, const char *path, const beam_curve 
     app_plot_end(self, &plot);
 }
 
-static int run_predict(app *self) {
+static void run_predict(app *self) {
     prediction p = {.seconds = 0};
     const char *model = self->arguments[0];
     if (predict_given.s.count > 0 && predict_given.points > 0)
@@ -288,7 +282,6 @@ static int run_predict(app *self) {
         draw_prediction(self, predict_given.plot, &p.curve, predict_given.solve ? &p.truth : NULL);
     report_curve(self, &p);
     lg_surrogate_file_destroy(&p.file);
-    return APP_EXIT_OK;
 }
 
 const app_command predict_command = {

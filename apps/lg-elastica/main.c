@@ -11,7 +11,7 @@ static const app_command train_command;
 static train_task task = {.recipe = &lg_recipe_surrogate, .settings = settings, .command = &train_command};
 
 static const app_command train_command = {
-    TRAIN_COMMAND("DATA.h5", task), .summary = "Fit a network to curves",
+    TRAIN_COMMAND("DATA.h5", task, train_plots), .summary = "Fit a network to curves",
     .details =
         "train_mse and test_mse are mean squared errors over the curves of each part, nodes and "
         "components, in double precision (discrete: the 4(N - 1) inner ones); `loss` is the last "

@@ -53,20 +53,18 @@ static void add_curve(app_json *out, const beam_curve *curve) {
 
 static void report_curve(const app *self, const beam_curve *curve, double seconds) {
     const size_t inner = curve->problem.intervals - 1;
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_text(&out, "values", values.continuous ? "continuous" : "discrete", NULL);
-    add_curve(&out, curve);
+    app_json *out = self->out;
+    app_result_text(out, "values", values.continuous ? "continuous" : "discrete", NULL);
+    add_curve(out, curve);
     if (!values.continuous) {
         APP_FREE double *lambda = app_alloc(inner, sizeof *lambda);
         (void)lg_elastica_euler_lagrange(&curve->problem, curve->at.q, curve->at.v, lambda);
-        app_json_reals(&out, "lambda", lambda, inner);
+        app_json_reals(out, "lambda", lambda, inner);
     }
-    add_problem(&out, &curve->problem);
-    app_result_size(&out, "iterations", curve->solution.iterations, "Newton steps");
-    app_json_size(&out, "problems", curve->solution.problems);
-    app_result_real(&out, "seconds", seconds, NULL);
-    app_json_end(&out);
+    add_problem(out, &curve->problem);
+    app_result_size(out, "iterations", curve->solution.iterations, "Newton steps");
+    app_json_size(out, "problems", curve->solution.problems);
+    app_result_real(out, "seconds", seconds, NULL);
 }
 
 /* Warns if the energy differs by more than 5 % from the energy of the continuous beam. If the continuous beam
@@ -100,22 +98,20 @@ static void solve_curve(const app *self, const boundary *where, const lg_elastic
 
 static void report_branches(const app *self, const beam_curves *found, const lg_elastica *problem,
                             double seconds) {
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_rows(&out, "branches");
+    app_json *out = self->out;
+    app_result_rows(out, "branches");
     for (size_t i = 0; i < found->count; i++) {
         const bool saddle = found->list[i].solution.negative_eigenvalues > 0;
-        app_json_open(&out, NULL, '{');
-        if (out.people) app_json_size(&out, "branch", i + 1);
-        if (out.people) app_json_text(&out, "", saddle ? "saddle" : "minimum");
-        add_curve(&out, &found->list[i]);
-        app_json_close(&out, '}');
+        app_json_open(out, NULL, '{');
+        if (out->people) app_json_size(out, "branch", i + 1);
+        if (out->people) app_json_text(out, "", saddle ? "saddle" : "minimum");
+        add_curve(out, &found->list[i]);
+        app_json_close(out, '}');
     }
-    app_result_rows_end(&out);
-    app_result_size(&out, "count", found->count, NULL);
-    add_problem(&out, problem);
-    app_result_real(&out, "seconds", seconds, NULL);
-    app_json_end(&out);
+    app_result_rows_end(out);
+    app_result_size(out, "count", found->count, NULL);
+    add_problem(out, problem);
+    app_result_real(out, "seconds", seconds, NULL);
 }
 
 static void solve_branches(const app *self, const boundary *where, const lg_elastica_options *options) {
@@ -147,7 +143,7 @@ static void check_options(const app *self) {
             app_stop_usage(self, "--%s: --sweep already varies the x of a case", alone[i]);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     check_options(self);
     app_check_text(self, values.out, values.sweep > 0 ? SWEEP_HEAD : curves_head(values.branches));
     const lg_elastica problem = beam_problem(self);
@@ -158,12 +154,11 @@ static int run(app *self) {
         const sweep_values sweep = {(size_t)values.sweep, problem,    (lg_elastica_case)beam_given.kind,
                                     values.saddles,       values.out, values.plot};
         sweep_run(self, &sweep, &options);
-        return APP_EXIT_OK;
+        return;
     }
     boundary where;
     boundary_read(self, &problem, LG_ELASTICA_BOTH_ENDS, &where);
     (values.branches ? solve_branches : solve_curve)(self, &where, &options);
-    return APP_EXIT_OK;
 }
 
 const app_command solve_command = {

@@ -164,17 +164,15 @@ static void add_points(app_json *out, const sweep_point *points, size_t count) {
 }
 
 static void report(const sweep *s, const sweep_point *points, size_t count, double seconds) {
-    app_json out;
-    app_result_begin(&out, s->self);
-    if (out.people) add_branches(&out, points, count);
-    app_json_text(&out, "case", lg_elastica_case_name(s->values->kind));
-    app_json_reals(&out, "x", s->x, s->values->points);
-    app_json_size(&out, "branches", s->branches);
-    add_points(&out, points, count);
-    app_json_size(&out, "intervals", s->values->problem.intervals);
-    app_json_text(&out, "out", s->values->out);
-    app_json_real(&out, "seconds", seconds);
-    app_json_end(&out);
+    app_json *out = s->self->out;
+    if (out->people) add_branches(out, points, count);
+    app_json_text(out, "case", lg_elastica_case_name(s->values->kind));
+    app_json_reals(out, "x", s->x, s->values->points);
+    app_json_size(out, "branches", s->branches);
+    add_points(out, points, count);
+    app_json_size(out, "intervals", s->values->problem.intervals);
+    app_json_text(out, "out", s->values->out);
+    app_json_real(out, "seconds", seconds);
 }
 
 static void check_found(const sweep *s, size_t i) {

@@ -337,7 +337,7 @@ typedef struct place {
 } place;
 
 static lg_status place_error(const place *at, const char *what, int code, lg_error *error) {
-    return app_error(error, LG_FILE, "%s: %s: %s", at->out, what, strerror(code));
+    return lg_fail(error, LG_FILE, "%s: %s: %s", at->out, what, strerror(code));
 }
 
 static bool is_empty_folder(const char *path) {
@@ -381,12 +381,12 @@ static lg_status look_at(place *at, size_t file, lg_error *error) {
     if (lstat(path, &information) == 0) {
         at->earlier = true;
         if (!S_ISREG(information.st_mode))
-            status = app_error(error, LG_FILE, "%s: exists and is not a regular file", path);
+            status = lg_fail(error, LG_FILE, "%s: exists and is not a regular file", path);
         else if (!is_ours(at, file, path))
-            status = app_error(error, LG_FILE,
-                               "%s: exists and was not written by lg-export for the name %s: choose another "
-                               "folder for each model",
-                               path, at->source->options->name);
+            status = lg_fail(error, LG_FILE,
+                             "%s: exists and was not written by lg-export for the name %s: choose another "
+                             "folder for each model",
+                             path, at->source->options->name);
     }
     return status;
 }
@@ -395,8 +395,8 @@ static lg_status look_at(place *at, size_t file, lg_error *error) {
 static lg_status look_above(const place *at, lg_error *error) {
     struct stat information;
     if (stat(at->parent, &information) == 0 || errno != ENOENT) return LG_OK;
-    return app_error(error, LG_FILE, "%s: cannot be made: there is no folder %s, make that first", at->out,
-                     at->parent);
+    return lg_fail(error, LG_FILE, "%s: cannot be made: there is no folder %s, make that first", at->out,
+                   at->parent);
 }
 
 /* Checks that `out` can be written: it does not exist, or it is an empty folder, or a folder in which every
@@ -448,7 +448,7 @@ static lg_status write_files(place *at, lg_error *error) {
         const int code = write_whole(at->holds.fd, file->name, &file->content);
         if (code != 0) return place_error(at, "cannot be written", code, error);
         if (app_interrupted())
-            return app_error(error, LG_CANCELLED, "%s: stopped, nothing is written", at->out);
+            return lg_fail(error, LG_CANCELLED, "%s: stopped, nothing is written", at->out);
     }
     (void)fsync(at->holds.fd);
     return LG_OK;
@@ -467,11 +467,19 @@ static lg_status rename_files(place *at, lg_error *error) {
     return code == 0 ? LG_OK : place_error(at, "cannot be written", code, error);
 }
 
+/* So that new names in the folder survive a loss of power, if the file system can sync folders. */
+static void sync_folder(const char *path) {
+    const int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0) return;
+    (void)fsync(fd);
+    (void)close(fd);
+}
+
 static lg_status rename_folder(place *at, lg_error *error) {
     struct stat old;
     if (stat(at->out, &old) == 0) (void)chmod(at->temporary, old.st_mode & 07777);
     if (rename(at->temporary, at->out) != 0) return place_error(at, "cannot be written", errno, error);
-    app_sync_folder(at->parent);
+    sync_folder(at->parent);
     return LG_OK;
 }
 
@@ -496,7 +504,7 @@ static lg_status put(const app *self, place *at, lg_error *error) {
 }
 
 static lg_status refuse_unfit(const export_source *source, const char *does, lg_error *error) {
-    return app_error(
+    return lg_fail(
         error, LG_NOT_FINITE, "%s: %s numbers that are not finite or too large%s", source->options->file,
         does, source->options->dtype == LG_F32 ? " in single precision: export it with --dtype f64" : "");
 }

@@ -259,8 +259,7 @@ lg_status graph_make(lg_program *program, size_t function, graph *out, lg_error 
     uint32_t *inputs = add_inputs(out);
     lg_status status = inline_function(out, program, function, inputs, out->results);
     free(inputs);
-    if (status != LG_OK)
-        return app_error(error, status, "the function has too many operations to be exported");
+    if (status != LG_OK) return lg_fail(error, status, "the function has too many operations to be exported");
     mark(out);
     return fold(out, program, error);
 }

@@ -314,33 +314,30 @@ static void report(const job *j) {
     const export_source *source = &j->source;
     const size_t parameters = source->parameters > 0 ? source->parameters : source->numbers;
     const lg_scheme *scheme = j->options.scheme;
-    app_json out;
-    app_result_begin(&out, j->self);
-    app_result_text(&out, "name", j->name, NULL);
-    app_result_text(&out, "kind", j->kind, NULL);
-    app_result_text(&out, "dtype", type_of(j), NULL);
-    app_result_text(&out, "scheme", scheme != NULL ? scheme->name : NULL, "of the step");
-    app_json_open(&out, "files", '[');
+    app_json *out = j->self->out;
+    app_result_text(out, "name", j->name, NULL);
+    app_result_text(out, "kind", j->kind, NULL);
+    app_result_text(out, "dtype", type_of(j), NULL);
+    app_result_text(out, "scheme", scheme != NULL ? scheme->name : NULL, "of the step");
+    app_json_open(out, "files", '[');
     for (size_t i = 0; i < source->file_count; i++) {
-        app_json_text(&out, NULL, source->files[i].name);
-        app_result_line(&out, "  %s/%s", given.out, source->files[i].name);
+        app_json_text(out, NULL, source->files[i].name);
+        app_result_line(out, "  %s/%s", given.out, source->files[i].name);
     }
-    app_json_close(&out, ']');
+    app_json_close(out, ']');
     if (source->bundle) {
-        app_json_size(&out, "functions", source->functions);
+        app_json_size(out, "functions", source->functions);
     } else {
-        app_json_size(&out, "inputs", source->inputs);
-        app_json_size(&out, "outputs", source->outputs);
+        app_json_size(out, "inputs", source->inputs);
+        app_json_size(out, "outputs", source->outputs);
     }
-    app_result_size(&out, "parameters", parameters, NULL);
-    app_result_size(&out, "weights_bytes", source->numbers * real_bytes(j) + source->integer_bytes, NULL);
-    app_json_size(&out, "work_size", source->work);
-    app_result_size(&out, "work_bytes", source->work * real_bytes(j), NULL);
-    app_result_size(&out, "stack_size", source->stack, "bytes at most");
-    app_result_size(&out, "depth", source->depth, NULL);
-    app_result_real(&out, "tolerance", export_tolerance(source), "of the self-test; make test runs it");
-    app_json_warnings(&out, j->self);
-    app_json_end(&out);
+    app_result_size(out, "parameters", parameters, NULL);
+    app_result_size(out, "weights_bytes", source->numbers * real_bytes(j) + source->integer_bytes, NULL);
+    app_json_size(out, "work_size", source->work);
+    app_result_size(out, "work_bytes", source->work * real_bytes(j), NULL);
+    app_result_size(out, "stack_size", source->stack, "bytes at most");
+    app_result_size(out, "depth", source->depth, NULL);
+    app_result_real(out, "tolerance", export_tolerance(source), "of the self-test; make test runs it");
 }
 
 /* Warns about numbers that become 0 or lose digits in single precision: otherwise the result would be wrong
@@ -355,7 +352,7 @@ static void warn_lost(const job *j) {
                  j->options.file, lost);
 }
 
-static int export_run(app *self) {
+static void export_run(app *self) {
     job j = {.self = self,
              .path = self->arguments[0],
              .options = {.dtype = given.dtype == 1 ? LG_F32 : LG_F64,
@@ -381,7 +378,6 @@ static int export_run(app *self) {
     export_source_free(&j.source);
     lg_scheme_destroy(j.scheme);
     free(j.name);
-    return APP_EXIT_OK;
 }
 
 int main(int argc, char **argv) {

@@ -46,10 +46,10 @@ static lg_status add_nodes(onnx_job *j, const char *file, lg_error *error) {
         else
             done = onnx_translate(j, k);
         if (!done)
-            return app_error(error, LG_UNSUPPORTED,
-                             "%s: its operation '%s' has no form in ONNX here; choose another function with "
-                             "--functions, or --target c",
-                             file, n->op.name);
+            return lg_fail(error, LG_UNSUPPORTED,
+                           "%s: its operation '%s' has no form in ONNX here; choose another function with "
+                           "--functions, or --target c",
+                           file, n->op.name);
     }
     return LG_OK;
 }

@@ -156,11 +156,10 @@ static void find_condition(job *j, size_t function, size_t depth) {
     lg_status status = export_amplification(j->program, function, x, CONDITION_POINTS, depth, &found, &error);
     j->condition = isfinite(found) && found > 1 ? ceil(found) : 1;
     if (status == LG_OK && !isfinite(found) && j->source->options->dtype == LG_F32)
-        status =
-            app_error(&error, LG_NOT_FINITE,
-                      "%s: function '%s' gives numbers that are not finite in single precision, at random "
-                      "points of its inputs: export it with --dtype f64",
-                      j->source->options->file, lg_program_function_name(j->program, function));
+        status = lg_fail(&error, LG_NOT_FINITE,
+                         "%s: function '%s' gives numbers that are not finite in single precision, at random "
+                         "points of its inputs: export it with --dtype f64",
+                         j->source->options->file, lg_program_function_name(j->program, function));
     must(j, status, &error);
 }
 

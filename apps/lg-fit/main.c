@@ -8,14 +8,13 @@
 #include "table/files/recipe.h"
 
 enum { PANELS = 4, POINTS = 5000 };
-#define DRAWN "Draw predicted against true values, or the table of confusion"
 
-/* ---- the plot and the table ---- */
+/* ---- plots and the table of confusion ---- */
 
-static void put_scatter(app_plot *plot, const char *path, const lg_table_state *of) {
+static void put_scatter(app_plot *plot, const void *training) {
+    const lg_table_state *of = ((const lg_training *)training)->state;
     const lg_table_judgement *j = &of->judged;
     const uint32_t outputs = of->file.run.model.net.outputs, panels = outputs < PANELS ? outputs : PANELS;
-    app_plot_begin(plot, "scatter", path);
     app_plot_text(plot, "%zu", j->rows);
     for (uint32_t o = 0; o < panels; o++)
         app_plot_text(plot, "%s: rmse %.3g, R^2 %.3f", of->file.output_name[o], j->rmse[o], j->r2[o]);
@@ -27,18 +26,27 @@ static void put_scatter(app_plot *plot, const char *path, const lg_table_state *
     }
 }
 
-static void draw(const app *self, const char *path, const lg_training *training) {
-    const lg_table_state *of = training->state;
+static void put_confusion(app_plot *plot, const void *training) {
+    const lg_table_state *of = ((const lg_training *)training)->state;
     const lg_table_judgement *j = &of->judged;
     APP_FREE char *title = app_format("accuracy %.4f, f1 %.4f on %zu rows", j->accuracy, j->f1, j->rows);
-    app_plot plot;
-    if (j->truth != NULL)
-        put_scatter(&plot, path, of);
-    else
-        app_plot_confusion(&plot, path, title, j->confusion, of->file.run.model.net.outputs,
-                           of->file.output_name);
-    app_plot_end(self, &plot);
+    app_plot_confusion(plot, title, j->confusion, of->file.run.model.net.outputs, of->file.output_name);
 }
+
+enum { REGRESSION = 2, CLASSES = 4 };
+
+static unsigned has(const lg_training *training) {
+    const lg_table_run *run = training->run;
+    return run->model.options.task == LG_TABLE_REGRESSION ? REGRESSION : CLASSES;
+}
+
+static const app_plot_kind plots[] = {
+    APP_PLOT("loss", "the loss over the epochs", "training", train_put_loss),
+    APP_PLOT("scatter", "predicted against true values", "scatter", put_scatter, REGRESSION,
+             "the table has classes", REGRESSION),
+    APP_PLOT("confusion", "the table of confusion", "confusion", put_confusion, CLASSES,
+             "the table has no classes", CLASSES),
+    {.name = NULL}};
 
 static void print(const lg_training *training) {
     lg_table_state *of = training->state;
@@ -49,17 +57,11 @@ static void print(const lg_training *training) {
 
 /* ---- train, evaluate and search ---- */
 
-static const lg_field train_options[] = {TRAIN_SIZE_ROW, TRAIN_FILE_ROWS(DRAWN), LG_FIELD_END};
-static const lg_field evaluate_options[] = {
-    LG_OPTION(train_files, plot, STRING, "FILE.svg|.png",
-              DRAWN "; its data and script stay next to it, as FILE.dat and FILE.gp", .file = LG_FILE_DRAWN),
-    LG_FIELD_END};
-
 static lg_table_run run; /* everything that determines the result */
 static lg_table_state state;
 static const app_settings settings[] = {{lg_table_fields, &run, sizeof run},
                                         APP_GIVEN(lg_table_given_rows, state.given),
-                                        APP_GIVEN(train_options, train_given_files),
+                                        TRAIN_SHARED,
                                         APP_SETTINGS_END};
 static const app_command train_command;
 static train_task task = {.recipe = &lg_recipe_table,
@@ -67,10 +69,10 @@ static train_task task = {.recipe = &lg_recipe_table,
                           .command = &train_command,
                           .state = &state,
                           .print = print,
-                          .draw = draw};
+                          .has = has};
 
 static const app_command train_command = {
-    TRAIN_COMMAND("TABLE", task), .summary = "Fit a network to a table",
+    TRAIN_COMMAND("TABLE", task, plots), .summary = "Fit a network to a table",
     .details =
         "TABLE is a CSV file with a header, an HDF5 file or a numpy array (.npy). Columns are scaled by mean "
         "and deviation of the training rows. Rows with missing cells are left out. A regression is trained "
@@ -91,7 +93,7 @@ static const app_command evaluate_command = {
     .details =
         "Columns are found by their names, in any order. Rows with missing cells are left out. A row lies "
         "outside the training range if an input exceeds its range by more than a tenth of the range.",
-    .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, train_given_files))};
+    .plots = plots + 1};
 
 static const app_command search_command = {
     SEARCH_COMMAND("TABLE"), VERB(search, task),
@@ -179,17 +181,14 @@ static void write_rows(const app *self, const lg_table_file *file, const lg_tabl
 }
 
 static void report_rows(const app *self, size_t rows, const counts *found) {
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_text(&out, "out", values.out, NULL);
-    app_result_size(&out, "rows", rows, NULL);
-    app_result_size(&out, "incomplete", found->incomplete, "rows that lack an input");
-    app_result_size(&out, "outside", found->outside, "rows beyond the training range");
-    app_json_warnings(&out, self);
-    app_json_end(&out);
+    app_json *out = self->out;
+    app_result_text(out, "out", values.out, NULL);
+    app_result_size(out, "rows", rows, NULL);
+    app_result_size(out, "incomplete", found->incomplete, "rows that lack an input");
+    app_result_size(out, "outside", found->outside, "rows beyond the training range");
 }
 
-static int run_predict(app *self) {
+static void run_predict(app *self) {
     const char *model = self->arguments[0], *path = self->arguments[1];
     APP_CLEAN(lg_table_file_destroy) lg_table_file file = {0};
     lg_table_sheet table;
@@ -208,7 +207,7 @@ static int run_predict(app *self) {
     lg_table_warn_outside(self->context, found.outside, rows, path, model);
     const bool failed = lg_table_warn_infinite(self->context, found.infinite, rows, path);
     if (values.out != NULL) report_rows(self, rows, &found);
-    return failed ? APP_EXIT_NUMERIC : APP_EXIT_OK;
+    if (failed) self->code = APP_EXIT_NUMERIC;
 }
 
 static const app_command predict_command = {

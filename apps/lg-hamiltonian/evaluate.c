@@ -42,25 +42,23 @@ static evaluate_values values;
 static void report(const app *self, const lg_trajectories *test, const verdict *result, bool recorded,
                    double seconds) {
     const bool relative = values.metric == METRIC_RELATIVE;
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_real(&out, "E1", result->e1, "mean squared error of the learned flow");
-    app_result_real(&out, "E2", result->e2,
+    app_json *out = self->out;
+    app_result_real(out, "E1", result->e1, "mean squared error of the learned flow");
+    app_result_real(out, "E2", result->e2,
                     test->hamiltonian == NULL
                         ? "the file of the test trajectories has no /hamiltonian"
                         : "mean deviation of the Hamiltonian from the true one, up to a constant");
     if (relative) {
-        app_result_real(&out, "relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8");
-        app_result_real(&out, "relative_worst", result->relative_worst, "the same of the worst trajectory");
+        app_result_real(out, "relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8");
+        app_result_real(out, "relative_worst", result->relative_worst, "the same of the worst trajectory");
     }
-    app_result_size(&out, "trajectories", test->count, NULL);
-    app_result_size(&out, "points", test->points, "of each trajectory");
-    app_result_real(&out, "t_end", test->t[test->points - 1] - test->t[0], NULL);
-    app_json_bool(&out, "recorded", recorded);
-    app_json_size(&out, "threads", self->threads);
-    app_result_real(&out, "seconds", seconds, NULL);
-    if (recorded) app_result_line(&out, "Recorded in %s", self->arguments[0]);
-    app_json_end(&out);
+    app_result_size(out, "trajectories", test->count, NULL);
+    app_result_size(out, "points", test->points, "of each trajectory");
+    app_result_real(out, "t_end", test->t[test->points - 1] - test->t[0], NULL);
+    app_json_bool(out, "recorded", recorded);
+    app_json_size(out, "threads", self->threads);
+    app_result_real(out, "seconds", seconds, NULL);
+    if (recorded) app_result_line(out, "Recorded in %s", self->arguments[0]);
 }
 
 /* An E1 or E2 that is not finite is a failure (the report is still printed), except that E2 may be
@@ -126,6 +124,7 @@ static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_traject
         recorded =
             record_verdict(self->context, self->arguments[0], &file->run, file->theta, test, &result, &why);
     report(self, test, &result, values.record && code == APP_EXIT_OK && recorded == LG_OK, seconds);
+    app_result_end(self);
     app_must_file(self, recorded, &why, self->arguments[0]);
     return code;
 }
@@ -145,7 +144,7 @@ static void check_record(const app *self) {
     app_continue(path);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     const char *model = self->arguments[0], *data = self->arguments[1];
     APP_CLEAN(lg_hamiltonian_file_destroy) lg_hamiltonian_file file = {0};
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0};
@@ -158,7 +157,7 @@ static int run(app *self) {
     lg_warn_of_inputs(self->context, data, &test);
     warn_of_systems(self, file.run.system, test.system);
     warn_of_training_data(self, file.run.data_sha256, test.sha256);
-    return evaluate(self, &file, &test);
+    self->code = evaluate(self, &file, &test);
 }
 
 const app_command evaluate_command = {

@@ -45,22 +45,20 @@ static const lg_field generate_options[] = {
 static generate_values values = {.points = 5};
 
 static void report(const app *self, const lg_trajectories *data, double seconds) {
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_text(&out, "system", data->system, NULL);
-    app_json_size(&out, "links", data->n);
-    app_result_size(&out, "trajectories", data->count, NULL);
-    app_result_size(&out, "points", data->points, "of each");
-    app_result_size(&out, "state_size", data->state_dim, "numbers of a point");
-    app_result_real(&out, "dt", data->dt, NULL);
-    app_json_real(&out, "noise", values.noise);
-    app_json_text(&out, "noise_kind", noise_names[values.noise_kind]);
-    app_json_text(&out, "noise_on", noise_on_names[values.noise_on]);
-    app_json_size(&out, "seed", self->seed);
-    app_json_text(&out, "sha256", data->sha256);
-    app_result_text(&out, "out", values.out, NULL);
-    app_result_real(&out, "seconds", seconds, NULL);
-    app_json_end(&out);
+    app_json *out = self->out;
+    app_result_text(out, "system", data->system, NULL);
+    app_json_size(out, "links", data->n);
+    app_result_size(out, "trajectories", data->count, NULL);
+    app_result_size(out, "points", data->points, "of each");
+    app_result_size(out, "state_size", data->state_dim, "numbers of a point");
+    app_result_real(out, "dt", data->dt, NULL);
+    app_json_real(out, "noise", values.noise);
+    app_json_text(out, "noise_kind", noise_names[values.noise_kind]);
+    app_json_text(out, "noise_on", noise_on_names[values.noise_on]);
+    app_json_size(out, "seed", self->seed);
+    app_json_text(out, "sha256", data->sha256);
+    app_result_text(out, "out", values.out, NULL);
+    app_result_real(out, "seconds", seconds, NULL);
 }
 
 /* ---- pieces of work: the trajectories of some starts ---- */
@@ -136,16 +134,16 @@ static void finish(const app *self, lg_trajectories *data, trials_work *made, do
 }
 
 /* Samples the motion of a program with the functions constraint, potential and mass. */
-static int run_constrained(app *self, const char *path, trials_work *made, double begin) {
+static void run_constrained(app *self, const char *path, trials_work *made, double begin) {
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0};
     lg_program *program;
     lg_constraint *constraint = NULL;
     lg_error why = {LG_OK, ""};
-    if (values.segments > 0) return app_usage(self, "--segments is for scenes");
+    if (values.segments > 0) app_stop_usage(self, "--segments is for scenes");
     APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
     lg_status status = lg_constraint_create(self->context, program, &constraint, &why);
     if (status == LG_OK && !lg_constraint_moves(constraint))
-        status = app_error(&why, LG_FORMAT, "there is no function potential (q) -> V");
+        status = lg_fail(&why, LG_FORMAT, "there is no function potential (q) -> V");
     if (status != LG_OK) app_stop(self, status, "%s: %s", path, why.message);
     const sampling how = sampling_of(self, NULL);
     status = lg_trajectories_create(self->context, "", lg_hamiltonian_family_find("constrained"),
@@ -156,10 +154,9 @@ static int run_constrained(app *self, const char *path, trials_work *made, doubl
     lg_constraint_destroy(constraint);
     lg_program_destroy(program);
     if (make_all(self, NULL, &how, &data, made)) finish(self, &data, made, begin);
-    return APP_EXIT_OK;
 }
 
-static int run(app *self) {
+static void run(app *self) {
     const char *path = self->arguments[0];
     const double begin = app_seconds();
     APP_CLEAN(lg_scene_destroy) lg_scene scene = {0};
@@ -171,9 +168,12 @@ static int run(app *self) {
     const app_path out = trials_choose(&made, LG_FILE_WRITTEN);
     app_check_outputs(self, &out, 1);
     APP_MUST_FILE(self, path, lg_file_is_h5(path, &h5, &error));
-    if (h5) return run_constrained(self, path, &made, begin);
+    if (h5) {
+        run_constrained(self, path, &made, begin);
+        return;
+    }
     if (values.speed > 0)
-        return app_usage(self, "--speed is for constraints; a scene says how starts are drawn");
+        app_stop_usage(self, "--speed is for constraints; a scene says how starts are drawn");
     APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &scene, &error));
     if (values.segments > 0) scene.segments = (uint32_t)values.segments;
     const sampling how = sampling_of(self, &scene);
@@ -187,7 +187,6 @@ static int run(app *self) {
                  "%s: line %u: `initial` is a single start and was not used; the starts were drawn at random "
                  "(see key `starts`)",
                  path, scene.line_initial);
-    return APP_EXIT_OK;
 }
 
 const app_command generate_command = {.name = "generate",

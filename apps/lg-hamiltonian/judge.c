@@ -103,15 +103,15 @@ static double mean_square(const lg_trajectories *test, const double *predicted) 
 static lg_status find_failure(const judgement *self, lg_error *error) {
     for (size_t i = 0; i < self->test->count; i++) {
         if (self->status[i] == LG_TOO_MANY_STEPS)
-            return app_error(
+            return lg_fail(
                 error, LG_TOO_MANY_STEPS,
                 "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: "
                 "the model is far from a flow of these data; train it longer, or give a larger "
                 "--tolerance",
                 i, MOST_STEPS + MOST_STEPS_A_POINT * self->test->points, self->tolerance);
         if (self->status[i] != LG_OK)
-            return app_error(error, self->status[i], "the learned flow of test trajectory %zu: %s", i,
-                             lg_status_sentence(self->status[i]));
+            return lg_fail(error, self->status[i], "the learned flow of test trajectory %zu: %s", i,
+                           lg_status_sentence(self->status[i]));
     }
     return LG_OK;
 }
@@ -163,7 +163,7 @@ lg_status judge_relative(const lg_trajectories *test, const double *predicted, v
         const lg_status status =
             mean_logarithm(test, test->data + i * block, predicted + i * block, z, work, &mean);
         if (status != LG_OK)
-            return app_error(error, status, "test trajectory %zu: %s", i, lg_status_sentence(status));
+            return lg_fail(error, status, "test trajectory %zu: %s", i, lg_status_sentence(status));
         sum += mean;
         largest = fmax(largest, mean);
     }

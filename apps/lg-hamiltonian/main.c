@@ -15,7 +15,7 @@ static const app_settings settings[] = {{lg_hamiltonian_fields, &run, sizeof run
 static train_task task = {.recipe = &lg_recipe_hamiltonian, .settings = settings, .state = &state};
 
 static const app_command train_command = {
-    TRAIN_COMMAND("DATA.h5", task), .summary = "Fit a Hamiltonian to trajectories",
+    TRAIN_COMMAND("DATA.h5", task, train_plots), .summary = "Fit a Hamiltonian to trajectories",
     .details =
         "Loss: the mean squared difference over trajectories, coordinates and points (the first excluded; "
         "with --starts estimated it counts too) between the data and the integrator's prediction with the "

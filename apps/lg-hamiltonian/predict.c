@@ -152,19 +152,17 @@ static double energy_drift(const prediction *p) {
 }
 
 static void report(const app *self, const prediction *p) {
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_real(&out, "t", p->t_end, NULL);
-    app_result_reals(&out, "y", p->y.data + (p->y.points - 1) * p->dim, p->dim, NULL);
-    app_json_size(&out, "points", p->y.points);
-    app_result_size(&out, "steps", p->stats.steps, NULL);
-    app_json_size(&out, "evaluations", p->stats.evaluations);
-    app_result_real(&out, "energy_drift", energy_drift(p), "largest change of the learned energy");
-    app_result_real(&out, "max_error", largest_difference(p),
+    app_json *out = self->out;
+    app_result_real(out, "t", p->t_end, NULL);
+    app_result_reals(out, "y", p->y.data + (p->y.points - 1) * p->dim, p->dim, NULL);
+    app_json_size(out, "points", p->y.points);
+    app_result_size(out, "steps", p->stats.steps, NULL);
+    app_json_size(out, "evaluations", p->stats.evaluations);
+    app_result_real(out, "energy_drift", energy_drift(p), "largest change of the learned energy");
+    app_result_real(out, "max_error", largest_difference(p),
                     "largest difference from the true flow, which a scene gives");
-    app_json_text(&out, "out", values.out);
-    app_result_real(&out, "seconds", p->seconds, NULL);
-    app_json_end(&out);
+    app_json_text(out, "out", values.out);
+    app_result_real(out, "seconds", p->seconds, NULL);
 }
 
 static void write_outputs(const app *self, prediction *p) {
@@ -181,7 +179,7 @@ static void prediction_destroy(prediction *p) {
     lg_scene_destroy(&p->scene);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     const bool scene = self->argument_count > 1;
     const char *path = self->arguments[0];
     APP_CLEAN(lg_hamiltonian_file_destroy) lg_hamiltonian_file file = {0};
@@ -200,7 +198,6 @@ static int run(app *self) {
     integrate(self, &p);
     write_outputs(self, &p);
     report(self, &p);
-    return APP_EXIT_OK;
 }
 
 const app_command predict_command = {.name = "predict",

@@ -6,12 +6,12 @@ lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **fami
     size_t copies = 0;
     const lg_hamiltonian_family *found = lg_hamiltonian_family_for(scene->system, &copies);
     if (found == NULL)
-        return app_error(error, LG_UNSUPPORTED,
-                         "lg-hamiltonian cannot learn system %s; lg-simulate can integrate it",
-                         lg_system_name(scene->system));
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "lg-hamiltonian cannot learn system %s; lg-simulate can integrate it",
+                       lg_system_name(scene->system));
     if (copies > LG_HAMILTONIAN_MAX_COPIES)
-        return app_error(error, LG_UNSUPPORTED, "%zu %ss are more than the %d that can be learned", copies,
-                         found->copy, LG_HAMILTONIAN_MAX_COPIES);
+        return lg_fail(error, LG_UNSUPPORTED, "%zu %ss are more than the %d that can be learned", copies,
+                       found->copy, LG_HAMILTONIAN_MAX_COPIES);
     *family = found;
     *n = (uint32_t)copies;
     return LG_OK;
@@ -24,7 +24,7 @@ lg_status sample_create(const lg_context *context, const lg_scene *scene, const 
     LG_TRY(scene_family(scene, &family, &n, error));
     const lg_status status = lg_trajectories_create(context, lg_system_name(scene->system), family, n,
                                                     how->trajectories, how->points, how->t_end, true, 0, out);
-    if (status != LG_OK) return app_error(error, status, "%s", lg_status_sentence(status));
+    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
     for (size_t j = 0; j < out->points; j++) out->t[j] = how->t_end * (double)j / (double)(out->points - 1);
     return LG_OK;
 }

@@ -242,7 +242,7 @@ static void begin(study *self) {
     for (size_t i = 0; i < work->count; i++) work->known[i] = work->known[i] || self->table.done[i];
 }
 
-static int run(app *host) {
+static void run(app *host) {
     const double start = app_seconds();
     const uint64_t jobs = values.jobs > 0 ? values.jobs : host->threads;
     APP_CLEAN(study_end)
@@ -268,12 +268,11 @@ static int run(app *host) {
     app_progress_begin(&self.progress, 0, self.work.count - trials_known(&self.work));
     const bool whole = trials_run(&self.work);
     app_progress_end(&self.progress);
-    if (!whole) return APP_EXIT_OK;
+    if (!whole) return;
     APP_MUST_FILE(host, values.out, save(&self, &error));
     trials_end(&self.work);
     if (values.plot != NULL) study_draw_work(host, values.plot, &self.table);
     study_report(host, &self.table, self.work.fresh, app_seconds() - start);
-    return APP_EXIT_OK;
 }
 
 const app_command study_command = {.name = "study",

@@ -89,7 +89,7 @@ void study_set_protocol(study_plan *plan, const char *text) {
 static bool parse_value(const study_axis *axis, const char *text, uint32_t *at) {
     double number = (double)NAN;
     const bool named = isnan(axis->number[0]);
-    if (text[0] == '\0' || (!named && !app_parse_real(text, &number))) return false;
+    if (text[0] == '\0' || (!named && lg_number_parse(text, &number) != LG_OK)) return false;
     for (*at = 0; *at < axis->count; ++*at)
         if (named ? strcmp(axis->text[*at], text) == 0 : axis->number[*at] == number) break;
     return true;
@@ -109,14 +109,14 @@ static bool parse_row(const study_plan *plan, char *line, const char **protocol,
     }
     bool good = n == COLUMNS && at == NULL;
     for (uint32_t i = 0; i < AXES && good; i++) good = parse_value(&plan->axes[i], *next++, &row->at[i]);
-    good = good && app_parse_size(*next++, &repeat) && repeat <= UINT32_MAX &&
-           app_parse_size(*next++, &row->seed);
+    good = good && lg_integer_parse(*next++, &repeat) == LG_OK && repeat <= UINT32_MAX &&
+           lg_integer_parse(*next++, &row->seed) == LG_OK;
     row->repeat = (uint32_t)repeat;
     for (uint32_t i = 0; i < MEASURES && good; i++, next++) {
         row->result[i] = (double)NAN; /* an empty field */
-        good = **next == '\0' || app_parse_real(*next, &row->result[i]);
+        good = **next == '\0' || lg_number_parse(*next, &row->result[i]) == LG_OK;
     }
-    if (!good || !app_parse_size(next[0], &row->epochs)) return false;
+    if (!good || lg_integer_parse(next[0], &row->epochs) != LG_OK) return false;
     row->failed = strcmp(next[1], "ok") != 0;
     *protocol = next[2];
     return true;
@@ -127,11 +127,11 @@ static lg_status parse_line(study_table *table, const lg_csv *csv, lg_error *err
     study_row row;
     (void)fprintf(table->text.stream, "%s\n", csv->line);
     if (!parse_row(table->plan, csv->line, &protocol, &row))
-        return app_error(error, LG_FORMAT, "%s: line %zu: not a row of a study", path, csv->number);
+        return lg_fail(error, LG_FORMAT, "%s: line %zu: not a row of a study", path, csv->number);
     if (strcmp(protocol, table->plan->protocol) != 0)
-        return app_error(error, LG_FORMAT,
-                         "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
-                         path, csv->number, protocol, table->plan->protocol);
+        return lg_fail(error, LG_FORMAT,
+                       "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
+                       path, csv->number, protocol, table->plan->protocol);
     const size_t run = run_of(table->plan, &row);
     table->count++;
     if (run >= study_runs(table->plan) || table->done[run]) return LG_OK;
@@ -146,9 +146,9 @@ static lg_status read_table(study_table *table, lg_csv *csv, lg_error *error) {
     APP_FREE char *header = app_format("%.*s", (int)table->text.length - 1, table->text.text);
     LG_TRY(lg_csv_next(csv, &more, error));
     if (more && strcmp(csv->line, header) != 0)
-        return app_error(error, LG_FORMAT,
-                         "%s: line 1: this is not the table of a study; first line expected: %s",
-                         table->text.path, header);
+        return lg_fail(error, LG_FORMAT,
+                       "%s: line 1: this is not the table of a study; first line expected: %s",
+                       table->text.path, header);
     for (;;) {
         LG_TRY(lg_csv_next(csv, &more, error));
         if (!more || !csv->closed) return LG_OK;
@@ -196,7 +196,7 @@ void study_table_add(study_table *table, size_t run) {
 lg_status study_table_save(study_table *table, lg_error *error) {
     const app_file *text = &table->text;
     if (!table->changed) return LG_OK;
-    if (fflush(text->stream) != 0) return app_error(error, LG_OUT_OF_MEMORY, "out of memory");
+    if (fflush(text->stream) != 0) return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
     table->changed = false;
     return lg_file_write(app_running()->context, text->path, text->text, text->length, error);
 }

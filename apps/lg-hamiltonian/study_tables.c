@@ -76,33 +76,31 @@ static void put_best(app_json *out, const char *name, const study_table *table, 
 void study_report(const app *self, const study_table *table, size_t fresh, double seconds) {
     const study_plan *plan = table->plan;
     const uint32_t substeps = plan->axes[AXIS_SUBSTEPS].count;
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_size(&out, "planned", study_runs(plan), "runs of the grid");
-    app_result_size(&out, "done", table->count, "runs of the table");
-    app_result_size(&out, "new", fresh, NULL);
-    app_json_text(&out, "protocol", plan->protocol);
-    app_result_line(&out, "\nMedians over the repeats");
-    app_result_rows(&out, "medians");
+    app_json *out = self->out;
+    app_result_size(out, "planned", study_runs(plan), "runs of the grid");
+    app_result_size(out, "done", table->count, "runs of the table");
+    app_result_size(out, "new", fresh, NULL);
+    app_json_text(out, "protocol", plan->protocol);
+    app_result_line(out, "\nMedians over the repeats");
+    app_result_rows(out, "medians");
     for (size_t i = 0; i < study_cells(plan); i++) {
         const study_row key = study_run_at(plan, i);
         const study_summary s = study_summarise(table, &key, study_cell_axes, AXES, STUDY_ANY);
-        if (s.runs > 0) put_row(&out, plan, &key, study_cell_axes, AXES, &s, s.median);
+        if (s.runs > 0) put_row(out, plan, &key, study_cell_axes, AXES, &s, s.median);
     }
-    app_result_rows_end(&out);
-    app_result_line(&out, "\nGeometric means over all runs of an integrator");
-    app_result_rows(&out, "geometric_means");
+    app_result_rows_end(out);
+    app_result_line(out, "\nGeometric means over all runs of an integrator");
+    app_result_rows(out, "geometric_means");
     for (uint32_t i = 0; i < plan->axes[AXIS_INTEGRATOR].count * substeps; i++) {
         const study_row key = {.at = {[AXIS_INTEGRATOR] = i / substeps, [AXIS_SUBSTEPS] = i % substeps}};
         const study_summary s =
             study_summarise(table, &key, integrator_axes, LG_COUNT(integrator_axes), STUDY_ANY);
-        put_row(&out, plan, &key, integrator_axes, LG_COUNT(integrator_axes), &s, s.geometric);
+        put_row(out, plan, &key, integrator_axes, LG_COUNT(integrator_axes), &s, s.geometric);
     }
-    app_result_rows_end(&out);
-    put_best(&out, "best_without_noise", table, STUDY_WITHOUT);
-    put_best(&out, "best_with_noise", table, STUDY_WITH);
-    app_json_size(&out, "threads", self->threads);
-    app_json_text(&out, "out", table->text.path);
-    app_result_real(&out, "seconds", seconds, NULL);
-    app_json_end(&out);
+    app_result_rows_end(out);
+    put_best(out, "best_without_noise", table, STUDY_WITHOUT);
+    put_best(out, "best_with_noise", table, STUDY_WITH);
+    app_json_size(out, "threads", self->threads);
+    app_json_text(out, "out", table->text.path);
+    app_result_real(out, "seconds", seconds, NULL);
 }

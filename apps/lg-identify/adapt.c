@@ -263,34 +263,31 @@ static double value_of(const adapting *a, size_t k, double x) {
 
 static void report(const app *self, const adapting *a) {
     const lg_machine_file *file = &a->given.data.file;
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_named(&out, "adapted", "adapted");
+    app_json *out = self->out;
+    app_result_named(out, "adapted", "adapted");
     for (size_t k = 0; k < a->to.count; k++) {
-        app_json_open(&out, a->to.names[k], '{');
-        app_json_real(&out, "value", value_of(a, k, a->x[k]));
-        app_json_real(&out, "error", a->to.units[k] * a->error[k]);
-        app_json_real(&out, "prior", a->to.units[k]);
-        app_json_close(&out, '}');
+        app_json_open(out, a->to.names[k], '{');
+        app_json_real(out, "value", value_of(a, k, a->x[k]));
+        app_json_real(out, "error", a->to.units[k] * a->error[k]);
+        app_json_real(out, "prior", a->to.units[k]);
+        app_json_close(out, '}');
     }
-    app_result_rows_end(&out);
-    app_result_text(&out, "errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL);
-    app_result_size(&out, "window", a->window, "rows of a window of the fit");
-    identify_put_start_rows(&out, &a->given.model);
-    app_result_text(&out, "numbers", a->kept ? "kept" : "changed", NULL);
-    app_result_named(&out, "rest", "root mean square of the rest, free run");
+    app_result_rows_end(out);
+    app_result_text(out, "errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL);
+    app_result_size(out, "window", a->window, "rows of a window of the fit");
+    identify_put_start_rows(out, &a->given.model);
+    app_result_text(out, "numbers", a->kept ? "kept" : "changed", NULL);
+    app_result_named(out, "rest", "root mean square of the rest, free run");
     for (uint32_t c = 0; c < file->column_count; c++) {
         if (!identify_is_state(&file->columns[c])) continue;
-        app_json_open(&out, file->columns[c].name, '{');
-        app_json_real(&out, "before", a->before[c]);
-        app_json_real(&out, "after", a->after[c]);
-        app_json_real(&out, "unchanged", a->unchanged[c]);
-        app_json_close(&out, '}');
+        app_json_open(out, file->columns[c].name, '{');
+        app_json_real(out, "before", a->before[c]);
+        app_json_real(out, "after", a->after[c]);
+        app_json_real(out, "unchanged", a->unchanged[c]);
+        app_json_close(out, '}');
     }
-    app_result_rows_end(&out);
-    if (values.out != NULL) app_result_text(&out, "out", values.out, NULL);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
+    app_result_rows_end(out);
+    if (values.out != NULL) app_result_text(out, "out", values.out, NULL);
 }
 
 static void save(const app *self, const adapting *a) {
@@ -303,7 +300,7 @@ static void save(const app *self, const adapting *a) {
     APP_MUST_FILE(self, values.out, lg_machine_model_save(self->context, values.out, &file, NULL, &error));
 }
 
-static int run(app *self) {
+static void run(app *self) {
     APP_CLEAN(adapting_destroy) adapting a = {.cut = 0};
     double force[LG_MACHINE_VELOCITIES] = {0};
     APP_MUST(self, lg_adapt_check(values.numbers, &error));
@@ -326,7 +323,6 @@ static int run(app *self) {
     warn(self, &a);
     if (values.out != NULL) save(self, &a);
     report(self, &a);
-    return APP_EXIT_OK;
 }
 
 const app_command adapt_command = {.name = "adapt",

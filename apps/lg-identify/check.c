@@ -152,46 +152,43 @@ static void put_delays(app_json *out, const lg_machine *machine, const lg_logs *
 }
 
 static void report(const app *self, const lg_machine_data *data, const double *motions) {
-    app_json out;
     const lg_logs *logs = &data->logs;
-    app_result_begin(&out, self);
-    app_result_size(&out, "files", logs->files, NULL);
-    app_result_size(&out, "runs", logs->runs, NULL);
-    app_result_size(&out, "rows", logs->rows_read, NULL);
-    app_result_size(&out, "rows_kept", logs->log.rows, NULL);
-    app_result_size(&out, "parts", logs->log.parts, "without a gap");
-    app_result_real(&out, "dt_median", logs->dt_median, "s from a row to the next");
-    app_result_real(&out, "dt_max", logs->dt_max, "s at most");
-    app_result_real(&out, "max_step", logs->max_step, "s; longer steps are gaps");
-    app_result_size(&out, "gaps", logs->gaps, NULL);
-    put_delays(&out, &data->file.machine, logs);
-    app_result_named(&out, "columns", "column");
+    app_json *out = self->out;
+    app_result_size(out, "files", logs->files, NULL);
+    app_result_size(out, "runs", logs->runs, NULL);
+    app_result_size(out, "rows", logs->rows_read, NULL);
+    app_result_size(out, "rows_kept", logs->log.rows, NULL);
+    app_result_size(out, "parts", logs->log.parts, "without a gap");
+    app_result_real(out, "dt_median", logs->dt_median, "s from a row to the next");
+    app_result_real(out, "dt_max", logs->dt_max, "s at most");
+    app_result_real(out, "max_step", logs->max_step, "s; longer steps are gaps");
+    app_result_size(out, "gaps", logs->gaps, NULL);
+    put_delays(out, &data->file.machine, logs);
+    app_result_named(out, "columns", "column");
     for (uint32_t c = 0; c < data->file.column_count; c++) {
         const lg_log_statistics *s = &logs->columns[c];
         const lg_log_column *column = &data->file.columns[c];
         if (!identify_is_state(column) && column->role != LG_LOG_INPUT) continue;
-        app_json_open(&out, column->name, '{');
-        app_json_real(&out, "min", s->low);
-        app_json_real(&out, "max", s->high);
-        app_json_real(&out, "noise", s->noise);
-        app_json_bool(&out, "noise_at_most", s->noise_at_most);
-        app_json_size(&out, "missing", s->missing);
-        app_json_size(&out, "outliers", s->outliers);
-        app_json_close(&out, '}');
+        app_json_open(out, column->name, '{');
+        app_json_real(out, "min", s->low);
+        app_json_real(out, "max", s->high);
+        app_json_real(out, "noise", s->noise);
+        app_json_bool(out, "noise_at_most", s->noise_at_most);
+        app_json_size(out, "missing", s->missing);
+        app_json_size(out, "outliers", s->outliers);
+        app_json_close(out, '}');
     }
-    app_result_rows_end(&out);
-    app_json_open(&out, "kinematics", '{');
+    app_result_rows_end(out);
+    app_json_open(out, "kinematics", '{');
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
-        app_result_real(&out, data->file.machine.coordinates[i].name, motions[i],
+        app_result_real(out, data->file.machine.coordinates[i].name, motions[i],
                         "of its motion, which its velocity does not explain");
-    app_json_close(&out, '}');
-    app_json_warnings(&out, self);
-    app_json_end(&out);
+    app_json_close(out, '}');
 }
 
 /* ---- the command ---- */
 
-static int run(app *self) {
+static void run(app *self) {
     APP_CLEAN(lg_machine_data_destroy) lg_machine_data data = {.failed = NULL};
     double motions[LG_MACHINE_COORDINATES];
     const lg_machine_sources from = {.machine = self->arguments[0],
@@ -209,7 +206,6 @@ static int run(app *self) {
         identify_draw_run(self, values.plot, "First run of the log", &data.file, &data.logs.log,
                           identify_first_run(&data.logs), NULL, NULL, NULL);
     report(self, &data, motions);
-    return APP_EXIT_OK;
 }
 
 const app_command check_command = {

@@ -77,7 +77,7 @@ static void show_horizons(FILE *stream, const verdict *v) {
     bool linear = false;
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < LG_RUN_ERRORS; e++) linear = linear || !isnan(v->linear[i].pooled[e]);
-    app_table_begin(&table, linear ? 7 : 6);
+    table.columns = linear ? 7 : 6;
     app_table_row(&table, "horizon\tstarts\terror of\tpooled\tmedian\tunchanged");
     if (linear) app_table_cell(&table, "linear");
     for (size_t i = 0; i < v->horizon_count; i++)
@@ -176,27 +176,24 @@ static void put_known(app_json *out, const char *key, double value, const char *
 
 static void report(const app *self, const identify_given *given, const verdict *v) {
     const lg_machine_file *file = &given->data.file;
-    app_json out;
-    app_result_begin(&out, self);
-    identify_put_start_rows(&out, &given->model);
-    put_known(&out, "window_loss", v->window_loss, NULL);
-    app_json_open(&out, "horizons", '[');
-    for (size_t i = 0; i < v->horizon_count; i++) put_horizon(&out, &v->horizons[i], &v->linear[i]);
-    app_json_close(&out, ']');
-    if (out.people) show_horizons(out.stream, v);
-    if (out.people) compare(&out, v);
-    put_columns(&out, file, v);
-    put_offsets(&out, &file->machine, v);
-    app_json_open(&out, "energy", '{');
+    app_json *out = self->out;
+    identify_put_start_rows(out, &given->model);
+    put_known(out, "window_loss", v->window_loss, NULL);
+    app_json_open(out, "horizons", '[');
+    for (size_t i = 0; i < v->horizon_count; i++) put_horizon(out, &v->horizons[i], &v->linear[i]);
+    app_json_close(out, ']');
+    if (out->people) show_horizons(out->stream, v);
+    if (out->people) compare(out, v);
+    put_columns(out, file, v);
+    put_offsets(out, &file->machine, v);
+    app_json_open(out, "energy", '{');
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)
-        put_known(&out, energy_names[k], v->energy[k], energy_words[k]);
-    app_json_close(&out, '}');
+        put_known(out, energy_names[k], v->energy[k], energy_words[k]);
+    app_json_close(out, '}');
     if (values.metric == METRIC_RELATIVE) {
-        app_result_real(&out, "relative", v->relative, NULL);
-        app_result_real(&out, "relative_worst", v->relative_worst, NULL);
+        app_result_real(out, "relative", v->relative, NULL);
+        app_result_real(out, "relative_worst", v->relative_worst, NULL);
     }
-    app_json_warnings(&out, self);
-    app_json_end(&out);
 }
 
 /* ---- judging ---- */
@@ -382,7 +379,7 @@ static void verdict_destroy(verdict *v) {
     free(v->v);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     APP_CLEAN(identify_given_destroy) identify_given given = {.model = {.machine = NULL}};
     APP_CLEAN(verdict_destroy) verdict v = {.relative = (double)NAN, .relative_worst = (double)NAN};
     if (values.horizons.count > MOST_HORIZONS)
@@ -397,7 +394,6 @@ static int run(app *self) {
     judge_horizons(self, &given, &v);
     if (values.plot != NULL) draw(self, &given, &v);
     report(self, &given, &v);
-    return APP_EXIT_OK;
 }
 
 const app_command evaluate_command = {

@@ -77,10 +77,10 @@ static void print(const lg_training *training) {
 static train_task recipe = {
     .recipe = &lg_recipe_machine_model, .settings = settings, .state = &state, .print = print};
 
-static int run_fit(app *self) {
+static void run_fit(app *self) {
     if (state.suggest != NULL && strcmp(state.suggest, "-") != 0)
         app_check_text(self, state.suggest, LG_SUGGEST_HEAD);
-    return train_main(self, &recipe);
+    train_main(self, &recipe);
 }
 
 const app_command fit_command = {
@@ -93,5 +93,6 @@ const app_command fit_command = {
         "and of half the way in a window. Short windows are fitted first.\n\ndocs/machines.md says how "
         "data and model choose options that are not given; --json prints the values of a run.",
     .settings = settings,
+    .plots = train_plots,
     .run = run_fit,
     .together = APP_RANKS};

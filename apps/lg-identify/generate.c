@@ -360,17 +360,14 @@ static void write_log(const app *self, const making *m) {
 }
 
 static void report(const app *self, const making *m) {
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_size(&out, "runs", m->runs, NULL);
-    app_result_size(&out, "rows", m->runs * m->rows, "of all runs");
-    app_result_real(&out, "dt", values.dt, "s from a row to the next");
-    app_result_size(&out, "substeps", m->substeps, "between two rows");
-    app_result_real(&out, "accuracy", m->accuracy, "of the motion");
-    app_json_size(&out, "seed", self->seed);
-    app_result_text(&out, "out", values.out, NULL);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
+    app_json *out = self->out;
+    app_result_size(out, "runs", m->runs, NULL);
+    app_result_size(out, "rows", m->runs * m->rows, "of all runs");
+    app_result_real(out, "dt", values.dt, "s from a row to the next");
+    app_result_size(out, "substeps", m->substeps, "between two rows");
+    app_result_real(out, "accuracy", m->accuracy, "of the motion");
+    app_json_size(out, "seed", self->seed);
+    app_result_text(out, "out", values.out, NULL);
 }
 
 /* ---- the command ---- */
@@ -431,7 +428,7 @@ static void making_end(making *m) {
     lg_machine_file_destroy(&m->file);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(making_end) making m = {.runs = 0};
     const app_path paths[] = {{"out", values.out, LG_FILE_TEXT},
@@ -453,7 +450,6 @@ static int run(app *self) {
     if (values.plot != NULL)
         identify_draw_run(self, values.plot, "First run", &m.file, &log, 1, NULL, NULL, NULL);
     report(self, &m);
-    return APP_EXIT_OK;
 }
 
 const app_command generate_command = {

@@ -188,20 +188,17 @@ static void write_rows(const app *self, prediction *p) {
 
 static void report(const app *self, const prediction *p) {
     const lg_machine_file *file = &p->given.data.file;
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_size(&out, "rows", p->rows, NULL);
-    app_result_size(&out, "runs", p->runs, NULL);
-    identify_put_start_rows(&out, &p->given.model);
-    app_json_open(&out, "free_run", '{');
+    app_json *out = self->out;
+    app_result_size(out, "rows", p->rows, NULL);
+    app_result_size(out, "runs", p->runs, NULL);
+    identify_put_start_rows(out, &p->given.model);
+    app_json_open(out, "free_run", '{');
     for (uint32_t c = 0; c < file->column_count; c++)
         if (identify_is_state(&file->columns[c]))
-            app_result_real(&out, file->columns[c].name, p->error[c],
+            app_result_real(out, file->columns[c].name, p->error[c],
                             "root mean square of the difference from the log");
-    app_json_close(&out, '}');
-    app_result_text(&out, "out", values.out, NULL);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
+    app_json_close(out, '}');
+    app_result_text(out, "out", values.out, NULL);
 }
 
 static void prediction_destroy(prediction *p) {
@@ -212,7 +209,7 @@ static void prediction_destroy(prediction *p) {
     free(p->bands);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     APP_CLEAN(prediction_destroy) prediction p = {.runs = 0};
     const lg_machine_data *data = &p.given.data;
     identify_load(self, values.substeps, values.start_rows, &p.given);
@@ -228,11 +225,12 @@ static int run(app *self) {
         identify_draw_run(self, values.plot, "First run of the log: logged (thick) and predicted (thin)",
                           &data->file, &data->logs.log, identify_first_run(&data->logs), p.q, p.v, p.bands);
     report(self, &p);
-    if (p.finite) return APP_EXIT_OK;
-    return app_fail(self, LG_NOT_FINITE,
-                    "%s: the prediction is not finite from some row on (empty cells): the model leaves the "
-                    "range of its training data, or needs more --substeps",
-                    values.out);
+    if (!p.finite)
+        self->code =
+            app_fail(self, LG_NOT_FINITE,
+                     "%s: the prediction is not finite from some row on (empty cells): the model leaves the "
+                     "range of its training data, or needs more --substeps",
+                     values.out);
 }
 
 const app_command predict_command = {

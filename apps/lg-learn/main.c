@@ -64,7 +64,7 @@ static void choose_recipe(const lg_recipe *chosen) {
 }
 
 static const app_command train_command = {
-    TRAIN_COMMAND("DATA...", task), .summary = "Learn a model from data",
+    TRAIN_COMMAND("DATA...", task, train_plots), .summary = "Learn a model from data",
     .details = "With --recipe NAME the options of this kind of model are listed above. The command search "
                "draws values of the same options.\n\nCtrl-C saves a checkpoint and ends with exit code 130; "
                "--resume continues to "
@@ -157,43 +157,36 @@ static void refuse_flow(const app *self) {
                            of_flow[i], self->arguments[0]);
 }
 
-static int run_predict(app *self) {
+static void run_predict(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
-    app_json out;
     APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
     if (values.initial.count != lg_model_inputs(file.model))
         app_stop_usage(self, "--initial: %zu numbers are given, but the model takes %zu",
                        values.initial.count, lg_model_inputs(file.model));
     if (lg_model_space(file.model) == NULL) refuse_flow(self);
-    app_result_begin(&out, self);
-    if (lg_model_outputs(file.model) > 0) calculate(file.model, values.initial.values, &out);
-    if (lg_model_space(file.model) != NULL) follow(self, file.model, values.initial.values, &out);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
-    return APP_EXIT_OK;
+    app_json *out = self->out;
+    if (lg_model_outputs(file.model) > 0) calculate(file.model, values.initial.values, out);
+    if (lg_model_space(file.model) != NULL) follow(self, file.model, values.initial.values, out);
 }
 
 /* ---- list ---- */
 
-static int run_list(app *self) {
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_rows(&out, "recipes");
+static void run_list(app *self) {
+    app_json *out = self->out;
+    app_result_rows(out, "recipes");
     for (uint32_t i = 0; recipe_name(i) != NULL; i++) {
         const lg_recipe *found = lg_recipe_find(recipe_name(i));
         const lg_field *fields = found->fields;
         uint64_t count = 0;
         while (fields[count].name != NULL) count++;
-        app_json_open(&out, NULL, '{');
-        app_json_text(&out, "name", found->name);
-        app_json_text(&out, "data", found->trainer->data);
-        app_json_size(&out, "options", count);
-        app_json_close(&out, '}');
+        app_json_open(out, NULL, '{');
+        app_json_text(out, "name", found->name);
+        app_json_text(out, "data", found->trainer->data);
+        app_json_size(out, "options", count);
+        app_json_close(out, '}');
     }
-    app_result_rows_end(&out);
-    app_json_end(&out);
-    return APP_EXIT_OK;
+    app_result_rows_end(out);
 }
 
 int main(int argc, char **argv) {

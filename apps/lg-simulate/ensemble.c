@@ -153,7 +153,7 @@ static void read_event(const simulation *sim, char *text, lg_ensemble_event *eve
     (void)snprintf(name, NAME_SIZE, "%s", trimmed(text));
     const char kind = sign != NULL ? *sign : '\0';
     if (sign != NULL) *sign = '\0';
-    if (sign == NULL || !app_parse_real(trimmed(sign + 1), &level))
+    if (sign == NULL || lg_number_parse(trimmed(sign + 1), &level) != LG_OK)
         app_stop_usage(sim->self, "--event: expected NAME=VALUE, NAME>VALUE or NAME<VALUE, not '%s'", name);
     text = trimmed(text);
     if (!component_find(sim, text, &index)) {
@@ -300,8 +300,8 @@ static lg_status run_pilot(study *all, lg_error *error) {
     if (status == LG_OK && total->events > 0)
         status = lg_statistics_create(all->sim->self->context, 1, total->events, BINS, NULL, &total->times);
     if (status != LG_OK)
-        return app_error(error, status, "the statistics of %zu points could not be created",
-                         (size_t)total->points);
+        return lg_fail(error, status, "the statistics of %zu points could not be created",
+                       (size_t)total->points);
     for (size_t e = 0; e < total->events; e++)
         lg_statistics_set_range(total->times, 0, e, &(lg_statistics_range){0.0, all->sim->t_end, 0.0});
     pilot.first = 0;
@@ -355,14 +355,14 @@ static lg_status close_rows(study *all, lg_error *error) {
     const int code = atomic_load(&all->rows_lost);
     if (all->rows == NULL) return LG_OK;
     if (code == 0) return lg_rows_file_commit(all->rows, error);
-    return app_error(error, LG_FILE, "%s: cannot be written: %s", all->files->trajectories, strerror(code));
+    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", all->files->trajectories, strerror(code));
 }
 
 /* Writes the results: the statistics also if the trajectories could not be written. */
 static int write_out(study *all, bool *written) {
     const app *self = all->sim->self;
     const ensemble_files *files = all->files;
-    const char *path = self->ranks == NULL ? all->sim->values->plot : NULL;
+    const char *path = self->ranks == NULL ? app_plot_given.plot : NULL;
     result *total = all->total;
     lg_error error = {LG_OK, ""}, lost = {LG_OK, ""};
     lg_status status = LG_OK;
@@ -400,7 +400,7 @@ static int run_and_write(study *all, bool *written, lg_ensemble_stats *stats, lg
 static void merge_ranks(const study *all, lg_status status) {
     app *self = all->sim->self;
     const uint64_t tasks = all->files->task.count;
-    const merge_values how = {.plot = all->sim->values->plot};
+    const merge_values how = {.plot = app_plot_given.plot};
     const char *out = all->sim->values->out;
     lg_error error = {LG_OK, ""};
     status = lg_ranks_agree(self->ranks, status, &error);
@@ -425,7 +425,7 @@ static void run_and_show(study *all) {
         return;
     }
     if (written) ensemble_conclude(self, &(ensemble_run){all->total, &stats, all->files->out});
-    if (code != APP_EXIT_OK) app_end(code);
+    all->sim->self->code = code;
 }
 
 /* ---- choosing what is run ---- */
@@ -448,7 +448,7 @@ static void choose_saved(study *all) {
     const char *text = all->sim->values->save;
     if (text == NULL) return;
     all->saved = all->total->total;
-    if (strcmp(text, "all") != 0 && !(app_parse_size(text, &all->saved) && all->saved > 0))
+    if (strcmp(text, "all") != 0 && !(lg_integer_parse(text, &all->saved) == LG_OK && all->saved > 0))
         app_stop_usage(self, "--save: expected `all` or a number of members, not '%s'", text);
     if (all->saved > all->total->total) all->saved = all->total->total;
     if (all->files->out == NULL) app_stop_usage(self, "--save: trajectories need a file: give --out");

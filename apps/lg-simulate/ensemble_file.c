@@ -189,7 +189,7 @@ lg_status result_read(const app *self, const char *path, result *out, lg_error *
     if (status == LG_CHECK_FAILED)
         reason = "is a damaged part of an ensemble: its counts contradict each other";
     if (reason == NULL || reason[0] == '\0') reason = "is not a part of an ensemble";
-    if (status != LG_OK) (void)app_error(error, status, "%s: %s", path, reason);
+    if (status != LG_OK) (void)lg_fail(error, status, "%s: %s", path, reason);
     lg_file_reader_destroy(reader);
     return status;
 }

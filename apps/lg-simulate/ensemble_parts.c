@@ -1,4 +1,5 @@
 /* Chooses the part of an ensemble that a process runs, and the names of its files. */
+#include "common/trials.h"
 #include "lg-simulate/ensemble.h"
 
 #include <string.h>
@@ -7,14 +8,7 @@
 static ensemble_task read_task(const app *self, const char *text) {
     ensemble_task out = {0, 0};
     if (self->rank_count > 1) out = (ensemble_task){self->rank, self->rank_count};
-    if (text == NULL) return out;
-    if (out.count > 0)
-        app_stop_usage(self, "--task cannot be given with mpirun, whose ranks already are the tasks");
-    const char *slash = strchr(text, '/');
-    APP_FREE char *index = app_format("%.*s", slash != NULL ? (int)(slash - text) : 0, text);
-    if (slash == NULL || !app_parse_size(index, &out.index) || !app_parse_size(slash + 1, &out.count) ||
-        out.index >= out.count || out.count > TASKS_MAX)
-        app_stop_usage(self, "--task: expected i/n with 0 <= i < n <= %d, not '%s'", TASKS_MAX, text);
+    if (text != NULL) trials_task(self, text, TASKS_MAX, &out.index, &out.count);
     return out;
 }
 

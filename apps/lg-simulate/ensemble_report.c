@@ -72,32 +72,29 @@ static void put_events(app_json *out, const result *what) {
 
 static void report_ensemble(const app *self, const ensemble_run *run) {
     const result *what = run->what;
-    app_json out;
-    app_result_begin(&out, self);
-    app_result_text(&out, "ensemble", what->what, NULL);
-    app_result_size(&out, "total", what->total, "members of the ensemble");
-    app_result_size(&out, "first", what->first, NULL);
-    app_result_size(&out, "members", what->members, "of this run, from the first on");
-    app_json_size(&out, "block", what->block);
-    app_result_size(&out, "steps", what->steps, "of all members");
-    app_result_size(&out, "rejected", what->rejected, NULL);
+    app_json *out = self->out;
+    app_result_text(out, "ensemble", what->what, NULL);
+    app_result_size(out, "total", what->total, "members of the ensemble");
+    app_result_size(out, "first", what->first, NULL);
+    app_result_size(out, "members", what->members, "of this run, from the first on");
+    app_json_size(out, "block", what->block);
+    app_result_size(out, "steps", what->steps, "of all members");
+    app_result_size(out, "rejected", what->rejected, NULL);
     if (run->stats != NULL) {
-        app_result_size(&out, "lanes", run->stats->lanes, "1: one member at a time");
-        app_result_real(&out, "occupancy", run->stats->occupancy, "part of the lanes in use");
-        app_result_real(&out, "seconds", run->stats->seconds, NULL);
+        app_result_size(out, "lanes", run->stats->lanes, "1: one member at a time");
+        app_result_real(out, "occupancy", run->stats->occupancy, "part of the lanes in use");
+        app_result_real(out, "seconds", run->stats->seconds, NULL);
     }
-    put_failures(&out, what);
+    put_failures(out, what);
     if (what->members == 0)
-        app_result_line(&out,
+        app_result_line(out,
                         "this part has no members: parts get blocks of %llu members, and other parts have "
                         "all %llu members",
                         (unsigned long long)what->block, (unsigned long long)what->total);
-    put_states(&out, what);
-    put_events(&out, what);
-    app_result_text(&out, "out", run->out, NULL);
-    app_result_size(&out, "points", what->points, NULL);
-    app_json_warnings(&out, self);
-    app_json_end(&out);
+    put_states(out, what);
+    put_events(out, what);
+    app_result_text(out, "out", run->out, NULL);
+    app_result_size(out, "points", what->points, NULL);
 }
 
 void ensemble_conclude(const app *self, const ensemble_run *run) {
@@ -109,6 +106,7 @@ void ensemble_conclude(const app *self, const ensemble_run *run) {
         app_warn(self, "%llu of %llu members failed; the statistics include them up to their failure",
                  (unsigned long long)failed, (unsigned long long)what->members);
     report_ensemble(self, run);
+    app_result_end(self);
     for (size_t i = 0; i < STATUSES; i++)
         if (what->failed[i] > what->failed[most]) most = i;
     if (all)

@@ -36,14 +36,14 @@ void result_list(result *self, uint64_t member, uint64_t status, double t) {
 
 lg_status result_merge(result *into, const result *from, lg_error *error) {
     if (strcmp(into->what, from->what) != 0)
-        return app_error(error, LG_FORMAT, "it is a part of another ensemble: %.200s", from->what);
+        return lg_fail(error, LG_FORMAT, "it is a part of another ensemble: %.200s", from->what);
     lg_status status = lg_statistics_merge(into->states, from->states);
     if (status == LG_OK && into->times != NULL) status = lg_statistics_merge(into->times, from->times);
     if (status == LG_CHECK_FAILED || into->steps > UINT64_MAX - from->steps ||
         into->rejected > UINT64_MAX - from->rejected)
-        return app_error(error, LG_FORMAT, "counts or sums overflow, so one of the parts is damaged");
+        return lg_fail(error, LG_FORMAT, "counts or sums overflow, so one of the parts is damaged");
     if (status != LG_OK)
-        return app_error(error, LG_FORMAT, "its histograms have other cells or ranges than the other parts");
+        return lg_fail(error, LG_FORMAT, "its histograms have other cells or ranges than the other parts");
     into->members += from->members;
     into->steps += from->steps;
     into->rejected += from->rejected;

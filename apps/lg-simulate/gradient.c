@@ -28,7 +28,7 @@ static bool parse_weights(char *text, double *out, size_t room, size_t *count, c
          word = strtok_r(NULL, between, &save)) {
         double value;
         *bad = word;
-        if (!app_parse_real(word, &value)) return false;
+        if (lg_number_parse(word, &value) != LG_OK) return false;
         if (*count < room) out[*count] = value;
         ++*count;
     }

@@ -5,9 +5,6 @@
 
 static simulate_values values = {.atol = -1, .theta = 0.5};
 
-static const char *const plot_kinds[] = {"overview", "components", "invariants", "manifold",
-                                         "steps",    "3d",         NULL};
-
 static const lg_field options[] = {
     LG_OPTION(simulate_values, method, STRING, "NAME",
               "A method of the list below (default rkmk54, and dp54 on R^n)"),
@@ -37,10 +34,6 @@ static const lg_field options[] = {
               "Ascending times of the trajectory, instead "
               "of --points",
               LG_ANY_REAL, .longer = "use --points"),
-    LG_OPTION(simulate_values, plot, STRING, "FILE.svg|.png", "Draw the run, or the diagram"),
-    LG_OPTION(simulate_values, plot_kind, NAME, NULL,
-              "overview, components, invariants, manifold, steps or 3d (default overview)",
-              .names = plot_kinds),
     LG_OPTION(simulate_values, work_precision, SWITCH, NULL,
               "Compare methods: error at the final time against CPU time and evaluations"),
     LG_OPTION(simulate_values, methods, STRING, "NAME,NAME,...",
@@ -85,7 +78,6 @@ typedef struct dependency {
 } dependency;
 
 static const dependency dependencies[] = {{"checkpoints", "gradient", true},
-                                          {"plot-kind", "plot", true},
                                           {"methods", "work-precision", true},
                                           {"levels", "work-precision", true},
                                           {"method", "scheme", false},
@@ -124,7 +116,7 @@ static void check_outputs(const app *self, const ensemble_files *files) {
                               {"save", files->trajectories, LG_FILE_WRITTEN},
                               /* Rank 0 merges the parts of all ranks into the file of --out. */
                               {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN},
-                              {"plot", values.plot, LG_FILE_DRAWN}};
+                              {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
     app_check_outputs(self, paths, LG_COUNT(paths));
 }
 
@@ -186,17 +178,15 @@ static void run_once(const simulation *sim) {
     samples path = {0};
     gradient slope = {0};
     watch seen = {.sim = NULL};
-    if (values.plot != NULL && values.plot_kind == PLOT_SPACE && !has_space_plot(sim))
-        app_stop_usage(sim->self, "--plot-kind 3d: there is no spatial plot of %s",
-                       lg_system_name(sim->system));
+    app_plot_check(sim->self, simulate_has(sim));
     APP_CLEAN(method_free) method chosen = method_choose(sim);
     const bool sloped = values.gradient != NULL;
     const report what = {sim, &how, &run, &seen, &path, sloped ? &slope : NULL};
     plan_init(sim, &chosen.scheme, &how);
     check_control(sim, &chosen.scheme);
-    samples_choose(sim, &how, values.out != NULL || values.plot != NULL, &path);
+    samples_choose(sim, &how, values.out != NULL || app_plot_given.plot != NULL, &path);
     if (sloped) gradient_read(sim, &slope);
-    watch_begin(&seen, sim, values.plot != NULL, sloped, sim->scene.state);
+    watch_begin(&seen, sim, app_plot_given.plot != NULL, sloped, sim->scene.state);
     how.times = path.t + 1;
     how.count = path.count - 1;
     how.observe = watch_step;
@@ -207,11 +197,11 @@ static void run_once(const simulation *sim) {
     else
         horizon_warn(sim, &how, path.y + (path.count - 1) * sim->dim);
     if (values.out != NULL) APP_MUST_FILE(sim->self, values.out, write_trajectory(&what, &error));
-    if (values.plot != NULL) draw_run(&what);
+    app_plot_draw(sim->self, simulate_has(sim), &what);
     report_run(&what);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     simulation sim;
     ensemble_files files = {.out = NULL};
     if (self->rank_count > 1 && values.ensemble == 0)
@@ -229,7 +219,6 @@ static int run(app *self) {
     else
         run_once(&sim);
     lg_scene_destroy(&sim.scene);
-    return APP_EXIT_OK;
 }
 
 /* ---- the list of methods for --help ---- */
@@ -279,6 +268,7 @@ int main(int argc, char **argv) {
                     "and gradients.",
          .details = details,
          .settings = APP_SETTINGS(APP_GIVEN(options, values)),
+         .plots = simulate_plots,
          .run = run,
          .together = APP_RANKS}};
     return app_main(argc, argv, "lg-simulate", command[0].summary, command);

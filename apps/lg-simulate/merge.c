@@ -164,7 +164,7 @@ void merge_parts(const app *self, const char *out, const char *const *paths, siz
     ensemble_conclude(self, &(ensemble_run){whole, NULL, out});
 }
 
-static int run(app *self) {
+static void run(app *self) {
     /* The first argument is the output, the others are inputs. */
     const char *out = self->arguments[0];
     self->argument_count--;
@@ -173,7 +173,6 @@ static int run(app *self) {
     const app_path paths[] = {{NULL, out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
     app_check_outputs(self, paths, LG_COUNT(paths));
     merge_parts(self, out, self->arguments, (size_t)self->argument_count, &values);
-    return APP_EXIT_OK;
 }
 
 int merge_main(int argc, char **argv) {

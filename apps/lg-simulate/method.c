@@ -103,7 +103,7 @@ static void set_dexpinv(const simulation *sim, lg_scheme *scheme) {
     const char *text = sim->values->dexpinv;
     uint64_t terms = 0;
     const bool exact = strcmp(text, "exact") == 0;
-    if (!exact && (!app_parse_size(text, &terms) || terms > LG_DEXPINV_MAX))
+    if (!exact && (lg_integer_parse(text, &terms) != LG_OK || terms > LG_DEXPINV_MAX))
         app_stop_usage(sim->self, "--dexpinv: '%s' is neither `exact` nor a whole number up to %d", text,
                        LG_DEXPINV_MAX);
     if (scheme->kind != LG_SCHEME_RKMK || scheme->ambient)

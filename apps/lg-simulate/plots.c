@@ -10,7 +10,7 @@ enum { MAX_CURVES = 9, MAX_BLOCKS = 3, SNAPSHOTS = 6 };
 typedef struct drawing {
     const report *what;
     const simulation *sim;
-    app_plot plot;
+    app_plot *plot;
 } drawing;
 
 /* The state at point i of the trajectory, and its time. */
@@ -54,9 +54,9 @@ static void put_symbol(drawing *to, const block *at, size_t component) {
         (void)snprintf(below, sizeof below, "%zu", component + 1);
     const char *symbol = symbol_of(at->key), *comma = below[0] != '\0' ? "," : "";
     if (at->index > 0)
-        app_plot_text(&to->plot, "%s_{%zu%s%s}", symbol, at->index, comma, below);
+        app_plot_text(to->plot, "%s_{%zu%s%s}", symbol, at->index, comma, below);
     else
-        app_plot_text(&to->plot, below[0] != '\0' ? "%s_{%s}" : "%s", symbol, below);
+        app_plot_text(to->plot, below[0] != '\0' ? "%s_{%s}" : "%s", symbol, below);
 }
 
 /* Draws up to three blocks with this key: the first, a middle one and the last. The title is such as
@@ -77,7 +77,7 @@ static void put_components(drawing *to, const char *key) {
     }
     if (shown < all) lg_text_add(&title, " (of %zu)", all);
     const size_t each = width < MAX_CURVES ? width : MAX_CURVES;
-    app_plot_text(&to->plot, "components\t%s\t%s%s\t%zu", title.data, symbol_of(key), unit_of(sim, key),
+    app_plot_text(to->plot, "components\t%s\t%s%s\t%zu", title.data, symbol_of(key), unit_of(sim, key),
                   shown * each);
     for (size_t k = 0; k < shown; k++)
         for (size_t c = 0; c < each; c++) {
@@ -87,34 +87,34 @@ static void put_components(drawing *to, const char *key) {
     for (size_t i = 0; i < to->what->path->kept; i++) {
         double row[1 + MAX_CURVES] = {time_at(to, i)};
         for (size_t k = 0; k < curves; k++) row[1 + k] = state_at(to, i)[offset[k]];
-        app_plot_numbers(&to->plot, 9, row, 1 + curves);
+        app_plot_numbers(to->plot, 9, row, 1 + curves);
     }
-    app_plot_block(&to->plot);
+    app_plot_block(to->plot);
 }
 
 /* The first component of q against the first component of p, on R^2n. */
 static void put_phase(drawing *to, const block *q, const block *p) {
-    app_plot_text(&to->plot, q->count > 1 ? "phase\tq_1\tp_1" : "phase\tq\tp");
+    app_plot_text(to->plot, q->count > 1 ? "phase\tq_1\tp_1" : "phase\tq\tp");
     for (size_t i = 0; i < to->what->path->kept; i++)
-        APP_PLOT_ROW(&to->plot, 9, state_at(to, i)[q->offset], state_at(to, i)[p->offset]);
-    app_plot_block(&to->plot);
+        APP_PLOT_ROW(to->plot, 9, state_at(to, i)[q->offset], state_at(to, i)[p->offset]);
+    app_plot_block(to->plot);
 }
 
 /* ---- panels ---- */
 
 static void put_invariants(drawing *to) {
     const size_t count = lg_system_invariants(to->sim->system);
-    app_plot_text(&to->plot, "invariants\t%zu", count);
+    app_plot_text(to->plot, "invariants\t%zu", count);
     for (size_t i = 0; i < count; i++)
-        app_plot_text(&to->plot, "%s", lg_system_invariant_name(to->sim->system, i));
+        app_plot_text(to->plot, "%s", lg_system_invariant_name(to->sim->system, i));
 }
 
 static void put_manifold(drawing *to) {
-    app_plot_text(&to->plot, "manifold");
+    app_plot_text(to->plot, "manifold");
 }
 
 static void put_steps(drawing *to) {
-    app_plot_text(&to->plot, "steps");
+    app_plot_text(to->plot, "steps");
 }
 
 /* Whether no earlier block has the key of block i. */
@@ -145,7 +145,7 @@ static void put_overview(drawing *to) {
         put_components(to, second);
 }
 
-static void put_all_components(drawing *to) {
+static void put_components_of_all(drawing *to) {
     for (size_t i = 0; i < to->sim->block_count; i++)
         if (begins_key(to->sim, i)) put_components(to, to->sim->blocks[i].key);
 }
@@ -159,11 +159,11 @@ static void put_chain(drawing *to, const double *y, bool whole) {
     size_t links = 0;
     const double *lengths = parameter_values(to->sim, "lengths", &links);
     double x[3] = {0, 0, 0};
-    if (whole) app_plot_numbers(&to->plot, 9, x, 3);
+    if (whole) app_plot_numbers(to->plot, 9, x, 3);
     for (size_t i = 0; i < links; i++) {
         const double *q = y + find_block(to->sim, "q", i + 1)->offset;
         for (size_t c = 0; c < 3; c++) x[c] += lengths[i] * q[c];
-        if (whole || i + 1 == links) app_plot_numbers(&to->plot, 9, x, 3);
+        if (whole || i + 1 == links) app_plot_numbers(to->plot, 9, x, 3);
     }
 }
 
@@ -172,7 +172,7 @@ static void put_quadrotors(drawing *to, const double *y, bool whole) {
     size_t count = 0;
     const double *lengths = parameter_values(to->sim, "lengths", &count);
     const double *payload = y + find_block(to->sim, "y", 1)->offset;
-    if (!whole) app_plot_numbers(&to->plot, 9, payload, 3);
+    if (!whole) app_plot_numbers(to->plot, 9, payload, 3);
     for (size_t i = 0; i < count && whole; i++) {
         const double *q = y + find_block(to->sim, "q", i + 1)->offset,
                      *R = y + find_block(to->sim, "R", i + 1)->offset;
@@ -185,7 +185,7 @@ static void put_quadrotors(drawing *to, const double *y, bool whole) {
                 line[arm][3 + c] = 0.4 * R[3 * c + arm];
             }
         }
-        for (int k = 0; k < 3; k++) app_plot_numbers(&to->plot, 9, line[k], 6);
+        for (int k = 0; k < 3; k++) app_plot_numbers(to->plot, 9, line[k], 6);
     }
 }
 
@@ -222,10 +222,6 @@ static size_t find_space(const simulation *sim) {
     return i;
 }
 
-bool has_space_plot(const simulation *sim) {
-    return find_space(sim) < LG_COUNT(plots);
-}
-
 static void put_sphere(drawing *to, const sphere_curve *curve) {
     double vector[3] = {0, 0, 0};
     size_t count = 0;
@@ -233,60 +229,75 @@ static void put_sphere(drawing *to, const sphere_curve *curve) {
     const block *at = find_block(to->sim, curve->key, 1);
     const double *by =
         curve->parameter != NULL ? parameter_values(to->sim, curve->parameter, &count) : vector;
-    app_plot_text(&to->plot, "%s", curve->title);
+    app_plot_text(to->plot, "%s", curve->title);
     for (size_t i = 0; i < to->what->path->kept; i++) {
         const double *x = state_at(to, i) + at->offset;
         double turned[3];
         for (int c = 0; c < 3; c++)
             turned[c] =
                 at->count == 3 ? x[c] : x[3 * c] * by[0] + x[3 * c + 1] * by[1] + x[3 * c + 2] * by[2];
-        app_plot_numbers(&to->plot, 9, turned, 3);
+        app_plot_numbers(to->plot, 9, turned, 3);
     }
-    app_plot_block(&to->plot);
+    app_plot_block(to->plot);
 }
 
 /* The path of one point of a moving system, and some snapshots of the whole. */
 static void put_path(drawing *to, put_motion *put) {
     const size_t kept = to->what->path->kept, count = kept < SNAPSHOTS ? kept : (size_t)SNAPSHOTS;
-    app_plot_text(&to->plot, "%zu", lg_system_links(to->sim->system));
+    app_plot_text(to->plot, "%zu", lg_system_links(to->sim->system));
     for (size_t i = 0; i < kept; i++) put(to, state_at(to, i), false);
     for (size_t k = 0; k < count; k++) {
         const size_t at = count > 1 ? k * (kept - 1) / (count - 1) : 0;
-        app_plot_block(&to->plot);
-        app_plot_text(&to->plot, "t = %.3g s", time_at(to, at));
+        app_plot_block(to->plot);
+        app_plot_text(to->plot, "t = %.3g s", time_at(to, at));
         put(to, state_at(to, at), true);
     }
 }
 
-static void put_space(drawing *to) {
-    const size_t row = find_space(to->sim);
-    app_plot_text(&to->plot, "%s", plots[row].title);
-    if (plots[row].motion != NULL) put_path(to, plots[row].motion);
+/* ---- the plots ---- */
+
+static void draw_space(app_plot *plot, const void *user) {
+    const report *what = user;
+    const size_t row = find_space(what->sim);
+    drawing to = {what, what->sim, plot};
+    app_plot_begin(plot, plots[row].motion != NULL ? "motion" : "sphere", app_plot_given.plot);
+    app_plot_text(plot, "%s", plots[row].title);
+    if (plots[row].motion != NULL) put_path(&to, plots[row].motion);
     for (size_t c = 0; c < LG_COUNT(plots[row].curves) && plots[row].curves[c].key != NULL; c++)
-        put_sphere(to, &plots[row].curves[c]);
+        put_sphere(&to, &plots[row].curves[c]);
 }
 
-/* ---- plots ---- */
-
-static void (*const kinds[])(drawing *to) = {
-    [PLOT_OVERVIEW] = put_overview,     [PLOT_COMPONENTS] = put_all_components,
-    [PLOT_INVARIANTS] = put_invariants, [PLOT_MANIFOLD] = put_manifold,
-    [PLOT_STEPS] = put_steps,           [PLOT_SPACE] = put_space};
-
-/* For PLOT_SPACE there must be a 3d plot of the system. */
-void draw_run(const report *what) {
-    const simulate_values *values = what->sim->values;
+/* The numbers of the steps, and what `put` adds. */
+static void put_run(app_plot *plot, const report *what, void (*put)(drawing *to)) {
     const trace *at = &what->seen->trace;
-    drawing to = {.what = what, .sim = what->sim};
-    const bool space = values->plot_kind == PLOT_SPACE;
-    app_plot_begin(&to.plot,
-                   !space                                        ? "simulation"
-                   : plots[find_space(what->sim)].motion != NULL ? "motion"
-                                                                 : "sphere",
-                   values->plot);
-    for (size_t i = 0; i < at->count && !space; i++)
-        app_plot_numbers(&to.plot, 9, at->rows + i * at->width, at->width);
-    if (!space) app_plot_block(&to.plot);
-    kinds[values->plot_kind](&to);
-    app_plot_end(what->sim->self, &to.plot);
+    drawing to = {what, what->sim, plot};
+    for (size_t i = 0; i < at->count; i++) app_plot_numbers(plot, 9, at->rows + i * at->width, at->width);
+    app_plot_block(plot);
+    put(&to);
+}
+
+#define DRAW(name)                                                                                           \
+    static void draw_##name(app_plot *plot, const void *what) {                                              \
+        put_run(plot, what, put_##name);                                                                     \
+    }
+DRAW(overview)
+DRAW(components_of_all)
+DRAW(invariants)
+DRAW(manifold)
+DRAW(steps)
+
+enum { SPACE = 2 };
+static char no_space[96];
+const app_plot_kind simulate_plots[] = {
+    APP_PLOT("overview", "four panels", "simulation", draw_overview, .usual = APP_PLOT_ANY),
+    APP_PLOT("components", "of the state", "simulation", draw_components_of_all),
+    APP_PLOT("invariants", "their drift", "simulation", draw_invariants),
+    APP_PLOT("manifold", "the distance from it", "simulation", draw_manifold),
+    APP_PLOT("steps", "their sizes", "simulation", draw_steps),
+    APP_PLOT("3d", "the motion in space", NULL, draw_space, SPACE, no_space),
+    {.name = NULL}};
+
+unsigned simulate_has(const simulation *sim) {
+    (void)snprintf(no_space, sizeof no_space, "there is no spatial plot of %s", lg_system_name(sim->system));
+    return find_space(sim) < LG_COUNT(plots) ? SPACE : 0;
 }

@@ -198,33 +198,31 @@ static void put_point(app_json *out, const curve *at, size_t i) {
 }
 
 static void report_diagram(const diagram *d) {
-    app_json out;
-    app_result_begin(&out, d->sim->self);
-    app_result_text(&out, "system", lg_system_name(d->sim->system), NULL);
-    app_result_text(&out, "form", lg_system_form(d->sim->system), NULL);
-    app_result_real(&out, "t", d->sim->t_end, NULL);
-    app_json_open(&out, "reference", '{');
-    app_json_text(&out, "method", d->reference);
-    app_json_real(&out, "tol", d->tol);
-    app_json_real(&out, "error", d->reference_error);
-    app_json_close(&out, '}');
-    app_result_line(&out,
+    app_json *out = d->sim->self->out;
+    app_result_text(out, "system", lg_system_name(d->sim->system), NULL);
+    app_result_text(out, "form", lg_system_form(d->sim->system), NULL);
+    app_result_real(out, "t", d->sim->t_end, NULL);
+    app_json_open(out, "reference", '{');
+    app_json_text(out, "method", d->reference);
+    app_json_real(out, "tol", d->tol);
+    app_json_real(out, "error", d->reference_error);
+    app_json_close(out, '}');
+    app_result_line(out,
                     "Error: |y - reference|/|reference| at the end; the reference is %s at tolerance "
                     "%.0e;\nit differs by "
                     "%.1e from a run at tolerance %.0e. Seconds are CPU time.\n",
                     d->reference, d->tol, d->reference_error, 10 * d->tol);
-    app_result_rows(&out, "work_precision");
+    app_result_rows(out, "work_precision");
     for (size_t c = 0; c < d->count; c++)
-        for (size_t i = 0; i < d->curves[c].count; i++) put_point(&out, &d->curves[c], i);
-    app_result_rows_end(&out);
-    app_json_end(&out);
+        for (size_t i = 0; i < d->curves[c].count; i++) put_point(out, &d->curves[c], i);
+    app_result_rows_end(out);
 }
 
 /* ---- the plot ---- */
 
 static void draw(const diagram *d) {
     app_plot plot;
-    app_plot_begin(&plot, "precision", d->sim->values->plot);
+    app_plot_begin(&plot, "precision", app_plot_given.plot);
     app_plot_text(&plot, "%s to t = %g", lg_system_name(d->sim->system), d->sim->t_end);
     for (const curve *at = d->curves; at < d->curves + d->count; at++) {
         if (at->count == 0) continue;
@@ -270,6 +268,6 @@ void work_precision(simulation *sim) {
     choose_methods(&d);
     find_reference(&d);
     fill(&d);
-    if (sim->values->plot != NULL) draw(&d);
+    if (app_plot_given.plot != NULL) draw(&d);
     report_diagram(&d);
 }

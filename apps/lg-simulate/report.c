@@ -63,35 +63,32 @@ void report_run(const report *what) {
     const simulation *sim = what->sim;
     const plan *how = what->how;
     const lg_scheme *scheme = how->scheme;
-    app_json out;
-    app_result_begin(&out, sim->self);
-    app_result_text(&out, "system", lg_system_name(sim->system), NULL);
-    app_result_text(&out, "form", lg_system_form(sim->system), NULL);
-    app_json_text(&out, "layout", lg_system_layout(sim->system));
-    app_result_text(&out, "method", scheme->name, NULL);
+    app_json *out = sim->self->out;
+    app_result_text(out, "system", lg_system_name(sim->system), NULL);
+    app_result_text(out, "form", lg_system_form(sim->system), NULL);
+    app_json_text(out, "layout", lg_system_layout(sim->system));
+    app_result_text(out, "method", scheme->name, NULL);
     if (scheme->kind == LG_SCHEME_SLGI || scheme->kind == LG_SCHEME_IMPLICIT)
-        app_result_real(&out, "theta", scheme->theta, NULL);
+        app_result_real(out, "theta", scheme->theta, NULL);
     if (how->steps > 0) {
-        app_result_real(&out, "h", how->t_end / (double)how->steps, NULL);
+        app_result_real(out, "h", how->t_end / (double)how->steps, NULL);
     } else {
-        app_result_real(&out, "rtol", how->rtol, NULL);
-        app_result_real(&out, how->atol < 0 ? "atol_of_size" : "atol", fabs(how->atol), NULL);
+        app_result_real(out, "rtol", how->rtol, NULL);
+        app_result_real(out, how->atol < 0 ? "atol_of_size" : "atol", fabs(how->atol), NULL);
     }
-    app_result_size(&out, "steps", what->run->stats.steps, NULL);
-    app_result_size(&out, "rejected", what->run->stats.rejected, NULL);
-    app_result_size(&out, "evaluations", what->run->stats.evaluations, "of the field");
-    app_result_real(&out, "seconds", what->run->seconds, NULL);
-    app_result_real(&out, "t", how->t_end, NULL);
-    put_state(&out, "y", sim, what->path->y + (what->path->count - 1) * sim->dim);
-    put_invariants(&out, what->seen);
-    app_result_real(&out, "manifold_error", what->seen->manifold, "largest violation of a constraint");
-    app_json_real(&out, "max_angle", what->run->stats.max_angle);
-    if (sim->scene.projected) app_json_real(&out, "projection", sim->scene.projection);
-    if (what->slope != NULL) put_gradient(&out, what);
+    app_result_size(out, "steps", what->run->stats.steps, NULL);
+    app_result_size(out, "rejected", what->run->stats.rejected, NULL);
+    app_result_size(out, "evaluations", what->run->stats.evaluations, "of the field");
+    app_result_real(out, "seconds", what->run->seconds, NULL);
+    app_result_real(out, "t", how->t_end, NULL);
+    put_state(out, "y", sim, what->path->y + (what->path->count - 1) * sim->dim);
+    put_invariants(out, what->seen);
+    app_result_real(out, "manifold_error", what->seen->manifold, "largest violation of a constraint");
+    app_json_real(out, "max_angle", what->run->stats.max_angle);
+    if (sim->scene.projected) app_json_real(out, "projection", sim->scene.projection);
+    if (what->slope != NULL) put_gradient(out, what);
     if (sim->values->out != NULL) {
-        app_result_text(&out, "out", sim->values->out, NULL);
-        app_result_size(&out, "points", what->path->kept, NULL);
+        app_result_text(out, "out", sim->values->out, NULL);
+        app_result_size(out, "points", what->path->kept, NULL);
     }
-    app_json_warnings(&out, sim->self);
-    app_json_end(&out);
 }

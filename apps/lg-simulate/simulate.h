@@ -10,22 +10,12 @@
 #include "liegrad/settings.h"
 #include "liegrad/taped.h"
 
-typedef enum plot_kind {
-    PLOT_OVERVIEW,
-    PLOT_COMPONENTS,
-    PLOT_INVARIANTS,
-    PLOT_MANIFOLD,
-    PLOT_STEPS,
-    PLOT_SPACE
-} plot_kind;
-
 typedef struct simulate_values {
-    const char *method, *scheme, *dexpinv, *out, *plot, *methods, *gradient;
+    const char *method, *scheme, *dexpinv, *out, *methods, *gradient;
     const char *vary, *starts, *event, *save, *task; /* options of --ensemble */
     uint64_t steps, points, checkpoints, levels, max_steps, ensemble;
     double tol, atol, t_end, theta;
     lg_reals times;
-    int plot_kind;
     bool work_precision;
 } simulate_values;
 
@@ -193,10 +183,9 @@ void report_run(const report *what); /* in report.c */
 /* output.c: writes the file of --out. */
 lg_status write_trajectory(const report *what, lg_error *error);
 
-/* plots.c: has_space_plot returns whether there is a 3d plot of this system; draw_run draws
- * --plot. */
-bool has_space_plot(const simulation *sim);
-void draw_run(const report *what);
+/* plots.c: the plots of a run, and the bits that they need. */
+extern const app_plot_kind simulate_plots[];
+unsigned simulate_has(const simulation *sim);
 
 /* precision.c: compares methods, for --work-precision. */
 void work_precision(simulation *sim);

@@ -175,7 +175,7 @@ static vary_item read_distribution(const simulation *sim, char *text) {
             item.percent = true;
             number[length - 1] = '\0';
         }
-        if (number == NULL || !app_parse_real(number, &item.value[i]))
+        if (number == NULL || lg_number_parse(number, &item.value[i]) != LG_OK)
             app_stop_usage(sim->self, "--vary: expected '%s'", distributions[kind].usage);
     }
     const bool ordered = kind != UNIFORM || item.value[0] <= item.value[1];

@@ -165,27 +165,24 @@ static const lg_field options[] = {
 
 /* ---- listing cases ---- */
 
-static int list(app *self) {
-    app_json out;
-    app_result_begin(&out, self);
-    app_json_open(&out, "cases", '[');
+static void list(app *self) {
+    app_json *out = self->out;
+    app_json_open(out, "cases", '[');
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         double batches[LG_COUNT(cases[i].batches)];
         size_t n = 0;
         for (; n < LG_COUNT(batches) && cases[i].batches[n] > 0; n++)
             batches[n] = (double)cases[i].batches[n];
-        app_result_line(&out, "%-20s %s", cases[i].name, cases[i].summary);
-        app_json_open(&out, NULL, '{');
-        app_json_text(&out, "case", cases[i].name);
-        app_json_text(&out, "what", cases[i].summary);
-        app_json_text(&out, "dtype", cases[i].dtype == LG_F64 ? "f64" : "f32");
-        app_json_reals(&out, "batches", batches, n);
-        app_json_size(&out, "width", cases[i].width);
-        app_json_close(&out, '}');
+        app_result_line(out, "%-20s %s", cases[i].name, cases[i].summary);
+        app_json_open(out, NULL, '{');
+        app_json_text(out, "case", cases[i].name);
+        app_json_text(out, "what", cases[i].summary);
+        app_json_text(out, "dtype", cases[i].dtype == LG_F64 ? "f64" : "f32");
+        app_json_reals(out, "batches", batches, n);
+        app_json_size(out, "width", cases[i].width);
+        app_json_close(out, '}');
     }
-    app_json_close(&out, ']');
-    app_json_end(&out);
-    return APP_EXIT_OK;
+    app_json_close(out, ']');
 }
 
 /* ---- reports ---- */
@@ -231,33 +228,31 @@ static void put_row(app_json *out, const bench_row *row) {
  * search. */
 static void report(const bench *b) {
     char processor[256], kernels[256];
-    app_json out;
     processor_name(processor, sizeof processor);
     (void)lg_cpu_describe(kernels, sizeof kernels);
-    app_result_begin(&out, b->app);
-    app_result_text(&out, "case", b->what->name, b->what->summary);
-    app_json_text(&out, "name", b->row[0].name);
-    put_row(&out, &b->row[0]);
-    app_result_text(&out, "dtype", b->dtype == LG_F64 ? "f64" : "f32", NULL);
-    app_result_size(&out, "threads", (uint64_t)b->threads, NULL);
-    if (b->core >= 0) app_result_size(&out, "core", (uint64_t)b->core, NULL);
-    app_result_text(&out, "cpu", processor, NULL);
-    app_result_text(&out, "kernels", kernels, NULL);
-    app_json_text(&out, "version", lg_version());
-    app_result_rows(&out, "rows");
+    app_json *out = b->app->out;
+    app_result_text(out, "case", b->what->name, b->what->summary);
+    app_json_text(out, "name", b->row[0].name);
+    put_row(out, &b->row[0]);
+    app_result_text(out, "dtype", b->dtype == LG_F64 ? "f64" : "f32", NULL);
+    app_result_size(out, "threads", (uint64_t)b->threads, NULL);
+    if (b->core >= 0) app_result_size(out, "core", (uint64_t)b->core, NULL);
+    app_result_text(out, "cpu", processor, NULL);
+    app_result_text(out, "kernels", kernels, NULL);
+    app_json_text(out, "version", lg_version());
+    app_result_rows(out, "rows");
     for (size_t i = 0; i < b->rows; i++) {
-        app_json_open(&out, NULL, '{');
-        app_json_text(&out, "name", b->row[i].name);
-        put_row(&out, &b->row[i]);
-        app_json_close(&out, '}');
+        app_json_open(out, NULL, '{');
+        app_json_text(out, "name", b->row[i].name);
+        put_row(out, &b->row[i]);
+        app_json_close(out, '}');
     }
-    app_result_rows_end(&out);
+    app_result_rows_end(out);
     for (size_t i = 0; i < b->rows; i++)
         for (size_t k = 0; k < b->row[i].notes; k++)
-            app_result_line(&out, "%s: %s %.6g", b->row[i].name, b->row[i].note[k].name,
+            app_result_line(out, "%s: %s %.6g", b->row[i].name, b->row[i].note[k].name,
                             b->row[i].note[k].value);
-    if (b->row[0].error_is != NULL) app_result_line(&out, "error: %s", b->row[0].error_is);
-    app_json_end(&out);
+    if (b->row[0].error_is != NULL) app_result_line(out, "error: %s", b->row[0].error_is);
 }
 
 /* ---- running a case ---- */
@@ -283,7 +278,7 @@ static void check_outputs(const app *self) {
     for (size_t i = 0; i < LG_COUNT(endings); i++) free(names[i]);
 }
 
-static int run(app *self) {
+static void run(app *self) {
     static bench b; /* Static: too large for the stack. */
     b = (bench){.app = self, .what = find(self->command->name), .given = &given, .core = -1};
     b.dtype = given.dtype == 0 ? b.what->dtype : given.dtype == 1 ? LG_F64 : LG_F32;
@@ -293,12 +288,11 @@ static int run(app *self) {
     check_outputs(self);
     if (b.threads == 1) b.core = bench_pin();
     b.what->run(&b);
-    if (app_interrupted()) return APP_EXIT_INTERRUPTED;
+    if (app_interrupted()) app_end(APP_EXIT_INTERRUPTED);
     if (b.rows == 0 && given.only != NULL) app_stop_usage(self, "no row's name contains '%s'", given.only);
     if (b.rows == 0) app_stop_usage(self, "nothing to measure with these options");
     report(&b);
     for (size_t i = 0; i < b.rows; i++) free(b.row[i].series);
-    return APP_EXIT_OK;
 }
 
 int main(int argc, char **argv) {

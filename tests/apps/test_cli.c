@@ -162,7 +162,9 @@ TEST("training that ends early says why, and training for some seconds records i
 TEST("--size auto compares widths and takes the smallest good one") {
     cli_json(lg, "train train.h5 --size auto --epochs 60 --out b.h5", "hidden *, sizes *");
     assert_non_null(strstr(result.out, "\"size\": \"8,8\""));
-    assert_non_null(strstr(result.err, "forecast"));
+    assert_says(result.out, "\"forecast\": ");
+    assert_says(result.err, "--size auto: ");
+    assert_says(result.err, " widths");
     cli_json(lg, "train train.h5 --size 7,5 --epochs 3 --out b.h5", "hidden [7");
 }
 

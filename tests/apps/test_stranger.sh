@@ -43,7 +43,7 @@ way="--recipe rotor --method ssbroyden --epochs 300"
     "$learn" train train.csv $way --stop-after 100 --checkpoint half.h5 --out r.h5 >/dev/null 2>&1
     "$learn" train train.csv --recipe rotor --resume half.h5 --json --out r.h5 | grep -q "\"loss\": $loss" || fail "resume: other bits"
     "$learn" train train.csv --recipe rotor --size auto --epochs 20 --method lbfgs --out s.h5 >/dev/null 2>sizes || fail "size"
-    grep -q '\*' sizes || fail "size: no race"
+    grep -q 'size auto: [0-9]*, of [0-9]* widths' sizes || fail "size: no race"
     "$planted" train train.csv $way --out p.h5 >/dev/null || fail "planted: the training"
 }
 below "$("$learn" evaluate m.h5 test.csv --json | number loss)" 1e-6 "evaluate"

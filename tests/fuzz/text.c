@@ -300,8 +300,8 @@ static void numbers(const char *text) {
         if (!isfinite(real) || lg_number_parse(shown, &again) != LG_OK || again != real) abort();
     }
     const bool is_whole = lg_integer_parse(text, &whole) == LG_OK;
-    if (app_parse_size(text, &size) && (!is_whole || size != whole)) abort();
-    (void)app_parse_real(text, &real);
+    if (lg_integer_parse(text, &size) == LG_OK && (!is_whole || size != whole)) abort();
+    (void)lg_number_parse(text, &real);
 }
 
 /* A list of names that is read must be written as a list of the same names. */

@@ -518,7 +518,7 @@ void export_classifier(const app *self, const char *path, export_source *source)
     lg_status status = classifier_file_load(self->context, path, &file, &error);
     if (status == LG_OK && classifier_file_is_novelty(&file)) {
         classifier_file_free(&file);
-        status = app_error(&error, LG_UNSUPPORTED, "%s: the method novelty is not exported as code", path);
+        status = lg_fail(&error, LG_UNSUPPORTED, "%s: the method novelty is not exported as code", path);
     }
     app_must_file(self, status, &error, path);
     export_loaded(self, &file, source);

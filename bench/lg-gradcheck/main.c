@@ -69,7 +69,6 @@ static lg_status count_row(void *user, const lg_gradcheck_case *row) {
 typedef struct run {
     app *app;
     lg_gradcheck_options options;
-    app_json out;
     const char *row; /* Name of the row that is being checked, for messages. */
     size_t failures, checks, programs, refused, caught, excluded, missed;
 } run;
@@ -94,7 +93,7 @@ static lg_status check_row(void *user, const lg_gradcheck_case *row) {
     if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) return status;
     for (int order = 0; order < LG_GRADCHECK_ORDERS; order++)
         if (result.order[order].checked)
-            report_order(&r->out, row->function.name, order + 1, &result.order[order]);
+            report_order(r->app->out, row->function.name, order + 1, &result.order[order]);
     r->checks++;
     if (status != LG_OK) {
         r->failures++;
@@ -120,7 +119,7 @@ static lg_status check_program(void *user, const lg_gradcheck_case *row) {
     r->row = row->function.name;
     const lg_status status = lg_gradcheck_program(r->app->context, row, &r->options, &result);
     if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) return status;
-    report_program(&r->out, row->function.name, &result);
+    report_program(r->app->out, row->function.name, &result);
     r->programs += !result.refused;
     r->refused += result.refused;
     if (status != LG_OK) {
@@ -131,7 +130,7 @@ static lg_status check_program(void *user, const lg_gradcheck_case *row) {
 }
 
 static lg_status check_all(run *r) {
-    app_json *out = &r->out;
+    app_json *out = r->app->out;
     app_result_rows(out, "checks");
     lg_status status = each_row(check_row, r);
     app_result_rows_end(out);
@@ -156,15 +155,15 @@ static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradc
     run *r = user;
     size_t *const counts[] = {&r->caught, &r->missed, &r->excluded};
     ++*counts[outcome];
-    app_json_open(&r->out, NULL, '{');
-    app_json_text(&r->out, "name", row->function.name);
-    app_json_text(&r->out, "operation", plant->operation);
-    app_json_text(&r->out, "direction", lg_plant_direction_name(plant->direction));
-    app_json_text(&r->out, "mutation", lg_plant_mutation_name(plant->mutation));
-    app_json_size(&r->out, "input", plant->input);
-    app_json_text(&r->out, "outcome", names[outcome]);
-    app_json_text(&r->out, "reason", r->out.people && outcome != LG_PLANT_EXCLUDED ? NULL : reason);
-    app_json_close(&r->out, '}');
+    app_json_open(r->app->out, NULL, '{');
+    app_json_text(r->app->out, "name", row->function.name);
+    app_json_text(r->app->out, "operation", plant->operation);
+    app_json_text(r->app->out, "direction", lg_plant_direction_name(plant->direction));
+    app_json_text(r->app->out, "mutation", lg_plant_mutation_name(plant->mutation));
+    app_json_size(r->app->out, "input", plant->input);
+    app_json_text(r->app->out, "outcome", names[outcome]);
+    app_json_text(r->app->out, "reason", r->app->out->people && outcome != LG_PLANT_EXCLUDED ? NULL : reason);
+    app_json_close(r->app->out, '}');
 }
 
 static lg_status plant_row(void *user, const lg_gradcheck_case *row) {
@@ -174,20 +173,20 @@ static lg_status plant_row(void *user, const lg_gradcheck_case *row) {
 }
 
 static lg_status plant_all(run *r) {
-    app_result_rows(&r->out, "plants");
+    app_result_rows(r->app->out, "plants");
     const lg_status status = each_row(plant_row, r);
-    app_result_rows_end(&r->out);
+    app_result_rows_end(r->app->out);
     r->failures = r->missed;
-    app_result_line(&r->out, "\n%zu mutations caught, %zu excluded (cannot be seen), %zu missed.", r->caught,
-                    r->excluded, r->missed);
-    app_json_size(&r->out, "caught", r->caught);
-    app_json_size(&r->out, "excluded", r->excluded);
-    app_json_size(&r->out, "missed", r->missed);
-    app_json_bool(&r->out, "passed", r->missed == 0 && status == LG_OK);
+    app_result_line(r->app->out, "\n%zu mutations caught, %zu excluded (cannot be seen), %zu missed.",
+                    r->caught, r->excluded, r->missed);
+    app_json_size(r->app->out, "caught", r->caught);
+    app_json_size(r->app->out, "excluded", r->excluded);
+    app_json_size(r->app->out, "missed", r->missed);
+    app_json_bool(r->app->out, "passed", r->missed == 0 && status == LG_OK);
     return status;
 }
 
-static int gradcheck(struct app *program) {
+static void gradcheck(struct app *program) {
     run r = {.app = program};
     extent found = {0, 0};
     (void)each_row(count_row, &found);
@@ -201,11 +200,10 @@ static int gradcheck(struct app *program) {
                        found.rows, given.only);
     lg_gradcheck_options_init(&r.options);
     if (program->seed_given) r.options.seed = program->seed;
-    app_result_begin(&r.out, program);
     const lg_status status = given.plant ? plant_all(&r) : check_all(&r);
-    app_json_end(&r.out);
+    app_result_end(program);
     if (status != LG_OK) app_stop(program, status, "%s: %s", r.row, lg_status_sentence(status));
-    return r.failures == 0 ? APP_EXIT_OK : APP_EXIT_CHECK;
+    if (r.failures > 0) program->code = APP_EXIT_CHECK;
 }
 
 int main(int argc, char **argv) {
