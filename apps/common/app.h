@@ -108,8 +108,8 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
 const app *app_running(void);
 /* Returns whether the option was on the command line. */
 bool app_given(const app *app, const char *option);
-/* Sets the command and gives its settings their defaults. No option counts as given. Its plots have no options:
- * they are those of the command line. */
+/* Sets the command and gives its settings their defaults. No option counts as given. Its plots have no
+ * options: they are those of the command line. */
 void app_choose_command(app *app, const app_command *command);
 /* Finds the option with this name; NULL when the command has no such option. */
 app_slot *app_find_slot(const app *app, const char *option);
@@ -274,12 +274,12 @@ void app_json_open(app_json *json, const char *key, char bracket);
 void app_json_close(app_json *json, char bracket); /* '}' or ']' */
 /* ---- the result of a command: one list of calls prints JSON or text for people ---- */
 
-/* The result is app->out. With --json the following calls build one JSON object. Otherwise each app_result_...
- * prints one line with key, value and label (label may be NULL), each app_result_rows prints a table, and
- * app_json_... prints nothing by itself. */
+/* The result is app->out. With --json the following calls build one JSON object. Otherwise each
+ * app_result_... prints one line with key, value and label (label may be NULL), each app_result_rows prints
+ * a table, and app_json_... prints nothing by itself. */
 void app_result_begin(app_json *json, const app *app); /* called by app_main, before the command */
-/* Prints what the command has put into its result; JSON with the array "warnings". Called by app_main after the
- * command, or before, if something may fail after the result or is printed after it. */
+/* Prints what the command has put into its result; JSON with the array "warnings". Called by app_main after
+ * the command, or before, if something may fail after the result or is printed after it. */
 void app_result_end(const app *app);
 void app_result_real(app_json *json, const char *key, double value, const char *label);
 void app_result_size(app_json *json, const char *key, uint64_t value, const char *label);

@@ -1,5 +1,5 @@
-/* lg-anomaly train with a classical method: a classifier of features, or novelty, which learns what windows of
- * the healthy class look like, and nothing else. */
+/* lg-anomaly train with a classical method: a classifier of features, or novelty, which learns what windows
+ * of the healthy class look like, and nothing else. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

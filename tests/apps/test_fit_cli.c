@@ -626,8 +626,9 @@ TEST("the help says what --plot draws, where the plot's data are written, and ho
             text[used++] = *c == '\n' ? ' ' : *c;
     text[used] = '\0';
     assert_says(text, "Draw a plot; its data and script stay next to it, as FILE.dat and FILE.gp");
-    assert_says(text, "With --plot: loss (the loss over the epochs), scatter (predicted against true values), "
-                      "confusion (the table of confusion)");
+    assert_says(text,
+                "With --plot: loss (the loss over the epochs), scatter (predicted against true values), "
+                "confusion (the table of confusion)");
     assert_says(text, "whose width the evidence of the data decides");
     if (strstr(text, "Draw the loss") != NULL) fail_msg("%s", result.out);
 }
