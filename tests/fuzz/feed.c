@@ -76,7 +76,7 @@ static void take_feed(const app *by, const well_model *model, uint8_t options) {
 }
 
 void fuzz_feed(const uint8_t *data, size_t size) {
-    static const well_model model = {.channels = CHANNELS, .window = WINDOW, .classes = 2};
+    static const well_model model = {.names = {.channels = CHANNELS, .classes = 2}, .window = WINDOW};
     if (size == 0) return;
     app by = {.title = "fuzz"};
     (void)fuzz_file(data + 1, size - 1);
