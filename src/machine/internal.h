@@ -43,9 +43,8 @@ typedef struct lg_number_list {
 } lg_number_list;
 typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, const lg_machine_term *term,
                              const double *theta);
-lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential, lg_numbers_squares,
-    lg_numbers_constant_damping, lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey, lg_numbers_curve,
-    lg_numbers_dead_zone, lg_numbers_lag;
+lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential, lg_numbers_each,
+    lg_numbers_constant_damping, lg_numbers_bias, lg_numbers_grey, lg_numbers_lag;
 /* lg_term_kind.entry of potentials that are sums of monomials. */
 void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
                                 lg_entry_about *out);
@@ -75,16 +74,19 @@ struct lg_term_kind {
     /* Number of outputs of the term's network; NULL: the term is not a network. */
     uint32_t (*outputs)(const lg_machine *machine);
     size_t (*parameters)(const lg_machine *machine, const lg_machine_term *term);
-    /* Writes the initial parameters. NULL: they are zeros, or a network's initial weights. */
+    /* Writes the initial parameters. NULL: they are the starts of `each`, zeros, or a network's initial
+     * weights. */
     void (*initialise)(const lg_machine *machine, const lg_machine_term *term, double *theta);
     lg_var (*record)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen);
     /* Masses of the directions, (1, directions, 1), or (1, directions, directions) of a chain. NULL: the term
      * gives none. */
     lg_var (*directions)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term);
-    /* Appends the term's parameters in the units of logs; theta is the term's slice. NULL: nothing to
-     * append. */
+    /* Whether parameter i, or its square, is in scaled units the number that `entry` describes. */
+    enum { LG_PARAMETER_OTHER, LG_PARAMETER_ITSELF, LG_PARAMETER_SQUARED } each;
+    /* Appends the term's parameters in the units of logs; theta is the term's slice. NULL: they are those of
+     * `each`, or there is nothing to append. */
     lg_term_numbers *numbers;
-    /* The two allowed numbers of values (equal if there is only one). NULL: the term takes no values. */
+    /* The two allowed numbers of values (equal if there is only one). NULL: as many as `parameters`. */
     void (*values)(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]);
     /* log(tau/T) of the lags, (1, of_count). NULL: the term has none. */
     lg_var (*lag)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term);
@@ -168,6 +170,8 @@ typedef struct lg_number_map {
 } lg_number_map;
 lg_number_map lg_machine_entry_map(const lg_machine_entry *entry, double start, double unit, bool positive);
 double lg_number_at(const lg_number_map *map, double t, double *slope); /* slope may be NULL */
+/* x (1, count) from t (1, count); count <= LG_MACHINE_VALUES. */
+lg_var lg_machine_record_maps(lg_tape *tape, const lg_number_map *maps, uint32_t count, lg_var t);
 /* (1, count): number i is factor[i] times value index[i] of the term; 0 if index[i] is UINT32_MAX. */
 lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t count,
                                  const uint32_t *index, const double *factor);
