@@ -55,6 +55,11 @@ void lg_constraint_normals(lg_constraint_work *work, const double *q);
 /* The view of q at which g and G are known. */
 lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_constraint_view *out,
                                 lg_error *error);
+/* Rows of G (m, n) divided by their lengths. */
+void lg_constraint_unit_rows(const lg_constraint_work *work, double *unit, double *length);
+/* A K B^T for A, B (m, n); K (n, n) NULL: the unit matrix. */
+void lg_constraint_product(const lg_constraint *constraint, const double *A, const double *K, const double *B,
+                           double *out);
 /* x -= G^T (G K G^T)^-1 G K x with G of the work and K (n, n); NULL: the unit matrix. False: singular. */
 bool lg_constraint_clear(const lg_constraint_work *work, const double *K, double *x);
 /* Projects q; work has g and G at the result. */
