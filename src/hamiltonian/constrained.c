@@ -31,10 +31,6 @@ static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, c
     lg_constraint_record_field(tape, NULL, 1.0, y, dH, force, out);
 }
 
-static bool learns(const lg_system *system, size_t *n) {
-    return false;
-}
-
 const lg_hamiltonian_family lg_hamiltonian_constrained = {
     .name = "constrained",
     .description = "learned Hamiltonian under constraints of the user",
@@ -58,6 +54,5 @@ const lg_hamiltonian_family lg_hamiltonian_constrained = {
     .energy = energy,
     .gradient = gradient,
     .field = field,
-    .learns = learns,
     .constrained = true,
 };
