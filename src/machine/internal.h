@@ -43,7 +43,7 @@ typedef struct lg_number_list {
 } lg_number_list;
 typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, const lg_machine_term *term,
                              const double *theta);
-lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential, lg_numbers_each,
+lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_each,
     lg_numbers_constant_damping, lg_numbers_bias, lg_numbers_grey, lg_numbers_lag;
 /* lg_term_kind.entry of potentials that are sums of monomials. */
 void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,

@@ -176,21 +176,6 @@ void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term
     (void)snprintf(out->name, sizeof out->name, "potential.%s", name);
 }
 
-void lg_numbers_potential(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                          const double *theta) {
-    double scales[LG_MACHINE_FEATURE_NUMBERS];
-    lg_monomials monomials;
-    const uint32_t most = term->kind->most > 0 ? term->kind->most : term->degree;
-    (void)lg_machine_monomials(lg_machine_feature_scales(machine, term, scales), term->kind->least, most,
-                               &monomials);
-    for (uint32_t i = 0; i < monomials.count; i++) {
-        char name[64];
-        monomial_name(machine, term, monomials.factor[i], name, sizeof name);
-        lg_numbers_put(l, theta[i] * machine->scales.energy * coefficient_unit(scales, monomials.factor[i]),
-                       "potential.%s", name);
-    }
-}
-
 /* ---- forces ---- */
 
 double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power) {

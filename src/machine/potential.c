@@ -61,7 +61,7 @@ static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
 
 #define MONOMIALS                                                                                            \
     .part = LG_MACHINE_POTENTIAL, .parameters = monomial_count, .record = polynomial,                        \
-    .numbers = lg_numbers_potential, .entry = lg_machine_potential_entry
+    .each = LG_PARAMETER_ITSELF, .entry = lg_machine_potential_entry
 #define FORM (LG_TERM_OF | LG_TERM_VALUES)
 const lg_term_kind lg_machine_potential_kinds[] = {
     {.name = "linear", .options = FORM, .least = 1, .most = 1, MONOMIALS},
