@@ -25,12 +25,6 @@ static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
                                   slope, out);
 }
 
-static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
-                  lg_var *out) {
-    const lg_var force = lg_is_none(input) ? input : lg_hamiltonian_input_like(tape, input, y[1]);
-    lg_constraint_record_field(tape, NULL, 1.0, y, dH, force, out);
-}
-
 const lg_hamiltonian_family lg_hamiltonian_constrained = {
     .name = "constrained",
     .description = "learned Hamiltonian under constraints of the user",
@@ -53,6 +47,6 @@ const lg_hamiltonian_family lg_hamiltonian_constrained = {
     .bind = lg_hamiltonian_bind_mass,
     .energy = energy,
     .gradient = gradient,
-    .field = field,
+    .field = lg_hamiltonian_canonical_field,
     .constrained = true,
 };

@@ -81,15 +81,12 @@ void lg_constraint_record_field(lg_tape *tape, const lg_constraint *constraint, 
     const lg_var q = y[0], p = y[1], v = dH[1];
     lg_var force = lg_neg(tape, dH[0]);
     if (!lg_is_none(input)) force = lg_add(tape, force, input);
-    if (constraint != NULL) {
-        const normals at = normals_at(tape, constraint, unit, q);
-        const lg_var across = lg_matmul(tape, at.G, column(tape, force));
-        const lg_var turn = lg_matmul(tape, bent(tape, &at, q, v), column(tape, p));
-        const lg_var k = lg_spd_solve(tape, lg_matmul_nt(tape, at.G, at.G), lg_add(tape, across, turn));
-        force = lg_sub(tape, force, flat(tape, lg_matmul_tn(tape, at.G, k)));
-    }
+    const normals at = normals_at(tape, constraint, unit, q);
+    const lg_var across = lg_matmul(tape, at.G, column(tape, force));
+    const lg_var turn = lg_matmul(tape, bent(tape, &at, q, v), column(tape, p));
+    const lg_var k = lg_spd_solve(tape, lg_matmul_nt(tape, at.G, at.G), lg_add(tape, across, turn));
     out[0] = v;
-    out[1] = force;
+    out[1] = lg_sub(tape, force, flat(tape, lg_matmul_tn(tape, at.G, k)));
 }
 
 /* ---- the functions of the user ---- */

@@ -86,6 +86,9 @@ void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, d
  * definite, 1/m_ii (1, n, 1), and m (1, n, n). */
 bool lg_hamiltonian_usable_mass(const lg_hamiltonian_family *family, uint32_t n, const double *arrays);
 void lg_hamiltonian_bind_mass(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars);
+/* q' = dH/dp, p' = -dH/dq + input of the parts q and p. */
+void lg_hamiltonian_canonical_field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y,
+                                    const lg_var *dH, lg_var input, lg_var *out);
 
 /* The equation that training integrates by `scheme`, inside. For Lie group schemes it lives
  * on the manifold, for other schemes on R^d, split into parts like `start`. `vars` must outlive the use of
