@@ -12,14 +12,17 @@ static double cpu_seconds(void) {
 
 void plan_init(const simulation *sim, const lg_scheme *scheme, plan *out) {
     const simulate_values *values = sim->values;
-    *out = (plan){.scheme = scheme, .steps = (size_t)values->steps, .max_steps = (size_t)values->max_steps};
-    out->t_end = sim->t_end;
+    *out = (plan){.scheme = scheme, .t_end = sim->t_end};
+    lg_step_controller_init(&out->control);
+    out->control.steps = (size_t)values->steps;
+    out->control.max_steps = (size_t)values->max_steps;
+    out->control.dense = true;
     plan_tolerance(sim, values->tol, out);
 }
 
 void plan_tolerance(const simulation *sim, double tol, plan *out) {
-    out->rtol = tol;
-    out->atol = sim->values->atol >= 0 ? sim->values->atol : -fmax(1e-4 * tol, 1e-16);
+    out->control.rtol = tol;
+    out->control.atol = sim->values->atol >= 0 ? sim->values->atol : -fmax(1e-4 * tol, 1e-16);
 }
 
 typedef struct runner {
@@ -29,9 +32,10 @@ typedef struct runner {
 
 static lg_status observe_step(void *user, double t, double h, const double *y) {
     const runner *run = user;
+    const lg_step_controller *own = &run->how->control;
     run->out->t = t + h;
     if (app_interrupted()) return LG_CANCELLED;
-    return run->how->observe != NULL ? run->how->observe(run->how->observer, t, h, y) : LG_OK;
+    return own->observe != NULL ? own->observe(own->observer, t, h, y) : LG_OK;
 }
 
 lg_status integrate(const simulation *sim, const plan *how, const double *y0, double *rows, outcome *out,
@@ -44,13 +48,7 @@ lg_status integrate(const simulation *sim, const plan *how, const double *y0, do
     if (status == LG_OK) status = lg_stepper_create(sim->self->context, how->scheme, ode, &stepper);
     if (status != LG_OK) return status;
     runner run = {how, out};
-    lg_step_controller control;
-    lg_step_controller_init(&control);
-    control.steps = how->steps;
-    control.rtol = how->rtol;
-    control.atol = how->atol;
-    control.max_steps = how->max_steps;
-    control.dense = true;
+    lg_step_controller control = how->control;
     control.observe = observe_step;
     control.observer = &run;
     const double begin = app_seconds(), begin_cpu = cpu_seconds();

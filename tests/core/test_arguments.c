@@ -439,6 +439,8 @@ TEST("functions of constraints refuse NULL") {
     assert_ok(lg_program_build(NULL, &spec, &program, NULL));
     assert_ok(lg_constraint_create(NULL, program, &c, NULL));
     lg_trajectory_options_init(&how);
+    how.trajectories = 1;
+    how.points = 2;
     REFUSES(lg_constraint_create(NULL, NEEDED(program), NEEDED(&c), none));
     REFUSES(lg_constraint_look(NEEDED(c), 0, NEEDED(y), NEEDED(&view), none));
     REFUSES(lg_constraint_project(NEEDED(c), 0, NEEDED(state), none));
