@@ -24,7 +24,7 @@ lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t st
     if (!stepper || !y0 || !out || steps < 1 || every < 1 || steps % every != 0 || !isfinite(t0) ||
         !isfinite(h) || !lg_all_finite(stepper->ode.space.dim, y0))
         return LG_INVALID_ARGUMENT;
-    const size_t n = stepper->ode.space.dim, before = stepper->evaluations;
+    const size_t n = stepper->ode.space.dim, before = lg_stepper_evaluations(stepper);
     double *y = stepper->run[0];
     memcpy(y, y0, n * sizeof(*y));
     memcpy(out, y0, n * sizeof(*y));
@@ -33,10 +33,10 @@ lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t st
         status = lg_stepper_step(stepper, t0 + (double)i * h, h, y, input, y);
         if (status != LG_OK) break;
         run.steps++;
-        run.max_angle = dmax(run.max_angle, stepper->angle);
+        run.max_angle = dmax(run.max_angle, lg_stepper_angle(stepper));
         if ((i + 1) % every == 0) memcpy(out + (i + 1) / every * n, y, n * sizeof(*y));
     }
-    run.evaluations = stepper->evaluations - before;
+    run.evaluations = lg_stepper_evaluations(stepper) - before;
     if (stats) *stats = run;
     return status;
 }
@@ -256,7 +256,7 @@ lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_controller *c
     if (!lg_step_controller_valid(control) || !times_are_valid(t0, times, count) ||
         !lg_all_finite(stepper->ode.space.dim, y0))
         return LG_INVALID_ARGUMENT;
-    const size_t before = stepper->evaluations;
+    const size_t before = lg_stepper_evaluations(stepper);
     const double t_end = times[count - 1];
     const int lower = stepper->scheme->embedded_order < stepper->scheme->order
                           ? stepper->scheme->embedded_order
@@ -270,7 +270,7 @@ lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_controller *c
                   .h_min = 4.0 * DBL_EPSILON * dmax(fabs(t0), fabs(t_end))};
     memcpy(stepper->run[0], y0, stepper->ode.space.dim * sizeof(*y0));
     const lg_status status = run_to_times(&run, times, count, out);
-    run.stats.evaluations = stepper->evaluations - before;
+    run.stats.evaluations = lg_stepper_evaluations(stepper) - before;
     if (stats) *stats = run.stats;
     return status;
 }

@@ -153,7 +153,7 @@ uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out) {
                 out[count] = (lg_prior){i, k, map, about.start, term->entries[k].sigma};
             count++;
         }
-        if (term->kind == &lg_grey_mass_kind) count = lg_grey_priors(machine, i, out, count);
+        if (term->kind->priors != NULL) count = term->kind->priors(machine, i, out, count);
     }
     return count;
 }

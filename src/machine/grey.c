@@ -272,7 +272,7 @@ lg_var lg_grey_record(lg_tape *tape, const lg_machine *machine, lg_var theta) {
     return with_unit_vectors(tape, machine, lg_reshape(tape, all, flat));
 }
 
-uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count) {
+static uint32_t priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count) {
     const lg_machine_grey *grey = &machine->grey;
     mapping m = {.used = 0};
     map_all(machine, &m);
@@ -348,7 +348,8 @@ const lg_term_kind lg_grey_mass_kind = {.name = "system",
                                         .record = mass,
                                         .directions = directions,
                                         .numbers = lg_numbers_grey,
-                                        .moving = moves};
+                                        .moving = moves,
+                                        .priors = priors};
 const lg_term_kind lg_grey_potential_kind = {
     .name = "system", .part = LG_MACHINE_POTENTIAL, .record = potential};
 

@@ -61,6 +61,8 @@ void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text,
 void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
                              char *text, size_t size);
 
+typedef struct lg_prior lg_prior;
+
 /* A row of the table of terms. `record` returns, by part:
  *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n
  *   potential  V (B, 1)
@@ -115,6 +117,9 @@ struct lg_term_kind {
      * term has no parameters. */
     void (*scaling)(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                     double *direction);
+    /* Adds the priors of numbers that are no entries behind `count` others; returns the new count. NULL: there
+     * are none. */
+    uint32_t (*priors)(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);
 };
 
 /* ---- bristles of LuGre friction (machine/friction.c), in scaled units; v and z are (B, velocities) ---- */
@@ -187,18 +192,16 @@ const char *lg_machine_entries_fault(const lg_machine *machine, const lg_machine
 
 /* The prior of parameter `index` of a term, whose number is map(parameter). */
 #define LG_MACHINE_PRIORS 64
-typedef struct lg_prior {
+struct lg_prior {
     uint32_t term, index;
     lg_number_map map;
     double centre, sigma;
-} lg_prior;
+};
 /* Lists the machine's priors (room for LG_MACHINE_PRIORS), and returns how many there are. lg_machine_init
  * refuses a machine with more. */
 uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out);
 /* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors). There must be one. */
 lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint32_t rows, double weight);
-/* Adds the priors of the system, whose mass is this term, behind `count` others; returns the new count. */
-uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);
 /* Priors of a problem, 0 if theta is known; and their weight in residuals of a batch, see
  * lg_machine_problem. */
 uint32_t lg_machine_problem_priors(const lg_machine_problem *problem);
