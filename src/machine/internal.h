@@ -117,8 +117,8 @@ struct lg_term_kind {
      * term has no parameters. */
     void (*scaling)(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                     double *direction);
-    /* Adds the priors of numbers that are no entries behind `count` others; returns the new count. NULL: there
-     * are none. */
+    /* Adds the priors of numbers that are no entries behind `count` others; returns the new count. NULL:
+     * there are none. */
     uint32_t (*priors)(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);
 };
 
