@@ -68,7 +68,7 @@ enum { STARTS_OF_PIECE = 16 };
 typedef struct generating {
     const app *app;
     const lg_scene *scene; /* NULL: the motion of data->constraint */
-    const sampling *how;
+    const lg_trajectory_options *how;
     lg_trajectories *data;
     size_t each; /* trajectories per piece */
 } generating;
@@ -78,22 +78,20 @@ static lg_status make_piece(void *user, size_t piece, void *record, lg_error *er
     (void)record;
     const size_t first = piece * self->each, rest = self->data->count - first;
     const size_t count = rest < self->each ? rest : self->each;
-    if (self->scene == NULL)
-        return sample_constrained(self->how, values.speed, first, count, self->data, error);
     return sample_part(self->app->context, self->scene, self->how, first, count, self->data, error);
 }
 
 /* Computes all trajectories, together with other processes if there are any. False: another process writes
  * the file. */
-static bool make_all(const app *self, const lg_scene *scene, const sampling *how, lg_trajectories *data,
-                     trials_work *made) {
-    const size_t segments = scene != NULL && scene->segments > 0 ? scene->segments : 1;
-    const size_t each = STARTS_OF_PIECE * segments, point = data->points * data->state_dim * sizeof(double);
+static bool make_all(const app *self, const lg_scene *scene, const lg_trajectory_options *how,
+                     lg_trajectories *data, trials_work *made) {
+    const size_t each = STARTS_OF_PIECE * how->segments,
+                 point = data->points * data->state_dim * sizeof(double);
     generating what = {self, scene, how, data, each};
     char label[LG_SHA256_TEXT];
     APP_FREE char *text = app_format(
         "%zu %zu %.17g %.17g %d %d %llu %zu %.17g", how->trajectories, how->points, how->t_end, how->noise,
-        how->noise_first, (int)how->noise_kind, (unsigned long long)how->seed, segments, values.speed);
+        how->noise_first, (int)how->noise_kind, (unsigned long long)how->seed, how->segments, values.speed);
     trials_label(self, text, self->arguments[0], label);
     made->count = (data->count + each - 1) / each;
     made->array_count = 2;
@@ -105,7 +103,8 @@ static bool make_all(const app *self, const lg_scene *scene, const sampling *how
     return trials_run(made);
 }
 
-static void create(const app *self, const lg_scene *scene, const sampling *how, lg_trajectories *data) {
+static void create(const app *self, const lg_scene *scene, const lg_trajectory_options *how,
+                   lg_trajectories *data) {
     const char *path = self->arguments[0];
     lg_error why = {LG_OK, ""};
     const lg_status status = sample_create(self->context, scene, how, data, &why);
@@ -114,16 +113,17 @@ static void create(const app *self, const lg_scene *scene, const sampling *how, 
     if (status != LG_OK) app_stop(self, status, "%s: %s", path, why.message);
 }
 
-static sampling sampling_of(const app *self, const lg_scene *scene) {
-    return (sampling){.trajectories = (size_t)values.trajectories,
-                      .points = (size_t)values.points,
-                      .t_end = values.t_end > 0                    ? values.t_end
-                               : scene != NULL && scene->has_t_end ? scene->t_end
-                                                                   : 0.1,
-                      .noise = values.noise,
-                      .noise_first = values.noise_on == 1,
-                      .noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM,
-                      .seed = self->seed};
+static lg_trajectory_options options_of(const app *self, const lg_scene *scene) {
+    lg_trajectory_options out = sample_options(scene);
+    out.trajectories = (size_t)values.trajectories;
+    out.points = (size_t)values.points;
+    if (values.t_end > 0) out.t_end = values.t_end;
+    if (values.speed > 0) out.low = -values.speed, out.high = values.speed;
+    out.noise = values.noise;
+    out.noise_first = values.noise_on == 1;
+    out.noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM;
+    out.seed = self->seed;
+    return out;
 }
 
 static void finish(const app *self, lg_trajectories *data, trials_work *made, double begin) {
@@ -145,7 +145,7 @@ static void run_constrained(app *self, const char *path, trials_work *made, doub
     if (status == LG_OK && !lg_constraint_moves(constraint))
         status = lg_fail(&why, LG_FORMAT, "there is no function potential (q) -> V");
     if (status != LG_OK) app_stop(self, status, "%s: %s", path, why.message);
-    const sampling how = sampling_of(self, NULL);
+    const lg_trajectory_options how = options_of(self, NULL);
     status = lg_trajectories_create(self->context, "", lg_hamiltonian_family_find("constrained"),
                                     lg_constraint_coordinates(constraint), how.trajectories, how.points,
                                     how.t_end, true, 0, &data);
@@ -176,7 +176,7 @@ static void run(app *self) {
         app_stop_usage(self, "--speed is for constraints; a scene says how starts are drawn");
     APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &scene, &error));
     if (values.segments > 0) scene.segments = (uint32_t)values.segments;
-    const sampling how = sampling_of(self, &scene);
+    const lg_trajectory_options how = options_of(self, &scene);
     create(self, &scene, &how, &data);
     if (make_all(self, &scene, &how, &data, &made)) {
         app_must_file(self, lg_trajectories_set_truth(&data, scene.system), NULL, values.out);

@@ -17,7 +17,20 @@ lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **fami
     return LG_OK;
 }
 
-lg_status sample_create(const lg_context *context, const lg_scene *scene, const sampling *how,
+lg_trajectory_options sample_options(const lg_scene *scene) {
+    lg_trajectory_options out;
+    lg_trajectory_options_init(&out);
+    if (scene == NULL) return out;
+    if (scene->has_t_end) out.t_end = scene->t_end;
+    out.starts = scene->starts;
+    out.low = scene->low;
+    out.high = scene->high;
+    out.ahead = scene->ahead;
+    out.segments = scene->segments > 0 ? scene->segments : 1;
+    return out;
+}
+
+lg_status sample_create(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
                         lg_trajectories *out, lg_error *error) {
     const lg_hamiltonian_family *family = NULL;
     uint32_t n = 0;
@@ -29,30 +42,20 @@ lg_status sample_create(const lg_context *context, const lg_scene *scene, const 
     return LG_OK;
 }
 
-lg_status sample_part(const lg_context *context, const lg_scene *scene, const sampling *how, size_t first,
-                      size_t count, lg_trajectories *data, lg_error *error) {
-    lg_trajectory_options options;
-    lg_trajectory_options_init(&options);
-    options.trajectories = count;
-    options.first = first;
-    options.points = how->points;
-    options.t_end = how->t_end;
-    options.noise = how->noise;
-    options.noise_kind = how->noise_kind;
-    options.noise_first = how->noise_first;
-    options.starts = scene->starts;
-    options.low = scene->low;
-    options.high = scene->high;
-    options.ahead = scene->ahead;
-    options.segments = scene->segments > 0 ? scene->segments : 1;
-    options.seed = how->seed;
+lg_status sample_part(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
+                      size_t first, size_t count, lg_trajectories *data, lg_error *error) {
+    lg_trajectory_options part = *how;
+    double *states = data->data + first * data->points * data->state_dim;
+    part.trajectories = count;
+    part.first = first;
     APP_FREE double *t = app_alloc(data->points, sizeof *t);
-    return lg_system_generate(context, scene->system, &options, t,
-                              data->data + first * data->points * data->state_dim, data->hamiltonian + first,
-                              error);
+    return scene != NULL
+               ? lg_system_generate(context, scene->system, &part, t, states, data->hamiltonian + first,
+                                    error)
+               : lg_constraint_generate(data->constraint, &part, t, states, data->hamiltonian + first, error);
 }
 
-lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
+lg_status sample_scene(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
                        lg_trajectories *out, lg_error *error) {
     lg_trajectories data;
     LG_TRY(sample_create(context, scene, how, &data, error));
@@ -63,22 +66,4 @@ lg_status sample_scene(const lg_context *context, const lg_scene *scene, const s
     else
         lg_trajectories_destroy(&data);
     return status;
-}
-
-lg_status sample_constrained(const sampling *how, double speed, size_t first, size_t count,
-                             lg_trajectories *data, lg_error *error) {
-    lg_constraint_sampling options;
-    lg_constraint_sampling_init(&options);
-    options.trajectories = count;
-    options.first = first;
-    options.points = how->points;
-    options.t_end = how->t_end;
-    options.noise = how->noise;
-    options.noise_kind = how->noise_kind;
-    options.noise_first = how->noise_first;
-    options.seed = how->seed;
-    if (speed > 0) options.speed = speed;
-    return lg_constraint_generate(data->constraint, &options, NULL,
-                                  data->data + first * data->points * data->state_dim,
-                                  data->hamiltonian + first, error);
 }

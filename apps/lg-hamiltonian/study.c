@@ -150,26 +150,22 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
 static lg_status train_row(const study *self, study_row *row, lg_error *error) {
     const lg_grid *grid = &self->grid;
     const study_plan *plan = &self->plan;
-    const sampling training = {(size_t)number_at(plan, row, AXIS_N),
-                               (size_t)number_at(plan, row, AXIS_M),
-                               grid->t_end,
-                               number_at(plan, row, AXIS_EPS),
-                               grid->noise_kind,
-                               false,
-                               row->seed};
-    const sampling testing = {grid->test_trajectories,
-                              grid->test_points,
-                              1,
-                              0,
-                              LG_NOISE_NORMAL,
-                              false,
-                              study_seed(plan->seed, row->repeat, SEED_TEST)};
+    lg_trajectory_options training = sample_options(&grid->scene), testing = training;
+    training.trajectories = (size_t)number_at(plan, row, AXIS_N);
+    training.points = (size_t)number_at(plan, row, AXIS_M);
+    training.t_end = grid->t_end;
+    training.noise = number_at(plan, row, AXIS_EPS);
+    training.noise_kind = grid->noise_kind;
+    training.seed = row->seed;
+    testing.trajectories = grid->test_trajectories;
+    testing.points = grid->test_points;
+    testing.t_end = 1;
+    testing.segments = 1;
+    testing.seed = study_seed(plan->seed, row->repeat, SEED_TEST);
     const lg_context *context = self->app->context;
-    lg_scene test_scene = grid->scene;
-    test_scene.segments = 1;
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0}, test = {0};
     LG_TRY(sample_scene(context, &grid->scene, &training, &data, error));
-    LG_TRY(sample_scene(context, &test_scene, &testing, &test, error));
+    LG_TRY(sample_scene(context, &grid->scene, &testing, &test, error));
     lg_hamiltonian_run run = grid->run;
     run.scheme = grid->integrators[row->at[AXIS_INTEGRATOR]];
     run.substeps = (uint32_t)number_at(plan, row, AXIS_SUBSTEPS);

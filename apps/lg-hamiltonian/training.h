@@ -19,25 +19,17 @@ extern const app_command generate_command, evaluate_command, predict_command, st
 lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,
                        lg_error *error);
 
-typedef struct sampling {
-    size_t trajectories, points; /* numbers of trajectories (N) and of points per trajectory (M) */
-    double t_end, noise;
-    lg_noise noise_kind;
-    bool noise_first;
-    uint64_t seed;
-} sampling;
-/* Samples trajectories of the scene's system, with the energies of the starts. Starts are random, as the
- * scene's `starts` say. sample_create allocates all trajectories and sets their times; the caller frees them.
- * sample_part computes `count` trajectories from number `first` on; it may be called from any thread. */
-lg_status sample_create(const lg_context *context, const lg_scene *scene, const sampling *how,
+/* The options of lg_system_generate that the scene gives; NULL: the defaults. */
+lg_trajectory_options sample_options(const lg_scene *scene);
+/* Samples trajectories of the scene's system, with the energies of the starts. sample_create allocates all
+ * trajectories and sets their times; the caller frees them. sample_part computes `count` trajectories from
+ * number `first` on; it may be called from any thread. A scene NULL: the motion of data->constraint. */
+lg_status sample_create(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
                         lg_trajectories *out, lg_error *error);
-lg_status sample_part(const lg_context *context, const lg_scene *scene, const sampling *how, size_t first,
-                      size_t count, lg_trajectories *data, lg_error *error);
-/* The same for the motion of data->constraint; speed 0: the default. */
-lg_status sample_constrained(const sampling *how, double speed, size_t first, size_t count,
-                             lg_trajectories *data, lg_error *error);
+lg_status sample_part(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
+                      size_t first, size_t count, lg_trajectories *data, lg_error *error);
 /* Calls sample_create, and sample_part for all trajectories. */
-lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
+lg_status sample_scene(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
                        lg_trajectories *out, lg_error *error);
 /* ---- judging (judge.c) ---- */
 

@@ -464,10 +464,10 @@ static void prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *even
     lg_ensemble_options_init(o);
     o->threads = (int)sim->self->threads;
     o->scheme = scheme;
-    o->steps = how.steps;
-    o->control.rtol = how.rtol;
-    o->control.atol = how.atol;
-    o->control.max_steps = how.max_steps;
+    o->steps = how.control.steps;
+    o->control.rtol = how.control.rtol;
+    o->control.atol = how.control.atol;
+    o->control.max_steps = how.control.max_steps;
     o->start = sim->scene.state;
     all->total->total = values->ensemble;
     all->invariants = lg_system_invariants(sim->system);

@@ -68,7 +68,7 @@ static double parting(const simulation *sim, plan fine, plan coarse, const sizes
     for (size_t i = 0; i < MOMENTS; i++) t[i] = fine.t_end * ((double)(i + 1) / MOMENTS);
     fine.times = coarse.times = t;
     fine.count = coarse.count = MOMENTS;
-    fine.observe = coarse.observe = NULL;
+    fine.control.observe = coarse.control.observe = NULL;
     if (integrate(sim, &fine, sim->scene.state, a, &run, &error) == LG_OK &&
         integrate(sim, &coarse, sim->scene.state, b, &run, &error) == LG_OK)
         for (size_t i = MOMENTS; i-- > 0;)
@@ -77,20 +77,20 @@ static double parting(const simulation *sim, plan fine, plan coarse, const sizes
 }
 
 void horizon_warn(const simulation *sim, const plan *how, const double *y) {
-    const double coarse_tolerance = 10 * how->rtol, bound = fmax(TOLD, sqrt(coarse_tolerance));
+    const double coarse_tolerance = 10 * how->control.rtol, bound = fmax(TOLD, sqrt(coarse_tolerance));
     plan coarse = *how;
     outcome run;
     lg_error error;
-    if (how->steps > 0 || coarse_tolerance >= 1) return;
+    if (how->control.steps > 0 || coarse_tolerance >= 1) return;
     sizes size = sizes_of(sim);
     APP_FREE double *end = app_alloc(sim->dim, sizeof *end);
     (void)look_at_sizes(&size, 0, 0, sim->scene.state);
-    coarse.rtol = coarse_tolerance;
-    coarse.atol *= 10;
+    coarse.control.rtol = coarse_tolerance;
+    coarse.control.atol *= 10;
     coarse.times = &how->t_end;
     coarse.count = 1;
-    coarse.observe = look_at_sizes;
-    coarse.observer = &size;
+    coarse.control.observe = look_at_sizes;
+    coarse.control.observer = &size;
     if (integrate(sim, &coarse, sim->scene.state, end, &run, &error) == LG_OK) {
         const double apart = difference(&size, y, end);
         if (apart > bound)

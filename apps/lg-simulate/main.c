@@ -137,7 +137,7 @@ static void fail_run(const simulation *sim, const plan *how, const outcome *run,
             name, run->t, run->stats.steps);
     case LG_TOO_MANY_STEPS:
         app_stop(self, status, "%s: reached only t = %g in %zu steps (--max-steps); t_end is %g", name,
-                 run->t, how->max_steps, how->t_end);
+                 run->t, how->control.max_steps, how->t_end);
     case LG_NOT_FINITE:
         app_stop(self, status, "%s: the state is not finite in the step from t = %g, after %zu steps", name,
                  run->t, run->stats.steps);
@@ -189,8 +189,8 @@ static void run_once(const simulation *sim) {
     watch_begin(&seen, sim, app_plot_given.plot != NULL, sloped, sim->scene.state);
     how.times = path.t + 1;
     how.count = path.count - 1;
-    how.observe = watch_step;
-    how.observer = &seen;
+    how.control.observe = watch_step;
+    how.control.observer = &seen;
     run_plan(&what, &how, &seen, &path, &run);
     if (sloped)
         gradient_compute(sim, &chosen.scheme, &seen, &slope);

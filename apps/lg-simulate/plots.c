@@ -139,7 +139,7 @@ static void put_overview(drawing *to) {
         put_phase(to, q, p);
     else
         put_components(to, second);
-    if (to->what->how->steps == 0)
+    if (to->what->how->control.steps == 0)
         put_steps(to);
     else
         put_components(to, second);

@@ -63,7 +63,7 @@ static lg_status run_to_end(const diagram *d, const plan *how, double *y, outcom
 
 static void plan_of(const diagram *d, const lg_scheme *scheme, size_t steps, double tol, plan *out) {
     plan_init(d->sim, scheme, out);
-    out->steps = steps;
+    out->control.steps = steps;
     plan_tolerance(d->sim, tol, out);
     out->times = &d->sim->t_end;
     out->count = 1;
@@ -107,7 +107,7 @@ static lg_status measure(const diagram *d, const plan *how, point *out) {
     out->steps = run.stats.steps;
     out->rejected = run.stats.rejected;
     out->evaluations = run.stats.evaluations;
-    out->tol = how->steps > 0 ? 0 : how->rtol;
+    out->tol = how->control.steps > 0 ? 0 : how->control.rtol;
     out->error = distance(d, y, d->y);
     return status == LG_OK && !isfinite(out->error) ? LG_NOT_FINITE : status;
 }

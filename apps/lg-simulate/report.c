@@ -70,11 +70,11 @@ void report_run(const report *what) {
     app_result_text(out, "method", scheme->name, NULL);
     if (scheme->kind == LG_SCHEME_SLGI || scheme->kind == LG_SCHEME_IMPLICIT)
         app_result_real(out, "theta", scheme->theta, NULL);
-    if (how->steps > 0) {
-        app_result_real(out, "h", how->t_end / (double)how->steps, NULL);
+    if (how->control.steps > 0) {
+        app_result_real(out, "h", how->t_end / (double)how->control.steps, NULL);
     } else {
-        app_result_real(out, "rtol", how->rtol, NULL);
-        app_result_real(out, how->atol < 0 ? "atol_of_size" : "atol", fabs(how->atol), NULL);
+        app_result_real(out, "rtol", how->control.rtol, NULL);
+        app_result_real(out, how->control.atol < 0 ? "atol_of_size" : "atol", fabs(how->control.atol), NULL);
     }
     app_result_size(out, "steps", what->run->stats.steps, NULL);
     app_result_size(out, "rejected", what->run->stats.rejected, NULL);

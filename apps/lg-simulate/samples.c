@@ -46,8 +46,8 @@ static void given(const simulation *sim, const lg_reals *times, samples *out) {
 
 /* Ends the command if a time lies between equal steps and the scheme has no dense output. */
 static void check_steps(const simulation *sim, const plan *how, const samples *path) {
-    const double h = how->t_end / (double)how->steps;
-    if (how->steps == 0 || how->scheme->dense_order > 0) return;
+    const double h = how->t_end / (double)how->control.steps;
+    if (how->control.steps == 0 || how->scheme->dense_order > 0) return;
     for (size_t i = 0; i < path->count; i++) {
         const double n = path->t[i] / h;
         if (fabs(n - round(n)) <= 1e-9 + 4 * DBL_EPSILON * n) continue;
@@ -57,7 +57,7 @@ static void check_steps(const simulation *sim, const plan *how, const samples *p
                 "--points: %llu points make %llu intervals, which do not divide %zu steps, and '%s' has no "
                 "dense output",
                 (unsigned long long)sim->values->points, (unsigned long long)sim->values->points - 1,
-                how->steps, how->scheme->name);
+                how->control.steps, how->scheme->name);
         app_stop_usage(sim->self,
                        "--times: %.17g is not a multiple of the step %.17g, and '%s' has no dense output",
                        path->t[i], h, how->scheme->name);
@@ -70,8 +70,8 @@ void samples_choose(const simulation *sim, const plan *how, bool wanted, samples
         allocate(sim, 0, out);
     else if (values->times.count > 0)
         given(sim, &values->times, out);
-    else if (values->points == 0 && how->steps > 0)
-        from_steps(sim, how->steps, out);
+    else if (values->points == 0 && how->control.steps > 0)
+        from_steps(sim, how->control.steps, out);
     else
         equidistant(sim, values->points > 0 ? (size_t)values->points : default_points(sim, POINTS), out);
     check_steps(sim, how, out);

@@ -80,15 +80,11 @@ const char *method_obstacle(const simulation *sim, const lg_scheme *scheme);
 
 typedef struct plan {
     const lg_scheme *scheme;
-    size_t steps;      /* number of equal steps; 0 for adaptive steps */
-    double rtol, atol; /* as in lg_step_controller */
-    size_t max_steps;  /* limit for adaptive steps */
-    double t_end;      /* > 0 */
+    lg_step_controller control; /* its observer is called after each step; may be NULL */
+    double t_end;               /* > 0 */
     /* (count): times at which the state is wanted, ascending in (0, t_end]; the last one is t_end. */
     const double *times;
     size_t count;
-    lg_step_observer observe; /* called after each step; may be NULL */
-    void *observer;
 } plan;
 
 typedef struct outcome {

@@ -281,16 +281,10 @@ static void draw_cone(lg_rng *rng, double angle, double *x) {
     if (size > 0.0) lg_so3_exp_act(turn, x, x);
 }
 
-/* Draws a rotation from a uniform unit quaternion. */
 static void draw_rotation(lg_rng *rng, double *R) {
-    double q[4], size = 0.0;
-    for (int c = 0; c < 4; c++) q[c] = lg_rng_normal(rng), size += q[c] * q[c];
-    size = sqrt(size);
-    const double w = q[0] / size, x = q[1] / size, y = q[2] / size, z = q[3] / size;
-    const double out[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
-                           2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-                           2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
-    memcpy(R, out, sizeof out);
+    lg_space space;
+    (void)lg_space_init(&space, &(lg_space_factor){LG_SPACE_SO3, 1}, 1);
+    (void)lg_space_draw_start(&space, NULL, rng, R);
 }
 
 static double draw_number(lg_rng *rng, const vary_item *item, double own) {

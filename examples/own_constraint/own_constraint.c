@@ -51,8 +51,9 @@ int main(int argc, char **argv) {
     if (argc > 1) NEED(lg_program_save(NULL, argv[1], program, NULL, &error));
     NEED(lg_constraint_create(NULL, program, &bead, &error));
 
-    lg_constraint_sampling how;
-    lg_constraint_sampling_init(&how);
+    lg_trajectory_options how;
+    lg_trajectory_options_init(&how);
+    how.trajectories = 1, how.points = 2;
     how.trajectories = N, how.points = M, how.t_end = 0.2;
     NEED(lg_constraint_generate(bead, &how, NULL, data, energies, &error));
 

@@ -105,25 +105,14 @@ LG_API lg_status lg_constraint_rattle(const lg_constraint *constraint, int order
 LG_API lg_status lg_constraint_flow(const lg_constraint *constraint, double tolerance, const double *times,
                                     size_t count, const double *y0, double *out, lg_error *error);
 
-/* How trajectories are sampled. Starts: q is drawn evenly from the range of the port q and projected onto Q;
- * p is P M v with v drawn evenly from (-speed, speed)^n. Start number i depends on `seed` and i only. */
-typedef struct lg_constraint_sampling {
-    size_t size;                        /* sizeof(lg_constraint_sampling) */
-    size_t trajectories, first, points; /* `trajectories` from number `first` on */
-    double t_end;
-    double speed; /* default 1 */
-    double noise; /* EPS; default 0 */
-    lg_noise noise_kind;
-    bool noise_first; /* The first point has noise too, and is then projected. */
-    uint64_t seed;
-} lg_constraint_sampling;
-LG_API void lg_constraint_sampling_init(lg_constraint_sampling *sampling);
-/* Writes t (points), data (trajectories, points, 2n) and hamiltonian (trajectories), the energies of the
- * starts without noise; t and hamiltonian may be NULL. Errors: LG_INVALID_ARGUMENT, LG_NO_CONVERGENCE (no
- * start on Q was found in 1000 draws; LG_FORMAT if the rank is the reason), those of lg_constraint_flow. */
-LG_API lg_status lg_constraint_generate(const lg_constraint *constraint,
-                                        const lg_constraint_sampling *sampling, double *t, double *data,
-                                        double *hamiltonian, lg_error *error);
+/* Samples trajectories as the options say; `starts`, `ahead`, `segments` and the tolerances are not used.
+ * Starts: q is drawn evenly from the range of the port q and projected onto Q; p is P M v with v drawn evenly
+ * from (low, high)^n. Start number i depends on `seed` and i only. Writes t (points), data (trajectories,
+ * points, 2n) and hamiltonian (trajectories), the energies of the starts without noise; t and hamiltonian may
+ * be NULL. Errors: LG_INVALID_ARGUMENT, LG_NO_CONVERGENCE (no start on Q was found in 1000 draws; LG_FORMAT
+ * if the rank is the reason), those of lg_constraint_flow. */
+LG_API lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_trajectory_options *options,
+                                        double *t, double *data, double *hamiltonian, lg_error *error);
 
 LG_END_DECLS
 

@@ -463,6 +463,9 @@ typedef struct lg_step_controller {
      * it. Otherwise steps are shortened so that they end at these times. A step always ends at the last
      * time. Default false. */
     bool dense;
+    /* Above 0: this many equal steps, whatever their errors; of the other settings only `observe` is used. A
+     * time between the ends of steps then needs dense output, else LG_UNSUPPORTED. Default 0. */
+    size_t steps;
     lg_step_observer observe; /* Called after each accepted step; may be NULL. */
     void *observer;
 } lg_step_controller;

@@ -357,11 +357,6 @@ static bool learns_satellite(const lg_system *system, size_t *n) {
     return is_one_of(system, names);
 }
 
-static bool learns_none(const lg_system *system, size_t *n) {
-    *n = 0;
-    return false;
-}
-
 #define SHARED(c, k, l)                                                                                      \
     .bodies = {c, k, l}, .most = 1, .inputs = 9 * (c) + 3 * (k) + (l), .forces = 3 * (c) + 3 * (k) + (l),    \
     .energy_unit = "J", .scheme = "rkmk5", .accurate = "rkmk54",                                             \
@@ -421,7 +416,6 @@ const lg_hamiltonian_family lg_hamiltonian_rotation_line = {
     .formula = "1/2 p.M(R)^-1 p + V(R,x) on T*(SO(3) x R)",
     .input_meaning = "torques in space, then the force along x",
     .field_meaning = "omega, pi', x', px'",
-    .learns = learns_none,
     .manifold = ROTATION,
     SHARED(1, 0, 1)};
 
@@ -438,7 +432,6 @@ const lg_hamiltonian_family lg_hamiltonian_pose = {
     .formula = "1/2 p.M(R)^-1 p + V(R,x) on T*SE(3)",
     .input_meaning = "torques in space about x, then forces in space",
     .field_meaning = "omega, pi', x', px'",
-    .learns = learns_none,
     .manifold = ROTATION,
     SHARED(1, 0, 3)};
 
@@ -455,7 +448,6 @@ const lg_hamiltonian_family lg_hamiltonian_pose_direction = {
     .formula = "1/2 p.M(R,q)^-1 p + V(R,q,x) on T*(SE(3) x S^2)",
     .input_meaning = "torques in space: on the body, on the direction; then forces in space",
     .field_meaning = "omega, pi', then (xi, eta) of the direction as in a chain, then x', px'",
-    .learns = learns_none,
     .manifold = ROTATION ", " DIRECTION,
     SHARED(1, 1, 3)};
 
@@ -472,6 +464,5 @@ const lg_hamiltonian_family lg_hamiltonian_direction_line = {
     .formula = "1/2 p.M(q)^-1 p + V(q,x) on T*(S^2 x R)",
     .input_meaning = "the torque in space on the direction about its pivot, then the force along x",
     .field_meaning = "(xi, eta) of the direction as in a chain, then x', px'",
-    .learns = learns_none,
     .manifold = DIRECTION,
     SHARED(0, 1, 1)};

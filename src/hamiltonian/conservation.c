@@ -139,10 +139,9 @@ static void number_units(const lg_hamiltonian_problem *problem, double *unit) {
 }
 
 static void measuring_end(measuring *m) {
-    void *const arrays[] = {m->work, m->flow, m->predicted, m->courses, m->different};
     lg_stepper_destroy(m->steps);
     lg_model_destroy(m->model);
-    for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(m->context, arrays[i]);
+    LG_FREE_ALL(m->context, m->work, m->flow, m->predicted, m->courses, m->different);
 }
 
 static lg_status make_arrays(measuring *m) {

@@ -25,16 +25,6 @@ static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
                                   slope, out);
 }
 
-static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
-                  lg_var *out) {
-    const lg_var force = lg_is_none(input) ? input : lg_hamiltonian_input_like(tape, input, y[1]);
-    lg_constraint_record_field(tape, NULL, 1.0, y, dH, force, out);
-}
-
-static bool learns(const lg_system *system, size_t *n) {
-    return false;
-}
-
 const lg_hamiltonian_family lg_hamiltonian_constrained = {
     .name = "constrained",
     .description = "learned Hamiltonian under constraints of the user",
@@ -57,7 +47,6 @@ const lg_hamiltonian_family lg_hamiltonian_constrained = {
     .bind = lg_hamiltonian_bind_mass,
     .energy = energy,
     .gradient = gradient,
-    .field = field,
-    .learns = learns,
+    .field = lg_hamiltonian_canonical_field,
     .constrained = true,
 };

@@ -8,6 +8,7 @@
 #include "core/core.h"
 #include "autodiff/program/program.h"
 #include "integrators/taped_internal.h"
+#include "kernels/matrix.h"
 
 /* ---- on a tape ---- */
 
@@ -80,15 +81,12 @@ void lg_constraint_record_field(lg_tape *tape, const lg_constraint *constraint, 
     const lg_var q = y[0], p = y[1], v = dH[1];
     lg_var force = lg_neg(tape, dH[0]);
     if (!lg_is_none(input)) force = lg_add(tape, force, input);
-    if (constraint != NULL) {
-        const normals at = normals_at(tape, constraint, unit, q);
-        const lg_var across = lg_matmul(tape, at.G, column(tape, force));
-        const lg_var turn = lg_matmul(tape, bent(tape, &at, q, v), column(tape, p));
-        const lg_var k = lg_spd_solve(tape, lg_matmul_nt(tape, at.G, at.G), lg_add(tape, across, turn));
-        force = lg_sub(tape, force, flat(tape, lg_matmul_tn(tape, at.G, k)));
-    }
+    const normals at = normals_at(tape, constraint, unit, q);
+    const lg_var across = lg_matmul(tape, at.G, column(tape, force));
+    const lg_var turn = lg_matmul(tape, bent(tape, &at, q, v), column(tape, p));
+    const lg_var k = lg_spd_solve(tape, lg_matmul_nt(tape, at.G, at.G), lg_add(tape, across, turn));
     out[0] = v;
-    out[1] = force;
+    out[1] = lg_sub(tape, force, flat(tape, lg_matmul_tn(tape, at.G, k)));
 }
 
 /* ---- the functions of the user ---- */
@@ -180,19 +178,14 @@ static lg_status check_sizes(lg_constraint *c, lg_error *error) {
 
 /* ---- the mass ---- */
 
-/* The inverse of a symmetric positive definite matrix, by its Cholesky factor. */
+/* The inverse of a symmetric positive definite matrix. */
 static bool invert_spd(size_t n, const double *a, double *inverse) {
     double L[LG_CONSTRAINT_MOST * LG_CONSTRAINT_MOST];
-    memcpy(L, a, n * n * sizeof *L);
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j; i < n; i++) {
-            double sum = L[i * n + j];
-            for (size_t k = 0; k < j; k++) sum -= L[i * n + k] * L[j * n + k];
-            if (i == j && !(sum > 64 * 2.3e-16 * a[j * n + j])) return false;
-            L[i * n + j] = i == j ? sqrt(sum) : sum / L[j * n + j];
-        }
+    if (!lg_matrix_cholesky(n, a, L)) return false;
+    for (size_t i = 0; i < n * n; i += n + 1)
+        if (!(L[i] * L[i] > 64 * 2.3e-16 * a[i])) return false;
     memcpy(inverse, a, n * n * sizeof *L);
-    return lg_taped_invert(n, inverse, L);
+    return lg_taped_invert(n, inverse, L) != 0;
 }
 
 static lg_status read_mass(lg_constraint *c, const lg_port *port, lg_error *error) {

@@ -25,13 +25,13 @@ struct lg_constraint {
  *
  * inverse_mass: W (1, n, n). `constraint` NULL: no constraints, P = I. Errors stick to the tape. */
 
-/* v, and the multipliers lambda (B, m, 1) for rows of G of length 1 (LG_NONE without constraints). */
+/* v */
 lg_var lg_constraint_record_velocity(lg_tape *tape, const lg_constraint *constraint, double unit,
                                      lg_var inverse_mass, lg_var q, lg_var p);
 /* dH = (dH/dq, dH/dp), where `slope` is dV/dq. */
 void lg_constraint_record_gradient(lg_tape *tape, const lg_constraint *constraint, double unit,
                                    lg_var inverse_mass, lg_var q, lg_var p, lg_var slope, lg_var *dH);
-/* y' = (q', p') of y = (q, p) from dH, with forces `input` (B, n) or LG_NONE. */
+/* y' = (q', p') of y = (q, p) from dH, with forces `input` (B, n) or LG_NONE; not for `constraint` NULL. */
 void lg_constraint_record_field(lg_tape *tape, const lg_constraint *constraint, double unit, const lg_var *y,
                                 const lg_var *dH, lg_var input, lg_var *out);
 
@@ -55,6 +55,11 @@ void lg_constraint_normals(lg_constraint_work *work, const double *q);
 /* The view of q at which g and G are known. */
 lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_constraint_view *out,
                                 lg_error *error);
+/* Rows of G (m, n) divided by their lengths. */
+void lg_constraint_unit_rows(const lg_constraint_work *work, double *unit, double *length);
+/* A K B^T for A, B (m, n); K (n, n) NULL: the unit matrix. */
+void lg_constraint_product(const lg_constraint *constraint, const double *A, const double *K, const double *B,
+                           double *out);
 /* x -= G^T (G K G^T)^-1 G K x with G of the work and K (n, n); NULL: the unit matrix. False: singular. */
 bool lg_constraint_clear(const lg_constraint_work *work, const double *K, double *x);
 /* Projects q; work has g and G at the result. */

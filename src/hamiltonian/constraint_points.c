@@ -7,16 +7,9 @@
 #include "core/core.h"
 #include "hamiltonian/constraint.h"
 #include "integrators/taped_internal.h"
+#include "kernels/matrix.h"
 
 enum { MOST = LG_CONSTRAINT_MOST };
-
-static double norm(size_t n, const double *x) {
-    double most = 0.0, sum = 0.0;
-    for (size_t i = 0; i < n; i++) most = fmax(most, fabs(x[i]));
-    if (!(most > 0.0 && most <= DBL_MAX)) return most;
-    for (size_t i = 0; i < n; i++) sum += x[i] / most * (x[i] / most);
-    return most * sqrt(sum);
-}
 
 static bool all_finite(size_t n, const double *x) {
     for (size_t i = 0; i < n; i++)
@@ -44,7 +37,7 @@ lg_status lg_constraint_begin(const lg_constraint *constraint, double size, cons
     work->of = constraint;
     work->plans = memory;
     work->bends = (double *)(void *)(memory + plans);
-    work->size = size > 0.0 ? size : norm(n, q);
+    work->size = size > 0.0 ? size : lg_matrix_norm(n, q);
     return LG_OK;
 }
 
@@ -75,7 +68,7 @@ static void row_sizes(lg_constraint_work *work, const double *q, double *size) {
         double hessian[MOST * MOST];
         for (size_t i = 0; i < n; i++)
             memcpy(hessian + i * n, work->bends + (i * m + a) * n, n * sizeof *hessian);
-        size[a] = fmax(norm(n, work->G + a * n), work->size * norm(n * n, hessian));
+        size[a] = fmax(lg_matrix_norm(n, work->G + a * n), work->size * lg_matrix_norm(n * n, hessian));
         if (!all_finite(n * n, hessian)) size[a] = (double)NAN;
     }
 }
@@ -104,7 +97,7 @@ static double smallest_singular(size_t m, size_t n, double *A) {
                 turned = true;
             }
     }
-    for (size_t a = 0; a < m; a++) least = fmin(least, norm(n, A + a * n));
+    for (size_t a = 0; a < m; a++) least = fmin(least, lg_matrix_norm(n, A + a * n));
     return least;
 }
 
@@ -121,71 +114,49 @@ static double rank_of(lg_constraint_work *work, const double *q) {
 
 /* ---- linear algebra with the normals ---- */
 
-/* Rows of G divided by their lengths. */
-static void unit_rows(const lg_constraint_work *work, double *unit, double *length) {
+void lg_constraint_unit_rows(const lg_constraint_work *work, double *unit, double *length) {
     const size_t n = work->of->n, m = work->of->m;
     for (size_t a = 0; a < m; a++) {
-        length[a] = norm(n, work->G + a * n);
+        length[a] = lg_matrix_norm(n, work->G + a * n);
         for (size_t i = 0; i < n; i++) unit[a * n + i] = work->G[a * n + i] / length[a];
     }
 }
 
-/* out = A B^T for A (m, n), B (m, n). */
-static void product_nt(size_t m, size_t n, const double *A, const double *B, double *out) {
-    for (size_t a = 0; a < m; a++)
-        for (size_t b = 0; b < m; b++) {
-            double sum = 0.0;
-            for (size_t i = 0; i < n; i++) sum += A[a * n + i] * B[b * n + i];
-            out[a * m + b] = sum;
-        }
+void lg_constraint_product(const lg_constraint *constraint, const double *A, const double *K, const double *B,
+                           double *out) {
+    const size_t n = constraint->n, m = constraint->m;
+    double AK[MOST * MOST], turned[MOST * MOST];
+    if (K != NULL) lg_matrix_multiply(m, n, n, A, K, AK);
+    lg_matrix_transpose(m, n, B, turned);
+    lg_matrix_multiply(m, m, n, K != NULL ? AK : A, turned, out);
 }
 
-/* y = A x for A (m, n). */
-static void apply(size_t m, size_t n, const double *A, const double *x, double *y) {
-    for (size_t a = 0; a < m; a++) {
-        y[a] = 0.0;
-        for (size_t i = 0; i < n; i++) y[a] += A[a * n + i] * x[i];
-    }
-}
-
-static void weighted(size_t m, size_t n, const double *A, const double *K, double *out) {
-    for (size_t a = 0; a < m; a++)
-        for (size_t j = 0; j < n; j++) {
-            out[a * n + j] = 0.0;
-            for (size_t i = 0; i < n; i++) out[a * n + j] += A[a * n + i] * K[i * n + j];
-        }
+/* out = G^T (G K G^T)^-1 r for rows of G of length 1, with r = G K x; for x NULL r is g in units of the rows'
+ * lengths. False: singular. */
+static bool along_normals(const lg_constraint_work *work, const double *K, const double *x, double *out) {
+    const size_t n = work->of->n, m = work->of->m;
+    double unit[MOST * MOST], S[MOST * MOST], Kx[MOST], length[MOST], r[MOST], k[MOST];
+    lg_constraint_unit_rows(work, unit, length);
+    lg_constraint_product(work->of, unit, K, unit, S);
+    if (!lg_taped_invert(m, S, k)) return false;
+    if (K != NULL && x != NULL) lg_matrix_multiply(n, 1, n, K, x, Kx);
+    if (x != NULL) lg_matrix_multiply(m, 1, n, unit, K != NULL ? Kx : x, r);
+    for (size_t a = 0; a < m && x == NULL; a++) r[a] = work->g[a] / length[a];
+    lg_matrix_multiply(m, 1, m, S, r, k);
+    lg_matrix_multiply_tn(n, 1, m, unit, k, out);
+    return true;
 }
 
 bool lg_constraint_clear(const lg_constraint_work *work, const double *K, double *x) {
-    const size_t n = work->of->n, m = work->of->m;
-    double unit[MOST * MOST], GK[MOST * MOST], S[MOST * MOST], length[MOST], r[MOST], k[MOST];
-    unit_rows(work, unit, length);
-    if (K != NULL)
-        weighted(m, n, unit, K, GK);
-    else
-        memcpy(GK, unit, m * n * sizeof *GK);
-    product_nt(m, n, GK, unit, S);
-    if (!lg_taped_invert(m, S, k)) return false;
-    apply(m, n, GK, x, r);
-    apply(m, m, S, r, k);
-    for (size_t a = 0; a < m; a++)
-        for (size_t i = 0; i < n; i++) x[i] -= unit[a * n + i] * k[a];
+    double along[MOST];
+    if (!along_normals(work, K, x, along)) return false;
+    for (size_t i = 0; i < work->of->n; i++) x[i] -= along[i];
     return true;
 }
 
 /* The step G^T (G G^T)^-1 g of Newton's method; false: singular. */
 static bool newton_step(const lg_constraint_work *work, double *step) {
-    const size_t n = work->of->n, m = work->of->m;
-    double unit[MOST * MOST], S[MOST * MOST], length[MOST], r[MOST], k[MOST];
-    unit_rows(work, unit, length);
-    product_nt(m, n, unit, unit, S);
-    if (!lg_taped_invert(m, S, k)) return false;
-    for (size_t a = 0; a < m; a++) r[a] = work->g[a] / length[a];
-    apply(m, m, S, r, k);
-    memset(step, 0, n * sizeof *step);
-    for (size_t a = 0; a < m; a++)
-        for (size_t i = 0; i < n; i++) step[i] += unit[a * n + i] * k[a];
-    return all_finite(n, step);
+    return along_normals(work, NULL, NULL, step) && all_finite(work->of->n, step);
 }
 
 /* ---- points ---- */
@@ -210,7 +181,7 @@ lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_co
             "is %.2g, and %g is needed; the %u constraints depend on each other or one of them is "
             "flat there",
             lg_constraint_show(work->of, q).text, out->rank, LG_CONSTRAINT_LEAST_RANK, work->of->m);
-    if (newton_step(work, step)) out->off = norm(n, step) / (work->size > 0.0 ? work->size : 1.0);
+    if (newton_step(work, step)) out->off = lg_matrix_norm(n, step) / (work->size > 0.0 ? work->size : 1.0);
     return LG_OK;
 }
 
@@ -219,7 +190,7 @@ lg_status lg_constraint_look(const lg_constraint *constraint, double size, const
     LG_NEEDS(error, constraint, state, out);
     const size_t n = constraint->n;
     lg_constraint_work work;
-    double p[MOST], whole = norm(n, state + n);
+    double p[MOST], whole = lg_matrix_norm(n, state + n);
     LG_TRY(lg_constraint_begin(constraint, size, state, &work, error));
     lg_constraint_value(&work, state);
     lg_constraint_normals(&work, state);
@@ -228,7 +199,7 @@ lg_status lg_constraint_look(const lg_constraint *constraint, double size, const
     if (status == LG_OK && whole > 0.0) {
         (void)lg_constraint_clear(&work, NULL, p); /* the rank is high enough */
         for (size_t i = 0; i < n; i++) p[i] -= state[n + i];
-        out->across = norm(n, p) / whole;
+        out->across = lg_matrix_norm(n, p) / whole;
     }
     lg_constraint_end(&work);
     return status;
@@ -251,8 +222,8 @@ lg_status lg_constraint_land(lg_constraint_work *work, double *q, lg_error *erro
         lg_constraint_normals(work, q);
         if (!all_finite(c->m, work->g) || !newton_step(work, step)) break;
         for (size_t k = 0; k < c->n; k++) q[k] -= step[k];
-        const double moved = norm(c->n, step);
-        done = lg_constraint_settled(moved, before, fmax(norm(c->n, q), work->size));
+        const double moved = lg_matrix_norm(c->n, step);
+        done = lg_constraint_settled(moved, before, fmax(lg_matrix_norm(c->n, q), work->size));
         before = moved;
     }
     if (!done) memcpy(q, first, c->n * sizeof *q);

@@ -6,20 +6,14 @@
 #include "core/core.h"
 #include "hamiltonian/constraint.h"
 #include "integrators/taped_internal.h"
+#include "kernels/matrix.h"
+#include "mechanics/system.h"
 
 enum { MOST = LG_CONSTRAINT_MOST };
 
 static lg_status needs_motion(const lg_constraint *constraint, lg_error *error) {
     if (constraint->field != NULL) return LG_OK;
     return lg_fail(error, LG_UNSUPPORTED, "the program of the constraint has no function potential (q) -> V");
-}
-
-/* y = A x for A (n, n). */
-static void times(size_t n, const double *A, const double *x, double *y) {
-    for (size_t i = 0; i < n; i++) {
-        y[i] = 0.0;
-        for (size_t j = 0; j < n; j++) y[i] += A[i * n + j] * x[j];
-    }
 }
 
 lg_status lg_constraint_energy(const lg_constraint *constraint, const double *state, double *out,
@@ -35,7 +29,7 @@ lg_status lg_constraint_energy(const lg_constraint *constraint, const double *st
     if (!lg_constraint_clear(&work, constraint->inverse, u)) u[0] = (double)NAN;
     lg_plan_eval(constraint->potential, (const void *[]){state}, (void *[]){&H}, work.plans);
     lg_constraint_end(&work);
-    times(n, constraint->inverse, u, v);
+    lg_matrix_multiply(n, 1, n, constraint->inverse, u, v);
     for (size_t i = 0; i < n; i++) H += 0.5 * u[i] * v[i];
     *out = H;
     return LG_OK;
@@ -55,85 +49,39 @@ static void kick(rattle *s, double h) {
     for (size_t i = 0; i < c->n; i++) s->u[i] -= 0.5 * h * slope[i];
 }
 
-/* The determinant of a (m, m), which is destroyed. */
-static double determinant(size_t m, double *a) {
-    double det = 1.0;
-    for (size_t j = 0; j < m; j++) {
-        size_t best = j;
-        for (size_t i = j + 1; i < m; i++)
-            if (fabs(a[i * m + j]) > fabs(a[best * m + j])) best = i;
-        if (!(fabs(a[best * m + j]) > 0.0)) return 0.0;
-        for (size_t k = 0; k < m && best != j; k++) {
-            const double swap = a[j * m + k];
-            a[j * m + k] = a[best * m + k];
-            a[best * m + k] = swap;
-        }
-        det *= best != j ? -a[j * m + j] : a[j * m + j];
-        for (size_t i = j + 1; i < m; i++)
-            for (size_t k = j + 1; k < m; k++) a[i * m + k] -= a[i * m + j] / a[j * m + j] * a[j * m + k];
-    }
-    return det;
-}
-
-/* K = G1 W G0^T, with rows of both of length 1. */
-static void mixed(const lg_constraint *c, const double *G1, const double *G0, double *K) {
-    const size_t n = c->n, m = c->m;
-    for (size_t b = 0; b < m; b++) {
-        double WG[MOST];
-        times(n, c->inverse, G0 + b * n, WG);
-        for (size_t a = 0; a < m; a++) {
-            K[a * m + b] = 0.0;
-            for (size_t i = 0; i < n; i++) K[a * m + b] += G1[a * n + i] * WG[i];
-        }
-    }
-}
-
-static void unit_rows(const lg_constraint *c, const double *G, double *unit, double *length) {
-    for (size_t a = 0; a < c->m; a++) {
-        double sum = 0.0, most = 0.0;
-        for (size_t i = 0; i < c->n; i++) most = fmax(most, fabs(G[a * c->n + i]));
-        for (size_t i = 0; i < c->n; i++) sum += G[a * c->n + i] / most * (G[a * c->n + i] / most);
-        length[a] = most * sqrt(sum);
-        for (size_t i = 0; i < c->n; i++) unit[a * c->n + i] = G[a * c->n + i] / length[a];
-    }
-}
-
 /* Moves q by h W u and, along W G0^T, onto g = 0; u follows. False: Newton's method does not converge. */
 static bool drift(rattle *s, double h) {
     enum { LONGEST = 50 };
     const lg_constraint *c = s->work.of;
     const size_t n = c->n, m = c->m;
     double G0[MOST * MOST], G1[MOST * MOST], K[MOST * MOST], v[MOST], length[MOST], r[MOST], l[MOST];
-    double before = INFINITY;
-    unit_rows(c, s->work.G, G0, length);
-    times(n, c->inverse, s->u, v);
+    double before = INFINITY, change[MOST];
+    lg_constraint_unit_rows(&s->work, G0, length);
+    lg_matrix_multiply(n, 1, n, c->inverse, s->u, v);
     for (size_t i = 0; i < n; i++) s->q[i] += h * v[i];
     for (int k = 0; k < LONGEST; k++) {
         double moved = 0.0, size = s->work.size;
         lg_constraint_value(&s->work, s->q);
         lg_constraint_normals(&s->work, s->q);
-        unit_rows(c, s->work.G, G1, length);
-        mixed(c, G1, G0, K);
+        lg_constraint_unit_rows(&s->work, G1, length);
+        lg_constraint_product(c, G1, c->inverse, G0, K);
         if (!lg_taped_invert(m, K, l)) return false;
         for (size_t a = 0; a < m; a++) r[a] = s->work.g[a] / length[a];
-        times(m, K, r, l);
-        for (size_t a = 0; a < m; a++)
-            for (size_t i = 0; i < n; i++) s->u[i] -= G0[a * n + i] * l[a] / h;
-        double change[MOST] = {0.0}, step[MOST];
-        for (size_t a = 0; a < m; a++)
-            for (size_t i = 0; i < n; i++) change[i] += G0[a * n + i] * l[a];
-        times(n, c->inverse, change, step);
+        lg_matrix_multiply(m, 1, m, K, r, l);
+        lg_matrix_multiply_tn(n, 1, m, G0, l, change);
+        lg_matrix_multiply(n, 1, n, c->inverse, change, v);
         for (size_t i = 0; i < n; i++) {
-            s->q[i] -= step[i];
-            moved = isfinite(step[i]) ? fmax(moved, fabs(step[i])) : INFINITY;
+            s->u[i] -= change[i] / h;
+            s->q[i] -= v[i];
+            moved = isfinite(v[i]) ? fmax(moved, fabs(v[i])) : INFINITY;
             size = fmax(size, fabs(s->q[i]));
         }
         if (!(moved < INFINITY)) return false;
         if (lg_constraint_settled(moved, before, size)) {
             lg_constraint_normals(&s->work, s->q);
-            unit_rows(c, s->work.G, G1, length);
-            mixed(c, G1, G0, K);
-            return determinant(m, K) > 0.0;
+            lg_constraint_unit_rows(&s->work, G1, length);
+            lg_constraint_product(c, G1, c->inverse, G0, K);
+            return lg_taped_invert(m, K, l) > 0;
         }
         before = moved;
     }
@@ -282,17 +230,10 @@ lg_status lg_constraint_flow(const lg_constraint *constraint, double tolerance, 
 
 /* ---- samples ---- */
 
-void lg_constraint_sampling_init(lg_constraint_sampling *sampling) {
-    if (sampling == NULL) return;
-    *sampling = (lg_constraint_sampling){
-        .size = sizeof *sampling, .trajectories = 1, .points = 2, .t_end = 0.1, .speed = 1.0};
-}
-
-enum { STARTS, NOISE, STREAMS };
 static const double exact = 1e-13; /* tolerance of samples */
 
 /* Draws a start on T*Q. Points from which Newton's method leaves the range of q are drawn again. */
-static lg_status draw_start(const lg_constraint *c, const lg_constraint_sampling *how, size_t number,
+static lg_status draw_start(const lg_constraint *c, const lg_trajectory_options *how, size_t number,
                             double *state, lg_error *error) {
     enum { DRAWS = 1000 };
     const size_t n = c->n;
@@ -302,13 +243,13 @@ static lg_status draw_start(const lg_constraint *c, const lg_constraint_sampling
     const double low = free ? -1.0 : q->low, high = free ? 1.0 : q->high, slack = 0.5 * (high - low);
     lg_error why = {LG_OK, ""};
     lg_rng rng;
-    lg_rng_seed(&rng, how->seed, (uint64_t)number * STREAMS + STARTS);
+    lg_rng_seed(&rng, how->seed, 2 * (uint64_t)number);
     for (int k = 0; k < DRAWS; k++) {
         double v[MOST];
         bool inside = true;
         for (size_t i = 0; i < n; i++) state[i] = lg_rng_uniform_in(&rng, low, high);
-        for (size_t i = 0; i < n; i++) v[i] = lg_rng_uniform_in(&rng, -how->speed, how->speed);
-        times(n, c->mass, v, state + n);
+        for (size_t i = 0; i < n; i++) v[i] = lg_rng_uniform_in(&rng, how->low, how->high);
+        lg_matrix_multiply(n, 1, n, c->mass, v, state + n);
         const lg_status projected = lg_constraint_project(c, high - low, state, &why);
         if (projected == LG_OUT_OF_MEMORY) return lg_fail(error, projected, "%s", why.message);
         if (projected != LG_OK) continue;
@@ -321,46 +262,33 @@ static lg_status draw_start(const lg_constraint *c, const lg_constraint_sampling
                    DRAWS, low, high, why.status != LG_OK ? ": " : "", why.message);
 }
 
-/* Noise of the first point is drawn last, so it does not change the noise of the others. */
-static lg_status disturb(const lg_constraint *c, const lg_constraint_sampling *how, size_t number, double *y,
-                         lg_error *error) {
-    const size_t d = 2 * (size_t)c->n;
-    lg_rng rng;
-    lg_rng_seed(&rng, how->seed, (uint64_t)number * STREAMS + NOISE);
-    for (size_t j = d; j < (how->points + (how->noise_first ? 1 : 0)) * d; j++)
-        y[j < how->points * d ? j : j - how->points * d] +=
-            how->noise *
-            (how->noise_kind == LG_NOISE_NORMAL ? lg_rng_normal(&rng) : lg_rng_uniform_in(&rng, -1.0, 1.0));
-    return how->noise_first ? lg_constraint_project(c, 0.0, y, error) : LG_OK;
-}
-
-lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_constraint_sampling *sampling,
+lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_trajectory_options *options,
                                  double *t, double *data, double *hamiltonian, lg_error *error) {
-    LG_NEEDS(error, constraint, sampling, data);
+    LG_NEEDS(error, constraint, options, data);
     LG_TRY(needs_motion(constraint, error));
-    const lg_constraint_sampling *how = sampling;
+    lg_trajectory_options how = *options;
+    how.starts = LG_STARTS_BOX;
     const size_t d = 2 * (size_t)constraint->n;
-    if (how->size != sizeof *how || how->points < 2 || !(how->t_end > 0.0 && how->t_end <= DBL_MAX) ||
-        !(how->speed >= 0.0 && how->speed <= DBL_MAX) || !(how->noise >= 0.0 && how->noise <= DBL_MAX) ||
-        (unsigned)how->noise_kind > LG_NOISE_UNIFORM)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "a number of points, a time, a speed or a noise is out of range");
-    double *grid = lg_alloc(constraint->context, how->points, sizeof *grid);
+    const char *fault = lg_trajectory_fault(&how);
+    if (fault != NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "%s", fault);
+    double *grid = lg_alloc(constraint->context, how.points, sizeof *grid);
     if (grid == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for times");
-    for (size_t j = 0; j < how->points; j++) grid[j] = how->t_end * (double)j / (double)(how->points - 1);
-    if (t != NULL) memcpy(t, grid, how->points * sizeof *t);
+    for (size_t j = 0; j < how.points; j++) grid[j] = how.t_end * (double)j / (double)(how.points - 1);
+    if (t != NULL) memcpy(t, grid, how.points * sizeof *t);
     lg_status status = LG_OK;
-    for (size_t i = 0; status == LG_OK && i < how->trajectories; i++) {
-        double *y = data + i * how->points * d, start[2 * MOST], energy = (double)NAN;
+    for (size_t i = 0; status == LG_OK && i < how.trajectories; i++) {
+        double *y = data + i * how.points * d, start[2 * MOST], energy = (double)NAN;
         if (lg_cancelled(constraint->context)) status = lg_fail(error, LG_CANCELLED, "cancelled");
-        if (status == LG_OK) status = draw_start(constraint, how, how->first + i, start, error);
+        if (status == LG_OK) status = draw_start(constraint, &how, how.first + i, start, error);
         if (status == LG_OK)
-            status = lg_constraint_flow(constraint, exact, grid, how->points, start, y, error);
+            status = lg_constraint_flow(constraint, exact, grid, how.points, start, y, error);
         if (status == LG_OK && hamiltonian != NULL) {
             status = lg_constraint_energy(constraint, start, &energy, error);
             hamiltonian[i] = energy;
         }
-        if (status == LG_OK && how->noise > 0.0) status = disturb(constraint, how, how->first + i, y, error);
+        if (status != LG_OK || !(how.noise > 0.0)) continue;
+        lg_trajectory_disturb(&how, d, how.first + i, y);
+        if (how.noise_first) status = lg_constraint_project(constraint, 0.0, y, error);
     }
     lg_free(constraint->context, grid);
     return status;

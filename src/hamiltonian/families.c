@@ -23,6 +23,6 @@ const lg_hamiltonian_family *lg_hamiltonian_family_find(const char *name) {
 
 const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *system, size_t *n) {
     for (size_t i = 0; i < LG_COUNT(families); i++)
-        if (families[i]->learns(system, n)) return families[i];
+        if (families[i]->learns != NULL && families[i]->learns(system, n)) return families[i];
     return NULL;
 }

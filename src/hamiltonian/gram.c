@@ -1,8 +1,7 @@
 /* Positive definite matrices m = Gamma^T Gamma + diag(max(0, b)), which learned masses have. */
-#include <math.h>
-
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
+#include "kernels/matrix.h"
 
 void lg_hamiltonian_gram(size_t n, const double *arrays, double *m) {
     const double *gamma = arrays, *b = gamma + n * n;
@@ -16,16 +15,11 @@ void lg_hamiltonian_gram(size_t n, const double *arrays, double *m) {
 
 bool lg_hamiltonian_gram_usable(size_t n, const double *arrays) {
     double m[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES];
+    double L[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES];
     lg_hamiltonian_gram(n, arrays, m);
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j; i < n; i++) {
-            double sum = m[i * n + j];
-            for (size_t l = 0; l < j; l++) sum -= m[i * n + l] * m[j * n + l];
-            m[i * n + j] = i == j ? (sum > 0.0 ? sqrt(sum) : NAN) : sum / m[j * n + j];
-        }
-    for (size_t i = 0; i < n; i++)
-        if (!(m[i * n + i] * m[i * n + i] >= LG_HAMILTONIAN_LEAST_PIVOT)) return false;
-    return true;
+    bool usable = lg_matrix_cholesky(n, m, L);
+    for (size_t i = 0; usable && i < n * n; i += n + 1) usable = L[i] * L[i] >= LG_HAMILTONIAN_LEAST_PIVOT;
+    return usable;
 }
 
 lg_var lg_hamiltonian_record_unit(lg_tape *tape, uint32_t n) {

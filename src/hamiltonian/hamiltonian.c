@@ -25,11 +25,8 @@ static double off_sphere(const double *copy) {
     return fmax(fabs(sqrt(lg_dot3(q, q)) - 1), along > 0.0 ? along / sqrt(lg_dot3(p, p)) : 0.0);
 }
 
-/* The largest number of |R^T R - I|, or 2 if det R is not positive. */
 static double off_rotations(const double *R) {
-    double normal[3];
-    lg_cross3(R, R + 3, normal);
-    return lg_dot3(normal, R + 6) > 0.0 ? lg_space_kind_entry(LG_SPACE_SO3)->manifold_error(1, R) : 2.0;
+    return lg_space_kind_entry(LG_SPACE_SO3)->manifold_error(1, R);
 }
 
 double lg_hamiltonian_off_manifold(const lg_hamiltonian_family *family, uint32_t n, const double *state,

@@ -86,11 +86,11 @@ void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, d
  * definite, 1/m_ii (1, n, 1), and m (1, n, n). */
 bool lg_hamiltonian_usable_mass(const lg_hamiltonian_family *family, uint32_t n, const double *arrays);
 void lg_hamiltonian_bind_mass(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars);
+/* q' = dH/dp, p' = -dH/dq + input of the parts q and p. */
+void lg_hamiltonian_canonical_field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y,
+                                    const lg_var *dH, lg_var input, lg_var *out);
 
-/* The equation of motion for lg_taped_step_over, in the units of the data; with force and velocity (dH/dp) if
- * the family has them. `vars` must outlive the use of `ode`. */
-lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode);
-/* The equation that training integrates by `scheme`, inside and without input. For Lie group schemes it lives
+/* The equation that training integrates by `scheme`, inside. For Lie group schemes it lives
  * on the manifold, for other schemes on R^d, split into parts like `start`. `vars` must outlive the use of
  * `ode`. */
 lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,

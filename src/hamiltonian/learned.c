@@ -97,14 +97,6 @@ void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonia
          better != NULL ? better->name : "", symmetry);
 }
 
-/* Root mean square over the trajectories: of G's change from point 1 to `point`; for point 1, of G. */
-static lg_status integral_at(const lg_context *context, const lg_hamiltonian_problem *problem,
-                             const double *theta, size_t point, double *size, lg_error *error) {
-    LG_TRY(lg_hamiltonian_integral_change(context, problem, theta, point, size, error));
-    *size = sqrt(*size);
-    return LG_OK;
-}
-
 /* Noise changes G equally at every point, except for the scatter of a mean over N trajectories. So the data
  * do not conserve G if a later point changes G by more than the second point does. */
 lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_hamiltonian_problem *problem,
@@ -112,11 +104,12 @@ lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_ha
     static const double scatter = 4.0, least = 1e-3;
     double whole = 0, second = 0, largest = 0, change = 0;
     if (problem->penalty == 0) return LG_OK;
-    LG_TRY(integral_at(context, problem, theta, 1, &whole, error));
-    for (size_t j = 2; j <= problem->points; j++) {
-        LG_TRY(integral_at(context, problem, theta, j, &change, error));
+    for (size_t j = 1; j <= problem->points; j++) {
+        LG_TRY(lg_hamiltonian_integral_change(context, problem, theta, j, &change, error));
+        change = sqrt(change); /* of G itself at point 1 */
+        if (j == 1) whole = change;
         if (j == 2) second = change;
-        largest = fmax(largest, change);
+        if (j > 1) largest = fmax(largest, change);
     }
     const double grown = 1 + scatter / sqrt((double)problem->trajectories);
     if (largest > grown * second && largest > least * whole)

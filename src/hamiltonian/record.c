@@ -236,38 +236,7 @@ lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *
     return lg_taped_join(tape, &space, out);
 }
 
-/* ---- equations for the taped integrators ---- */
-
-static lg_status ode_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
-                           lg_var *algebra) {
-    field_parts(tape, user, y, input, gradient_parts, algebra);
-    return lg_tape_status(tape);
-}
-
-static lg_status ode_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
-    *out = lg_hamiltonian_record_force(tape, user, q, input);
-    return lg_tape_status(tape);
-}
-
-static lg_status ode_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
-    *out = lg_hamiltonian_record_drift(tape, user, p);
-    return lg_tape_status(tape);
-}
-
-lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode) {
-    LG_NEEDS(NULL, vars, ode);
-    lg_taped_ode made = {.field = ode_field,
-                         .user = vars,
-                         .space = lg_hamiltonian_space_of(vars->model->family, vars->model->n)};
-    if (vars->model->family->force != NULL) {
-        made.force = ode_force;
-        made.velocity = ode_drift;
-    }
-    *ode = made;
-    return LG_OK;
-}
-
-/* ---- equations for training: divided by the model's scales, without input ---- */
+/* ---- equations for training: divided by the model's scales ---- */
 
 static lg_status inner_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *algebra) {
@@ -303,9 +272,10 @@ static lg_status ambient_field(void *user, lg_tape *tape, lg_taped_time t, const
 lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,
                                       const lg_var *start, lg_taped_ode *ode) {
     lg_space_factor factors[LG_HAMILTONIAN_MAX_PARTS];
-    LG_TRY(lg_hamiltonian_taped_ode(vars, ode));
-    ode->field = inner_field;
-    if (ode->force != NULL) ode->force = inner_force, ode->velocity = inner_drift;
+    *ode = (lg_taped_ode){.field = inner_field,
+                          .user = vars,
+                          .space = lg_hamiltonian_space_of(vars->model->family, vars->model->n)};
+    if (vars->model->family->force != NULL) ode->force = inner_force, ode->velocity = inner_drift;
     if (lg_space_is_abelian(&ode->space) || !scheme->ambient) return LG_OK;
     const size_t parts = lg_taped_parts(&ode->space);
     for (size_t i = 0; i < parts; i++)

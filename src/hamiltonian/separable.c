@@ -22,9 +22,14 @@ static lg_var drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p) {
     return lg_matmul(tape, p, vars->kinetic[K]);
 }
 
-static lg_var force(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input) {
-    lg_var out = lg_neg(tape, lg_hamiltonian_potential_gradient(tape, vars, q));
+/* -slope + input */
+static lg_var pushed(lg_tape *tape, lg_var slope, lg_var input) {
+    const lg_var out = lg_neg(tape, slope);
     return lg_is_none(input) ? out : lg_add(tape, out, lg_hamiltonian_input_like(tape, input, out));
+}
+
+static lg_var force(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input) {
+    return pushed(tape, lg_hamiltonian_potential_gradient(tape, vars, q), input);
 }
 
 static lg_var energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
@@ -37,10 +42,9 @@ static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
     out[1] = drift(tape, vars, y[1]);
 }
 
-static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
-                  lg_var *out) {
-    out[1] = lg_neg(tape, dH[0]);
-    if (!lg_is_none(input)) out[1] = lg_add(tape, out[1], lg_hamiltonian_input_like(tape, input, out[1]));
+void lg_hamiltonian_canonical_field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y,
+                                    const lg_var *dH, lg_var input, lg_var *out) {
+    out[1] = pushed(tape, dH[0], input);
     out[0] = dH[1];
 }
 
@@ -70,7 +74,7 @@ const lg_hamiltonian_family lg_hamiltonian_separable = {
     .bind = bind,
     .energy = energy,
     .gradient = gradient,
-    .field = field,
+    .field = lg_hamiltonian_canonical_field,
     .force = force,
     .drift = drift,
     .learns = learns,

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "integrators/stepper.h"
 
 typedef struct lg_adjoint {
     const lg_context *context;
@@ -30,12 +31,6 @@ typedef struct lg_recorded {
 
 void lg_adjoint_problem_init(lg_adjoint_problem *problem) {
     *problem = (lg_adjoint_problem){.size = sizeof(lg_adjoint_problem)};
-}
-
-static bool finite_numbers(size_t n, const double *x) {
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(x[i])) return false;
-    return true;
 }
 
 static lg_status fail_at(const lg_adjoint *a, lg_status status, size_t n, const char *what) {
@@ -177,7 +172,7 @@ static lg_status reverse_step(lg_adjoint *a, size_t n, const double *y) {
     void *const gradients[2] = {a->before, a->parameters};
     status = lg_backward(a->tape, product, variables, a->parameters ? 2 : 1, gradients);
     if (status != LG_OK) return fail_recording(a, status, n);
-    if (!finite_numbers(a->dim, a->before)) return fail_at(a, LG_NOT_FINITE, n, "the gradient is not finite");
+    if (!lg_all_finite(a->dim, a->before)) return fail_at(a, LG_NOT_FINITE, n, "the gradient is not finite");
     double *swap = a->after;
     a->after = a->before;
     a->before = swap;
@@ -186,7 +181,7 @@ static lg_status reverse_step(lg_adjoint *a, size_t n, const double *y) {
 
 static lg_status reverse(lg_adjoint *a) {
     LG_TRY(add_source(a, a->problem->steps, a->checkpoint + a->segments * a->dim, a->after));
-    if (!finite_numbers(a->dim, a->after))
+    if (!lg_all_finite(a->dim, a->after))
         return fail_at(a, LG_NOT_FINITE, a->problem->steps - 1, "the source after this step is not finite");
     for (size_t s = a->segments; s-- > 0;) {
         const size_t begin = first_step(a, s);
@@ -194,7 +189,7 @@ static lg_status reverse(lg_adjoint *a) {
         for (size_t n = first_step(a, s + 1); n-- > begin;)
             LG_TRY(reverse_step(a, n, a->state + (n - begin) * a->dim));
     }
-    if (a->parameters && !finite_numbers(a->problem->parameter_count, a->parameters))
+    if (a->parameters && !lg_all_finite(a->problem->parameter_count, a->parameters))
         return lg_fail(a->error, LG_NOT_FINITE, "the gradient in the parameters is not finite");
     return LG_OK;
 }
@@ -211,10 +206,10 @@ static const char *fault_of(const lg_adjoint_problem *p, const double *y0) {
         return "parameter_count is above 0, but `parameters` is NULL";
     if (p->ode->space.dim < 1 || p->ode->space.dim > UINT32_MAX || p->parameter_count > UINT32_MAX)
         return "a state or the parameters are too large";
-    if (!finite_numbers(p->steps, p->t) || !finite_numbers(p->steps, p->h))
+    if (!lg_all_finite(p->steps, p->t) || !lg_all_finite(p->steps, p->h))
         return "a time or a step is not finite";
-    if (!finite_numbers(p->ode->space.dim, y0)) return "the initial state is not finite";
-    if (!finite_numbers(p->parameter_count, p->parameters)) return "a parameter is not finite";
+    if (!lg_all_finite(p->ode->space.dim, y0)) return "the initial state is not finite";
+    if (!lg_all_finite(p->parameter_count, p->parameters)) return "a parameter is not finite";
     return NULL;
 }
 

@@ -24,7 +24,7 @@ lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t st
     if (!stepper || !y0 || !out || steps < 1 || every < 1 || steps % every != 0 || !isfinite(t0) ||
         !isfinite(h) || !lg_all_finite(stepper->ode.space.dim, y0))
         return LG_INVALID_ARGUMENT;
-    const size_t n = stepper->ode.space.dim, before = stepper->evaluations;
+    const size_t n = stepper->ode.space.dim, before = lg_stepper_evaluations(stepper);
     double *y = stepper->run[0];
     memcpy(y, y0, n * sizeof(*y));
     memcpy(out, y0, n * sizeof(*y));
@@ -33,10 +33,10 @@ lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t st
         status = lg_stepper_step(stepper, t0 + (double)i * h, h, y, input, y);
         if (status != LG_OK) break;
         run.steps++;
-        run.max_angle = dmax(run.max_angle, stepper->angle);
+        run.max_angle = dmax(run.max_angle, lg_stepper_angle(stepper));
         if ((i + 1) % every == 0) memcpy(out + (i + 1) / every * n, y, n * sizeof(*y));
     }
-    run.evaluations = stepper->evaluations - before;
+    run.evaluations = lg_stepper_evaluations(stepper) - before;
     if (stats) *stats = run;
     return status;
 }
@@ -57,6 +57,7 @@ void lg_step_controller_init(lg_step_controller *control) {
 bool lg_step_controller_valid(const lg_step_controller *c) {
     const double values[] = {c->rtol,       fabs(c->atol), c->safety, c->factor_min,
                              c->factor_max, c->h_initial,  c->h_max,  c->max_angle};
+    if (c->steps > 0) return c->size == sizeof(lg_step_controller);
     for (size_t i = 0; i < LG_COUNT(values); i++)
         if (!(values[i] >= 0.0) || !isfinite(values[i])) return false;
     return c->size == sizeof(lg_step_controller) && c->rtol + fabs(c->atol) > 0.0 && c->safety > 0.0 &&
@@ -212,8 +213,29 @@ static lg_status state_at(const lg_run *run, double time, double *out) {
     return lg_stepper_dense(s, dmin((time - run->t_before) / (run->t - run->t_before), 1.0), out);
 }
 
+/* Equal steps. A time this close to the end of a step counts as equal to it. */
+static lg_status run_equal(lg_run *run, const double *times, size_t count, double *out) {
+    lg_stepper *s = run->stepper;
+    const double t0 = run->t, h = (run->t_end - t0) / (double)run->control->steps,
+                 near = 1e-9 * fabs(h) + run->h_min;
+    for (size_t n = 0, row = 0;; n++) {
+        for (; row < count && run->sign * (times[row] - run->t) <= near; row++)
+            LG_TRY(state_at(run, run->sign * (run->t - times[row]) <= near ? run->t : times[row],
+                            out + row * s->ode.space.dim));
+        if (n == run->control->steps) return LG_OK;
+        LG_TRY(lg_stepper_step(s, run->t, h, s->run[0], NULL, s->run[0]));
+        run->t_before = run->t;
+        run->t = t0 + (double)(n + 1) * h;
+        run->stats.steps++;
+        run->stats.max_angle = dmax(run->stats.max_angle, s->angle);
+        if (run->control->observe)
+            LG_TRY(run->control->observe(run->control->observer, run->t_before, h, s->run[0]));
+    }
+}
+
 static lg_status run_to_times(lg_run *run, const double *times, size_t count, double *out) {
     const size_t n = run->stepper->ode.space.dim;
+    if (run->control->steps > 0) return run_equal(run, times, count, out);
     const bool dense = run->control->dense && run->stepper->scheme->dense_order > 0;
     if (run->t_end != run->t) LG_TRY(first_step(run));
     for (size_t i = 0; i < count; i++) {
@@ -230,11 +252,11 @@ lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_controller *c
     lg_step_controller_init(&defaults);
     if (!control) control = &defaults;
     if (!stepper || !y0 || !times || !out || count < 1) return LG_INVALID_ARGUMENT;
-    if (stepper->scheme->embedded_order < 1) return LG_UNSUPPORTED;
+    if (control->steps == 0 && stepper->scheme->embedded_order < 1) return LG_UNSUPPORTED;
     if (!lg_step_controller_valid(control) || !times_are_valid(t0, times, count) ||
         !lg_all_finite(stepper->ode.space.dim, y0))
         return LG_INVALID_ARGUMENT;
-    const size_t before = stepper->evaluations;
+    const size_t before = lg_stepper_evaluations(stepper);
     const double t_end = times[count - 1];
     const int lower = stepper->scheme->embedded_order < stepper->scheme->order
                           ? stepper->scheme->embedded_order
@@ -248,7 +270,7 @@ lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_controller *c
                   .h_min = 4.0 * DBL_EPSILON * dmax(fabs(t0), fabs(t_end))};
     memcpy(stepper->run[0], y0, stepper->ode.space.dim * sizeof(*y0));
     const lg_status status = run_to_times(&run, times, count, out);
-    run.stats.evaluations = stepper->evaluations - before;
+    run.stats.evaluations = lg_stepper_evaluations(stepper) - before;
     if (stats) *stats = run.stats;
     return status;
 }

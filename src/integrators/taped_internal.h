@@ -48,8 +48,8 @@ lg_status lg_taped_project(lg_tape *tape, const lg_space *manifold, const lg_var
 lg_var lg_taped_moved(lg_tape *tape, lg_var from, double weight, lg_var by);
 
 /* Inverts the matrix a (n, n) in place, by Gauss-Jordan elimination with row pivoting. `swaps` is scratch of
- * n numbers. False if a is singular. */
-bool lg_taped_invert(size_t n, double *a, double *swaps);
+ * n numbers. Returns the sign of the determinant: 0 if a is singular. */
+int lg_taped_invert(size_t n, double *a, double *swaps);
 
 /* One step of LG_SCHEME_IMPLICIT or LG_SCHEME_SLGI; `out` may be `y`. */
 lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,

@@ -47,13 +47,15 @@ static lg_status linearise(newton *s) {
     return lg_tape_rewind(s->tape, mark);
 }
 
-bool lg_taped_invert(size_t n, double *a, double *swaps) {
+int lg_taped_invert(size_t n, double *a, double *swaps) {
+    int sign = 1;
     for (size_t c = 0; c < n; c++) {
         size_t best = c;
         for (size_t i = c + 1; i < n; i++)
             if (fabs(a[i * n + c]) > fabs(a[best * n + c])) best = i;
         swaps[c] = (double)best;
-        if (!(fabs(a[best * n + c]) > 0.0)) return false;
+        if (!(fabs(a[best * n + c]) > 0.0)) return 0;
+        if ((best != c) != (a[best * n + c] < 0.0)) sign = -sign;
         for (size_t j = 0; best != c && j < n; j++) {
             const double kept = a[c * n + j];
             a[c * n + j] = a[best * n + j];
@@ -77,7 +79,7 @@ bool lg_taped_invert(size_t n, double *a, double *swaps) {
             a[i * n + other] = kept;
         }
     }
-    return true;
+    return sign;
 }
 
 /* One Newton step in row b; raises *moved to the largest |change| and *size to the largest |x_i|. False if

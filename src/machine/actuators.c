@@ -77,10 +77,6 @@ static size_t curve_parameters(const lg_machine *machine, const lg_machine_term 
     return (size_t)term->of_count * (term->degree - 1);
 }
 
-static void curve_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    fits[0] = fits[1] = curve_parameters(machine, term);
-}
-
 /* Coefficients (of_count, degree - 1). */
 static lg_var curve_numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
     const lg_machine_term *own = &vars->machine->terms[term];
@@ -116,24 +112,10 @@ static lg_var curve(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, c
     return changed(tape, vars->machine, own, seen->u, lg_mul(tape, u, sum));
 }
 
-void lg_numbers_curve(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                      const double *theta) {
-    for (uint32_t i = 0; i < term->of_count; i++)
-        for (uint32_t k = 2; k <= term->degree; k++) {
-            const uint32_t input = term->of[i].index;
-            lg_numbers_put(l, *theta++ / pow(machine->scales.input[input], k - 1.0), "curve.%s.%u",
-                           machine->inputs[input], k);
-        }
-}
-
 /* ---- dead zones: 0 for |u| < d, else u - d sign u; a learned d is a square ---- */
 
 static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
     return term->of_count;
-}
-
-static void one_value_each(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    fits[0] = fits[1] = term->of_count;
 }
 
 /* factor[i] times the value of the term's input i, (1, of_count). */
@@ -144,19 +126,11 @@ static lg_var scaled_values(lg_tape *tape, const lg_machine_vars *vars, uint32_t
     return lg_machine_record_entries(tape, vars, term, count, index, factor);
 }
 
-static const double dead_zone_start = 0.4;
-
-static void start_dead_zone(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    for (size_t i = 0; i < term->parameters; i++) theta[i] = dead_zone_start;
-}
-
 static void dead_zone_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
                             lg_entry_about *out) {
     const uint32_t input = term->of[index].index;
-    *out = (lg_entry_about){.unit = machine->scales.input[input],
-                            .start = dead_zone_start * dead_zone_start,
-                            .positive = true,
-                            .single = true};
+    *out = (lg_entry_about){
+        .unit = machine->scales.input[input], .start = 0.16, .positive = true, .single = true};
     (void)snprintf(out->name, sizeof out->name, "dead_zone.%s", machine->inputs[input]);
 }
 
@@ -172,13 +146,6 @@ static lg_var dead_zone(lg_tape *tape, const lg_machine_vars *vars, uint32_t ter
     const lg_var u = chosen(tape, machine, own, seen->u);
     const lg_var twice = lg_sub(tape, lg_abs(tape, lg_sub(tape, u, d)), lg_abs(tape, lg_add(tape, u, d)));
     return changed(tape, machine, own, seen->u, lg_scale(tape, twice, 0.5));
-}
-
-void lg_numbers_dead_zone(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                          const double *theta) {
-    for (uint32_t i = 0; i < term->of_count; i++)
-        lg_numbers_put(l, theta[i] * theta[i] * machine->scales.input[term->of[i].index], "dead_zone.%s",
-                       machine->inputs[term->of[i].index]);
 }
 
 /* ---- lags: tau x' = u - x, or two in series; log tau = log low + log(high/low) sigmoid(theta) ---- */
@@ -298,8 +265,8 @@ lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
 #define LAG(kind_name, kind_order)                                                                           \
     {                                                                                                        \
         .name = kind_name, .part = LG_MACHINE_ACTUATOR, .options = LG_TERM_OF | LG_TERM_VALUES,              \
-        .parameters = one_each, .initialise = start_lag, .values = one_value_each, .entry = lag_entry,       \
-        .record = lagged, .lag = lag_of, .order = (kind_order), .numbers = lg_numbers_lag                    \
+        .parameters = one_each, .initialise = start_lag, .entry = lag_entry, .record = lagged,               \
+        .lag = lag_of, .order = (kind_order), .numbers = lg_numbers_lag                                      \
     }
 
 const lg_term_kind lg_machine_actuator_kinds[] = {LAG("lag", 1),
@@ -308,18 +275,15 @@ const lg_term_kind lg_machine_actuator_kinds[] = {LAG("lag", 1),
                                                    .part = LG_MACHINE_ACTUATOR,
                                                    .options = LG_TERM_OF | LG_TERM_VALUES,
                                                    .parameters = one_each,
-                                                   .initialise = start_dead_zone,
-                                                   .values = one_value_each,
                                                    .entry = dead_zone_entry,
                                                    .record = dead_zone,
-                                                   .numbers = lg_numbers_dead_zone},
+                                                   .each = LG_PARAMETER_SQUARED},
                                                   {.name = "curve",
                                                    .part = LG_MACHINE_ACTUATOR,
                                                    .options = LG_TERM_OF | LG_TERM_VALUES | LG_TERM_DEGREE,
                                                    .least = 2,
                                                    .parameters = curve_parameters,
-                                                   .values = curve_values,
                                                    .entry = curve_entry,
                                                    .record = curve,
-                                                   .numbers = lg_numbers_curve},
+                                                   .each = LG_PARAMETER_ITSELF},
                                                   {.name = NULL}};

@@ -243,24 +243,24 @@ static const double *slopes_of(const lg_chain *c, size_t s, size_t i) {
     return c->S + (s * c->axes.count + i) * c->columns;
 }
 
+/* Removes the component along q from a vector whose numbers are `stride` apart. */
+static void keep_across(const double q[3], double *x, size_t stride) {
+    const double along = q[0] * x[0] + q[1] * x[stride] + q[2] * x[2 * stride];
+    for (size_t m = 0; m < 3; m++) x[m * stride] -= along * q[m];
+}
+
 /* Removes the components along the logged directions from the velocities' rows of the residuals and the
  * Jacobian. */
-static void keep_across(const lg_chain *c, size_t row, double *r, double *jacobian) {
+static void keep_all_across(const lg_chain *c, size_t row, double *r, double *jacobian) {
     const lg_machine *machine = c->problem->machine;
     double along[LG_MACHINE_VELOCITIES];
     lg_machine_along_row(c->problem, row, along);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        const double *q = along + first;
-        double *of_r = r + first, *J = jacobian + first * c->columns;
         if (machine->coordinates[i].kind != LG_COORDINATE_DIRECTION) continue;
-        const double dot = lg_dot3(q, of_r);
-        for (uint32_t m = 0; m < 3; m++) of_r[m] -= dot * q[m];
-        for (size_t j = 0; j < c->columns; j++) {
-            double *column[] = {J + j, J + c->columns + j, J + 2 * c->columns + j};
-            const double sum = q[0] * *column[0] + q[1] * *column[1] + q[2] * *column[2];
-            for (uint32_t m = 0; m < 3; m++) *column[m] -= sum * q[m];
-        }
+        keep_across(along + first, r + first, 1);
+        for (size_t j = 0; j < c->columns; j++)
+            keep_across(along + first, jacobian + first * c->columns + j, c->columns);
     }
 }
 
@@ -289,7 +289,7 @@ void lg_chain_put_rows(const lg_kernels *k, lg_chain *c, uint32_t j) {
         }
         double *of_v = c->r + first + seen - machine->velocities;
         if (machine->directions > 0)
-            keep_across(c, row, of_v, c->jacobian + (first + seen - machine->velocities) * c->columns);
+            keep_all_across(c, row, of_v, c->jacobian + (first + seen - machine->velocities) * c->columns);
         for (uint32_t i = 0; i < machine->velocities; i++) c->loss += of_v[i] * of_v[i];
     }
     c->done += seen;

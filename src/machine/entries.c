@@ -32,15 +32,14 @@ double lg_number_at(const lg_number_map *m, double t, double *slope) {
 enum { MOST = LG_MACHINE_ENTRIES };
 
 static lg_var row_of(lg_tape *tape, const lg_number_map *maps, uint32_t count, size_t member) {
-    double values[MOST];
+    double values[LG_MACHINE_VALUES];
     for (uint32_t i = 0; i < count; i++)
         values[i] = *(const double *)(const void *)((const char *)&maps[i] + member);
     return lg_input_f64(tape, lg_shape2(1, count), values);
 }
 
 #define ROW(member) row_of(tape, maps, count, offsetof(lg_number_map, member))
-/* x (1, count) from t (1, count). */
-static lg_var record_maps(lg_tape *tape, const lg_number_map *maps, uint32_t count, lg_var t) {
+lg_var lg_machine_record_maps(lg_tape *tape, const lg_number_map *maps, uint32_t count, lg_var t) {
     const lg_var grown = lg_mul(tape, ROW(a), lg_exp(tape, lg_mul(tape, ROW(g), t))),
                  moved = lg_add(tape, ROW(b), lg_mul(tape, ROW(s), t)),
                  share = lg_mul(tape, ROW(r), lg_act(tape, lg_add(tape, t, ROW(l)), LG_SIGMOID));
@@ -81,7 +80,7 @@ lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uin
         }
     }
     const lg_var t = lg_reshape(tape, vars->theta[term], lg_shape2(1, own->entry_count));
-    const lg_var x = record_maps(tape, maps, own->entry_count, t);
+    const lg_var x = lg_machine_record_maps(tape, maps, own->entry_count, t);
     const lg_var all = lg_matmul(tape, x, lg_input_f64(tape, lg_shape2(own->entry_count, count), placed));
     return lg_add(tape, all, lg_input_f64(tape, row, known));
 }
@@ -154,7 +153,7 @@ uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out) {
                 out[count] = (lg_prior){i, k, map, about.start, term->entries[k].sigma};
             count++;
         }
-        if (term->kind == &lg_grey_mass_kind) count = lg_grey_priors(machine, i, out, count);
+        if (term->kind->priors != NULL) count = term->kind->priors(machine, i, out, count);
     }
     return count;
 }
@@ -167,7 +166,7 @@ lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint
         const lg_prior *p = &priors[i];
         const lg_var t =
             lg_reshape(tape, lg_slice(tape, vars->theta[p->term], 0, p->index, 1), lg_shape2(1, 1));
-        const lg_var x = record_maps(tape, &p->map, 1, t);
+        const lg_var x = lg_machine_record_maps(tape, &p->map, 1, t);
         each[i] = lg_scale(tape, lg_add_scalar(tape, x, -p->centre), weight / p->sigma);
     }
     const lg_var zeros = lg_full(tape, lg_shape2(rows, count), 0.0);

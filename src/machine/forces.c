@@ -10,16 +10,8 @@
  * START^2. */
 static const double START = 0.1;
 
-static void fill_start(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    for (size_t i = 0; i < term->parameters; i++) theta[i] = START;
-}
-
 static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
     return machine->velocities;
-}
-
-static void one_value_each(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    fits[0] = fits[1] = machine->velocities;
 }
 
 /* ---- scales: a force in the log's units is the scaled force times E/L ---- */
@@ -165,10 +157,6 @@ static void scale_network(const lg_machine *machine, const lg_machine_term *term
 
 /* ---- input maps ---- */
 
-static void input_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    fits[0] = fits[1] = (size_t)machine->velocities * machine->input_count;
-}
-
 static lg_var known_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                         const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
@@ -200,12 +188,6 @@ static uint32_t map_outputs(const lg_machine *machine) {
 
 static size_t map_parameters(const lg_machine *machine, const lg_machine_term *term) {
     return map_outputs(machine);
-}
-
-/* Initially input j drives velocity j. */
-static void start_map(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    for (uint32_t i = 0; i < machine->velocities && i < machine->input_count; i++)
-        theta[i * machine->input_count + i] = 1.0;
 }
 
 static lg_var constant_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
@@ -255,8 +237,7 @@ static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t te
 #define ANY (LG_TERM_OF | LG_TERM_MOVING)
 /* Damping whose numbers are squares of one parameter for each velocity. */
 #define SQUARES                                                                                              \
-    .part = LG_MACHINE_DAMPING, .numbers = lg_numbers_squares, .parameters = one_each,                       \
-    .initialise = fill_start, .values = one_value_each, .scaling = scale_squares
+    .part = LG_MACHINE_DAMPING, .each = LG_PARAMETER_SQUARED, .parameters = one_each, .scaling = scale_squares
 const lg_term_kind lg_machine_force_kinds[] = {
     {.name = "known",
      .part = LG_MACHINE_DAMPING,
@@ -290,14 +271,14 @@ const lg_term_kind lg_machine_force_kinds[] = {
     {.name = "known",
      .part = LG_MACHINE_INPUT_MAP,
      .options = LG_TERM_VALUES | LG_TERM_KNOWN,
-     .values = input_values,
+     .parameters = map_parameters,
      .entry = map_entry,
      .record = known_map},
     {.name = "constant",
      .part = LG_MACHINE_INPUT_MAP,
-     .numbers = lg_numbers_constant_map,
+     .each = LG_PARAMETER_ITSELF,
      .parameters = map_parameters,
-     .initialise = start_map,
+     .entry = map_entry,
      .record = constant_map},
     {.name = "network",
      .part = LG_MACHINE_INPUT_MAP,

@@ -44,10 +44,6 @@ static size_t count_parameters(const lg_machine *machine, const lg_machine_term 
     return (size_t)machine->velocities * (blocks_of(machine, term) + is_whole(machine, term));
 }
 
-static void count_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    fits[0] = fits[1] = (size_t)machine->velocities * (blocks_of(machine, term) + 1);
-}
-
 /* Unit of a scaled coefficient of velocity k in the units of the log: a force, divided by the speed to the
  * given power. */
 static double unit_of(const lg_machine *machine, uint32_t k, int power) {
@@ -608,8 +604,7 @@ static const char *position_fault(const lg_machine *machine, const lg_machine_te
 
 /* ---- the table ---- */
 
-#define FRICTION                                                                                             \
-    .part = LG_MACHINE_DAMPING, .parameters = count_parameters, .values = count_values, .scaling = scale_own
+#define FRICTION .part = LG_MACHINE_DAMPING, .parameters = count_parameters, .scaling = scale_own
 const lg_term_kind lg_machine_friction_kinds[] = {
     {.name = "asymmetric",
      .options = LG_TERM_WIDTH | LG_TERM_VALUES,
@@ -640,7 +635,6 @@ const lg_term_kind lg_machine_friction_kinds[] = {
      .bristles = true,
      .part = LG_MACHINE_DAMPING,
      .parameters = count_parameters,
-     .values = count_values,
      .scaling = scale_lugre},
     {.name = "load",
      .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_SOME | LG_TERM_INPUTS,

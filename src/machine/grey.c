@@ -188,13 +188,9 @@ static size_t unknown_numbers(const lg_machine *machine, const lg_machine_term *
     return count;
 }
 
-/* Numbers of the system are a exp(g t) + b + f t + r/(1 + exp(-(t + l))) with t = theta S. A positive
- * number has its start in a, and g = 1 where it is unknown; other numbers have their start in b, and f = 1.
- * Numbers with bounds have r. */
+/* Number i of the system is map[i] at t_i of t = theta S. */
 typedef struct mapping {
-    double a[LG_MACHINE_PARAMETERS], b[LG_MACHINE_PARAMETERS], g[LG_MACHINE_PARAMETERS],
-        f[LG_MACHINE_PARAMETERS], r[LG_MACHINE_PARAMETERS], l[LG_MACHINE_PARAMETERS];
-    bool bounded;
+    lg_number_map map[LG_MACHINE_PARAMETERS];
     double S[LG_MACHINE_PARAMETERS * LG_MACHINE_PARAMETERS]; /* (size of theta, numbers of the system) */
     uint32_t used;                                           /* filled rows of S */
 } mapping;
@@ -218,26 +214,26 @@ static void map_entry(const lg_machine_grey *grey, const lg_parameter_entry *p, 
     const bool positive = p->rule == LG_PARAMETER_POSITIVE;
     double scale = 0.0, *rows = m->S + m->used * grey->count + at;
     for (size_t i = at; i < at + n; i++) scale = fmax(scale, fabs(grey->start[i]));
-    for (size_t i = at; i < at + n; i++) (positive ? m->a : m->b)[i] = grey->start[i];
+    for (size_t i = at; i < at + n; i++) m->map[i] = (lg_number_map){.b = grey->start[i], .s = 1.0};
     if (p->rule == LG_PARAMETER_UNIT_VECTOR) {
         if (!grey->unknown[at]) return;
         across(grey->start + at, rows, rows + grey->count);
         m->used += 2;
         return;
     }
-    for (size_t i = 0; i < n; i++) {
-        const size_t k = at + i;
+    for (size_t k = at; k < at + n; k++) {
+        const lg_machine_entry ends = {.low = grey->low[k], .high = grey->high[k]};
+        const bool free = !positive && !(ends.low < ends.high);
         if (!grey->unknown[k]) continue;
-        const bool bounded = grey->low[k] < grey->high[k];
-        m->S[m->used++ * grey->count + k] = positive || bounded || !(scale > 0.0) ? 1.0 : scale;
-        m->g[k] = positive && !bounded ? 1.0 : 0.0;
-        m->f[k] = positive || bounded ? 0.0 : 1.0;
-        if (!bounded) continue;
-        m->bounded = true;
-        m->a[k] = 0.0, m->b[k] = grey->low[k];
-        m->r[k] = grey->high[k] - grey->low[k];
-        m->l[k] = log((grey->start[k] - grey->low[k]) / (grey->high[k] - grey->start[k]));
+        m->S[m->used++ * grey->count + k] = free && scale > 0.0 ? scale : 1.0;
+        if (!free) m->map[k] = lg_machine_entry_map(&ends, grey->start[k], 0.0, positive);
     }
+}
+
+static void map_all(const lg_machine *machine, mapping *m) {
+    const lg_parameter_entry *p = lg_grey_system_parameters(machine->grey.system);
+    for (; p->key != NULL; p++)
+        map_entry(&machine->grey, p, place_of(machine, p), lg_parameter_numbers(p, links_of(machine)), m);
 }
 
 /* Unit vectors n + t (t orthogonal to the start n) become cos|t| n + sin|t|/|t| t: the start turned by the
@@ -266,39 +262,26 @@ static lg_var with_unit_vectors(lg_tape *tape, const lg_machine *machine, lg_var
 
 lg_var lg_grey_record(lg_tape *tape, const lg_machine *machine, lg_var theta) {
     const lg_machine_grey *grey = &machine->grey;
-    const uint32_t links = links_of(machine);
+    const lg_shape flat = lg_shape1(grey->count);
     mapping m = {.used = 0};
-    for (const lg_parameter_entry *p = lg_grey_system_parameters(grey->system); p->key != NULL; p++)
-        map_entry(grey, p, place_of(machine, p), lg_parameter_numbers(p, links), &m);
-    const lg_shape row = lg_shape2(1, grey->count), flat = lg_shape1(grey->count);
     if (lg_is_none(theta)) return lg_input_f64(tape, flat, grey->start);
+    map_all(machine, &m);
     const lg_var S = lg_input_f64(tape, lg_shape2(m.used, grey->count), m.S),
-                 a = lg_input_f64(tape, row, m.a), g = lg_input_f64(tape, row, m.g);
-    double other[LG_MACHINE_PARAMETERS];
-    for (uint32_t i = 0; i < grey->count; i++) other[i] = m.bounded ? m.f[i] : 1.0 - m.g[i];
-    const lg_var t = lg_matmul(tape, lg_reshape(tape, theta, lg_shape2(1, m.used)), S);
-    const lg_var grown = lg_mul(tape, a, lg_exp(tape, lg_mul(tape, t, g)));
-    const lg_var moved =
-        lg_add(tape, lg_input_f64(tape, row, m.b), lg_mul(tape, t, lg_input_f64(tape, row, other)));
-    lg_var all = lg_add(tape, grown, moved);
-    if (m.bounded) {
-        const lg_var share = lg_act(tape, lg_add(tape, t, lg_input_f64(tape, row, m.l)), LG_SIGMOID);
-        all = lg_add(tape, all, lg_mul(tape, share, lg_input_f64(tape, row, m.r)));
-    }
+                 t = lg_matmul(tape, lg_reshape(tape, theta, lg_shape2(1, m.used)), S);
+    const lg_var all = lg_machine_record_maps(tape, m.map, grey->count, t);
     return with_unit_vectors(tape, machine, lg_reshape(tape, all, flat));
 }
 
-uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count) {
+static uint32_t priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count) {
     const lg_machine_grey *grey = &machine->grey;
-    const uint32_t links = links_of(machine);
     mapping m = {.used = 0};
-    for (const lg_parameter_entry *p = lg_grey_system_parameters(grey->system); p->key != NULL; p++)
-        map_entry(grey, p, place_of(machine, p), lg_parameter_numbers(p, links), &m);
+    map_all(machine, &m);
     for (uint32_t row = 0; row < m.used; row++)
         for (uint32_t i = 0; i < grey->count; i++) {
             const double s = m.S[row * grey->count + i];
             if (s == 0.0 || !(grey->sigma[i] > 0.0)) continue;
-            const lg_number_map map = {m.a[i], m.g[i], m.b[i], m.f[i] * s, m.r[i], m.l[i]};
+            lg_number_map map = m.map[i];
+            map.s *= s;
             if (count < LG_MACHINE_PRIORS)
                 out[count] = (lg_prior){term, row, map, grey->start[i], grey->sigma[i]};
             count++;
@@ -365,7 +348,8 @@ const lg_term_kind lg_grey_mass_kind = {.name = "system",
                                         .record = mass,
                                         .directions = directions,
                                         .numbers = lg_numbers_grey,
-                                        .moving = moves};
+                                        .moving = moves,
+                                        .priors = priors};
 const lg_term_kind lg_grey_potential_kind = {
     .name = "system", .part = LG_MACHINE_POTENTIAL, .record = potential};
 

@@ -7,8 +7,8 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "kernels/kernels.h"
 #include "kernels/lapack.h"
+#include "kernels/matrix.h"
 #include "machine/internal.h"
 
 enum { CHUNK = 64, BLOCK = 32, SMALL = 64, MOST_OF_SMALL = 8192, RUN = 32, FEW = 64 };
@@ -21,6 +21,7 @@ typedef struct normal {
     const lg_context *context;
     const lg_machine_problem *problem;
     lg_fit_problem fit;
+    lg_tape *tape;
     const double *theta;
     double at[LG_MACHINE_POSITIONS]; /* positions at which a network mass is reported */
     /* n: columns of J, which are the parameters of the machine and, with `last`, the residuals. starts:
@@ -139,11 +140,11 @@ static void put_below(normal *s) {
             s->reflectors + (size_t)block * s->n, &info);
 }
 
-static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, size_t first, size_t count) {
+static lg_status add_chunk(normal *s, const uint32_t *samples, size_t first, size_t count) {
     const size_t given = s->n - s->last, columns = given + s->starts, batch = s->used;
     double squares = 0.0;
     s->rows = count * s->fit.rows;
-    LG_TRY(s->fit.linearise(s->fit.user, tape, s->theta, samples, count, batch, &squares, s->residuals,
+    LG_TRY(s->fit.linearise(s->fit.user, s->tape, s->theta, samples, count, batch, &squares, s->residuals,
                             s->jacobian));
     for (size_t row = 0; row < s->rows; row++)
         for (size_t j = 0; j < columns; j++)
@@ -153,8 +154,8 @@ static lg_status add_chunk(normal *s, lg_tape *tape, const uint32_t *samples, si
     if (s->lagged != NULL) add_lagged(s, count);
     s->squares += squares;
     if (s->unmoved != NULL)
-        LG_TRY(s->fit.linearise(s->fit.user, tape, s->unmoved, samples, count, batch, &squares, s->residuals,
-                                s->jacobian));
+        LG_TRY(s->fit.linearise(s->fit.user, s->tape, s->unmoved, samples, count, batch, &squares,
+                                s->residuals, s->jacobian));
     if (s->scores != NULL) add_scores(s, first, count);
     for (size_t row = 0; row < s->rows; row++)
         s->weighted += row % s->fit.rows < s->fit.rows - s->priors && s->residuals[row] != 0.0;
@@ -168,13 +169,13 @@ static uint32_t window_at(const normal *s, size_t i) {
     return (uint32_t)(i / RUN * (s->windows - RUN) / (s->used / RUN - 1) + i % RUN);
 }
 
-static lg_status add_all(normal *s, lg_tape *tape) {
+static lg_status add_all(normal *s) {
     uint32_t samples[CHUNK];
     for (size_t first = 0; first < s->used; first += s->chunk) {
         const size_t count = s->used - first < s->chunk ? s->used - first : s->chunk;
         if (lg_cancelled(s->context)) return LG_CANCELLED;
         for (size_t i = 0; i < count; i++) samples[i] = window_at(s, first + i);
-        LG_TRY(add_chunk(s, tape, samples, first, count));
+        LG_TRY(add_chunk(s, samples, first, count));
     }
     /* Scales R as if all windows had been used. */
     for (size_t i = 0; i < s->n * s->n; i++) s->triangle[i] *= sqrt((double)s->windows / (double)s->used);
@@ -328,11 +329,6 @@ static void multiply(const normal *s, size_t count, const double *shares, const 
         if (isinf(numbers[i].error) && out[i * count + i] == 0.0) out[i * count + i] = 1e12;
 }
 
-static void transpose(size_t n, const double *W, double *out) {
-    for (size_t i = 0; i < n; i++)
-        for (size_t k = 0; k < n; k++) out[i * n + k] = W[k * n + i];
-}
-
 static double seconds_of(const lg_machine_log *log) {
     double sum = 0.0;
     for (size_t p = 0; p < log->parts; p++) sum += log->t[log->first[p + 1] - 1] - log->t[log->first[p]];
@@ -423,7 +419,7 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
     if (status == LG_OK && out->spread != NULL) {
         double block;
         status = invert(s, true, more, order, W) ? colour(s, true, W, &block) : LG_OUT_OF_MEMORY;
-        if (status == LG_OK) transpose(n, W, out->spread);
+        if (status == LG_OK) lg_matrix_transpose(n, n, W, out->spread);
     }
     return status;
 }
@@ -462,8 +458,19 @@ static lg_status allocate(normal *s) {
     return LG_OK;
 }
 
-static void release(normal *s) {
+/* Finds R of the chosen windows, and with `scored` the scores. */
+static lg_status gather(normal *s, bool scored) {
+    LG_TRY(allocate(s));
+    if (scored) LG_TRY(allocate_scores(s));
+    LG_TRY(lg_tape_create(s->context, NULL, &s->tape));
+    return add_all(s);
+}
+
+static lg_status finish(normal *s, lg_status status, lg_error *error) {
+    (void)lg_machine_conclude(s->tape, status, error);
+    lg_tape_destroy(s->tape);
     LG_FREE_ALL(s->context, s->jacobian, s->scores);
+    return status;
 }
 
 lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
@@ -478,7 +485,6 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
                 .missing = &missing,
                 .deviation = 1.0};
     double squares = 0.0;
-    lg_tape *tape = NULL;
     (void)lg_machine_mass_at(problem, s.at);
     (void)lg_machine_numbers_at(machine, theta, s.at, count, out->numbers, &missing);
     out->open_count = 0;
@@ -492,25 +498,20 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     int *order = lg_alloc(context, s.n, sizeof *order);
     const bool room = moved != NULL && at != NULL && order != NULL;
     choose_windows(&s, s.n > SMALL ? LG_MACHINE_MOST_WINDOWS : MOST_OF_SMALL);
-    lg_status status = allocate(&s);
-    if (status == LG_OK) status = allocate_scores(&s);
-    if (status == LG_OK) status = room ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
-    if (status == LG_OK) {
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (room) {
         memcpy(at, theta, all * sizeof *at);
         s.theta = at;
         const bool left = leave_bounds(&s, at, count, out->numbers, moved, moved + count);
         if (left) s.unmoved = theta;
-        status = add_all(&s, tape);
+        status = gather(&s, true);
         if (status == LG_OK && left) status = lg_machine_loss(context, problem, theta, &squares, NULL, NULL);
         if (left) s.squares = squares;
+        if (status == LG_OK) status = conclude(&s, count, at + all, order, moved, out);
     }
-    if (status == LG_OK) status = conclude(&s, count, at + all, order, moved, out);
     if (status == LG_OK && missing == LG_OUT_OF_MEMORY) status = missing;
-    (void)lg_machine_conclude(tape, status, error);
-    lg_tape_destroy(tape);
-    release(&s);
     LG_FREE_ALL(context, at, moved, order);
-    return status;
+    return finish(&s, status, error);
 }
 
 /* Sum of the variances after `colour` in units of those before, mean over the parameters. */
@@ -531,14 +532,10 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
                                const lg_fit_problem *fit, const double *x, size_t n,
                                lg_machine_uncertainty *out, lg_error *error) {
     normal s = {.context = context, .problem = problem, .fit = *fit, .theta = x, .n = n};
-    lg_tape *tape = NULL;
     double *work = lg_alloc(context, 4 * n * n, sizeof *work);
     int *order = lg_alloc(context, n, sizeof *order);
     choose_windows(&s, MOST_OF_SMALL);
-    lg_status status = work != NULL && order != NULL ? allocate(&s) : LG_OUT_OF_MEMORY;
-    if (status == LG_OK) status = allocate_scores(&s);
-    if (status == LG_OK) status = lg_tape_create(context, NULL, &tape);
-    if (status == LG_OK) status = add_all(&s, tape);
+    lg_status status = work != NULL && order != NULL ? gather(&s, true) : LG_OUT_OF_MEMORY;
     if (status == LG_OK && !invert(&s, false, work + n * n, order, out->W)) status = LG_OUT_OF_MEMORY;
     if (status == LG_OK) {
         memcpy(work, out->W, n * n * sizeof *work);
@@ -547,11 +544,8 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
         out->widened = widened(n, work, out->W);
         out->variance = variance_of(&s);
     }
-    (void)lg_machine_conclude(tape, status, error);
-    lg_tape_destroy(tape);
-    release(&s);
     LG_FREE_ALL(context, work, order);
-    return status;
+    return finish(&s, status, error);
 }
 
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
@@ -563,15 +557,9 @@ lg_status lg_machine_triangle(const lg_context *context, const lg_machine_proble
                 .n = problem->machine->parameters + 1,
                 .last = true,
                 .lagged = lagged};
-    lg_tape *tape = NULL;
     choose_windows(&s, LG_MACHINE_MOST_WINDOWS);
-    lg_status status = allocate(&s);
-    if (status == LG_OK) status = lg_tape_create(context, NULL, &tape);
-    if (status == LG_OK) status = add_all(&s, tape);
+    const lg_status status = gather(&s, false);
     if (status == LG_OK) memcpy(triangle, s.triangle, s.n * s.n * sizeof *triangle);
     *numbers = s.weighted;
-    (void)lg_machine_conclude(tape, status, error);
-    lg_tape_destroy(tape);
-    release(&s);
-    return status;
+    return finish(&s, status, error);
 }

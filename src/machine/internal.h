@@ -43,9 +43,8 @@ typedef struct lg_number_list {
 } lg_number_list;
 typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, const lg_machine_term *term,
                              const double *theta);
-lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_potential, lg_numbers_squares,
-    lg_numbers_constant_damping, lg_numbers_constant_map, lg_numbers_bias, lg_numbers_grey, lg_numbers_curve,
-    lg_numbers_dead_zone, lg_numbers_lag;
+lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_each,
+    lg_numbers_constant_damping, lg_numbers_bias, lg_numbers_grey, lg_numbers_lag;
 /* lg_term_kind.entry of potentials that are sums of monomials. */
 void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
                                 lg_entry_about *out);
@@ -62,6 +61,8 @@ void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text,
 void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
                              char *text, size_t size);
 
+typedef struct lg_prior lg_prior;
+
 /* A row of the table of terms. `record` returns, by part:
  *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n
  *   potential  V (B, 1)
@@ -75,16 +76,19 @@ struct lg_term_kind {
     /* Number of outputs of the term's network; NULL: the term is not a network. */
     uint32_t (*outputs)(const lg_machine *machine);
     size_t (*parameters)(const lg_machine *machine, const lg_machine_term *term);
-    /* Writes the initial parameters. NULL: they are zeros, or a network's initial weights. */
+    /* Writes the initial parameters. NULL: they are the starts of `each`, zeros, or a network's initial
+     * weights. */
     void (*initialise)(const lg_machine *machine, const lg_machine_term *term, double *theta);
     lg_var (*record)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen);
     /* Masses of the directions, (1, directions, 1), or (1, directions, directions) of a chain. NULL: the term
      * gives none. */
     lg_var (*directions)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term);
-    /* Appends the term's parameters in the units of logs; theta is the term's slice. NULL: nothing to
-     * append. */
+    /* Whether parameter i, or its square, is in scaled units the number that `entry` describes. */
+    enum { LG_PARAMETER_OTHER, LG_PARAMETER_ITSELF, LG_PARAMETER_SQUARED } each;
+    /* Appends the term's parameters in the units of logs; theta is the term's slice. NULL: they are those of
+     * `each`, or there is nothing to append. */
     lg_term_numbers *numbers;
-    /* The two allowed numbers of values (equal if there is only one). NULL: the term takes no values. */
+    /* The two allowed numbers of values (equal if there is only one). NULL: as many as `parameters`. */
     void (*values)(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]);
     /* log(tau/T) of the lags, (1, of_count). NULL: the term has none. */
     lg_var (*lag)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term);
@@ -113,6 +117,9 @@ struct lg_term_kind {
      * term has no parameters. */
     void (*scaling)(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                     double *direction);
+    /* Adds the priors of numbers that are no entries behind `count` others; returns the new count. NULL:
+     * there are none. */
+    uint32_t (*priors)(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);
 };
 
 /* ---- bristles of LuGre friction (machine/friction.c), in scaled units; v and z are (B, velocities) ---- */
@@ -168,6 +175,8 @@ typedef struct lg_number_map {
 } lg_number_map;
 lg_number_map lg_machine_entry_map(const lg_machine_entry *entry, double start, double unit, bool positive);
 double lg_number_at(const lg_number_map *map, double t, double *slope); /* slope may be NULL */
+/* x (1, count) from t (1, count); count <= LG_MACHINE_VALUES. */
+lg_var lg_machine_record_maps(lg_tape *tape, const lg_number_map *maps, uint32_t count, lg_var t);
 /* (1, count): number i is factor[i] times value index[i] of the term; 0 if index[i] is UINT32_MAX. */
 lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t count,
                                  const uint32_t *index, const double *factor);
@@ -183,18 +192,16 @@ const char *lg_machine_entries_fault(const lg_machine *machine, const lg_machine
 
 /* The prior of parameter `index` of a term, whose number is map(parameter). */
 #define LG_MACHINE_PRIORS 64
-typedef struct lg_prior {
+struct lg_prior {
     uint32_t term, index;
     lg_number_map map;
     double centre, sigma;
-} lg_prior;
+};
 /* Lists the machine's priors (room for LG_MACHINE_PRIORS), and returns how many there are. lg_machine_init
  * refuses a machine with more. */
 uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out);
 /* weight (number - start)/sigma of each prior, the same in all rows, (rows, priors). There must be one. */
 lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint32_t rows, double weight);
-/* Adds the priors of the system, whose mass is this term, behind `count` others; returns the new count. */
-uint32_t lg_grey_priors(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);
 /* Priors of a problem, 0 if theta is known; and their weight in residuals of a batch, see
  * lg_machine_problem. */
 uint32_t lg_machine_problem_priors(const lg_machine_problem *problem);

@@ -169,7 +169,10 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
     if (term->kind->base != NULL && changes_again(machine, term))
         return term_fails(term, error, "two terms of this kind change the same friction; give one");
     size_t fits[2] = {0, 0};
-    if (term->kind->values != NULL) term->kind->values(machine, term, fits);
+    if (term->kind->values != NULL)
+        term->kind->values(machine, term, fits);
+    else if ((options & LG_TERM_VALUES) != 0)
+        fits[0] = fits[1] = term->kind->parameters(machine, term);
     const bool needed = (options & LG_TERM_KNOWN) != 0, given = term->value_count > 0;
     if ((needed || given) && term->value_count != fits[0] && term->value_count != fits[1])
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s of kind %s: has %u values, expected %zu%s%.0zu",
@@ -371,7 +374,13 @@ void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta
             lg_mlp_initialise(&term->net, rng, slice);
             scale_last(&term->net, slice);
         }
-        if (term->parameters > 0 && term->entry_count == 0 && term->kind->initialise != NULL)
+        const bool free = term->entry_count == 0;
+        if (free && term->parameters > 0 && term->kind->initialise != NULL)
             term->kind->initialise(machine, term, slice);
+        for (uint32_t k = 0; free && term->kind->each != LG_PARAMETER_OTHER && k < term->parameters; k++) {
+            lg_entry_about about;
+            term->kind->entry(machine, term, k, &about);
+            slice[k] = term->kind->each == LG_PARAMETER_SQUARED ? sqrt(about.start) : about.start;
+        }
     }
 }

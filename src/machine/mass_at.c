@@ -141,8 +141,8 @@ size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, con
         const lg_machine_term *term = &machine->terms[i];
         if (network && term->part == LG_MACHINE_MASS && term->kind != &lg_grey_mass_kind) continue;
         if (term->entry_count > 0) lg_numbers_entries(&l, machine, term, theta + term->offset);
-        if (term->value_count == 0 && term->kind->numbers != NULL)
-            term->kind->numbers(&l, machine, term, theta + term->offset);
+        lg_term_numbers *own = term->kind->each != LG_PARAMETER_OTHER ? lg_numbers_each : term->kind->numbers;
+        if (term->value_count == 0 && own != NULL) own(&l, machine, term, theta + term->offset);
     }
     if (status != NULL && l.status != LG_OK) *status = l.status;
     return l.count;

@@ -176,21 +176,6 @@ void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term
     (void)snprintf(out->name, sizeof out->name, "potential.%s", name);
 }
 
-void lg_numbers_potential(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                          const double *theta) {
-    double scales[LG_MACHINE_FEATURE_NUMBERS];
-    lg_monomials monomials;
-    const uint32_t most = term->kind->most > 0 ? term->kind->most : term->degree;
-    (void)lg_machine_monomials(lg_machine_feature_scales(machine, term, scales), term->kind->least, most,
-                               &monomials);
-    for (uint32_t i = 0; i < monomials.count; i++) {
-        char name[64];
-        monomial_name(machine, term, monomials.factor[i], name, sizeof name);
-        lg_numbers_put(l, theta[i] * machine->scales.energy * coefficient_unit(scales, monomials.factor[i]),
-                       "potential.%s", name);
-    }
-}
-
 /* ---- forces ---- */
 
 double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power) {
@@ -210,12 +195,13 @@ void lg_numbers_drag(lg_number_list *l, const lg_machine *machine, const char *n
     }
 }
 
-void lg_numbers_squares(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                        const double *theta) {
+void lg_numbers_each(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                     const double *theta) {
     lg_entry_about about;
     for (uint32_t i = 0; i < term->parameters; i++) {
+        const bool squared = term->kind->each == LG_PARAMETER_SQUARED;
         term->kind->entry(machine, term, i, &about);
-        lg_numbers_put(l, theta[i] * theta[i] * about.unit, "%s", about.name);
+        lg_numbers_put(l, (squared ? theta[i] * theta[i] : theta[i]) * about.unit, "%s", about.name);
     }
 }
 
@@ -228,14 +214,4 @@ void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, c
         for (uint32_t j = i; j < n; j++)
             lg_numbers_put(l, product(L, n, i, j) * lg_machine_drag_unit(machine, i, j, 1), "damping.%u.%u",
                            i + 1, j + 1);
-}
-
-void lg_numbers_constant_map(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                             const double *theta) {
-    const uint32_t m = machine->input_count;
-    for (uint32_t i = 0; i < machine->velocities; i++)
-        for (uint32_t j = 0; j < m; j++)
-            lg_numbers_put(
-                l, theta[i * m + j] * lg_machine_drag_unit(machine, i, i, 0) / machine->scales.input[j],
-                "input_map.%u.%u", i + 1, j + 1);
 }

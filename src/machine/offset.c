@@ -24,10 +24,6 @@ static size_t count_forces(const lg_machine *machine, const lg_machine_term *ter
     return velocities_of(machine, term, list);
 }
 
-static void count_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    fits[0] = fits[1] = count_forces(machine, term);
-}
-
 /* The forces, (B, velocities); 0 on velocities on which the term does not act. */
 static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
@@ -51,18 +47,6 @@ static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, 
     return lg_add(tape, zeros, all);
 }
 
-static void numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                    const double *theta) {
-    uint32_t list[LG_MACHINE_VELOCITIES];
-    const uint32_t count = velocities_of(machine, term, list);
-    for (uint32_t i = 0; i < count; i++) {
-        char name[48];
-        lg_machine_velocity_name(machine, list[i], name, sizeof name);
-        lg_numbers_put(l, theta[i] * machine->scales.energy / machine->scales.velocity[list[i]], "offset.%s",
-                       name);
-    }
-}
-
 static void entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
                   lg_entry_about *out) {
     uint32_t list[LG_MACHINE_VELOCITIES];
@@ -75,8 +59,8 @@ static void entry(const lg_machine *machine, const lg_machine_term *term, uint32
 }
 
 #define OFFSET                                                                                               \
-    .part = LG_MACHINE_OFFSET, .parameters = count_forces, .values = count_values, .record = record,         \
-    .numbers = numbers, .entry = entry
+    .part = LG_MACHINE_OFFSET, .parameters = count_forces, .record = record, .each = LG_PARAMETER_ITSELF,    \
+    .entry = entry
 const lg_term_kind lg_machine_offset_kinds[] = {
     {.name = "unknown", .options = LG_TERM_SOME, OFFSET},
     {.name = "known", .options = LG_TERM_SOME | LG_TERM_VALUES | LG_TERM_KNOWN, OFFSET},

@@ -15,10 +15,6 @@ static size_t monomial_count(const lg_machine *machine, const lg_machine_term *t
     return list(machine, term, &monomials) ? monomials.count : SIZE_MAX;
 }
 
-static void monomial_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    fits[0] = fits[1] = monomial_count(machine, term);
-}
-
 /* Given coefficients in scaled units, (1, count): the coefficient in the log's units times the scales of its
  * factors, divided by E. */
 static lg_var given_coefficients(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
@@ -64,8 +60,8 @@ static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
 /* ---- the table ---- */
 
 #define MONOMIALS                                                                                            \
-    .part = LG_MACHINE_POTENTIAL, .parameters = monomial_count, .values = monomial_values,                   \
-    .record = polynomial, .numbers = lg_numbers_potential, .entry = lg_machine_potential_entry
+    .part = LG_MACHINE_POTENTIAL, .parameters = monomial_count, .record = polynomial,                        \
+    .each = LG_PARAMETER_ITSELF, .entry = lg_machine_potential_entry
 #define FORM (LG_TERM_OF | LG_TERM_VALUES)
 const lg_term_kind lg_machine_potential_kinds[] = {
     {.name = "linear", .options = FORM, .least = 1, .most = 1, MONOMIALS},

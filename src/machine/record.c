@@ -440,35 +440,53 @@ static lg_var moment_of(lg_tape *tape, const body *b, uint32_t k) {
     return lg_sum_axis(tape, lg_cross(tape, R, g), 1, false);
 }
 
-/* m x Omega - sum_i r_i x g_i for rotation k, without other forces; m and Omega are (B, 3). */
-static lg_var torque(lg_tape *tape, const body *b, uint32_t k, lg_var m, lg_var Omega) {
-    lg_var sum = lg_cross(tape, m, Omega);
-    if (lg_is_none(b->g[b->at.R])) return sum;
-    const lg_var moment = moment_of(tape, b, k);
-    return lg_sub(tape, sum, moment);
+/* Appends the potential's forces on coordinate i in the order of its velocities. */
+static void pull_of(lg_tape *tape, const body *b, uint32_t i, lg_var *each, uint32_t *count) {
+    const lg_coordinate_row *row = lg_coordinate_row_of(b->machine->coordinates[i].kind);
+    const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);
+    if (row->directions > 0) {
+        const lg_var q = lg_slice(tape, b->parts[b->at.q], 1, at.direction, 1),
+                     g = lg_slice(tape, b->g[b->at.q], 1, at.direction, 1);
+        each[(*count)++] = lg_reshape(tape, lg_cross(tape, q, g), lg_shape2(b->rows, 3));
+        return;
+    }
+    lg_var force = row->places > 0 ? lg_machine_columns(tape, b->g[b->at.x], at.place, row->places) : LG_NONE;
+    if (row->places > 0 && row->rotations > 0) {
+        const lg_var R = rotation_matrix(tape, b->parts[b->at.R], at.rotation, b->rows);
+        force = turned(tape, R, force, b->rows, true);
+    }
+    if (row->places > 0) each[(*count)++] = force;
+    if (row->rotations > 0) each[(*count)++] = lg_neg(tape, moment_of(tape, b, at.rotation));
 }
 
-/* Appends x' of a pose to x, and l' of a pose and m' of a rotation or pose to p; forces f are not
- * included. */
+/* The potential's forces on all coordinates, or on all except directions, or LG_NONE if there are none. */
+static lg_var pull(lg_tape *tape, const body *b, bool directions) {
+    const int first = b->at.x >= 0 ? b->at.x : b->at.q >= 0 ? b->at.q : b->at.R;
+    lg_var each[2 * LG_MACHINE_COORDINATES];
+    uint32_t count = 0;
+    if (lg_is_none(b->g[first])) return LG_NONE;
+    if (b->machine->rotations == 0 && !directions) return b->g[b->at.x];
+    for (uint32_t i = 0; i < b->machine->coordinate_count; i++)
+        if (directions || lg_coordinate_row_of(b->machine->coordinates[i].kind)->directions == 0)
+            pull_of(tape, b, i, each, &count);
+    return count == 1 ? each[0] : lg_concat(tape, each, count, 1);
+}
+
+/* Appends x' of a pose to x, and the change of its momenta, or of a rotation's, without forces to p:
+ * l x Omega, and m x Omega + l x w. */
 static void move_body(lg_tape *tape, const body *b, uint32_t i, lg_var *x, uint32_t *xs, lg_var *p,
                       uint32_t *ps) {
     const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);
-    const bool pose = b->machine->coordinates[i].kind == LG_COORDINATE_POSE;
-    const uint32_t skip = pose ? 3 : 0;
+    const uint32_t skip = lg_coordinate_row_of(b->machine->coordinates[i].kind)->places;
     const lg_var Omega = lg_machine_columns(tape, b->v, at.velocity + skip, 3);
     const lg_var m = lg_machine_columns(tape, b->parts[b->at.m], at.momentum + skip, 3);
-    lg_var moment = torque(tape, b, at.rotation, m, Omega);
-    if (pose) {
+    lg_var moment = lg_cross(tape, m, Omega);
+    if (skip > 0) {
         const lg_var w = lg_machine_columns(tape, b->v, at.velocity, 3);
         const lg_var l = lg_machine_columns(tape, b->parts[b->at.m], at.momentum, 3);
         const lg_var R = rotation_matrix(tape, b->parts[b->at.R], at.rotation, b->rows);
-        lg_var force = lg_cross(tape, l, Omega);
-        if (!lg_is_none(b->g[b->at.x])) {
-            const lg_var g = lg_machine_columns(tape, b->g[b->at.x], at.place, 3);
-            force = lg_add(tape, force, turned(tape, R, g, b->rows, true));
-        }
         x[(*xs)++] = turned(tape, R, w, b->rows, false);
-        p[(*ps)++] = force;
+        p[(*ps)++] = lg_cross(tape, l, Omega);
         moment = lg_add(tape, moment, lg_cross(tape, l, w));
     }
     p[(*ps)++] = moment;
@@ -477,33 +495,24 @@ static void move_body(lg_tape *tape, const body *b, uint32_t i, lg_var *x, uint3
 /* Fills the parts of the algebra element that belong to places and momenta. */
 static void move_places(lg_tape *tape, const body *b, lg_var *algebra) {
     lg_var x[LG_MACHINE_COORDINATES], p[2 * LG_MACHINE_COORDINATES];
+    lg_var f = lg_is_none(b->f) ? LG_NONE : without_directions(tape, b->machine, b->f);
     uint32_t xs = 0, ps = 0;
+    const lg_var g = pull(tape, b, false);
+    if (!lg_is_none(g)) f = plus(tape, f, g);
+    if (b->machine->rotations == 0) {
+        algebra[b->at.x] = without_directions(tape, b->machine, b->v);
+        algebra[b->at.m] = lg_is_none(f) ? lg_full(tape, lg_var_shape(tape, algebra[b->at.x]), 0.0) : f;
+        return;
+    }
     for (uint32_t i = 0; i < b->machine->coordinate_count; i++) {
         const lg_coordinate_row *row = lg_coordinate_row_of(b->machine->coordinates[i].kind);
-        const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);
-        if (row->directions > 0) continue;
-        if (row->rotations > 0) {
-            move_body(tape, b, i, x, &xs, p, &ps);
-            continue;
-        }
-        x[xs++] = lg_machine_columns(tape, b->v, at.velocity, 1);
-        p[ps++] = lg_is_none(b->g[b->at.x]) ? lg_full(tape, lg_shape2(b->rows, 1), 0.0)
-                                            : lg_machine_columns(tape, b->g[b->at.x], at.place, 1);
+        if (row->rotations > 0) move_body(tape, b, i, x, &xs, p, &ps);
+        if (row->rotations > 0 || row->directions > 0) continue;
+        x[xs++] = lg_machine_columns(tape, b->v, lg_machine_offsets_of(b->machine, i).velocity, 1);
+        p[ps++] = lg_full(tape, lg_shape2(b->rows, 1), 0.0);
     }
     if (xs > 0) algebra[b->at.x] = xs == 1 ? x[0] : lg_concat(tape, x, xs, 1);
-    lg_var sum = ps == 1 ? p[0] : lg_concat(tape, p, ps, 1);
-    if (!lg_is_none(b->f)) sum = lg_add(tape, sum, without_directions(tape, b->machine, b->f));
-    algebra[b->at.m] = sum;
-}
-
-/* As move_places, for machines of lines and angles only; needs no slices. */
-static void move_lines(lg_tape *tape, const body *b, lg_var *algebra) {
-    const lg_var g = b->g[b->at.x];
-    algebra[b->at.x] = b->v;
-    if (lg_is_none(g) && lg_is_none(b->f))
-        algebra[b->at.m] = lg_full(tape, lg_var_shape(tape, b->v), 0.0);
-    else
-        algebra[b->at.m] = lg_is_none(g) ? b->f : lg_is_none(b->f) ? g : lg_add(tape, g, b->f);
+    algebra[b->at.m] = plus(tape, f, ps == 1 ? p[0] : lg_concat(tape, p, ps, 1));
 }
 
 /* xi = omega and eta = f - g x q. A chain adds q x lambda q' + q' x p, with lambda as in
@@ -552,10 +561,7 @@ lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, co
                     .v = seen.v,
                     .f = all_forces(tape, vars, &seen),
                     .rows = seen.rows};
-    if (machine->momenta > 0 && machine->momenta == machine->places && machine->directions == 0)
-        move_lines(tape, &b, algebra);
-    else if (machine->momenta > 0)
-        move_places(tape, &b, algebra);
+    if (machine->momenta > 0) move_places(tape, &b, algebra);
     if (machine->directions > 0) move_directions(tape, &b, algebra);
     if (machine->rotations > 0) move_rotations(tape, &b, algebra);
     if (b.at.z >= 0) algebra[b.at.z] = lg_machine_bristle_rate(tape, vars, seen.v, parts[b.at.z]);
@@ -609,38 +615,14 @@ lg_var lg_machine_record_accelerations(lg_tape *tape, const lg_machine_vars *var
 
 /* ---- potential forces and impulses ---- */
 
-/* Appends the potential's forces on coordinate i in the order of its velocities. */
-static void pull(lg_tape *tape, const body *b, uint32_t i, lg_var *each, uint32_t *count) {
-    const lg_coordinate_row *row = lg_coordinate_row_of(b->machine->coordinates[i].kind);
-    const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);
-    const lg_shape vector = lg_shape2(b->rows, 3);
-    if (row->directions > 0) {
-        const lg_var q = lg_slice(tape, b->parts[b->at.q], 1, at.direction, 1),
-                     g = lg_slice(tape, b->g[b->at.q], 1, at.direction, 1);
-        each[(*count)++] = lg_reshape(tape, lg_cross(tape, q, g), vector);
-        return;
-    }
-    lg_var force = row->places > 0 ? lg_machine_columns(tape, b->g[b->at.x], at.place, row->places) : LG_NONE;
-    if (row->places > 0 && row->rotations > 0) {
-        const lg_var R = rotation_matrix(tape, b->parts[b->at.R], at.rotation, b->rows);
-        force = turned(tape, R, force, b->rows, true);
-    }
-    if (row->places > 0) each[(*count)++] = force;
-    if (row->rotations > 0) each[(*count)++] = lg_neg(tape, moment_of(tape, b, at.rotation));
-}
-
 lg_var lg_machine_record_pull(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
     const lg_machine *machine = vars->machine;
     const lg_machine_seen seen = {.parts = parts, .rows = rows_of(tape, parts)};
-    lg_var g[LG_TAPED_MAX_PARTS], each[2 * LG_MACHINE_COORDINATES];
-    uint32_t count = 0;
+    lg_var g[LG_TAPED_MAX_PARTS];
     if (conservative_force(tape, vars, LG_NONE, LG_NONE, &seen, g) != LG_OK) return LG_NONE;
     const body b = {
         .machine = machine, .at = lg_machine_parts(machine), .parts = parts, .g = g, .rows = seen.rows};
-    const int first = b.at.x >= 0 ? b.at.x : b.at.q >= 0 ? b.at.q : b.at.R;
-    if (lg_is_none(g[first])) return LG_NONE;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) pull(tape, &b, i, each, &count);
-    return count == 1 ? each[0] : lg_concat(tape, each, count, 1);
+    return pull(tape, &b, true);
 }
 
 void lg_machine_push(lg_tape *tape, const lg_machine *machine, lg_var impulse, lg_var *parts) {

@@ -122,32 +122,11 @@ static lg_status begin_events(lg_one_by_one *one) {
 
 /* ---- integration ---- */
 
-static lg_status run_fixed(lg_one_by_one *one, lg_ensemble_member *outcome) {
-    const lg_lane_plan *plan = one->plan;
-    const size_t dim = plan->space.dim;
-    const double h = plan->t_end / (double)plan->steps, near = 1e-9 * h + 4.0 * DBL_EPSILON * plan->t_end;
-    size_t row = 0;
-    if (plan->times[0] == 0.0) memcpy(one->rows + dim * row++, one->y, dim * sizeof(double));
-    for (size_t n = 0; n < plan->steps; n++) {
-        const double t = (double)n * h, end = (double)(n + 1) * h;
-        LG_TRY(lg_stepper_step(one->stepper, t, h, one->y, NULL, one->y));
-        for (; row < plan->count && plan->times[row] <= end + near; row++) {
-            double *to = one->rows + row * dim;
-            if (plan->times[row] >= end - near)
-                memcpy(to, one->y, dim * sizeof(*to));
-            else
-                LG_TRY(lg_stepper_dense(one->stepper, (plan->times[row] - t) / h, to));
-        }
-        LG_TRY(look(one, t, h, one->y));
-        outcome->steps++;
-    }
-    return LG_OK;
-}
-
-static lg_status run_adaptive(lg_one_by_one *one, lg_ensemble_member *outcome) {
+static lg_status run(lg_one_by_one *one, lg_ensemble_member *outcome) {
     const lg_lane_plan *plan = one->plan;
     lg_step_controller control = *plan->control;
     lg_run_stats stats = {0};
+    control.steps = plan->steps;
     control.observe = look;
     control.observer = one;
     const lg_status status = lg_integrate_adaptive(one->stepper, &control, 0.0, one->y, plan->times,
@@ -168,8 +147,7 @@ void lg_one_by_one_run(lg_one_by_one *one, const double *y0, size_t member, cons
     lg_stepper_reset(one->stepper);
     lg_stepper_reset(one->looker);
     if (outcome.status == LG_OK && plan->event_count > 0) outcome.status = begin_events(one);
-    if (outcome.status == LG_OK)
-        outcome.status = plan->steps > 0 ? run_fixed(one, &outcome) : run_adaptive(one, &outcome);
+    if (outcome.status == LG_OK) outcome.status = run(one, &outcome);
     outcome.reached = outcome.status == LG_OK ? plan->t_end : one->reached;
     for (size_t i = 0; i < plan->count * dim; i++) block->states[i * block->room + member] = one->rows[i];
     for (size_t e = 0; e < plan->event_count; e++) block->events[e * block->room + member] = one->events[e];

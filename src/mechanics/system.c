@@ -51,44 +51,37 @@ void lg_system_options_init(lg_system_options *options) {
 
 /* ---- error messages ---- */
 
-typedef struct list_text {
-    char text[320];
-    size_t length;
-} list_text;
+enum { LIST = 320 };
 
-static void list_add(list_text *list, const char *word) {
-    if (!word || list->length >= sizeof(list->text)) return;
-    const int n = snprintf(list->text + list->length, sizeof(list->text) - list->length, "%s%s",
-                           list->length > 0 ? ", " : "", word);
-    list->length += (size_t)n;
+static void list_add(char list[LIST], const char *word) {
+    if (word) lg_append(list, LIST, "%s%s", list[0] != '\0' ? ", " : "", word);
 }
 
 static lg_status fail_row(const char *name, const char *form, lg_error *error) {
     const lg_system_row *row = find_row(name, NULL);
-    list_text known = {.length = 0};
+    char known[LIST] = "";
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         if (row && strcmp(rows[i]->name, name) == 0)
-            list_add(&known, rows[i]->form);
+            list_add(known, rows[i]->form);
         else if (!row && (i == 0 || strcmp(rows[i]->name, rows[i - 1]->name) != 0))
-            list_add(&known, rows[i]->name);
+            list_add(known, rows[i]->name);
     if (!row)
-        return lg_fail(error, LG_NOT_FOUND, "there is no system \"%s\"; the systems are %s", name,
-                       known.text);
-    if (known.length == 0)
+        return lg_fail(error, LG_NOT_FOUND, "there is no system \"%s\"; the systems are %s", name, known);
+    if (known[0] == '\0')
         return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; it has one form only", name, form);
-    return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; its forms are %s", name, form, known.text);
+    return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; its forms are %s", name, form, known);
 }
 
 static lg_status fail_key(const char *system, const lg_parameter_entry *table, const char *key,
                           lg_error *error) {
-    list_text known = {.length = 0};
+    char known[LIST] = "";
     if (!key) key = "(null)";
-    for (const lg_parameter_entry *p = table; p->key; p++) list_add(&known, p->key);
-    if (known.length == 0)
+    for (const lg_parameter_entry *p = table; p->key; p++) list_add(known, p->key);
+    if (known[0] == '\0')
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has no parameters", system,
                        key);
     return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; its parameters are %s", system,
-                   key, known.text);
+                   key, known);
 }
 
 /* ---- parameters ---- */
@@ -199,17 +192,12 @@ typedef struct layout_text {
     size_t length;
 } layout_text;
 
-static void append(layout_text *text, const char *word) {
-    const size_t n = strlen(word);
-    if (text->at) memcpy(text->at + text->length, word, n + 1);
-    text->length += n;
-}
-
-static void append_number(layout_text *text, size_t number) {
-    char digits[24], *first = digits + sizeof(digits) - 1;
-    *first = '\0';
-    for (; number > 0; number /= 10) *--first = (char)('0' + number % 10);
-    append(text, first);
+/* Appends the word, and the number unless it is 0. */
+static void append(layout_text *text, const char *word, size_t number) {
+    char part[64] = "";
+    lg_append(part, sizeof part, number > 0 ? "%s%zu" : "%s", word, number);
+    if (text->at) memcpy(text->at + text->length, part, strlen(part) + 1);
+    text->length += strlen(part);
 }
 
 /* Writes the labels of the state's blocks in the order of their offsets, up to the first gap. `out` may be
@@ -224,9 +212,8 @@ static size_t write_layout(const lg_system_row *row, size_t links, char *out) {
             s++;
             continue;
         }
-        if (text.length > 0) append(&text, " ");
-        append(&text, s->key);
-        if (s->outer != 1) append_number(&text, block + 1);
+        if (text.length > 0) append(&text, " ", 0);
+        append(&text, s->key, s->outer != 1 ? block + 1 : 0);
         at += s->rows * s->columns;
         s = row->state;
     }

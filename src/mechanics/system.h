@@ -93,6 +93,11 @@ lg_status lg_parameter_check(const lg_parameter_entry *p, const double *x, size_
 #define LG_PARAMETER_LABEL 32
 void lg_parameter_label(const lg_parameter_entry *table, size_t links, size_t index, char *text);
 
+/* The reason why the options are wrong, or NULL. */
+const char *lg_trajectory_fault(const lg_trajectory_options *options);
+/* Adds the noise of trajectory `number` to its points of d numbers. */
+void lg_trajectory_disturb(const lg_trajectory_options *options, size_t d, size_t number, double *trajectory);
+
 /* `field` and `taped` for the rows of separable systems on R^2n: y' = (velocity(p), force(q)), y = (q, p). */
 lg_status lg_separable_field(void *user, double t, const double *y, const double *input, double *out);
 lg_status lg_separable_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,

@@ -143,7 +143,7 @@ static bool is_tolerance(double x) {
     return x >= 0.0 && isfinite(x);
 }
 
-static const char *options_fault(const lg_trajectory_options *o) {
+const char *lg_trajectory_fault(const lg_trajectory_options *o) {
     if (starts_fault(o)) return starts_fault(o);
     if (o->trajectories < 1) return "trajectories must be at least 1";
     if (o->points < 2) return "points must be at least 2";
@@ -170,9 +170,7 @@ typedef struct sampling {
     double *hamiltonian;  /* N */
 } sampling;
 
-static void add_noise(const lg_trajectory_options *o, const lg_space *space, size_t number,
-                      double *trajectory) {
-    const size_t d = space->dim;
+void lg_trajectory_disturb(const lg_trajectory_options *o, size_t d, size_t number, double *trajectory) {
     lg_rng rng;
     lg_rng_seed(&rng, o->seed, 2 * (uint64_t)number + 1);
     /* Noise of the first point is drawn last, so that noise_first does not change that of the others. */
@@ -180,7 +178,6 @@ static void add_noise(const lg_trajectory_options *o, const lg_space *space, siz
         trajectory[j % (o->points * d)] +=
             o->noise *
             (o->noise_kind == LG_NOISE_NORMAL ? lg_rng_normal(&rng) : lg_rng_uniform_in(&rng, -1.0, 1.0));
-    if (o->noise_first) lg_space_project(space, trajectory);
 }
 
 /* Moves the start y along its trajectory for a time of U[0, ahead]. Draws no number if `ahead` is 0. */
@@ -210,8 +207,10 @@ static lg_status sample_start(sampling *s, size_t number) {
                                      o->points - 1, y + d, NULL));
         s->hamiltonian[i] = lg_system_hamiltonian(s->system, y, s->reference.work);
     }
-    for (size_t i = first; o->noise > 0.0 && i < last; i++)
-        add_noise(o, &s->system->space, o->first + i, s->trajectories + i * block);
+    for (size_t i = first; o->noise > 0.0 && i < last; i++) {
+        lg_trajectory_disturb(o, d, o->first + i, s->trajectories + i * block);
+        if (o->noise_first) lg_space_project(&s->system->space, s->trajectories + i * block);
+    }
     return LG_OK;
 }
 
@@ -235,7 +234,7 @@ lg_status lg_system_generate(const lg_context *context, const lg_system *system,
     const lg_trajectory_options *o = options ? options : &defaults;
     if (!system || !t || !trajectories || !hamiltonian)
         return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
-    const char *fault = options_fault(o);
+    const char *fault = lg_trajectory_fault(o);
     if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "%s", fault);
     const size_t d = system->space.dim, n = o->trajectories;
     if (n > SIZE_MAX / sizeof(double) / 4 / d / o->points)

@@ -430,7 +430,7 @@ TEST("functions of constraints refuse NULL") {
     lg_program *program;
     lg_constraint *c;
     lg_constraint_view view;
-    lg_constraint_sampling how;
+    lg_trajectory_options how;
     lg_trajectories data = {.family = lg_hamiltonian_family_find("constrained"), .n = 3};
     lg_error *const none = NULL;
     lg_program_spec_init(&spec);
@@ -438,7 +438,9 @@ TEST("functions of constraints refuse NULL") {
     spec.function_count = 2;
     assert_ok(lg_program_build(NULL, &spec, &program, NULL));
     assert_ok(lg_constraint_create(NULL, program, &c, NULL));
-    lg_constraint_sampling_init(&how);
+    lg_trajectory_options_init(&how);
+    how.trajectories = 1;
+    how.points = 2;
     REFUSES(lg_constraint_create(NULL, NEEDED(program), NEEDED(&c), none));
     REFUSES(lg_constraint_look(NEEDED(c), 0, NEEDED(y), NEEDED(&view), none));
     REFUSES(lg_constraint_project(NEEDED(c), 0, NEEDED(state), none));

@@ -422,8 +422,9 @@ TEST("if the range of q has no point of the constraint, no start is drawn and th
     static const double ranges[][2] = {{5, 6}, {-6, -5}};
     double data[12];
     lg_error why;
-    lg_constraint_sampling how;
-    lg_constraint_sampling_init(&how);
+    lg_trajectory_options how;
+    lg_trajectory_options_init(&how);
+    how.trajectories = 1, how.points = 2;
     for (size_t i = 0; i < 2; i++) {
         const lg_constraint *c = with_masses(plane, flat_ball, ranges[i][0], ranges[i][1]);
         assert_status(lg_constraint_generate(c, &how, NULL, data, NULL, &why), LG_NO_CONVERGENCE);
@@ -494,8 +495,9 @@ TEST("motions need a potential, and their settings are checked") {
     const double t[2] = {0, 1};
     const lg_constraint *still = constraint_of(cone, NULL, 3, NULL);
     const lg_constraint *c = make_constraint(&constraint_cases[0], &plain_units);
-    lg_constraint_sampling how;
-    lg_constraint_sampling_init(&how);
+    lg_trajectory_options how;
+    lg_trajectory_options_init(&how);
+    how.trajectories = 1, how.points = 2;
     assert_false(lg_constraint_moves(still));
     assert_status(lg_constraint_energy(still, y, out, NULL), LG_UNSUPPORTED);
     assert_status(lg_constraint_rattle(still, 2, 0.1, 1, 1, y, out, NULL), LG_UNSUPPORTED);
@@ -508,15 +510,14 @@ TEST("motions need a potential, and their settings are checked") {
     assert_status(lg_constraint_rattle(c, 2, INFINITY, 1, 1, y, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_constraint_rattle(c, 2, 0.1, 1, 0, y, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_constraint_rattle(c, 2, 1e200, 1, 1, y, out, NULL), LG_NO_CONVERGENCE);
-    lg_constraint_sampling bad[8];
+    lg_trajectory_options bad[8];
     for (size_t i = 0; i < LG_COUNT(bad); i++) bad[i] = how;
-    bad[0].points = 1, bad[1].size = 3, bad[2].t_end = 0, bad[3].t_end = INFINITY, bad[4].speed = -1;
-    bad[5].speed = INFINITY, bad[6].noise = -1, bad[7].noise = INFINITY;
+    bad[0].points = 1, bad[1].size = 3, bad[2].t_end = 0, bad[3].t_end = INFINITY, bad[4].low = 1;
+    bad[5].high = INFINITY, bad[6].noise = -1, bad[7].noise = INFINITY;
     for (size_t i = 0; i < LG_COUNT(bad); i++)
         assert_status(lg_constraint_generate(c, &bad[i], NULL, out, NULL, NULL), LG_INVALID_ARGUMENT);
     how.noise_kind = (lg_noise)(LG_NOISE_UNIFORM + 1);
     assert_status(lg_constraint_generate(c, &how, NULL, out, NULL, NULL), LG_INVALID_ARGUMENT);
-    lg_constraint_sampling_init(NULL);
 }
 
 /* sqrt(y + 2) */
@@ -542,9 +543,10 @@ TEST("motions fail where the constraint is singular or the field is not finite")
 
 static lg_status move(const lg_context *context, const lg_program *program) {
     lg_constraint *c = NULL;
-    lg_constraint_sampling how;
+    lg_trajectory_options how;
     double data[2 * 2 * 6], y[6] = {1, 0, 0, 0, 0.5, 0}, *out = TEST_ARRAY(double, 12);
-    lg_constraint_sampling_init(&how);
+    lg_trajectory_options_init(&how);
+    how.trajectories = 1, how.points = 2;
     how.trajectories = 2;
     lg_status status = lg_constraint_create(context, program, &c, NULL);
     if (status == LG_OK) status = lg_constraint_generate(c, &how, NULL, data, NULL, NULL);
@@ -559,7 +561,7 @@ TEST("samples and steps can be cancelled, and every allocation may fail") {
     lg_context_options options;
     lg_context *context;
     lg_constraint *c;
-    lg_constraint_sampling how;
+    lg_trajectory_options how;
     double y[6] = {1, 0, 0, 0, 0.5, 0}, out[12];
     lg_context_options_init(&options);
     options.cancel = &cancel;
@@ -567,7 +569,8 @@ TEST("samples and steps can be cancelled, and every allocation may fail") {
     lg_test_owns(context, release_context);
     assert_ok(lg_constraint_create(context, program, &c, NULL));
     own_constraint(c);
-    lg_constraint_sampling_init(&how);
+    lg_trajectory_options_init(&how);
+    how.trajectories = 1, how.points = 2;
     cancel = 1;
     assert_status(lg_constraint_generate(c, &how, NULL, out, NULL, NULL), LG_CANCELLED);
     assert_ok(lg_constraint_rattle(c, 2, 1e-4, 1023, 1023, y, out, NULL));
@@ -791,8 +794,9 @@ TEST("samples lie on T*Q, have their energies, and depend on seed and number onl
     const lg_constraint *c = make_constraint(&constraint_cases[1], &plain_units);
     enum { N = 8, M = 4, D = 6 };
     double t[M], data[N * M * D], energies[N], rest[3 * M * D], noisy[N * M * D];
-    lg_constraint_sampling how;
-    lg_constraint_sampling_init(&how);
+    lg_trajectory_options how;
+    lg_trajectory_options_init(&how);
+    how.trajectories = 1, how.points = 2;
     how.trajectories = N, how.points = M, how.t_end = 0.6, how.seed = 9;
     assert_told(lg_constraint_generate(c, &how, t, data, energies, &told));
     assert_close(t[M - 1], 0.6, 1e-15, 0);
@@ -862,8 +866,9 @@ TEST("the gradient of the training loss agrees with differences") {
         const size_t d = 2 * s.n;
         double *data = TEST_ARRAY(double, 3 * STATES * d), *moved = TEST_ARRAY(double, count);
         double *gradient = TEST_ARRAY(double, count), up = 0, down = 0, slope = 0;
-        lg_constraint_sampling how;
-        lg_constraint_sampling_init(&how);
+        lg_trajectory_options how;
+        lg_trajectory_options_init(&how);
+        how.trajectories = 1, how.points = 2;
         how.trajectories = STATES, how.points = 3, how.t_end = 0.2;
         assert_ok(lg_constraint_generate(s.constraint, &how, NULL, data, NULL, NULL));
         const lg_hamiltonian_problem problem = {.model = &s.model,
@@ -898,9 +903,11 @@ TEST("units of q and g change the training loss by rounding only") {
             tied s = make_tied(i, 1.0);
             const uint32_t count = (uint32_t)lg_hamiltonian_parameters(&s.model);
             double *data = TEST_ARRAY(double, 3 * STATES * 2 * s.n);
-            lg_constraint_sampling how;
-            lg_constraint_sampling_init(&how);
-            how.trajectories = STATES, how.points = 3, how.t_end = 0.2, how.speed = units[u].length;
+            lg_trajectory_options how;
+            lg_trajectory_options_init(&how);
+            how.trajectories = 1, how.points = 2;
+            how.trajectories = STATES, how.points = 3, how.t_end = 0.2, how.low = -units[u].length;
+            how.high = units[u].length;
             s.model.constraint = make_constraint(&constraint_cases[i], &units[u]);
             assert_ok(lg_constraint_generate(s.model.constraint, &how, NULL, data, NULL, NULL));
             lg_hamiltonian_problem problem = {.model = &s.model,

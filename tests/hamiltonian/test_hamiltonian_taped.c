@@ -100,7 +100,7 @@ static bool compare_step(setting *s, const lg_scheme *scheme, bool driven) {
         assert_ok(lg_stepper_step(stepper, 0.0, s->h[b], s->state + b * s->d,
                                   driven ? s->input + b * s->m : NULL, expected + b * s->d));
     record_inputs(s);
-    assert_ok(lg_hamiltonian_taped_ode(&s->vars, &ode));
+    assert_ok(lg_hamiltonian_training_ode(s->tape, &s->vars, scheme, NULL, &ode));
     assert_ok(lg_taped_split(s->tape, &ode.space, s->y, parts));
     const lg_taped_interval over = {.h_rows = s->steps, .input = driven ? s->u : LG_NONE};
     const lg_status status = lg_taped_step_over(s->tape, scheme, &ode, &over, parts, parts);
@@ -157,7 +157,6 @@ TEST("states, inputs and parameters of a wrong shape are refused") {
         assert_true(lg_is_none(lg_hamiltonian_record_field(s.tape, &s.vars, longer, s.u)));
         assert_true(lg_is_none(lg_hamiltonian_record_velocity(s.tape, &s.vars, longer, s.u)));
         assert_status(lg_tape_status(s.tape), LG_SHAPE);
-        assert_status(lg_hamiltonian_taped_ode(NULL, NULL), LG_INVALID_ARGUMENT);
         lg_tape_reset(s.tape);
         lg_var shorter = lg_full(s.tape, lg_shape1((uint32_t)s.parameters - 1), 0.1);
         s.vars.model = NULL;

@@ -146,10 +146,11 @@ static inline double *constraint_states(const lg_constraint *constraint, size_t 
                                         double *energies) {
     const size_t d = 2 * lg_constraint_coordinates(constraint);
     double *data = TEST_ARRAY(double, 2 * count * d);
-    lg_constraint_sampling how;
-    lg_constraint_sampling_init(&how);
+    lg_trajectory_options how;
+    lg_trajectory_options_init(&how);
+    how.trajectories = 1, how.points = 2;
     how.trajectories = count;
-    how.speed = speed;
+    how.low = -speed, how.high = speed;
     how.t_end = 1e-3;
     how.seed = 5;
     assert_told(lg_constraint_generate(constraint, &how, NULL, data, energies, &told));
