@@ -121,19 +121,6 @@ static void warn_of_gaps(const app *self, const lg_logs *logs) {
                  logs->gaps, logs->rows_read, logs->max_step, logs->log.parts, logs->dt_median);
 }
 
-/* Warns if the common factor of masses, potential, damping and input map is not determined. */
-static void warn_of_gauge(const app *self, const lg_machine *machine) {
-    if (machine->normalised)
-        app_warn(self,
-                 "nothing that is given fixes the scale of the forces: the first mass is taken as 1, and the "
-                 "other numbers are relative to it (to fix the scale, give an input map or a mass as known)");
-    if (machine->free_gauge)
-        app_warn(
-            self,
-            "nothing that is given fixes the scale of the forces: mass, potential, damping and input map can "
-            "be learned only up to a common factor (to fix it, give an input map or a mass as known)");
-}
-
 /* ---- report ---- */
 
 /* One number if all inputs have the same delay, else one for each. */
@@ -204,7 +191,7 @@ static int run(app *self) {
     warn_of_stuck(self, &data);
     warn_of_gaps(self, &data.logs);
     warn_of_inputs(self, &data);
-    warn_of_gauge(self, &data.file.machine);
+    lg_machine_warn_of_gauge(self->context, &data.file.machine);
     if (values.plot != NULL)
         identify_draw_run(self, values.plot, "First run of the log", &data.file, &data.logs.log,
                           identify_first_run(&data.logs), NULL, NULL, NULL);

@@ -679,8 +679,11 @@ LG_API lg_status lg_machine_adapt(const lg_context *context, const lg_machine_re
  * intervals of the log each, all within one part. Writes positions (count, steps + 1, positions) and
  * velocities (count, steps + 1, velocities) in the units of the log; each may be NULL. The first point is
  * the logged row. For a machine of `accelerations` the velocities are accelerations, with the biases of their
- * sensors. A run that becomes infinite or NaN continues as NaN. Errors: LG_CANCELLED, LG_INVALID_ARGUMENT,
- * LG_UNSUPPORTED (the scheme), LG_OUT_OF_MEMORY, those of the tape. */
+ * sensors. A run that becomes infinite or NaN continues as NaN. With `steps` LG_MACHINE_TO_END each run goes to
+ * the end of its part, and the results are positions (rows, positions) and velocities (rows, velocities) at the
+ * rows of the log: NaN in rows that no run reaches, infinite where a run is NaN; count may be 0. Errors:
+ * LG_CANCELLED, LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the scheme), LG_OUT_OF_MEMORY, those of the tape. */
+#define LG_MACHINE_TO_END SIZE_MAX
 LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machine,
                                      const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                      const lg_machine_log *log, const size_t *start, size_t count,

@@ -374,6 +374,9 @@ void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uin
 /* The trainer's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
 lg_status lg_machine_judge(struct lg_training *self, double *theta, lg_error *error);
 
+/* Warns if mass, potential, damping and input map are determined only up to a common factor (judge.c). */
+void lg_machine_warn_of_gauge(const lg_context *context, const lg_machine *machine);
+
 /* ---- memory (room.c) ---- */
 
 /* Fails with LG_OUT_OF_MEMORY if the windows of the fit are so long that the memory that is left does not
