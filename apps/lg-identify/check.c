@@ -83,10 +83,8 @@ static void warn_of_inputs(const app *self, const lg_machine_data *data) {
 /* ---- positions against velocities ---- */
 
 /* Warns if the positions of a coordinate belong to velocities of other rows. */
-static void warn_of_clocks(const app *self, const lg_machine_data *data, const double *motions) {
-    int lag[LG_MACHINE_COORDINATES];
-    double left[LG_MACHINE_COORDINATES];
-    lg_machine_lags(data, lag, left);
+static void warn_of_clocks(const app *self, const lg_machine_data *data) {
+    const int *lag = data->logs.lag;
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
         if (lag[i] != 0)
             app_warn(self,
@@ -94,7 +92,7 @@ static void warn_of_clocks(const app *self, const lg_machine_data *data, const d
                      "velocities explain all but %.2g of the motion, as logged all but %.2g; if the sensors "
                      "have two clocks, or one has a delay, shift the columns before you learn from them",
                      data->file.machine.coordinates[i].name, abs(lag[i]), fabs(lag[i] * data->logs.dt_median),
-                     lag[i] < 0 ? "later" : "earlier", left[i], motions[i]);
+                     lag[i] < 0 ? "later" : "earlier", data->logs.left[i], data->logs.motion[i]);
 }
 
 static void warn_of_stuck(const app *self, const lg_machine_data *data) {
@@ -138,7 +136,7 @@ static void put_delays(app_json *out, const lg_machine *machine, const lg_logs *
         app_result_reals(out, "delay", each, machine->input_count, label);
 }
 
-static void report(const app *self, const lg_machine_data *data, const double *motions) {
+static void report(const app *self, const lg_machine_data *data) {
     app_json out;
     const lg_logs *logs = &data->logs;
     app_result_begin(&out, self);
@@ -169,7 +167,7 @@ static void report(const app *self, const lg_machine_data *data, const double *m
     app_result_rows_end(&out);
     app_json_open(&out, "kinematics", '{');
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
-        app_result_real(&out, data->file.machine.coordinates[i].name, motions[i],
+        app_result_real(&out, data->file.machine.coordinates[i].name, logs->motion[i],
                         "of its motion, which its velocity does not explain");
     app_json_close(&out, '}');
     app_json_warnings(&out, self);
@@ -180,14 +178,13 @@ static void report(const app *self, const lg_machine_data *data, const double *m
 
 static int run(app *self) {
     APP_CLEAN(lg_machine_data_destroy) lg_machine_data data = {.failed = NULL};
-    double motions[LG_MACHINE_COORDINATES];
     const lg_machine_sources from = {.machine = self->arguments[0],
                                      .logs = self->arguments + 1,
                                      .count = (size_t)self->argument_count - 1,
-                                     .delay = -1};
+                                     .delay = -1,
+                                     .clocks = true};
     identify_read(self, &from, &data);
-    lg_machine_motions(&data, 0, motions);
-    warn_of_clocks(self, &data, motions);
+    warn_of_clocks(self, &data);
     warn_of_stuck(self, &data);
     warn_of_gaps(self, &data.logs);
     warn_of_inputs(self, &data);
@@ -195,7 +192,7 @@ static int run(app *self) {
     if (values.plot != NULL)
         identify_draw_run(self, values.plot, "First run of the log", &data.file, &data.logs.log,
                           identify_first_run(&data.logs), NULL, NULL, NULL);
-    report(self, &data, motions);
+    report(self, &data);
     return APP_EXIT_OK;
 }
 

@@ -106,7 +106,8 @@ typedef struct identify_linear {
     size_t features;
     double A[LG_MACHINE_VELOCITIES * IDENTIFY_FEATURES]; /* (velocities, features) */
 } identify_linear;
-void identify_linear_fit(const lg_machine *machine, const lg_machine_log *log, identify_linear *linear);
+void identify_linear_fit(const app *self, const lg_machine *machine, const lg_machine_log *log,
+                         identify_linear *linear);
 lg_runner identify_linear_run; /* user: an identify_linear. */
 
 /* Sums over all intervals of the log, in the unit of energy. In each interval, the change of H is the work of

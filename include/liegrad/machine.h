@@ -836,6 +836,7 @@ typedef struct lg_log_options {
     lg_read_options read;
     uint32_t delay;   /* Rows, of inputs with `delay: estimate`; default 0. */
     bool consistency; /* Positions are compared with velocities; default true. */
+    bool clocks;      /* Rows of other times are compared, too (lg_logs.lag); default false. */
 } lg_log_options;
 LG_API void lg_log_options_init(lg_log_options *options);
 
@@ -865,6 +866,13 @@ typedef struct lg_logs {
     uint32_t delay[LG_MACHINE_INPUTS]; /* Of each input in rows, as it was applied. */
     /* In the order of the machine file's columns; zeros for the columns of time and run. */
     lg_log_statistics columns[LG_LOG_COLUMNS];
+    /* With lg_log_options.clocks, for each coordinate: how badly the velocities explain its motion, the root mean
+     * square of the changes from row to row minus integrated velocities, divided by the root mean square of the
+     * changes (NaN: nothing to compare); the lag, within 12 rows, at which the velocities of so many rows later
+     * explain it best, if they leave less than half of what those of the same rows leave, else 0; and what they
+     * leave at this lag, if it is not 0. */
+    double motion[LG_MACHINE_COORDINATES], left[LG_MACHINE_COORDINATES];
+    int lag[LG_MACHINE_COORDINATES];
     uint32_t warning_count;
     char (*warnings)[LG_LOG_SENTENCE];
     /* Owned arrays. */

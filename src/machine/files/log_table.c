@@ -51,11 +51,6 @@ void lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...) {
                 text);
 }
 
-double lg_log_tidy(double scale) {
-    const double tidy = copysign(pow(10.0, round(log10(fabs(scale)))), scale);
-    return fabs(scale / tidy - 1.0) < 0.01 ? tidy : scale;
-}
-
 void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_name_list *names) {
     *names = (lg_name_list){.used = 0};
     for (uint32_t i = 0; i < count; i++) lg_name_list_add(names, table->machine->columns[first + i].name);
