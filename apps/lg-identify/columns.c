@@ -4,7 +4,6 @@
 
 #include "files/csv.h"
 #include "lg-identify/identify.h"
-#include "liegrad/geometry.h"
 
 bool identify_is_state(const lg_log_column *column) {
     return column->role == LG_LOG_POSITION || column->role == LG_LOG_VELOCITY;
@@ -17,13 +16,22 @@ static bool is_angle(const lg_machine_file *file, uint32_t column) {
 
 /* ---- attitudes ---- */
 
-/* The quaternion (w, x, y, z) of R. */
+/* The quaternion (w, x, y, z) of R. Its largest component is computed first, which avoids cancellation. */
 static void quaternion_of(const double *R, double out[4]) {
-    double u[3];
-    lg_so3_log(R, u);
-    const double angle = sqrt(lg_dot3(u, u)), part = angle > 0 ? sin(angle / 2) / angle : 0.5;
-    out[0] = cos(angle / 2);
-    for (int i = 0; i < 3; i++) out[i + 1] = part * u[i];
+    const double trace = R[0] + R[4] + R[8];
+    const double squares[4] = {1 + trace, 1 + 2 * R[0] - trace, 1 + 2 * R[4] - trace, 1 + 2 * R[8] - trace};
+    const double odd[3] = {R[7] - R[5], R[2] - R[6], R[3] - R[1]};
+    const double even[3][3] = {
+        {0, R[1] + R[3], R[2] + R[6]}, {R[1] + R[3], 0, R[5] + R[7]}, {R[2] + R[6], R[5] + R[7], 0}};
+    int most = 0;
+    for (int i = 1; i < 4; i++)
+        if (squares[i] > squares[most]) most = i;
+    const double twice = sqrt(squares[most]);
+    out[most] = twice / 2;
+    for (int i = 0; i < 4; i++) {
+        if (i == most) continue;
+        out[i] = (most == 0 ? odd[i - 1] : i == 0 ? odd[most - 1] : even[most - 1][i - 1]) / (2 * twice);
+    }
 }
 
 static void put_attitude(const lg_log_coordinate *at, const double *position, const double *before,

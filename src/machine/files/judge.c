@@ -36,16 +36,18 @@ static void find_place(const lg_machine_problem *problem, lg_machine_verdict *ou
 
 void lg_machine_warn_of_gauge(const lg_context *context, const lg_machine *machine) {
     if (machine->normalised)
-        lg_log_message(
-            context, LG_LOG_WARNING,
-            "nothing in the machine's file fixes the common factor of mass, potential, damping and "
-            "input map: one mass, which has no standard error, is set to 1; to fix the factor, give "
-            "a mass or the input map");
+        lg_log_message(context, LG_LOG_WARNING,
+                       "nothing in the machine's file fixes the scale of the forces, a common factor of "
+                       "mass, potential, "
+                       "damping and input map: one mass, which has no standard error, is set to 1; to fix "
+                       "the scale, give "
+                       "a mass or the input map");
     if (machine->free_gauge)
         lg_log_message(
             context, LG_LOG_WARNING,
-            "nothing fixes the common factor of mass, potential, damping and input map: only their "
-            "ratios are meaningful; give the input map, or a mass that is known or constant");
+            "nothing fixes the common factor of mass, potential, damping and input map, the scale of the "
+            "forces: "
+            "only their ratios are meaningful; give the input map, or a mass that is known or constant");
 }
 
 /* Keeps the open directions in which more than one number moves, and drops the other directions. */
