@@ -1,5 +1,5 @@
-/* Predicts all parts of a log by free runs of the model. If only positions or accelerations were measured, the
- * states at the starts of the runs are estimated first. */
+/* Predicts all parts of a log by free runs of the model. If only positions or accelerations were measured,
+ * the states at the starts of the runs are estimated first. */
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,5 +1,5 @@
-/* Regressions of accelerations on positions, velocities and inputs: a linear model, and how much a quadratic one
- * leaves, which estimates the inputs' delay. */
+/* Regressions of accelerations on positions, velocities and inputs: a linear model, and how much a
+ * quadratic one leaves, which estimates the inputs' delay. */
 #include <math.h>
 
 #include "liegrad/minimise.h"
@@ -10,9 +10,9 @@ enum {
     MOST_ROWS = 20000
 };
 
-/* Writes the numbers that may explain the acceleration between a row and the next one: mean positions (sine
- * and cosine of angles unless `linear`), mean velocities, and the inputs in the middle of the interval. Returns
- * how many numbers these are. */
+/* Writes the numbers that may explain the acceleration between a row and the next one: mean positions
+ * (sine and cosine of angles unless `linear`), mean velocities, and the inputs in the middle of the
+ * interval. Returns how many numbers these are. */
 static size_t fill(const lg_machine *machine, const lg_machine_log *log, bool linear, size_t row, double *z) {
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
     const double *q = log->q + row * nq, *v = log->v + row * nv, *u = log->u + row * 4 * m;

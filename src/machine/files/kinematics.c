@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include "core/median.h"
-#include "liegrad/geometry.h"
 #include "machine/files/recipe.h"
 
 double lg_machine_wrap(double angle) {

@@ -42,17 +42,18 @@ void lg_machine_data_destroy(lg_machine_data *data);
 /* Fails with LG_UNSUPPORTED if the logs measure momenta, because columns of momenta cannot be predicted. */
 lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *path, lg_error *error);
 
-/* Standard deviations of the noise of each coordinate: as given in the machine's file, else estimated, however
- * small; 0: smooth columns. If velocities are measured, the position noise of a line or angle is at most lg_machine_position_noise. */
+/* Standard deviations of the noise of each coordinate: as given in the machine's file, else estimated,
+ * however small; 0: smooth columns. If velocities are measured, the position noise of a line or angle is
+ * at most lg_machine_position_noise. */
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out);
 
 /* Whether a mass or force of the machine depends on the position of a coordinate (speeds.c). */
 bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate);
 
-/* Mean square of the accelerations between neighbouring rows that a polynomial of degree 2 in positions (sine
- * and cosine of angles), velocities and inputs, fitted to these logs, does not explain (delay.c). NaN: nothing
- * to fit. With linear (velocities, features) the model is linear in (q, v, u, 1), and `linear` becomes its matrix
- * unless there is nothing to fit. */
+/* Mean square of the accelerations between neighbouring rows that a polynomial of degree 2 in positions
+ * (sine and cosine of angles), velocities and inputs, fitted to these logs, does not explain (delay.c).
+ * NaN: nothing to fit. With linear (velocities, features) the model is linear in (q, v, u, 1), and
+ * `linear` becomes its matrix unless there is nothing to fit. */
 lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *machine,
                                  const lg_machine_log *log, double *linear, double *out, lg_error *error);
 
