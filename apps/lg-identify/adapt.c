@@ -305,7 +305,12 @@ static void run(app *self) {
     double force[LG_MACHINE_VELOCITIES] = {0};
     APP_MUST(self, lg_adapt_check(values.numbers, &error));
     identify_load(self, values.substeps, values.start_rows, &a.given);
-    identify_refuse_accelerations(self, &a.given, "adapt");
+    if (a.given.model.machine->accelerations)
+        app_stop(
+            self, LG_UNSUPPORTED,
+            "%s: adapt needs logs with positions or velocities, but this model's logs have accelerations "
+            "alone: run `fit` on the new log too",
+            self->arguments[0]);
     divide(self, &a);
     find_forces(self, &a, force);
     APP_MUST(self, lg_adaptation_create(self->context, self->arguments[0], &a.given.file, values.numbers,

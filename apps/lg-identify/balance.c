@@ -111,23 +111,17 @@ void identify_values(const app *self, const lg_learned_machine *model, size_t co
 
 /* ---- intervals ---- */
 
-/* Each interval of the log as a piece of three rows: its start, its middle and its end. */
 typedef struct intervals {
     size_t count, *row; /* Rows of the log at which the intervals begin. */
-    identify_pieces pieces;
+    /* A copy of the log with a further row in the middle of each interval: its row 2 r is row r. */
+    identify_log finer;
     /* The model's run of each interval: (3 count, positions) and (3 count, velocities). */
     double *run_q, *run_v;
 } intervals;
 
-static void intervals_begin(intervals *all, const lg_machine *machine) {
-    identify_pieces_begin(&all->pieces, machine, all->count, 3);
-    all->run_q = app_alloc(3 * all->count * machine->positions, sizeof *all->run_q);
-    all->run_v = app_alloc(3 * all->count * machine->velocities, sizeof *all->run_v);
-}
-
 static void intervals_end(intervals *all) {
     free(all->row);
-    identify_pieces_end(&all->pieces);
+    identify_log_end(&all->finer);
     free(all->run_q);
     free(all->run_v);
 }
@@ -146,32 +140,37 @@ static void halve(const double *u, size_t m, double from, double *out) {
 static void cut(const lg_machine *machine, const lg_machine_log *log, intervals *all) {
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
     all->row = app_alloc(log->rows, sizeof *all->row);
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++)
-            if (lg_machine_log_complete(machine, log, row, false) &&
+    identify_log_begin(&all->finer, machine, log->parts, 2 * log->rows);
+    const identify_log *to = &all->finer;
+    for (size_t p = 0; p < log->parts; p++) {
+        to->first[p + 1] = 2 * log->first[p + 1];
+        for (size_t row = log->first[p]; row < log->first[p + 1]; row++) {
+            const bool last = row + 1 == log->first[p + 1];
+            if (!last && lg_machine_log_complete(machine, log, row, false) &&
                 lg_machine_log_complete(machine, log, row + 1, false))
                 all->row[all->count++] = row;
-    intervals_begin(all, machine);
-    const identify_pieces *to = &all->pieces;
-    for (size_t i = 0; i < all->count; i++) {
-        const size_t row = all->row[i];
-        const double h = log->t[row + 1] - log->t[row];
-        for (size_t k = 0; k < 3; k++) to->t[3 * i + k] = log->t[row] + 0.5 * h * (double)k;
-        memcpy(to->q + 3 * i * nq, log->q + row * nq, nq * sizeof *to->q);
-        memcpy(to->v + 3 * i * nv, log->v + row * nv, nv * sizeof *to->v);
-        for (size_t k = 0; k < 2 && m > 0; k++)
-            halve(log->u + row * 4 * m, m, 0.5 * (double)k, to->u + (3 * i + k) * 4 * m);
+            for (size_t k = 0; k < 2; k++) {
+                const size_t at = 2 * row + k;
+                to->t[at] = log->t[row] + 0.5 * (double)k * (last ? 1 : log->t[row + 1] - log->t[row]);
+                memcpy(to->q + at * nq, log->q + row * nq, nq * sizeof *to->q);
+                memcpy(to->v + at * nv, log->v + row * nv, nv * sizeof *to->v);
+                if (m > 0) halve(log->u + row * 4 * m, m, 0.5 * (double)k, to->u + at * 4 * m);
+            }
+        }
     }
 }
 
-static void run_intervals(const app *self, const lg_learned_machine *model, const intervals *all) {
+static void run_intervals(const app *self, const lg_learned_machine *model, intervals *all) {
     enum { MOST = 8192 };
-    const lg_machine *machine = model->machine;
+    const size_t nq = model->machine->positions, nv = model->machine->velocities;
+    APP_FREE size_t *start = app_alloc(all->count, sizeof *start);
+    all->run_q = app_alloc(3 * all->count * nq, sizeof *all->run_q);
+    all->run_v = app_alloc(3 * all->count * nv, sizeof *all->run_v);
+    for (size_t i = 0; i < all->count; i++) start[i] = 2 * all->row[i];
     for (size_t first = 0; first < all->count; first += MOST)
-        identify_run(self, model, &all->pieces.log, all->pieces.first + first,
-                     all->count - first < MOST ? all->count - first : MOST, 2,
-                     all->run_q + 3 * first * machine->positions,
-                     all->run_v + 3 * first * machine->velocities);
+        identify_run(self, model, &all->finer.log, start + first,
+                     all->count - first < MOST ? all->count - first : MOST, 2, all->run_q + 3 * first * nq,
+                     all->run_v + 3 * first * nv);
 }
 
 /* ---- energy ---- */
@@ -191,50 +190,51 @@ static void add_interval(const double *energy, const double *power, double h, do
     out[ENERGY_CHANGE_SIZE] += fabs(change);
 }
 
-/* Replaces the inputs u (points, inputs) at all rows of the pieces by the lagged ones. */
-static void put_lagged(const app *self, const lg_learned_machine *model, const identify_pieces *p,
-                       size_t points, double *u) {
+/* Replaces the inputs u (points, inputs) by the lagged ones, at the start, the middle and the end of each
+ * interval. */
+static void put_lagged(const app *self, const lg_learned_machine *model, const intervals *all, double *u) {
     const lg_machine *machine = model->machine;
-    const size_t m = machine->input_count, n = machine->lags;
+    const size_t m = machine->input_count, n = machine->lags, points = 3 * all->count;
     if (n == 0 || points == 0) return;
     APP_FREE size_t *at = app_alloc(points, sizeof *at);
     APP_FREE double *x = app_alloc(points * n, sizeof *x);
-    for (size_t i = 0; i < points; i++) at[i] = i;
-    APP_MUST(self,
-             lg_machine_lagged_inputs(self->context, machine, model->theta, &p->log, at, points, x, &error));
+    for (size_t i = 0; i < points; i++) at[i] = 2 * all->row[i / 3] + i % 3;
+    APP_MUST(self, lg_machine_lagged_inputs(self->context, machine, model->theta, &all->finer.log, at, points,
+                                            x, &error));
     for (size_t i = 0; i < points; i++)
         for (size_t k = 0; k < n; k++) u[i * m + machine->lagged[k]] = x[i * n + k];
 }
 
 /* Takes energies at the logged states, and powers at the logged ends and at the middle of the model's run of
- * each interval. */
+ * each interval; the logged states replace the ends of the runs. */
 static void balance(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
-                    intervals *all, double *out) {
+                    const intervals *all, double *out) {
     const lg_machine *machine = model->machine;
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count,
                  points = 3 * all->count;
-    const identify_pieces *p = &all->pieces;
     APP_FREE double *u = app_alloc(points * m + 1, sizeof *u);
     APP_FREE double *energy = app_alloc(points, sizeof *energy);
     APP_FREE double *power = app_alloc(points * POWERS, sizeof *power);
     for (size_t i = 0; i < all->count; i++) {
-        const size_t middle = 3 * i + 1, end = 3 * i + 2, row = all->row[i] + 1;
-        const double *last = p->u + middle * 4 * m;
+        const size_t row = all->row[i];
+        const double *begin = all->finer.u + 2 * row * 4 * m, *middle = begin + 4 * m;
         for (size_t k = 0; k < m; k++) {
-            u[3 * i * m + k] = p->u[3 * i * 4 * m + k];
-            u[middle * m + k] = last[k];
-            u[end * m + k] = last[k] + last[m + k] + last[2 * m + k] + last[3 * m + k];
+            u[3 * i * m + k] = begin[k];
+            u[(3 * i + 1) * m + k] = middle[k];
+            u[(3 * i + 2) * m + k] = middle[k] + middle[m + k] + middle[2 * m + k] + middle[3 * m + k];
         }
-        memcpy(p->q + end * nq, log->q + row * nq, nq * sizeof *p->q);
-        memcpy(p->v + end * nv, log->v + row * nv, nv * sizeof *p->v);
-        memcpy(p->q + middle * nq, all->run_q + middle * nq, nq * sizeof *p->q);
-        memcpy(p->v + middle * nv, all->run_v + middle * nv, nv * sizeof *p->v);
+        for (size_t k = 0; k < 2; k++) {
+            memcpy(all->run_q + (3 * i + 2 * k) * nq, log->q + (row + k) * nq, nq * sizeof *log->q);
+            memcpy(all->run_v + (3 * i + 2 * k) * nv, log->v + (row + k) * nv, nv * sizeof *log->v);
+        }
     }
-    put_lagged(self, model, p, points, u);
+    put_lagged(self, model, all, u);
     ask(self, model,
-        &(asked){.count = points, .q = p->q, .v = p->v, .u = u, .energy = energy, .power = power});
+        &(asked){
+            .count = points, .q = all->run_q, .v = all->run_v, .u = u, .energy = energy, .power = power});
     for (size_t i = 0; i < all->count; i++)
-        add_interval(energy + 3 * i, power + 3 * i * POWERS, p->t[3 * i + 2] - p->t[3 * i], out);
+        add_interval(energy + 3 * i, power + 3 * i * POWERS, log->t[all->row[i] + 1] - log->t[all->row[i]],
+                     out);
 }
 
 /* ---- whiteness ---- */
@@ -273,38 +273,36 @@ static void judge_whiteness(const double *x, const size_t *row, size_t n, identi
     out->probability = chi_square_above(out->ljung_box);
 }
 
-static void whiteness_of(const lg_machine_data *data, const intervals *all, identify_whiteness *out) {
+/* Tests the predictions of `count` rows: q and v at the places at[i] against the log at row[i] + 1. */
+static void whiteness_of(const lg_machine_data *data, const size_t *row, const size_t *at, size_t count,
+                         const double *q, const double *v, identify_whiteness *out) {
     const lg_machine_file *file = &data->file;
     const lg_machine_log *log = &data->logs.log;
     const size_t nq = file->machine.positions, nv = file->machine.velocities;
-    APP_FREE double *x = app_alloc(all->count * file->column_count + 1, sizeof *x);
+    APP_FREE double *x = app_alloc(count * file->column_count + 1, sizeof *x);
     double logged[LG_LOG_COLUMNS], predicted[LG_LOG_COLUMNS];
-    for (size_t i = 0; i < all->count; i++) {
-        const size_t row = all->row[i] + 1, at = 3 * i + 2;
-        identify_to_columns(file, log->q + row * nq, lg_log_shown(log) + row * nv, NULL, logged);
-        identify_to_columns(file, all->run_q + at * nq, all->run_v + at * nv, logged, predicted);
+    for (size_t i = 0; i < count; i++) {
+        identify_to_columns(file, log->q + (row[i] + 1) * nq, lg_log_shown(log) + (row[i] + 1) * nv, NULL,
+                            logged);
+        identify_to_columns(file, q + at[i] * nq, v + at[i] * nv, logged, predicted);
         for (uint32_t c = 0; c < file->column_count; c++)
             if (identify_is_state(&file->columns[c]))
-                x[c * all->count + i] = identify_column_error(file, c, predicted, logged);
+                x[c * count + i] = identify_column_error(file, c, predicted, logged);
     }
-    for (uint32_t c = 0; c < file->column_count; c++)
-        judge_whiteness(x + c * all->count, all->row, all->count, &out[c]);
+    for (uint32_t c = 0; c < file->column_count; c++) judge_whiteness(x + c * count, row, count, &out[c]);
 }
 
 void identify_run_whiteness(const identify_given *given, const double *q, const double *v,
                             identify_whiteness *out) {
     const lg_machine_log *log = &given->data.logs.log;
-    const size_t nq = given->model.machine->positions, nv = given->model.machine->velocities;
-    APP_CLEAN(intervals_end) intervals all = {.row = app_alloc(log->rows, sizeof *all.row)};
-    for (size_t row = 1; row < log->rows; row++)
-        if (isfinite(q[row * nq]) && lg_machine_log_complete(given->model.machine, log, row, true))
-            all.row[all.count++] = row - 1;
-    intervals_begin(&all, given->model.machine);
-    for (size_t i = 0; i < all.count; i++) {
-        memcpy(all.run_q + (3 * i + 2) * nq, q + (all.row[i] + 1) * nq, nq * sizeof *q);
-        memcpy(all.run_v + (3 * i + 2) * nv, v + (all.row[i] + 1) * nv, nv * sizeof *v);
-    }
-    whiteness_of(&given->data, &all, out);
+    APP_FREE size_t *row = app_alloc(log->rows, sizeof *row);
+    APP_FREE size_t *at = app_alloc(log->rows, sizeof *at);
+    size_t count = 0;
+    for (size_t i = 1; i < log->rows; i++)
+        if (isfinite(q[i * given->model.machine->positions]) &&
+            lg_machine_log_complete(given->model.machine, log, i, true))
+            row[count] = i - 1, at[count++] = i;
+    whiteness_of(&given->data, row, at, count, q, v, out);
 }
 
 void identify_balance(const app *self, const identify_given *given, double energy[IDENTIFY_ENERGIES],
@@ -312,9 +310,10 @@ void identify_balance(const app *self, const identify_given *given, double energ
     const lg_machine_log *log = &given->data.logs.log;
     APP_CLEAN(intervals_end) intervals all = {.count = 0};
     cut(given->model.machine, log, &all);
-    identify_pieces_lag(self, &all.pieces, &given->model, log, all.row);
+    APP_FREE size_t *end = app_alloc(all.count, sizeof *end);
+    for (size_t i = 0; i < all.count; i++) end[i] = 3 * i + 2;
     for (int k = 0; k < IDENTIFY_ENERGIES; k++) energy[k] = all.count > 0 ? 0 : (double)NAN;
     run_intervals(self, &given->model, &all);
-    whiteness_of(&given->data, &all, whiteness);
+    whiteness_of(&given->data, all.row, end, all.count, all.run_q, all.run_v, whiteness);
     balance(self, &given->model, log, &all, energy);
 }

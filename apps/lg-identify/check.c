@@ -83,10 +83,8 @@ static void warn_of_inputs(const app *self, const lg_machine_data *data) {
 /* ---- positions against velocities ---- */
 
 /* Warns if the positions of a coordinate belong to velocities of other rows. */
-static void warn_of_clocks(const app *self, const lg_machine_data *data, const double *motions) {
-    int lag[LG_MACHINE_COORDINATES];
-    double left[LG_MACHINE_COORDINATES];
-    lg_machine_lags(data, lag, left);
+static void warn_of_clocks(const app *self, const lg_machine_data *data) {
+    const int *lag = data->logs.lag;
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
         if (lag[i] != 0)
             app_warn(self,
@@ -94,7 +92,7 @@ static void warn_of_clocks(const app *self, const lg_machine_data *data, const d
                      "velocities explain all but %.2g of the motion, as logged all but %.2g; if the sensors "
                      "have two clocks, or one has a delay, shift the columns before you learn from them",
                      data->file.machine.coordinates[i].name, abs(lag[i]), fabs(lag[i] * data->logs.dt_median),
-                     lag[i] < 0 ? "later" : "earlier", left[i], motions[i]);
+                     lag[i] < 0 ? "later" : "earlier", data->logs.left[i], data->logs.motion[i]);
 }
 
 static void warn_of_stuck(const app *self, const lg_machine_data *data) {
@@ -121,19 +119,6 @@ static void warn_of_gaps(const app *self, const lg_logs *logs) {
                  logs->gaps, logs->rows_read, logs->max_step, logs->log.parts, logs->dt_median);
 }
 
-/* Warns if the common factor of masses, potential, damping and input map is not determined. */
-static void warn_of_gauge(const app *self, const lg_machine *machine) {
-    if (machine->normalised)
-        app_warn(self,
-                 "nothing that is given fixes the scale of the forces: the first mass is taken as 1, and the "
-                 "other numbers are relative to it (to fix the scale, give an input map or a mass as known)");
-    if (machine->free_gauge)
-        app_warn(
-            self,
-            "nothing that is given fixes the scale of the forces: mass, potential, damping and input map can "
-            "be learned only up to a common factor (to fix it, give an input map or a mass as known)");
-}
-
 /* ---- report ---- */
 
 /* One number if all inputs have the same delay, else one for each. */
@@ -151,7 +136,7 @@ static void put_delays(app_json *out, const lg_machine *machine, const lg_logs *
         app_result_reals(out, "delay", each, machine->input_count, label);
 }
 
-static void report(const app *self, const lg_machine_data *data, const double *motions) {
+static void report(const app *self, const lg_machine_data *data) {
     const lg_logs *logs = &data->logs;
     app_json *out = self->out;
     app_result_size(out, "files", logs->files, NULL);
@@ -181,7 +166,7 @@ static void report(const app *self, const lg_machine_data *data, const double *m
     app_result_rows_end(out);
     app_json_open(out, "kinematics", '{');
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
-        app_result_real(out, data->file.machine.coordinates[i].name, motions[i],
+        app_result_real(out, data->file.machine.coordinates[i].name, logs->motion[i],
                         "of its motion, which its velocity does not explain");
     app_json_close(out, '}');
 }
@@ -190,22 +175,21 @@ static void report(const app *self, const lg_machine_data *data, const double *m
 
 static void run(app *self) {
     APP_CLEAN(lg_machine_data_destroy) lg_machine_data data = {.failed = NULL};
-    double motions[LG_MACHINE_COORDINATES];
     const lg_machine_sources from = {.machine = self->arguments[0],
                                      .logs = self->arguments + 1,
                                      .count = (size_t)self->argument_count - 1,
-                                     .delay = -1};
+                                     .delay = -1,
+                                     .clocks = true};
     identify_read(self, &from, &data);
-    lg_machine_motions(&data, 0, motions);
-    warn_of_clocks(self, &data, motions);
+    warn_of_clocks(self, &data);
     warn_of_stuck(self, &data);
     warn_of_gaps(self, &data.logs);
     warn_of_inputs(self, &data);
-    warn_of_gauge(self, &data.file.machine);
+    lg_machine_warn_of_gauge(self->context, &data.file.machine);
     if (values.plot != NULL)
         identify_draw_run(self, values.plot, "First run of the log", &data.file, &data.logs.log,
                           identify_first_run(&data.logs), NULL, NULL, NULL);
-    report(self, &data, motions);
+    report(self, &data);
 }
 
 const app_command check_command = {

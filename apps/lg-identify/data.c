@@ -39,14 +39,6 @@ void identify_put_start_rows(app_json *json, const lg_learned_machine *model) {
         app_json_real(json, "start_rows", (double)NAN);
 }
 
-void identify_refuse_accelerations(const app *self, const identify_given *given, const char *command) {
-    if (given->model.machine->accelerations)
-        app_stop(self, LG_UNSUPPORTED,
-                 "%s: %s needs logs with positions or velocities, but this model's logs have accelerations "
-                 "alone: run `fit` on the new log too",
-                 self->arguments[0], command);
-}
-
 void identify_given_destroy(identify_given *given) {
     lg_machine_data_destroy(&given->data);
     lg_machine_model_file_destroy(&given->file);

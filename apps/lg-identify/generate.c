@@ -49,7 +49,7 @@ typedef struct making {
     size_t runs, rows, delay;
     double t_end;
     double *given;          /* Inputs, (runs, rows + delay, inputs). */
-    identify_pieces pieces; /* The runs' initial states and inputs. */
+    identify_log made;      /* The runs' initial states and inputs. */
     double *run_q, *run_v;  /* The motion of the machine. */
     lg_machine_data inputs; /* The inputs read from FILE.csv. */
     uint32_t substeps;
@@ -181,11 +181,11 @@ static void fill_log(making *m) {
     const size_t inputs = m->file.machine.input_count;
     for (size_t run = 0; run < m->runs; run++) {
         const size_t first = run * m->rows;
-        for (size_t row = 0; row < m->rows; row++) m->pieces.t[first + row] = values.dt * (double)row;
+        for (size_t row = 0; row < m->rows; row++) m->made.t[first + row] = values.dt * (double)row;
         for (size_t k = 0; k < inputs; k++)
-            lg_log_act(m->file.inputs[k].hold, m->rows, m->pieces.t + first,
+            lg_log_act(m->file.inputs[k].hold, m->rows, m->made.t + first,
                        m->given + run * (m->rows + m->delay) * inputs + k, inputs, inputs, work,
-                       m->pieces.u + 4 * first * inputs + k);
+                       m->made.u + 4 * first * inputs + k);
     }
 }
 
@@ -232,8 +232,8 @@ static void fill_starts(const app *self, making *m) {
         velocity[i] = one_of(&values.spread, true, 1);
     }
     for (size_t run = 0; run < m->runs; run++) {
-        double *q = m->pieces.q + run * m->rows * machine->positions,
-               *v = m->pieces.v + run * m->rows * machine->velocities, *at = q;
+        double *q = m->made.q + run * m->rows * machine->positions,
+               *v = m->made.v + run * m->rows * machine->velocities, *at = q;
         lg_rng rng;
         for (uint32_t i = 0; i < machine->coordinate_count; i++) {
             const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
@@ -316,7 +316,7 @@ static void integrate(const app *self, making *m) {
     bool kinks = false;
     for (m->substeps = 2;; m->substeps *= 2) {
         model.substeps = m->substeps;
-        identify_run(self, &model, &m->pieces.log, m->pieces.first, m->runs, m->rows - 1, m->run_q, m->run_v);
+        identify_run(self, &model, &m->made.log, m->made.first, m->runs, m->rows - 1, m->run_q, m->run_v);
         const double last = m->accuracy;
         if (m->substeps > 2)
             m->accuracy =
@@ -414,14 +414,15 @@ static void begin(const app *self, making *m) {
         if (m->file.inputs[i].delay > m->delay) m->delay = m->file.inputs[i].delay;
     if (m->rows < 2) app_stop_usage(self, "--t-end %g is shorter than --dt %g", m->t_end, values.dt);
     m->given = app_alloc(m->runs * (m->rows + m->delay) * machine->input_count + 1, sizeof *m->given);
-    identify_pieces_begin(&m->pieces, machine, m->runs, m->rows);
-    m->run_q = app_alloc(m->pieces.log.rows * machine->positions, sizeof *m->run_q);
-    m->run_v = app_alloc(m->pieces.log.rows * machine->velocities, sizeof *m->run_v);
+    identify_log_begin(&m->made, machine, m->runs, m->runs * m->rows);
+    for (size_t run = 0; run <= m->runs; run++) m->made.first[run] = run * m->rows;
+    m->run_q = app_alloc(m->made.log.rows * machine->positions, sizeof *m->run_q);
+    m->run_v = app_alloc(m->made.log.rows * machine->velocities, sizeof *m->run_v);
 }
 
 static void making_end(making *m) {
     free(m->given);
-    identify_pieces_end(&m->pieces);
+    identify_log_end(&m->made);
     free(m->run_q);
     free(m->run_v);
     lg_machine_data_destroy(&m->inputs);
@@ -445,7 +446,7 @@ static void run(app *self) {
     integrate(self, &m);
     add_noise(self, &m);
     write_log(self, &m);
-    lg_machine_log log = m.pieces.log;
+    lg_machine_log log = m.made.log;
     log.q = m.run_q, log.v = m.run_v;
     if (values.plot != NULL)
         identify_draw_run(self, values.plot, "First run", &m.file, &log, 1, NULL, NULL, NULL);

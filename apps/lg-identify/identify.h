@@ -33,8 +33,6 @@ void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_g
                   .low = 2, .high = 1e6, .otherwise = "the model's")
 /* Writes start_rows: the rows that estimate the state at a start, null if the logs have it. */
 void identify_put_start_rows(app_json *json, const lg_learned_machine *model);
-/* Ends a command that needs states in the logs if these measure accelerations alone. */
-void identify_refuse_accelerations(const app *self, const identify_given *given, const char *command);
 void identify_given_destroy(identify_given *given);
 
 /* ---- states in columns (columns.c) ---- */
@@ -65,28 +63,21 @@ void identify_column_errors(const identify_given *given, const double *q, const 
  * that are not NaN. q and v may be NULL. */
 void identify_warn_range(const app *self, const identify_given *given, const double *q, const double *v);
 
-/* ---- making logs (runs.c) ---- */
+/* ---- runs (runs.c): these functions end the command on failure ---- */
 
-/* A log that consists of pieces of equal length. All numbers begin as zeros. */
-typedef struct identify_pieces {
+/* A log that a command makes. All numbers begin as zeros. */
+typedef struct identify_log {
     lg_machine_log log; /* Points to the arrays below. */
     size_t *first;
     double *t, *q, *v, *u;
-    double *lag; /* (pieces, lags); NULL until identify_pieces_lag. */
-    size_t rows; /* Rows per piece. */
-} identify_pieces;
-void identify_pieces_begin(identify_pieces *pieces, const lg_machine *machine, size_t count, size_t rows);
-void identify_pieces_end(identify_pieces *pieces);
-/* Starts the lagged inputs of piece i as they are in row[i] of `log`. Without it pieces start as logs do. */
-void identify_pieces_lag(const app *self, identify_pieces *pieces, const lg_learned_machine *model,
-                         const lg_machine_log *log, const size_t *row);
+} identify_log;
+void identify_log_begin(identify_log *made, const lg_machine *machine, size_t parts, size_t rows);
+void identify_log_end(identify_log *made);
 
 /* Returns the number of parts of the first run (parts are separated by gaps). */
 size_t identify_first_run(const lg_logs *logs);
 
-/* ---- runs (runs.c): these functions end the command on failure ---- */
-
-/* Runs the model as an lg_runner does. */
+/* Calls lg_machine_free_run. */
 void identify_run(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                   const size_t *start, size_t count, size_t steps, double *q, double *v);
 
@@ -115,7 +106,8 @@ typedef struct identify_linear {
     size_t features;
     double A[LG_MACHINE_VELOCITIES * IDENTIFY_FEATURES]; /* (velocities, features) */
 } identify_linear;
-void identify_linear_fit(const lg_machine *machine, const lg_machine_log *log, identify_linear *linear);
+void identify_linear_fit(const app *self, const lg_machine *machine, const lg_machine_log *log,
+                         identify_linear *linear);
 lg_runner identify_linear_run; /* user: an identify_linear. */
 
 /* Sums over all intervals of the log, in the unit of energy. In each interval, the change of H is the work of

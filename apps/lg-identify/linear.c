@@ -5,7 +5,6 @@
 
 #include "lg-identify/identify.h"
 #include "liegrad/geometry.h"
-#include "liegrad/minimise.h"
 
 static void input_at(const lg_machine *machine, const lg_machine_log *log, size_t row, double s,
                      double *out) {
@@ -24,38 +23,13 @@ static void fill(const lg_machine *machine, const double *q, const double *v, co
     x[machine->input_count] = 1;
 }
 
-/* ---- the fit: the change of velocity over an interval, from the mean of the interval's ends ---- */
-
-static void add_interval(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t n,
-                         double *matrix, double *right) {
-    double a[IDENTIFY_FEATURES], b[IDENTIFY_FEATURES], u[LG_MACHINE_INPUTS], x[IDENTIFY_FEATURES];
-    const size_t nq = machine->positions, nv = machine->velocities;
-    const double *va = log->v + row * nv, *vb = va + nv, h = log->t[row + 1] - log->t[row];
-    if (machine->input_count > 0) input_at(machine, log, row, 0.5, u);
-    fill(machine, log->q + row * nq, va, u, a);
-    fill(machine, log->q + (row + 1) * nq, vb, u, b);
-    for (size_t i = 0; i < n; i++) {
-        x[i] = 0.5 * (a[i] + b[i]);
-        if (!isfinite(x[i])) return;
-    }
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j <= i; j++) matrix[i * n + j] += x[i] * x[j];
-        for (size_t k = 0; k < nv; k++) right[k * n + i] += x[i] * (vb[k] - va[k]) / h;
-    }
-}
-
-void identify_linear_fit(const lg_machine *machine, const lg_machine_log *log, identify_linear *linear) {
-    const size_t n = machine->positions + machine->velocities + machine->input_count + 1;
-    APP_FREE double *matrix = app_alloc(n * n, sizeof *matrix);
-    *linear = (identify_linear){.machine = machine, .features = n};
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++)
-            add_interval(machine, log, row, n, matrix, linear->A);
-    /* The last feature is 1, so this is the number of intervals. */
-    const bool empty = !(matrix[n * n - 1] > 0);
-    const bool solved =
-        !empty && lg_normal_equations(n, machine->velocities, 1e-10, matrix, linear->A) == LG_OK;
-    for (size_t i = 0; i < n * machine->velocities && !solved; i++) linear->A[i] = (double)NAN;
+void identify_linear_fit(const app *self, const lg_machine *machine, const lg_machine_log *log,
+                         identify_linear *linear) {
+    double left;
+    *linear = (identify_linear){
+        .machine = machine, .features = machine->positions + machine->velocities + machine->input_count + 1};
+    for (size_t i = 0; i < LG_COUNT(linear->A); i++) linear->A[i] = (double)NAN;
+    APP_MUST(self, lg_machine_unexplained(self->context, machine, log, linear->A, &left, &error));
 }
 
 /* ---- runs ---- */

@@ -80,15 +80,15 @@ static bool grows(const sums *s) {
 }
 
 static double error_of(const lg_machine *machine, const lg_machine_log *log, const double *q,
-                       uint32_t coordinate, uint32_t position, size_t *count) {
+                       uint32_t coordinate, uint32_t position) {
     double sum = 0;
-    *count = 0;
+    size_t count = 0;
     for (size_t row = 0; row < log->rows; row++) {
         const size_t at = row * machine->positions + position;
         const double e = column_error(machine, coordinate, q[at], log->q[at]);
-        if (isfinite(e)) sum += e * e, ++*count;
+        if (isfinite(e)) sum += e * e, count++;
     }
-    return *count > 0 ? sqrt(sum / (double)*count) : (double)NAN;
+    return count > 0 ? sqrt(sum / (double)count) : (double)NAN;
 }
 
 /* Rows that `q` does not predict are not compared. */
@@ -106,7 +106,6 @@ static void look_at(const app *self, const identify_given *given, pushed *p, con
     const uint32_t position = lg_log_place_of(machine, i).position,
                    velocity = lg_log_place_of(machine, i).velocity;
     sums s = {0};
-    size_t rows;
     push(p, velocity, 1);
     identify_run_log(self, &p->model, log, start, count, with, v);
     push(p, velocity, -1);
@@ -119,8 +118,8 @@ static void look_at(const app *self, const identify_given *given, pushed *p, con
     push(p, velocity, -x);
     hide(q, all, with);
     out->force = x * force_of(p, velocity);
-    out->without = error_of(machine, log, q, i, position, &rows);
-    out->with = error_of(machine, log, with, i, position, &rows);
+    out->without = error_of(machine, log, q, i, position);
+    out->with = error_of(machine, log, with, i, position);
     out->integrates = out->with < 0.7 * out->without;
 }
 

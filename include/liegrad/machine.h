@@ -678,9 +678,13 @@ LG_API lg_status lg_machine_adapt(const lg_context *context, const lg_machine_re
 /* Free runs: predicts `count` runs that begin at the logged rows start[0..count-1] and go over `steps`
  * intervals of the log each, all within one part. Writes positions (count, steps + 1, positions) and
  * velocities (count, steps + 1, velocities) in the units of the log; each may be NULL. The first point is
- * the logged row. For a machine of `accelerations` the velocities are accelerations, with the biases of their
- * sensors. A run that becomes infinite or NaN continues as NaN. Errors: LG_CANCELLED, LG_INVALID_ARGUMENT,
- * LG_UNSUPPORTED (the scheme), LG_OUT_OF_MEMORY, those of the tape. */
+ * the logged row. For a machine of `accelerations` the velocities are accelerations, with the biases of
+ * their sensors. A run that becomes infinite or NaN continues as NaN. With `steps` LG_MACHINE_TO_END each
+ * run goes to the end of its part, and the results are positions (rows, positions) and velocities (rows,
+ * velocities) at the rows of the log: NaN in rows that no run reaches, infinite where a run is NaN; count
+ * may be 0. Errors: LG_CANCELLED, LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the scheme), LG_OUT_OF_MEMORY,
+ * those of the tape. */
+#define LG_MACHINE_TO_END SIZE_MAX
 LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machine,
                                      const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                      const lg_machine_log *log, const size_t *start, size_t count,
@@ -833,6 +837,7 @@ typedef struct lg_log_options {
     lg_read_options read;
     uint32_t delay;   /* Rows, of inputs with `delay: estimate`; default 0. */
     bool consistency; /* Positions are compared with velocities; default true. */
+    bool clocks;      /* Rows of other times are compared, too (lg_logs.lag); default false. */
 } lg_log_options;
 LG_API void lg_log_options_init(lg_log_options *options);
 
@@ -862,6 +867,13 @@ typedef struct lg_logs {
     uint32_t delay[LG_MACHINE_INPUTS]; /* Of each input in rows, as it was applied. */
     /* In the order of the machine file's columns; zeros for the columns of time and run. */
     lg_log_statistics columns[LG_LOG_COLUMNS];
+    /* With lg_log_options.clocks, for each coordinate: how badly the velocities explain its motion, the
+     * root mean square of the changes from row to row minus integrated velocities, divided by the root
+     * mean square of the changes (NaN: nothing to compare); the lag, within 12 rows, at which the
+     * velocities of so many rows later explain it best, if they leave less than half of what those of the
+     * same rows leave, else 0; and what they leave at this lag, if it is not 0. */
+    double motion[LG_MACHINE_COORDINATES], left[LG_MACHINE_COORDINATES];
+    int lag[LG_MACHINE_COORDINATES];
     uint32_t warning_count;
     char (*warnings)[LG_LOG_SENTENCE];
     /* Owned arrays. */

@@ -1,5 +1,7 @@
 #include "core/lookup.h"
 
+#include "core/core.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -23,4 +25,10 @@ const lg_lookup *lg_lookup_find(const lg_lookup *entries, size_t count, const ch
             high = middle;
     }
     return low < count && strcmp(entries[low].name, name) == 0 ? &entries[low] : NULL;
+}
+
+int lg_label_compare(const char *a, const char *b) {
+    const bool p = lg_is_decimal(a), q = lg_is_decimal(b);
+    const int order = p && q ? lg_decimal_compare(a, b) : (int)q - (int)p;
+    return order != 0 ? order : strcmp(a, b);
 }

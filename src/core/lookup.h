@@ -14,4 +14,7 @@ void lg_lookup_sort(lg_lookup *entries, size_t count);
 /* Returns the first of the sorted entries with this name, or NULL. */
 const lg_lookup *lg_lookup_find(const lg_lookup *entries, size_t count, const char *name);
 
+/* Compares two labels: numbers come first, in rising order; equal numbers and other texts by their bytes. */
+int lg_label_compare(const char *a, const char *b);
+
 #endif

@@ -38,19 +38,20 @@ static int compare_runs(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* True if the windows of each run are consecutive; otherwise *which is a run whose windows are not. `sorted`
- * (count) is work memory. */
-static bool runs_together(const uint32_t *run, size_t count, uint32_t *sorted, uint32_t *which) {
+/* Finds a run whose windows are not consecutive: *torn, and its number *which. */
+static lg_status find_torn(const lg_context *context, const char *path, const lg_series *s, bool *torn,
+                           uint32_t *which, lg_error *error) {
     size_t stretches = 0;
-    for (size_t i = 0; i < count; i++)
-        if (i == 0 || run[i] != run[i - 1]) sorted[stretches++] = run[i];
+    *torn = false;
+    if (s->run == NULL) return LG_OK;
+    uint32_t *sorted = lg_alloc(context, s->count, sizeof *sorted);
+    if (sorted == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    for (size_t i = 0; i < s->count; i++)
+        if (i == 0 || s->run[i] != s->run[i - 1]) sorted[stretches++] = s->run[i];
     qsort(sorted, stretches, sizeof *sorted, compare_runs);
-    for (size_t i = 1; i < stretches; i++)
-        if (sorted[i] == sorted[i - 1]) {
-            *which = sorted[i];
-            return false;
-        }
-    return true;
+    for (size_t i = 1; i < stretches && !*torn; i++) *torn = sorted[i] == sorted[i - 1], *which = sorted[i];
+    lg_free(context, sorted);
+    return LG_OK;
 }
 
 /* ---- reading ---- */
@@ -146,11 +147,7 @@ static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg
 
 static lg_status check_runs(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
-    if (s->run == NULL) return LG_OK;
-    uint32_t *sorted = lg_alloc(call->context, s->count, sizeof *sorted);
-    if (sorted == NULL) return no_memory(call, error);
-    call->torn = !runs_together(s->run, s->count, sorted, &call->torn_run);
-    lg_free(call->context, sorted);
+    LG_TRY(find_torn(call->context, call->path, s, &call->torn, &call->torn_run, error));
     if (!call->torn) return LG_OK;
     lg_free(call->context, s->run);
     s->run = NULL;
@@ -294,16 +291,13 @@ static lg_status check_labels(const char *path, const lg_series *s, lg_error *er
 
 static lg_status check_written_runs(const lg_context *context, const char *path, const lg_series *s,
                                     lg_error *error) {
+    bool torn;
     uint32_t which;
-    if (s->run == NULL) return LG_OK;
-    uint32_t *sorted = lg_alloc(context, s->count, sizeof *sorted);
-    if (sorted == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    const bool together = runs_together(s->run, s->count, sorted, &which);
-    lg_free(context, sorted);
-    return together ? LG_OK
-                    : lg_fail(error, LG_INVALID_ARGUMENT,
-                              "%s: /run: the windows of run %u do not follow each other", lg_shown_path(path),
-                              which);
+    LG_TRY(find_torn(context, path, s, &torn, &which, error));
+    return torn ? lg_fail(error, LG_INVALID_ARGUMENT,
+                          "%s: /run: the windows of run %u do not follow each other", lg_shown_path(path),
+                          which)
+                : LG_OK;
 }
 
 static lg_status check_written(const lg_context *context, const char *path, const lg_series_data *data,

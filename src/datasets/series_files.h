@@ -27,8 +27,6 @@ lg_status lg_names_add(lg_names *names, const char *text);
  * not use it on a list that was filled by lg_names_add. */
 lg_status lg_names_meet(lg_names *names, const char *text, uint32_t *index, bool *known);
 
-bool lg_names_find(const lg_names *names, const char *text, uint32_t *index); /* searches by `order` */
-
 /* Reads names from a file. They are in the attribute `key` of the root (one text with the names joined by |,
  * or a list of texts), else in the data set /key (count) of texts; else count becomes 0. Attributes and data
  * sets of numbers are ignored. With `unique`, no name may be empty or occur twice, and `order` is set. The
@@ -39,13 +37,6 @@ lg_status lg_names_get(lg_h5 *h5, const char *key, bool unique, lg_names *names,
  * LG_FORMAT. */
 lg_status lg_names_list(lg_h5 *h5, const char *key, bool unique, uint32_t *count,
                         char (**out)[LG_SERIES_NAME], lg_error *error);
-/* Writes the names as one joined attribute if they are short and contain no |, else as a data set. */
-lg_status lg_names_put(lg_h5 *h5, const char *key, const char (*name)[LG_SERIES_NAME], uint32_t count,
-                       lg_error *error);
-/* Fails with LG_INVALID_ARGUMENT if a name is not terminated or, with `unique`, if a name is empty or occurs
- * twice. */
-lg_status lg_names_check(const lg_context *context, const char *path, const char *what,
-                         const char (*name)[LG_SERIES_NAME], uint32_t count, bool unique, lg_error *error);
 /* Writes names as "intact|broken", cut to `size` bytes. */
 void lg_names_show(char (*list)[LG_SERIES_NAME], uint32_t count, char *text, size_t size);
 /* Returns the array of names and empties `names`. The caller owns the array. NULL if there are no names. */

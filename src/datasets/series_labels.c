@@ -1,16 +1,11 @@
 /* Maps labels of any type to classes 0, 1, ... */
 #include <inttypes.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "liegrad/settings.h"
-
 #include "core/lookup.h"
 #include "datasets/series_files.h"
-
-enum { NUMBER_TEXT = 32 }; /* bytes of a number with 17 digits */
 
 void lg_labels_destroy(lg_labels *labels) {
     LG_FREE_ALL(labels->context, labels->label, labels->value, labels->class_of);
@@ -162,86 +157,55 @@ static bool all_within(const lg_labels *labels, int64_t low, int64_t high) {
     return labels->whole && labels->value[0] >= low && labels->value[labels->distinct - 1] <= high;
 }
 
-static bool whole_of(const char *text, double *value) {
-    *value = lg_is_decimal(text) ? lg_real(text, NULL) : NAN;
-    return floor(*value) == *value;
+static int by_label(const void *a, const void *b) {
+    return lg_label_compare(((const lg_lookup *)a)->name, ((const lg_lookup *)b)->name);
 }
 
-/* A list of labels for lookups: `text` has all labels, `number` the whole numbers in one common format. Both
- * are sorted. */
-typedef struct finder {
-    lg_lookup *text, *number;
-    char (*text_of)[LG_SERIES_NAME], (*digits)[NUMBER_TEXT];
-    size_t texts, numbers;
-} finder;
-
-static const char *write_number(double value, char digits[NUMBER_TEXT]) {
-    (void)lg_format(digits, NUMBER_TEXT, "%.17g", value + 0.0); /* + 0.0 makes -0 the same number as 0 */
-    return digits;
+/* A sorted list of labels for lookups. Returns NULL and sets labels->starved if memory runs out. */
+static lg_lookup *sort_list(lg_labels *labels, char (*list)[LG_SERIES_NAME], uint32_t count) {
+    lg_lookup *sorted = lg_alloc(labels->context, count, sizeof *sorted);
+    if (sorted == NULL) labels->starved = true;
+    for (uint32_t c = 0; c < count && sorted != NULL; c++) sorted[c] = (lg_lookup){list[c], c};
+    if (sorted != NULL) qsort(sorted, count, sizeof *sorted, by_label);
+    return sorted;
 }
 
-static void end_finder(const lg_labels *labels, finder *f) {
-    LG_FREE_ALL(labels->context, f->text, f->digits);
+static bool same_number(const char *a, const char *b) {
+    return lg_is_decimal(a) && lg_is_decimal(b) && lg_decimal_compare(a, b) == 0;
 }
 
-/* Returns false and sets labels->starved if memory runs out. */
-static bool begin_finder(lg_labels *labels, char (*list)[LG_SERIES_NAME], uint32_t count, finder *f) {
-    double value;
-    *f = (finder){.text = lg_alloc(labels->context, 2 * (uint64_t)count, sizeof *f->text),
-                  .digits = lg_alloc(labels->context, count, sizeof *f->digits),
-                  .text_of = list,
-                  .texts = count};
-    if (f->text == NULL || f->digits == NULL) {
-        labels->starved = true;
-        end_finder(labels, f);
-        return false;
+/* Looks up a label: an equal text, or else an equal number ("1" equals "1.0"), which stands next to it. */
+static bool find_in(const lg_lookup *sorted, size_t count, const char *text, uint32_t *out) {
+    size_t low = 0, high = count;
+    while (low < high) {
+        const size_t middle = (low + high) / 2;
+        if (lg_label_compare(sorted[middle].name, text) < 0)
+            low = middle + 1;
+        else
+            high = middle;
     }
-    f->number = f->text + count;
-    for (uint32_t c = 0; c < count; c++) {
-        f->text[c] = (lg_lookup){list[c], c};
-        if (!whole_of(list[c], &value)) continue;
-        f->number[f->numbers] = (lg_lookup){write_number(value, f->digits[f->numbers]), c};
-        f->numbers++;
-    }
-    lg_lookup_sort(f->text, f->texts);
-    lg_lookup_sort(f->number, f->numbers);
+    const bool equal = low < count && strcmp(sorted[low].name, text) == 0;
+    if (!equal && low > 0 && !(low < count && same_number(sorted[low].name, text))) low--;
+    if (low == count || !(equal || same_number(sorted[low].name, text))) return false;
+    *out = (uint32_t)sorted[low].at;
     return true;
-}
-
-/* Looks up a label: an equal text, or else an equal whole number ("1" equals "1.0"). Different whole numbers
- * beyond 2^53 may have the same text in the common format, so all their digits are compared. */
-static bool find_in(const finder *f, const char *text, uint32_t *out) {
-    double value;
-    char digits[NUMBER_TEXT];
-    const lg_lookup *found = lg_lookup_find(f->text, f->texts, text);
-    if (found == NULL && whole_of(text, &value)) {
-        found = lg_lookup_find(f->number, f->numbers, write_number(value, digits));
-        if (found != NULL && lg_decimal_compare(f->text_of[found->at], text) != 0) {
-            size_t i = 0;
-            while (i < f->numbers && lg_decimal_compare(f->text_of[f->number[i].at], text) != 0) i++;
-            found = i < f->numbers ? &f->number[i] : NULL;
-        }
-    }
-    if (found != NULL) *out = (uint32_t)found->at;
-    return found != NULL;
 }
 
 /* Sets the class of each distinct label to its index in `list`. Returns false if a label is not in the list;
  * *missing is then the first such label. It also returns false if memory runs out (labels->starved). */
 static bool find_labels(char (*list)[LG_SERIES_NAME], uint32_t count, lg_labels *labels, uint32_t *missing) {
-    finder f;
     uint32_t i = 0;
-    if (!begin_finder(labels, list, count, &f)) return false;
-    while (i < labels->distinct && find_in(&f, labels->text.name[i], &labels->class_of[i])) i++;
-    end_finder(labels, &f);
+    lg_lookup *sorted = sort_list(labels, list, count);
+    if (sorted == NULL) return false;
+    while (i < labels->distinct && find_in(sorted, count, labels->text.name[i], &labels->class_of[i])) i++;
+    lg_free(labels->context, sorted);
     if (i < labels->distinct) *missing = i;
     return i == labels->distinct;
 }
 
-static bool any_whole(char (*list)[LG_SERIES_NAME], uint32_t count) {
-    double value;
+static bool any_number(char (*list)[LG_SERIES_NAME], uint32_t count) {
     for (uint32_t c = 0; list != NULL && c < count; c++)
-        if (whole_of(list[c], &value)) return true;
+        if (lg_is_decimal(list[c])) return true;
     return false;
 }
 
@@ -319,7 +283,7 @@ static lg_status labels_like(lg_h5 *h5, const lg_series *like, lg_labels *labels
     uint32_t missing = 0;
     if (like == NULL || like->class_label == NULL || !same_names(names, like)) return LG_OK;
     *done = find_labels(like->class_label, like->classes, labels, &missing);
-    if (*done || !labels->whole || !any_whole(like->class_label, like->classes)) return LG_OK;
+    if (*done || !labels->whole || !any_number(like->class_label, like->classes)) return LG_OK;
     return unknown_label(h5, labels->text.name[missing], like->class_label, like->classes, like->class_name,
                          error);
 }
@@ -357,15 +321,15 @@ static lg_status own_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_lab
 /* Replaces the classes of the file by the classes of `like` with the same names. */
 static lg_status match_names(const lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
                              lg_error *error) {
-    finder f;
     lg_status status = LG_OK;
-    if (!begin_finder(labels, like->class_name, like->classes, &f)) return LG_OUT_OF_MEMORY;
+    lg_lookup *sorted = sort_list(labels, like->class_name, like->classes);
+    if (sorted == NULL) return LG_OUT_OF_MEMORY;
     for (uint32_t i = 0; i < labels->distinct && status == LG_OK; i++) {
         const char *name = names->name[labels->class_of[i]];
-        if (!find_in(&f, name, &labels->class_of[i]))
+        if (!find_in(sorted, like->classes, name, &labels->class_of[i]))
             status = unknown_label(h5, name, like->class_name, like->classes, like->class_name, error);
     }
-    end_finder(labels, &f);
+    lg_free(labels->context, sorted);
     return status;
 }
 
@@ -378,11 +342,11 @@ static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels 
     if (like->class_label != NULL && find_labels(like->class_label, count, labels, &missing)) return LG_OK;
     if (find_labels(like->class_name, count, labels, &unnamed)) return LG_OK;
     labels->by_number = all_within(labels, 0, (int64_t)count - 1) && labels->value[0] == 0 &&
-                        !any_whole(like->class_label, count) && !any_whole(like->class_name, count);
+                        !any_number(like->class_label, count) && !any_number(like->class_name, count);
     for (uint32_t i = 0; i < labels->distinct && labels->by_number; i++)
         labels->class_of[i] = (uint32_t)labels->value[i];
     if (labels->by_number) return LG_OK;
-    return like->class_label != NULL && labels->whole == any_whole(like->class_label, count)
+    return like->class_label != NULL && labels->whole == any_number(like->class_label, count)
                ? unknown_label(h5, labels->text.name[missing], like->class_label, count, like->class_name,
                                error)
                : unknown_label(h5, labels->text.name[unnamed], like->class_name, count, like->class_name,

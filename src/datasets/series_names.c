@@ -55,7 +55,7 @@ static uint32_t place_of(const lg_names *names, const char *text) {
     return low;
 }
 
-bool lg_names_find(const lg_names *names, const char *text, uint32_t *index) {
+static bool find(const lg_names *names, const char *text, uint32_t *index) {
     const uint32_t place = place_of(names, text);
     if (place == names->count || strcmp(names->name[names->order[place]], text) != 0) return false;
     *index = names->order[place];
@@ -63,7 +63,7 @@ bool lg_names_find(const lg_names *names, const char *text, uint32_t *index) {
 }
 
 lg_status lg_names_meet(lg_names *names, const char *text, uint32_t *index, bool *known) {
-    *known = lg_names_find(names, text, index);
+    *known = find(names, text, index);
     if (*known) return LG_OK;
     const uint32_t place = place_of(names, text);
     LG_TRY(lg_names_add(names, text));
@@ -143,8 +143,10 @@ lg_status lg_names_get(lg_h5 *h5, const char *key, bool unique, lg_names *names,
 
 /* ---- writing ---- */
 
-lg_status lg_names_check(const lg_context *context, const char *path, const char *what,
-                         const char (*name)[LG_SERIES_NAME], uint32_t count, bool unique, lg_error *error) {
+/* Fails with LG_INVALID_ARGUMENT if a name is not terminated or, with `unique`, is empty or occurs twice. */
+static lg_status check_names(const lg_context *context, const char *path, const char *what,
+                             const char (*name)[LG_SERIES_NAME], uint32_t count, bool unique,
+                             lg_error *error) {
     const char *shown = lg_shown_path(path);
     lg_names met = {.context = context};
     lg_status status = LG_OK;
@@ -167,8 +169,9 @@ lg_status lg_names_check(const lg_context *context, const char *path, const char
     return status;
 }
 
-lg_status lg_names_put(lg_h5 *h5, const char *key, const char (*name)[LG_SERIES_NAME], uint32_t count,
-                       lg_error *error) {
+/* Writes the names as one joined attribute if they are short and contain no |, else as a data set. */
+static lg_status put_names(lg_h5 *h5, const char *key, const char (*name)[LG_SERIES_NAME], uint32_t count,
+                           lg_error *error) {
     char joined[LG_H5_TEXT];
     size_t used = 0;
     bool fits = true;
@@ -191,26 +194,25 @@ lg_status lg_sensing_check(const lg_context *context, const char *path, const lg
                        sensing->rate);
     if (sensing->class_name == NULL || sensing->classes < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the classes have no names", lg_shown_path(path));
-    LG_TRY(lg_names_check(context, path, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name,
-                          sensing->classes, true, error));
+    LG_TRY(check_names(context, path, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name,
+                       sensing->classes, true, error));
     if (sensing->class_label != NULL)
-        LG_TRY(lg_names_check(context, path, "class_labels",
-                              (const char(*)[LG_SERIES_NAME])sensing->class_label, sensing->classes, true,
-                              error));
+        LG_TRY(check_names(context, path, "class_labels", (const char(*)[LG_SERIES_NAME])sensing->class_label,
+                           sensing->classes, true, error));
     if (sensing->channel_name == NULL) return LG_OK;
-    return lg_names_check(context, path, "channels", (const char(*)[LG_SERIES_NAME])sensing->channel_name,
-                          sensing->channels, false, error);
+    return check_names(context, path, "channels", (const char(*)[LG_SERIES_NAME])sensing->channel_name,
+                       sensing->channels, false, error);
 }
 
 lg_status lg_sensing_put(lg_h5 *h5, const lg_series *sensing, lg_error *error) {
-    LG_TRY(lg_names_put(h5, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name, sensing->classes,
-                        error));
+    LG_TRY(put_names(h5, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name, sensing->classes,
+                     error));
     if (sensing->class_label != NULL)
-        LG_TRY(lg_names_put(h5, "class_labels", (const char(*)[LG_SERIES_NAME])sensing->class_label,
-                            sensing->classes, error));
+        LG_TRY(put_names(h5, "class_labels", (const char(*)[LG_SERIES_NAME])sensing->class_label,
+                         sensing->classes, error));
     if (sensing->channel_name != NULL)
-        LG_TRY(lg_names_put(h5, "channels", (const char(*)[LG_SERIES_NAME])sensing->channel_name,
-                            sensing->channels, error));
+        LG_TRY(put_names(h5, "channels", (const char(*)[LG_SERIES_NAME])sensing->channel_name,
+                         sensing->channels, error));
     if (sensing->rate == 0) return LG_OK;
     return lg_h5_put_number(h5, "", "rate", LG_ELEMENT_F64, &sensing->rate, error);
 }

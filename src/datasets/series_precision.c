@@ -11,31 +11,16 @@ static const double worth_a_warning = 0.01, lost = 0.5;
 /* Halfway between the largest float and 2^128. Numbers from here on round to infinity. */
 static const double beyond = 0x1.ffffffp127;
 
-/* A sum of squares, stored as scale^2 * sum, so that it neither overflows nor underflows. */
-typedef struct squares {
-    double scale, sum;
-} squares;
-
-/* Sums over one channel. Deviations are relative to the channel's first sample. */
+/* Sums over one channel: of deviations from the channel's first sample, and the norms (roots of the sums of
+ * squares) of deviations and rounding errors. */
 typedef struct channel_sums {
-    double first, largest, deviation;
-    squares deviations, errors;
+    double first, largest, deviation, deviations, errors;
 } channel_sums;
 
 typedef struct conversion {
     lg_series *series;
     channel_sums *channel; /* (channels) */
 } conversion;
-
-static void add_squares(squares *total, double scale, double sum) {
-    if (scale == 0) return;
-    if (scale <= total->scale) {
-        total->sum += sum * (scale / total->scale) * (scale / total->scale);
-        return;
-    }
-    total->sum = sum + total->sum * (total->scale / scale) * (total->scale / scale);
-    total->scale = scale;
-}
 
 static float to_float(double value) {
     return fabs(value) >= beyond ? (float)copysign(INFINITY, value) : (float)value;
@@ -59,8 +44,8 @@ static void convert(channel_sums *sums, const double *values, size_t length, flo
         const double e = ((double)out[t] - values[t]) / error;
         e2 += e * e;
     }
-    add_squares(&sums->deviations, deviation, d2);
-    add_squares(&sums->errors, error, e2);
+    sums->deviations = hypot(sums->deviations, deviation * sqrt(d2));
+    sums->errors = hypot(sums->errors, error * sqrt(e2));
 }
 
 static void convert_rows(void *user, uint64_t row, uint64_t rows, const double *values) {
@@ -77,12 +62,11 @@ static void convert_rows(void *user, uint64_t row, uint64_t rows, const double *
 /* Root mean square of the rounding errors, divided by the standard deviation, both over n samples. 0 for a
  * constant channel. */
 static double part_lost(const channel_sums *sums, double n) {
-    const double scale = sums->deviations.scale;
-    if (!(scale > 0) || sums->errors.scale == 0) return 0;
-    const double mean = sums->deviation / n / scale, variance = sums->deviations.sum / n - mean * mean;
-    const double deviation = sqrt(fmax(variance, 0));
+    const double scale = sums->deviations;
+    if (!(scale > 0) || sums->errors == 0) return 0;
+    const double mean = sums->deviation / n / scale, deviation = sqrt(fmax(1 / n - mean * mean, 0));
     if (!(deviation > 0) || lg_is_rounding(deviation * scale, sums->largest)) return 0;
-    return sums->errors.scale / scale * sqrt(sums->errors.sum / n) / deviation;
+    return sums->errors / scale / sqrt(n) / deviation;
 }
 
 static void name_channel(const lg_series *s, uint32_t channel, char *text, size_t size) {

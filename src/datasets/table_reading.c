@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "core/lookup.h"
 #include "files/frame.h"
 #include "files/h5.h"
 #include "liegrad/table.h"
@@ -24,20 +25,12 @@ void lg_table_data_destroy(lg_table_data *data) {
 
 /* ---- classes ---- */
 
-/* Numbers come first, in rising order. */
-static int compare_texts(const void *a, const void *b) {
-    const char *x = a, *y = b;
-    const bool p = lg_is_decimal(x), q = lg_is_decimal(y);
-    const int order = p && q ? lg_decimal_compare(x, y) : (int)q - (int)p;
-    return order != 0 ? order : strcmp(x, y);
-}
-
 /* Returns the position of the class, or the position where it would have to be inserted. */
 static uint32_t place_of(const lg_table_data *out, const char *text, bool *known) {
     uint32_t low = 0, high = out->classes;
     while (low < high) {
         const uint32_t middle = low + (high - low) / 2;
-        if (compare_texts(out->class_name[middle], text) < 0)
+        if (lg_label_compare(out->class_name[middle], text) < 0)
             low = middle + 1;
         else
             high = middle;

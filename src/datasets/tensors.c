@@ -91,31 +91,25 @@ static yaml_node_t *value_of(yaml_document_t *document, const yaml_node_t *mappi
     return NULL;
 }
 
-static lg_status check_sorted(const reading *r, const yaml_node_t *mapping, const char *what,
-                              lg_lookup *sorted, lg_error *error) {
-    yaml_document_t *document = lg_yaml_document(r->header);
-    size_t n = 0;
-    for (yaml_node_pair_t *p = mapping->data.mapping.pairs.start; p < mapping->data.mapping.pairs.top; p++) {
-        sorted[n] = (lg_lookup){text_of(yaml_document_get_node(document, p->key)), n};
-        if (sorted[n++].name == NULL)
-            return lg_fail(error, LG_FORMAT, "%s: %s: a key is not a text", lg_shown_path(r->path), what);
-    }
-    lg_lookup_sort(sorted, n);
-    for (size_t i = 1; i < n; i++)
-        if (strcmp(sorted[i].name, sorted[i - 1].name) == 0)
-            return lg_fail(error, LG_FORMAT, "%s: %s: key '%.64s' is there twice", lg_shown_path(r->path),
-                           what, sorted[i].name);
-    return LG_OK;
-}
-
 /* Checks that all keys are texts and that no key occurs twice. `what` is the mapping's name in error
  * messages. */
 static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const char *what, lg_error *error) {
     if (mapping->type != YAML_MAPPING_NODE) return LG_OK;
-    const size_t pairs = (size_t)(mapping->data.mapping.pairs.top - mapping->data.mapping.pairs.start);
+    const yaml_node_pair_t *first = mapping->data.mapping.pairs.start;
+    const size_t pairs = (size_t)(mapping->data.mapping.pairs.top - first);
     lg_lookup *sorted = lg_alloc(r->context, pairs, sizeof *sorted);
-    const lg_status status =
-        sorted == NULL ? no_memory(r, error) : check_sorted(r, mapping, what, sorted, error);
+    lg_status status = sorted == NULL ? no_memory(r, error) : LG_OK;
+    for (size_t i = 0; i < pairs && status == LG_OK; i++) {
+        sorted[i] =
+            (lg_lookup){text_of(yaml_document_get_node(lg_yaml_document(r->header), first[i].key)), i};
+        if (sorted[i].name == NULL)
+            status = lg_fail(error, LG_FORMAT, "%s: %s: a key is not a text", lg_shown_path(r->path), what);
+    }
+    if (status == LG_OK) lg_lookup_sort(sorted, pairs);
+    for (size_t i = 1; i < pairs && status == LG_OK; i++)
+        if (strcmp(sorted[i].name, sorted[i - 1].name) == 0)
+            status = lg_fail(error, LG_FORMAT, "%s: %s: key '%.64s' is there twice", lg_shown_path(r->path),
+                             what, sorted[i].name);
     lg_free(r->context, sorted);
     return status;
 }

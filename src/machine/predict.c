@@ -5,17 +5,28 @@
 #include "core/core.h"
 #include "machine/internal.h"
 
+/* A run: its first row of the log, the row in which its part ends, and the row of the results that gets its
+ * first point. */
+typedef struct one {
+    size_t start, end, out;
+} one;
+
 typedef struct runs {
     const lg_machine *machine;
     const double *theta;
     const lg_scheme *scheme;
     uint32_t substeps;
     const lg_machine_log *log;
-    const size_t *start;
-    size_t count, steps;
+    size_t count, steps, dim; /* runs that have not ended; dim: of a state */
+    bool to_end;
     double *positions, *velocities, *state, *row;
+    one *run;
     size_t *at;
 } runs;
+
+static void find_rows(const runs *r, size_t step) {
+    for (size_t i = 0; i < r->count; i++) r->at[i] = r->run[i].start + step;
+}
 
 static lg_status begin(lg_tape *tape, const runs *r, lg_machine_vars *vars, lg_machine_flow *flow) {
     lg_tape_reset(tape);
@@ -23,6 +34,11 @@ static lg_status begin(lg_tape *tape, const runs *r, lg_machine_vars *vars, lg_m
     LG_TRY(lg_machine_bind(tape, r->machine, theta, vars));
     *flow = (lg_machine_flow){.vars = vars, .scheme = r->scheme, .substeps = r->substeps};
     return lg_machine_space(r->machine, &flow->space);
+}
+
+/* NaN marks rows that are not predicted. */
+static double mark(double x) {
+    return isnan(x) ? (double)INFINITY : x;
 }
 
 /* Writes point `step` of all runs in the log's units; keeps the scaled states in r->state for the next
@@ -33,15 +49,17 @@ static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow,
     const size_t nq = machine->positions, nv = machine->velocities;
     double *q = r->row, *v = r->row + r->count * nq;
     const lg_var joined = lg_taped_join(tape, &flow->space, parts);
-    LG_TRY(lg_read(tape, joined, r->count * flow->space.dim, r->state));
+    LG_TRY(lg_read(tape, joined, r->count * r->dim, r->state));
     LG_TRY(lg_read(tape, lg_machine_record_positions(tape, flow->vars, parts), r->count * nq, q));
-    for (size_t i = 0; i < r->count; i++) r->at[i] = r->start[i] + step;
+    find_rows(r, step);
     const lg_var shown = lg_machine_record_shown(tape, flow->vars, r->log, r->at, (uint32_t)r->count, parts);
     LG_TRY(lg_read(tape, shown, r->count * nv, v));
     for (size_t i = 0; i < r->count; i++) {
         lg_machine_unscale_row(machine, q + i * nq, v + i * nv);
         for (size_t k = 0; k < nv && machine->accelerations; k++) v[i * nv + k] /= machine->scales.time;
-        const size_t at = i * (r->steps + 1) + step;
+        for (size_t k = 0; k < nq && r->to_end; k++) q[i * nq + k] = mark(q[i * nq + k]);
+        for (size_t k = 0; k < nv && r->to_end; k++) v[i * nv + k] = mark(v[i * nv + k]);
+        const size_t at = r->run[i].out + step;
         if (r->positions != NULL) memcpy(r->positions + at * nq, q + i * nq, nq * sizeof *q);
         if (r->velocities != NULL) memcpy(r->velocities + at * nv, v + i * nv, nv * sizeof *v);
     }
@@ -55,12 +73,13 @@ static lg_status first_point(lg_tape *tape, const runs *r) {
     lg_var parts[LG_TAPED_MAX_PARTS];
     double *q = r->row, *v = r->row + r->count * machine->positions;
     LG_TRY(begin(tape, r, &vars, &flow));
-    lg_machine_scaled_rows(machine, r->log, r->start, r->count, q, v);
+    find_rows(r, 0);
+    lg_machine_scaled_rows(machine, r->log, r->at, r->count, q, v);
     const uint32_t rows = (uint32_t)r->count;
     const lg_var positions = lg_input_f64(tape, lg_shape2(rows, machine->positions), q),
                  velocities = lg_input_f64(tape, lg_shape2(rows, machine->velocities), v);
     LG_TRY(lg_machine_record_state(tape, &vars, positions, velocities, parts));
-    LG_TRY(lg_machine_start_bristles(tape, &vars, r->log, r->start, r->count, parts));
+    LG_TRY(lg_machine_start_bristles(tape, &vars, r->log, r->at, r->count, parts));
     return keep(tape, r, &flow, parts, 0);
 }
 
@@ -69,21 +88,37 @@ static lg_status next_point(lg_tape *tape, const runs *r, size_t step) {
     lg_machine_flow flow;
     lg_var parts[LG_TAPED_MAX_PARTS];
     LG_TRY(begin(tape, r, &vars, &flow));
-    for (size_t i = 0; i < r->count; i++) r->at[i] = r->start[i] + step - 1;
-    const lg_var state =
-        lg_input_f64(tape, lg_shape2((uint32_t)r->count, (uint32_t)flow.space.dim), r->state);
+    find_rows(r, step - 1);
+    const lg_var state = lg_input_f64(tape, lg_shape2((uint32_t)r->count, (uint32_t)r->dim), r->state);
     LG_TRY(lg_taped_split(tape, &flow.space, state, parts));
     LG_TRY(lg_machine_record_interval(tape, &flow, r->log, r->at, (uint32_t)r->count, parts));
     return keep(tape, r, &flow, parts, step);
 }
 
-static lg_status run_all(const lg_context *context, lg_tape *tape, const runs *r) {
+/* Leaves out the runs whose parts have no row for point `step`. */
+static void end_runs(runs *r, size_t step) {
+    size_t kept = 0;
+    for (size_t i = 0; i < r->count; i++) {
+        if (r->run[i].start + step >= r->run[i].end) continue;
+        r->run[kept] = r->run[i];
+        memmove(r->state + kept++ * r->dim, r->state + i * r->dim, r->dim * sizeof *r->state);
+    }
+    r->count = kept;
+}
+
+static lg_status run_all(const lg_context *context, lg_tape *tape, runs *r) {
     LG_TRY(first_point(tape, r));
     for (size_t step = 1; step <= r->steps; step++) {
         if (lg_cancelled(context)) return LG_CANCELLED;
+        end_runs(r, step);
+        if (r->count == 0) break;
         LG_TRY(next_point(tape, r, step));
     }
     return LG_OK;
+}
+
+static void fill(double *x, size_t count, double value) {
+    for (size_t i = 0; x != NULL && i < count; i++) x[i] = value;
 }
 
 lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machine, const double *theta,
@@ -93,18 +128,35 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
     LG_NEEDS(error, machine, scheme, log, start);
     lg_space space;
     lg_tape *tape = NULL;
-    if (count == 0 || count > UINT32_MAX || substeps == 0)
+    const bool to_end = steps == LG_MACHINE_TO_END;
+    if ((count == 0 && !to_end) || count > UINT32_MAX || substeps == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "free runs need at least one start and one substep");
     LG_TRY(lg_machine_space(machine, &space));
-    runs r = {machine, theta,     scheme,     substeps, log,  start, count,
-              steps,   positions, velocities, NULL,     NULL, NULL};
+    if (to_end) fill(positions, log->rows * machine->positions, (double)NAN);
+    if (to_end) fill(velocities, log->rows * machine->velocities, (double)NAN);
+    if (count == 0) return LG_OK;
+    runs r = {.machine = machine,
+              .theta = theta,
+              .scheme = scheme,
+              .substeps = substeps,
+              .log = log,
+              .count = count,
+              .steps = steps,
+              .dim = space.dim,
+              .to_end = to_end,
+              .positions = positions,
+              .velocities = velocities};
     r.state =
         lg_alloc(context, count * (space.dim + machine->positions + machine->velocities), sizeof *r.state);
     r.at = lg_alloc(context, count, sizeof *r.at);
-    lg_status status = r.state != NULL && r.at != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    r.run = lg_alloc(context, count, sizeof *r.run);
+    lg_status status = r.state != NULL && r.at != NULL && r.run != NULL ? LG_OK : LG_OUT_OF_MEMORY;
     if (status == LG_OK) status = lg_tape_create(context, NULL, &tape);
     if (status == LG_OK) {
         r.row = r.state + count * space.dim;
+        for (size_t i = 0; i < count; i++)
+            r.run[i] = (one){start[i], log->first[lg_machine_log_part(log, start[i]) + 1],
+                             to_end ? start[i] : i * (steps + 1)};
         status = run_all(context, tape, &r);
         if (status != LG_OK)
             (void)lg_fail(error, status, "%s",
@@ -113,6 +165,6 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
         (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     }
     lg_tape_destroy(tape);
-    LG_FREE_ALL(context, r.state, r.at);
+    LG_FREE_ALL(context, r.state, r.at, r.run);
     return status;
 }

@@ -328,25 +328,25 @@ TEST(
         if (i > 0) v[i] = v[i - 1] + 0.1 * (u[4 * (i - 1)] - 3 * sin(0.5 * (q[i] + q[i - 1])));
     }
     lg_machine_log log = {.rows = N, .parts = 1, .first = first, .t = t, .q = q, .v = v, .u = u};
-    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, NULL, &left, NULL));
     assert_true(left < 1e-10);
     q[50] = v[70] = (double)NAN; /* their rows do not count */
-    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, NULL, &left, NULL));
     assert_true(left < 1e-10);
     u[4 * 20] += 1;
-    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, NULL, &left, NULL));
     assert_true(left > 1e-4);
     const double before = v[90];
     v[90] = 1e100; /* whose squares can be added, but not multiplied */
-    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, NULL, &left, NULL));
     assert_true(isnan(left));
     v[90] = before;
     for (size_t i = 0; i < N; i++) q[i] = (double)NAN;
-    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, NULL, &left, NULL));
     assert_true(isnan(left));
     log.rows = 1;
     log.first = (const size_t[]){0, 1};
-    assert_ok(lg_machine_unexplained(NULL, &machine, &log, &left, NULL));
+    assert_ok(lg_machine_unexplained(NULL, &machine, &log, NULL, &left, NULL));
     assert_true(isnan(left));
 }
 

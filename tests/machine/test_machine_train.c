@@ -414,6 +414,32 @@ TEST("free runs without starts or substeps are refused, and a run can be cancell
     assert_says(error.message, "the runs were stopped");
 }
 
+TEST("runs to the ends of their parts are the runs of so many steps; other rows are NaN") {
+    const logs *l = make_logs(0.1, 7);
+    const lg_machine machine = oscillator(true);
+    const lg_scheme *scheme = lg_scheme_find("cf4");
+    size_t start[PARTS], count = 0;
+    double q[ALL], v[ALL], one_q[ROWS], one_v[ROWS];
+    for (size_t p = 0; p < PARTS; p += 2)
+        start[count++] = l->first[p] + (5 * p + 3) % ROWS; /* unequal lengths */
+    assert_ok(lg_machine_free_run(NULL, &machine, NULL, scheme, 2, &l->log, start, count, LG_MACHINE_TO_END,
+                                  q, v, NULL));
+    for (size_t row = 0, i = 0; row < ALL; row++) {
+        while (i + 1 < count && row >= start[i + 1]) i++;
+        const size_t end = l->first[start[i] / ROWS + 1];
+        if (row == start[i])
+            assert_ok(lg_machine_free_run(NULL, &machine, NULL, scheme, 2, &l->log, &start[i], 1,
+                                          end - row - 1, one_q, one_v, NULL));
+        assert_true((row < start[i] || row >= end) == (bool)isnan(q[row]) && isnan(q[row]) == isnan(v[row]));
+        if (isnan(q[row])) continue;
+        assert_close(q[row], one_q[row - start[i]], 1e-13, 1e-13);
+        assert_close(v[row], one_v[row - start[i]], 1e-13, 1e-13);
+    }
+    assert_ok(lg_machine_free_run(NULL, &machine, NULL, scheme, 2, &l->log, start, 0, LG_MACHINE_TO_END, q,
+                                  NULL, NULL));
+    for (size_t row = 0; row < ALL; row++) assert_true(isnan(q[row]));
+}
+
 /* ---- scales of logs ---- */
 
 enum { FEW = 6 };

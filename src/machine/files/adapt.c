@@ -101,27 +101,12 @@ static const adaptable kinds[] = {
     {"offset", "the machine has no learned offset", offset},
     {"friction", "the machine has no learned friction: its damping is known or missing", friction}};
 
-static const adaptable *find(const char *name, size_t length) {
-    for (size_t i = 0; i < LG_COUNT(kinds); i++)
-        if (strlen(kinds[i].name) == length && strncmp(kinds[i].name, name, length) == 0) return &kinds[i];
-    return NULL;
-}
-
 static lg_status refuse(const char *name, size_t length, lg_error *error) {
     lg_name_list list = {.used = 0};
     for (size_t i = 0; i < LG_COUNT(kinds); i++) lg_name_list_add(&list, kinds[i].name);
     return lg_fail(error, LG_INVALID_ARGUMENT,
                    "--numbers: \"%.*s\" is no number that can be adapted; take of: %s", (int)length, name,
                    list.text);
-}
-
-/* Finds the next name of a list in which commas separate the names. Returns false if the list has ended. */
-static bool next_name(const char **rest, const char **name, size_t *length) {
-    if (*rest == NULL) return false;
-    *name = *rest;
-    *length = strcspn(*name, ",");
-    *rest = (*name)[*length] == ',' ? *name + *length + 1 : NULL;
-    return true;
 }
 
 /* The kinds that a list names, in its order. */
@@ -137,15 +122,18 @@ static bool has(const picked *of, const adaptable *kind) {
 }
 
 static lg_status pick(const char *names, picked *out, lg_error *error) {
-    const char *name;
-    size_t length;
     *out = (picked){.count = 0};
-    while (next_name(&names, &name, &length)) {
-        const adaptable *kind = find(name, length);
-        if (kind == NULL) return refuse(name, length, error);
+    for (const char *at = names; at != NULL;) {
+        const size_t length = strcspn(at, ",");
+        const adaptable *kind = kinds;
+        while (kind < kinds + LG_COUNT(kinds) &&
+               (strlen(kind->name) != length || strncmp(kind->name, at, length) != 0))
+            kind++;
+        if (kind == kinds + LG_COUNT(kinds)) return refuse(at, length, error);
         if (has(out, kind))
             return lg_fail(error, LG_INVALID_ARGUMENT, "--numbers: \"%s\" stands twice", kind->name);
         out->kind[out->count++] = kind;
+        at = at[length] == ',' ? at + length + 1 : NULL;
     }
     return LG_OK;
 }

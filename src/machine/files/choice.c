@@ -175,10 +175,7 @@ lg_status lg_machine_try(const lg_choosing *c, const char *text, const lg_machin
 }
 
 void lg_machine_trial_destroy(const lg_choosing *c, lg_machine_trial *trial) {
-    lg_free(c->quiet, trial->text);
-    lg_free(c->quiet, trial->learned.theta);
-    lg_free(c->quiet, trial->square);
-    lg_free(c->quiet, trial->left);
+    LG_FREE_ALL(c->quiet, trial->text, trial->learned.theta, trial->square, trial->left);
     *trial = (lg_machine_trial){.text = NULL};
 }
 

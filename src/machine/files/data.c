@@ -38,6 +38,7 @@ static lg_status read_logs(const lg_context *context, uint32_t delay, size_t tra
     lg_log_options options;
     lg_log_options_init(&options);
     options.delay = delay;
+    options.clocks = out->clocks;
     lg_logs_destroy(&out->logs);
     const lg_status status =
         lg_logs_read(context, &out->file, out->paths, out->path_count, &options, &out->logs, error);
@@ -54,7 +55,7 @@ static lg_status estimate_delay(const lg_context *context, size_t training, lg_m
     uint32_t best = 0;
     for (uint32_t delay = 0; delay <= MOST; delay++) {
         LG_TRY(read_logs(context, delay, training, out, error));
-        LG_TRY(lg_machine_unexplained(context, &out->file.machine, &out->training, &left, error));
+        LG_TRY(lg_machine_unexplained(context, &out->file.machine, &out->training, NULL, &left, error));
         if (!(left < least)) continue;
         least = left;
         best = delay;
@@ -69,6 +70,7 @@ static lg_status estimate_delay(const lg_context *context, size_t training, lg_m
 static lg_status read_all(const lg_context *context, const lg_machine_sources *from, lg_machine_data *out,
                           lg_error *error) {
     out->failed = from->machine;
+    out->clocks = from->clocks;
     LG_TRY(from->text == NULL ? lg_machine_file_read(context, from->machine, &out->file, error)
                               : lg_machine_file_parse(context, from->machine, from->text, strlen(from->text),
                                                       &out->file, error));
@@ -95,8 +97,7 @@ lg_status lg_machine_data_read(const lg_context *context, const lg_machine_sourc
 
 void lg_machine_data_destroy(lg_machine_data *data) {
     const lg_context *context = data->file.context;
-    lg_free(context, data->paths);
-    lg_free(context, data->list);
+    LG_FREE_ALL(context, data->paths, data->list);
     lg_logs_destroy(&data->logs);
     lg_machine_file_destroy(&data->file);
     *data = (lg_machine_data){.failed = NULL};
@@ -147,7 +148,7 @@ static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool co
  * steps or held inputs can look like it. But if positions alone are measured and one of them has noise,
  * traces of noise count in the others: without them such a position would have almost no weight beside the
  * first. */
-bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out) {
+static bool find_noises(const lg_machine_data *data, lg_machine_noise *out) {
     bool any = false;
     lg_machine_noise traces;
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
@@ -172,7 +173,7 @@ void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out) 
 void lg_machine_look(lg_machine_state *s) {
     s->positions = s->data.file.measured == LG_MEASURED_POSITIONS;
     s->estimated = s->positions || s->data.file.machine.accelerations;
-    s->noisy = lg_machine_data_noise(&s->data, &s->noise);
+    s->noisy = find_noises(&s->data, &s->noise);
 }
 
 /* ---- ranges ---- */

@@ -1,4 +1,5 @@
-/* How well inputs explain accelerations, used to estimate the inputs' delay. */
+/* Regressions of accelerations on positions, velocities and inputs: a linear model, and how much a
+ * quadratic one leaves, which estimates the inputs' delay. */
 #include <math.h>
 
 #include "liegrad/minimise.h"
@@ -9,10 +10,10 @@ enum {
     MOST_ROWS = 20000
 };
 
-/* Writes the numbers that may explain the acceleration between a row and the next one: mean positions (sine
- * and cosine of angles), mean velocities, and the inputs in the middle of the interval. Returns how many
- * numbers these are. */
-static size_t fill(const lg_machine *machine, const lg_machine_log *log, size_t row, double *z) {
+/* Writes the numbers that may explain the acceleration between a row and the next one: mean positions
+ * (sine and cosine of angles unless `linear`), mean velocities, and the inputs in the middle of the
+ * interval. Returns how many numbers these are. */
+static size_t fill(const lg_machine *machine, const lg_machine_log *log, bool linear, size_t row, double *z) {
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
     const double *q = log->q + row * nq, *v = log->v + row * nv, *u = log->u + row * 4 * m;
     size_t used = 0;
@@ -20,7 +21,7 @@ static size_t fill(const lg_machine *machine, const lg_machine_log *log, size_t 
         const uint32_t count = lg_coordinate_positions(machine->coordinates[i].kind);
         for (uint32_t k = 0; k < count; k++) {
             const double mean = 0.5 * (q[k] + q[nq + k]);
-            const bool angle = machine->coordinates[i].kind == LG_COORDINATE_ANGLE;
+            const bool angle = machine->coordinates[i].kind == LG_COORDINATE_ANGLE && !linear;
             z[used++] = angle ? sin(mean) : mean;
             if (angle) z[used++] = cos(mean);
         }
@@ -43,10 +44,14 @@ static size_t square(const double *z, size_t count, double *x) {
     return used;
 }
 
-/* Monomials x and accelerations y of the interval after `row`. False: a number is missing. */
-static bool interval(const lg_machine *machine, const lg_machine_log *log, size_t row, double *x, double *y) {
+/* Monomials x, or the numbers and 1, and accelerations y of the interval after `row`. False: a number is
+ * missing. */
+static bool interval(const lg_machine *machine, const lg_machine_log *log, bool linear, size_t row, double *x,
+                     double *y) {
     double z[MOST_NUMBERS];
-    const size_t nv = machine->velocities, n = square(z, fill(machine, log, row, z), x);
+    const size_t nv = machine->velocities, numbers = fill(machine, log, linear, row, linear ? x : z),
+                 n = linear ? numbers + 1 : square(z, numbers, x);
+    if (linear) x[numbers] = 1;
     const double *v = log->v + row * nv, h = log->t[row + 1] - log->t[row];
     bool finite = true;
     for (size_t i = 0; i < n; i++) finite = finite && isfinite(x[i]);
@@ -60,6 +65,7 @@ static bool interval(const lg_machine *machine, const lg_machine_log *log, size_
 /* First pass, A NULL: sums of the normal equations. Second pass: sum of the squared residuals of the solution
  * A. */
 typedef struct regression {
+    bool linear;
     size_t n, nv;
     /* matrix (n, n); right and A (nv, n); x (n); left: sum of squared residuals. */
     double *matrix, *right, *A, *x, left, rows;
@@ -84,28 +90,31 @@ static void add(regression *r, const double *y) {
 
 static void pass(const lg_machine *machine, const lg_machine_log *log, regression *r) {
     double y[LG_MACHINE_VELOCITIES];
-    const size_t every = log->rows / MOST_ROWS + 1;
+    const size_t every = r->linear ? 1 : log->rows / MOST_ROWS + 1;
     r->rows = 0;
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row += every)
-            if (interval(machine, log, row, r->x, y)) add(r, y);
+            if (interval(machine, log, r->linear, row, r->x, y)) add(r, y);
 }
 
 lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *machine,
-                                 const lg_machine_log *log, double *out, lg_error *error) {
+                                 const lg_machine_log *log, double *linear, double *out, lg_error *error) {
     double z[MOST_NUMBERS];
-    const size_t numbers = log->rows > 1 ? fill(machine, log, 0, z) : 0;
-    const size_t n = 1 + numbers + numbers * (numbers + 1) / 2, nv = machine->velocities;
-    regression r = {.n = n, .nv = nv, .matrix = lg_alloc(context, n * (n + nv + 1), sizeof *r.matrix)};
+    const bool plain = linear != NULL;
+    const size_t numbers = log->rows > 1 ? fill(machine, log, plain, 0, z) : 0;
+    const size_t n = 1 + numbers + (plain ? 0 : numbers * (numbers + 1) / 2), nv = machine->velocities;
+    regression r = {
+        .linear = plain, .n = n, .nv = nv, .matrix = lg_alloc(context, n * (n + nv + 1), sizeof *r.matrix)};
     *out = (double)NAN;
     if (r.matrix == NULL) return lg_no_memory(error);
     r.right = r.matrix + n * n;
     r.x = r.right + n * nv;
     pass(machine, log, &r);
-    if (r.rows > 0 && lg_normal_equations(n, nv, 1e-9, r.matrix, r.right) == LG_OK) {
+    if (r.rows > 0 && lg_normal_equations(n, nv, plain ? 1e-10 : 1e-9, r.matrix, r.right) == LG_OK) {
         r.A = r.right;
         pass(machine, log, &r);
         *out = r.left / r.rows;
+        for (size_t i = 0; i < n * nv && plain; i++) linear[i] = r.A[i];
     }
     lg_free(context, r.matrix);
     return LG_OK;

@@ -183,8 +183,7 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
         out->starts = r.count = find_starts(machine, from, start_rows, r.steps, every, start);
     if (status == LG_OK && r.count > 0)
         status = judge_runs(context, runner, user, &r, judge_horizon, &h, error);
-    lg_free(context, start);
-    lg_free(context, h.own);
+    LG_FREE_ALL(context, start, h.own);
     return status;
 }
 
@@ -257,8 +256,7 @@ lg_status lg_machine_run(const lg_learned_machine *model, const lg_machine_log *
         keep_ends(all + points * nq, count, before, steps, m->velocities, v);
     }
     lg_started_log_destroy(&begun);
-    lg_free(context, from);
-    lg_free(context, all);
+    LG_FREE_ALL(context, from, all);
     return status;
 }
 
@@ -291,8 +289,7 @@ lg_status lg_machine_states(const lg_learned_machine *model, const lg_machine_lo
         memcpy(out->q + start[i] * nq, states + i * nq, nq * sizeof *v);
         memcpy(out->v + start[i] * nv, v + i * nv, nv * sizeof *v);
     }
-    lg_free(context, states);
-    lg_free(context, start);
+    LG_FREE_ALL(context, states, start);
     return status;
 }
 
@@ -381,8 +378,7 @@ lg_status lg_machine_widen_range(const lg_learned_machine *model, const lg_machi
         if (range->low[i] > range->high[i] && isfinite(found.low[i]) && isfinite(found.high[i]))
             range->low[i] = found.low[i], range->high[i] = found.high[i];
     lg_started_log_destroy(&begun);
-    lg_free(context, q);
-    lg_free(context, start);
+    LG_FREE_ALL(context, q, start);
     return status;
 }
 

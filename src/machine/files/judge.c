@@ -34,15 +34,20 @@ static void find_place(const lg_machine_problem *problem, lg_machine_verdict *ou
 
 /* ---- numbers and their common factor ---- */
 
-/* Warns if mass, potential, damping and input map are determined only up to a common factor. */
-static void warn_of_gauge(const lg_training *self, const lg_machine *machine) {
+void lg_machine_warn_of_gauge(const lg_context *context, const lg_machine *machine) {
     if (machine->normalised)
-        LG_WARN(self, "nothing in the machine's file fixes the common factor of mass, potential, damping and "
-                      "input map: one mass, which has no standard error below, is set to 1; to fix the "
-                      "factor, give a mass or the input map");
-    if (machine->free_gauge && machine->grey.system == NULL)
-        LG_WARN(self, "nothing fixes the common factor of mass, potential, damping and input map: only their "
-                      "ratios are meaningful; give the input map, or a mass that is known or constant");
+        lg_log_message(context, LG_LOG_WARNING,
+                       "nothing in the machine's file fixes the scale of the forces, a common factor of "
+                       "mass, potential, "
+                       "damping and input map: one mass, which has no standard error, is set to 1; to fix "
+                       "the scale, give "
+                       "a mass or the input map");
+    if (machine->free_gauge)
+        lg_log_message(
+            context, LG_LOG_WARNING,
+            "nothing fixes the common factor of mass, potential, damping and input map, the scale of the "
+            "forces: "
+            "only their ratios are meaningful; give the input map, or a mass that is known or constant");
 }
 
 /* Keeps the open directions in which more than one number moves, and drops the other directions. */
@@ -401,7 +406,7 @@ lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {
     LG_TRY(find_numbers(self, theta, what, error));
     LG_TRY(find_states(self, theta, error));
     drop_errors(self, what);
-    warn_of_gauge(self, machine);
+    if (machine->normalised || machine->grey.system == NULL) lg_machine_warn_of_gauge(self->context, machine);
     lg_machine_conclude_suggestion(self, warn_of_misfit(self, what));
     warn_of_floor(self, what);
     warn_of_open(self, &what->identified, what->count);

@@ -3,92 +3,11 @@
 #include <stdlib.h>
 
 #include "core/median.h"
-#include "liegrad/geometry.h"
 #include "machine/files/recipe.h"
 
 double lg_machine_wrap(double angle) {
     const double turn = 6.283185307179586;
     return angle - turn * round(angle / turn);
-}
-
-/* Sums over rows: `moved` of the squared changes of a coordinate from row to row, `missed` of their squared
- * differences from the integral of the velocity (trapezoid). */
-typedef struct motion {
-    double moved, missed;
-    size_t count;
-} motion;
-
-static void add_motion(motion *m, double change, double integral) {
-    if (!isfinite(change) || !isfinite(integral)) return;
-    m->moved += change * change;
-    m->missed += (change - integral) * (change - integral);
-    m->count++;
-}
-
-static void add_step(const lg_coordinate_row *row, const double *a, const double *b, const double *va,
-                     const double *vb, double h, bool angle, motion *m) {
-    double change[3] = {0}, mean[3], turn[9];
-    const double *A = a + row->places, *B = b + row->places, *rate_a = va, *rate_b = vb;
-    for (uint32_t k = 0; k < row->places; k++) {
-        const double moved = angle ? lg_machine_wrap(b[k] - a[k]) : b[k] - a[k];
-        const double speed_a = row->rotations > 0 ? lg_dot3(A + 3 * k, va) : va[k],
-                     speed_b = row->rotations > 0 ? lg_dot3(B + 3 * k, vb) : vb[k];
-        add_motion(m, moved, h * (speed_a + speed_b) / 2);
-    }
-    if (row->rotations == 0 && row->directions == 0) return;
-    rate_a += row->velocities - 3, rate_b += row->velocities - 3;
-    if (row->directions > 0) {
-        lg_cross3(a, b, change);
-    } else {
-        for (int r = 0; r < 3; r++)
-            for (int c = 0; c < 3; c++)
-                turn[3 * r + c] = A[r] * B[c] + A[3 + r] * B[3 + c] + A[6 + r] * B[6 + c];
-        lg_so3_log(turn, change);
-    }
-    for (int k = 0; k < 3; k++) mean[k] = h * (rate_a[k] + rate_b[k]) / 2;
-    for (int k = 0; k < 3; k++) add_motion(m, change[k], mean[k]);
-}
-
-void lg_machine_motions(const lg_machine_data *data, int lag, double *out) {
-    const lg_machine *machine = &data->file.machine;
-    const lg_machine_log *log = &data->logs.log;
-    motion found[LG_MACHINE_COORDINATES] = {{0, 0, 0}};
-    for (size_t p = 0; p < log->parts; p++) {
-        const size_t first = log->first[p] + (lag < 0 ? (size_t)-lag : 0);
-        const size_t end = log->first[p + 1] - (lag > 0 ? (size_t)lag : 0);
-        for (size_t row = first; row + 1 < end && end <= log->first[p + 1]; row++) {
-            const size_t other = lag < 0 ? row - (size_t)-lag : row + (size_t)lag;
-            const double *q = log->q + row * machine->positions, *v = log->v + other * machine->velocities;
-            for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-                const lg_coordinate_kind kind = machine->coordinates[i].kind;
-                const lg_coordinate_row *each = lg_coordinate_row_of(kind);
-                add_step(each, q, q + machine->positions, v, v + machine->velocities,
-                         log->t[row + 1] - log->t[row], kind == LG_COORDINATE_ANGLE, &found[i]);
-                q += lg_coordinate_positions(kind), v += each->velocities;
-            }
-        }
-    }
-    const bool compared = data->file.measured == LG_MEASURED_VELOCITIES;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++)
-        out[i] = compared && found[i].moved > 0 ? sqrt(found[i].missed / found[i].moved) : (double)NAN;
-}
-
-/* ---- two clocks ---- */
-
-/* A lag is accepted if its velocities leave less than half of what the velocities of the same rows leave;
- * velocities of other rows do not reach this by chance. */
-void lg_machine_lags(const lg_machine_data *data, int *lag, double *left) {
-    enum { MOST = 12 };
-    static const double better = 0.5;
-    const uint32_t n = data->file.machine.coordinate_count;
-    double best[LG_MACHINE_COORDINATES], each[LG_MACHINE_COORDINATES];
-    lg_machine_motions(data, 0, best);
-    for (uint32_t i = 0; i < n; i++) lag[i] = 0, best[i] *= better, left[i] = best[i];
-    for (int k = -MOST; k <= MOST; k++) {
-        lg_machine_motions(data, k, each);
-        for (uint32_t i = 0; i < n; i++)
-            if (each[i] < best[i]) best[i] = left[i] = each[i], lag[i] = k;
-    }
 }
 
 /* ---- coordinates with one number: lines and angles ---- */

@@ -62,13 +62,16 @@ struct check {
     uint32_t position, positions;
     uint32_t velocity, velocities;
     uint32_t attitude, attitudes; /* a pose's attitude columns, used when its place is compared */
-    int count;                    /* numbers that are compared: 1 or 3 */
-    bool turns;                   /* y is a rotation vector */
-    bool steady;                  /* correlation and slope are about 0, not about the means */
-    bool overlap;                 /* a span begins every quarter of a span: long spans are few */
-    uint32_t watched;             /* rows are left out of the comparison where this column ... */
-    double jump;                  /* ... changes by more than this to the next row; 0: not used */
-    double low, high;             /* ... or equals one of these; not used if low >= high */
+    const way *ways;              /* (way_count) */
+    size_t way_count;
+    int count;        /* numbers that are compared: 1 or 3 */
+    int lag;          /* velocities are those of so many rows later */
+    bool turns;       /* y is a rotation vector */
+    bool steady;      /* correlation and slope are about 0, not about the means */
+    bool overlap;     /* a span begins every quarter of a span: long spans are few */
+    uint32_t watched; /* rows are left out of the comparison where this column ... */
+    double jump;      /* ... changes by more than this to the next row; 0: not used */
+    double low, high; /* ... or equals one of these; not used if low >= high */
     /* `change` computes the change y of position from row a to row b, `velocity_of` the velocity x in a row
      * that should make this change. */
     void (*change)(const check *c, const way *w, const double *a, const double *b, double *y);
@@ -80,7 +83,7 @@ struct check {
 typedef struct sums {
     size_t n;
     int count;
-    double x[3], y[3], xx, yy, xy;
+    double x[3], y[3], xx, yy, xy, missed; /* missed: of (y - x)^2 */
 } sums;
 
 typedef struct fit {
@@ -89,6 +92,7 @@ typedef struct fit {
      * sign. */
     double correlation, slope;
     double y_variance, x_variance; /* per number */
+    double moved, missed;          /* sums of y^2 and of (y - x)^2 */
 } fit;
 
 static void add(sums *s, const double *x, const double *y) {
@@ -97,6 +101,7 @@ static void add(sums *s, const double *x, const double *y) {
     for (int i = 0; i < s->count; i++) {
         s->x[i] += x[i], s->y[i] += y[i];
         s->xx += x[i] * x[i], s->yy += y[i] * y[i], s->xy += x[i] * y[i];
+        s->missed += (y[i] - x[i]) * (y[i] - x[i]);
     }
     s->n++;
 }
@@ -112,7 +117,11 @@ static fit fit_of(const sums *s, bool steady) {
     /* A variance as difference of sums keeps a little rounding error where nothing changes. */
     if (xx <= STEADY * s->xx) xx = 0;
     if (yy <= STEADY * s->yy) yy = 0;
-    fit f = {.n = s->n, .y_variance = yy / (n * s->count), .x_variance = xx / (n * s->count)};
+    fit f = {.n = s->n,
+             .y_variance = yy / (n * s->count),
+             .x_variance = xx / (n * s->count),
+             .moved = s->yy,
+             .missed = s->missed};
     if (s->n > 0 && xx > 0 && yy > 0) {
         f.correlation = xy / sqrt(xx * yy);
         f.slope = copysign(sqrt(yy / xx), f.correlation);
@@ -131,19 +140,24 @@ static bool is_clipped(const check *c, size_t row) {
     return c->low < c->high && (x == c->low || x == c->high);
 }
 
+static void velocity_at(const check *c, const way *w, size_t row, double *x) {
+    c->velocity_of(c, w, lg_log_row(c->table, row) + c->lag * (ptrdiff_t)c->table->columns, x);
+}
+
 /* Compares changes over `span` rows with integrals of the velocity. */
 static fit compare(const check *c, const way *w, size_t span) {
     const lg_log_table *table = c->table;
-    const size_t stride = table->rows / MOST_COMPARED + (c->overlap ? (span + 3) / 4 : span);
+    const size_t stride = table->rows / MOST_COMPARED + (c->overlap ? (span + 3) / 4 : span),
+                 early = c->lag < 0 ? (size_t)-c->lag : 0, late = span + (c->lag > 0 ? (size_t)c->lag : 0);
     sums s = {.count = c->count};
     for (size_t part = c->begin; part < c->end; part++) {
-        for (size_t row = table->first[part]; row + span < table->first[part + 1]; row += stride) {
+        for (size_t row = table->first[part] + early; row + late < table->first[part + 1]; row += stride) {
             double x[3] = {0, 0, 0}, y[3] = {0, 0, 0}, now[3], before[3];
             bool left_out = is_clipped(c, row);
-            c->velocity_of(c, w, lg_log_row(table, row), before);
+            velocity_at(c, w, row, before);
             for (size_t i = 1; i <= span; i++) {
                 const double h = lg_log_time(table, row + i) - lg_log_time(table, row + i - 1);
-                c->velocity_of(c, w, lg_log_row(table, row + i), now);
+                velocity_at(c, w, row + i, now);
                 for (int k = 0; k < c->count; k++) x[k] += h * (before[k] + now[k]) / 2;
                 memcpy(before, now, sizeof before);
                 left_out = left_out || is_clipped(c, row + i) || is_jump(c, row + i - 1);
@@ -272,16 +286,22 @@ static bool is_degrees(const check *c, const fit *f) {
            fabs(fabs(f->slope) * DEGREE - 1) < 0.05;
 }
 
+/* A scale to propose: a power of ten if the measured one is within 1 % of it, else the measured one. */
+static double tidy_scale(double scale) {
+    const double tidy = copysign(pow(10.0, round(log10(fabs(scale)))), scale);
+    return fabs(scale / tidy - 1.0) < 0.01 ? tidy : scale;
+}
+
 /* Other scales that would mend the slope, as text: " or {x: 0.001}" for the position of a line or angle, and
  * for the time if all coordinates are alike. */
 static void other_scale(const check *c, const fit *f, char *text, size_t size) {
     const lg_log_column *q = &c->table->machine->columns[c->position];
     const lg_log_column *t = &c->table->machine->columns[c->table->machine->time];
     text[0] = '\0';
-    if (c->positions == 1) lg_append(text, size, " or {%s: %.6g}", q->name, lg_log_tidy(q->scale / f->slope));
+    if (c->positions == 1) lg_append(text, size, " or {%s: %.6g}", q->name, tidy_scale(q->scale / f->slope));
     if (f->slope > 0)
         lg_append(text, size, "; if all coordinates show this: {%s: %.6g}", t->name,
-                  lg_log_tidy(f->slope * t->scale));
+                  tidy_scale(f->slope * t->scale));
 }
 
 static lg_status wrong_slope(const check *c, const fit *f) {
@@ -298,7 +318,7 @@ static lg_status wrong_slope(const check *c, const fit *f) {
                        (f->slope < 0 ? -DEGREE : DEGREE) * c->table->machine->columns[c->position].scale);
     for (uint32_t i = 0; i < c->velocities; i++)
         lg_append(scale, sizeof scale, "%s%s: %.6g", i > 0 ? ", " : "", column[i].name,
-                  lg_log_tidy(f->slope * column[i].scale));
+                  tidy_scale(f->slope * column[i].scale));
     other_scale(c, f, other, sizeof other);
     return lg_fail(c->table->error, LG_FORMAT,
                    "%s: column%s %s: the rate of %s is %.4g times %s: if the %s is wrong, set scale: {%s}%s",
@@ -386,10 +406,10 @@ static lg_status refuse_failures(const check *c, const way *w, size_t span, cons
 }
 
 /* Another way of reading the columns that fits far better; NULL: none. */
-static const way *better_way(const check *c, const way *ways, size_t count, size_t span, const fit *f) {
-    const way *best = NULL;
+static const way *better_way(const check *c, size_t span, const fit *f) {
+    const way *best = NULL, *ways = c->ways;
     double most = 0;
-    for (size_t i = 1; i < count; i++) {
+    for (size_t i = 1; i < c->way_count; i++) {
         if (ways[i].scalar_last && c->positions != 4) continue;
         const fit other = compare(c, &ways[i], span);
         if (other.correlation < FITS || 1 - other.correlation > 0.1 * (1 - f->correlation)) continue;
@@ -439,7 +459,8 @@ static bool agree_longer(const check *c, const way *w, size_t *span, fit *f, cha
     }
 }
 
-static lg_status judge(check *c, const way *ways, size_t count) {
+static lg_status judge(check *c) {
+    const way *ways = c->ways;
     size_t span = 1;
     fit f = {0};
     char hint[LG_LOG_NAME + 20] = "";
@@ -451,14 +472,14 @@ static lg_status judge(check *c, const way *ways, size_t count) {
     if (!found) return LG_OK;
     if (f.correlation < FITS_WELL || slope_is_wrong(&f)) LG_TRY(refuse_failures(c, &ways[0], span, &f));
     if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f) : LG_OK;
-    const way *better = better_way(c, ways, count, span, &f);
+    const way *better = better_way(c, span, &f);
     const fit first = f;
     const bool fits = fabs(f.correlation) > FITS;
     if (!fits && c->positions == 1) other_velocity(c, span, 0, hint, sizeof hint);
     c->overlap = true;
     const bool agree =
         !fits && better == NULL && hint[0] == '\0' && agree_longer(c, &ways[0], &span, &f, hint, sizeof hint);
-    if (agree) better = better_way(c, ways, count, span, &f);
+    if (agree) better = better_way(c, span, &f);
     lg_name_list q, v;
     lg_log_names_of(c->table, c->position, c->positions, &q);
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
@@ -489,11 +510,12 @@ static const way body_ways[] = {
 static const way space_ways[] = {
     {.words = ""}, {.space = true, .words = "the velocities are in the body frame: set frame: body"}};
 
-static lg_status check_coordinate(const check *where, uint32_t index) {
-    lg_log_table *table = where->table;
-    const lg_log_coordinate *w = &table->machine->coordinates[index];
-    const lg_coordinate_kind kind = table->machine->machine.coordinates[index].kind;
+/* Returns how many comparisons a coordinate needs: one, or of a pose two. */
+static uint32_t list_checks(const check *where, uint32_t index, check out[2]) {
+    const lg_log_coordinate *w = &where->table->machine->coordinates[index];
+    const lg_coordinate_kind kind = where->table->machine->machine.coordinates[index].kind;
     check place = *where, attitude = *where;
+    place.ways = attitude.ways = plain_ways, place.way_count = attitude.way_count = LG_COUNT(plain_ways);
     place.position = w->place, place.positions = w->places;
     place.velocity = w->velocity, place.velocities = w->places;
     place.attitude = w->attitude, place.attitudes = w->attitudes;
@@ -503,22 +525,56 @@ static lg_status check_coordinate(const check *where, uint32_t index) {
     attitude.velocity = w->velocity + (w->velocities - 3), attitude.velocities = 3;
     attitude.count = 3, attitude.turns = true;
     attitude.change = rotation_change, attitude.velocity_of = rotation_velocity;
-    if (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE)
-        return judge(&place, plain_ways, LG_COUNT(plain_ways));
-    if (kind == LG_COORDINATE_DIRECTION) {
-        attitude.change = scalar_change;
-        attitude.velocity_of = direction_velocity;
-        return judge(&attitude, plain_ways, LG_COUNT(plain_ways));
-    }
-    LG_TRY(judge(&attitude, rotation_ways, LG_COUNT(rotation_ways)));
-    place.velocity_of = pose_velocity;
-    return kind == LG_COORDINATE_POSE ? judge(&place, w->space_frame ? space_ways : body_ways, 2) : LG_OK;
+    out[0] = kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE ? place : attitude;
+    if (kind == LG_COORDINATE_DIRECTION)
+        out[0].change = scalar_change, out[0].velocity_of = direction_velocity;
+    if (kind <= LG_COORDINATE_DIRECTION) return 1;
+    out[0].ways = rotation_ways, out[0].way_count = LG_COUNT(rotation_ways);
+    out[1] = place;
+    out[1].velocity_of = pose_velocity;
+    out[1].ways = w->space_frame ? space_ways : body_ways, out[1].way_count = LG_COUNT(body_ways);
+    return kind == LG_COORDINATE_POSE ? 2 : 1;
 }
 
 static lg_status check_parts(const check *where) {
-    for (uint32_t i = 0; i < where->table->machine->machine.coordinate_count; i++)
-        LG_TRY(check_coordinate(where, i));
+    check of[2];
+    for (uint32_t i = 0; i < where->table->machine->machine.coordinate_count; i++) {
+        const uint32_t count = list_checks(where, i, of);
+        for (uint32_t k = 0; k < count; k++) LG_TRY(judge(&of[k]));
+    }
     return LG_OK;
+}
+
+/* ---- two clocks ---- */
+
+/* What the velocities `lag` rows later leave of the motion of each coordinate from row to row. */
+static void find_motions(const check *where, int lag, double *out) {
+    check of[2];
+    for (uint32_t i = 0; i < where->table->machine->machine.coordinate_count; i++) {
+        double moved = 0, missed = 0;
+        for (uint32_t k = list_checks(where, i, of); k-- > 0;) {
+            of[k].lag = lag;
+            const fit f = compare(&of[k], of[k].ways, 1);
+            moved += f.moved, missed += f.missed;
+        }
+        out[i] = moved > 0 ? sqrt(missed / moved) : (double)NAN;
+    }
+}
+
+/* A lag is accepted if its velocities leave less than half of what the velocities of the same rows leave;
+ * velocities of other rows do not reach this by chance. */
+static void find_lags(const check *where, lg_logs *out) {
+    enum { MOST = 12 };
+    static const double better = 0.5;
+    const uint32_t n = where->table->machine->machine.coordinate_count;
+    double each[LG_MACHINE_COORDINATES];
+    find_motions(where, 0, out->motion);
+    for (uint32_t i = 0; i < n; i++) out->left[i] = better * out->motion[i];
+    for (int k = -MOST; k <= MOST; k++) {
+        find_motions(where, k, each);
+        for (uint32_t i = 0; i < n; i++)
+            if (each[i] < out->left[i]) out->left[i] = each[i], out->lag[i] = k;
+    }
 }
 
 /* Checks each file alone, so that the message names the file at fault, then all files together. */
@@ -536,10 +592,13 @@ static lg_status check_files(check where) {
 }
 
 lg_status lg_log_check(lg_log_table *table) {
+    for (uint32_t i = 0; i < LG_MACHINE_COORDINATES; i++) table->out->motion[i] = (double)NAN;
     if (table->machine->measured != LG_MEASURED_VELOCITIES) return LG_OK;
     double *sorted = lg_alloc(table->context, LG_LOG_SAMPLES, sizeof *sorted);
     if (sorted == NULL) return lg_log_no_memory(table);
     const lg_status status = check_files((check){.table = table, .sorted = sorted});
+    if (status == LG_OK && table->options->clocks)
+        find_lags(&(check){.table = table, .end = table->parts}, table->out);
     lg_free(table->context, sorted);
     return status;
 }

@@ -254,8 +254,7 @@ lg_status lg_log_leave_out_outliers(lg_log_table *t) {
     if (made) x.work = x.off + longest, x.stepped = x.out + longest;
     for (x.column = 0; x.column < t->columns && made; x.column++)
         if (is_continuous(t, x.column)) mend_column(&x);
-    void *const owned[] = {x.all, x.row, x.off, x.out};
-    for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(t->context, owned[i]);
+    LG_FREE_ALL(t->context, x.all, x.row, x.off, x.out);
     return made ? LG_OK : lg_log_no_memory(t);
 }
 

@@ -51,11 +51,6 @@ void lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...) {
                 text);
 }
 
-double lg_log_tidy(double scale) {
-    const double tidy = copysign(pow(10.0, round(log10(fabs(scale)))), scale);
-    return fabs(scale / tidy - 1.0) < 0.01 ? tidy : scale;
-}
-
 void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_name_list *names) {
     *names = (lg_name_list){.used = 0};
     for (uint32_t i = 0; i < count; i++) lg_name_list_add(names, table->machine->columns[first + i].name);
@@ -71,7 +66,7 @@ typedef struct file_reading {
     lg_frame_text run;                  /* of the previous row */
 } file_reading;
 
-/* Makes room for the rows of a block. */
+/* Makes room for the rows of a file. */
 static lg_status grow(lg_log_table *table, size_t rows) {
     if (rows <= table->room - table->rows) return LG_OK;
     const size_t room = 2 * table->room + rows;
@@ -119,16 +114,13 @@ static lg_status append_row(file_reading *r, size_t row) {
 }
 
 static lg_status read_rows(file_reading *r) {
-    enum { BLOCK = 1 << 12 };
     lg_frame *f = &r->frame;
     lg_log_table *t = r->table;
     LG_TRY(lg_frame_open(f, t->error));
     t->place[r->file] = f->place;
-    do {
-        LG_TRY(lg_frame_next(f, BLOCK, t->error));
-        LG_TRY(grow(t, f->rows));
-        for (size_t row = 0; row < f->rows; row++) LG_TRY(append_row(r, row));
-    } while (f->rows > 0);
+    LG_TRY(lg_frame_next(f, SIZE_MAX, t->error));
+    LG_TRY(grow(t, f->rows));
+    for (size_t row = 0; row < f->rows; row++) LG_TRY(append_row(r, row));
     if (f->cut) lg_log_warn(t, "%s: the last line was cut off and left out", f->shown);
     return LG_OK;
 }

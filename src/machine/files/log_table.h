@@ -78,8 +78,6 @@ lg_status lg_log_integrate(const lg_log_table *table, lg_logs *out);
 /* Compares positions with velocities; refuses or warns of columns that do not belong together. */
 lg_status lg_log_check(lg_log_table *table);
 
-/* A scale to propose: a power of ten if the measured one is within 1 % of it, else the measured one. */
-double lg_log_tidy(double scale);
 /* R (row-major) from 4 numbers (w, x, y, z) or 9 numbers. */
 void lg_log_rotation(const double *numbers, uint32_t count, double R[9]);
 

@@ -394,10 +394,7 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
     made->context = context;
     t.place = lg_alloc(context, count, sizeof *t.place);
     const lg_status status = t.place != NULL ? read_logs(&t) : lg_log_no_memory(&t);
-    lg_free(context, t.place);
-    lg_free(context, t.data);
-    lg_free(context, t.origin);
-    lg_free(context, t.first);
+    LG_FREE_ALL(context, t.place, t.data, t.origin, t.first);
     if (status == LG_OK)
         *out = *made;
     else
@@ -409,8 +406,7 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
 void lg_logs_destroy(lg_logs *logs) {
     if (logs == NULL) return;
     lg_machine_filter_destroy(logs->filter);
-    void *const owned[] = {logs->first, logs->part_file, logs->part_run, logs->t,       logs->q,
-                           logs->v,     logs->u,         logs->a,        logs->warnings};
-    for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(logs->context, owned[i]);
+    LG_FREE_ALL(logs->context, logs->first, logs->part_file, logs->part_run, logs->t, logs->q, logs->v,
+                logs->u, logs->a, logs->warnings);
     *logs = (lg_logs){.files = 0};
 }

@@ -424,9 +424,7 @@ lg_status lg_machine_file_parse(const lg_context *context, const char *name, con
         copy = NULL;
     }
     lg_yaml_close(yaml);
-    lg_free(context, made);
-    lg_free(context, values);
-    lg_free(context, copy);
+    LG_FREE_ALL(context, made, values, copy);
     return status;
 }
 

@@ -19,6 +19,7 @@ typedef struct lg_machine_sources {
     const char *validation; /* comma-separated paths of the validation logs; may be NULL */
     int64_t delay;          /* rows, of inputs with `delay: estimate`; < 0: it is estimated */
     bool quiet;             /* warnings of the reader are not told: they were told before */
+    bool clocks;            /* lg_log_options.clocks */
 } lg_machine_sources;
 
 /* A machine and its logs: first the training logs, then the validation logs. */
@@ -27,6 +28,7 @@ typedef struct lg_machine_data {
     lg_logs logs;
     lg_machine_log training; /* the parts of `logs` that are for training */
     const char *failed;      /* after an error: the path of the file that caused it */
+    bool clocks;
     /* (path_count) paths of all logs. Owned, as is `list`, the text that the validation paths point into. */
     const char **paths;
     size_t path_count;
@@ -40,21 +42,20 @@ void lg_machine_data_destroy(lg_machine_data *data);
 /* Fails with LG_UNSUPPORTED if the logs measure momenta, because columns of momenta cannot be predicted. */
 lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *path, lg_error *error);
 
-/* Standard deviations of the noise of each coordinate: as given in the machine's file, else estimated where
- * columns are clearly noisy, else 0. Returns whether there is any noise. */
-bool lg_machine_data_noise(const lg_machine_data *data, lg_machine_noise *out);
-/* As lg_machine_data_noise, but estimated noise counts however small; 0: smooth columns. If velocities are
- * measured, the position noise of a line or angle is at most lg_machine_position_noise. */
+/* Standard deviations of the noise of each coordinate: as given in the machine's file, else estimated,
+ * however small; 0: smooth columns. If velocities are measured, the position noise of a line or angle is
+ * at most lg_machine_position_noise. */
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out);
 
 /* Whether a mass or force of the machine depends on the position of a coordinate (speeds.c). */
 bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate);
 
-/* Mean square of the accelerations between neighbouring rows that a polynomial of degree 2 in positions (sine
- * and cosine of angles), velocities and inputs, fitted to these logs, does not explain (delay.c). NaN:
- * nothing to fit. */
+/* Mean square of the accelerations between neighbouring rows that a polynomial of degree 2 in positions
+ * (sine and cosine of angles), velocities and inputs, fitted to these logs, does not explain (delay.c).
+ * NaN: nothing to fit. With linear (velocities, features) the model is linear in (q, v, u, 1), and
+ * `linear` becomes its matrix unless there is nothing to fit. */
 lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *machine,
-                                 const lg_machine_log *log, double *out, lg_error *error);
+                                 const lg_machine_log *log, double *linear, double *out, lg_error *error);
 
 /* ---- machines and logs at a glance ---- */
 
@@ -88,14 +89,6 @@ double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32
 /* ---- positions against velocities (kinematics.c) ---- */
 
 double lg_machine_wrap(double angle); /* wraps to [-pi, pi] */
-/* For each coordinate, how badly the velocities `lag` rows later explain its motion: root mean square of the
- * changes from row to row minus integrated velocities, divided by the root mean square of the changes. NaN:
- * nothing to compare. */
-void lg_machine_motions(const lg_machine_data *data, int lag, double *out);
-/* For each coordinate the lag, within 12 rows, at which the velocities explain the motion best, if they leave
- * less than half of what velocities of the same rows leave; else 0. `left`: what the velocities at this lag
- * leave, as in lg_machine_motions; if the lag is 0, half of it. */
-void lg_machine_lags(const lg_machine_data *data, int *lag, double *left);
 /* Noise of the position of a line or angle, from the differences between its changes and the integrated
  * velocity: noise gives neighbouring differences opposite signs, curvature does not. 0: no noise, or
  * another kind of coordinate. */
@@ -325,7 +318,8 @@ typedef struct lg_machine_state {
     lg_machine_data data;
     /* The logs measure positions alone; positions or accelerations alone; `noise` is not all 0. */
     bool positions, estimated, noisy;
-    lg_machine_noise noise; /* from lg_machine_data_noise */
+    lg_machine_noise
+        noise; /* as given in the machine's file, else estimated where columns are clearly noisy */
     lg_machine_problem problem;
     lg_machine_verdict verdict;
 } lg_machine_state;
@@ -373,6 +367,9 @@ void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uin
                        double *v);
 /* The trainer's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
 lg_status lg_machine_judge(struct lg_training *self, double *theta, lg_error *error);
+
+/* Warns if mass, potential, damping and input map are determined only up to a common factor (judge.c). */
+void lg_machine_warn_of_gauge(const lg_context *context, const lg_machine *machine);
 
 /* ---- memory (room.c) ---- */
 

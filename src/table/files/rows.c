@@ -6,7 +6,6 @@
 
 #include "core/rounding.h"
 #include "files/csv.h"
-#include "files/csv.h"
 #include "table/files/recipe.h"
 
 static const char *class_column(const lg_table_state *s) {
