@@ -37,22 +37,18 @@ static herr_t refuse_external(const char *parent_file, const char *parent_group,
 
 lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
     if (path == NULL || *path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
-    lg_h5 *h5 = lg_alloc(context, 1, sizeof *h5);
-    bool made = false;
-    if (h5 != NULL) {
-        lg_h5_quiet quiet = lg_quiet_begin();
-        *h5 = (lg_h5){.context = context, .file = H5I_INVALID_HID, .links = H5I_INVALID_HID};
-        h5->path = lg_strdup(context, path);
-        h5->links = H5Pcreate(H5P_LINK_ACCESS);
-        made = h5->path != NULL && H5Pset_elink_cb(h5->links, refuse_external, NULL) >= 0;
-        lg_quiet_end(quiet);
-    }
-    if (made) {
-        *out = h5;
-        return LG_OK;
-    }
-    lg_h5_close(h5);
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    LG_QUIET;
+    LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = lg_alloc(context, 1, sizeof *h5);
+    if (h5 != NULL)
+        *h5 = (lg_h5){.context = context,
+                      .path = lg_strdup(context, path),
+                      .file = H5I_INVALID_HID,
+                      .links = H5Pcreate(H5P_LINK_ACCESS)};
+    if (h5 == NULL || h5->path == NULL || H5Pset_elink_cb(h5->links, refuse_external, NULL) < 0)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    *out = h5;
+    h5 = NULL;
+    return LG_OK;
 }
 
 lg_h5_name lg_h5_memory_name(const lg_h5 *h5) {
@@ -67,10 +63,9 @@ lg_status lg_h5_no_memory(const lg_h5 *h5, lg_error *error) {
 
 void lg_h5_close(lg_h5 *h5) {
     if (h5 == NULL) return;
-    lg_h5_quiet quiet = lg_quiet_begin();
+    LG_QUIET;
     (void)H5Fclose(h5->file);
     (void)H5Pclose(h5->links);
-    lg_quiet_end(quiet);
     LG_FREE_ALL(h5->context, h5->path, h5);
 }
 
@@ -98,15 +93,11 @@ bool lg_attribute_exists(lg_h5 *h5, const char *object, const char *name) {
 }
 
 bool lg_h5_has(lg_h5 *h5, const char *name) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    bool there = lg_path_exists(h5, name);
-    lg_quiet_end(quiet);
-    return there;
+    LG_QUIET;
+    return lg_path_exists(h5, name);
 }
 
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    bool there = lg_attribute_exists(h5, object, name);
-    lg_quiet_end(quiet);
-    return there;
+    LG_QUIET;
+    return lg_attribute_exists(h5, object, name);
 }

@@ -86,21 +86,21 @@ static lg_status kinds_of(read_call *call, const double *values, lg_error *error
             return lg_fail(error, LG_FORMAT, "%s: /case: is %g at index (%zu), expected 0 to %d",
                            lg_shown_path(call->path), values[i], i, LG_ELASTICA_CASE_COUNT - 1);
     c->kind = lg_alloc(call->context, c->count, sizeof *c->kind);
-    if (c->kind == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(call->path));
+    if (c->kind == NULL) return lg_h5_no_memory(call->h5, error);
     for (size_t i = 0; i < c->count; i++) c->kind[i] = (uint32_t)values[i];
     return LG_OK;
 }
 
 /* Reads /case, whole numbers in any number type, because other programs write floats. */
 static lg_status read_kinds(read_call *call, lg_error *error) {
-    double *values = NULL;
+    LG_CLEAN(lg_owned_free) lg_owned values = {call->context, NULL};
+    double *read = NULL;
     sizes s = sizes_of(&call->out->curves);
-    const lg_h5_array kinds = {"case", &values, {&s.curves}, true};
-    lg_status status = lg_h5_get_arrays(call->h5, &kinds, 1, error);
-    if (status == LG_OK && values != NULL) status = kinds_of(call, values, error);
-    lg_free(call->context, values);
-    return status;
+    const lg_h5_array kinds = {"case", &read, {&s.curves}, true};
+    const lg_status status = lg_h5_get_arrays(call->h5, &kinds, 1, error);
+    values.memory = read;
+    LG_TRY(status);
+    return read != NULL ? kinds_of(call, read, error) : LG_OK;
 }
 
 /* ---- checks of the curves ---- */
@@ -194,11 +194,9 @@ static double agreed_length(const lg_elastica_curves *c, double *lengths) {
 
 static lg_status estimate_length(const read_call *call, lg_error *error) {
     lg_elastica_curves *c = &call->out->curves;
-    double *lengths = lg_alloc(call->context, c->count, sizeof *lengths);
-    if (lengths == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(call->path));
+    LG_SCRATCH(double, lengths, call->context, c->count);
+    if (lengths == NULL) return lg_h5_no_memory(call->h5, error);
     const double length = agreed_length(c, lengths);
-    lg_free(call->context, lengths);
     if (!(length >= 1e-100 && length <= 1e100))
         return lg_fail(error, LG_FORMAT, "%s: /q: the length of the curves is %g, expected 1e-100 to 1e100",
                        lg_shown_path(call->path), length);
@@ -269,17 +267,13 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
 
 lg_status lg_elastica_data_read(const lg_context *context, const char *path, const lg_read_options *options,
                                 lg_elastica_data *out, lg_error *error) {
-    if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the path or the place for the data is NULL");
-    lg_elastica_data made = {.curves = {.context = context}};
+    LG_NEEDS(error, path, out);
+    LG_CLEAN(lg_elastica_data_destroy) lg_elastica_data made = {.curves = {.context = context}};
     read_call call = {.context = context, .path = path, .out = &made};
-    const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
-    if (status != LG_OK) {
-        lg_elastica_data_destroy(&made);
-        return status;
-    }
+    LG_TRY(lg_h5_read(context, path, options, read_checked, &call, error));
     hash(&made);
     *out = made;
+    made = (lg_elastica_data){.sha256 = ""};
     return LG_OK;
 }
 

@@ -57,6 +57,11 @@ typedef struct reading {
     bool moves;
 } reading;
 
+static void end_reading(reading *r) {
+    lg_program_destroy(r->program);
+    lg_model_file_destroy(&r->made);
+}
+
 static lg_status read_contents(reading *r, lg_h5 *h5, lg_error *error) {
     const lg_recipe *recipe = r->made.recipe;
     char *contents = r->made.contents = lg_alloc(h5->context, 1, recipe->file_size);
@@ -108,16 +113,12 @@ lg_status lg_model_load(const lg_context *context, const char *path, const lg_re
                         lg_model_file *out, lg_error *error) {
     if (path == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
-    reading r = {.made.context = context};
-    lg_status status = lg_h5_read(context, path, options, read_model, &r, error);
-    if (status == LG_OK) status = make_model(&r, path, error);
-    if (status == LG_OK) {
-        *out = r.made;
-    } else {
-        lg_program_destroy(r.program);
-        lg_model_file_destroy(&r.made);
-    }
-    return status;
+    LG_CLEAN(end_reading) reading r = {.made.context = context};
+    LG_TRY(lg_h5_read(context, path, options, read_model, &r, error));
+    LG_TRY(make_model(&r, path, error));
+    *out = r.made;
+    r.made = (lg_model_file){.model = NULL};
+    return LG_OK;
 }
 
 void lg_model_file_destroy(lg_model_file *file) {

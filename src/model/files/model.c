@@ -55,12 +55,10 @@ static lg_status put_slice(lg_h5 *h5, const slice *s, lg_dtype dtype, const doub
     const lg_slice_info *info = &s->info;
     if (dtype == LG_F64)
         return lg_h5_put(h5, s->name, LG_ELEMENT_F64, info->rank, info->dims, theta + info->offset, error);
-    float *narrow = lg_alloc(h5->context, info->count, sizeof *narrow);
+    LG_SCRATCH(float, narrow, h5->context, info->count);
     if (narrow == NULL) return lg_h5_no_memory(h5, error);
     for (size_t i = 0; i < info->count; i++) narrow[i] = (float)theta[info->offset + i];
-    lg_status status = lg_h5_put(h5, s->name, LG_ELEMENT_F32, info->rank, info->dims, narrow, error);
-    lg_free(h5->context, narrow);
-    return status;
+    return lg_h5_put(h5, s->name, LG_ELEMENT_F32, info->rank, info->dims, narrow, error);
 }
 
 static lg_status put_space(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
@@ -96,37 +94,31 @@ static lg_status put_parameters(lg_h5 *h5, const lg_recipe *recipe, const void *
                                 const lg_program *program, lg_error *error) {
     enum { MOST = LG_PROGRAM_MOST_NAMES };
     lg_program_source places[MOST];
-    char(*names)[LG_PROGRAM_PLACE] = lg_alloc(h5->context, MOST, sizeof *names);
+    LG_SCRATCH(lg_program_key, names, h5->context, MOST);
     if (names == NULL) return lg_h5_no_memory(h5, error);
     slice s;
     const size_t parameters = recipe->parameters(run);
     size_t count = 0, at = 0;
     for (; count < MOST && slice_from(recipe, run, at, &s); at += s.info.count) {
-        (void)snprintf(names[count], sizeof names[count], "%s", s.name);
-        places[count] = (lg_program_source){"theta", names[count]};
+        (void)snprintf(names[count].text, sizeof names[count].text, "%s", s.name);
+        places[count] = (lg_program_source){"theta", names[count].text};
         count++;
     }
     for (const lg_program_source *p = recipe->places; p != NULL && p->parameter != NULL && count < MOST; p++)
         places[count++] = *p;
-    const lg_status status =
-        at == parameters ? lg_program_put_parameters(h5, program, places, count, error)
-                         : lg_fail(error, LG_UNSUPPORTED, "%s: the model has more than %d arrays of weights",
-                                   lg_shown_path(h5->path), MOST);
-    lg_free(h5->context, names);
-    return status;
+    if (at == parameters) return lg_program_put_parameters(h5, program, places, count, error);
+    return lg_fail(error, LG_UNSUPPORTED, "%s: the model has more than %d arrays of weights",
+                   lg_shown_path(h5->path), MOST);
 }
 
 static lg_status put_functions(lg_h5 *h5, const lg_recipe *recipe, const void *file, const void *run,
                                lg_error *error) {
     const lg_scheme *scheme;
-    lg_program *program;
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
     LG_TRY(make_program(h5, recipe, file, &scheme, &program, error));
-    lg_status status = put_parameters(h5, recipe, run, program, error);
-    if (status == LG_OK) status = lg_program_put_functions(h5, program, error);
-    if (status == LG_OK && scheme != NULL)
-        status = lg_h5_put_text(h5, "functions", "scheme", scheme->name, error);
-    lg_program_destroy(program);
-    return status;
+    LG_TRY(put_parameters(h5, recipe, run, program, error));
+    LG_TRY(lg_program_put_functions(h5, program, error));
+    return scheme != NULL ? lg_h5_put_text(h5, "functions", "scheme", scheme->name, error) : LG_OK;
 }
 
 /* Where lg_fit_save writes: the root of the file. */
@@ -318,12 +310,10 @@ typedef struct edit_call {
 
 static lg_status edit_file(void *user, lg_error *error) {
     const edit_call *call = user;
-    lg_h5 *h5;
+    LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
     LG_TRY(lg_h5_edit(call->context, call->path, &h5, error));
-    lg_status status = call->edit(call->user, h5, error);
-    if (status == LG_OK && call->commit) status = lg_h5_commit(h5, error);
-    lg_h5_close(h5);
-    return status;
+    LG_TRY(call->edit(call->user, h5, error));
+    return call->commit ? lg_h5_commit(h5, error) : LG_OK;
 }
 
 lg_status lg_run_edit(const lg_context *context, const char *path,
@@ -354,33 +344,26 @@ lg_status lg_checkpoint_create(const lg_context *context, const char *path, cons
     if (path == NULL || kind == NULL || run == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the checkpoint's name, its kind, its run or `out` is NULL");
-    lg_file_writer *writer;
+    LG_CLEAN(lg_file_writer_destroy_at) lg_file_writer *writer = NULL;
     LG_TRY(lg_run_check(path, kind, run, error));
     LG_TRY(lg_file_writer_create(context, path, kind->checkpoint, provenance, &writer, error));
-    lg_status status = lg_run_put(lg_file_writer_h5(writer), kind, run, error);
-    if (status == LG_OK)
-        *out = writer;
-    else
-        lg_file_writer_destroy(writer);
-    return status;
+    LG_TRY(lg_run_put(lg_file_writer_h5(writer), kind, run, error));
+    *out = writer;
+    writer = NULL;
+    return LG_OK;
 }
 
 lg_status lg_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
                              const lg_recipe *kind, void *run, lg_file_reader **out, lg_error *error) {
     if (kind == NULL || run == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the checkpoint's kind, its run or `out` is NULL");
-    lg_file_reader *reader;
+    LG_CLEAN(lg_file_reader_destroy_at) lg_file_reader *reader = NULL;
     LG_TRY(lg_file_reader_create(context, path, kind->checkpoint, options, &reader, error));
-    void *got = lg_alloc(context, 1, kind->run_size);
-    lg_status status = got == NULL
-                           ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
-                           : lg_run_get(lg_file_reader_h5(reader), kind, true, got, error);
-    if (status == LG_OK) {
-        memcpy(run, got, kind->run_size);
-        *out = reader;
-    } else {
-        lg_file_reader_destroy(reader);
-    }
-    lg_free(context, got);
-    return status;
+    LG_SCRATCH(char, got, context, kind->run_size);
+    if (got == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    LG_TRY(lg_run_get(lg_file_reader_h5(reader), kind, true, got, error));
+    memcpy(run, got, kind->run_size);
+    *out = reader;
+    reader = NULL;
+    return LG_OK;
 }
