@@ -71,16 +71,13 @@ lg_archive_writer lg_h5_view_writer(lg_h5_view *view) {
 
 lg_status lg_file_writer_create(const lg_context *context, const char *path, const char *kind,
                                 const lg_provenance *provenance, lg_file_writer **out, lg_error *error) {
-    if (path == NULL || kind == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, its kind or `out` is NULL");
+    LG_NEEDS(error, path, kind, out);
     LG_CLEAN(lg_file_writer_destroy_at) lg_file_writer *writer = lg_alloc(context, 1, sizeof *writer);
     if (writer == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     writer->context = context;
     LG_TRY(lg_h5_create(context, path, &writer->h5, error));
     LG_TRY(lg_h5_put_header(writer->h5, kind, provenance, error));
-    *out = writer;
-    writer = NULL;
-    return LG_OK;
+    return LG_MOVE(out, writer);
 }
 
 lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_archive_writer *out) {
@@ -165,8 +162,7 @@ static lg_status probe_all(void *user, lg_error *error) {
 
 lg_status lg_file_reader_create(const lg_context *context, const char *path, const char *kind,
                                 const lg_read_options *options, lg_file_reader **out, lg_error *error) {
-    if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
+    LG_NEEDS(error, path, out);
     open_call call = {context, path, kind, options, NULL};
     LG_TRY(lg_probe(context, path, options, probe_all, &call, error));
     LG_TRY(open_checked(&call, error));

@@ -267,8 +267,7 @@ static lg_status put_array(lg_frame *f, const lg_frame_want *want, const double 
 static lg_status read_array(h5_file *h, const lg_frame_want *want, lg_error *error) {
     lg_frame *f = h->frame;
     const lg_h5_slice slice = {.name = want->name, .first = f->before, .count = f->rows};
-    LG_SCRATCH(double, values, f->context, (f->rows * want->width));
-    if (values == NULL) return lg_frame_no_memory(f, error);
+    LG_TRY_SCRATCH(double, values, f->context, (f->rows * want->width), lg_frame_no_memory(f, error));
     LG_TRY(lg_h5_get_slice(h->h5, &slice, LG_H5_EXACT, values, error));
     return put_array(f, want, values, error);
 }

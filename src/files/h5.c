@@ -6,26 +6,29 @@
 
 /* ---- types ---- */
 
+static const struct {
+    size_t bytes;
+    const hid_t *memory, *file;
+} elements[] = {
+    [LG_ELEMENT_F64] = {8, &H5T_NATIVE_DOUBLE_g, &H5T_IEEE_F64LE_g},
+    [LG_ELEMENT_F32] = {4, &H5T_NATIVE_FLOAT_g, &H5T_IEEE_F32LE_g},
+    [LG_ELEMENT_I64] = {8, &H5T_NATIVE_INT64_g, &H5T_STD_I64LE_g},
+    [LG_ELEMENT_U64] = {8, &H5T_NATIVE_UINT64_g, &H5T_STD_U64LE_g},
+    [LG_ELEMENT_U32] = {4, &H5T_NATIVE_UINT32_g, &H5T_STD_U32LE_g},
+    [LG_ELEMENT_U8] = {1, &H5T_NATIVE_UINT8_g, &H5T_STD_U8LE_g},
+};
+
 size_t lg_element_size(lg_element type) {
-    return type == LG_ELEMENT_U8 ? 1 : type == LG_ELEMENT_F32 || type == LG_ELEMENT_U32 ? 4 : 8;
+    return elements[type].bytes;
 }
 
 hid_t lg_h5_memory_type(lg_element type) {
-    switch (type) {
-    case LG_ELEMENT_F64:
-        return H5T_NATIVE_DOUBLE;
-    case LG_ELEMENT_F32:
-        return H5T_NATIVE_FLOAT;
-    case LG_ELEMENT_I64:
-        return H5T_NATIVE_INT64;
-    case LG_ELEMENT_U64:
-        return H5T_NATIVE_UINT64;
-    case LG_ELEMENT_U32:
-        return H5T_NATIVE_UINT32;
-    case LG_ELEMENT_U8:
-        return H5T_NATIVE_UINT8;
-    }
-    return H5I_INVALID_HID;
+    return H5open() >= 0 ? *elements[type].memory : H5I_INVALID_HID;
+}
+
+hid_t lg_h5_file_type(lg_element type) {
+    const bool known = (size_t)type < LG_COUNT(elements);
+    return known && H5open() >= 0 ? *elements[type].file : H5I_INVALID_HID;
 }
 
 /* ---- handles ---- */
@@ -46,9 +49,7 @@ lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg
                       .links = H5Pcreate(H5P_LINK_ACCESS)};
     if (h5 == NULL || h5->path == NULL || H5Pset_elink_cb(h5->links, refuse_external, NULL) < 0)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    *out = h5;
-    h5 = NULL;
-    return LG_OK;
+    return LG_MOVE(out, h5);
 }
 
 lg_h5_name lg_h5_memory_name(const lg_h5 *h5) {

@@ -75,8 +75,10 @@ bool lg_attribute_exists(lg_h5 *h5, const char *object, const char *name);
 
 bool lg_is_number(hid_t type); /* true for undamaged floating-point and integer types */
 bool lg_is_whole(double x);
-hid_t lg_h5_long_type(hid_t stored);      /* the native integer of 8 bytes with the sign of `stored` */
-hid_t lg_h5_memory_type(lg_element type); /* a native type, which must not be closed */
+hid_t lg_h5_long_type(hid_t stored); /* the native integer of 8 bytes with the sign of `stored` */
+/* The native type and the type in files of an element, which must not be closed. */
+hid_t lg_h5_memory_type(lg_element type);
+hid_t lg_h5_file_type(lg_element type); /* negative for a value that is no element */
 size_t lg_element_size(lg_element type);
 /* Creates a handle that has no file yet. It copies the path and creates the link access list. */
 lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);

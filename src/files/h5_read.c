@@ -69,9 +69,7 @@ static lg_status open_handle(const lg_context *context, const char *path, const 
         return lg_fail(error, LG_FORMAT,
                        "%s: is not an HDF5 file, or is cut short, damaged or still being written",
                        lg_shown_path(path));
-    *out = h5;
-    h5 = NULL;
-    return LG_OK;
+    return LG_MOVE(out, h5);
 }
 
 lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_options *options, lg_h5 **out,
@@ -383,8 +381,7 @@ lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t
     if (d.rank != rank)
         return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u", lg_shown_path(h5->path), name,
                        d.rank, rank);
-    LG_SCRATCH(double, data, h5->context, d.count);
-    if (data == NULL) return no_room(h5, name, error);
+    LG_TRY_SCRATCH(double, data, h5->context, d.count, no_room(h5, name, error));
     LG_TRY(read_dataset(h5, name, &d, LG_ELEMENT_F64, data, error));
     LG_TRY(lg_check_finite(h5->path, name, rank, d.dims, data, error));
     memcpy(dims, d.dims, sizeof d.dims);
@@ -517,8 +514,7 @@ lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *u
     LG_TRY(lg_h5_look(h5, name, sizeof(float), &about, error));
     if (about.count == 0) return LG_OK;
     const uint64_t row = about.count / about.dims[0], rows = lg_h5_block(&about, 0);
-    LG_SCRATCH(double, values, h5->context, (size_t)(rows * row));
-    if (values == NULL) return lg_h5_no_memory(h5, error);
+    LG_TRY_SCRATCH(double, values, h5->context, (size_t)(rows * row), lg_h5_no_memory(h5, error));
     for (uint64_t at = 0; at < about.dims[0]; at += rows) {
         const uint64_t left = about.dims[0] - at;
         const lg_h5_slice slice = {.name = name, .first = at, .count = left < rows ? left : rows};
@@ -536,8 +532,7 @@ bool lg_is_whole(double x) {
 lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,
                            lg_error *error) {
     if (about->kind == LG_H5_WHOLE) return get_all(h5, name, H5T_NATIVE_INT64, out, error);
-    LG_SCRATCH(double, values, h5->context, about->count);
-    if (values == NULL) return no_room(h5, name, error);
+    LG_TRY_SCRATCH(double, values, h5->context, about->count, no_room(h5, name, error));
     LG_TRY(get_all(h5, name, H5T_NATIVE_DOUBLE, values, error));
     for (uint64_t i = 0; i < about->count; i++) {
         if (!lg_is_whole(values[i]))
@@ -572,8 +567,7 @@ static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t
 static lg_status sweep_numbers(lg_h5 *h5, const char *name, lg_error *error) {
     LG_DATASET(d);
     if (open_numbers(h5, name, &d, NULL) != LG_OK) return LG_OK;
-    LG_SCRATCH(double, data, h5->context, d.count);
-    if (data == NULL) return no_room(h5, name, error);
+    LG_TRY_SCRATCH(double, data, h5->context, d.count, no_room(h5, name, error));
     if (d.count == 0) return LG_OK;
     return read_part(h5, name, &d, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, true, data, error);
 }

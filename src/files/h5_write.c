@@ -7,24 +7,6 @@ void lg_io_setup(void) {
     (void)H5dont_atexit();
 }
 
-static hid_t file_type(lg_element type) {
-    switch (type) {
-    case LG_ELEMENT_F64:
-        return H5T_IEEE_F64LE;
-    case LG_ELEMENT_F32:
-        return H5T_IEEE_F32LE;
-    case LG_ELEMENT_I64:
-        return H5T_STD_I64LE;
-    case LG_ELEMENT_U64:
-        return H5T_STD_U64LE;
-    case LG_ELEMENT_U32:
-        return H5T_STD_U32LE;
-    case LG_ELEMENT_U8:
-        return H5T_STD_U8LE;
-    }
-    return H5I_INVALID_HID;
-}
-
 /* False if there is no memory for the cache of a file; HDF5 1.10 would crash then. */
 static bool has_room_for_cache(void) {
     enum { CACHE = 4 << 20 };
@@ -45,9 +27,7 @@ lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out,
     if (H5Pset_obj_track_times(create, false) >= 0 && H5Pset_fapl_core(access, LG_CORE_INCREMENT, false) >= 0)
         h5->file = H5Fcreate(lg_h5_memory_name(h5).text, H5F_ACC_TRUNC, create, access);
     if (h5->file < 0) return lg_h5_no_memory(h5, error);
-    *out = h5;
-    h5 = NULL;
-    return LG_OK;
+    return LG_MOVE(out, h5);
 }
 
 static lg_status not_stored(const lg_h5 *h5, const char *object, const char *name, lg_error *error) {
@@ -75,13 +55,13 @@ static hid_t create_dataset(lg_h5 *h5, const char *name, hid_t type, uint32_t ra
 
 lg_status lg_h5_put(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     const void *data, lg_error *error) {
-    if (rank > LG_MAX_RANK || name == NULL || *name == '\0' || file_type(type) < 0)
+    if (rank > LG_MAX_RANK || name == NULL || *name == '\0' || lg_h5_file_type(type) < 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: a data set needs a name, a type and rank <= %d",
                        lg_shown_path(h5->path), LG_MAX_RANK);
     uint64_t count = 1;
     for (uint32_t i = 0; i < rank; i++) count *= dims[i];
     LG_QUIET;
-    LG_ID set = create_dataset(h5, name, file_type(type), rank, dims);
+    LG_ID set = create_dataset(h5, name, lg_h5_file_type(type), rank, dims);
     const bool stored = set >= 0 && (count == 0 || H5Dwrite(set, lg_h5_memory_type(type), H5S_ALL, H5S_ALL,
                                                             H5P_DEFAULT, data) >= 0);
     return stored ? LG_OK : not_stored(h5, name, "", error);
@@ -147,7 +127,8 @@ lg_status lg_h5_put_text_list(lg_h5 *h5, const char *object, const char *name, c
 
 lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type,
                            const void *value, lg_error *error) {
-    return put_attribute(h5, object, name, file_type(type), lg_h5_memory_type(type), NULL, value, error);
+    return put_attribute(h5, object, name, lg_h5_file_type(type), lg_h5_memory_type(type), NULL, value,
+                         error);
 }
 
 lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name, lg_error *error) {

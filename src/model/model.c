@@ -146,9 +146,7 @@ lg_status lg_model_create(const lg_context *context, lg_program *program, const 
     *made = (lg_model){.context = context, .program = program};
     if (space != NULL) made->space = *space;
     LG_TRY(complete(made, error));
-    *out = made;
-    made = NULL;
-    return LG_OK;
+    return LG_MOVE(out, made);
 }
 
 lg_status lg_model_find(const lg_model *model, const char *function, const lg_plan_options *options,

@@ -54,7 +54,5 @@ lg_status lg_model_copy_program(const lg_model *model, const lg_scheme *scheme, 
     if (lg_model_moves(model) && !own)
         LG_TRY(lg_program_add_step(
             made, &model->space, scheme != NULL ? scheme : lg_model_usual_scheme(model), 0.001, 0.05, error));
-    *out = made;
-    made = NULL;
-    return LG_OK;
+    return LG_MOVE(out, made);
 }

@@ -232,9 +232,7 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
                        "the initial parameters are not finite in the type (dtype) of the training");
     status = lg_fit_agree(fit, lg_fit_try_recording(fit), error);
     if (status != LG_OK) return lg_fail(error, status, "no memory for a plan of the loss");
-    *out = fit;
-    fit = NULL;
-    return LG_OK;
+    return LG_MOVE(out, fit);
 }
 
 void lg_fit_destroy(lg_fit *fit) {

@@ -148,8 +148,7 @@ static lg_status evaluate_objective(lg_minimiser *m, void *user) {
 lg_status lg_minimise(const lg_context *context, size_t n, lg_objective objective, void *user,
                       const lg_minimise_options *options, double *x, lg_minimise_result *result,
                       lg_error *error) {
-    if (objective == NULL || x == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the objective or x is NULL");
+    LG_NEEDS(error, objective, x);
     if (options != NULL && options->method == LG_MINIMISE_LM)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the method lm minimises sums of squares only: call lg_least_squares");
@@ -333,8 +332,7 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     lg_minimise_options_init(&chosen);
     if (options != NULL) chosen = *options;
     chosen.method = LG_MINIMISE_LM;
-    if (residuals == NULL || x == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the residuals or x is NULL");
+    LG_NEEDS(error, residuals, x);
     if (rows < n || rows > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%zu residuals for %zu unknowns: expected at least as many residuals as unknowns",
@@ -342,9 +340,9 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     LG_CLEAN(lg_minimiser_destroy_at) lg_minimiser *m = NULL;
     LG_TRY(lg_minimiser_create(context, n, &chosen, x, &m, error));
     const size_t numbers = 6 * rows + 3 * rows * n + 3 * n + n * n + lg_minimise_stack_length(rows, n);
-    LG_SCRATCH(double, memory, context, numbers);
-    if (memory == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a Jacobian of %zu x %zu numbers", rows, n);
+    LG_TRY_SCRATCH(
+        double, memory, context, numbers,
+        lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a Jacobian of %zu x %zu numbers", rows, n));
     given_residuals given = {.function = residuals, .user = user, .m = rows, .n = n, .k = m->k, .r = memory};
     given.jacobian = given.r + rows;
     given.transposed = given.jacobian + rows * n;

@@ -108,10 +108,6 @@ static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
     return lg_h5_put_text(h5, "model", "outputs", outputs[model->loss], error);
 }
 
-static size_t parameters(const void *run) {
-    return lg_cnn_parameters(&((const lg_detector_run *)run)->model.net);
-}
-
 static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
     return lg_cnn_slice(&((const lg_detector_run *)run)->model.net, index, out);
 }

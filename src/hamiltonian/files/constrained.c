@@ -26,8 +26,7 @@ lg_status lg_h5_put_constraint(lg_h5 *h5, const lg_constraint *constraint, lg_er
 lg_status lg_hash_image(const lg_context *context, const lg_function_image *image, lg_sha256 *state) {
     size_t size;
     LG_TRY(lg_function_pack(image, NULL, &size, NULL));
-    LG_SCRATCH(char, bytes, context, size);
-    if (bytes == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(char, bytes, context, size, LG_OUT_OF_MEMORY);
     LG_TRY(lg_function_pack(image, bytes, &size, NULL));
     lg_sha256_add(state, bytes, size);
     return LG_OK;

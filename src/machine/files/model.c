@@ -120,10 +120,6 @@ static lg_status read_machine(lg_h5 *h5, void *user, lg_error *error) {
     return LG_OK;
 }
 
-static size_t parameters(const void *run) {
-    return ((const lg_machine_model_run *)run)->machine.parameters;
-}
-
 static lg_status make(void *user, lg_error *why) {
     return lg_machine_init(&((lg_machine_model_run *)user)->machine, why);
 }

@@ -108,9 +108,7 @@ lg_status lg_rows_file_create(const lg_context *context, const char *path, const
     LG_TRY(check_limit(file, options, error));
     LG_TRY(lg_temporary_create(context, path, false, &file->temporary, error));
     LG_TRY(lay_out_file(file, options, error));
-    *out = file;
-    file = NULL;
-    return LG_OK;
+    return LG_MOVE(out, file);
 }
 
 /* ---- rows ---- */

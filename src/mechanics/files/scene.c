@@ -411,8 +411,7 @@ lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed) {
     options.starts = scene->starts;
     options.low = scene->low;
     options.high = scene->high;
-    LG_SCRATCH(double, state, scene->context, lg_system_dim(scene->system));
-    if (state == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(double, state, scene->context, lg_system_dim(scene->system), LG_OUT_OF_MEMORY);
     lg_rng rng;
     lg_rng_seed(&rng, seed, 0);
     LG_TRY(lg_system_draw_start(scene->system, &options, &rng, state));

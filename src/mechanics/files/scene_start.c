@@ -164,8 +164,7 @@ static lg_status place(const reading *r, start *s) {
 static lg_status convert(const reading *r, start *s) {
     const lg_system *system = r->out->system;
     if (!s->other) return LG_OK;
-    LG_SCRATCH(char, work, r->context, lg_system_work_size(system));
-    if (work == NULL) return lg_scene_no_memory(r);
+    LG_TRY_SCRATCH(char, work, r->context, lg_system_work_size(system), lg_scene_no_memory(r));
     const bool momenta = strcmp(r->table->own_key, "p") == 0;
     const lg_status status =
         (momenta ? lg_chain_momenta : lg_chain_velocities)(system, s->y, s->y, (double *)(void *)work);

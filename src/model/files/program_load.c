@@ -261,7 +261,6 @@ static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
 
 lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
                           lg_program **out, lg_error *error) {
-    if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
+    LG_NEEDS(error, path, out);
     return lg_h5_read(context, path, options, load, out, error);
 }

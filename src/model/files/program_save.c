@@ -15,8 +15,7 @@ lg_program_key lg_program_below(const char *group, const char *name) {
 static lg_status put_bytes(lg_h5 *h5, const lg_function_image *image, lg_error *error) {
     size_t size;
     LG_TRY(lg_function_pack(image, NULL, &size, error));
-    LG_SCRATCH(char, bytes, h5->context, size);
-    if (bytes == NULL) return lg_h5_no_memory(h5, error);
+    LG_TRY_SCRATCH(char, bytes, h5->context, size, lg_h5_no_memory(h5, error));
     LG_TRY(lg_function_pack(image, bytes, &size, error));
     return lg_h5_put(h5, lg_program_below("functions", image->name).text, LG_ELEMENT_U8, 1, &(uint64_t){size},
                      bytes, error);
@@ -42,8 +41,7 @@ static lg_status put_parameter(lg_h5 *h5, const lg_parameter_spec *p, lg_error *
 /* Writes the names of all parameters, or of all functions, in order. */
 static lg_status put_order(lg_h5 *h5, const lg_program *program, bool functions, lg_error *error) {
     const size_t count = functions ? lg_program_functions(program) : lg_program_parameters(program);
-    LG_SCRATCH(lg_program_name, names, h5->context, count);
-    if (names == NULL) return lg_h5_no_memory(h5, error);
+    LG_TRY_SCRATCH(lg_program_name, names, h5->context, count, lg_h5_no_memory(h5, error));
     for (size_t i = 0; i < count; i++)
         (void)snprintf(names[i], sizeof names[i], "%s",
                        functions ? lg_program_function_name(program, i)
@@ -140,8 +138,7 @@ lg_status lg_model_save(const lg_context *context, const char *path, const char 
                         const lg_program *program, const lg_space *space, const lg_provenance *provenance,
                         lg_error *error) {
     lg_h5 *h5;
-    if (path == NULL || kind == NULL || program == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, its kind or the program is NULL");
+    LG_NEEDS(error, path, kind, program);
     LG_TRY(lg_h5_create(context, path, &h5, error));
     return lg_h5_finish(h5, put_model(h5, kind, program, space, provenance, error), error);
 }

@@ -147,9 +147,7 @@ lg_status lg_yaml_open_text(const lg_context *context, const char *path, const v
     if (!yaml_parser_initialize(&parser) || yaml == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     LG_TRY(load(yaml, &parser, data, bytes, error));
-    *out = yaml;
-    yaml = NULL;
-    return LG_OK;
+    return LG_MOVE(out, yaml);
 }
 
 lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error) {
