@@ -1,4 +1,4 @@
-/* The kind of a file, from its attribute `kind`, and what files of each kind are. */
+/* The kind of a file, from its attribute `kind`. */
 #include <string.h>
 
 #include "liegrad/model.h"
@@ -40,7 +40,8 @@ static lg_status read_kind(void *user, lg_h5 *h5, lg_error *error) {
 lg_status lg_model_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
                              char *kind, size_t size, lg_error *error) {
     char text[LG_H5_KIND] = "";
-    LG_NEEDS(error, path, kind);
+    if (path == NULL || kind == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or the memory for its kind is NULL");
     LG_TRY(lg_h5_read(context, path, options, read_kind, text, error));
     const size_t length = strlen(text);
     if (length >= size)
@@ -48,30 +49,4 @@ lg_status lg_model_file_kind(const lg_context *context, const char *path, const 
                        lg_shown_path(path), text);
     memcpy(kind, text, length + 1);
     return LG_OK;
-}
-
-/* ---- for messages ---- */
-
-static const struct {
-    const char *kind, *what;
-} kinds[] = {
-    {"", "the file does not say what it is (attribute kind)"},
-    {"hamiltonian", "it is a learned Hamiltonian, for lg-learn, lg-export or lg_model_load"},
-    {"surrogate", "it is a model of beams, for lg-elastica, lg-learn or lg_model_load"},
-    {"detector", "it is a detector, for lg-anomaly or lg_model_load"},
-    {"classifier", "it is a classical classifier, for lg-anomaly or lg_classifier_load"},
-    {"table", "it is a model of a table, for lg-fit or lg_model_load"},
-    {"machine_model", "it is a learned machine, for lg-identify or lg_model_load"},
-    {"policy", "it is a controller, for lg-control, lg-export or lg_policy_load"},
-    {"program", "it is a program of functions, for lg-export or lg_program_load"},
-    {"trajectories", "it is a data file with trajectories"},
-    {"trajectory", "it is a data file with a trajectory"},
-    {"elastica", "it is a data file with curves of the elastica"},
-    {"series", "it is a data file with labelled series"},
-};
-
-const char *lg_h5_what_is(const char *kind) {
-    for (size_t i = 0; i < LG_COUNT(kinds); i++)
-        if (strcmp(kinds[i].kind, kind) == 0) return kinds[i].what;
-    return "its kind is unknown";
 }
