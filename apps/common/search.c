@@ -201,7 +201,7 @@ static lg_status run_fit(search_trial *self, lg_error *error) {
     lg_status status = train_create(task, &options, error);
     if (status != LG_OK) return status;
     lg_fit *fit = task->training.fit;
-    self->trial->parameters = task->recipe->parameters(task->training.run);
+    self->trial->parameters = lg_recipe_parameters(task->recipe, task->training.run);
     status = lg_fit_run(fit, error);
     self->trial->epochs = lg_fit_epochs_done(fit);
     if (status == LG_OK) (void)find_objective(self);

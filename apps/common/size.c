@@ -49,7 +49,7 @@ static lg_status run_lane(app *self, train_task *task, app_slot *slot, double se
     if (status == LG_OK) status = train_create(task, &options, error);
     if (status == LG_OK) status = lg_fit_run(task->training.fit, error);
     if (status == LG_OK) {
-        lane->parameters = task->recipe->parameters(task->training.run);
+        lane->parameters = lg_recipe_parameters(task->recipe, task->training.run);
         read_lane(task->training.fit, lane);
     }
     lg_training_release(&task->training);

@@ -48,7 +48,7 @@ void verb_evaluate(app *self) {
     const app_settings settings[] = {{recipe->fields, app_keep(1, recipe->run_size), 0}, APP_SETTINGS_END};
     task.settings = settings;
     char *file = app_keep(1, recipe->file_size);
-    *(const lg_context **)(void *)(file + recipe->file_context) = self->context;
+    ((lg_model_head *)(void *)file)->context = self->context;
     APP_MUST_FILE(self, path, lg_run_load(self->context, path, NULL, recipe, file, &error));
     train_begin(self, &task, 1);
     lg_training *training = &task.training;

@@ -488,9 +488,7 @@ typedef struct lg_detector_run {
 LG_API extern const lg_field lg_detector_fields[];
 
 typedef struct lg_detector_file {
-    lg_detector_run run;
-    size_t parameters; /* lg_cnn_parameters(&run.model.net) */
-    double *theta;     /* (parameters); stored as training.dtype */
+    LG_MODEL_FILE(lg_detector_run);
     lg_scaler scaler;
     char (*class_name)[LG_SERIES_NAME];   /* (classes) */
     char (*class_label)[LG_SERIES_NAME];  /* (classes) or NULL; as in lg_series */
@@ -498,10 +496,6 @@ typedef struct lg_detector_file {
     double rate;                          /* Hz; 0 if unknown */
     lg_novelty novelty;                   /* fitted to the training windows; all zero if there is none */
     double accuracy, f1, test_mse;        /* on the test part; NaN if unknown */
-    size_t epochs_done;
-    double *history[LG_FIT_SERIES_COUNT]; /* (epochs_done) each, or NULL; as in lg_hamiltonian_file */
-    lg_provenance provenance;
-    const lg_context *context; /* in whose memory the arrays are */
 } lg_detector_file;
 
 /* Saves a model file of kind "detector": the weights /model/conv1/weight, ... with the names of lg_cnn_slice,

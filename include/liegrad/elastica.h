@@ -571,19 +571,13 @@ typedef struct lg_surrogate_run {
 LG_API extern const lg_field lg_surrogate_fields[];
 
 typedef struct lg_surrogate_file {
-    lg_surrogate_run run;
-    size_t parameters; /* lg_surrogate_parameters(&run.model) */
-    double *theta;     /* (parameters); stored as training.dtype */
+    LG_MODEL_FILE(lg_surrogate_run);
     size_t trained_count;
     double *trained; /* (trained_count, 8): boundary conditions of the training part, or NULL */
     /* After loading: the array to which run.model.modes points. lg_surrogate_save does not read it. */
     double *modes;
     bool has_errors;            /* train_mse and test_mse are known */
     double train_mse, test_mse; /* test_mse is NaN without a test part */
-    size_t epochs_done;
-    double *history[LG_FIT_SERIES_COUNT]; /* (epochs_done) each, or NULL; as in lg_hamiltonian_file */
-    lg_provenance provenance;
-    const lg_context *context; /* in whose memory the arrays are */
 } lg_surrogate_file;
 
 /* Saves a model file of kind "surrogate": the weights /model/embedding, /model/layer1, ... with the names of

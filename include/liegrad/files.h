@@ -176,6 +176,23 @@ typedef struct lg_provenance {
     uint64_t seed;
 } lg_provenance;
 
+/* ---- structures of model files ---- */
+
+/* Members that the structures of all kinds of model files (lg_hamiltonian_file, lg_table_file, ...) begin
+ * with:
+ *   context      where the memory of the arrays comes from
+ *   parameters   the model's number of parameters, as lg_hamiltonian_parameters(&run.model) gives it
+ *   theta        (parameters), stored with the type run.training.dtype
+ *   epochs_done  length of the series of the history
+ *   history      (epochs_done) each, or NULL; NaN where there is no value (no validation part)
+ *   provenance, and the run (run_) with the model and its hyperparameters */
+#define LG_MODEL_HEAD                                                                                        \
+    const lg_context *context;                                                                               \
+    size_t parameters, epochs_done;                                                                          \
+    double *theta, *history[LG_FIT_SERIES_COUNT];                                                            \
+    lg_provenance provenance;
+#define LG_MODEL_FILE(run_) LG_MODEL_HEAD run_ run
+
 /* ---- writing an archive (one HDF5 file with named arrays) ---- */
 
 /* A file that is composed in memory. Only one thread may use it at a time. */

@@ -400,21 +400,20 @@ LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 LG_API lg_status lg_fit_problem_loss(const lg_context *context, const lg_fit_problem *problem,
                                      const double *theta, double *loss, lg_error *error);
 
-/* ---- Newton's method, for models with few parameters ---- */
+/* ---- to rounding, for models with few parameters ---- */
 
 #define LG_NEWTON_MAX_PARAMETERS 512
 
 typedef struct lg_fit_newton_result {
     uint64_t iterations;
-    double loss, gradient_norm; /* the loss and max |g_i|, where derivatives were computed last */
+    double loss, gradient_norm; /* the loss and max |g_i| at the result */
 } lg_fit_newton_result;
 
-/* Minimises the loss of all samples by Newton's method with Levenberg's damping: a step s solves (H + mu I) s
- * = -g, where g is the gradient and H the exact Hessian (forward over reverse mode). A step is only taken if
- * it lowers the loss. theta (problem->parameters doubles) is the start on entry and the result on return. Of
- * the problem only parameters, samples, loss and user are read. All samples are on one tape of doubles.
- * `result` may be NULL. Returns LG_OK when max |g_i| <= 1e-15 max |H_ij|, when no step lowers the loss any
- * more because of rounding, or after 200 iterations. On failure theta is unchanged. Errors:
+/* Minimises the loss of all samples to rounding by lg_minimise (liegrad/minimise.h), whose last steps are
+ * Newton's, with a Hessian from differences of gradients, where there are at most 200 parameters. theta
+ * (problem->parameters doubles) is the start on entry and the result on return. Of the problem only
+ * parameters, samples, loss and user are read. All samples are on one tape of doubles. `result` may be NULL.
+ * Returns LG_OK also where lg_minimise returns LG_NO_CONVERGENCE. On failure theta is unchanged. Errors:
  * LG_INVALID_ARGUMENT (NULL, no samples, or the number of parameters is not in 1..LG_NEWTON_MAX_PARAMETERS),
  * LG_OUT_OF_MEMORY, LG_NOT_FINITE, LG_CANCELLED, the status of the loss callback or of the tape. */
 LG_API lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *problem, double *theta,

@@ -625,19 +625,12 @@ typedef struct lg_test_set {
 } lg_test_set;
 
 typedef struct lg_hamiltonian_file {
-    lg_hamiltonian_run run;
+    LG_MODEL_FILE(lg_hamiltonian_run);
     lg_constraint *constraint; /* what run.model.constraint points to in a file that was loaded; owned */
-    size_t parameters;         /* lg_hamiltonian_parameters(&run.model) */
-    double *theta;             /* (parameters), stored with the type run.training.dtype. */
-    size_t epochs_done;
-    /* (epochs_done) each, or NULL; NaN where there is no value (no validation part). */
-    double *history[LG_FIT_SERIES_COUNT];
     bool has_e1, has_e2;
     /* E1 and E2 of lg_hamiltonian_save_errors, if the model was evaluated on a test set. */
     double e1, e2;
     lg_test_set test; /* That test set. */
-    lg_provenance provenance;
-    const lg_context *context; /* The memory of the arrays comes from it. */
 } lg_hamiltonian_file;
 
 /* Writes a model file: /model/potential/layer1/{weight (in, out), bias} ..., /model/mass/{gamma (k, k), b

@@ -933,14 +933,8 @@ typedef struct lg_machine_model_run {
 } lg_machine_model_run;
 
 typedef struct lg_machine_model_file {
-    lg_machine_model_run run;
-    size_t parameters; /* run.machine.parameters */
-    double *theta;     /* (parameters), in scaled units. */
-    double *spread;    /* (parameters, parameters): lg_identification.spread; NULL: unknown. */
-    size_t epochs_done;
-    double *history[LG_FIT_SERIES_COUNT]; /* As in lg_hamiltonian_file. */
-    lg_provenance provenance;
-    const lg_context *context; /* The memory of the arrays comes from it. */
+    LG_MODEL_FILE(lg_machine_model_run); /* theta is in scaled units */
+    double *spread; /* (parameters, parameters): lg_identification.spread; NULL: unknown. */
 } lg_machine_model_file;
 
 /* The hyperparameters of lg_machine_model_run, and the recipe for lg_checkpoint_create and

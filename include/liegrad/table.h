@@ -225,9 +225,7 @@ typedef struct lg_table_run {
 LG_API extern const lg_field lg_table_fields[];
 
 typedef struct lg_table_file {
-    lg_table_run run;
-    size_t parameters;         /* lg_table_parameters(&run.model) */
-    double *theta;             /* (parameters); stored as training.dtype */
+    LG_MODEL_FILE(lg_table_run);
     lg_scaler inputs, outputs; /* outputs is all zero for a classification */
     double *low, *high;        /* (inputs) least and largest value in the training rows; may be NULL */
     char (*input_name)[LG_TABLE_NAME];  /* (inputs) */
@@ -235,10 +233,6 @@ typedef struct lg_table_file {
     char class_column[LG_TABLE_NAME];   /* name of the class column of a classification; "" if unknown */
     /* Quality on the rows used for the last evaluation; rmse in scaled outputs. NaN if unknown. */
     double rmse, accuracy, f1;
-    size_t epochs_done;
-    double *history[LG_FIT_SERIES_COUNT]; /* (epochs_done) each, or NULL; as in lg_hamiltonian_file */
-    lg_provenance provenance;
-    const lg_context *context; /* in whose memory the arrays are */
 } lg_table_file;
 
 /* Saves a model file of kind "table": the weights /model/layer1/weight, ... with the names of lg_table_slice,

@@ -18,7 +18,7 @@ void lg_detector_initialise(const lg_detector *model, uint64_t seed, uint64_t re
 
 typedef struct survey {
     const lg_detector_problem *problem;
-    cnn_layout layout;
+    lg_layers layout;
     uint32_t layers; /* number of layers without the output layer */
     size_t units, chunk;
     lg_tape *tape;
@@ -37,7 +37,7 @@ static void survey_end(survey *s) {
 
 /* Returns the number of units of all layers but the output. *largest becomes the number of values that the
  * largest of these layers has for one window. */
-static size_t count_units(const lg_cnn *net, const cnn_layout *layout, size_t *largest) {
+static size_t count_units(const lg_cnn *net, const lg_layers *layout, size_t *largest) {
     size_t units = 0;
     *largest = 0;
     for (uint32_t i = 0; i + 1 < layout->count; i++) {

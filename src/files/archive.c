@@ -10,41 +10,30 @@ struct lg_file_writer {
     const lg_context *context;
     lg_h5 *h5;
     lg_h5_view *views;
-    lg_error failure; /* the first failure; later ones do not replace it */
+    lg_error failure; /* of a writer the first failure, of a reader the last one */
     bool committed;
 };
 
 struct lg_file_reader {
-    const lg_context *context;
-    lg_h5 *h5;
-    lg_h5_view *views;
-    lg_error failure; /* the last failure */
+    lg_file_writer file; /* `committed` is not used */
 };
 
-static void free_views(const lg_context *context, lg_h5_view *view) {
-    while (view != NULL) {
-        lg_h5_view *next = view->next;
-        lg_free(context, view);
-        view = next;
-    }
-}
-
-/* Adds a view; the prefix has fewer than LG_H5_PREFIX bytes. */
-static lg_h5_view *add_view(const lg_context *context, lg_h5 *h5, const char *prefix, lg_error *failure,
-                            lg_h5_view **list) {
-    lg_h5_view *view = lg_alloc(context, 1, sizeof *view);
-    if (view == NULL) return NULL;
-    *view = (lg_h5_view){.next = *list, .h5 = h5, .failure = failure};
+static lg_status add_view(lg_file_writer *file, const char *prefix, lg_h5_view **out) {
+    if (file == NULL || prefix == NULL || strlen(prefix) >= LG_H5_PREFIX) return LG_INVALID_ARGUMENT;
+    lg_h5_view *view = lg_alloc(file->context, 1, sizeof *view);
+    if (view == NULL) return LG_OUT_OF_MEMORY;
+    *view = (lg_h5_view){.next = file->views, .h5 = file->h5, .failure = &file->failure};
     memcpy(view->prefix, prefix, strlen(prefix) + 1);
-    *list = view;
-    return view;
+    *out = file->views = view;
+    return LG_OK;
 }
 
-static bool full_name(const lg_h5_view *view, const char *path, char name[NAME_SIZE]) {
+static lg_status full_name(lg_h5_view *view, const char *path, char name[NAME_SIZE]) {
     const char *slash = view->prefix[0] == '\0' ? "" : "/";
-    int length =
+    const int length =
         path == NULL || *path == '\0' ? -1 : snprintf(name, NAME_SIZE, "%s%s%s", view->prefix, slash, path);
-    return length > 0 && length < NAME_SIZE && !lg_h5_is_deep(name);
+    if (length > 0 && length < NAME_SIZE && !lg_h5_is_deep(name)) return LG_OK;
+    return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
 }
 
 /* Splits "a/b/c" into group "a/b" and attribute "c", in place. */
@@ -61,9 +50,8 @@ static lg_status write_array(void *user, const char *path, lg_element type, uint
                              const uint64_t *dims, const void *data) {
     lg_h5_view *view = user;
     char name[NAME_SIZE];
-    if (view->failure->status != LG_OK) return view->failure->status;
-    if (!full_name(view, path, name))
-        return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    LG_TRY(view->failure->status);
+    LG_TRY(full_name(view, path, name));
     return lg_h5_put(view->h5, name, type, rank, dims, data, view->failure);
 }
 
@@ -71,9 +59,8 @@ static lg_status write_text(void *user, const char *path, const char *value) {
     lg_h5_view *view = user;
     char name[NAME_SIZE];
     const char *group;
-    if (view->failure->status != LG_OK) return view->failure->status;
-    if (value == NULL || !full_name(view, path, name))
-        return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    LG_TRY(view->failure->status);
+    LG_TRY(full_name(view, value != NULL ? path : NULL, name));
     const char *attribute = split(name, &group);
     return lg_h5_put_text(view->h5, group, attribute, value, view->failure);
 }
@@ -84,25 +71,19 @@ lg_archive_writer lg_h5_view_writer(lg_h5_view *view) {
 
 lg_status lg_file_writer_create(const lg_context *context, const char *path, const char *kind,
                                 const lg_provenance *provenance, lg_file_writer **out, lg_error *error) {
-    if (path == NULL || kind == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, its kind or `out` is NULL");
-    lg_file_writer *writer = lg_alloc(context, 1, sizeof *writer);
+    LG_NEEDS(error, path, kind, out);
+    LG_CLEAN(lg_file_writer_destroy_at) lg_file_writer *writer = lg_alloc(context, 1, sizeof *writer);
     if (writer == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     writer->context = context;
-    lg_status status = lg_h5_create(context, path, &writer->h5, error);
-    if (status == LG_OK) status = lg_h5_put_header(writer->h5, kind, provenance, error);
-    if (status == LG_OK)
-        *out = writer;
-    else
-        lg_file_writer_destroy(writer);
-    return status;
+    LG_TRY(lg_h5_create(context, path, &writer->h5, error));
+    LG_TRY(lg_h5_put_header(writer->h5, kind, provenance, error));
+    return LG_MOVE(out, writer);
 }
 
 lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_archive_writer *out) {
-    if (writer == NULL || out == NULL || prefix == NULL || strlen(prefix) >= LG_H5_PREFIX)
-        return LG_INVALID_ARGUMENT;
-    lg_h5_view *view = add_view(writer->context, writer->h5, prefix, &writer->failure, &writer->views);
-    if (view == NULL) return LG_OUT_OF_MEMORY;
+    lg_h5_view *view;
+    LG_NEEDS(NULL, out);
+    LG_TRY(add_view(writer, prefix, &view));
     *out = lg_h5_view_writer(view);
     return LG_OK;
 }
@@ -119,7 +100,10 @@ lg_status lg_file_writer_commit(lg_file_writer *writer, lg_error *error) {
 void lg_file_writer_destroy(lg_file_writer *writer) {
     if (writer == NULL) return;
     lg_h5_close(writer->h5);
-    free_views(writer->context, writer->views);
+    for (lg_h5_view *view = writer->views, *next; view != NULL; view = next) {
+        next = view->next;
+        lg_free(writer->context, view);
+    }
     lg_free(writer->context, writer);
 }
 
@@ -129,16 +113,14 @@ static lg_status read_array(void *user, const char *path, lg_element type, uint3
                             const uint64_t *dims, void *out) {
     lg_h5_view *view = user;
     char name[NAME_SIZE];
-    if (!full_name(view, path, name))
-        return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    LG_TRY(full_name(view, path, name));
     return lg_h5_get(view->h5, name, type, rank, dims, out, view->failure);
 }
 
 static lg_status read_shape(void *user, const char *path, uint32_t *rank, uint64_t dims[4]) {
     lg_h5_view *view = user;
     char name[NAME_SIZE];
-    if (!full_name(view, path, name))
-        return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    LG_TRY(full_name(view, path, name));
     return lg_h5_shape(view->h5, name, rank, dims, NULL, view->failure);
 }
 
@@ -146,8 +128,7 @@ static lg_status read_text(void *user, const char *path, char *out, size_t size)
     lg_h5_view *view = user;
     char name[NAME_SIZE];
     const char *group;
-    if (!full_name(view, path, name))
-        return lg_fail(view->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    LG_TRY(full_name(view, path, name));
     const char *attribute = split(name, &group);
     return lg_h5_text(view->h5, group, attribute, out, size, view->failure);
 }
@@ -165,14 +146,12 @@ typedef struct open_call {
 
 static lg_status open_checked(void *user, lg_error *error) {
     open_call *call = user;
-    lg_h5 *h5;
+    LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
     LG_TRY(lg_h5_open(call->context, call->path, call->options, &h5, error));
-    lg_status status = lg_h5_check_format(h5, call->kind, false, error);
-    if (status == LG_OK)
-        call->h5 = h5;
-    else
-        lg_h5_close(h5);
-    return status;
+    LG_TRY(lg_h5_check_format(h5, call->kind, false, error));
+    call->h5 = h5;
+    h5 = NULL;
+    return LG_OK;
 }
 
 static lg_status probe_all(void *user, lg_error *error) {
@@ -183,44 +162,38 @@ static lg_status probe_all(void *user, lg_error *error) {
 
 lg_status lg_file_reader_create(const lg_context *context, const char *path, const char *kind,
                                 const lg_read_options *options, lg_file_reader **out, lg_error *error) {
-    if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
+    LG_NEEDS(error, path, out);
     open_call call = {context, path, kind, options, NULL};
     LG_TRY(lg_probe(context, path, options, probe_all, &call, error));
+    LG_TRY(open_checked(&call, error));
     lg_file_reader *reader = lg_alloc(context, 1, sizeof *reader);
-    if (reader == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    reader->context = context;
-    lg_status status = open_checked(&call, error);
-    reader->h5 = call.h5;
-    if (status == LG_OK)
-        *out = reader;
-    else
-        lg_file_reader_destroy(reader);
-    return status;
+    if (reader == NULL) {
+        lg_h5_close(call.h5);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    }
+    reader->file = (lg_file_writer){.context = context, .h5 = call.h5};
+    *out = reader;
+    return LG_OK;
 }
 
 lg_status lg_file_reader_archive(lg_file_reader *reader, const char *prefix, lg_archive_reader *out) {
-    if (reader == NULL || out == NULL || prefix == NULL || strlen(prefix) >= LG_H5_PREFIX)
-        return LG_INVALID_ARGUMENT;
-    lg_h5_view *view = add_view(reader->context, reader->h5, prefix, &reader->failure, &reader->views);
-    if (view == NULL) return LG_OUT_OF_MEMORY;
+    lg_h5_view *view;
+    LG_NEEDS(NULL, reader, out);
+    LG_TRY(add_view(&reader->file, prefix, &view));
     *out = lg_h5_view_reader(view);
     return LG_OK;
 }
 
 const char *lg_file_reader_message(const lg_file_reader *reader) {
-    return reader->failure.message;
+    return reader->file.failure.message;
 }
 
 void lg_file_reader_provenance(const lg_file_reader *reader, lg_provenance *out) {
-    lg_h5_provenance(reader->h5, out);
+    lg_h5_provenance(reader->file.h5, out);
 }
 
 void lg_file_reader_destroy(lg_file_reader *reader) {
-    if (reader == NULL) return;
-    lg_h5_close(reader->h5);
-    free_views(reader->context, reader->views);
-    lg_free(reader->context, reader);
+    lg_file_writer_destroy((lg_file_writer *)reader); /* `file` is its first member */
 }
 
 lg_h5 *lg_file_writer_h5(lg_file_writer *writer) {
@@ -228,5 +201,5 @@ lg_h5 *lg_file_writer_h5(lg_file_writer *writer) {
 }
 
 lg_h5 *lg_file_reader_h5(lg_file_reader *reader) {
-    return reader->h5;
+    return reader->file.h5;
 }

@@ -112,20 +112,14 @@ static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *
     return want->there || want->optional ? LG_OK : missing_column(f, want->name, error);
 }
 
-static lg_status find_all(lg_frame *f, lg_lookup *sorted, lg_error *error) {
+lg_status lg_frame_find(lg_frame *f, lg_error *error) {
+    LG_SCRATCH(lg_lookup, sorted, f->context, (size_t)f->columns + 1);
+    f->use = lg_alloc(f->context, (size_t)f->columns + 1, sizeof *f->use);
+    if (f->use == NULL || sorted == NULL) return lg_frame_no_memory(f, error);
     for (uint32_t i = 0; i < f->columns; i++) sorted[i] = (lg_lookup){f->name[i], i};
     lg_lookup_sort(sorted, f->columns);
     for (size_t i = 0; i < f->wants; i++) LG_TRY(find_want(f, sorted, &f->want[i], error));
     return LG_OK;
-}
-
-lg_status lg_frame_find(lg_frame *f, lg_error *error) {
-    f->use = lg_alloc(f->context, (size_t)f->columns + 1, sizeof *f->use);
-    lg_lookup *sorted = lg_alloc(f->context, (size_t)f->columns + 1, sizeof *sorted);
-    const lg_status status =
-        f->use == NULL || sorted == NULL ? lg_frame_no_memory(f, error) : find_all(f, sorted, error);
-    lg_free(f->context, sorted);
-    return status;
 }
 
 /* ---- the block ---- */

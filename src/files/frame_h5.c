@@ -158,9 +158,8 @@ static lg_status list_sources(h5_file *h, lg_error *error) {
     h->count = 0;
     if (h->sources == NULL) h->sources = lg_alloc(f->context, MOST_SOURCES, sizeof *h->sources);
     if (h->sources == NULL) return lg_frame_no_memory(f, error);
-    lg_h5_quiet quiet = lg_quiet_begin();
+    LG_QUIET;
     const herr_t end = H5Literate(h->h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_source, h);
-    lg_quiet_end(quiet);
     if (end < 0) return lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", f->shown);
     for (size_t i = 0; i < f->wants; i++) /* paths of data sets in groups */
         if (strchr(f->want[i].name, '/') != NULL && f->want[i].as != LG_FRAME_ARRAY)
@@ -244,16 +243,15 @@ static lg_status read_source(h5_file *h, const source *s, lg_error *error) {
     if (s->about.kind == LG_H5_WORDS)
         return lg_h5_each_text_of(h->h5, &slice, put_text, (const void *[]){h, s}, error);
     const uint64_t most = lg_h5_block(&s->about, s->axis);
-    double *values = lg_alloc(f->context, (most < f->rows ? most : f->rows) * s->columns, sizeof *values);
-    lg_status status = values == NULL ? lg_frame_no_memory(f, error) : LG_OK;
-    for (size_t row = 0; row < f->rows && status == LG_OK; row += (size_t)slice.count) {
+    LG_SCRATCH(double, values, f->context, ((most < f->rows ? most : f->rows) * s->columns));
+    if (values == NULL) return lg_frame_no_memory(f, error);
+    for (size_t row = 0; row < f->rows; row += (size_t)slice.count) {
         slice.first = f->before + row;
         slice.count = f->rows - row < most ? f->rows - row : most;
-        status = lg_h5_get_slice(h->h5, &slice, LG_H5_RAW, values, error);
-        if (status == LG_OK) status = put_numbers(f, s, values, row, (size_t)slice.count, error);
+        LG_TRY(lg_h5_get_slice(h->h5, &slice, LG_H5_RAW, values, error));
+        LG_TRY(put_numbers(f, s, values, row, (size_t)slice.count, error));
     }
-    lg_free(f->context, values);
-    return status;
+    return LG_OK;
 }
 
 static lg_status put_array(lg_frame *f, const lg_frame_want *want, const double *values, lg_error *error) {
@@ -269,12 +267,9 @@ static lg_status put_array(lg_frame *f, const lg_frame_want *want, const double 
 static lg_status read_array(h5_file *h, const lg_frame_want *want, lg_error *error) {
     lg_frame *f = h->frame;
     const lg_h5_slice slice = {.name = want->name, .first = f->before, .count = f->rows};
-    double *values = lg_alloc(f->context, f->rows, want->width * sizeof *values);
-    lg_status status = values == NULL ? lg_frame_no_memory(f, error)
-                                      : lg_h5_get_slice(h->h5, &slice, LG_H5_EXACT, values, error);
-    if (status == LG_OK) status = put_array(f, want, values, error);
-    lg_free(f->context, values);
-    return status;
+    LG_TRY_SCRATCH(double, values, f->context, (f->rows * want->width), lg_frame_no_memory(f, error));
+    LG_TRY(lg_h5_get_slice(h->h5, &slice, LG_H5_EXACT, values, error));
+    return put_array(f, want, values, error);
 }
 
 static lg_status read_rows(lg_frame *f, size_t most, lg_error *error) {

@@ -6,26 +6,29 @@
 
 /* ---- types ---- */
 
+static const struct {
+    size_t bytes;
+    const hid_t *memory, *file;
+} elements[] = {
+    [LG_ELEMENT_F64] = {8, &H5T_NATIVE_DOUBLE_g, &H5T_IEEE_F64LE_g},
+    [LG_ELEMENT_F32] = {4, &H5T_NATIVE_FLOAT_g, &H5T_IEEE_F32LE_g},
+    [LG_ELEMENT_I64] = {8, &H5T_NATIVE_INT64_g, &H5T_STD_I64LE_g},
+    [LG_ELEMENT_U64] = {8, &H5T_NATIVE_UINT64_g, &H5T_STD_U64LE_g},
+    [LG_ELEMENT_U32] = {4, &H5T_NATIVE_UINT32_g, &H5T_STD_U32LE_g},
+    [LG_ELEMENT_U8] = {1, &H5T_NATIVE_UINT8_g, &H5T_STD_U8LE_g},
+};
+
 size_t lg_element_size(lg_element type) {
-    return type == LG_ELEMENT_U8 ? 1 : type == LG_ELEMENT_F32 || type == LG_ELEMENT_U32 ? 4 : 8;
+    return elements[type].bytes;
 }
 
 hid_t lg_h5_memory_type(lg_element type) {
-    switch (type) {
-    case LG_ELEMENT_F64:
-        return H5T_NATIVE_DOUBLE;
-    case LG_ELEMENT_F32:
-        return H5T_NATIVE_FLOAT;
-    case LG_ELEMENT_I64:
-        return H5T_NATIVE_INT64;
-    case LG_ELEMENT_U64:
-        return H5T_NATIVE_UINT64;
-    case LG_ELEMENT_U32:
-        return H5T_NATIVE_UINT32;
-    case LG_ELEMENT_U8:
-        return H5T_NATIVE_UINT8;
-    }
-    return H5I_INVALID_HID;
+    return H5open() >= 0 ? *elements[type].memory : H5I_INVALID_HID;
+}
+
+hid_t lg_h5_file_type(lg_element type) {
+    const bool known = (size_t)type < LG_COUNT(elements);
+    return known && H5open() >= 0 ? *elements[type].file : H5I_INVALID_HID;
 }
 
 /* ---- handles ---- */
@@ -37,22 +40,16 @@ static herr_t refuse_external(const char *parent_file, const char *parent_group,
 
 lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
     if (path == NULL || *path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
-    lg_h5 *h5 = lg_alloc(context, 1, sizeof *h5);
-    bool made = false;
-    if (h5 != NULL) {
-        lg_h5_quiet quiet = lg_quiet_begin();
-        *h5 = (lg_h5){.context = context, .file = H5I_INVALID_HID, .links = H5I_INVALID_HID};
-        h5->path = lg_strdup(context, path);
-        h5->links = H5Pcreate(H5P_LINK_ACCESS);
-        made = h5->path != NULL && H5Pset_elink_cb(h5->links, refuse_external, NULL) >= 0;
-        lg_quiet_end(quiet);
-    }
-    if (made) {
-        *out = h5;
-        return LG_OK;
-    }
-    lg_h5_close(h5);
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    LG_QUIET;
+    LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = lg_alloc(context, 1, sizeof *h5);
+    if (h5 != NULL)
+        *h5 = (lg_h5){.context = context,
+                      .path = lg_strdup(context, path),
+                      .file = H5I_INVALID_HID,
+                      .links = H5Pcreate(H5P_LINK_ACCESS)};
+    if (h5 == NULL || h5->path == NULL || H5Pset_elink_cb(h5->links, refuse_external, NULL) < 0)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    return LG_MOVE(out, h5);
 }
 
 lg_h5_name lg_h5_memory_name(const lg_h5 *h5) {
@@ -67,10 +64,9 @@ lg_status lg_h5_no_memory(const lg_h5 *h5, lg_error *error) {
 
 void lg_h5_close(lg_h5 *h5) {
     if (h5 == NULL) return;
-    lg_h5_quiet quiet = lg_quiet_begin();
+    LG_QUIET;
     (void)H5Fclose(h5->file);
     (void)H5Pclose(h5->links);
-    lg_quiet_end(quiet);
     LG_FREE_ALL(h5->context, h5->path, h5);
 }
 
@@ -98,15 +94,11 @@ bool lg_attribute_exists(lg_h5 *h5, const char *object, const char *name) {
 }
 
 bool lg_h5_has(lg_h5 *h5, const char *name) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    bool there = lg_path_exists(h5, name);
-    lg_quiet_end(quiet);
-    return there;
+    LG_QUIET;
+    return lg_path_exists(h5, name);
 }
 
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    bool there = lg_attribute_exists(h5, object, name);
-    lg_quiet_end(quiet);
-    return there;
+    LG_QUIET;
+    return lg_attribute_exists(h5, object, name);
 }

@@ -8,7 +8,7 @@
 #include <hdf5.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "core/stored.h"
 #include "core/text.h"
 #include "liegrad/files.h"
@@ -193,6 +193,7 @@ const char *lg_h5_what_is(const char *kind);
 lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error);
 
 void lg_h5_close(lg_h5 *h5); /* h5 may be NULL */
+LG_AT(lg_h5_close, lg_h5)
 
 /* Fails with LG_NOT_FINITE if `data` has a NaN or an infinity. The message has the key and the first such
  * index. */
@@ -219,12 +220,11 @@ typedef struct lg_h5_view {
 lg_archive_writer lg_h5_view_writer(lg_h5_view *view);
 lg_archive_reader lg_h5_view_reader(lg_h5_view *view);
 
+LG_AT(lg_file_writer_destroy, lg_file_writer)
+LG_AT(lg_file_reader_destroy, lg_file_reader)
 /* The HDF5 file behind a file writer or file reader. */
 lg_h5 *lg_file_writer_h5(lg_file_writer *writer);
 lg_h5 *lg_file_reader_h5(lg_file_reader *reader);
-
-/* Turns the status LG_NOT_FOUND of a key into LG_FORMAT, in the result and in `error` (may be NULL). */
-lg_status lg_missing_is_format(lg_status status, lg_error *error);
 
 /* Add the numbers to the hash, as little-endian doubles or as little-endian four-byte numbers. */
 void lg_sha256_add_doubles(lg_sha256 *state, const double *values, size_t count);

@@ -9,10 +9,12 @@ typedef struct attribute {
     bool single; /* one element; false for an empty (null) data space */
 } attribute;
 
-static void close_attribute(attribute *a) {
-    (void)H5Tclose(a->type);
-    (void)H5Aclose(a->attribute);
+static void close_attribute(const attribute *a) {
+    lg_id_close(&a->type);
+    lg_id_close(&a->attribute);
 }
+#define ATTRIBUTE(name)                                                                                      \
+    LG_CLEAN(close_attribute) attribute name = {.attribute = H5I_INVALID_HID, .type = H5I_INVALID_HID}
 
 static lg_status attribute_error(const lg_h5 *h5, const char *object, const char *name, lg_status status,
                                  const char *what, lg_error *error) {
@@ -21,15 +23,13 @@ static lg_status attribute_error(const lg_h5 *h5, const char *object, const char
 
 static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name, attribute *a,
                                 lg_error *error) {
-    *a = (attribute){.attribute = H5I_INVALID_HID, .type = H5I_INVALID_HID};
     const char *at = *object == '\0' ? "/" : object;
     if (!lg_attribute_exists(h5, object, name))
         return attribute_error(h5, object, name, LG_NOT_FOUND, "is missing", error);
     a->attribute = H5Aopen_by_name(h5->file, at, name, H5P_DEFAULT, h5->links);
     a->type = H5Aget_type(a->attribute);
-    hid_t space = H5Aget_space(a->attribute);
-    hssize_t count = H5Sget_simple_extent_npoints(space);
-    (void)H5Sclose(space);
+    LG_ID space = H5Aget_space(a->attribute);
+    const hssize_t count = H5Sget_simple_extent_npoints(space);
     if (a->type < 0 || count < 0 || count > 1)
         return attribute_error(h5, object, name, LG_FORMAT,
                                count > 1 ? "has more than one value, expected one" : "cannot be read", error);
@@ -70,13 +70,10 @@ static lg_status read_text(lg_h5 *h5, const char *object, const char *name, cons
 
 lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,
                      lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    attribute a;
-    lg_status status = open_attribute(h5, object, name, &a, error);
-    if (status == LG_OK) status = read_text(h5, object, name, &a, out, size, error);
-    close_attribute(&a);
-    lg_quiet_end(quiet);
-    return status;
+    LG_QUIET;
+    ATTRIBUTE(a);
+    LG_TRY(open_attribute(h5, object, name, &a, error));
+    return read_text(h5, object, name, &a, out, size, error);
 }
 
 /* Whether a type holds a whole number exactly. */
@@ -90,35 +87,29 @@ static bool holds(lg_element type, bool minus, uint64_t magnitude) {
 
 lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
                        lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    attribute a;
+    LG_QUIET;
+    ATTRIBUTE(a);
     uint64_t value = 0, bits = 0; /* room for a number of any type; the bits of an integer */
     double real = 0;
-    lg_status status = open_attribute(h5, object, name, &a, error);
-    if (status == LG_OK) {
-        const bool whole = H5Tget_class(a.type) == H5T_INTEGER,
-                   to_real = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
-        if (!a.single || !lg_is_number(a.type))
-            status = attribute_error(h5, object, name, LG_FORMAT,
-                                     to_real ? "is not a number" : "is not an integer", error);
-        else if (H5Aread(a.attribute, lg_h5_memory_type(type), &value) < 0 ||
-                 H5Aread(a.attribute, H5T_NATIVE_DOUBLE, &real) < 0 ||
-                 (whole && H5Aread(a.attribute, lg_h5_long_type(a.type), &bits) < 0))
-            status = attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
-        else if (!to_real && !whole && !lg_is_whole(real))
-            status = attribute_error(h5, object, name, LG_FORMAT, "is not an integer", error);
-        else if (whole || !to_real) {
-            /* HDF5 clips numbers that do not fit. */
-            const bool minus = real < 0;
-            const uint64_t magnitude = !whole ? (uint64_t)fabs(real) : minus ? ~bits + 1 : bits;
-            if (!holds(type, minus, magnitude))
-                status = attribute_error(h5, object, name, LG_FORMAT, "is out of range", error);
-        }
-    }
-    if (status == LG_OK) memcpy(out, &value, lg_element_size(type));
-    close_attribute(&a);
-    lg_quiet_end(quiet);
-    return status;
+    LG_TRY(open_attribute(h5, object, name, &a, error));
+    const bool whole = H5Tget_class(a.type) == H5T_INTEGER,
+               to_real = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
+    if (!a.single || !lg_is_number(a.type))
+        return attribute_error(h5, object, name, LG_FORMAT, to_real ? "is not a number" : "is not an integer",
+                               error);
+    if (H5Aread(a.attribute, lg_h5_memory_type(type), &value) < 0 ||
+        H5Aread(a.attribute, H5T_NATIVE_DOUBLE, &real) < 0 ||
+        (whole && H5Aread(a.attribute, lg_h5_long_type(a.type), &bits) < 0))
+        return attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
+    if (!to_real && !whole && !lg_is_whole(real))
+        return attribute_error(h5, object, name, LG_FORMAT, "is not an integer", error);
+    /* HDF5 clips numbers that do not fit. */
+    const bool minus = real < 0;
+    const uint64_t magnitude = whole ? minus ? ~bits + 1 : bits : to_real ? 0 : (uint64_t)fabs(real);
+    if (!holds(type, minus, magnitude))
+        return attribute_error(h5, object, name, LG_FORMAT, "is out of range", error);
+    memcpy(out, &value, lg_element_size(type));
+    return LG_OK;
 }
 
 /* ---- the file's own attributes ---- */

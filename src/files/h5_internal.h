@@ -17,11 +17,16 @@ typedef struct lg_h5_name {
 } lg_h5_name;
 lg_h5_name lg_h5_memory_name(const lg_h5 *h5);
 
-/* Functions of HDF5 that get an invalid identifier do nothing and fail. So the
- * code uses and closes an identifier without checking whether the call that made the identifier failed.
+/* Functions of HDF5 that get an invalid identifier do nothing and fail. So the code uses an identifier
+ * without checking whether the call that made the identifier failed. An identifier that is declared by LG_ID
+ * is closed where its block ends.
  *
- * HDF5 prints no messages between lg_quiet_begin and lg_quiet_end. lg_quiet_end restores the previous
- * setting. */
+ * HDF5 prints no messages from LG_QUIET to the end of the block, which restores the previous setting. */
+#define LG_ID    LG_CLEAN(lg_id_close) hid_t
+#define LG_QUIET LG_CLEAN(lg_quiet_end) const lg_h5_quiet quiet_ = lg_quiet_begin()
+static inline void lg_id_close(const hid_t *id) {
+    if (*id >= 0) (void)H5Idec_ref(*id);
+}
 typedef struct lg_h5_quiet {
     H5E_auto2_t report;
     void *user;
@@ -34,12 +39,12 @@ static inline lg_h5_quiet lg_quiet_begin(void) {
     return quiet;
 }
 
-static inline void lg_quiet_end(lg_h5_quiet quiet) {
+static inline void lg_quiet_end(const lg_h5_quiet *quiet) {
     (void)H5Eclear2(H5E_DEFAULT);
-    (void)H5Eset_auto2(H5E_DEFAULT, quiet.report, quiet.user);
+    (void)H5Eset_auto2(H5E_DEFAULT, quiet->report, quiet->user);
 }
 
-/* An open data set. Use it only between lg_quiet_begin and lg_quiet_end. */
+/* An open data set, which LG_DATASET declares and closes where the block ends. Use it only after LG_QUIET. */
 typedef struct lg_dataset {
     hid_t set, type;
     const char *member; /* of a table with named members: the one that is read, with its `type`; else NULL */
@@ -47,14 +52,16 @@ typedef struct lg_dataset {
     uint64_t dims[LG_MAX_RANK], count;
 } lg_dataset;
 
-/* Opens a data set of any type. Fails with LG_FORMAT if it exceeds max_size at `bytes` bytes per element.
- * lg_dataset_close may be called after a failure too. */
+#define LG_DATASET(name)                                                                                     \
+    LG_CLEAN(lg_dataset_close) lg_dataset name = {.set = H5I_INVALID_HID, .type = H5I_INVALID_HID}
+
+/* Opens a data set of any type. Fails with LG_FORMAT if it exceeds max_size at `bytes` bytes per element. */
 lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error);
 /* Opens the data set of a slice, checks that the slice lies in it, and selects the slice in *part. The caller
  * closes both, also after a failure. */
 lg_status lg_slice_open(lg_h5 *h5, const lg_h5_slice *slice, size_t bytes, lg_dataset *d, hid_t *part,
                         lg_error *error);
-void lg_dataset_close(lg_dataset *d);
+void lg_dataset_close(const lg_dataset *d);
 /* Makes the type in memory of one element of the data set: `type`, or a record with one member of this type.
  * The caller closes it. */
 hid_t lg_dataset_memory(const lg_dataset *d, hid_t type);
@@ -68,8 +75,10 @@ bool lg_attribute_exists(lg_h5 *h5, const char *object, const char *name);
 
 bool lg_is_number(hid_t type); /* true for undamaged floating-point and integer types */
 bool lg_is_whole(double x);
-hid_t lg_h5_long_type(hid_t stored);      /* the native integer of 8 bytes with the sign of `stored` */
-hid_t lg_h5_memory_type(lg_element type); /* a native type, which must not be closed */
+hid_t lg_h5_long_type(hid_t stored); /* the native integer of 8 bytes with the sign of `stored` */
+/* The native type and the type in files of an element, which must not be closed. */
+hid_t lg_h5_memory_type(lg_element type);
+hid_t lg_h5_file_type(lg_element type); /* negative for a value that is no element */
 size_t lg_element_size(lg_element type);
 /* Creates a handle that has no file yet. It copies the path and creates the link access list. */
 lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);

@@ -28,20 +28,17 @@ static hid_t new_access_list(void) {
 }
 
 static hid_t open_file(const char *path) {
-    hid_t access_list = new_access_list();
-    hid_t file = H5Fopen(path, H5F_ACC_RDONLY, access_list);
-    (void)H5Pclose(access_list);
-    return file;
+    LG_ID access_list = new_access_list();
+    return H5Fopen(path, H5F_ACC_RDONLY, access_list);
 }
 
 /* Opens a copy in memory that may be changed. */
 static hid_t open_image(const lg_h5 *h5, void *image, size_t bytes) {
-    hid_t access_list = new_access_list(), file = H5I_INVALID_HID;
-    if (H5Pset_fapl_core(access_list, LG_CORE_INCREMENT, false) >= 0 &&
-        H5Pset_file_image(access_list, image, bytes) >= 0)
-        file = H5Fopen(lg_h5_memory_name(h5).text, H5F_ACC_RDWR, access_list);
-    (void)H5Pclose(access_list);
-    return file;
+    LG_ID access_list = new_access_list();
+    if (H5Pset_fapl_core(access_list, LG_CORE_INCREMENT, false) < 0 ||
+        H5Pset_file_image(access_list, image, bytes) < 0)
+        return H5I_INVALID_HID;
+    return H5Fopen(lg_h5_memory_name(h5).text, H5F_ACC_RDWR, access_list);
 }
 
 /* Reads the file into memory itself: HDF5 would open the file for writing, though nothing is written to
@@ -49,39 +46,30 @@ static hid_t open_image(const lg_h5 *h5, void *image, size_t bytes) {
 static hid_t open_copy(const lg_h5 *h5, uint64_t bytes) {
     FILE *from = NULL;
     uint64_t now;
-    void *image =
-        lg_read_open(h5->path, &from, &now, NULL) == LG_OK ? lg_alloc(h5->context, (size_t)bytes, 1) : NULL;
-    const bool whole = image != NULL && fread(image, 1, (size_t)bytes, from) == bytes;
-    hid_t file = whole ? open_image(h5, image, (size_t)bytes) : H5I_INVALID_HID;
-    lg_free(h5->context, image);
-    if (from != NULL) (void)fclose(from);
-    return file;
+    LG_SCRATCH(char, image, h5->context, bytes);
+    if (image == NULL || lg_read_open(h5->path, &from, &now, NULL) != LG_OK) return H5I_INVALID_HID;
+    const bool whole = fread(image, 1, (size_t)bytes, from) == bytes;
+    (void)fclose(from);
+    return whole ? open_image(h5, image, (size_t)bytes) : H5I_INVALID_HID;
 }
 
 static lg_status open_handle(const lg_context *context, const char *path, const lg_read_options *options,
                              bool edit, lg_h5 **out, lg_error *error) {
     lg_read_options chosen;
-    lg_h5 *h5;
+    LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
     uint64_t bytes = 0;
     LG_TRY(lg_read_options_resolve(options, &chosen, error));
     LG_TRY(lg_h5_new(context, path, &h5, error));
-    lg_status status = check_file(path, &bytes, error);
-    if (status == LG_OK) {
-        uint64_t plausible = bytes > UINT64_MAX / EXPANSION ? UINT64_MAX : bytes * EXPANSION;
-        h5->max_size = chosen.max_size < plausible ? chosen.max_size : plausible;
-        lg_h5_quiet quiet = lg_quiet_begin();
-        h5->file = edit ? open_copy(h5, bytes) : open_file(path);
-        lg_quiet_end(quiet);
-        if (h5->file < 0)
-            status = lg_fail(error, LG_FORMAT,
-                             "%s: is not an HDF5 file, or is cut short, damaged or still being written",
-                             lg_shown_path(path));
-    }
-    if (status == LG_OK)
-        *out = h5;
-    else
-        lg_h5_close(h5);
-    return status;
+    LG_TRY(check_file(path, &bytes, error));
+    const uint64_t plausible = bytes > UINT64_MAX / EXPANSION ? UINT64_MAX : bytes * EXPANSION;
+    h5->max_size = chosen.max_size < plausible ? chosen.max_size : plausible;
+    LG_QUIET;
+    h5->file = edit ? open_copy(h5, bytes) : open_file(path);
+    if (h5->file < 0)
+        return lg_fail(error, LG_FORMAT,
+                       "%s: is not an HDF5 file, or is cut short, damaged or still being written",
+                       lg_shown_path(path));
+    return LG_MOVE(out, h5);
 }
 
 lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_options *options, lg_h5 **out,
@@ -103,11 +91,9 @@ typedef struct read_call {
 
 static lg_status open_and_read(void *user, lg_error *error) {
     const read_call *call = user;
-    lg_h5 *h5;
+    LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
     LG_TRY(lg_h5_open(call->context, call->path, call->options, &h5, error));
-    const lg_status status = call->read(call->user, h5, error);
-    lg_h5_close(h5);
-    return status;
+    return call->read(call->user, h5, error);
 }
 
 lg_status lg_h5_read(const lg_context *context, const char *path, const lg_read_options *options,
@@ -119,9 +105,13 @@ lg_status lg_h5_read(const lg_context *context, const char *path, const lg_read_
 
 /* ---- data sets ---- */
 
-void lg_dataset_close(lg_dataset *d) {
-    (void)H5Tclose(d->type);
-    (void)H5Dclose(d->set);
+static lg_status no_room(const lg_h5 *h5, const char *name, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
+}
+
+void lg_dataset_close(const lg_dataset *d) {
+    lg_id_close(&d->type);
+    lg_id_close(&d->set);
 }
 
 hid_t lg_dataset_memory(const lg_dataset *d, hid_t type) {
@@ -138,22 +128,19 @@ lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, 
 /* False if the data lies in other files, as in external storage and virtual data sets. Such data is not
  * read. */
 static bool is_local(hid_t set) {
-    hid_t list = H5Dget_create_plist(set);
-    H5D_layout_t layout = H5Pget_layout(list);
-    bool local = (layout == H5D_COMPACT || layout == H5D_CONTIGUOUS || layout == H5D_CHUNKED) &&
-                 H5Pget_external_count(list) == 0;
-    (void)H5Pclose(list);
-    return local;
+    LG_ID list = H5Dget_create_plist(set);
+    const H5D_layout_t layout = H5Pget_layout(list);
+    return (layout == H5D_COMPACT || layout == H5D_CONTIGUOUS || layout == H5D_CHUNKED) &&
+           H5Pget_external_count(list) == 0;
 }
 
 static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d,
                              lg_error *error) {
-    hid_t space = H5Dget_space(d->set);
+    LG_ID space = H5Dget_space(d->set);
     H5S_class_t kind = H5Sget_simple_extent_type(space);
     int rank = kind == H5S_SIMPLE || kind == H5S_SCALAR ? H5Sget_simple_extent_ndims(space) : -1;
     hsize_t extent[H5S_MAX_RANK] = {0};
     if (rank > 0 && H5Sget_simple_extent_dims(space, extent, NULL) < 0) rank = -1;
-    (void)H5Sclose(space);
     if (rank < 0) return lg_dataset_error(h5, name, "has no shape", error);
     if (rank > LG_MAX_RANK)
         return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %d, but at most %d can be read",
@@ -176,12 +163,11 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg
 }
 
 lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error) {
-    *d = (lg_dataset){.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
     if (!lg_path_exists(h5, name))
         return lg_fail(error, LG_NOT_FOUND, "%s: has no /%s", lg_shown_path(h5->path), name);
     d->set = H5Oopen(h5->file, name, h5->links);
     if (d->set >= 0 && H5Iget_type(d->set) != H5I_DATASET) {
-        (void)H5Oclose(d->set);
+        lg_id_close(&d->set);
         d->set = H5I_INVALID_HID;
     }
     if (d->set < 0) return lg_dataset_error(h5, name, "is not a data set", error);
@@ -223,17 +209,13 @@ static double spacing(hid_t type) {
 
 lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon,
                       lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_dataset d;
-    lg_status status = open_numbers(h5, name, &d, error);
-    if (status == LG_OK) {
-        *rank = d.rank;
-        memcpy(dims, d.dims, sizeof d.dims);
-        if (epsilon != NULL) *epsilon = spacing(d.type);
-    }
-    lg_dataset_close(&d);
-    lg_quiet_end(quiet);
-    return status;
+    LG_QUIET;
+    LG_DATASET(d);
+    LG_TRY(open_numbers(h5, name, &d, error));
+    *rank = d.rank;
+    memcpy(dims, d.dims, sizeof d.dims);
+    if (epsilon != NULL) *epsilon = spacing(d.type);
+    return LG_OK;
 }
 
 static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, void *source, void *target,
@@ -245,7 +227,7 @@ static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, 
 /* True if the data was written through a filter that is not available here; `name` becomes the filter's
  * name. */
 static bool missing_filter(hid_t set, char *name, size_t size) {
-    hid_t list = H5Dget_create_plist(set);
+    LG_ID list = H5Dget_create_plist(set);
     const int filters = H5Pget_nfilters(list);
     bool missing = false;
     for (int i = 0; i < filters && !missing; i++) {
@@ -256,7 +238,6 @@ static bool missing_filter(hid_t set, char *name, size_t size) {
         missing = filter >= 0 && H5Zfilter_avail(filter) <= 0;
         if (missing && name[0] == '\0') (void)snprintf(name, size, "%d", (int)filter);
     }
-    (void)H5Pclose(list);
     name[size - 1] = '\0';
     return missing;
 }
@@ -266,12 +247,10 @@ static bool missing_filter(hid_t set, char *name, size_t size) {
 static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, hid_t room,
                            hid_t part, bool checked, void *out, lg_error *error) {
     char filter[64] = "";
-    hid_t transfer = H5Pcreate(H5P_DATASET_XFER), element = lg_dataset_memory(d, memory);
-    const bool read = (!checked || H5Pset_type_conv_cb(transfer, no_overflow, NULL) >= 0) &&
-                      H5Dread(d->set, element, room, part, transfer, out) >= 0;
-    (void)H5Tclose(element);
-    (void)H5Pclose(transfer);
-    if (read) return LG_OK;
+    LG_ID transfer = H5Pcreate(H5P_DATASET_XFER), element = lg_dataset_memory(d, memory);
+    if ((!checked || H5Pset_type_conv_cb(transfer, no_overflow, NULL) >= 0) &&
+        H5Dread(d->set, element, room, part, transfer, out) >= 0)
+        return LG_OK;
     if (missing_filter(d->set, filter, sizeof filter))
         return lg_fail(error, LG_FORMAT,
                        "%s: /%s: is compressed with '%s', which this HDF5 cannot undo: write it with gzip or "
@@ -367,25 +346,16 @@ static lg_status read_dataset(lg_h5 *h5, const char *name, const lg_dataset *d, 
 
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     void *out, lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_dataset d;
-    lg_status status = open_numbers(h5, name, &d, error);
-    if (status == LG_OK) {
-        bool same = d.rank == rank;
-        for (uint32_t i = 0; same && i < rank; i++) same = d.dims[i] == dims[i];
-        if (!same) {
-            char have[SHAPE_TEXT], want[SHAPE_TEXT];
-            shape_text(have, d.rank, d.dims);
-            shape_text(want, rank, dims);
-            status = lg_fail(error, LG_SHAPE, "%s: /%s: has shape %s, expected %s", lg_shown_path(h5->path),
-                             name, have, want);
-        } else {
-            status = read_dataset(h5, name, &d, type, out, error);
-        }
-    }
-    lg_dataset_close(&d);
-    lg_quiet_end(quiet);
-    return status;
+    LG_QUIET;
+    LG_DATASET(d);
+    char have[SHAPE_TEXT], want[SHAPE_TEXT];
+    LG_TRY(open_numbers(h5, name, &d, error));
+    if (d.rank == rank && (rank == 0 || memcmp(d.dims, dims, rank * sizeof *dims) == 0))
+        return read_dataset(h5, name, &d, type, out, error);
+    shape_text(have, d.rank, d.dims);
+    shape_text(want, rank, dims);
+    return lg_fail(error, LG_SHAPE, "%s: /%s: has shape %s, expected %s", lg_shown_path(h5->path), name, have,
+                   want);
 }
 
 lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, const uint64_t *dims,
@@ -405,30 +375,18 @@ lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, con
 
 lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
                             lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_dataset d;
-    double *data = NULL;
-    lg_status status = open_numbers(h5, name, &d, error);
-    if (status == LG_OK && d.rank != rank)
-        status = lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u", lg_shown_path(h5->path), name,
-                         d.rank, rank);
-    if (status == LG_OK) {
-        data = lg_alloc(h5->context, (size_t)d.count, sizeof *data);
-        if (data == NULL)
-            status =
-                lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
-    }
-    if (status == LG_OK) status = read_dataset(h5, name, &d, LG_ELEMENT_F64, data, error);
-    if (status == LG_OK) status = lg_check_finite(h5->path, name, rank, d.dims, data, error);
-    if (status == LG_OK) {
-        memcpy(dims, d.dims, sizeof d.dims);
-        *out = data;
-    } else {
-        lg_free(h5->context, data);
-    }
-    lg_dataset_close(&d);
-    lg_quiet_end(quiet);
-    return status;
+    LG_QUIET;
+    LG_DATASET(d);
+    LG_TRY(open_numbers(h5, name, &d, error));
+    if (d.rank != rank)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u", lg_shown_path(h5->path), name,
+                       d.rank, rank);
+    LG_TRY_SCRATCH(double, data, h5->context, d.count, no_room(h5, name, error));
+    LG_TRY(read_dataset(h5, name, &d, LG_ELEMENT_F64, data, error));
+    LG_TRY(lg_check_finite(h5->path, name, rank, d.dims, data, error));
+    memcpy(dims, d.dims, sizeof d.dims);
+    *out = LG_KEEP(data);
+    return LG_OK;
 }
 
 /* ---- arrays of any type ---- */
@@ -457,10 +415,9 @@ static bool is_wide(hid_t type) {
 
 static void find_chunk(const lg_dataset *d, uint64_t chunk[LG_MAX_RANK]) {
     hsize_t shape[LG_MAX_RANK] = {0};
-    hid_t plist = H5Dget_create_plist(d->set);
+    LG_ID plist = H5Dget_create_plist(d->set);
     if (H5Pget_layout(plist) == H5D_CHUNKED && H5Pget_chunk(plist, LG_MAX_RANK, shape) == (int)d->rank)
         memcpy(chunk, shape, sizeof shape);
-    (void)H5Pclose(plist);
 }
 
 static void describe(const lg_dataset *d, lg_h5_about *out) {
@@ -473,13 +430,11 @@ static void describe(const lg_dataset *d, lg_h5_about *out) {
 }
 
 lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out, lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_dataset d;
-    const lg_status status = lg_dataset_open(h5, name, bytes, &d, error);
-    if (status == LG_OK) describe(&d, out);
-    lg_dataset_close(&d);
-    lg_quiet_end(quiet);
-    return status;
+    LG_QUIET;
+    LG_DATASET(d);
+    LG_TRY(lg_dataset_open(h5, name, bytes, &d, error));
+    describe(&d, out);
+    return LG_OK;
 }
 
 /* Makes `type` of the data set the type of its member. */
@@ -487,7 +442,7 @@ static lg_status choose_member(lg_h5 *h5, const char *name, lg_dataset *d, const
                                lg_error *error) {
     hid_t type = H5Tget_member_type(d->type, (unsigned)index);
     if (index < 0 || type < 0) return lg_dataset_error(h5, name, "has no such member", error);
-    (void)H5Tclose(d->type);
+    lg_id_close(&d->type);
     d->type = type;
     d->member = member;
     return LG_OK;
@@ -495,29 +450,24 @@ static lg_status choose_member(lg_h5 *h5, const char *name, lg_dataset *d, const
 
 lg_status lg_h5_look_member(lg_h5 *h5, const char *name, uint32_t index, char *text, size_t size,
                             lg_h5_about *out, lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_dataset d;
-    lg_status status = lg_dataset_open(h5, name, sizeof(double), &d, error);
-    char *member = status == LG_OK ? H5Tget_member_name(d.type, index) : NULL;
-    if (status == LG_OK && (member == NULL || strlen(member) >= size))
-        status = lg_dataset_error(h5, name, "has a member with a name that is too long", error);
-    if (status == LG_OK) status = choose_member(h5, name, &d, NULL, (int)index, error);
-    if (status == LG_OK) describe(&d, out);
-    if (status == LG_OK) (void)snprintf(text, size, "%s", member);
+    LG_QUIET;
+    LG_DATASET(d);
+    LG_TRY(lg_dataset_open(h5, name, sizeof(double), &d, error));
+    char *member = H5Tget_member_name(d.type, index);
+    const bool fits = member != NULL && strlen(member) < size;
+    if (fits) (void)snprintf(text, size, "%s", member);
     (void)H5free_memory(member);
-    lg_dataset_close(&d);
-    lg_quiet_end(quiet);
-    return status;
+    if (!fits) return lg_dataset_error(h5, name, "has a member with a name that is too long", error);
+    LG_TRY(choose_member(h5, name, &d, NULL, (int)index, error));
+    describe(&d, out);
+    return LG_OK;
 }
 
 static lg_status get_all(lg_h5 *h5, const char *name, hid_t memory, void *out, lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_dataset d;
-    lg_status status = lg_dataset_open(h5, name, sizeof(double), &d, error);
-    if (status == LG_OK && d.count > 0) status = read_all(h5, name, &d, memory, out, error);
-    lg_dataset_close(&d);
-    lg_quiet_end(quiet);
-    return status;
+    LG_QUIET;
+    LG_DATASET(d);
+    LG_TRY(lg_dataset_open(h5, name, sizeof(double), &d, error));
+    return d.count > 0 ? read_all(h5, name, &d, memory, out, error) : LG_OK;
 }
 
 uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis) {
@@ -531,7 +481,6 @@ uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis) {
 lg_status lg_slice_open(lg_h5 *h5, const lg_h5_slice *slice, size_t bytes, lg_dataset *d, hid_t *part,
                         lg_error *error) {
     hsize_t start[LG_MAX_RANK] = {0}, extent[LG_MAX_RANK] = {0};
-    *part = H5I_INVALID_HID;
     LG_TRY(lg_dataset_open(h5, slice->name, bytes, d, error));
     if (slice->member != NULL)
         LG_TRY(choose_member(h5, slice->name, d, slice->member, H5Tget_member_index(d->type, slice->member),
@@ -549,22 +498,15 @@ lg_status lg_slice_open(lg_h5 *h5, const lg_h5_slice *slice, size_t bytes, lg_da
 }
 
 lg_status lg_h5_get_slice(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_long as, double *out, lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_dataset d;
-    hid_t part;
-    lg_status status = lg_slice_open(h5, slice, sizeof(float), &d, &part, error);
-    if (status == LG_OK && d.count > 0) {
-        const uint64_t row = d.rank == 0 ? 1 : d.count / d.dims[slice->axis];
-        const hsize_t extent = row * slice->count;
-        hid_t room = H5Screate_simple(1, &extent, NULL);
-        status =
-            read_doubles(h5, slice->name, &d, room, part, slice->first * row, extent, false, as, out, error);
-        (void)H5Sclose(room);
-    }
-    (void)H5Sclose(part);
-    lg_dataset_close(&d);
-    lg_quiet_end(quiet);
-    return status;
+    LG_QUIET;
+    LG_DATASET(d);
+    LG_ID part = H5I_INVALID_HID;
+    LG_TRY(lg_slice_open(h5, slice, sizeof(float), &d, &part, error));
+    if (d.count == 0) return LG_OK;
+    const uint64_t row = d.rank == 0 ? 1 : d.count / d.dims[slice->axis];
+    const hsize_t extent = row * slice->count;
+    LG_ID room = H5Screate_simple(1, &extent, NULL);
+    return read_doubles(h5, slice->name, &d, room, part, slice->first * row, extent, false, as, out, error);
 }
 
 lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error) {
@@ -572,17 +514,14 @@ lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *u
     LG_TRY(lg_h5_look(h5, name, sizeof(float), &about, error));
     if (about.count == 0) return LG_OK;
     const uint64_t row = about.count / about.dims[0], rows = lg_h5_block(&about, 0);
-    double *values = lg_alloc(h5->context, rows * row, sizeof *values);
-    if (values == NULL) return lg_h5_no_memory(h5, error);
-    lg_status status = LG_OK;
-    for (uint64_t at = 0; at < about.dims[0] && status == LG_OK; at += rows) {
+    LG_TRY_SCRATCH(double, values, h5->context, (size_t)(rows * row), lg_h5_no_memory(h5, error));
+    for (uint64_t at = 0; at < about.dims[0]; at += rows) {
         const uint64_t left = about.dims[0] - at;
         const lg_h5_slice slice = {.name = name, .first = at, .count = left < rows ? left : rows};
-        status = lg_h5_get_slice(h5, &slice, LG_H5_EXACT, values, error);
-        if (status == LG_OK) visit(user, at, slice.count, values);
+        LG_TRY(lg_h5_get_slice(h5, &slice, LG_H5_EXACT, values, error));
+        visit(user, at, slice.count, values);
     }
-    lg_free(h5->context, values);
-    return status;
+    return LG_OK;
 }
 
 /* True for integers that a double holds exactly; false for fractions, NaN and magnitudes above 2^53. */
@@ -590,27 +529,19 @@ bool lg_is_whole(double x) {
     return fabs(x) <= 0x1p53 && floor(x) == x;
 }
 
-static lg_status not_whole(const lg_h5 *h5, const char *name, double value, uint64_t at, lg_error *error) {
-    return lg_fail(error, isfinite(value) ? LG_FORMAT : LG_NOT_FINITE,
-                   "%s: /%s: %.17g at index (%llu) is not a whole number", lg_shown_path(h5->path), name,
-                   value, (unsigned long long)at);
-}
-
 lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,
                            lg_error *error) {
     if (about->kind == LG_H5_WHOLE) return get_all(h5, name, H5T_NATIVE_INT64, out, error);
-    double *values = lg_alloc(h5->context, (size_t)about->count, sizeof *values);
-    if (values == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
-    lg_status status = get_all(h5, name, H5T_NATIVE_DOUBLE, values, error);
-    for (uint64_t i = 0; i < about->count && status == LG_OK; i++) {
-        if (lg_is_whole(values[i]))
-            out[i] = (int64_t)values[i];
-        else
-            status = not_whole(h5, name, values[i], i, error);
+    LG_TRY_SCRATCH(double, values, h5->context, about->count, no_room(h5, name, error));
+    LG_TRY(get_all(h5, name, H5T_NATIVE_DOUBLE, values, error));
+    for (uint64_t i = 0; i < about->count; i++) {
+        if (!lg_is_whole(values[i]))
+            return lg_fail(error, isfinite(values[i]) ? LG_FORMAT : LG_NOT_FINITE,
+                           "%s: /%s: %.17g at index (%llu) is not a whole number", lg_shown_path(h5->path),
+                           name, values[i], (unsigned long long)i);
+        out[i] = (int64_t)values[i];
     }
-    lg_free(h5->context, values);
-    return status;
+    return LG_OK;
 }
 
 /* ---- whole files ---- */
@@ -623,16 +554,22 @@ typedef struct sweep {
 
 static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t *info, void *user) {
     unsigned char small[LG_H5_TEXT];
-    hid_t attribute_id = H5Aopen(location, name, H5P_DEFAULT);
+    LG_ID attribute_id = H5Aopen(location, name, H5P_DEFAULT), type = H5Aget_type(attribute_id);
     if (attribute_id < 0) return -1;
-    hid_t type = H5Aget_type(attribute_id);
     /* Texts of variable length are not read here. */
     if (H5Tis_variable_str(type) <= 0 && H5Tget_class(type) != H5T_VLEN &&
         H5Aget_storage_size(attribute_id) <= sizeof small)
         (void)H5Aread(attribute_id, type, small);
-    (void)H5Tclose(type);
-    (void)H5Aclose(attribute_id);
     return 0;
+}
+
+/* Data sets of other types are skipped; data sets of numbers must be readable. */
+static lg_status sweep_numbers(lg_h5 *h5, const char *name, lg_error *error) {
+    LG_DATASET(d);
+    if (open_numbers(h5, name, &d, NULL) != LG_OK) return LG_OK;
+    LG_TRY_SCRATCH(double, data, h5->context, d.count, no_room(h5, name, error));
+    if (d.count == 0) return LG_OK;
+    return read_part(h5, name, &d, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, true, data, error);
 }
 
 static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info, void *user) {
@@ -642,37 +579,18 @@ static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info,
             lg_fail(s->error, LG_FORMAT, "%s: groups are nested too deep", lg_shown_path(s->h5->path));
         return 1;
     }
-    hid_t object = H5Oopen(root, name, s->h5->links);
+    LG_ID object = H5Oopen(root, name, s->h5->links);
     if (object < 0) return 0;
     (void)H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_NATIVE, NULL, sweep_attribute, s);
-    (void)H5Oclose(object);
-    lg_dataset d = {.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
-    /* Data sets of other types are skipped; data sets of numbers must be readable. */
-    if (info->type == H5O_TYPE_DATASET && open_numbers(s->h5, name, &d, NULL) == LG_OK) {
-        double *data = lg_alloc(s->h5->context, (size_t)d.count, sizeof *data);
-        s->status = data == NULL  ? lg_fail(s->error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory",
-                                            lg_shown_path(s->h5->path), name)
-                    : d.count > 0 ? read_part(s->h5, name, &d, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, true,
-                                              data, s->error)
-                                  : LG_OK;
-        lg_free(s->h5->context, data);
-    }
-    lg_dataset_close(&d);
+    if (info->type == H5O_TYPE_DATASET) s->status = sweep_numbers(s->h5, name, s->error);
     return s->status == LG_OK ? 0 : 1;
 }
 
 lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
+    LG_QUIET;
     sweep s = {h5, LG_OK, error};
-    herr_t visited = H5Ovisit(h5->file, H5_INDEX_NAME, H5_ITER_NATIVE, sweep_object, &s);
-    lg_quiet_end(quiet);
+    const herr_t visited = H5Ovisit(h5->file, H5_INDEX_NAME, H5_ITER_NATIVE, sweep_object, &s);
     if (s.status == LG_OK && visited < 0)
         return lg_fail(error, LG_FORMAT, "%s: is cut short or damaged", lg_shown_path(h5->path));
     return s.status;
-}
-
-lg_status lg_missing_is_format(lg_status status, lg_error *error) {
-    if (status != LG_NOT_FOUND) return status;
-    if (error != NULL) error->status = LG_FORMAT;
-    return LG_FORMAT;
 }

@@ -20,17 +20,20 @@ typedef struct texts {
     char *memory, *one;
 } texts;
 
-static lg_status begin_texts(lg_h5 *h5, hid_t type, size_t longest, uint64_t count, texts *t) {
+static lg_status begin_texts(lg_h5 *h5, hid_t type, size_t longest, uint64_t count, const char *name,
+                             texts *t, lg_error *error) {
     *t = (texts){.h5 = h5, .type = type, .longest = longest};
     t->variable = H5Tis_variable_str(type) > 0;
     t->spaces = H5Tget_strpad(type) == H5T_STR_SPACEPAD;
     t->size = t->variable ? sizeof(char *) : H5Tget_size(type);
-    if (t->size == 0 || (!t->variable && t->size > longest)) return LG_FORMAT;
+    if (t->size == 0 || (!t->variable && t->size > longest))
+        return lg_dataset_error(h5, name, "has texts that are too long", error);
     t->piece = t->variable ? PIECE_TEXTS : PIECE_BYTES / t->size;
     if (t->piece > count) t->piece = (size_t)count;
     t->memory = lg_alloc(h5->context, t->piece, t->size);
     t->one = lg_alloc(h5->context, t->size + 1, 1);
-    return t->memory != NULL && t->one != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    if (t->memory != NULL && t->one != NULL) return LG_OK;
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
 }
 
 static void end_texts(texts *t) {
@@ -63,63 +66,46 @@ static lg_status visit_piece(texts *t, uint64_t first, size_t count, const char 
     return LG_OK;
 }
 
-static lg_status no_texts(const texts *t, const char *name, lg_status status, lg_error *error) {
-    return status == LG_FORMAT
-               ? lg_dataset_error(t->h5, name, "has texts that are too long", error)
-               : lg_fail(error, status, "%s: /%s: out of memory", lg_shown_path(t->h5->path), name);
-}
-
 /* ---- data sets ---- */
 
 static lg_status each_piece(texts *t, const lg_h5_slice *slice, lg_h5_visit visit, void *user,
                             lg_error *error) {
-    lg_status status = LG_OK;
-    lg_dataset d;
-    for (uint64_t at = 0; at < slice->count && status == LG_OK; at += t->piece) {
+    for (uint64_t at = 0; at < slice->count; at += t->piece) {
         const uint64_t left = slice->count - at;
         lg_h5_slice piece = *slice;
-        hid_t part;
+        LG_DATASET(d);
+        LG_ID part = H5I_INVALID_HID;
         piece.first += at;
         piece.count = left < t->piece ? left : t->piece;
         memset(t->memory, 0, (size_t)piece.count * t->size);
-        status = lg_slice_open(t->h5, &piece, 1, &d, &part, error);
+        LG_TRY(lg_slice_open(t->h5, &piece, 1, &d, &part, error));
         const hsize_t extent = piece.count;
-        hid_t memory = H5Screate_simple(1, &extent, NULL), element = lg_dataset_memory(&d, t->type);
-        if (status == LG_OK && H5Dread(d.set, element, memory, part, H5P_DEFAULT, t->memory) < 0)
+        LG_ID memory = H5Screate_simple(1, &extent, NULL), element = lg_dataset_memory(&d, t->type);
+        lg_status status = LG_OK;
+        if (H5Dread(d.set, element, memory, part, H5P_DEFAULT, t->memory) < 0)
             status = lg_dataset_error(t->h5, slice->name, "cannot be read: cut short or damaged", error);
         if (status == LG_OK)
             status = visit_piece(t, piece.first, (size_t)piece.count, slice->name, visit, user, error);
         if (t->variable) (void)H5Dvlen_reclaim(t->type, memory, H5P_DEFAULT, t->memory);
-        (void)H5Tclose(element);
-        (void)H5Sclose(memory);
-        (void)H5Sclose(part);
-        lg_dataset_close(&d);
+        LG_TRY(status);
     }
-    return status;
+    return LG_OK;
 }
 
 lg_status lg_h5_each_text_of(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_visit visit, void *user,
                              lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_dataset d;
-    hid_t part;
-    texts t = {.h5 = h5};
-    lg_status status = lg_slice_open(h5, slice, 1, &d, &part, error);
-    if (status == LG_OK && H5Tget_class(d.type) != H5T_STRING)
-        status = lg_dataset_error(h5, slice->name, "does not hold texts", error);
-    for (uint32_t i = 0; i < d.rank && status == LG_OK; i++)
+    LG_QUIET;
+    LG_DATASET(d);
+    LG_ID part = H5I_INVALID_HID;
+    LG_CLEAN(end_texts) texts t = {.h5 = h5};
+    LG_TRY(lg_slice_open(h5, slice, 1, &d, &part, error));
+    if (H5Tget_class(d.type) != H5T_STRING)
+        return lg_dataset_error(h5, slice->name, "does not hold texts", error);
+    for (uint32_t i = 0; i < d.rank; i++)
         if (i != slice->axis && d.dims[i] != 1)
-            status = lg_dataset_error(h5, slice->name, "is not a list of texts", error);
-    if (status == LG_OK) {
-        status = begin_texts(h5, d.type, LG_H5_TEXT, slice->count, &t);
-        status = status == LG_OK ? each_piece(&t, slice, visit, user, error)
-                                 : no_texts(&t, slice->name, status, error);
-    }
-    end_texts(&t);
-    (void)H5Sclose(part);
-    lg_dataset_close(&d);
-    lg_quiet_end(quiet);
-    return status;
+            return lg_dataset_error(h5, slice->name, "is not a list of texts", error);
+    LG_TRY(begin_texts(h5, d.type, LG_H5_TEXT, slice->count, slice->name, &t, error));
+    return each_piece(&t, slice, visit, user, error);
 }
 
 lg_status lg_h5_each_text(lg_h5 *h5, const char *name, lg_h5_visit visit, void *user, lg_error *error) {
@@ -133,26 +119,20 @@ lg_status lg_h5_each_text(lg_h5 *h5, const char *name, lg_h5_visit visit, void *
 
 static lg_status visit_attribute(lg_h5 *h5, hid_t attribute, hid_t type, const char *name, lg_h5_visit visit,
                                  void *user, lg_error *error) {
-    hid_t space = H5Aget_space(attribute);
+    LG_ID space = H5Aget_space(attribute);
     const hssize_t count = H5Sget_simple_extent_npoints(space);
-    texts t = {.h5 = h5};
-    lg_status status = LG_OK;
+    LG_CLEAN(end_texts) texts t = {.h5 = h5};
     if (count < 0 || (uint64_t)count > h5->max_size)
-        status = lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
-    if (status == LG_OK && count > 0) {
-        status = begin_texts(h5, type, count == 1 ? ATTRIBUTE_BYTES : LG_H5_TEXT, (uint64_t)count, &t);
-        if (status != LG_OK)
-            status = no_texts(&t, name, status, error);
-        else if ((uint64_t)count > t.piece)
-            status = lg_dataset_error(h5, name, "is an attribute of too many texts", error);
-        else if (H5Aread(attribute, type, t.memory) < 0)
-            status = lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
-        else
-            status = visit_piece(&t, 0, (size_t)count, name, visit, user, error);
-        if (t.variable && t.memory != NULL) (void)H5Dvlen_reclaim(type, space, H5P_DEFAULT, t.memory);
-    }
-    end_texts(&t);
-    (void)H5Sclose(space);
+        return lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
+    if (count == 0) return LG_OK;
+    LG_TRY(
+        begin_texts(h5, type, count == 1 ? ATTRIBUTE_BYTES : LG_H5_TEXT, (uint64_t)count, name, &t, error));
+    if ((uint64_t)count > t.piece)
+        return lg_dataset_error(h5, name, "is an attribute of too many texts", error);
+    const lg_status status = H5Aread(attribute, type, t.memory) < 0
+                                 ? lg_dataset_error(h5, name, "is an attribute that cannot be read", error)
+                                 : visit_piece(&t, 0, (size_t)count, name, visit, user, error);
+    if (t.variable) (void)H5Dvlen_reclaim(type, space, H5P_DEFAULT, t.memory);
     return status;
 }
 
@@ -160,18 +140,10 @@ lg_status lg_h5_each_attribute_text(lg_h5 *h5, const char *object, const char *n
                                     lg_h5_visit visit, void *user, lg_error *error) {
     *words = false;
     if (!lg_h5_has_attribute(h5, object, name)) return LG_OK;
-    lg_h5_quiet quiet = lg_quiet_begin();
-    lg_status status = LG_OK;
-    hid_t attribute = H5Aopen_by_name(h5->file, *object == '\0' ? "/" : object, name, H5P_DEFAULT, h5->links);
-    hid_t type = H5Aget_type(attribute);
-    if (type < 0)
-        status = lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
-    else if (H5Tget_class(type) == H5T_STRING) {
-        *words = true;
-        status = visit_attribute(h5, attribute, type, name, visit, user, error);
-    }
-    (void)H5Tclose(type);
-    (void)H5Aclose(attribute);
-    lg_quiet_end(quiet);
-    return status;
+    LG_QUIET;
+    LG_ID attribute = H5Aopen_by_name(h5->file, *object == '\0' ? "/" : object, name, H5P_DEFAULT, h5->links),
+          type = H5Aget_type(attribute);
+    if (type < 0) return lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
+    *words = H5Tget_class(type) == H5T_STRING;
+    return *words ? visit_attribute(h5, attribute, type, name, visit, user, error) : LG_OK;
 }

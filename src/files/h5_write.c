@@ -7,24 +7,6 @@ void lg_io_setup(void) {
     (void)H5dont_atexit();
 }
 
-static hid_t file_type(lg_element type) {
-    switch (type) {
-    case LG_ELEMENT_F64:
-        return H5T_IEEE_F64LE;
-    case LG_ELEMENT_F32:
-        return H5T_IEEE_F32LE;
-    case LG_ELEMENT_I64:
-        return H5T_STD_I64LE;
-    case LG_ELEMENT_U64:
-        return H5T_STD_U64LE;
-    case LG_ELEMENT_U32:
-        return H5T_STD_U32LE;
-    case LG_ELEMENT_U8:
-        return H5T_STD_U8LE;
-    }
-    return H5I_INVALID_HID;
-}
-
 /* False if there is no memory for the cache of a file; HDF5 1.10 would crash then. */
 static bool has_room_for_cache(void) {
     enum { CACHE = 4 << 20 };
@@ -34,25 +16,18 @@ static bool has_room_for_cache(void) {
 }
 
 lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
-    lg_h5 *h5;
+    LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
     if (!has_room_for_cache())
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     LG_TRY(lg_h5_new(context, path, &h5, error));
-    lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t create = H5Pcreate(H5P_FILE_CREATE), access = H5Pcreate(H5P_FILE_ACCESS);
+    LG_QUIET;
+    LG_ID create = H5Pcreate(H5P_FILE_CREATE), access = H5Pcreate(H5P_FILE_ACCESS);
     /* No times are stored, so that the same content gives the same bytes. The core driver keeps the file in
      * memory; no file of this name is written. */
     if (H5Pset_obj_track_times(create, false) >= 0 && H5Pset_fapl_core(access, LG_CORE_INCREMENT, false) >= 0)
         h5->file = H5Fcreate(lg_h5_memory_name(h5).text, H5F_ACC_TRUNC, create, access);
-    (void)H5Pclose(create);
-    (void)H5Pclose(access);
-    lg_quiet_end(quiet);
-    if (h5->file < 0) {
-        lg_h5_close(h5);
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    }
-    *out = h5;
-    return LG_OK;
+    if (h5->file < 0) return lg_h5_no_memory(h5, error);
+    return LG_MOVE(out, h5);
 }
 
 static lg_status not_stored(const lg_h5 *h5, const char *object, const char *name, lg_error *error) {
@@ -72,29 +47,23 @@ static hid_t intermediate(void) {
 static hid_t create_dataset(lg_h5 *h5, const char *name, hid_t type, uint32_t rank, const uint64_t *dims) {
     hsize_t extent[LG_MAX_RANK];
     for (uint32_t i = 0; i < rank; i++) extent[i] = dims[i];
-    hid_t space = rank == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple((int)rank, extent, NULL);
-    hid_t links = intermediate(), create = H5Pcreate(H5P_DATASET_CREATE), set = H5I_INVALID_HID;
-    if (H5Pset_obj_track_times(create, false) >= 0)
-        set = H5Dcreate2(h5->file, name, type, space, links, create, H5P_DEFAULT);
-    (void)H5Sclose(space);
-    (void)H5Pclose(links);
-    (void)H5Pclose(create);
-    return set;
+    LG_ID space = rank == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple((int)rank, extent, NULL);
+    LG_ID links = intermediate(), create = H5Pcreate(H5P_DATASET_CREATE);
+    if (H5Pset_obj_track_times(create, false) < 0) return H5I_INVALID_HID;
+    return H5Dcreate2(h5->file, name, type, space, links, create, H5P_DEFAULT);
 }
 
 lg_status lg_h5_put(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     const void *data, lg_error *error) {
-    if (rank > LG_MAX_RANK || name == NULL || *name == '\0' || file_type(type) < 0)
+    if (rank > LG_MAX_RANK || name == NULL || *name == '\0' || lg_h5_file_type(type) < 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: a data set needs a name, a type and rank <= %d",
                        lg_shown_path(h5->path), LG_MAX_RANK);
     uint64_t count = 1;
     for (uint32_t i = 0; i < rank; i++) count *= dims[i];
-    lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t set = create_dataset(h5, name, file_type(type), rank, dims);
-    bool stored = set >= 0 && (count == 0 || H5Dwrite(set, lg_h5_memory_type(type), H5S_ALL, H5S_ALL,
-                                                      H5P_DEFAULT, data) >= 0);
-    (void)H5Dclose(set);
-    lg_quiet_end(quiet);
+    LG_QUIET;
+    LG_ID set = create_dataset(h5, name, lg_h5_file_type(type), rank, dims);
+    const bool stored = set >= 0 && (count == 0 || H5Dwrite(set, lg_h5_memory_type(type), H5S_ALL, H5S_ALL,
+                                                            H5P_DEFAULT, data) >= 0);
     return stored ? LG_OK : not_stored(h5, name, "", error);
 }
 
@@ -110,13 +79,9 @@ static hid_t text_type(size_t bytes, H5T_str_t padding) {
 
 lg_status lg_h5_put_texts(lg_h5 *h5, const char *name, const char *texts, size_t size, uint64_t count,
                           lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t type = text_type(size, H5T_STR_NULLTERM);
-    hid_t set = create_dataset(h5, name, type, 1, &count);
+    LG_QUIET;
+    LG_ID type = text_type(size, H5T_STR_NULLTERM), set = create_dataset(h5, name, type, 1, &count);
     const bool stored = H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, texts) >= 0;
-    (void)H5Dclose(set);
-    (void)H5Tclose(type);
-    lg_quiet_end(quiet);
     return stored ? LG_OK : not_stored(h5, name, "", error);
 }
 
@@ -124,41 +89,29 @@ lg_status lg_h5_put_texts(lg_h5 *h5, const char *name, const char *texts, size_t
 static hid_t open_or_make(lg_h5 *h5, const char *object) {
     if (*object == '\0') return H5Oopen(h5->file, "/", H5P_DEFAULT);
     if (lg_h5_has(h5, object)) return H5Oopen(h5->file, object, h5->links);
-    hid_t links = intermediate(), create = H5Pcreate(H5P_GROUP_CREATE), group = H5I_INVALID_HID;
-    if (H5Pset_obj_track_times(create, false) >= 0)
-        group = H5Gcreate2(h5->file, object, links, create, H5P_DEFAULT);
-    (void)H5Pclose(links);
-    (void)H5Pclose(create);
-    return group;
+    LG_ID links = intermediate(), create = H5Pcreate(H5P_GROUP_CREATE);
+    if (H5Pset_obj_track_times(create, false) < 0) return H5I_INVALID_HID;
+    return H5Gcreate2(h5->file, object, links, create, H5P_DEFAULT);
 }
 
 /* Writes an attribute: one value, or a list of *count values. */
 static lg_status put_attribute(lg_h5 *h5, const char *object, const char *name, hid_t stored, hid_t memory,
                                const hsize_t *count, const void *value, lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t at = open_or_make(h5, object);
-    hid_t space = count == NULL ? H5Screate(H5S_SCALAR) : H5Screate_simple(1, count, NULL);
-    hid_t attribute = H5Acreate2(at, name, stored, space, H5P_DEFAULT, H5P_DEFAULT);
-    bool written = H5Awrite(attribute, memory, value) >= 0;
-    (void)H5Aclose(attribute);
-    (void)H5Sclose(space);
-    (void)H5Oclose(at);
-    lg_quiet_end(quiet);
-    return written ? LG_OK : not_stored(h5, object, name, error);
+    LG_QUIET;
+    LG_ID at = open_or_make(h5, object);
+    LG_ID space = count == NULL ? H5Screate(H5S_SCALAR) : H5Screate_simple(1, count, NULL);
+    LG_ID attribute = H5Acreate2(at, name, stored, space, H5P_DEFAULT, H5P_DEFAULT);
+    return H5Awrite(attribute, memory, value) >= 0 ? LG_OK : not_stored(h5, object, name, error);
 }
 
 lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const char *value,
                          lg_error *error) {
-    size_t length = strlen(value);
-    if (length >= LG_H5_TEXT) length = LG_H5_TEXT - 1;
+    const size_t length = strnlen(value, LG_H5_TEXT - 1);
     char padded[LG_H5_TEXT] = {0};
     memcpy(padded, value, length);
-    lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t type = text_type(length == 0 ? 1 : length, H5T_STR_NULLPAD);
-    lg_status status = put_attribute(h5, object, name, type, type, NULL, padded, error);
-    (void)H5Tclose(type);
-    lg_quiet_end(quiet);
-    return status;
+    LG_QUIET;
+    LG_ID type = text_type(length == 0 ? 1 : length, H5T_STR_NULLPAD);
+    return put_attribute(h5, object, name, type, type, NULL, padded, error);
 }
 
 lg_status lg_h5_put_text_list(lg_h5 *h5, const char *object, const char *name, const char *texts, size_t size,
@@ -167,26 +120,22 @@ lg_status lg_h5_put_text_list(lg_h5 *h5, const char *object, const char *name, c
     size_t longest = 1;
     for (uint64_t i = 0; i < count; i++)
         if (strlen(texts + i * size) > longest) longest = strlen(texts + i * size);
-    lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t stored = text_type(longest, H5T_STR_NULLPAD), memory = text_type(size, H5T_STR_NULLTERM);
-    lg_status status = put_attribute(h5, object, name, stored, memory, &extent, texts, error);
-    (void)H5Tclose(stored);
-    (void)H5Tclose(memory);
-    lg_quiet_end(quiet);
-    return status;
+    LG_QUIET;
+    LG_ID stored = text_type(longest, H5T_STR_NULLPAD), memory = text_type(size, H5T_STR_NULLTERM);
+    return put_attribute(h5, object, name, stored, memory, &extent, texts, error);
 }
 
 lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type,
                            const void *value, lg_error *error) {
-    return put_attribute(h5, object, name, file_type(type), lg_h5_memory_type(type), NULL, value, error);
+    return put_attribute(h5, object, name, lg_h5_file_type(type), lg_h5_memory_type(type), NULL, value,
+                         error);
 }
 
 lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name, lg_error *error) {
     if (!lg_h5_has_attribute(h5, object, name)) return LG_OK;
-    lg_h5_quiet quiet = lg_quiet_begin();
-    const bool removed = H5Adelete_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) >= 0;
-    lg_quiet_end(quiet);
-    return removed ? LG_OK : not_stored(h5, object, name, error);
+    LG_QUIET;
+    if (H5Adelete_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) >= 0) return LG_OK;
+    return not_stored(h5, object, name, error);
 }
 
 lg_status lg_h5_put_header(lg_h5 *h5, const char *kind, const lg_provenance *provenance, lg_error *error) {
@@ -209,15 +158,14 @@ lg_status lg_h5_put_header(lg_h5 *h5, const char *kind, const lg_provenance *pro
 }
 
 lg_status lg_h5_commit(lg_h5 *h5, lg_error *error) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    ssize_t bytes = H5Fflush(h5->file, H5F_SCOPE_GLOBAL) >= 0 ? H5Fget_file_image(h5->file, NULL, 0) : -1;
-    void *image = bytes > 0 ? lg_alloc(h5->context, (size_t)bytes, 1) : NULL;
-    bool copied = image != NULL && H5Fget_file_image(h5->file, image, (size_t)bytes) == bytes;
-    lg_quiet_end(quiet);
-    lg_status status = copied ? lg_file_write(h5->context, h5->path, image, (size_t)bytes, error)
-                              : lg_h5_no_memory(h5, error);
-    lg_free(h5->context, image);
-    return status;
+    LG_QUIET;
+    const ssize_t bytes =
+        H5Fflush(h5->file, H5F_SCOPE_GLOBAL) >= 0 ? H5Fget_file_image(h5->file, NULL, 0) : -1;
+    if (bytes <= 0) return lg_h5_no_memory(h5, error);
+    LG_SCRATCH(char, image, h5->context, (size_t)bytes);
+    if (image == NULL || H5Fget_file_image(h5->file, image, (size_t)bytes) != bytes)
+        return lg_h5_no_memory(h5, error);
+    return lg_file_write(h5->context, h5->path, image, (size_t)bytes, error);
 }
 
 lg_status lg_h5_finish(lg_h5 *h5, lg_status status, lg_error *error) {

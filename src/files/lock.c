@@ -160,8 +160,7 @@ static lg_status refuse(const taking *t, held got, const char *name, lg_error *e
 
 lg_status lg_lock_take(const lg_context *context, const char *target, const char *words, lg_lock *out,
                        lg_error *error) {
-    if (target == NULL || words == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the lock's target, its words or `out` is NULL");
+    LG_NEEDS(error, target, words, out);
     taking t = {.target = target, .words = words};
     const size_t length = lg_folder_length(target);
     lg_lock made = {.context = context, .process = (long)getpid()};

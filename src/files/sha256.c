@@ -78,36 +78,31 @@ void lg_sha256_finish(lg_sha256 *state, char text[LG_SHA256_TEXT]) {
     text[64] = '\0';
 }
 
-void lg_sha256_add_doubles(lg_sha256 *state, const double *values, size_t count) {
-    unsigned char bytes[8 * 512];
-    for (size_t i = 0; i < count;) {
-        size_t part = count - i < 512 ? count - i : 512;
-        for (size_t j = 0; j < part; j++) {
-            lg_bytes_put(bytes + 8 * j, 8, lg_bits_of_f64(values[i + j]));
+/* Adds numbers of 4 or 8 bytes with the lowest byte first. */
+static void add_numbers(lg_sha256 *state, const void *values, size_t count, size_t size) {
+    unsigned char bytes[4096];
+    const unsigned char *from = values;
+    for (size_t left = count; left > 0;) {
+        const size_t part = left < sizeof bytes / size ? left : sizeof bytes / size;
+        for (size_t j = 0; j < part; j++, from += size) {
+            uint64_t wide;
+            uint32_t narrow;
+            memcpy(size == sizeof wide ? (void *)&wide : &narrow, from, size);
+            lg_bytes_put(bytes + size * j, size, size == sizeof wide ? wide : narrow);
         }
-        lg_sha256_add(state, bytes, 8 * part);
-        i += part;
+        lg_sha256_add(state, bytes, size * part);
+        left -= part;
     }
 }
 
-static void add_words(lg_sha256 *state, const unsigned char *values, size_t count) {
-    unsigned char bytes[4 * 1024];
-    for (size_t i = 0; i < count;) {
-        const size_t part = count - i < 1024 ? count - i : 1024;
-        for (size_t j = 0; j < part; j++) {
-            uint32_t bits;
-            memcpy(&bits, values + 4 * (i + j), sizeof bits);
-            lg_bytes_put(bytes + 4 * j, 4, bits);
-        }
-        lg_sha256_add(state, bytes, 4 * part);
-        i += part;
-    }
+void lg_sha256_add_doubles(lg_sha256 *state, const double *values, size_t count) {
+    add_numbers(state, values, count, sizeof *values);
 }
 
 void lg_sha256_add_floats(lg_sha256 *state, const float *values, size_t count) {
-    add_words(state, (const unsigned char *)values, count);
+    add_numbers(state, values, count, sizeof *values);
 }
 
 void lg_sha256_add_u32(lg_sha256 *state, const uint32_t *values, size_t count) {
-    add_words(state, (const unsigned char *)values, count);
+    add_numbers(state, values, count, sizeof *values);
 }

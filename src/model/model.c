@@ -2,9 +2,11 @@
 #include "liegrad/model.h"
 
 #include "autodiff/program/program.h"
-#include "core/core.h"
+#include "core/clean.h"
 #include "integrators/taped_internal.h"
 #include "model/internal.h"
+
+LG_AT(lg_model_destroy, lg_model)
 
 /* ---- functions ---- */
 
@@ -136,19 +138,15 @@ static lg_status complete(lg_model *made, lg_error *error) {
 lg_status lg_model_create(const lg_context *context, lg_program *program, const lg_space *space,
                           lg_model **out, lg_error *error) {
     LG_NEEDS(error, program, out);
-    lg_model *made = lg_alloc(context, 1, sizeof *made);
+    LG_CLEAN(lg_model_destroy_at) lg_model *made = lg_alloc(context, 1, sizeof *made);
     if (made == NULL) {
         lg_program_destroy(program);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model");
     }
     *made = (lg_model){.context = context, .program = program};
     if (space != NULL) made->space = *space;
-    const lg_status status = complete(made, error);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_model_destroy(made);
-    return status;
+    LG_TRY(complete(made, error));
+    return LG_MOVE(out, made);
 }
 
 lg_status lg_model_find(const lg_model *model, const char *function, const lg_plan_options *options,

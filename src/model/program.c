@@ -1,9 +1,12 @@
 /* The program of a model whose kind has no recipe: a copy, with a step added. */
 #include "autodiff/program/program.h"
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/program.h"
 #include "liegrad/taped.h"
 #include "model/internal.h"
+
+LG_AT(lg_program_destroy, lg_program)
+LG_AT(lg_function_image_destroy, lg_function_image)
 
 static bool has(const lg_program *program, const char *function) {
     return lg_program_find(program, function, &(size_t){0}, NULL) == LG_OK;
@@ -17,24 +20,21 @@ const lg_scheme *lg_model_usual_scheme(const lg_model *model) {
 /* ---- the copy ---- */
 
 static lg_status copy_functions(const lg_program *from, lg_program *to, lg_error *error) {
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < lg_program_functions(from) && status == LG_OK; i++) {
-        lg_function_image *image;
-        status = lg_function_image_create(from, i, &image);
+    for (size_t i = 0; i < lg_program_functions(from); i++) {
+        LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
+        const lg_status status = lg_function_image_create(from, i, &image);
         if (status != LG_OK) return lg_fail(error, status, "no memory for a function");
-        status = lg_program_add_image(to, image, error);
-        lg_function_image_destroy(image);
+        LG_TRY(lg_program_add_image(to, image, error));
     }
-    return status;
+    return LG_OK;
 }
 
 static lg_status copy_parameters(const lg_program *from, lg_program *to, lg_error *error) {
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < lg_program_parameters(from) && status == LG_OK; i++) {
+    for (size_t i = 0; i < lg_program_parameters(from); i++) {
         const lg_parameter_spec p = lg_program_parameter(from, i);
-        status = lg_program_add_parameter(to, &p, error);
+        LG_TRY(lg_program_add_parameter(to, &p, error));
     }
-    return status;
+    return LG_OK;
 }
 
 lg_status lg_model_copy_program(const lg_model *model, const lg_scheme *scheme, lg_program **out,
@@ -42,21 +42,17 @@ lg_status lg_model_copy_program(const lg_model *model, const lg_scheme *scheme, 
     const lg_program *from = model->program;
     const bool own = has(from, "step");
     lg_program_spec spec;
-    lg_program *made;
+    LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
     if (own && scheme != NULL)
         return lg_fail(error, LG_UNSUPPORTED,
                        "the file has a function 'step', so no other scheme can be chosen");
     lg_program_spec_init(&spec);
     spec.description = lg_program_description(from);
     LG_TRY(lg_program_begin(model->context, &spec, &made, error));
-    lg_status status = copy_parameters(from, made, error);
-    if (status == LG_OK) status = copy_functions(from, made, error);
-    if (status == LG_OK && lg_model_moves(model) && !own)
-        status = lg_program_add_step(
-            made, &model->space, scheme != NULL ? scheme : lg_model_usual_scheme(model), 0.001, 0.05, error);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_program_destroy(made);
-    return status;
+    LG_TRY(copy_parameters(from, made, error));
+    LG_TRY(copy_functions(from, made, error));
+    if (lg_model_moves(model) && !own)
+        LG_TRY(lg_program_add_step(
+            made, &model->space, scheme != NULL ? scheme : lg_model_usual_scheme(model), 0.001, 0.05, error));
+    return LG_MOVE(out, made);
 }

@@ -1,7 +1,5 @@
 /* Convolutional networks: description, parameters, initialisation. */
 #include <inttypes.h>
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -146,79 +144,36 @@ void lg_cnn_init_default(lg_cnn *out, uint32_t channels, uint32_t length, uint32
     *out = net;
 }
 
-/* ---- parameters ---- */
-
-static void append(cnn_layout *layout, size_t in, uint32_t out, uint32_t kernel) {
-    cnn_layer *l = &layout->layer[layout->count++];
-    *l = (cnn_layer){in, out, kernel, layout->parameters, layout->parameters + in * out};
-    layout->parameters = l->bias + out;
-}
-
-void lg_cnn_layout(const lg_cnn *net, cnn_layout *layout) {
+void lg_cnn_layout(const lg_cnn *net, lg_layers *layout) {
+    size_t in = (size_t)net->lengths[net->blocks] * cnn_channels(net, net->blocks);
     layout->count = 0;
     layout->parameters = 0;
     for (uint32_t i = 0; i < net->blocks; i++) {
         const lg_cnn_block *b = &net->block[i];
-        append(layout, (size_t)b->kernel * cnn_channels(net, i), b->channels, b->kernel);
+        const size_t read = (size_t)b->kernel * cnn_channels(net, i);
+        lg_layers_add(layout, "conv", i + 1, read, b->channels, b->kernel, true);
     }
-    size_t in = (size_t)net->lengths[net->blocks] * cnn_channels(net, net->blocks);
     if (net->plane > 0) {
-        append(layout, in, net->plane, 0);
+        lg_layers_add(layout, "plane", 0, in, net->plane, 0, true);
         in = net->plane;
     }
-    append(layout, in, net->outputs, 0);
+    lg_layers_add(layout, "output", 0, in, net->outputs, 0, true);
 }
 
 size_t lg_cnn_parameters(const lg_cnn *net) {
-    cnn_layout layout;
+    lg_layers layout;
     lg_cnn_layout(net, &layout);
     return layout.parameters;
 }
 
 bool lg_cnn_slice(const lg_cnn *net, uint32_t index, lg_slice_info *out) {
-    cnn_layout layout;
+    lg_layers layout;
     lg_cnn_layout(net, &layout);
-    const uint32_t i = index / 2;
-    const bool weight = index % 2 == 0;
-    if (i >= layout.count) return false;
-    const cnn_layer *l = &layout.layer[i];
-    lg_slice_info info = {.rank = 1, .dims = {l->out}, .offset = l->bias, .count = l->out};
-    if (weight) {
-        info =
-            (lg_slice_info){.rank = 2, .dims = {l->in, l->out}, .offset = l->weight, .count = l->in * l->out};
-        if (l->kernel > 0) {
-            info.rank = 3;
-            info.dims[0] = l->kernel;
-            info.dims[1] = l->in / l->kernel;
-            info.dims[2] = l->out;
-        }
-    }
-    const char *what = weight ? "weight" : "bias";
-    if (i < net->blocks)
-        (void)snprintf(info.name, sizeof info.name, "conv%u/%s", (unsigned)i + 1, what);
-    else
-        (void)snprintf(info.name, sizeof info.name, "%s/%s", i + 1 < layout.count ? "plane" : "output", what);
-    *out = info;
-    return true;
+    return lg_layers_slice(&layout, index, out);
 }
 
-/* Each layer is initialised as a dense layer with the same fan in. For the Glorot kinds the weights of a
- * convolution are then rescaled, because its fan out is `kernel` times as large. */
 void lg_cnn_initialise(const lg_cnn *net, lg_initialisation kind, lg_rng *rng, double *theta) {
-    cnn_layout layout;
+    lg_layers layout;
     lg_cnn_layout(net, &layout);
-    const bool both_fans = kind == LG_INIT_GLOROT_UNIFORM || kind == LG_INIT_GLOROT_NORMAL;
-    for (uint32_t i = 0; i < layout.count; i++) {
-        const cnn_layer *l = &layout.layer[i];
-        const lg_mlp one = {.layers = 1,
-                            .width = {(uint32_t)l->in, l->out},
-                            .activation = net->activation,
-                            .last_bias = true};
-        double *weight = theta + l->weight;
-        lg_mlp_initialise_as(&one, kind, rng, weight);
-        if (!both_fans || l->kernel == 0) continue;
-        const double in = (double)l->in, out = (double)l->out;
-        const double factor = sqrt((in + out) / (in + l->kernel * out));
-        for (size_t j = 0; j < l->in * l->out; j++) weight[j] *= factor;
-    }
+    lg_layers_initialise(&layout, kind, rng, theta);
 }

@@ -3,26 +3,11 @@
 #ifndef LG_CNN_H
 #define LG_CNN_H
 
-#include "liegrad/networks.h"
+#include "nn/layers.h"
 
 #define CNN_MAX_LAYERS (LG_CNN_MAX_BLOCKS + 2)
 
-/* One layer y = x W + b with W (in, out). For a convolution x is the part of the input below the kernel; for
- * a dense layer it is all numbers of a series. */
-typedef struct cnn_layer {
-    size_t in;
-    uint32_t out;
-    uint32_t kernel; /* length in samples; 0: dense layer */
-    size_t weight, bias;
-} cnn_layer;
-
-typedef struct cnn_layout {
-    uint32_t count;
-    size_t parameters;
-    cnn_layer layer[CNN_MAX_LAYERS];
-} cnn_layout;
-
-void lg_cnn_layout(const lg_cnn *net, cnn_layout *layout);
+void lg_cnn_layout(const lg_cnn *net, lg_layers *layout);
 
 /* The same as lg_cnn_record, but convolutions, activations and poolings are separate operations. A program
  * that also has recorded derivatives then computes each convolution once. */

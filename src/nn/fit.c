@@ -4,10 +4,13 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "core/clean.h"
 #include "core/median.h"
 #include "nn/fit_internal.h"
 
 #define RNG_STREAM 0x66697400u /* gives other random numbers than an initialisation with the same seed */
+
+LG_AT(lg_fit_destroy, lg_fit)
 
 /* ---- options ---- */
 
@@ -206,7 +209,7 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
     LG_TRY(check_problem(problem, error));
     LG_TRY(check_options(problem, &chosen, error));
 
-    lg_fit *fit = lg_alloc(context, 1, sizeof *fit);
+    LG_CLEAN(lg_fit_destroy_at) lg_fit *fit = lg_alloc(context, 1, sizeof *fit);
     if (fit == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the training state");
     fit->context = context;
     fit->problem = *problem;
@@ -221,26 +224,15 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
     if (status != LG_OK)
         (void)lg_fail(error, status, "no memory for the training state of %zu parameters",
                       problem->parameters);
-    status = lg_fit_agree(fit, status, error);
-    if (status == LG_OK) status = lg_fit_share_seconds(fit, &fit->options.seconds);
-    if (status != LG_OK) {
-        lg_fit_destroy(fit);
-        return status;
-    }
+    LG_TRY(lg_fit_agree(fit, status, error));
+    LG_TRY(lg_fit_share_seconds(fit, &fit->options.seconds));
     start(fit, theta);
-    if (!fit->k->all_finite(problem->parameters, fit->state.theta)) {
-        lg_fit_destroy(fit);
+    if (!fit->k->all_finite(problem->parameters, fit->state.theta))
         return lg_fail(error, LG_NOT_FINITE,
                        "the initial parameters are not finite in the type (dtype) of the training");
-    }
     status = lg_fit_agree(fit, lg_fit_try_recording(fit), error);
-    if (status != LG_OK) {
-        (void)lg_fail(error, status, "no memory for a plan of the loss");
-        lg_fit_destroy(fit);
-        return status;
-    }
-    *out = fit;
-    return LG_OK;
+    if (status != LG_OK) return lg_fail(error, status, "no memory for a plan of the loss");
+    return LG_MOVE(out, fit);
 }
 
 void lg_fit_destroy(lg_fit *fit) {

@@ -4,11 +4,14 @@
 
 #include "autodiff/program/program.h"
 #include "autodiff/tape/tape_internal.h"
-#include "core/core.h"
+#include "core/clean.h"
 #include "kernels/kernels.h"
 #include "liegrad/fit.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
+
+LG_AT(lg_tape_destroy, lg_tape)
+LG_AT(lg_fit_destroy, lg_fit)
 
 enum { MOST_EVALUATIONS = 1000, MOST_LM = 64, MOST_DENSE = 2000, MOST_TRIED = 8 };
 
@@ -137,12 +140,12 @@ static void set_defaults(const training *t, lg_fit_options *options) {
     options->epochs = MOST_EVALUATIONS;
 }
 
-static lg_status give_parameters(lg_program *program, const double *theta) {
+static lg_status give_parameters(lg_program *program, size_t function, const double *theta) {
     for (size_t j = 0; j < lg_program_parameters(program); j++) {
         LG_TRY(lg_program_set_parameter(program, j, theta));
         theta += lg_shape_count(lg_program_parameter(program, j).shape);
     }
-    return LG_OK;
+    return lg_program_set_fitted(program, function, true);
 }
 
 /* The loss of these rows taken together, at `theta`. *depends: whether it depends on theta. */
@@ -187,17 +190,15 @@ static lg_status check_mean_at(training *t, lg_tape *tape, const double *theta, 
 /* Tries this at parameters that are off by a hundredth, because a loss that has been learned to the last
  * digit is rounding, which may differ between rows together and rows one by one. */
 static lg_status check_mean(training *t, const lg_context *context, lg_tape *tape, lg_error *error) {
-    double *off = lg_alloc(context, t->count, sizeof *off);
+    LG_SCRATCH(double, off, context, t->count);
     if (off == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t->count);
     for (size_t i = 0; i < t->count; i++) off[i] = t->theta[i] * (i % 2 == 0 ? 1.01 : 0.99);
-    const lg_status status = check_mean_at(t, tape, off, error);
-    lg_free(context, off);
-    return status;
+    return check_mean_at(t, tape, off, error);
 }
 
 /* The loss of all rows, LG_FIT_CHUNK rows on the tape at a time. First checks that it is a mean. */
 static lg_status loss_of_all(training *t, const lg_context *context, double *sum, lg_error *error) {
-    lg_tape *tape;
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     bool depends;
     LG_TRY(lg_tape_create(context, NULL, &tape));
     lg_status status = check_mean(t, context, tape, error);
@@ -213,7 +214,6 @@ static lg_status loss_of_all(training *t, const lg_context *context, double *sum
     if (lg_tape_status(tape) != LG_OK)
         (void)lg_fail(error, status, "the function cannot be recorded with these rows: %s",
                       lg_tape_message(tape));
-    lg_tape_destroy(tape);
     return status;
 }
 
@@ -227,20 +227,17 @@ static lg_status run(training *t, const lg_context *context, const lg_fit_option
                                     .residuals = t->squares ? residuals : NULL,
                                     .observations = t->squares ? t->rows * t->numbers : 0};
     const double begin = lg_seconds();
-    lg_fit *fit = NULL;
+    LG_CLEAN(lg_fit_destroy_at) lg_fit *fit = NULL;
     set_defaults(t, &defaults);
     LG_TRY(loss_of_all(t, context, &result->before, error));
     LG_TRY(lg_fit_create(context, &problem, options != NULL ? options : &defaults, t->theta, &fit, error));
-    lg_status status = lg_fit_run(fit, error);
-    if (status == LG_OK) {
-        lg_fit_parameters(fit, t->theta);
-        result->epochs = lg_fit_epochs_done(fit);
-        result->end = lg_fit_end_sentence(fit);
-        status = loss_of_all(t, context, &result->after, error);
-    }
-    lg_fit_destroy(fit);
+    LG_TRY(lg_fit_run(fit, error));
+    lg_fit_parameters(fit, t->theta);
+    result->epochs = lg_fit_epochs_done(fit);
+    result->end = lg_fit_end_sentence(fit);
+    LG_TRY(loss_of_all(t, context, &result->after, error));
     result->seconds = lg_seconds() - begin;
-    return status;
+    return LG_OK;
 }
 
 /* Runs all starts. theta becomes the parameters of the start with the lowest loss. A start whose numbers
@@ -273,15 +270,19 @@ static lg_status run_starts(training *t, const lg_context *context, const lg_fit
     return LG_OK;
 }
 
-static lg_status fit(training *t, const lg_context *context, const lg_fit_options *options,
-                     const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error) {
-    t->theta = lg_alloc(context, t->count, sizeof *t->theta);
-    if (starts != NULL) t->best = lg_alloc(context, t->count, sizeof *t->best);
-    if (t->theta == NULL || (starts != NULL && t->best == NULL))
+static lg_status fit(training *t, const lg_context *context, lg_program *program,
+                     const lg_fit_options *options, const lg_fit_starts *starts,
+                     lg_program_fit_result *result, lg_error *error) {
+    LG_SCRATCH(double, theta, context, t->count);
+    LG_SCRATCH(double, best, context, t->count);
+    if (theta == NULL || best == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t->count);
-    if (starts != NULL) return run_starts(t, context, options, starts, result, error);
-    (void)take_parameters(t, t->theta);
-    return run(t, context, options, result, error);
+    t->theta = theta;
+    t->best = best;
+    (void)take_parameters(t, theta);
+    LG_TRY(starts != NULL ? run_starts(t, context, options, starts, result, error)
+                          : run(t, context, options, result, error));
+    return give_parameters(program, t->function, theta);
 }
 
 lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
@@ -294,12 +295,9 @@ lg_status lg_program_fit(const lg_context *context, lg_program *program, const c
     if (starts != NULL && (starts->count < 1 || starts->draw == NULL))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the number of starts is 0 or there is no function that draws them");
-    lg_status status = fit(&t, context, options, starts, &made, error);
-    if (status == LG_OK) status = give_parameters(program, t.theta);
-    if (status == LG_OK) status = lg_program_set_fitted(program, t.function, true);
-    if (status == LG_OK && result != NULL) *result = made;
-    LG_FREE_ALL(context, t.theta, t.best);
-    return status;
+    LG_TRY(fit(&t, context, program, options, starts, &made, error));
+    if (result != NULL) *result = made;
+    return LG_OK;
 }
 
 lg_status lg_program_fit_options_init(const lg_program *program, const char *function,
@@ -317,10 +315,9 @@ lg_status lg_program_loss(const lg_context *context, const lg_program *program, 
     LG_NEEDS(error, loss);
     LG_TRY(open_function(&t, function, error));
     LG_TRY(check_data(&t, error));
-    t.theta = lg_alloc(context, t.count, sizeof *t.theta);
-    if (t.theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t.count);
-    (void)take_parameters(&t, t.theta);
-    const lg_status status = loss_of_all(&t, context, loss, error);
-    lg_free(context, t.theta);
-    return status;
+    LG_SCRATCH(double, theta, context, t.count);
+    if (theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t.count);
+    t.theta = theta;
+    (void)take_parameters(&t, theta);
+    return loss_of_all(&t, context, loss, error);
 }

@@ -7,7 +7,10 @@
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
+#include "core/clean.h"
 #include "nn/fit_internal.h"
+
+LG_AT(lg_tape_destroy, lg_tape)
 
 /* Threads are used from so many blocks on; with fewer, waking them costs more than it saves. */
 #define PARALLEL_BLOCKS 16
@@ -293,15 +296,12 @@ lg_status lg_fit_problem_loss(const lg_context *context, const lg_fit_problem *p
     LG_NEEDS(error, problem, loss);
     if (problem->parameters > 0) LG_NEEDS(error, theta);
     const size_t chunk = problem->chunk > 0 ? problem->chunk : LG_FIT_CHUNK;
-    uint32_t *samples = lg_alloc(context, chunk, sizeof *samples);
-    lg_tape *tape = NULL;
+    LG_SCRATCH(uint32_t, samples, context, chunk);
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     lg_status status = samples != NULL ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) status = add_chunks(tape, problem, theta, chunk, samples, loss);
-    if (status != LG_OK)
-        (void)lg_fail(error, status, "%s",
-                      tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
-                                                                    : lg_status_sentence(status));
-    lg_tape_destroy(tape);
-    lg_free(context, samples);
-    return status;
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "%s",
+                   tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
+                                                                 : lg_status_sentence(status));
 }

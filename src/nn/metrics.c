@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/series.h"
 
 uint32_t lg_metrics_class(const double *score, uint32_t classes) {
@@ -77,14 +77,12 @@ static double key_of(double score) {
 }
 
 /* Moves order[root] down in the heap order[0..count-1], which has the lowest score at its top. */
-static void sift(uint32_t *order, const double *score, size_t stride, size_t root, size_t count) {
+static void sift(uint32_t *order, const double *score, size_t root, size_t count) {
     const uint32_t one = order[root];
-    const double key = key_of(score[one * stride]);
+    const double key = key_of(score[one]);
     for (size_t child; (child = 2 * root + 1) < count; root = child) {
-        if (child + 1 < count &&
-            key_of(score[order[child + 1] * stride]) < key_of(score[order[child] * stride]))
-            child++;
-        if (key_of(score[order[child] * stride]) >= key) break;
+        if (child + 1 < count && key_of(score[order[child + 1]]) < key_of(score[order[child]])) child++;
+        if (key_of(score[order[child]]) >= key) break;
         order[root] = order[child];
     }
     order[root] = one;
@@ -92,14 +90,14 @@ static void sift(uint32_t *order, const double *score, size_t stride, size_t roo
 
 /* Sorts `order` by falling score; heap sort needs no extra memory. The order of equal scores does not matter,
  * since they form one point of the curve. */
-static void sort_falling(uint32_t *order, const double *score, size_t stride, size_t n) {
+static void sort_falling(uint32_t *order, const double *score, size_t n) {
     for (size_t i = 0; i < n; i++) order[i] = (uint32_t)i;
-    for (size_t i = n / 2; i-- > 0;) sift(order, score, stride, i, n);
+    for (size_t i = n / 2; i-- > 0;) sift(order, score, i, n);
     for (size_t count = n; count-- > 1;) {
         const uint32_t lowest = order[0];
         order[0] = order[count];
         order[count] = lowest;
-        sift(order, score, stride, 0, count);
+        sift(order, score, 0, count);
     }
 }
 
@@ -111,10 +109,10 @@ static size_t count_of(const uint32_t *truth, uint32_t positive, size_t n) {
 
 /* Passes all positions from i on that have the same score; adds their windows to *hits (class `positive`) or
  * *false_alarms. Returns the next position. */
-static size_t next_score(const uint32_t *order, const double *score, size_t stride, const uint32_t *truth,
-                         uint32_t positive, size_t i, size_t n, size_t *hits, size_t *false_alarms) {
-    const double key = key_of(score[order[i] * stride]);
-    for (; i < n && key_of(score[order[i] * stride]) == key; i++)
+static size_t next_score(const uint32_t *order, const double *score, const uint32_t *truth, uint32_t positive,
+                         size_t i, size_t n, size_t *hits, size_t *false_alarms) {
+    const double key = key_of(score[order[i]]);
+    for (; i < n && key_of(score[order[i]]) == key; i++)
         *(truth[order[i]] == positive ? hits : false_alarms) += 1;
     return i;
 }
@@ -124,12 +122,12 @@ size_t lg_metrics_roc(const uint32_t *truth, const double *score, size_t n, uint
     const size_t positives = count_of(truth, positive, n), negatives = n - positives;
     size_t points = 1, hits = 0, false_alarms = 0;
     if (positives == 0 || negatives == 0) return 0;
-    sort_falling(order, score, 1, n);
+    sort_falling(order, score, n);
     fpr[0] = tpr[0] = 0.0;
     threshold[0] = (double)INFINITY;
     for (size_t i = 0; i < n; points++) {
         threshold[points] = key_of(score[order[i]]);
-        i = next_score(order, score, 1, truth, positive, i, n, &hits, &false_alarms);
+        i = next_score(order, score, truth, positive, i, n, &hits, &false_alarms);
         fpr[points] = (double)false_alarms / (double)negatives;
         tpr[points] = (double)hits / (double)positives;
     }
@@ -138,16 +136,15 @@ size_t lg_metrics_roc(const uint32_t *truth, const double *score, size_t n, uint
 
 /* The fraction of the pairs (positive, negative) in which the positive window has the higher score; ties
  * count half (Mann and Whitney 1947). */
-static double area(const uint32_t *truth, uint32_t positive, const double *score, size_t stride, size_t n,
-                   uint32_t *order) {
+static double area(const uint32_t *truth, uint32_t positive, const double *score, size_t n, uint32_t *order) {
     const size_t positives = count_of(truth, positive, n), negatives = n - positives;
     double pairs = 0.0;
     size_t hits = 0, false_alarms = 0;
     if (positives == 0 || negatives == 0) return (double)NAN;
-    sort_falling(order, score, stride, n);
+    sort_falling(order, score, n);
     for (size_t i = 0; i < n;) {
         const size_t hits_before = hits, alarms_before = false_alarms;
-        i = next_score(order, score, stride, truth, positive, i, n, &hits, &false_alarms);
+        i = next_score(order, score, truth, positive, i, n, &hits, &false_alarms);
         pairs += (double)(false_alarms - alarms_before) * 0.5 * (double)(hits + hits_before);
     }
     return pairs / ((double)positives * (double)negatives);
@@ -157,17 +154,17 @@ lg_status lg_metrics_auc(const lg_context *context, const uint32_t *truth, const
                          uint32_t classes, double *auc) {
     if (truth == NULL || score == NULL || auc == NULL || classes == 0 || n > UINT32_MAX)
         return LG_INVALID_ARGUMENT;
-    uint32_t *order = lg_alloc(context, n, sizeof *order);
+    LG_TRY_SCRATCH(uint32_t, order, context, n, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(double, of_class, context, n, LG_OUT_OF_MEMORY);
     double sum = 0.0;
     uint32_t areas = 0;
-    if (order == NULL) return LG_OUT_OF_MEMORY;
     for (uint32_t k = classes == 2 ? 1 : 0; k < classes; k++) {
-        const double one = area(truth, k, score + k, classes, n, order);
+        for (size_t i = 0; i < n; i++) of_class[i] = score[i * classes + k];
+        const double one = area(truth, k, of_class, n, order);
         if (isnan(one)) continue;
         sum += one;
         areas++;
     }
-    lg_free(context, order);
     *auc = areas > 0 ? sum / areas : (double)NAN;
     return LG_OK;
 }

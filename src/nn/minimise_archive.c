@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/clean.h"
 #include "core/stored.h"
 #include "nn/minimise_internal.h"
 
@@ -119,30 +120,22 @@ static lg_status check(const lg_minimiser *m, const double *memory, const double
     return LG_OK;
 }
 
-static lg_status load(const lg_minimiser *m, const lg_archive_reader *reader, double *memory,
-                      double *curvature, lg_minimise_counts *counts, lg_minimise_numbers *numbers,
-                      lg_error *error) {
-    lg_stored items[ITEMS];
-    list(m, memory, curvature, counts, numbers, items);
-    LG_TRY(lg_stored_load(reader, items, ITEMS, error));
-    return check(m, memory, curvature, counts, numbers, error);
-}
-
 lg_status lg_minimiser_load(lg_minimiser *m, const lg_archive_reader *reader, lg_error *error) {
     LG_NEEDS(error, m, reader);
     (void)lg_fail(error, LG_OK, "%s", "");
     const size_t vectors = (size_t)(m->curvature - m->memory);
     lg_minimise_counts counts;
     lg_minimise_numbers numbers;
-    double *memory = lg_alloc(m->context, vectors + m->length, sizeof *memory), *curvature = memory + vectors;
+    lg_stored items[ITEMS];
+    LG_SCRATCH(double, memory, m->context, vectors + m->length);
     if (memory == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the saved minimiser");
-    const lg_status status = load(m, reader, memory, curvature, &counts, &numbers, error);
-    if (status == LG_OK) {
-        memcpy(m->memory, memory, vectors * sizeof *memory);
-        take_rows(m, curvature, m->curvature);
-        m->counts = counts;
-        m->numbers = numbers;
-    }
-    lg_free(m->context, memory);
-    return status;
+    double *curvature = memory + vectors;
+    list(m, memory, curvature, &counts, &numbers, items);
+    LG_TRY(lg_stored_load(reader, items, ITEMS, error));
+    LG_TRY(check(m, memory, curvature, &counts, &numbers, error));
+    memcpy(m->memory, memory, vectors * sizeof *memory);
+    take_rows(m, curvature, m->curvature);
+    m->counts = counts;
+    m->numbers = numbers;
+    return LG_OK;
 }

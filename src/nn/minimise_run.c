@@ -2,8 +2,11 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/clean.h"
 #include "kernels/lapack.h"
 #include "nn/minimise_internal.h"
+
+LG_AT(lg_minimiser_destroy, lg_minimiser)
 
 /* Evaluates at m->point and tells the minimiser. Also returns the status of the caller's function. */
 typedef lg_status (*evaluation)(lg_minimiser *m, void *user);
@@ -63,8 +66,7 @@ static void multiply(size_t n, const double *a, const double *b, double *out) {
     for (size_t i = 0; i < n; i++) out[i] = a[i] * b[i];
 }
 
-/* Ends a call: fills x and *result in the caller's units, writes the sentence of the end to `error`, and
- * destroys the minimiser. */
+/* Ends a call: fills x and *result in the caller's units, and writes the sentence of the end to `error`. */
 static lg_status conclude(lg_minimiser *m, lg_status status, lg_minimise_end end, double *x,
                           lg_minimise_result *result, lg_error *error) {
     memcpy(x, m->x, m->n * sizeof *x);
@@ -74,7 +76,6 @@ static lg_status conclude(lg_minimiser *m, lg_status status, lg_minimise_end end
     }
     if (m->unit != NULL) multiply(m->n, x, m->unit, x);
     if (m->unit != NULL && result != NULL) result->value *= m->value_unit;
-    lg_minimiser_destroy(m);
     if (status != LG_OK) return lg_fail(error, status, "the objective: %s", lg_status_sentence(status));
     status = lg_minimise_end_status(end);
     (void)lg_fail(error, status, "%s", lg_minimise_end_sentence(end));
@@ -147,26 +148,19 @@ static lg_status evaluate_objective(lg_minimiser *m, void *user) {
 lg_status lg_minimise(const lg_context *context, size_t n, lg_objective objective, void *user,
                       const lg_minimise_options *options, double *x, lg_minimise_result *result,
                       lg_error *error) {
-    if (objective == NULL || x == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the objective or x is NULL");
+    LG_NEEDS(error, objective, x);
     if (options != NULL && options->method == LG_MINIMISE_LM)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the method lm minimises sums of squares only: call lg_least_squares");
-    lg_minimiser *m = NULL;
+    LG_CLEAN(lg_minimiser_destroy_at) lg_minimiser *m = NULL;
     LG_TRY(lg_minimiser_create(context, n, options, x, &m, error));
-    given_objective given = {objective, user, lg_alloc(context, 3 * n, sizeof(double)), NULL, NULL, 1.0};
-    if (given.x == NULL) {
-        lg_minimiser_destroy(m);
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a gradient of %zu numbers", n);
-    }
-    given.gradient = given.x + n;
-    given.unit = given.gradient + n;
+    LG_SCRATCH(double, memory, context, (3 * n));
+    if (memory == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a gradient of %zu numbers", n);
+    given_objective given = {objective, user, memory, memory + n, memory + 2 * n, 1.0};
     take_units(m, x, given.unit);
     lg_minimise_end end;
     const lg_status status = run(m, evaluate_objective, &given, &end);
-    const lg_status concluded = conclude(m, status, end, x, result, error);
-    lg_free(context, given.x);
-    return concluded;
+    return conclude(m, status, end, x, result, error);
 }
 
 /* ---- least squares ---- */
@@ -338,21 +332,18 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     lg_minimise_options_init(&chosen);
     if (options != NULL) chosen = *options;
     chosen.method = LG_MINIMISE_LM;
-    if (residuals == NULL || x == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the residuals or x is NULL");
+    LG_NEEDS(error, residuals, x);
     if (rows < n || rows > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%zu residuals for %zu unknowns: expected at least as many residuals as unknowns",
                        rows, n);
-    lg_minimiser *m = NULL;
+    LG_CLEAN(lg_minimiser_destroy_at) lg_minimiser *m = NULL;
     LG_TRY(lg_minimiser_create(context, n, &chosen, x, &m, error));
-    given_residuals given = {.function = residuals, .user = user, .m = rows, .n = n, .k = m->k};
-    given.r = lg_alloc(context, 6 * rows + 3 * rows * n + 3 * n + n * n + lg_minimise_stack_length(rows, n),
-                       sizeof(double));
-    if (given.r == NULL) {
-        lg_minimiser_destroy(m);
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a Jacobian of %zu x %zu numbers", rows, n);
-    }
+    const size_t numbers = 6 * rows + 3 * rows * n + 3 * n + n * n + lg_minimise_stack_length(rows, n);
+    LG_TRY_SCRATCH(
+        double, memory, context, numbers,
+        lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a Jacobian of %zu x %zu numbers", rows, n));
+    given_residuals given = {.function = residuals, .user = user, .m = rows, .n = n, .k = m->k, .r = memory};
     given.jacobian = given.r + rows;
     given.transposed = given.jacobian + rows * n;
     given.gradient = given.transposed + rows * n;
@@ -371,9 +362,7 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     lg_minimise_end end;
     const lg_status status = run(m, evaluate_residuals, &given, &end);
     if (covariance != NULL && status == LG_OK) covariance_of(m, rows, covariance);
-    const lg_status concluded = conclude(m, status, end, x, result, error);
-    lg_free(context, given.r);
-    return concluded;
+    return conclude(m, status, end, x, result, error);
 }
 
 lg_status lg_normal_equations(size_t n, size_t columns, double ridge, double *matrix, double *right) {

@@ -2,11 +2,9 @@
 #include "liegrad/networks.h"
 #include "liegrad/ops.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
+#include "nn/layers.h"
 
 #define MAX_WIDTH (1u << 20)
 
@@ -60,36 +58,17 @@ size_t lg_mlp_parameters(const lg_mlp *net) {
     return lg_mlp_weight_offset(net, net->layers);
 }
 
-/* Weights have the scale sqrt(gain/(fan_in + both fan_out)). It is the bound of the uniform distribution on
- * [-scale, scale], or the standard deviation of the normal one. */
-typedef struct initialisation {
-    double gain, both;
-    bool normal, bias; /* bias: true: drawn like the weights; false: 0 */
-} initialisation;
-
-static const initialisation initialisations[LG_INITIALISATION_COUNT] = {
-    [LG_INIT_FAN_IN] = {1.0, 0.0, false, true},        [LG_INIT_GLOROT_UNIFORM] = {6.0, 1.0, false, false},
-    [LG_INIT_GLOROT_NORMAL] = {2.0, 1.0, true, false}, [LG_INIT_HE_UNIFORM] = {6.0, 0.0, false, false},
-    [LG_INIT_HE_NORMAL] = {2.0, 0.0, true, false},
-};
-
-static void draw(lg_rng *rng, bool normal, double scale, size_t n, double *out) {
-    for (size_t i = 0; i < n; i++)
-        out[i] = normal ? scale * lg_rng_normal(rng) : lg_rng_uniform_in(rng, -scale, scale);
+static void list_layers(const lg_mlp *net, lg_layers *layers) {
+    layers->count = 0;
+    layers->parameters = 0;
+    for (uint32_t l = 0; l < net->layers; l++)
+        lg_layers_add(layers, "layer", l + 1, net->width[l], net->width[l + 1], 0, lg_mlp_has_bias(net, l));
 }
 
 void lg_mlp_initialise_as(const lg_mlp *net, lg_initialisation kind, lg_rng *rng, double *theta) {
-    const initialisation *law = &initialisations[kind];
-    for (uint32_t l = 0; l < net->layers; l++) {
-        const double fan_in = net->width[l], fan_out = net->width[l + 1];
-        const double scale = sqrt(law->gain / (fan_in + law->both * fan_out));
-        double *bias = theta + lg_mlp_bias_offset(net, l);
-        draw(rng, law->normal, scale, weight_count(net, l), theta + lg_mlp_weight_offset(net, l));
-        if (law->bias)
-            draw(rng, law->normal, scale, bias_count(net, l), bias);
-        else
-            memset(bias, 0, bias_count(net, l) * sizeof *bias);
-    }
+    lg_layers layers;
+    list_layers(net, &layers);
+    lg_layers_initialise(&layers, kind, rng, theta);
 }
 
 void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta) {
@@ -105,18 +84,9 @@ void lg_mlp_draw(void *net, size_t parameter, size_t count, lg_rng *rng, double 
 lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_mlp_vars *vars) {
     LG_TRY(lg_tape_needs(tape, "mlp", net != NULL && vars != NULL));
     lg_mlp_vars bound;
-    const size_t parameters = lg_mlp_parameters(net);
-    if (lg_tape_status(tape) == LG_OK && (parameters > UINT32_MAX || offset > UINT32_MAX - parameters))
-        (void)lg_tape_fail(tape, LG_SHAPE, "mlp", "the parameters of the network end beyond 2^32 elements");
-    for (uint32_t l = 0; l < net->layers; l++) {
-        const uint32_t in = net->width[l], out = net->width[l + 1];
-        const uint32_t weight = (uint32_t)(offset + lg_mlp_weight_offset(net, l));
-        const uint32_t bias = (uint32_t)(offset + lg_mlp_bias_offset(net, l));
-        const lg_var flat = lg_slice(tape, theta, 0, weight, in * out);
-        bound.weight[l] = lg_reshape(tape, flat, lg_shape2(in, out));
-        bound.bias[l] = lg_mlp_has_bias(net, l) ? lg_slice(tape, theta, 0, bias, out) : LG_NONE;
-    }
-    LG_TRY(lg_tape_status(tape));
+    lg_layers layers;
+    list_layers(net, &layers);
+    LG_TRY(lg_layers_bind(tape, &layers, "mlp", theta, offset, bound.weight, bound.bias));
     *vars = bound;
     return LG_OK;
 }

@@ -1,8 +1,6 @@
 /* Networks of several architectures: description, slices of the parameter vector, initialisation. */
 #include "nn/net.h"
 
-#include <stdio.h>
-
 #include "core/core.h"
 
 #define MAX_WIDTH (1u << 20)
@@ -50,30 +48,22 @@ lg_status lg_net_init(lg_net *net, lg_net_kind kind, uint32_t inputs, uint32_t e
     return LG_OK;
 }
 
-/* ---- layout ---- */
-
-static void append(net_layout *layout, uint32_t in, uint32_t out, bool has_bias) {
-    net_dense *d = &layout->dense[layout->count++];
-    *d = (net_dense){in, out, has_bias, layout->parameters, layout->parameters + (size_t)in * out};
-    layout->parameters = d->bias + (has_bias ? out : 0);
-}
-
 void lg_net_layout(const lg_net *net, net_layout *layout) {
     const struct body *body = &bodies[net->kind];
     const uint32_t h = net->hidden, in = net->embedding > 0 ? net->embedding : net->inputs;
-    layout->count = layout->heads = layout->steps = 0;
-    layout->parameters = 0;
-    if (net->embedding > 0) append(layout, net->inputs, net->embedding, true);
-    layout->first_head = layout->count;
-    while (layout->heads < NET_MAX_HEADS && body->heads[layout->heads] != NULL) {
-        append(layout, in, h, true);
-        layout->heads++;
-    }
-    layout->first_step = layout->count;
+    lg_layers *all = &layout->all;
+    all->count = layout->heads = layout->steps = 0;
+    all->parameters = 0;
+    if (net->embedding > 0) lg_layers_add(all, "embedding", 0, net->inputs, net->embedding, 0, true);
+    layout->first_head = all->count;
+    while (layout->heads < NET_MAX_HEADS && body->heads[layout->heads] != NULL)
+        lg_layers_add(all, body->heads[layout->heads++], 0, in, h, 0, true);
+    layout->first_step = all->count;
     while (layout->steps < NET_MAX_STEPS && body->steps[layout->steps].name != NULL) layout->steps++;
     for (uint32_t l = 0; l < net->layers; l++)
-        for (uint32_t s = 0; s < layout->steps; s++) append(layout, h, h, body->steps[s].has_bias);
-    append(layout, h, net->outputs, true);
+        for (uint32_t s = 0; s < layout->steps; s++)
+            lg_layers_add(all, body->steps[s].name, l + body->number, h, h, 0, body->steps[s].has_bias);
+    lg_layers_add(all, "output", 0, h, net->outputs, 0, true);
 }
 
 bool lg_net_gated(const lg_net *net) {
@@ -83,59 +73,17 @@ bool lg_net_gated(const lg_net *net) {
 size_t lg_net_parameters(const lg_net *net) {
     net_layout layout;
     lg_net_layout(net, &layout);
-    return layout.parameters;
-}
-
-/* ---- names ---- */
-
-static void name_dense(const lg_net *net, const net_layout *layout, uint32_t i, char *name, size_t size) {
-    const struct body *body = &bodies[net->kind];
-    if (i < layout->first_head) {
-        (void)snprintf(name, size, "embedding");
-    } else if (i < layout->first_step) {
-        (void)snprintf(name, size, "%s", body->heads[i - layout->first_head]);
-    } else if (i + 1 < layout->count) {
-        const uint32_t at = i - layout->first_step;
-        (void)snprintf(name, size, "%s%u", body->steps[at % layout->steps].name,
-                       (unsigned)(at / layout->steps + body->number));
-    } else {
-        (void)snprintf(name, size, "output");
-    }
+    return layout.all.parameters;
 }
 
 bool lg_net_slice(const lg_net *net, uint32_t index, lg_slice_info *out) {
     net_layout layout;
-    char name[32];
     lg_net_layout(net, &layout);
-    for (uint32_t i = 0, at = 0; i < layout.count; i++) {
-        const net_dense *d = &layout.dense[i];
-        const uint32_t pieces = d->has_bias ? 2 : 1;
-        if (index >= at + pieces) {
-            at += pieces;
-            continue;
-        }
-        const bool weight = index == at;
-        lg_slice_info info = {.rank = weight ? 2 : 1, .offset = weight ? d->weight : d->bias};
-        info.dims[0] = weight ? d->in : d->out;
-        info.dims[1] = weight ? d->out : 0;
-        info.count = weight ? (size_t)d->in * d->out : d->out;
-        name_dense(net, &layout, i, name, sizeof name);
-        (void)snprintf(info.name, sizeof info.name, "%s/%s", name, weight ? "weight" : "bias");
-        *out = info;
-        return true;
-    }
-    return false;
+    return lg_layers_slice(&layout.all, index, out);
 }
-
-/* ---- initialisation ---- */
 
 void lg_net_initialise(const lg_net *net, lg_initialisation kind, lg_rng *rng, double *theta) {
     net_layout layout;
     lg_net_layout(net, &layout);
-    for (uint32_t i = 0; i < layout.count; i++) {
-        const net_dense *d = &layout.dense[i];
-        const lg_mlp one = {
-            .layers = 1, .width = {d->in, d->out}, .activation = net->activation, .last_bias = d->has_bias};
-        lg_mlp_initialise_as(&one, kind, rng, theta + d->weight);
-    }
+    lg_layers_initialise(&layout.all, kind, rng, theta);
 }

@@ -1,29 +1,20 @@
-/* The dense layers of a network (liegrad/networks.h), in the order of their parameters in the flat vector:
- * the embedding; the "heads", which read the embedded input (U, V and H of the gated kinds, else H only); one
- * or two "steps" for each of the l layers; the output layer. */
+/* Networks of dense layers (liegrad/networks.h): the embedding; the "heads", which read the embedded input
+ * (U, V and H of the gated kinds, else H only); one or two "steps" for each of the l layers; the output
+ * layer. */
 #ifndef LG_NET_H
 #define LG_NET_H
 
-#include "liegrad/networks.h"
+#include "nn/layers.h"
 
 #define NET_MAX_HEADS 3
 #define NET_MAX_STEPS 2
 #define NET_MAX_DENSE (1 + NET_MAX_HEADS + NET_MAX_STEPS * LG_NET_MAX_LAYERS + 1)
 
-typedef struct net_dense {
-    uint32_t in, out;
-    bool has_bias;
-    size_t weight, bias; /* offsets in the flat vector; without a bias, `bias` is where the weight ends */
-} net_dense;
-
 typedef struct net_layout {
-    uint32_t count;
-    uint32_t heads, first_head; /* number of heads, and the index of the first one in `dense` */
-    /* number of dense layers in each of the l layers, and the index of the first one in `dense` */
+    lg_layers all; /* the embedding, if there is one, is the first; the output layer is the last */
+    uint32_t heads, first_head; /* number of heads, and the index of the first one */
+    /* number of dense layers in each of the l layers, and the index of the first one */
     uint32_t steps, first_step;
-    size_t parameters;
-    /* dense[0] is the embedding, if there is one; the last one is the output layer */
-    net_dense dense[NET_MAX_DENSE];
 } net_layout;
 
 void lg_net_layout(const lg_net *net, net_layout *layout);

@@ -15,24 +15,15 @@ typedef struct bound {
 
 static bool bind(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, bound *b) {
     lg_net_layout(net, &b->layout);
-    const size_t parameters = b->layout.parameters;
-    if (lg_tape_status(tape) == LG_OK && (parameters > UINT32_MAX || offset > UINT32_MAX - parameters))
-        (void)lg_tape_fail(tape, LG_SHAPE, "net", "the parameters of the network end beyond 2^32 elements");
-    for (uint32_t i = 0; i < b->layout.count; i++) {
-        const net_dense *d = &b->layout.dense[i];
-        const lg_var flat = lg_slice(tape, theta, 0, (uint32_t)(offset + d->weight), d->in * d->out);
-        b->weight[i] = lg_reshape(tape, flat, lg_shape2(d->in, d->out));
-        b->bias[i] = d->has_bias ? lg_slice(tape, theta, 0, (uint32_t)(offset + d->bias), d->out) : LG_NONE;
-    }
-    return lg_tape_status(tape) == LG_OK;
+    return lg_layers_bind(tape, &b->layout.all, "net", theta, offset, b->weight, b->bias) == LG_OK;
 }
 
 /* ---- value, and value with directional derivative ---- */
 
 static lg_var dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_activation kind) {
     if (b->taps == NULL) return (b->dual ? lg_dual_dense : lg_dense)(tape, x, b->weight[i], b->bias[i], kind);
-    const lg_var y = b->layout.dense[i].has_bias ? lg_matmul_add(tape, x, b->weight[i], b->bias[i])
-                                                 : lg_matmul(tape, x, b->weight[i]);
+    const lg_var y = b->layout.all.layer[i].has_bias ? lg_matmul_add(tape, x, b->weight[i], b->bias[i])
+                                                     : lg_matmul(tape, x, b->weight[i]);
     b->taps[i] = (lg_net_tap){x, y};
     return kind == LG_IDENTITY ? y : lg_act(tape, y, kind);
 }
@@ -65,7 +56,7 @@ static lg_var apply(lg_tape *tape, const lg_net *net, const bound *b, lg_var x) 
         else
             h = z;
     }
-    return dense(tape, b, layout->count - 1, h, LG_IDENTITY);
+    return dense(tape, b, layout->all.count - 1, h, LG_IDENTITY);
 }
 
 lg_var lg_net_record(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x) {

@@ -86,8 +86,8 @@ static lg_status residuals(void *user, lg_tape *tape, lg_var theta, const uint32
 /* Fills the entries of the Jacobian for the weights and the bias of one dense layer and for one output of the
  * network; the rows of consecutive samples begin `stride` numbers apart. `in` (count, layer->in): the
  * layer's inputs; `by` (count, layer->out): derivative of the output with respect to the layer's outputs. */
-static void fill_layer(const net_dense *layer, const double *in, const double *by, size_t count,
-                       double factor, size_t stride, double *jacobian) {
+static void fill_layer(const lg_layer *layer, const double *in, const double *by, size_t count, double factor,
+                       size_t stride, double *jacobian) {
     for (size_t i = 0; i < count; i++, in += layer->in, by += layer->out, jacobian += stride) {
         double *weight = jacobian + layer->weight, *bias = jacobian + layer->bias;
         for (uint32_t a = 0; a < layer->in; a++)
@@ -121,12 +121,12 @@ static lg_status fill_output(lg_tape *tape, const lg_table *model, const net_lay
     if (lg_is_none(g)) return lg_tape_status(tape);
     memset(units, 0, count * outputs * sizeof(double));
     for (size_t i = 0; i < count; i++) ((double *)units)[i * outputs + output] = 1.0;
-    for (uint32_t i = 0; i < layout->count; i++) given[i] = taps[i].output;
-    LG_TRY(lg_vjp(tape, &f, &g, 1, given, layout->count, by));
-    for (uint32_t i = 0; i < layout->count; i++) {
+    for (uint32_t i = 0; i < layout->all.count; i++) given[i] = taps[i].output;
+    LG_TRY(lg_vjp(tape, &f, &g, 1, given, layout->all.count, by));
+    for (uint32_t i = 0; i < layout->all.count; i++) {
         const double *in = lg_value(tape, taps[i].input), *slope = lg_value(tape, by[i]);
         if (in == NULL || slope == NULL) return lg_tape_status(tape);
-        fill_layer(&layout->dense[i], in, slope, count, factor, stride, jacobian);
+        fill_layer(&layout->all.layer[i], in, slope, count, factor, stride, jacobian);
     }
     return lg_tape_rewind(tape, mark);
 }

@@ -232,6 +232,12 @@ static herr_t close_handle(hid_t id, handle_kind kind) {
     return 0;
 }
 
+int H5Idec_ref(hid_t id) {
+    const handle *h = &handles[id & (HANDLES - 1)];
+    if (h->kind == FREE) abort(); /* closed twice */
+    return close_handle(id, h->kind);
+}
+
 herr_t H5Eclear2(hid_t stack) {
     (void)stack;
     return 0;

@@ -302,7 +302,7 @@ static lg_status no_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t
 
 static void load_fit(const lg_recipe *kind, const void *run, lg_file_reader *reader, size_t samples) {
     const lg_fit_settings *training = (const lg_fit_settings *)((const char *)run + kind->training);
-    const size_t parameters = kind->parameters(run);
+    const size_t parameters = lg_recipe_parameters(kind, run);
     lg_error error = {LG_OK, ""};
     lg_archive_reader archive;
     lg_fit_options options;

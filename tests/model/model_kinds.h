@@ -536,13 +536,14 @@ typedef struct common {
 static inline common common_of(any_file *file) {
     const lg_recipe *r = kinds[file->kind].recipe;
     char *at = file->bytes;
+    lg_model_head *head = (lg_model_head *)(void *)at;
     return (common){.run = at + r->file_run,
                     .training = (lg_fit_settings *)(void *)(at + r->file_run + r->training),
-                    .parameters = *(size_t *)(void *)(at + r->file_parameters),
-                    .epochs_done = *(size_t *)(void *)(at + r->file_epochs),
-                    .theta = *(double **)(void *)(at + r->file_theta),
-                    .history = (double **)(void *)(at + r->file_history),
-                    .provenance = (lg_provenance *)(void *)(at + r->file_provenance)};
+                    .parameters = head->parameters,
+                    .epochs_done = head->epochs_done,
+                    .theta = head->theta,
+                    .history = head->history,
+                    .provenance = &head->provenance};
 }
 
 /* Number of examples, including one of each family. */

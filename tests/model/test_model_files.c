@@ -523,7 +523,7 @@ static uint32_t arrays_of_weights;
 
 /* One long array, and arrays of a single number. */
 static bool many_slices(const void *run, uint32_t index, lg_slice_info *s) {
-    const size_t long_one = lg_recipe_table.parameters(run) - (arrays_of_weights - 1);
+    const size_t long_one = lg_recipe_parameters(&lg_recipe_table, run) - (arrays_of_weights - 1);
     if (index >= arrays_of_weights) return false;
     *s = (lg_slice_info){.rank = 1, .count = index == 0 ? long_one : 1};
     s->dims[0] = s->count;

@@ -77,7 +77,7 @@ static const lg_detector_run defaults = {.training = {.shards = 4}};
 static lg_status read_blocks(lg_h5 *h5, void *user, lg_error *error) {
     char text[LG_H5_TEXT];
     const lg_status status = lg_h5_text(h5, "model", "blocks", text, sizeof text, error);
-    if (status != LG_OK && status != LG_SHAPE) return lg_missing_is_format(status, error);
+    if (status != LG_OK && status != LG_SHAPE) return lg_as_format(status, error);
     if (status == LG_OK && parse_blocks(text, &((lg_detector_run *)user)->model.net)) return LG_OK;
     return lg_fail(error, LG_FORMAT,
                    "%s: /model: attribute blocks: expected up to %d as '12 kernel 5 stride 1 padding 0 "
@@ -106,10 +106,6 @@ static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
     const lg_detector *model = &((const lg_detector_run *)user)->model;
     LG_TRY(lg_h5_put_text(h5, "model", "inputs", "(samples, channels), scaled: (x - mean)/scale", error));
     return lg_h5_put_text(h5, "model", "outputs", outputs[model->loss], error);
-}
-
-static size_t parameters(const void *run) {
-    return lg_cnn_parameters(&((const lg_detector_run *)run)->model.net);
 }
 
 static bool slice(const void *run, uint32_t index, lg_slice_info *out) {

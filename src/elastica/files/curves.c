@@ -57,50 +57,43 @@ static void list_arrays(lg_elastica_curves *c, sizes *s, lg_h5_array out[ARRAYS]
 
 /* ---- reading ---- */
 
-typedef struct read_call {
-    const lg_context *context;
-    const char *path;
-    lg_h5 *h5;
-    lg_elastica_data *out;
-} read_call;
-
-static lg_status read_arrays(read_call *call, lg_error *error) {
-    lg_elastica_curves *c = &call->out->curves;
+static lg_status read_arrays(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
+    lg_elastica_curves *c = &data->curves;
     lg_h5_array arrays[ARRAYS];
     sizes s = sizes_of(c);
     list_arrays(c, &s, arrays);
-    LG_TRY(lg_h5_get_arrays(call->h5, arrays, 2, error));
+    LG_TRY(lg_h5_get_arrays(h5, arrays, 2, error));
     if (s.nodes.n < LG_ELASTICA_MIN_INTERVALS + 1 || s.nodes.n > LG_ELASTICA_MAX_INTERVALS + 1)
         return lg_fail(error, LG_FORMAT, "%s: /q: has %llu nodes, expected N + 1 with N of %d to %d",
-                       lg_shown_path(call->path), (unsigned long long)s.nodes.n, LG_ELASTICA_MIN_INTERVALS,
+                       lg_shown_path(h5->path), (unsigned long long)s.nodes.n, LG_ELASTICA_MIN_INTERVALS,
                        LG_ELASTICA_MAX_INTERVALS);
     c->count = (size_t)s.curves.n;
     c->intervals = (uint32_t)(s.nodes.n - 1);
-    return lg_h5_get_arrays(call->h5, arrays + 2, ARRAYS - 2, error);
+    return lg_h5_get_arrays(h5, arrays + 2, ARRAYS - 2, error);
 }
 
-static lg_status kinds_of(read_call *call, const double *values, lg_error *error) {
-    lg_elastica_curves *c = &call->out->curves;
+static lg_status kinds_of(lg_h5 *h5, lg_elastica_data *data, const double *values, lg_error *error) {
+    lg_elastica_curves *c = &data->curves;
     for (size_t i = 0; i < c->count; i++)
         if (!(values[i] == floor(values[i]) && values[i] >= 0 && values[i] < LG_ELASTICA_CASE_COUNT))
             return lg_fail(error, LG_FORMAT, "%s: /case: is %g at index (%zu), expected 0 to %d",
-                           lg_shown_path(call->path), values[i], i, LG_ELASTICA_CASE_COUNT - 1);
-    c->kind = lg_alloc(call->context, c->count, sizeof *c->kind);
-    if (c->kind == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(call->path));
+                           lg_shown_path(h5->path), values[i], i, LG_ELASTICA_CASE_COUNT - 1);
+    c->kind = lg_alloc(h5->context, c->count, sizeof *c->kind);
+    if (c->kind == NULL) return lg_h5_no_memory(h5, error);
     for (size_t i = 0; i < c->count; i++) c->kind[i] = (uint32_t)values[i];
     return LG_OK;
 }
 
 /* Reads /case, whole numbers in any number type, because other programs write floats. */
-static lg_status read_kinds(read_call *call, lg_error *error) {
-    double *values = NULL;
-    sizes s = sizes_of(&call->out->curves);
-    const lg_h5_array kinds = {"case", &values, {&s.curves}, true};
-    lg_status status = lg_h5_get_arrays(call->h5, &kinds, 1, error);
-    if (status == LG_OK && values != NULL) status = kinds_of(call, values, error);
-    lg_free(call->context, values);
-    return status;
+static lg_status read_kinds(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
+    LG_CLEAN(lg_owned_free) lg_owned values = {h5->context, NULL};
+    double *read = NULL;
+    sizes s = sizes_of(&data->curves);
+    const lg_h5_array kinds = {"case", &read, {&s.curves}, true};
+    const lg_status status = lg_h5_get_arrays(h5, &kinds, 1, error);
+    values.memory = read;
+    LG_TRY(status);
+    return read != NULL ? kinds_of(h5, data, read, error) : LG_OK;
 }
 
 /* ---- checks of the curves ---- */
@@ -109,8 +102,8 @@ static bool near(double a, double b) {
     return fabs(a - b) <= END_TOLERANCE * (1 + fabs(b));
 }
 
-static lg_status check_ends(const read_call *call, lg_error *error) {
-    const lg_elastica_curves *c = &call->out->curves;
+static lg_status check_ends(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
+    const lg_elastica_curves *c = &data->curves;
     const size_t row = 2 * ((size_t)c->intervals + 1), last = row - 2;
     const struct {
         const char *name;
@@ -122,13 +115,13 @@ static lg_status check_ends(const read_call *call, lg_error *error) {
         if (!near(hypot(b[V0], b[V0 + 1]), 1) || !near(hypot(b[VN], b[VN + 1]), 1))
             return lg_fail(error, LG_FORMAT,
                            "%s: /boundary: a tangent of curve (%zu) has length %.9g or %.9g, not 1",
-                           lg_shown_path(call->path), i, hypot(b[V0], b[V0 + 1]), hypot(b[VN], b[VN + 1]));
+                           lg_shown_path(h5->path), i, hypot(b[V0], b[V0 + 1]), hypot(b[VN], b[VN + 1]));
         for (size_t e = 0; e < LG_COUNT(ends); e++) {
             const double *node = ends[e].values + row * i + ends[e].node, *wanted = b + ends[e].at;
             if (near(node[0], wanted[0]) && near(node[1], wanted[1])) continue;
             return lg_fail(error, LG_FORMAT,
                            "%s: /%s: curve (%zu) %s at (%.9g, %.9g), /boundary says (%.9g, %.9g)",
-                           lg_shown_path(call->path), ends[e].name, i, ends[e].node == 0 ? "begins" : "ends",
+                           lg_shown_path(h5->path), ends[e].name, i, ends[e].node == 0 ? "begins" : "ends",
                            node[0], node[1], wanted[0], wanted[1]);
         }
     }
@@ -192,31 +185,27 @@ static double agreed_length(const lg_elastica_curves *c, double *lengths) {
     return median;
 }
 
-static lg_status estimate_length(const read_call *call, lg_error *error) {
-    lg_elastica_curves *c = &call->out->curves;
-    double *lengths = lg_alloc(call->context, c->count, sizeof *lengths);
-    if (lengths == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(call->path));
+static lg_status estimate_length(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
+    lg_elastica_curves *c = &data->curves;
+    LG_TRY_SCRATCH(double, lengths, h5->context, c->count, lg_h5_no_memory(h5, error));
     const double length = agreed_length(c, lengths);
-    lg_free(call->context, lengths);
     if (!(length >= 1e-100 && length <= 1e100))
         return lg_fail(error, LG_FORMAT, "%s: /q: the length of the curves is %g, expected 1e-100 to 1e100",
-                       lg_shown_path(call->path), length);
+                       lg_shown_path(h5->path), length);
     c->length = rounded(length);
     return LG_OK;
 }
 
-static lg_status positive_attribute(const read_call *call, const char *name, double *out, lg_error *error) {
-    LG_TRY(lg_h5_number(call->h5, "", name, LG_ELEMENT_F64, out, error));
+static lg_status positive_attribute(lg_h5 *h5, const char *name, double *out, lg_error *error) {
+    LG_TRY(lg_h5_number(h5, "", name, LG_ELEMENT_F64, out, error));
     if (*out > 0 && *out <= DBL_MAX) return LG_OK;
     return lg_fail(error, isfinite(*out) ? LG_FORMAT : LG_NOT_FINITE,
-                   "%s: attribute %s is %g, expected a positive number", lg_shown_path(call->path), name,
-                   *out);
+                   "%s: attribute %s is %g, expected a positive number", lg_shown_path(h5->path), name, *out);
 }
 
 /* Checks that no curve is shorter than the distance of its ends. */
-static lg_status check_length(const read_call *call, lg_error *error) {
-    const lg_elastica_curves *c = &call->out->curves;
+static lg_status check_length(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
+    const lg_elastica_curves *c = &data->curves;
     for (size_t i = 0; i < c->count; i++) {
         const double *b = c->boundary + BOUNDARY * i;
         const double distance = hypot(b[QN] - b[Q0], b[QN + 1] - b[Q0 + 1]);
@@ -224,62 +213,56 @@ static lg_status check_length(const read_call *call, lg_error *error) {
             return lg_fail(error, LG_FORMAT,
                            "%s: attribute length is %g, but the ends of curve (%zu) are %g "
                            "apart",
-                           lg_shown_path(call->path), c->length, i, distance);
+                           lg_shown_path(h5->path), c->length, i, distance);
     }
     return LG_OK;
 }
 
-static lg_status read_values(const read_call *call, lg_error *error) {
+static lg_status read_values(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
     char text[64];
     uint32_t value = 0;
-    if (!lg_h5_has_attribute(call->h5, "", "values")) return LG_OK;
-    const lg_status status = lg_h5_text(call->h5, "", "values", text, sizeof text, error);
+    if (!lg_h5_has_attribute(h5, "", "values")) return LG_OK;
+    const lg_status status = lg_h5_text(h5, "", "values", text, sizeof text, error);
     if (status != LG_OK && status != LG_SHAPE) return status;
     const char *name = status == LG_OK ? lg_name_values(0) : NULL;
     while (name != NULL && strcmp(name, text) != 0) name = lg_name_values(++value);
     if (name == NULL)
         return lg_fail(error, LG_FORMAT, "%s: attribute values: expected 'discrete' or 'continuous'",
-                       lg_shown_path(call->path));
-    call->out->curves.continuous = value == 1;
+                       lg_shown_path(h5->path));
+    data->curves.continuous = value == 1;
     return LG_OK;
 }
 
-static lg_status read_attributes(read_call *call, lg_error *error) {
-    lg_elastica_curves *c = &call->out->curves;
+static lg_status read_attributes(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
+    lg_elastica_curves *c = &data->curves;
     c->stiffness = STIFFNESS;
-    if (lg_h5_has_attribute(call->h5, "", "stiffness"))
-        LG_TRY(positive_attribute(call, "stiffness", &c->stiffness, error));
-    LG_TRY(read_values(call, error));
-    if (!lg_h5_has_attribute(call->h5, "", "length")) return estimate_length(call, error);
-    LG_TRY(positive_attribute(call, "length", &c->length, error));
-    return check_length(call, error);
+    if (lg_h5_has_attribute(h5, "", "stiffness"))
+        LG_TRY(positive_attribute(h5, "stiffness", &c->stiffness, error));
+    LG_TRY(read_values(h5, data, error));
+    if (!lg_h5_has_attribute(h5, "", "length")) return estimate_length(h5, data, error);
+    LG_TRY(positive_attribute(h5, "length", &c->length, error));
+    return check_length(h5, data, error);
 }
 
 static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
-    read_call *call = user;
-    call->h5 = h5;
-    LG_TRY(lg_h5_check_format(call->h5, "elastica", true, error));
-    LG_TRY(read_arrays(call, error));
-    LG_TRY(check_ends(call, error));
-    LG_TRY(read_kinds(call, error));
-    LG_TRY(read_attributes(call, error));
-    lg_h5_provenance(call->h5, &call->out->provenance);
+    lg_elastica_data *data = user;
+    LG_TRY(lg_h5_check_format(h5, "elastica", true, error));
+    LG_TRY(read_arrays(h5, data, error));
+    LG_TRY(check_ends(h5, data, error));
+    LG_TRY(read_kinds(h5, data, error));
+    LG_TRY(read_attributes(h5, data, error));
+    lg_h5_provenance(h5, &data->provenance);
     return LG_OK;
 }
 
 lg_status lg_elastica_data_read(const lg_context *context, const char *path, const lg_read_options *options,
                                 lg_elastica_data *out, lg_error *error) {
-    if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the path or the place for the data is NULL");
-    lg_elastica_data made = {.curves = {.context = context}};
-    read_call call = {.context = context, .path = path, .out = &made};
-    const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
-    if (status != LG_OK) {
-        lg_elastica_data_destroy(&made);
-        return status;
-    }
+    LG_NEEDS(error, path, out);
+    LG_CLEAN(lg_elastica_data_destroy) lg_elastica_data made = {.curves = {.context = context}};
+    LG_TRY(lg_h5_read(context, path, options, read_checked, &made, error));
     hash(&made);
     *out = made;
+    made = (lg_elastica_data){.sha256 = ""};
     return LG_OK;
 }
 

@@ -44,10 +44,6 @@ static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
     return lg_h5_put_text(h5, "model", "outputs", names[kind].outputs, error);
 }
 
-static size_t parameters(const void *run) {
-    return lg_surrogate_parameters(&((const lg_surrogate_run *)run)->model);
-}
-
 static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
     return lg_net_slice(&((const lg_surrogate_run *)run)->model.net, index, out);
 }
@@ -74,12 +70,6 @@ static lg_status put_modes(lg_h5 *h5, const void *file, lg_error *error) {
 /* Reads an array, which must have the shape that the attributes imply and finite numbers. */
 static lg_status get_fixed(lg_h5 *h5, const char *name, uint32_t rank, const uint64_t *wanted, double *out,
                            lg_error *error) {
-    uint64_t dims[4];
-    uint32_t found;
-    LG_TRY(lg_as_format(lg_h5_shape(h5, name, &found, dims, NULL, error), error));
-    if (found != rank || memcmp(dims, wanted, rank * sizeof *dims) != 0)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: the shape does not fit the attributes of /model",
-                       lg_shown_path(h5->path), name);
     LG_TRY(lg_as_format(lg_h5_get(h5, name, LG_ELEMENT_F64, rank, wanted, out, error), error));
     return lg_check_finite(h5->path, name, rank, wanted, out, error);
 }

@@ -5,16 +5,14 @@
 #include "model/files/program_file.h"
 
 lg_status lg_h5_constraint(lg_h5 *h5, const lg_program *given, lg_constraint **out, lg_error *error) {
-    lg_program *own = NULL;
+    LG_CLEAN(lg_program_destroy_at) lg_program *own = NULL;
     lg_error why = {LG_OK, ""};
     *out = NULL;
     if (given == NULL) {
         if (!lg_h5_has(h5, "functions/constraint")) return LG_OK;
         LG_TRY(lg_program_get(h5, &own, error));
-        given = own;
     }
-    const lg_status status = lg_constraint_create(h5->context, given, out, &why);
-    lg_program_destroy(own);
+    const lg_status status = lg_constraint_create(h5->context, own != NULL ? own : given, out, &why);
     if (status == LG_OK) return LG_OK;
     return lg_fail(error, status, "%s: the constraint: %s", lg_shown_path(h5->path), why.message);
 }
@@ -28,23 +26,19 @@ lg_status lg_h5_put_constraint(lg_h5 *h5, const lg_constraint *constraint, lg_er
 lg_status lg_hash_image(const lg_context *context, const lg_function_image *image, lg_sha256 *state) {
     size_t size;
     LG_TRY(lg_function_pack(image, NULL, &size, NULL));
-    void *bytes = lg_alloc(context, size, 1);
-    if (bytes == NULL) return LG_OUT_OF_MEMORY;
-    const lg_status status = lg_function_pack(image, bytes, &size, NULL);
-    if (status == LG_OK) lg_sha256_add(state, bytes, size);
-    lg_free(context, bytes);
-    return status;
+    LG_TRY_SCRATCH(char, bytes, context, size, LG_OUT_OF_MEMORY);
+    LG_TRY(lg_function_pack(image, bytes, &size, NULL));
+    lg_sha256_add(state, bytes, size);
+    return LG_OK;
 }
 
 lg_status lg_constraint_hash(const lg_constraint *constraint, lg_sha256 *state) {
     const lg_program *program = lg_constraint_program(constraint);
-    lg_function_image *image;
+    LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
     size_t function;
     LG_TRY(lg_program_find(program, "constraint", &function, NULL));
     LG_TRY(lg_function_image_create(program, function, &image));
-    const lg_status status = lg_hash_image(NULL, image, state);
-    lg_function_image_destroy(image);
-    return status;
+    return lg_hash_image(NULL, image, state);
 }
 
 lg_status lg_constrained_size(const char *path, lg_trajectories *data, lg_error *error) {

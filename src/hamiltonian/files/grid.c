@@ -108,28 +108,21 @@ static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *
     return lg_yaml_store(yaml, keys->keys + OWN_KEYS, v + OWN_KEYS, keys->count - OWN_KEYS, &out->run, error);
 }
 
-/* The path of a file that the grid names; a relative path starts from the folder of the grid. The caller
- * frees it; NULL: out of memory. */
-static char *path_in(const lg_context *context, const lg_yaml *yaml, const char *name) {
+/* The path of a file that the grid names; a relative path starts from the folder of the grid. */
+static lg_status path_in(const lg_yaml *yaml, const char *name, lg_text *out, lg_error *error) {
     const char *path = lg_yaml_path(yaml), *slash = strrchr(path, '/');
-    const size_t folder = slash == NULL || name[0] == '/' ? 0 : (size_t)(slash - path) + 1,
-                 length = strlen(name);
-    char *joined = lg_alloc(context, folder + length + 1, 1);
-    if (joined == NULL) return NULL;
-    memcpy(joined, path, folder);
-    memcpy(joined + folder, name, length);
-    return joined;
+    const int folder = slash == NULL || name[0] == '/' ? 0 : (int)(slash - path) + 1;
+    lg_text_add(out, "%.*s%s", folder, path, name);
+    return out->failed ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path)) : LG_OK;
 }
 
 /* Reads the file of key `scene`. */
 static lg_status read_scene_file(const lg_context *context, const lg_yaml *yaml, const lg_key_value *value,
                                  lg_scene *out, lg_error *error) {
-    char *joined = path_in(context, yaml, value->text);
-    if (joined == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(lg_yaml_path(yaml)));
+    LG_CLEAN(lg_text_destroy) lg_text joined = {.context = context};
     lg_error inner = {LG_OK, ""};
-    lg_status status = lg_scene_read(context, joined, FORM, out, &inner);
-    lg_free(context, joined);
+    LG_TRY(path_in(yaml, value->text, &joined, error));
+    const lg_status status = lg_scene_read(context, joined.data, FORM, out, &inner);
     if (status == LG_OK) return LG_OK;
     return lg_fail(error, status, "%s: line %u: scene: %.300s", lg_shown_path(lg_yaml_path(yaml)),
                    value->line, inner.message);
@@ -138,15 +131,13 @@ static lg_status read_scene_file(const lg_context *context, const lg_yaml *yaml,
 /* A first integral in a file is relative to the grid, too. */
 static lg_status place_integral(const lg_context *context, const lg_yaml *yaml, lg_hamiltonian_run *run,
                                 lg_error *error) {
+    LG_CLEAN(lg_text_destroy) lg_text joined = {.context = context};
     lg_error inner = {LG_OK, ""};
     if (lg_first_integral_find(run->penalty_integral) != NULL) return LG_OK;
-    char *joined = path_in(context, yaml, run->penalty_integral);
-    if (joined == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(lg_yaml_path(yaml)));
-    const lg_status status =
-        lg_field_set(lg_field_find(lg_hamiltonian_fields, "penalty_integral"), joined, run, &inner);
-    lg_free(context, joined);
-    if (status == LG_OK) return LG_OK;
+    LG_TRY(path_in(yaml, run->penalty_integral, &joined, error));
+    if (lg_field_set(lg_field_find(lg_hamiltonian_fields, "penalty_integral"), joined.data, run, &inner) ==
+        LG_OK)
+        return LG_OK;
     return lg_fail(error, LG_FORMAT, "%s: penalty_integral: %.300s", lg_shown_path(lg_yaml_path(yaml)),
                    inner.message);
 }
@@ -173,23 +164,18 @@ static lg_status read_grid(const lg_context *context, lg_yaml *yaml, const grid_
 }
 
 lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error) {
-    lg_yaml *yaml;
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
     grid_keys keys;
-    lg_grid made = {.repeats = 0};
+    LG_CLEAN(lg_grid_destroy) lg_grid made = {.repeats = 0};
     if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the place for the grid is NULL");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
     list_keys(&keys);
-    lg_key_value *values = lg_alloc(context, KEYS + FILE_KEYS, sizeof *values);
-    lg_status status = values == NULL
-                           ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
-                           : read_grid(context, yaml, &keys, values, &made, error);
-    lg_free(context, values);
-    lg_yaml_close(yaml);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_grid_destroy(&made);
-    return status;
+    LG_SCRATCH(lg_key_value, values, context, KEYS + FILE_KEYS);
+    if (values == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    LG_TRY(read_grid(context, yaml, &keys, values, &made, error));
+    *out = made;
+    made = (lg_grid){.repeats = 0};
+    return LG_OK;
 }
 
 void lg_grid_destroy(lg_grid *grid) {

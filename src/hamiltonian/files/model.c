@@ -84,10 +84,6 @@ static lg_status make(void *user, lg_error *why) {
                    model->n);
 }
 
-static size_t parameters(const void *run) {
-    return lg_hamiltonian_parameters(&((const lg_hamiltonian_run *)run)->model);
-}
-
 static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
     const lg_hamiltonian *model = &((const lg_hamiltonian_run *)user)->model;
     char layout[LG_LAYOUT_TEXT];
@@ -183,13 +179,12 @@ static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged
 
 static lg_status record(void *user, lg_h5 *h5, lg_error *error) {
     const lg_hamiltonian_file *judged = user;
-    lg_hamiltonian_file stored = {.context = h5->context};
-    lg_status status = lg_run_get_file(h5, &lg_recipe_hamiltonian, &stored, error);
-    if (status == LG_OK) status = check_judged(h5, judged, &stored, error);
-    lg_hamiltonian_file_destroy(&stored);
-    for (size_t i = 0; status == LG_OK && i + 1 < LG_COUNT(items); i++)
-        status = lg_h5_remove_attribute(h5, "", items[i].field.name, error);
-    return status == LG_OK ? lg_items_put(h5, &lg_recipe_hamiltonian, judged, error) : status;
+    LG_CLEAN(lg_hamiltonian_file_destroy) lg_hamiltonian_file stored = {.context = h5->context};
+    LG_TRY(lg_run_get_file(h5, &lg_recipe_hamiltonian, &stored, error));
+    LG_TRY(check_judged(h5, judged, &stored, error));
+    for (size_t i = 0; i + 1 < LG_COUNT(items); i++)
+        LG_TRY(lg_h5_remove_attribute(h5, "", items[i].field.name, error));
+    return lg_items_put(h5, &lg_recipe_hamiltonian, judged, error);
 }
 
 lg_status lg_hamiltonian_save_errors(const lg_context *context, const char *path,

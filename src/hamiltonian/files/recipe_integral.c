@@ -1,30 +1,23 @@
 /* A first integral of the penalty that is in a program file. */
 #include <string.h>
 
-#include "core/core.h"
-#include "files/h5.h"
 #include "hamiltonian/files/constrained.h"
 #include "hamiltonian/files/recipe.h"
+#include "model/files/program_file.h"
 
 const lg_first_integral *lg_penalty_named(const lg_hamiltonian_run *run) {
     return lg_first_integral_find(run->penalty_integral);
 }
 
-static lg_status hash_function(const lg_context *context, const lg_program *program, size_t function,
-                               lg_sha256 *sum) {
-    lg_function_image *image;
-    LG_TRY(lg_function_image_create(program, function, &image));
-    lg_sha256_add(sum, image->name, strlen(image->name) + 1);
-    const lg_status status = lg_hash_image(context, image, sum);
-    lg_function_image_destroy(image);
-    return status;
-}
-
 static lg_status hash_program(const lg_context *context, const lg_program *program, char *text) {
     lg_sha256 sum;
     lg_sha256_init(&sum);
-    for (size_t i = 0; i < lg_program_functions(program); i++)
-        LG_TRY(hash_function(context, program, i, &sum));
+    for (size_t i = 0; i < lg_program_functions(program); i++) {
+        LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
+        LG_TRY(lg_function_image_create(program, i, &image));
+        lg_sha256_add(&sum, image->name, strlen(image->name) + 1);
+        LG_TRY(lg_hash_image(context, image, &sum));
+    }
     for (size_t i = 0; i < lg_program_parameters(program); i++) {
         const lg_parameter_spec parameter = lg_program_parameter(program, i);
         lg_sha256_add_doubles(&sum, parameter.values, lg_shape_count(parameter.shape));
@@ -35,15 +28,10 @@ static lg_status hash_program(const lg_context *context, const lg_program *progr
 
 lg_status lg_penalty_load(const lg_context *context, lg_hamiltonian_run *run, lg_program **out,
                           lg_error *error) {
-    lg_program *made;
-    char text[LG_SHA256_TEXT];
+    LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
     LG_TRY(lg_program_load(context, run->penalty_integral, NULL, &made, error));
-    const lg_status status = hash_program(context, made, text);
-    if (status != LG_OK) {
-        lg_program_destroy(made);
+    const lg_status status = hash_program(context, made, run->penalty_sha256);
+    if (status != LG_OK)
         return lg_fail(error, status, "%s: %s", run->penalty_integral, lg_status_sentence(status));
-    }
-    memcpy(run->penalty_sha256, text, sizeof text);
-    *out = made;
-    return LG_OK;
+    return LG_MOVE(out, made);
 }

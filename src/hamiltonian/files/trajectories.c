@@ -178,7 +178,7 @@ static lg_status read_arrays(read_call *call, lg_error *error) {
     lg_h5_array arrays[ARRAYS];
     uint64_t dims[4];
     uint32_t rank;
-    LG_TRY(lg_missing_is_format(lg_h5_shape(call->h5, "t", &rank, dims, &call->epsilon, error), error));
+    LG_TRY(lg_as_format(lg_h5_shape(call->h5, "t", &rank, dims, &call->epsilon, error), error));
     list_arrays(out, &s, arrays);
     LG_TRY(lg_h5_get_arrays(call->h5, arrays + TRAJECTORIES, 1, error));
     if (s.points.n < 2 || s.dim.n < 2 || s.dim.n > 6 * LG_HAMILTONIAN_MAX_COPIES)
@@ -410,34 +410,36 @@ static bool has_parameters(read_call *call, const lg_parameter_entry *row) {
     return row != NULL;
 }
 
+typedef struct truth_values {
+    const lg_context *context;
+    double *of[LG_MOST_PARAMETERS];
+} truth_values;
+
+static void free_values(const truth_values *values) {
+    for (size_t i = 0; i < LG_COUNT(values->of); i++) lg_free(values->context, values->of[i]);
+}
+
 /* Makes out->truth from the parameters in the file, in the form of the system that is learned. */
 static lg_status read_truth(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
     lg_named_values given[LG_MOST_PARAMETERS];
-    double *values[LG_MOST_PARAMETERS] = {NULL};
+    LG_CLEAN(free_values) truth_values values = {.context = call->context};
     size_t count = 0;
     char path[64];
     const char *form = lg_learned_form(out->system);
     const lg_parameter_entry *row = lg_system_parameters(out->system, form);
     if (!has_parameters(call, row)) return LG_OK;
-    lg_status status = LG_OK;
-    for (; status == LG_OK && row->key != NULL; row++) {
+    for (; row->key != NULL; row++, count++) {
         uint64_t size[4] = {0};
         parameter_path(row, path);
-        status = lg_h5_get_doubles(call->h5, path, 1, size, &values[count], error);
-        given[count] = (lg_named_values){row->key, values[count], (size_t)size[0]};
-        count++;
+        LG_TRY(lg_h5_get_doubles(call->h5, path, 1, size, &values.of[count], error));
+        given[count] = (lg_named_values){row->key, values.of[count], (size_t)size[0]};
     }
-    if (status == LG_OK) {
-        lg_error why = {LG_OK, ""};
-        status = make_truth(out, form, given, count, &why);
-        if (status == LG_INVALID_ARGUMENT)
-            status = lg_fail(error, LG_FORMAT, "%s: /parameters: %s", lg_shown_path(call->path), why.message);
-        else if (status != LG_OK)
-            (void)lg_fail(error, status, "%s: /parameters: %s", lg_shown_path(call->path), why.message);
-    }
-    for (size_t i = 0; i < count; i++) lg_free(call->context, values[i]);
-    return status;
+    lg_error why = {LG_OK, ""};
+    const lg_status status = make_truth(out, form, given, count, &why);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status == LG_INVALID_ARGUMENT ? LG_FORMAT : status, "%s: /parameters: %s",
+                   lg_shown_path(call->path), why.message);
 }
 
 static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
@@ -459,19 +461,15 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
 
 lg_status lg_trajectories_read(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_trajectories *out, lg_error *error) {
-    if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the path or the place for the data is NULL");
-    lg_trajectories made = {.context = context};
+    LG_NEEDS(error, path, out);
+    LG_CLEAN(lg_trajectories_destroy) lg_trajectories made = {.context = context};
     const bool project = options != NULL && options->project_starts;
     read_call call = {.context = context, .path = path, .project = project, .out = &made};
     if (options != NULL) call.constraint = options->constraint;
-    const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
-    if (status != LG_OK) {
-        lg_trajectories_destroy(&made);
-        return status;
-    }
+    LG_TRY(lg_h5_read(context, path, options, read_checked, &call, error));
     hash(&made);
     *out = made;
+    made = (lg_trajectories){0};
     return LG_OK;
 }
 

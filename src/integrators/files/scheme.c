@@ -375,28 +375,19 @@ static lg_status read_scheme(reader *r) {
 }
 
 lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out, lg_error *error) {
-    lg_yaml *yaml = NULL;
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
     if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "`out` is NULL");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
-    reader *r = lg_alloc(context, 1, sizeof *r);
-    scheme_file *file = lg_alloc(context, 1, sizeof *file);
-    lg_status status = LG_OK;
-    if (r == NULL || file == NULL) {
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", path);
-    } else {
-        r->yaml = yaml;
-        r->out = file;
-        file->context = context;
-        r->error = error;
-        status = read_scheme(r);
-    }
-    lg_free(context, r);
-    lg_yaml_close(yaml);
-    if (status == LG_OK)
-        *out = &file->scheme;
-    else
-        lg_free(context, file);
-    return status;
+    LG_SCRATCH(reader, r, context, 1);
+    LG_SCRATCH(scheme_file, file, context, 1);
+    if (r == NULL || file == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", path);
+    r->yaml = yaml;
+    r->out = file;
+    r->error = error;
+    file->context = context;
+    LG_TRY(read_scheme(r));
+    *out = &LG_KEEP(file)->scheme;
+    return LG_OK;
 }
 
 void lg_scheme_destroy(lg_scheme *scheme) {

@@ -22,6 +22,8 @@ struct lg_rows_file {
     size_t row_bytes;
 };
 
+LG_AT(lg_rows_file_destroy, lg_rows_file)
+
 static lg_status failed(lg_error *error, const char *path, const char *what) {
     return lg_fail(error, LG_FILE, "%s: %s: %s", lg_shown_path(path), what, strerror(errno));
 }
@@ -33,16 +35,12 @@ static lg_status failed(lg_error *error, const char *path, const char *what) {
  * are checked. */
 static bool lay_out(lg_h5 *h5, const uint64_t dims[3], uint64_t *offset) {
     const hsize_t extent[3] = {dims[0], dims[1], dims[2]};
-    const hid_t space = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE);
+    LG_ID space = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE);
     const herr_t options = H5Pset_obj_track_times(create, false) | H5Pset_layout(create, H5D_CONTIGUOUS) |
                            H5Pset_alloc_time(create, H5D_ALLOC_TIME_EARLY) |
                            H5Pset_fill_time(create, H5D_FILL_TIME_NEVER);
-    const hid_t set =
-        H5Dcreate2(h5->file, "trajectories", H5T_IEEE_F64LE, space, H5P_DEFAULT, create, H5P_DEFAULT);
+    LG_ID set = H5Dcreate2(h5->file, "trajectories", H5T_IEEE_F64LE, space, H5P_DEFAULT, create, H5P_DEFAULT);
     const haddr_t place = H5Dget_offset(set);
-    (void)H5Dclose(set);
-    (void)H5Pclose(create);
-    (void)H5Sclose(space);
     *offset = (uint64_t)place;
     return options >= 0 && place != HADDR_UNDEF;
 }
@@ -50,25 +48,19 @@ static bool lay_out(lg_h5 *h5, const uint64_t dims[3], uint64_t *offset) {
 /* Writes the file without its rows. */
 static lg_status write_layout(lg_rows_file *file, const lg_rows_options *o, lg_error *error) {
     const uint64_t dims[3] = {o->rows, o->points, o->dim};
-    lg_h5 *h5;
+    LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
     LG_TRY(lg_h5_new(file->context, file->path, &h5, error));
-    lg_h5_quiet quiet = lg_quiet_begin();
+    LG_QUIET;
     h5->file = H5Fcreate(file->temporary.name, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
-    lg_status status = h5->file >= 0 && lay_out(h5, dims, &file->offset)
-                           ? LG_OK
-                           : lg_fail(error, LG_FILE, "%s: cannot be written", lg_shown_path(file->path));
-    lg_quiet_end(quiet);
-    if (status == LG_OK) status = lg_h5_put_header(h5, KIND, o->provenance, error);
-    if (status == LG_OK) status = lg_h5_put(h5, "t", LG_ELEMENT_F64, 1, &dims[1], o->t, error);
-    if (status == LG_OK) status = lg_h5_put_number(h5, "", "first", LG_ELEMENT_U64, &o->first, error);
-    if (status == LG_OK) status = lg_h5_put_text(h5, "", "layout", o->layout, error);
-    if (status == LG_OK && o->run) status = lg_h5_put_text(h5, "", "ensemble", o->run, error);
-    quiet = lg_quiet_begin();
-    if (status == LG_OK && H5Fflush(h5->file, H5F_SCOPE_LOCAL) < 0)
-        status = lg_fail(error, LG_FILE, "%s: cannot be written", lg_shown_path(file->path));
-    lg_quiet_end(quiet);
-    lg_h5_close(h5);
-    return status;
+    if (h5->file < 0 || !lay_out(h5, dims, &file->offset))
+        return lg_fail(error, LG_FILE, "%s: cannot be written", lg_shown_path(file->path));
+    LG_TRY(lg_h5_put_header(h5, KIND, o->provenance, error));
+    LG_TRY(lg_h5_put(h5, "t", LG_ELEMENT_F64, 1, &dims[1], o->t, error));
+    LG_TRY(lg_h5_put_number(h5, "", "first", LG_ELEMENT_U64, &o->first, error));
+    LG_TRY(lg_h5_put_text(h5, "", "layout", o->layout, error));
+    if (o->run) LG_TRY(lg_h5_put_text(h5, "", "ensemble", o->run, error));
+    if (H5Fflush(h5->file, H5F_SCOPE_LOCAL) >= 0) return LG_OK;
+    return lg_fail(error, LG_FILE, "%s: cannot be written", lg_shown_path(file->path));
 }
 
 /* Fails if RLIMIT_FSIZE forbids a file of this size: HDF5 would be killed by SIGXFSZ. Beside the rows, the
@@ -103,26 +95,20 @@ lg_status lg_rows_file_create(const lg_context *context, const char *path, const
     if (options->points > SIZE_MAX / 64 / options->dim ||
         options->rows > (uint64_t)INT64_MAX / 2 / (options->points * options->dim * sizeof(double)))
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: too many numbers", lg_shown_path(path));
-    lg_rows_file *file = lg_alloc(context, 1, sizeof(*file));
-    char *copy = file ? lg_strdup(context, path) : NULL;
-    if (!copy) {
-        lg_free(context, file);
+    LG_CLEAN(lg_rows_file_destroy_at) lg_rows_file *file = lg_alloc(context, 1, sizeof(*file));
+    if (file)
+        *file = (lg_rows_file){.context = context,
+                               .path = lg_strdup(context, path),
+                               .temporary = {.fd = -1},
+                               .rows = options->rows,
+                               .row_bytes = options->points * options->dim * sizeof(double)};
+    if (!file || !file->path)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    }
-    *file = (lg_rows_file){.context = context,
-                           .path = copy,
-                           .temporary = {.fd = -1},
-                           .rows = options->rows,
-                           .row_bytes = options->points * options->dim * sizeof(double)};
-    lg_status status = lg_may_replace(context, path, LG_H5_SIGNATURE, sizeof LG_H5_SIGNATURE - 1, error);
-    if (status == LG_OK) status = check_limit(file, options, error);
-    if (status == LG_OK) status = lg_temporary_create(context, path, false, &file->temporary, error);
-    if (status == LG_OK) status = lay_out_file(file, options, error);
-    if (status != LG_OK)
-        lg_rows_file_destroy(file);
-    else
-        *out = file;
-    return status;
+    LG_TRY(lg_may_replace(context, path, LG_H5_SIGNATURE, sizeof LG_H5_SIGNATURE - 1, error));
+    LG_TRY(check_limit(file, options, error));
+    LG_TRY(lg_temporary_create(context, path, false, &file->temporary, error));
+    LG_TRY(lay_out_file(file, options, error));
+    return LG_MOVE(out, file);
 }
 
 /* ---- rows ---- */
@@ -209,11 +195,9 @@ static const char *base_of(const char *path) {
 static bool map_part(hid_t create, hid_t whole, const lg_rows_part *part, uint64_t at,
                      const hsize_t extent[3]) {
     const hsize_t start[3] = {at, 0, 0}, count[3] = {part->rows, extent[1], extent[2]};
-    const hid_t from = H5Screate_simple(3, count, NULL);
-    const bool mapped = H5Sselect_hyperslab(whole, H5S_SELECT_SET, start, NULL, count, NULL) >= 0 &&
-                        H5Pset_virtual(create, whole, base_of(part->path), "trajectories", from) >= 0;
-    (void)H5Sclose(from);
-    return mapped;
+    LG_ID from = H5Screate_simple(3, count, NULL);
+    return H5Sselect_hyperslab(whole, H5S_SELECT_SET, start, NULL, count, NULL) >= 0 &&
+           H5Pset_virtual(create, whole, base_of(part->path), "trajectories", from) >= 0;
 }
 
 lg_status lg_file_writer_rows(lg_file_writer *writer, const lg_rows_part *parts, size_t count,
@@ -222,20 +206,15 @@ lg_status lg_file_writer_rows(lg_file_writer *writer, const lg_rows_part *parts,
     lg_h5 *h5 = lg_file_writer_h5(writer);
     hsize_t extent[3] = {0, points, dim};
     for (size_t i = 0; i < count; i++) extent[0] += parts[i].rows;
-    lg_h5_quiet quiet = lg_quiet_begin();
-    const hid_t whole = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE);
-    hid_t set = H5I_INVALID_HID;
+    LG_QUIET;
+    LG_ID whole = H5Screate_simple(3, extent, NULL), create = H5Pcreate(H5P_DATASET_CREATE);
     uint64_t at = 0;
     bool made = H5Pset_obj_track_times(create, false) >= 0;
     for (size_t i = 0; made && i < count; at += parts[i++].rows)
         made = map_part(create, whole, &parts[i], at, extent);
     (void)H5Sselect_all(whole);
-    if (made)
-        set = H5Dcreate2(h5->file, "trajectories", H5T_IEEE_F64LE, whole, H5P_DEFAULT, create, H5P_DEFAULT);
-    made = set >= 0;
-    (void)H5Dclose(set);
-    (void)H5Pclose(create);
-    (void)H5Sclose(whole);
-    lg_quiet_end(quiet);
-    return made ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "/trajectories could not be stored in memory");
+    LG_ID set =
+        made ? H5Dcreate2(h5->file, "trajectories", H5T_IEEE_F64LE, whole, H5P_DEFAULT, create, H5P_DEFAULT)
+             : H5I_INVALID_HID;
+    return set >= 0 ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "/trajectories could not be stored in memory");
 }

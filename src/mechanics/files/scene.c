@@ -325,12 +325,9 @@ static lg_status read_system(reading *r) {
     size_t numbers = 0, rows = 0;
     for (; r->table->parameters[rows].key != NULL; rows++)
         numbers += per_link(r->table->parameters[rows].count, r->links);
-    double *values = lg_alloc(r->context, numbers, sizeof *values);
-    lg_named_values *named = lg_alloc(r->context, rows, sizeof *named);
-    const lg_status status =
-        values != NULL && named != NULL ? create_system(r, values, named) : lg_scene_no_memory(r);
-    LG_FREE_ALL(r->context, named, values);
-    return status;
+    LG_SCRATCH(double, values, r->context, numbers);
+    LG_SCRATCH(lg_named_values, named, r->context, rows);
+    return values != NULL && named != NULL ? create_system(r, values, named) : lg_scene_no_memory(r);
 }
 
 /* ---- random starts ---- */
@@ -392,22 +389,19 @@ static lg_status read_scene(const lg_context *context, lg_yaml *yaml, const char
 lg_status lg_scene_from(const lg_context *context, lg_yaml *yaml, const char *form_wanted,
                         const lg_key_set *more, lg_scene *out, lg_error *error) {
     lg_scene made = {.context = context};
-    scene_table *table = lg_alloc(context, 1, sizeof *table);
+    LG_SCRATCH(scene_table, table, context, 1);
     if (table == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_yaml_path(yaml));
-    const lg_status status = read_scene(context, yaml, form_wanted, more, table, &made, error);
-    lg_free(context, table);
-    if (status == LG_OK) *out = made;
-    return status;
+    LG_TRY(read_scene(context, yaml, form_wanted, more, table, &made, error));
+    *out = made;
+    return LG_OK;
 }
 
 lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted, lg_scene *out,
                         lg_error *error) {
-    lg_yaml *yaml;
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
     if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "`out` is NULL");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
-    const lg_status status = lg_scene_from(context, yaml, form_wanted, NULL, out, error);
-    lg_yaml_close(yaml);
-    return status;
+    return lg_scene_from(context, yaml, form_wanted, NULL, out, error);
 }
 
 lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed) {
@@ -417,16 +411,12 @@ lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed) {
     options.starts = scene->starts;
     options.low = scene->low;
     options.high = scene->high;
-    double *state = lg_alloc(scene->context, lg_system_dim(scene->system), sizeof *state);
-    if (state == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(double, state, scene->context, lg_system_dim(scene->system), LG_OUT_OF_MEMORY);
     lg_rng rng;
     lg_rng_seed(&rng, seed, 0);
-    const lg_status status = lg_system_draw_start(scene->system, &options, &rng, state);
-    if (status == LG_OK)
-        scene->state = state;
-    else
-        lg_free(scene->context, state);
-    return status;
+    LG_TRY(lg_system_draw_start(scene->system, &options, &rng, state));
+    scene->state = LG_KEEP(state);
+    return LG_OK;
 }
 
 void lg_scene_destroy(lg_scene *scene) {

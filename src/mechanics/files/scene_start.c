@@ -164,44 +164,28 @@ static lg_status place(const reading *r, start *s) {
 static lg_status convert(const reading *r, start *s) {
     const lg_system *system = r->out->system;
     if (!s->other) return LG_OK;
-    double *work = lg_alloc(r->context, lg_system_work_size(system), 1);
-    if (work == NULL) return lg_scene_no_memory(r);
+    LG_TRY_SCRATCH(char, work, r->context, lg_system_work_size(system), lg_scene_no_memory(r));
     const bool momenta = strcmp(r->table->own_key, "p") == 0;
     const lg_status status =
-        momenta ? lg_chain_momenta(system, s->y, s->y, work) : lg_chain_velocities(system, s->y, s->y, work);
-    lg_free(r->context, work);
+        (momenta ? lg_chain_momenta : lg_chain_velocities)(system, s->y, s->y, (double *)(void *)work);
     if (status == LG_OK) return LG_OK;
     return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
                         "initial: %s cannot be computed from %s: %s", r->table->own_key, r->table->other_key,
                         lg_status_sentence(status));
 }
 
-/* ---- the start ---- */
-
-static lg_status fill_start(reading *r, start *s) {
-    LG_TRY(check_alternatives(r, s));
-    for (size_t i = 0; r->table->parts[i].key != NULL; i++) LG_TRY(read_part(r, s, i));
-    LG_TRY(place(r, s));
-    return convert(r, s);
-}
-
 lg_status lg_scene_read_start(reading *r) {
     const size_t dim = lg_system_dim(r->out->system);
-    start s = {.y = lg_alloc(r->context, dim, sizeof *s.y),
-               .numbers = lg_alloc(r->context, dim, sizeof *s.numbers),
-               .lines = lg_alloc(r->context, 2 * dim, sizeof *s.lines)};
-    lg_status status = LG_OK;
-    if (s.y == NULL || s.numbers == NULL || s.lines == NULL) {
-        status = lg_scene_no_memory(r);
-    } else {
-        s.number_lines = s.lines + dim;
-        for (size_t i = 0; i < dim; i++) s.lines[i] = r->out->line_initial;
-        status = fill_start(r, &s);
-    }
-    if (status == LG_OK)
-        r->out->state = s.y;
-    else
-        lg_free(r->context, s.y);
-    LG_FREE_ALL(r->context, s.numbers, s.lines);
-    return status;
+    LG_SCRATCH(double, y, r->context, dim);
+    LG_SCRATCH(double, numbers, r->context, dim);
+    LG_SCRATCH(uint32_t, lines, r->context, (2 * dim));
+    if (y == NULL || numbers == NULL || lines == NULL) return lg_scene_no_memory(r);
+    start s = {.y = y, .numbers = numbers, .lines = lines, .number_lines = lines + dim};
+    for (size_t i = 0; i < dim; i++) s.lines[i] = r->out->line_initial;
+    LG_TRY(check_alternatives(r, &s));
+    for (size_t i = 0; r->table->parts[i].key != NULL; i++) LG_TRY(read_part(r, &s, i));
+    LG_TRY(place(r, &s));
+    LG_TRY(convert(r, &s));
+    r->out->state = LG_KEEP(y);
+    return LG_OK;
 }

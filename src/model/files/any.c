@@ -57,11 +57,16 @@ typedef struct reading {
     bool moves;
 } reading;
 
+static void end_reading(reading *r) {
+    lg_program_destroy(r->program);
+    lg_model_file_destroy(&r->made);
+}
+
 static lg_status read_contents(reading *r, lg_h5 *h5, lg_error *error) {
     const lg_recipe *recipe = r->made.recipe;
     char *contents = r->made.contents = lg_alloc(h5->context, 1, recipe->file_size);
     if (contents == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model");
-    *(const lg_context **)(void *)(contents + recipe->file_context) = h5->context;
+    ((lg_model_head *)(void *)contents)->context = h5->context;
     LG_TRY(lg_run_get_file(h5, recipe, contents, error));
     r->moves = recipe->space != NULL;
     return r->moves ? recipe->space(contents + recipe->file_run, &r->space) : LG_OK;
@@ -106,18 +111,13 @@ static lg_status make_model(reading *r, const char *path, lg_error *error) {
 
 lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                         lg_model_file *out, lg_error *error) {
-    if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
-    reading r = {.made.context = context};
-    lg_status status = lg_h5_read(context, path, options, read_model, &r, error);
-    if (status == LG_OK) status = make_model(&r, path, error);
-    if (status == LG_OK) {
-        *out = r.made;
-    } else {
-        lg_program_destroy(r.program);
-        lg_model_file_destroy(&r.made);
-    }
-    return status;
+    LG_NEEDS(error, path, out);
+    LG_CLEAN(end_reading) reading r = {.made.context = context};
+    LG_TRY(lg_h5_read(context, path, options, read_model, &r, error));
+    LG_TRY(make_model(&r, path, error));
+    *out = r.made;
+    r.made = (lg_model_file){.model = NULL};
+    return LG_OK;
 }
 
 void lg_model_file_destroy(lg_model_file *file) {
@@ -154,6 +154,6 @@ bool lg_model_file_slice(const lg_model_file *file, uint32_t index, lg_slice_inf
     const lg_recipe *recipe = file->recipe;
     const char *at = file->contents;
     if (recipe == NULL || !recipe->slice(at + recipe->file_run, index, out)) return false;
-    *values = *(double *const *)(const void *)(at + recipe->file_theta) + out->offset;
+    *values = ((const lg_model_head *)file->contents)->theta + out->offset;
     return true;
 }

@@ -6,24 +6,8 @@
 #include "model/files/program_file.h"
 #include "model/files/recipe.h"
 
-/* ---- members of a file structure, found by the recipe's offsets ---- */
-
-/* Pointers to the members that all file structures have. */
-typedef struct model_view {
-    void *run;
-    size_t *parameters, *epochs_done;
-    double **theta, **history; /* history: LG_FIT_SERIES_COUNT pointers */
-    lg_provenance *provenance;
-} model_view;
-
-static model_view view_of(const lg_recipe *kind, void *file) {
-    char *at = file;
-    return (model_view){.run = at + kind->file_run,
-                        .parameters = (size_t *)(void *)(at + kind->file_parameters),
-                        .epochs_done = (size_t *)(void *)(at + kind->file_epochs),
-                        .theta = (double **)(void *)(at + kind->file_theta),
-                        .history = (double **)(void *)(at + kind->file_history),
-                        .provenance = (lg_provenance *)(void *)(at + kind->file_provenance)};
+static const void *run_of(const lg_recipe *kind, const void *file) {
+    return (const char *)file + kind->file_run;
 }
 
 static const lg_fit_settings *training_of(const lg_recipe *kind, const void *run) {
@@ -55,12 +39,9 @@ static lg_status put_slice(lg_h5 *h5, const slice *s, lg_dtype dtype, const doub
     const lg_slice_info *info = &s->info;
     if (dtype == LG_F64)
         return lg_h5_put(h5, s->name, LG_ELEMENT_F64, info->rank, info->dims, theta + info->offset, error);
-    float *narrow = lg_alloc(h5->context, info->count, sizeof *narrow);
-    if (narrow == NULL) return lg_h5_no_memory(h5, error);
+    LG_TRY_SCRATCH(float, narrow, h5->context, info->count, lg_h5_no_memory(h5, error));
     for (size_t i = 0; i < info->count; i++) narrow[i] = (float)theta[info->offset + i];
-    lg_status status = lg_h5_put(h5, s->name, LG_ELEMENT_F32, info->rank, info->dims, narrow, error);
-    lg_free(h5->context, narrow);
-    return status;
+    return lg_h5_put(h5, s->name, LG_ELEMENT_F32, info->rank, info->dims, narrow, error);
 }
 
 static lg_status put_space(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
@@ -96,37 +77,29 @@ static lg_status put_parameters(lg_h5 *h5, const lg_recipe *recipe, const void *
                                 const lg_program *program, lg_error *error) {
     enum { MOST = LG_PROGRAM_MOST_NAMES };
     lg_program_source places[MOST];
-    char(*names)[LG_PROGRAM_PLACE] = lg_alloc(h5->context, MOST, sizeof *names);
-    if (names == NULL) return lg_h5_no_memory(h5, error);
+    LG_TRY_SCRATCH(lg_program_key, names, h5->context, MOST, lg_h5_no_memory(h5, error));
     slice s;
-    const size_t parameters = recipe->parameters(run);
+    const size_t parameters = lg_recipe_parameters(recipe, run);
     size_t count = 0, at = 0;
     for (; count < MOST && slice_from(recipe, run, at, &s); at += s.info.count) {
-        (void)snprintf(names[count], sizeof names[count], "%s", s.name);
-        places[count] = (lg_program_source){"theta", names[count]};
+        (void)snprintf(names[count].text, sizeof names[count].text, "%s", s.name);
+        places[count] = (lg_program_source){"theta", names[count].text};
         count++;
     }
     for (const lg_program_source *p = recipe->places; p != NULL && p->parameter != NULL && count < MOST; p++)
         places[count++] = *p;
-    const lg_status status =
-        at == parameters ? lg_program_put_parameters(h5, program, places, count, error)
-                         : lg_fail(error, LG_UNSUPPORTED, "%s: the model has more than %d arrays of weights",
-                                   lg_shown_path(h5->path), MOST);
-    lg_free(h5->context, names);
-    return status;
+    if (at == parameters) return lg_program_put_parameters(h5, program, places, count, error);
+    return lg_fail(error, LG_UNSUPPORTED, "%s: the model has more than %d arrays of weights",
+                   lg_shown_path(h5->path), MOST);
 }
 
-static lg_status put_functions(lg_h5 *h5, const lg_recipe *recipe, const void *file, const void *run,
-                               lg_error *error) {
+static lg_status put_functions(lg_h5 *h5, const lg_recipe *recipe, const void *file, lg_error *error) {
     const lg_scheme *scheme;
-    lg_program *program;
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
     LG_TRY(make_program(h5, recipe, file, &scheme, &program, error));
-    lg_status status = put_parameters(h5, recipe, run, program, error);
-    if (status == LG_OK) status = lg_program_put_functions(h5, program, error);
-    if (status == LG_OK && scheme != NULL)
-        status = lg_h5_put_text(h5, "functions", "scheme", scheme->name, error);
-    lg_program_destroy(program);
-    return status;
+    LG_TRY(put_parameters(h5, recipe, run_of(recipe, file), program, error));
+    LG_TRY(lg_program_put_functions(h5, program, error));
+    return scheme != NULL ? lg_h5_put_text(h5, "functions", "scheme", scheme->name, error) : LG_OK;
 }
 
 /* Where lg_fit_save writes: the root of the file. */
@@ -160,41 +133,42 @@ static lg_status put_fit(lg_h5 *h5, const lg_fit *fit, lg_error *error) {
 static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, const lg_fit *fit,
                            lg_error *error) {
     slice s;
-    const model_view view = view_of(kind, (void *)(uintptr_t)file); /* it is only read */
-    const uint64_t epochs = *view.epochs_done;
-    LG_TRY(lg_h5_put_header(h5, kind->name, view.provenance, error));
-    LG_TRY(lg_run_put(h5, kind, view.run, error));
-    LG_TRY(put_space(h5, kind, view.run, error));
-    for (uint32_t i = 0; slice_at(kind, view.run, i, &s); i++)
-        LG_TRY(put_slice(h5, &s, training_of(kind, view.run)->dtype, *view.theta, error));
+    const lg_model_head *head = file;
+    const void *run = run_of(kind, file);
+    const uint64_t epochs = head->epochs_done;
+    LG_TRY(lg_h5_put_header(h5, kind->name, &head->provenance, error));
+    LG_TRY(lg_run_put(h5, kind, run, error));
+    LG_TRY(put_space(h5, kind, run, error));
+    for (uint32_t i = 0; slice_at(kind, run, i, &s); i++)
+        LG_TRY(put_slice(h5, &s, training_of(kind, run)->dtype, head->theta, error));
     if (kind->put_rest != NULL) LG_TRY(kind->put_rest(h5, file, error));
     LG_TRY(lg_items_put(h5, kind, file, error));
-    LG_TRY(put_functions(h5, kind, file, view.run, error));
+    LG_TRY(put_functions(h5, kind, file, error));
     if (fit != NULL) return put_fit(h5, fit, error);
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
-        if (view.history[i] != NULL)
-            LG_TRY(lg_h5_put(h5, series_names[i], LG_ELEMENT_F64, 1, &epochs, view.history[i], error));
+        if (head->history[i] != NULL)
+            LG_TRY(lg_h5_put(h5, series_names[i], LG_ELEMENT_F64, 1, &epochs, head->history[i], error));
     return LG_OK;
 }
 
 static lg_status check_saved(const char *path, const lg_recipe *kind, const void *file, lg_error *error) {
     slice s;
-    const model_view view = view_of(kind, (void *)(uintptr_t)file); /* it is only read */
-    if (*view.theta == NULL)
+    const lg_model_head *head = file;
+    const void *run = run_of(kind, file);
+    if (head->theta == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, the model or its parameters are NULL");
-    LG_TRY(lg_run_check(path, kind, view.run, error));
-    if (*view.parameters != kind->parameters(view.run))
+    LG_TRY(lg_run_check(path, kind, run, error));
+    if (head->parameters != lg_recipe_parameters(kind, run))
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %zu parameters are given, but the model has %zu",
-                       lg_shown_path(path), *view.parameters, kind->parameters(view.run));
-    for (uint32_t i = 0; slice_at(kind, view.run, i, &s); i++)
-        LG_TRY(lg_check_finite(path, s.name, s.info.rank, s.info.dims, *view.theta + s.info.offset, error));
+                       lg_shown_path(path), head->parameters, lg_recipe_parameters(kind, run));
+    for (uint32_t i = 0; slice_at(kind, run, i, &s); i++)
+        LG_TRY(lg_check_finite(path, s.name, s.info.rank, s.info.dims, head->theta + s.info.offset, error));
     return LG_OK;
 }
 
 lg_status lg_run_save(const lg_context *context, const char *path, const lg_recipe *kind, const void *file,
                       const lg_fit *fit, lg_error *error) {
-    if (path == NULL || file == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, the model or its parameters are NULL");
+    LG_NEEDS(error, path, file);
     LG_TRY(check_saved(path, kind, file, error));
     lg_h5 *h5;
     LG_TRY(lg_h5_create(context, path, &h5, error));
@@ -219,14 +193,15 @@ static lg_status check_slices(lg_h5 *h5, const lg_recipe *kind, const void *run,
     return LG_OK;
 }
 
-static lg_status get_weights(lg_h5 *h5, const lg_recipe *kind, const model_view *view, lg_error *error) {
+static lg_status get_weights(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_model_head *head,
+                             lg_error *error) {
     slice s;
-    LG_TRY(check_slices(h5, kind, view->run, error));
-    *view->parameters = kind->parameters(view->run);
-    double *theta = *view->theta = lg_alloc(h5->context, *view->parameters, sizeof *theta);
-    if (theta == NULL) return lg_h5_no_memory(h5, error);
-    for (uint32_t i = 0; slice_at(kind, view->run, i, &s); i++) {
-        double *at = theta + s.info.offset;
+    LG_TRY(check_slices(h5, kind, run, error));
+    head->parameters = lg_recipe_parameters(kind, run);
+    head->theta = lg_alloc(h5->context, head->parameters, sizeof *head->theta);
+    if (head->theta == NULL) return lg_h5_no_memory(h5, error);
+    for (uint32_t i = 0; slice_at(kind, run, i, &s); i++) {
+        double *at = head->theta + s.info.offset;
         LG_TRY(
             lg_as_format(lg_h5_get(h5, s.name, LG_ELEMENT_F64, s.info.rank, s.info.dims, at, error), error));
         LG_TRY(lg_check_finite(h5->path, s.name, s.info.rank, s.info.dims, at, error));
@@ -235,7 +210,7 @@ static lg_status get_weights(lg_h5 *h5, const lg_recipe *kind, const model_view 
 }
 
 /* The history may hold NaN: the validation series is NaN if there is no validation part. */
-static lg_status get_history(lg_h5 *h5, const model_view *view, lg_error *error) {
+static lg_status get_history(lg_h5 *h5, lg_model_head *head, lg_error *error) {
     bool first = true;
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) {
         uint32_t rank;
@@ -243,14 +218,14 @@ static lg_status get_history(lg_h5 *h5, const model_view *view, lg_error *error)
         const char *name = series_names[i];
         if (!lg_h5_has(h5, name)) continue;
         LG_TRY(lg_h5_shape(h5, name, &rank, dims, NULL, error));
-        if (rank != 1 || (!first && dims[0] != *view->epochs_done))
+        if (rank != 1 || (!first && dims[0] != head->epochs_done))
             return lg_fail(error, LG_FORMAT, "%s: /%s: expected one number per epoch",
                            lg_shown_path(h5->path), name);
         first = false;
-        *view->epochs_done = (size_t)dims[0];
-        view->history[i] = lg_alloc(h5->context, *view->epochs_done, sizeof(double));
-        if (view->history[i] == NULL) return lg_h5_no_memory(h5, error);
-        LG_TRY(lg_as_format(lg_h5_get(h5, name, LG_ELEMENT_F64, 1, dims, view->history[i], error), error));
+        head->epochs_done = (size_t)dims[0];
+        head->history[i] = lg_alloc(h5->context, head->epochs_done, sizeof(double));
+        if (head->history[i] == NULL) return lg_h5_no_memory(h5, error);
+        LG_TRY(lg_as_format(lg_h5_get(h5, name, LG_ELEMENT_F64, 1, dims, head->history[i], error), error));
     }
     return LG_OK;
 }
@@ -275,16 +250,17 @@ static lg_status check_space(lg_h5 *h5, const lg_recipe *kind, const void *run, 
 }
 
 lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error) {
-    const model_view view = view_of(kind, file);
+    lg_model_head *head = file;
+    void *run = (char *)file + kind->file_run;
     LG_TRY(lg_h5_check_format(h5, kind->name, false, error));
     LG_TRY(lg_program_check_version(h5, error));
-    LG_TRY(lg_run_get(h5, kind, false, view.run, error));
-    LG_TRY(get_weights(h5, kind, &view, error));
-    LG_TRY(check_space(h5, kind, view.run, error));
-    LG_TRY(get_history(h5, &view, error));
+    LG_TRY(lg_run_get(h5, kind, false, run, error));
+    LG_TRY(get_weights(h5, kind, run, head, error));
+    LG_TRY(check_space(h5, kind, run, error));
+    LG_TRY(get_history(h5, head, error));
     if (kind->get_rest != NULL) LG_TRY(kind->get_rest(h5, file, error));
     LG_TRY(lg_items_get(h5, kind, file, error));
-    lg_h5_provenance(h5, view.provenance);
+    lg_h5_provenance(h5, &head->provenance);
     return LG_OK;
 }
 
@@ -318,12 +294,10 @@ typedef struct edit_call {
 
 static lg_status edit_file(void *user, lg_error *error) {
     const edit_call *call = user;
-    lg_h5 *h5;
+    LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
     LG_TRY(lg_h5_edit(call->context, call->path, &h5, error));
-    lg_status status = call->edit(call->user, h5, error);
-    if (status == LG_OK && call->commit) status = lg_h5_commit(h5, error);
-    lg_h5_close(h5);
-    return status;
+    LG_TRY(call->edit(call->user, h5, error));
+    return call->commit ? lg_h5_commit(h5, error) : LG_OK;
 }
 
 lg_status lg_run_edit(const lg_context *context, const char *path,
@@ -337,12 +311,11 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
 
 void lg_run_release(const lg_recipe *kind, void *file) {
     if (file == NULL) return;
-    const model_view view = view_of(kind, file);
-    const lg_context *context = *(const lg_context **)(void *)((char *)file + kind->file_context);
+    const lg_model_head head = *(const lg_model_head *)file;
     if (kind->release != NULL) kind->release(file);
-    lg_items_release(context, kind, file);
-    lg_free(context, *view.theta);
-    for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) lg_free(context, view.history[i]);
+    lg_items_release(head.context, kind, file);
+    lg_free(head.context, head.theta);
+    for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) lg_free(head.context, head.history[i]);
     memset(file, 0, kind->file_size);
 }
 
@@ -351,36 +324,22 @@ void lg_run_release(const lg_recipe *kind, void *file) {
 lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_recipe *kind,
                                const void *run, const lg_provenance *provenance, lg_file_writer **out,
                                lg_error *error) {
-    if (path == NULL || kind == NULL || run == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the checkpoint's name, its kind, its run or `out` is NULL");
-    lg_file_writer *writer;
+    LG_NEEDS(error, path, kind, run, out);
+    LG_CLEAN(lg_file_writer_destroy_at) lg_file_writer *writer = NULL;
     LG_TRY(lg_run_check(path, kind, run, error));
     LG_TRY(lg_file_writer_create(context, path, kind->checkpoint, provenance, &writer, error));
-    lg_status status = lg_run_put(lg_file_writer_h5(writer), kind, run, error);
-    if (status == LG_OK)
-        *out = writer;
-    else
-        lg_file_writer_destroy(writer);
-    return status;
+    LG_TRY(lg_run_put(lg_file_writer_h5(writer), kind, run, error));
+    return LG_MOVE(out, writer);
 }
 
 lg_status lg_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
                              const lg_recipe *kind, void *run, lg_file_reader **out, lg_error *error) {
-    if (kind == NULL || run == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the checkpoint's kind, its run or `out` is NULL");
-    lg_file_reader *reader;
+    LG_NEEDS(error, kind, run, out);
+    LG_CLEAN(lg_file_reader_destroy_at) lg_file_reader *reader = NULL;
     LG_TRY(lg_file_reader_create(context, path, kind->checkpoint, options, &reader, error));
-    void *got = lg_alloc(context, 1, kind->run_size);
-    lg_status status = got == NULL
-                           ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
-                           : lg_run_get(lg_file_reader_h5(reader), kind, true, got, error);
-    if (status == LG_OK) {
-        memcpy(run, got, kind->run_size);
-        *out = reader;
-    } else {
-        lg_file_reader_destroy(reader);
-    }
-    lg_free(context, got);
-    return status;
+    LG_SCRATCH(char, got, context, kind->run_size);
+    if (got == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    LG_TRY(lg_run_get(lg_file_reader_h5(reader), kind, true, got, error));
+    memcpy(run, got, kind->run_size);
+    return LG_MOVE(out, reader);
 }

@@ -19,6 +19,9 @@
 
 enum { LG_PROGRAM_NAME = 65, LG_PROGRAM_MOST_NAMES = 1024 };
 
+LG_AT(lg_program_destroy, lg_program)
+LG_AT(lg_function_image_destroy, lg_function_image)
+
 /* A path in the file; `text` has room for every path. */
 typedef struct lg_program_key {
     char text[256];
@@ -34,9 +37,11 @@ typedef double (*lg_program_word)(double x);
 lg_program_word lg_program_word_of(const char *place, const char **rest);
 
 /* A list of texts of at most 64 bytes, such as names or units. */
+typedef char lg_program_name[LG_PROGRAM_NAME];
 typedef struct lg_program_texts {
-    char (*text)[LG_PROGRAM_NAME];
+    lg_program_name *text;
     size_t count;
+    const lg_context *context;
 } lg_program_texts;
 
 typedef struct lg_program_reading {
@@ -44,6 +49,7 @@ typedef struct lg_program_reading {
     size_t left; /* bytes that may still be allocated */
     lg_program *program;
     lg_program_texts parameters, functions; /* names, in order */
+    lg_owned *values;                       /* of each parameter */
     lg_error *error;
 } lg_program_reading;
 

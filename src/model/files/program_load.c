@@ -45,21 +45,22 @@ static lg_status keep_text(void *user, uint64_t index, const char *text, lg_erro
 }
 
 /* Reads at most LG_PROGRAM_MOST_NAMES texts of this attribute of the group `path`. The caller frees
- * out->text, which is NULL after a failure. */
+ * out->text, also after a failure. */
 static lg_status get_texts(lg_program_reading *r, const char *path, const char *attribute,
                            lg_program_texts *out) {
     listing l = {r, path, out};
     bool words = true;
+    char what[LG_PROGRAM_NAME + 32];
     out->text = lg_alloc(r->h5->context, LG_PROGRAM_MOST_NAMES, sizeof *out->text);
     if (out->text == NULL) return lg_h5_no_memory(r->h5, r->error);
-    lg_status status = lg_h5_each_attribute_text(r->h5, path, attribute, &words, keep_text, &l, r->error);
-    char what[LG_PROGRAM_NAME + 32];
+    const lg_status status =
+        lg_h5_each_attribute_text(r->h5, path, attribute, &words, keep_text, &l, r->error);
     (void)snprintf(what, sizeof what, "has no attribute %s with names", attribute);
-    if (!words) status = lg_program_bad(r, path, what);
-    if (status == LG_OK) return LG_OK;
-    lg_free(r->h5->context, out->text);
-    out->text = NULL;
-    return lg_program_as_format(r, status);
+    return lg_program_as_format(r, words ? status : lg_program_bad(r, path, what));
+}
+
+static void free_texts(const lg_program_texts *texts) {
+    lg_free(texts->context, texts->text);
 }
 
 /* Reads the names of parameters or functions. A name becomes part of a path, so it must be a plain word that
@@ -85,43 +86,38 @@ lg_status lg_program_add(lg_program_reading *r, const char *path, const lg_funct
 
 static lg_status unpack(lg_program_reading *r, const char *path, const char *name, const void *bytes,
                         size_t size) {
-    lg_function_image *image;
+    LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
     lg_error why = {LG_OK, ""};
-    lg_status status = lg_function_unpack(r->h5->context, name, bytes, size, &r->left, &image, &why);
+    const lg_status status = lg_function_unpack(r->h5->context, name, bytes, size, &r->left, &image, &why);
     if (status != LG_OK)
         return lg_fail(r->error, status, "%s: /%s: %s", lg_shown_path(r->h5->path), path, why.message);
-    status = lg_program_add(r, path, image);
-    lg_function_image_destroy(image);
-    return status;
+    return lg_program_add(r, path, image);
 }
 
 static lg_status get_function(lg_program_reading *r, const char *name) {
     const lg_program_key at = lg_program_below("functions", name);
     uint32_t rank;
     uint64_t dims[4];
-    void *bytes = NULL;
+    int64_t fitted = 0;
+    LG_CLEAN(lg_owned_free) lg_owned bytes = {r->h5->context, NULL};
     LG_TRY(lg_program_as_format(r, lg_h5_shape(r->h5, at.text, &rank, dims, NULL, r->error)));
     if (rank != 1) return lg_program_bad(r, at.text, "is not a list of bytes");
-    LG_TRY(lg_program_take(r, at.text, dims[0], 1, &bytes));
-    lg_status status =
-        lg_program_as_format(r, lg_h5_get(r->h5, at.text, LG_ELEMENT_U8, 1, dims, bytes, r->error));
-    if (status == LG_OK) status = unpack(r, at.text, name, bytes, (size_t)dims[0]);
-    int64_t fitted = 0;
-    if (status == LG_OK && lg_h5_has_attribute(r->h5, at.text, "fitted"))
-        status = lg_program_as_format(
-            r, lg_h5_number(r->h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, r->error));
-    if (status == LG_OK && fitted != 0)
-        status = lg_program_set_fitted(r->program, lg_program_functions(r->program) - 1, true);
-    lg_free(r->h5->context, bytes);
-    return status;
+    LG_TRY(lg_program_take(r, at.text, dims[0], 1, &bytes.memory));
+    LG_TRY(
+        lg_program_as_format(r, lg_h5_get(r->h5, at.text, LG_ELEMENT_U8, 1, dims, bytes.memory, r->error)));
+    LG_TRY(unpack(r, at.text, name, bytes.memory, (size_t)dims[0]));
+    if (lg_h5_has_attribute(r->h5, at.text, "fitted"))
+        LG_TRY(lg_program_as_format(
+            r, lg_h5_number(r->h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, r->error)));
+    if (fitted == 0) return LG_OK;
+    return lg_program_set_fitted(r->program, lg_program_functions(r->program) - 1, true);
 }
 
 /* ---- parameters ---- */
 
-static lg_status get_array(lg_program_reading *r, const char *path, lg_shape *shape, double **values) {
+static lg_status get_array(lg_program_reading *r, const char *path, lg_shape *shape, lg_owned *values) {
     uint32_t rank;
     uint64_t dims[4], count = 1;
-    void *memory = NULL;
     LG_TRY(lg_program_as_format(r, lg_h5_shape(r->h5, path, &rank, dims, NULL, r->error)));
     shape->rank = rank;
     for (uint32_t d = 0; d < rank; d++) {
@@ -129,10 +125,10 @@ static lg_status get_array(lg_program_reading *r, const char *path, lg_shape *sh
         shape->dims[d] = (uint32_t)dims[d];
         count *= dims[d];
     }
-    LG_TRY(lg_program_take(r, path, count, sizeof **values, &memory));
-    *values = memory;
-    LG_TRY(lg_program_as_format(r, lg_h5_get(r->h5, path, LG_ELEMENT_F64, rank, dims, memory, r->error)));
-    return lg_check_finite(r->h5->path, path, rank, dims, *values, r->error);
+    LG_TRY(lg_program_take(r, path, count, sizeof(double), &values->memory));
+    LG_TRY(lg_program_as_format(
+        r, lg_h5_get(r->h5, path, LG_ELEMENT_F64, rank, dims, values->memory, r->error)));
+    return lg_check_finite(r->h5->path, path, rank, dims, values->memory, r->error);
 }
 
 /* Whether the text is a path of plain names. */
@@ -142,51 +138,45 @@ static bool is_path(const char *path) {
     return *path != '\0';
 }
 
-/* Appends the numbers of a place to *values, which has *count numbers. */
-static lg_status get_place(lg_program_reading *r, const char *place, double **values, size_t *count) {
+/* Appends the numbers of a place to `values`, which has *count numbers. */
+static lg_status get_place(lg_program_reading *r, const char *place, lg_owned *values, size_t *count) {
     const char *path;
     lg_shape shape;
-    double *part = NULL;
-    void *longer = NULL;
+    LG_CLEAN(lg_owned_free) lg_owned part = {r->h5->context, NULL}, longer = part;
     const lg_program_word word = lg_program_word_of(place, &path);
     if (!is_path(path))
         return lg_program_bad(r, "parameters",
                               "an entry is not a path of plain names (letters, digits and underscores)");
-    lg_status status = get_array(r, path, &shape, &part);
-    const size_t more = status == LG_OK ? lg_shape_count(shape) : 0;
-    if (status == LG_OK) status = lg_program_take(r, path, *count + more, sizeof **values, &longer);
-    if (status == LG_OK) {
-        double *all = longer;
-        if (*count > 0) memcpy(all, *values, *count * sizeof *all);
-        for (size_t i = 0; i < more; i++) all[*count + i] = word(part[i]);
-        lg_free(r->h5->context, *values);
-        *values = all;
-        *count += more;
-    }
-    lg_free(r->h5->context, part);
-    return status;
+    LG_TRY(get_array(r, path, &shape, &part));
+    const size_t more = lg_shape_count(shape);
+    LG_TRY(lg_program_take(r, path, *count + more, sizeof(double), &longer.memory));
+    double *all = longer.memory;
+    if (*count > 0) memcpy(all, values->memory, *count * sizeof *all);
+    for (size_t i = 0; i < more; i++) all[*count + i] = word(((double *)part.memory)[i]);
+    longer.memory = values->memory; /* is freed */
+    values->memory = all;
+    *count += more;
+    return LG_OK;
 }
 
-static lg_status get_places(lg_program_reading *r, const char *name, lg_shape *shape, double **values) {
-    lg_program_texts places = {NULL, 0};
+static lg_status get_places(lg_program_reading *r, const char *name, lg_shape *shape, lg_owned *values) {
+    LG_CLEAN(free_texts) lg_program_texts places = {.context = r->h5->context};
     size_t count = 0;
-    lg_status status = get_texts(r, "parameters", name, &places);
-    for (size_t i = 0; i < places.count && status == LG_OK; i++)
-        status = get_place(r, places.text[i], values, &count);
-    lg_free(r->h5->context, places.text);
-    if (status == LG_OK && count > UINT32_MAX) return lg_program_bad(r, "parameters", "is too large");
+    LG_TRY(get_texts(r, "parameters", name, &places));
+    for (size_t i = 0; i < places.count; i++) LG_TRY(get_place(r, places.text[i], values, &count));
+    if (count > UINT32_MAX) return lg_program_bad(r, "parameters", "is too large");
     *shape = lg_shape1((uint32_t)count);
-    return status;
+    return LG_OK;
 }
 
 static lg_status get_parameter(lg_program_reading *r, const char *name, lg_parameter_spec *p,
-                               double **values) {
+                               lg_owned *values) {
     const lg_program_key at = lg_program_below("parameters", name);
     const bool elsewhere = lg_h5_has(r->h5, "parameters") && lg_h5_has_attribute(r->h5, "parameters", name);
     p->name = name;
     const lg_status status =
         elsewhere ? get_places(r, name, &p->shape, values) : get_array(r, at.text, &p->shape, values);
-    p->values = *values;
+    p->values = values->memory;
     return status;
 }
 
@@ -201,28 +191,24 @@ static lg_status get_parameters(lg_program_reading *r) {
     const lg_context *context = r->h5->context;
     const size_t count = r->parameters.count;
     char description[TEXT];
+    lg_error why = {LG_OK, ""};
     lg_program_spec spec;
     lg_program_spec_init(&spec);
     LG_TRY(get_description(r, description));
-    lg_parameter_spec *made = lg_alloc(context, count, sizeof *made);
-    double **values = lg_alloc(context, count, sizeof *values);
-    lg_status status = made != NULL && values != NULL ? LG_OK : lg_h5_no_memory(r->h5, r->error);
-    for (size_t i = 0; i < count && status == LG_OK; i++)
-        status = get_parameter(r, r->parameters.text[i], &made[i], &values[i]);
-    if (status == LG_OK) {
-        lg_error why = {LG_OK, ""};
-        spec.parameters = made;
-        spec.parameter_count = count;
-        spec.description = description[0] != '\0' ? description : NULL;
-        status = lg_program_begin(context, &spec, &r->program, &why);
-        if (status != LG_OK)
-            status = lg_program_as_format(
-                r, lg_fail(r->error, status, "%s: /parameters: %s", lg_shown_path(r->h5->path), why.message));
+    LG_SCRATCH(lg_parameter_spec, made, context, count);
+    r->values = lg_alloc(context, count, sizeof *r->values);
+    if (made == NULL || r->values == NULL) return lg_h5_no_memory(r->h5, r->error);
+    for (size_t i = 0; i < count; i++) {
+        r->values[i].context = context;
+        LG_TRY(get_parameter(r, r->parameters.text[i], &made[i], &r->values[i]));
     }
-    for (size_t i = 0; values != NULL && i < count; i++) lg_free(context, values[i]);
-    lg_free(context, values);
-    lg_free(context, made);
-    return status;
+    spec.parameters = made;
+    spec.parameter_count = count;
+    spec.description = description[0] != '\0' ? description : NULL;
+    const lg_status status = lg_program_begin(context, &spec, &r->program, &why);
+    if (status == LG_OK) return LG_OK;
+    return lg_program_as_format(
+        r, lg_fail(r->error, status, "%s: /parameters: %s", lg_shown_path(r->h5->path), why.message));
 }
 
 /* ---- the file ---- */
@@ -250,17 +236,20 @@ static lg_status get_program(lg_program_reading *r) {
     return LG_OK;
 }
 
+static void end_reading(lg_program_reading *r) {
+    for (size_t i = 0; r->values != NULL && i < r->parameters.count; i++) lg_owned_free(&r->values[i]);
+    LG_FREE_ALL(r->h5->context, r->values, r->parameters.text, r->functions.text);
+    lg_program_destroy(r->program);
+}
+
 lg_status lg_program_get(lg_h5 *h5, lg_program **out, lg_error *error) {
+    LG_CLEAN(end_reading)
     lg_program_reading r = {
         .h5 = h5, .left = h5->max_size < SIZE_MAX ? (size_t)h5->max_size : SIZE_MAX, .error = error};
-    const lg_status status = get_program(&r);
-    lg_free(h5->context, r.parameters.text);
-    lg_free(h5->context, r.functions.text);
-    if (status == LG_OK)
-        *out = r.program;
-    else
-        lg_program_destroy(r.program);
-    return status;
+    LG_TRY(get_program(&r));
+    *out = r.program;
+    r.program = NULL;
+    return LG_OK;
 }
 
 static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
@@ -272,7 +261,6 @@ static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
 
 lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
                           lg_program **out, lg_error *error) {
-    if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
+    LG_NEEDS(error, path, out);
     return lg_h5_read(context, path, options, load, out, error);
 }

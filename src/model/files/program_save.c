@@ -15,26 +15,20 @@ lg_program_key lg_program_below(const char *group, const char *name) {
 static lg_status put_bytes(lg_h5 *h5, const lg_function_image *image, lg_error *error) {
     size_t size;
     LG_TRY(lg_function_pack(image, NULL, &size, error));
-    void *bytes = lg_alloc(h5->context, size, 1);
-    if (bytes == NULL) return lg_h5_no_memory(h5, error);
-    lg_status status = lg_function_pack(image, bytes, &size, error);
-    if (status == LG_OK)
-        status = lg_h5_put(h5, lg_program_below("functions", image->name).text, LG_ELEMENT_U8, 1,
-                           &(uint64_t){size}, bytes, error);
-    lg_free(h5->context, bytes);
-    return status;
+    LG_TRY_SCRATCH(char, bytes, h5->context, size, lg_h5_no_memory(h5, error));
+    LG_TRY(lg_function_pack(image, bytes, &size, error));
+    return lg_h5_put(h5, lg_program_below("functions", image->name).text, LG_ELEMENT_U8, 1, &(uint64_t){size},
+                     bytes, error);
 }
 
 static lg_status put_function(lg_h5 *h5, const lg_program *program, size_t function, lg_error *error) {
-    lg_function_image *image;
+    LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
     if (lg_function_image_create(program, function, &image) != LG_OK) return lg_h5_no_memory(h5, error);
-    lg_status status = put_bytes(h5, image, error);
+    LG_TRY(put_bytes(h5, image, error));
     const lg_program_key at = lg_program_below("functions", lg_program_function_name(program, function));
     const int64_t fitted = 1;
-    if (status == LG_OK && lg_program_is_fitted(program, function))
-        status = lg_h5_put_number(h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, error);
-    lg_function_image_destroy(image);
-    return status;
+    if (!lg_program_is_fitted(program, function)) return LG_OK;
+    return lg_h5_put_number(h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, error);
 }
 
 static lg_status put_parameter(lg_h5 *h5, const lg_parameter_spec *p, lg_error *error) {
@@ -47,16 +41,13 @@ static lg_status put_parameter(lg_h5 *h5, const lg_parameter_spec *p, lg_error *
 /* Writes the names of all parameters, or of all functions, in order. */
 static lg_status put_order(lg_h5 *h5, const lg_program *program, bool functions, lg_error *error) {
     const size_t count = functions ? lg_program_functions(program) : lg_program_parameters(program);
-    char(*names)[LG_PROGRAM_NAME] = lg_alloc(h5->context, count, sizeof *names);
-    if (names == NULL) return lg_h5_no_memory(h5, error);
+    LG_TRY_SCRATCH(lg_program_name, names, h5->context, count, lg_h5_no_memory(h5, error));
     for (size_t i = 0; i < count; i++)
         (void)snprintf(names[i], sizeof names[i], "%s",
                        functions ? lg_program_function_name(program, i)
                                  : lg_program_parameter(program, i).name);
-    const lg_status status = lg_h5_put_text_list(h5, functions ? "functions" : "parameters", "order",
-                                                 names[0], sizeof names[0], count, error);
-    lg_free(h5->context, names);
-    return status;
+    return lg_h5_put_text_list(h5, functions ? "functions" : "parameters", "order", *names, sizeof *names,
+                               count, error);
 }
 
 /* ---- parameters whose numbers are stored elsewhere in the file ---- */
@@ -93,23 +84,17 @@ lg_program_word lg_program_word_of(const char *place, const char **path) {
     return as_it_is;
 }
 
-/* Writes the places of a parameter. Returns false if it has none: it is then stored below /parameters. */
-static bool put_places(lg_h5 *h5, const char *parameter, const lg_program_source *places, size_t count,
-                       lg_status *status, lg_error *error) {
+/* Writes the places of a parameter. *stored: it has places; otherwise it is stored below /parameters. */
+static lg_status put_places(lg_h5 *h5, const char *parameter, const lg_program_source *places, size_t count,
+                            bool *stored, lg_error *error) {
+    LG_SCRATCH(lg_program_name, texts, h5->context, count);
     size_t n = 0;
-    for (size_t i = 0; i < count; i++) n += strcmp(places[i].parameter, parameter) == 0;
-    if (n == 0) return false;
-    char(*texts)[LG_PROGRAM_PLACE] = lg_alloc(h5->context, n, sizeof *texts);
-    if (texts == NULL) {
-        *status = lg_h5_no_memory(h5, error);
-        return true;
-    }
-    for (size_t i = 0, at = 0; i < count; i++)
+    if (texts == NULL) return lg_h5_no_memory(h5, error);
+    for (size_t i = 0; i < count; i++)
         if (strcmp(places[i].parameter, parameter) == 0)
-            (void)snprintf(texts[at++], sizeof *texts, "%s", places[i].place);
-    *status = lg_h5_put_text_list(h5, "parameters", parameter, texts[0], sizeof *texts, n, error);
-    lg_free(h5->context, texts);
-    return true;
+            (void)snprintf(texts[n++], LG_PROGRAM_PLACE, "%s", places[i].place);
+    *stored = n > 0;
+    return n > 0 ? lg_h5_put_text_list(h5, "parameters", parameter, *texts, sizeof *texts, n, error) : LG_OK;
 }
 
 lg_status lg_program_put_parameters(lg_h5 *h5, const lg_program *program, const lg_program_source *places,
@@ -117,9 +102,9 @@ lg_status lg_program_put_parameters(lg_h5 *h5, const lg_program *program, const 
     LG_TRY(put_order(h5, program, false, error));
     for (size_t i = 0; i < lg_program_parameters(program); i++) {
         const lg_parameter_spec p = lg_program_parameter(program, i);
-        lg_status status;
-        if (!put_places(h5, p.name, places, count, &status, error)) status = put_parameter(h5, &p, error);
-        if (status != LG_OK) return status;
+        bool stored;
+        LG_TRY(put_places(h5, p.name, places, count, &stored, error));
+        if (!stored) LG_TRY(put_parameter(h5, &p, error));
     }
     return LG_OK;
 }
@@ -153,8 +138,7 @@ lg_status lg_model_save(const lg_context *context, const char *path, const char 
                         const lg_program *program, const lg_space *space, const lg_provenance *provenance,
                         lg_error *error) {
     lg_h5 *h5;
-    if (path == NULL || kind == NULL || program == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, its kind or the program is NULL");
+    LG_NEEDS(error, path, kind, program);
     LG_TRY(lg_h5_create(context, path, &h5, error));
     return lg_h5_finish(h5, put_model(h5, kind, program, space, provenance, error), error);
 }

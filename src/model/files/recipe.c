@@ -40,14 +40,11 @@ lg_status lg_run_check(const char *path, const lg_recipe *kind, const void *run,
     const lg_field *r;
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++)
         LG_TRY(check_row(path, kind, r, run, LG_INVALID_ARGUMENT, error));
-    void *again = lg_alloc(NULL, 1, kind->run_size);
-    if (again == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(char, again, NULL, kind->run_size, lg_no_memory(error));
     memcpy(again, run, kind->run_size);
     const lg_status made = kind->make(again, NULL);
-    const bool same =
-        memcmp((char *)again + kind->made, (const char *)run + kind->made, kind->made_size) == 0;
-    lg_free(NULL, again);
-    if (made == LG_OK && same) return LG_OK;
+    if (made == LG_OK && memcmp(again + kind->made, (const char *)run + kind->made, kind->made_size) == 0)
+        return LG_OK;
     return lg_fail(error, made != LG_OK ? made : LG_INVALID_ARGUMENT,
                    "%s: the model was not made by its init function", lg_shown_path(path));
 }
@@ -64,7 +61,7 @@ lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run,
     for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++) {
         const bool needed = !r->optional && (complete || strcmp(r->group, "model") == 0);
         if (!needed && !lg_h5_has_attribute(h5, r->group, r->name)) continue;
-        LG_TRY(lg_missing_is_format(lg_field_read(h5, r, run, error), error));
+        LG_TRY(lg_as_format(lg_field_read(h5, r, run, error), error));
         LG_TRY(check_row(h5->path, kind, r, run, LG_FORMAT, error));
     }
     lg_error why = {LG_OK, ""};
@@ -76,6 +73,13 @@ lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run,
 }
 
 /* ---- slices ---- */
+
+size_t lg_recipe_parameters(const lg_recipe *kind, const void *run) {
+    lg_slice_info s;
+    size_t count = 0;
+    for (uint32_t i = 0; kind->slice(run, i, &s); i++) count += s.count;
+    return count;
+}
 
 void lg_slice_set(lg_slice_info *s, size_t offset, uint32_t rank, uint64_t first, uint64_t second) {
     s->rank = rank;

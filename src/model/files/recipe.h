@@ -21,6 +21,11 @@
 
 typedef struct lg_h5 lg_h5; /* in files/h5.h */
 
+/* What every file structure begins with. */
+typedef struct lg_model_head {
+    LG_MODEL_HEAD
+} lg_model_head;
+
 struct lg_recipe {
     const char *name;       /* attribute `kind` of a model file */
     const char *checkpoint; /* attribute `kind` of a checkpoint */
@@ -37,9 +42,8 @@ struct lg_recipe {
     size_t made, made_size;
     lg_status (*describe)(lg_h5 *h5, const void *run,
                           lg_error *error); /* writes attributes for people; may be NULL */
-    /* The number of parameters, and slice `index` of them, which is stored below /model by its name; false
-     * beyond the last slice. */
-    size_t (*parameters)(const void *run);
+    /* Slice `index` of the parameters, which is stored below /model by its name; false beyond the last
+     * slice. */
     bool (*slice)(const void *run, uint32_t index, lg_slice_info *out);
     /* Makes the program of the model in a file structure. `scheme`: of its steps; NULL: the usual scheme. */
     lg_status (*program)(const lg_context *context, const void *file, const lg_scheme *scheme,
@@ -49,9 +53,7 @@ struct lg_recipe {
     const struct lg_program_source *places;
     /* usual scheme of the program's steps; NULL: it has no steps */
     const lg_scheme *(*scheme)(const void *file);
-    /* The file structure: its size, and the offsets of the members that all kinds have. */
-    size_t file_size, file_context, file_run, file_parameters, file_theta, file_epochs, file_history,
-        file_provenance;
+    size_t file_size, file_run;  /* the file structure: its size, and the offset of the run */
     const struct lg_item *items; /* what else the file holds; may be NULL */
     /* Write and read what is no item, before the items; may be NULL. */
     lg_status (*put_rest)(lg_h5 *h5, const void *file, lg_error *error);
@@ -61,6 +63,8 @@ struct lg_recipe {
 };
 
 /* ---- runs (recipe.c) ---- */
+
+size_t lg_recipe_parameters(const lg_recipe *kind, const void *run); /* all slices together */
 
 lg_status lg_run_check(const char *path, const lg_recipe *kind, const void *run, lg_error *error);
 lg_status lg_run_put(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error);
@@ -128,16 +132,12 @@ void lg_items_release(const lg_context *context, const lg_recipe *kind, void *fi
 #define LG_RECIPE_LAYOUT(kind)                                                                               \
     .name = #kind, .fields = lg_##kind##_fields, .run_size = sizeof(lg_##kind##_run),                        \
     .training = offsetof(lg_##kind##_run, training), .file_size = sizeof(lg_##kind##_file),                  \
-    .file_context = offsetof(lg_##kind##_file, context), .file_run = offsetof(lg_##kind##_file, run),        \
-    .file_parameters = offsetof(lg_##kind##_file, parameters),                                               \
-    .file_theta = offsetof(lg_##kind##_file, theta), .file_epochs = offsetof(lg_##kind##_file, epochs_done), \
-    .file_history = offsetof(lg_##kind##_file, history),                                                     \
-    .file_provenance = offsetof(lg_##kind##_file, provenance)
+    .file_run = offsetof(lg_##kind##_file, run)
 
 #define LG_MADE(struct_, member)                                                                             \
     .made = offsetof(struct_, member), .made_size = sizeof(((struct_ *)0)->member)
 /* Defines lg_recipe_<kind>, lg_<kind>_save, lg_<kind>_load and lg_<kind>_file_destroy. The source file must
- * define facts, defaults, make, describe, parameters, slice and program of the kind. The common members have
+ * define facts, defaults, make, describe, slice and program of the kind. The common members have
  * the same names in every file structure. Further members of the row may follow as arguments. */
 #define LG_RECIPE(kind, checkpoint_name, ...)                                                                \
     lg_status lg_##kind##_save(const lg_context *context, const char *path, const lg_##kind##_file *file,    \
@@ -157,10 +157,14 @@ void lg_items_release(const lg_context *context, const lg_recipe *kind, void *fi
     void lg_##kind##_file_destroy(lg_##kind##_file *file) {                                                  \
         lg_run_release(&lg_recipe_##kind, file);                                                             \
     }                                                                                                        \
-    const lg_recipe lg_recipe_##kind = {LG_RECIPE_LAYOUT(kind), .checkpoint = checkpoint_name,               \
-                                        .facts = facts,         .defaults = &defaults,                       \
-                                        .make = make,           .describe = describe,                        \
-                                        .slice = slice,         .parameters = parameters,                    \
-                                        .program = program,     __VA_ARGS__}
+    const lg_recipe lg_recipe_##kind = {LG_RECIPE_LAYOUT(kind),                                              \
+                                        .checkpoint = checkpoint_name,                                       \
+                                        .facts = facts,                                                      \
+                                        .defaults = &defaults,                                               \
+                                        .make = make,                                                        \
+                                        .describe = describe,                                                \
+                                        .slice = slice,                                                      \
+                                        .program = program,                                                  \
+                                        __VA_ARGS__}
 
 #endif

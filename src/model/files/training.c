@@ -35,7 +35,7 @@ void *lg_training_alloc(lg_training *self, size_t count, size_t size, lg_error *
         block = lg_alloc(self->context, 1, sizeof *block + count * size);
     if (block == NULL) {
         (void)lg_fail(error, LG_OUT_OF_MEMORY, "out of memory: the network has %zu parameters",
-                      self->recipe->parameters(self->run));
+                      lg_recipe_parameters(self->recipe, self->run));
         return NULL;
     }
     block->next = self->blocks;
@@ -219,12 +219,11 @@ lg_status lg_training_create_fit(lg_training *self, lg_error *error) {
 lg_status lg_training_save(lg_training *self, const char *path, double *theta,
                            const lg_provenance *provenance, lg_error *error) {
     const lg_recipe *recipe = self->recipe;
-    char *file = lg_training_alloc(self, 1, recipe->file_size, error);
+    lg_model_head *file = lg_training_alloc(self, 1, recipe->file_size, error);
     if (file == NULL) return LG_OUT_OF_MEMORY;
-    memcpy(file + recipe->file_run, self->run, recipe->run_size);
-    *(size_t *)(void *)(file + recipe->file_parameters) = recipe->parameters(self->run);
-    *(double **)(void *)(file + recipe->file_theta) = theta;
-    *(lg_provenance *)(void *)(file + recipe->file_provenance) = *provenance;
+    *file = (lg_model_head){
+        .parameters = lg_recipe_parameters(recipe, self->run), .theta = theta, .provenance = *provenance};
+    memcpy((char *)file + recipe->file_run, self->run, recipe->run_size);
     if (recipe->trainer->save != NULL) LG_TRY(recipe->trainer->save(self, file, error));
     return lg_run_save(self->context, path, recipe, file, self->fit, error);
 }
@@ -232,13 +231,13 @@ lg_status lg_training_save(lg_training *self, const char *path, double *theta,
 static lg_status judge_again(lg_training *self, const void *file, lg_error *error) {
     const lg_recipe *recipe = self->recipe;
     const lg_trainer *trainer = recipe->trainer;
-    const double *theta = *(double *const *)(const void *)((const char *)file + recipe->file_theta);
+    const double *theta = ((const lg_model_head *)file)->theta;
     LG_TRY(trainer->describe(self, error));
     if (trainer->prepare != NULL) LG_TRY(trainer->prepare(self, error));
     lg_fit_options_init(&self->options);
     lg_fit_settings_apply(lg_training_settings(self), &self->options);
     LG_TRY(trainer->problem(self, error));
-    memcpy(self->theta, theta, recipe->parameters(self->run) * sizeof *theta);
+    memcpy(self->theta, theta, lg_recipe_parameters(recipe, self->run) * sizeof *theta);
     return trainer->judge(self, self->theta, error);
 }
 

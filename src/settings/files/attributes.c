@@ -34,14 +34,6 @@ static lg_status attribute_format(lg_h5 *h5, const lg_field *r, const char *what
                    lg_field_place(r, place, sizeof place), what);
 }
 
-static lg_status get_name(lg_h5 *h5, const lg_field *r, void *run, lg_error *error) {
-    char text[64];
-    const lg_status status = lg_h5_text(h5, r->group, r->name, text, sizeof text, error);
-    if (status != LG_OK && status != LG_SHAPE) return status;
-    if (status == LG_OK && lg_field_set(r, text, run, NULL) == LG_OK) return LG_OK;
-    return attribute_format(h5, r, "is not a known name", error);
-}
-
 static lg_status get_flag(lg_h5 *h5, const lg_field *r, bool *flag, lg_error *error) {
     uint32_t value;
     LG_TRY(lg_h5_number(h5, r->group, r->name, LG_ELEMENT_U32, &value, error));
@@ -50,25 +42,24 @@ static lg_status get_flag(lg_h5 *h5, const lg_field *r, bool *flag, lg_error *er
     return LG_OK;
 }
 
-/* Reads a list or a phrase. An empty text is an empty list if the field allows a list of length 0. */
-static lg_status get_list(lg_h5 *h5, const lg_field *r, void *run, lg_error *error) {
+/* Reads a text, list, name or phrase. An empty text is an empty list if the field allows a list of length
+ * 0. */
+static lg_status get_text(lg_h5 *h5, const lg_field *r, void *run, lg_error *error) {
     char text[LG_H5_TEXT];
     lg_error reason = {LG_OK, ""};
-    const lg_status status = lg_h5_text(h5, r->group, r->name, text, sizeof text, error);
-    if (status != LG_OK && status != LG_SHAPE) return status;
-    if (status == LG_SHAPE) return attribute_format(h5, r, "is too long", error);
-    if (text[0] == '\0' && r->type != LG_FIELD_PHRASE) {
+    const bool plain = r->type == LG_FIELD_TEXT, name = r->type == LG_FIELD_NAME;
+    const lg_status status = lg_h5_text(h5, r->group, r->name, plain ? (char *)run + r->offset : text,
+                                        plain ? r->size : sizeof text, error);
+    if (status == LG_SHAPE)
+        return attribute_format(h5, r, name ? "is not a known name" : "is too long", error);
+    if (status != LG_OK || plain) return status;
+    if (text[0] == '\0' && !name && r->type != LG_FIELD_PHRASE) {
         if (r->least > 0) return attribute_format(h5, r, "is empty", error);
         lg_field_fill(r, NULL, 0, run);
         return LG_OK;
     }
     if (lg_field_set(r, text, run, &reason) == LG_OK) return LG_OK;
-    return attribute_format(h5, r, reason.message, error);
-}
-
-static lg_status get_text(lg_h5 *h5, const lg_field *r, char *at, lg_error *error) {
-    const lg_status status = lg_h5_text(h5, r->group, r->name, at, r->size, error);
-    return status == LG_SHAPE ? attribute_format(h5, r, "is too long", error) : status;
+    return attribute_format(h5, r, name ? "is not a known name" : reason.message, error);
 }
 
 lg_status lg_field_read(lg_h5 *h5, const lg_field *r, void *run, lg_error *error) {
@@ -83,13 +74,11 @@ lg_status lg_field_read(lg_h5 *h5, const lg_field *r, void *run, lg_error *error
     case LG_FIELD_FLAG:
         return get_flag(h5, r, at, error);
     case LG_FIELD_NAME:
-        return get_name(h5, r, run, error);
     case LG_FIELD_WHOLES:
     case LG_FIELD_REALS:
     case LG_FIELD_PHRASE:
-        return get_list(h5, r, run, error);
     case LG_FIELD_TEXT:
-        return get_text(h5, r, at, error);
+        return get_text(h5, r, run, error);
     default:
         break;
     }

@@ -194,17 +194,14 @@ static lg_status read_file(lg_yaml *yaml, lg_search_file *out, lg_error *error) 
 
 lg_status lg_search_file_read(const lg_context *context, const char *path, lg_search_file *out,
                               lg_error *error) {
-    lg_yaml *yaml;
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
     if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "`out` is NULL");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
-    lg_search_file *made = lg_alloc(context, 1, sizeof *made);
-    lg_status status = made == NULL
-                           ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
-                           : read_file(yaml, made, error);
-    lg_yaml_close(yaml);
-    if (status == LG_OK) *out = *made;
-    lg_free(context, made);
-    return status;
+    LG_SCRATCH(lg_search_file, made, context, 1);
+    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    LG_TRY(read_file(yaml, made, error));
+    *out = *made;
+    return LG_OK;
 }
 
 /* ---- hashes that tie a table of trials to its search ---- */
@@ -355,14 +352,11 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
     uint32_t reports = 0;
     for (size_t i = 0; i < count; i++)
         if (trials[i].reports > reports) reports = trials[i].reports;
-    lg_text t = {.context = context};
+    LG_CLEAN(lg_text_destroy) lg_text t = {.context = context};
     add_head(&t, search, seed, setting, reports);
     for (size_t i = 0; i < count; i++) add_trial(&t, &search->space, &trials[i], reports);
-    const lg_status status = t.failed
-                                 ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
-                                 : lg_file_write(context, path, t.data, t.length, error);
-    lg_text_destroy(&t);
-    return status;
+    if (t.failed) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    return lg_file_write(context, path, t.data, t.length, error);
 }
 
 /* ---- reading ---- */
@@ -372,6 +366,10 @@ typedef struct table {
     uint32_t reports;
     lg_error *error;
 } table;
+
+static void close_table(table *t) {
+    lg_csv_close(&t->csv);
+}
 
 static lg_status bad(const table *t, const char *column, const char *cell) {
     return lg_fail(t->error, LG_FORMAT, "%s: line %zu: %s: '%.60s' is not allowed here", t->csv.shown,
@@ -520,7 +518,6 @@ static lg_status read_table(table *t, const lg_context *context, const char *pat
                             const lg_search_file *search, uint64_t seed, const char *setting,
                             lg_trial *trials, size_t room, size_t *count) {
     bool more;
-    *count = 0;
     LG_TRY(lg_csv_open(context, path, "table of trials", &t->csv, t->error));
     LG_TRY(check_head(t, search, seed, setting));
     LG_TRY(lg_csv_next(&t->csv, &more, t->error));
@@ -538,14 +535,11 @@ lg_status lg_trials_read(const lg_context *context, const char *path, const lg_s
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the file's name is missing, or the memory for its trials is NULL");
     LG_TRY(check_search(search, error));
-    table t = {.error = error};
-    lg_trial *made = lg_alloc(context, room + 1, sizeof *made);
-    const lg_status status = made == NULL
-                                 ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
-                                 : read_table(&t, context, path, search, seed, setting, made, room, &found);
-    if (status == LG_OK && found > 0) memcpy(trials, made, found * sizeof *made);
-    if (status == LG_OK) *count = found;
-    lg_free(context, made);
-    lg_csv_close(&t.csv);
-    return status;
+    LG_CLEAN(close_table) table t = {.error = error};
+    LG_SCRATCH(lg_trial, made, context, room + 1);
+    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    LG_TRY(read_table(&t, context, path, search, seed, setting, made, room, &found));
+    if (found > 0) memcpy(trials, made, found * sizeof *made);
+    *count = found;
+    return LG_OK;
 }

@@ -51,28 +51,18 @@ lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned ch
     LG_TRY(lg_read_open(path, &file, &told, error));
     /* One byte more than the file's size, to notice that the file is growing. */
     const size_t room = (told < MAX_BYTES ? (size_t)told : MAX_BYTES) + 1;
-    unsigned char *data = lg_alloc(context, room + 1, 1);
-    size_t size = data != NULL ? fread(data, 1, room, file) : 0;
-    bool broken = ferror(file) != 0;
+    LG_SCRATCH(unsigned char, data, context, room + 1);
+    const size_t size = data != NULL ? fread(data, 1, room, file) : 0;
+    const bool broken = ferror(file) != 0;
     (void)fclose(file);
-    lg_status status = LG_OK;
-    if (data == NULL)
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown);
-    else if (broken)
-        status = lg_fail(error, LG_FILE, "%s: cannot be read", shown);
-    else if (size > MAX_BYTES)
-        status = lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", shown, MAX_BYTES);
-    else if (size == room)
-        status = lg_fail(error, LG_FILE, "%s: is being written", shown);
-    else if (size == 0)
-        status = lg_fail(error, LG_FORMAT, "%s: line 1: is empty", shown);
-    if (status == LG_OK) {
-        *out = data;
-        *bytes = size;
-    } else {
-        lg_free(context, data);
-    }
-    return status;
+    if (data == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown);
+    if (broken) return lg_fail(error, LG_FILE, "%s: cannot be read", shown);
+    if (size > MAX_BYTES) return lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", shown, MAX_BYTES);
+    if (size == room) return lg_fail(error, LG_FILE, "%s: is being written", shown);
+    if (size == 0) return lg_fail(error, LG_FORMAT, "%s: line 1: is empty", shown);
+    *out = LG_KEEP(data);
+    *bytes = size;
+    return LG_OK;
 }
 
 static lg_status parser_error(const char *path, const yaml_parser_t *parser, const unsigned char *data,
@@ -108,77 +98,56 @@ static const char *refused(yaml_token_type_t type, int depth) {
 }
 
 static lg_status check_tokens(const char *path, const unsigned char *data, size_t bytes, lg_error *error) {
-    yaml_parser_t parser;
-    lg_status status = LG_OK;
+    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser;
     int depth = 0;
     if (!yaml_parser_initialize(&parser))
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     yaml_parser_set_input_string(&parser, data, bytes);
-    for (bool more = true; more && status == LG_OK;) {
-        yaml_token_t token;
-        if (!yaml_parser_scan(&parser, &token)) {
-            status = parser_error(path, &parser, data, bytes, error);
-            break;
-        }
+    for (bool more = true; more;) {
+        LG_CLEAN(yaml_token_delete) yaml_token_t token = {.type = YAML_NO_TOKEN};
+        if (!yaml_parser_scan(&parser, &token)) return parser_error(path, &parser, data, bytes, error);
         depth += steps_in(token.type);
         if (depth < 0) depth = 0;
         const char *why = refused(token.type, depth);
         if (why != NULL)
-            status = lg_fail(error, LG_FORMAT, "%s: line %zu: %s", lg_shown_path(path),
-                             token.start_mark.line + 1, why);
+            return lg_fail(error, LG_FORMAT, "%s: line %zu: %s", lg_shown_path(path),
+                           token.start_mark.line + 1, why);
         more = token.type != YAML_STREAM_END_TOKEN;
-        yaml_token_delete(&token);
     }
-    yaml_parser_delete(&parser);
-    return status;
+    return LG_OK;
 }
 
 /* Loads a file that must contain exactly one document. */
 static lg_status load(lg_yaml *yaml, yaml_parser_t *parser, const unsigned char *data, size_t bytes,
                       lg_error *error) {
-    yaml_document_t next;
+    LG_CLEAN(yaml_document_delete) yaml_document_t next = {.nodes = {NULL, NULL, NULL}};
     yaml_parser_set_input_string(parser, data, bytes);
     if (!yaml_parser_load(parser, &yaml->document))
         return parser_error(yaml->path, parser, data, bytes, error);
     yaml->root = yaml_document_get_root_node(&yaml->document);
-    lg_status status = LG_OK;
     if (yaml->root == NULL)
-        status = lg_fail(error, LG_FORMAT, "%s: line 1: holds no keys and values", lg_shown_path(yaml->path));
-    else if (yaml->root->type != YAML_MAPPING_NODE)
-        status = lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "keys and values are expected");
-    if (status == LG_OK && !yaml_parser_load(parser, &next))
-        status = parser_error(yaml->path, parser, data, bytes, error);
-    else if (status == LG_OK) {
-        const yaml_node_t *second = yaml_document_get_root_node(&next);
-        if (second != NULL)
-            status = lg_yaml_fail(yaml, line_of(second), LG_FORMAT, error,
-                                  "a second document begins here, but a file can have only one");
-        yaml_document_delete(&next);
-    }
-    if (status != LG_OK) yaml_document_delete(&yaml->document);
-    return status;
+        return lg_fail(error, LG_FORMAT, "%s: line 1: holds no keys and values", lg_shown_path(yaml->path));
+    if (yaml->root->type != YAML_MAPPING_NODE)
+        return lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "keys and values are expected");
+    if (!yaml_parser_load(parser, &next)) return parser_error(yaml->path, parser, data, bytes, error);
+    const yaml_node_t *second = yaml_document_get_root_node(&next);
+    if (second == NULL) return LG_OK;
+    return lg_yaml_fail(yaml, line_of(second), LG_FORMAT, error,
+                        "a second document begins here, but a file can have only one");
 }
 
 lg_status lg_yaml_open_text(const lg_context *context, const char *path, const void *data, size_t bytes,
                             lg_yaml **out, lg_error *error) {
-    yaml_parser_t parser;
     if (bytes > MAX_BYTES)
         return lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", lg_shown_path(path), MAX_BYTES);
     LG_TRY(check_tokens(path, data, bytes, error));
-    lg_yaml *yaml = lg_alloc(context, 1, sizeof *yaml);
-    if (yaml == NULL || !yaml_parser_initialize(&parser)) {
-        lg_free(context, yaml);
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = lg_alloc(context, 1, sizeof *yaml);
+    if (yaml != NULL) *yaml = (lg_yaml){.context = context, .path = path};
+    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser;
+    if (!yaml_parser_initialize(&parser) || yaml == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    }
-    yaml->context = context;
-    yaml->path = path;
-    const lg_status status = load(yaml, &parser, data, bytes, error);
-    yaml_parser_delete(&parser);
-    if (status == LG_OK)
-        *out = yaml;
-    else
-        lg_free(context, yaml);
-    return status;
+    LG_TRY(load(yaml, &parser, data, bytes, error));
+    return LG_MOVE(out, yaml);
 }
 
 lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error) {

@@ -6,7 +6,7 @@
 #ifndef LG_YAML_H
 #define LG_YAML_H
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/settings.h"
 #include "settings/settings.h"
 
@@ -38,7 +38,8 @@ lg_status lg_yaml_open_text(const lg_context *context, const char *path, const v
  * follows them. */
 lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned char **out, size_t *bytes,
                         lg_error *error);
-void lg_yaml_close(lg_yaml *yaml); /* yaml may be NULL */
+void lg_yaml_close(lg_yaml *yaml);
+LG_AT(lg_yaml_close, lg_yaml) /* yaml may be NULL */
 const char *lg_yaml_path(const lg_yaml *yaml);
 /* The document of libyaml, for reading what is below a NODE. */
 struct yaml_document_s *lg_yaml_document(lg_yaml *yaml);

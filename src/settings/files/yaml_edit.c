@@ -73,22 +73,14 @@ static int graft(editing *e, yaml_document_t *from, int index) {
 
 /* Adds a fragment to the document. A mapping around it, which is not added, makes it a file of its own. */
 static lg_status add_fragment(editing *e, const char *fragment, int *out) {
-    static const char key[] = "a: ";
-    const size_t length = strlen(fragment);
-    lg_yaml *yaml = NULL;
-    char *text = lg_alloc(e->context, sizeof key + length, 1);
-    if (text == NULL) return lg_no_memory(e->error);
-    memcpy(text, key, sizeof key - 1);
-    memcpy(text + sizeof key - 1, fragment, length);
-    const lg_status status =
-        lg_yaml_open_text(e->context, fragment, text, sizeof key - 1 + length, &yaml, e->error);
-    if (status == LG_OK) {
-        yaml_document_t *from = lg_yaml_document(yaml);
-        *out = graft(e, from, yaml_document_get_root_node(from)->data.mapping.pairs.start->value);
-    }
-    lg_yaml_close(yaml);
-    lg_free(e->context, text);
-    return status;
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
+    LG_CLEAN(lg_text_destroy) lg_text text = {.context = e->context};
+    lg_text_add(&text, "a: %s", fragment);
+    if (text.failed) return lg_no_memory(e->error);
+    LG_TRY(lg_yaml_open_text(e->context, fragment, text.data, text.length, &yaml, e->error));
+    yaml_document_t *from = lg_yaml_document(yaml);
+    *out = graft(e, from, yaml_document_get_root_node(from)->data.mapping.pairs.start->value);
+    return LG_OK;
 }
 
 /* ---- mappings ---- */
@@ -202,7 +194,7 @@ static lg_status carry_out(editing *e, const lg_yaml_edit *edit, int fragment) {
         map = value;
         key += length + 1;
     }
-    return e->full ? LG_OUT_OF_MEMORY : LG_OK;
+    return e->full ? lg_no_memory(e->error) : LG_OK;
 }
 
 /* ---- text ---- */
@@ -230,27 +222,22 @@ static bool dump(editing *e, lg_text *out) {
 }
 
 static lg_status change(editing *e, const lg_yaml_edit *edits, size_t count, char **out) {
-    lg_text text = {.context = e->context};
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < count && status == LG_OK; i++) {
+    LG_CLEAN(lg_text_destroy) lg_text text = {.context = e->context};
+    for (size_t i = 0; i < count; i++) {
         int fragment = 0;
-        status = add_fragment(e, edits[i].fragment, &fragment);
-        if (status == LG_OK) status = carry_out(e, &edits[i], fragment);
+        LG_TRY(add_fragment(e, edits[i].fragment, &fragment));
+        LG_TRY(carry_out(e, &edits[i], fragment));
     }
-    if (status == LG_OK && !dump(e, &text)) status = LG_OUT_OF_MEMORY;
-    if (status == LG_OK)
-        *out = text.data;
-    else
-        lg_text_destroy(&text);
-    return status == LG_OUT_OF_MEMORY ? lg_fail(e->error, status, "%s", lg_status_sentence(status)) : status;
+    if (!dump(e, &text)) return lg_no_memory(e->error);
+    *out = text.data;
+    text.data = NULL;
+    return LG_OK;
 }
 
 lg_status lg_yaml_change(const lg_context *context, const char *name, const char *text,
                          const lg_yaml_edit *edits, size_t count, char **out, lg_error *error) {
-    editing e = {.context = context, .error = error};
-    LG_TRY(lg_yaml_open_text(context, name, text, strlen(text), &e.yaml, error));
-    e.document = lg_yaml_document(e.yaml);
-    const lg_status status = change(&e, edits, count, out);
-    lg_yaml_close(e.yaml);
-    return status;
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
+    LG_TRY(lg_yaml_open_text(context, name, text, strlen(text), &yaml, error));
+    editing e = {.context = context, .yaml = yaml, .document = lg_yaml_document(yaml), .error = error};
+    return change(&e, edits, count, out);
 }

@@ -42,10 +42,6 @@ static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
     return lg_h5_put_text(h5, "model", "scaling", scaled[model->options.task], error);
 }
 
-static size_t parameters(const void *run) {
-    return lg_table_parameters(&((const lg_table_run *)run)->model);
-}
-
 static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
     return lg_table_slice(&((const lg_table_run *)run)->model, index, out);
 }
