@@ -207,25 +207,6 @@ lg_status lg_classifier_window(const lg_classifier *c, const float *x, double *s
     return LG_OK;
 }
 
-/* ---- decisions and their Jacobian ---- */
-
-typedef struct pieces {
-    double *f, *p;       /* (d) features, (k) components */
-    double *by_f, *by_p; /* cotangents of f and p */
-    double *kernel;      /* kernel values of an SVM */
-    double *features;    /* work memory of lg_features_compute, which its derivative reads */
-} pieces;
-
-static pieces cut(const lg_classifier *c, double *work) {
-    const size_t d = c->pca.inputs, k = lg_pca_outputs(&c->pca);
-    pieces p = {.f = work, .p = work + d};
-    p.by_f = p.p + k;
-    p.by_p = p.by_f + d;
-    p.kernel = p.by_p + k;
-    p.features = p.kernel + c->svm.vectors;
-    return p;
-}
-
 size_t lg_classifier_outputs(const lg_classifier *c) {
     const size_t classes = c->classes;
     switch (c->method) {
@@ -237,54 +218,4 @@ size_t lg_classifier_outputs(const lg_classifier *c) {
     default:
         return classes * (classes - 1) / 2;
     }
-}
-
-size_t lg_classifier_jacobian_work_size(const lg_classifier *c) {
-    const size_t features = c->features.count > 0 ? lg_features_work_size(&c->features) : 0;
-    const size_t numbers = 2 * ((size_t)c->pca.inputs + lg_pca_outputs(&c->pca)) + c->svm.vectors;
-    return numbers * sizeof(double) + features;
-}
-
-static void decide(const lg_classifier *c, const pieces *p, double *y) {
-    switch (c->method) {
-    case LG_METHOD_LOGISTIC:
-    case LG_METHOD_RIDGE:
-        lg_logistic_scores(&c->logistic, p->p, y);
-        break;
-    case LG_METHOD_TREE:
-        lg_tree_predict(&c->tree, p->p, 1, y);
-        break;
-    default:
-        lg_svm_decisions(&c->svm, p->p, y, p->kernel);
-    }
-}
-
-/* Returns the derivative of output o with respect to the components p. Not for trees, whose derivative is
- * 0. */
-static const double *gradient_of(const lg_classifier *c, const pieces *p, size_t o) {
-    if (lg_method_is_linear(c->method)) return c->logistic.weight + o * c->logistic.inputs;
-    lg_svm_decision_gradient(&c->svm, p->p, p->kernel, o, p->by_p);
-    return p->by_p;
-}
-
-lg_status lg_classifier_decisions(const lg_classifier *c, const float *x, double *y, double *jacobian,
-                                  double *work) {
-    LG_NEEDS(NULL, c, x, y, work);
-    if (c->features.count == 0 || c->features.count != c->pca.inputs) return LG_INVALID_ARGUMENT;
-    const pieces p = cut(c, work);
-    const size_t inputs = (size_t)c->features.channels * c->features.length;
-    const size_t outputs = lg_classifier_outputs(c);
-    LG_TRY(lg_features_compute(&c->features, x, p.f, p.features));
-    lg_pca_eval(&c->pca, p.f, 1, p.p, p.by_f);
-    decide(c, &p, y);
-    if (jacobian == NULL) return LG_OK;
-    if (c->method == LG_METHOD_TREE) {
-        memset(jacobian, 0, outputs * inputs * sizeof *jacobian);
-        return LG_OK;
-    }
-    for (size_t o = 0; o < outputs; o++) {
-        lg_pca_reverse(&c->pca, gradient_of(c, &p, o), p.by_f);
-        lg_features_reverse(&c->features, p.by_f, jacobian + o * inputs, p.features);
-    }
-    return LG_OK;
 }

@@ -193,6 +193,7 @@ lg_status lg_features_compute(const lg_features *features, const float *x, doubl
 
 void lg_features_reverse(const lg_features *features, const double *cotangent, double *gradient,
                          double *work) {
+    if (features == NULL || cotangent == NULL || gradient == NULL || work == NULL) return;
     memset(gradient, 0, (size_t)features->channels * features->length * sizeof *gradient);
     kinds[features->kind]->reverse(features, cotangent, work, gradient);
 }
