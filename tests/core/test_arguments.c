@@ -835,7 +835,6 @@ TEST("functions of series and classifiers refuse NULL") {
         .loss = LG_DETECTOR_CROSS_ENTROPY};
     lg_detector_data data, taken;
     lg_detector_units units;
-    lg_program *program;
     lg_detector_plan *plan;
     assert_ok(lg_cnn_init(&detector.net, &error));
     assert_ok(lg_scaler_fit(NULL, &series, &windows, NULL, 12, true, &scaler));

@@ -1,12 +1,12 @@
-/* Classical classifiers: constants and arrays of the features, and the description in NAME.h. The features are
- * computed by the fragments below code/classifier, everything else by functions of the classifier's program. */
+/* Classical classifiers: constants and arrays of the features, and the description in NAME.h. The fragments
+ * below code/classifier compute the features, functions of the classifier's program everything else. */
 #include "lg-export/anomaly/classifier.h"
 
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
 
-enum { STACK = 3072, NAMED_FEATURES = 64 };
+enum { STACK = 1024, NAMED_FEATURES = 64 };
 
 static bool is_svm(const lg_classifier *c) {
     return c->method == LG_METHOD_SVM_LINEAR || c->method == LG_METHOD_SVM_RBF;
@@ -106,18 +106,12 @@ static void add_features(const classifier_job *j) {
 static size_t features_work(const lg_features *f) {
     const size_t m = f->selected, length = f->length;
     switch (f->kind) {
-    case LG_FEATURES_RAW:
-        return 0;
-    case LG_FEATURES_STD:
-        return length;
-    case LG_FEATURES_COV:
-        return m * (length + 3 * m + 2);
     case LG_FEATURES_SPECTRUM:
         return 2 * length + f->spectrum.segment + m * f->bands;
     case LG_FEATURES_ROCKET:
         return 2 * m * (length + rocket_margin(&f->rocket)) + length;
-    default:
-        return length + 2 * (size_t)f->segments * f->pairs;
+    default: /* the same code as in the library, where the window lies before it */
+        return lg_features_work_size(f) / sizeof(double) - f->channels * length;
     }
 }
 
@@ -180,8 +174,9 @@ static void add_fragments(const classifier_job *j) {
         if (fragments[i].wanted) export_code(j->source, fragments[i].name);
 }
 
-static void add_code(const classifier_job *j) {
+static void add_code(const classifier_job *j, const export_window *window) {
     const size_t work = add_program(j);
+    export_window_code(j->source, window);
     export_size(j->source, "FEATURES", j->d, "numbers that are made of a window");
     add_features(j);
     add_places(j, work);
@@ -333,12 +328,11 @@ static void export_loaded(const app *self, const classifier_file *file, export_s
                         .outputs = lg_classifier_outputs(c)};
     check(&j, self);
     open_program(&j);
-    add_code(&j);
+    add_code(&j, &window);
     source->inputs = (size_t)c->features.channels * c->features.length;
     source->outputs = j.outputs;
     source->depth = 3 + (c->pca.components > 0) + is_scaled(c->features.kind);
     source->stack += STACK;
-    export_window_code(source, &window);
     classifier_golden(&j);
     add_words(&j, &window);
     export_evaluation_close(&j.value);

@@ -19,8 +19,8 @@ typedef struct classifier_job {
 
 /* Returns whether the outputs are constant between thresholds. */
 bool classifier_is_constant(const lg_classifier *c);
-/* Draws windows and computes the library's results for them. Sets the factor by which the classifier multiplies
- * rounding errors (classifier_golden.c). */
+/* Draws windows and computes the library's results for them. Sets the factor by which the classifier
+ * multiplies rounding errors (classifier_golden.c). */
 void classifier_golden(const classifier_job *j);
 
 #endif

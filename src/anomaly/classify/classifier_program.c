@@ -15,14 +15,11 @@
 /* Rows of SIGN are pairs of classes (i, j): 1 for i, -1 for j. LIVING is 1 for pairs whose classes both have
  * support vectors, PRESENT 1 for classes that have some. ORDER falls with the number of the class. EPS is the
  * relative distance of neighbouring numbers. */
-#define PARAMETER_LIST(ROW)                                                                                  \
-    ROW(mean)                                                                                                \
-    ROW(rest) ROW(inverse) ROW(components) ROW(weight) ROW(bias) ROW(vector) ROW(threshold) ROW(fraction)    \
-        ROW(sign) ROW(living) ROW(present) ROW(order) ROW(eps)
-#define PARAMETER_NUMBER(name) of_##name,
-#define PARAMETER_NAME(name)   #name,
-enum { PARAMETER_LIST(PARAMETER_NUMBER) PARAMETERS };
-static const char *const names[PARAMETERS] = {PARAMETER_LIST(PARAMETER_NAME)};
+enum { MEAN, REST, INVERSE, COMPONENTS, WEIGHT, BIAS, VECTOR, THRESHOLD, FRACTION, SIGN, LIVING, PRESENT };
+enum { ORDER = PRESENT + 1, EPS, PARAMETERS };
+static const char *const names[PARAMETERS] = {"mean",   "rest",    "inverse",   "components", "weight",
+                                              "bias",   "vector",  "threshold", "fraction",   "sign",
+                                              "living", "present", "order",     "eps"};
 
 typedef struct chain {
     const lg_classifier *c;
@@ -51,9 +48,9 @@ static double *make(chain *ch, int which, size_t rows, size_t columns) {
 static void add_standardisation(chain *ch) {
     const lg_pca *p = &ch->c->pca;
     const bool exact = ch->c->features.kind == LG_FEATURES_RAW;
-    double *mean = make(ch, of_mean, 1, p->inputs), *inverse = make(ch, of_inverse, 1, p->inputs),
-           *rest = make(ch, of_rest, 1, p->inputs);
-    if (p->components > 0) give(ch, of_components, p->inputs, p->components, p->vectors);
+    double *mean = make(ch, MEAN, 1, p->inputs), *inverse = make(ch, INVERSE, 1, p->inputs),
+           *rest = make(ch, REST, 1, p->inputs);
+    if (p->components > 0) give(ch, COMPONENTS, p->inputs, p->components, p->vectors);
     for (uint32_t i = 0; i < p->inputs && !ch->failed; i++) {
         mean[i] = exact ? (double)(float)p->mean[i] : p->mean[i];
         rest[i] = p->mean[i] - mean[i];
@@ -72,26 +69,26 @@ static void put_coefficients(const lg_svm *s, size_t own, size_t other, double *
 static void put_pair(chain *ch, size_t i, size_t j, size_t pair) {
     const lg_svm *s = &ch->c->svm;
     const bool a = s->vectors_of[i] > 0, b = s->vectors_of[j] > 0, living = s->classes == 2 || (a && b);
-    ch->own[of_sign][pair * s->classes + i] = 1.0;
-    ch->own[of_sign][pair * s->classes + j] = -1.0;
-    ch->own[of_living][pair] = living;
-    ch->own[of_bias][pair] = living ? -s->rho[pair] : (double)a - (double)b;
+    ch->own[SIGN][pair * s->classes + i] = 1.0;
+    ch->own[SIGN][pair * s->classes + j] = -1.0;
+    ch->own[LIVING][pair] = living;
+    ch->own[BIAS][pair] = living ? -s->rho[pair] : (double)a - (double)b;
     if (!living) return;
-    put_coefficients(s, i, j, ch->own[of_weight] + pair * s->vectors);
-    put_coefficients(s, j, i, ch->own[of_weight] + pair * s->vectors);
+    put_coefficients(s, i, j, ch->own[WEIGHT] + pair * s->vectors);
+    put_coefficients(s, j, i, ch->own[WEIGHT] + pair * s->vectors);
 }
 
 static void add_svm(chain *ch) {
     static const double eps = DBL_EPSILON;
     const lg_svm *s = &ch->c->svm;
     const size_t classes = s->classes, pairs = classes * (classes - 1) / 2;
-    give(ch, of_vector, s->vectors, s->inputs, s->vector);
-    (void)make(ch, of_weight, pairs, s->vectors);
-    (void)make(ch, of_bias, 1, pairs);
-    (void)make(ch, of_sign, pairs, classes);
-    (void)make(ch, of_living, 1, pairs);
-    give(ch, of_eps, 1, 1, &eps);
-    double *present = make(ch, of_present, 1, classes), *order = make(ch, of_order, 1, classes);
+    give(ch, VECTOR, s->vectors, s->inputs, s->vector);
+    (void)make(ch, WEIGHT, pairs, s->vectors);
+    (void)make(ch, BIAS, 1, pairs);
+    (void)make(ch, SIGN, pairs, classes);
+    (void)make(ch, LIVING, 1, pairs);
+    give(ch, EPS, 1, 1, &eps);
+    double *present = make(ch, PRESENT, 1, classes), *order = make(ch, ORDER, 1, classes);
     for (size_t i = 0, pair = 0; i < classes && !ch->failed; i++) {
         present[i] = s->vectors_of[i] > 0;
         order[i] = -0.5 * (double)i / (double)classes;
@@ -103,8 +100,8 @@ static void add_svm(chain *ch) {
 static void add_tree(chain *ch) {
     const lg_tree *tree = &ch->c->tree;
     const size_t classes = tree->classes, splits = tree->count / 2;
-    double *threshold = make(ch, of_threshold, splits > 0 ? splits : 1, 1),
-           *fraction = make(ch, of_fraction, splits + 1, classes);
+    double *threshold = make(ch, THRESHOLD, splits > 0 ? splits : 1, 1),
+           *fraction = make(ch, FRACTION, splits + 1, classes);
     for (size_t i = 0; i < tree->count && !ch->failed; i++) {
         const lg_tree_node *node = &tree->node[i];
         if (node->left != 0) *threshold++ = node->threshold;
@@ -123,24 +120,24 @@ static void add_parameters(chain *ch) {
     } else if (lg_method_is_svm(c->method)) {
         add_svm(ch);
     } else {
-        give(ch, of_weight, lg_classifier_outputs(c), l->inputs, l->weight);
-        give(ch, of_bias, 1, lg_classifier_outputs(c), l->intercept);
+        give(ch, WEIGHT, lg_classifier_outputs(c), l->inputs, l->weight);
+        give(ch, BIAS, 1, lg_classifier_outputs(c), l->intercept);
     }
 }
 
 /* ---- y ---- */
 
 static lg_var standardised(lg_tape *t, const chain *ch, const lg_var *w, lg_var f) {
-    lg_var z = lg_sub(t, f, w[of_mean]);
-    if (ch->c->features.kind == LG_FEATURES_RAW) z = lg_sub(t, z, w[of_rest]);
-    if (ch->c->pca.components == 0) return lg_mul(t, z, w[of_inverse]);
-    return lg_matmul(t, z, lg_mul(t, w[of_components], lg_transpose(t, w[of_inverse])));
+    lg_var z = lg_sub(t, f, w[MEAN]);
+    if (ch->c->features.kind == LG_FEATURES_RAW) z = lg_sub(t, z, w[REST]);
+    if (ch->c->pca.components == 0) return lg_mul(t, z, w[INVERSE]);
+    return lg_matmul(t, z, lg_mul(t, w[COMPONENTS], lg_transpose(t, w[INVERSE])));
 }
 
 /* exp(-gamma |vector - z|^2), (B, vectors) */
 static lg_var kernel(lg_tape *t, const lg_svm *s, const lg_var *w, lg_var z) {
     const uint32_t rows = lg_var_shape(t, z).dims[0];
-    const lg_var away = lg_sub(t, w[of_vector], lg_reshape(t, z, lg_shape3(rows, 1, s->inputs)));
+    const lg_var away = lg_sub(t, w[VECTOR], lg_reshape(t, z, lg_shape3(rows, 1, s->inputs)));
     const lg_var square = lg_reshape(t, lg_rownorm2(t, away), lg_shape2(rows, s->vectors));
     return lg_exp(t, lg_scale(t, square, -s->gamma));
 }
@@ -177,13 +174,13 @@ static lg_status fractions(lg_tape *t, const lg_tree *tree, const lg_var *w, lg_
         if (tree->node[i].left != 0) index[n++] = tree->node[i].feature;
     if (splits > 0) {
         const lg_var number = lg_gather(t, lg_transpose(t, z), index, splits),
-                     left = lg_ge(t, w[of_threshold], number), right = lg_add_scalar(t, lg_neg(t, left), 1);
+                     left = lg_ge(t, w[THRESHOLD], number), right = lg_add_scalar(t, lg_neg(t, left), 1);
         const lg_var root = lg_add(t, lg_slice(t, left, 0, 0, 1), lg_slice(t, right, 0, 0, 1));
         memset(index, 0, tree->count * sizeof *index);
         const lg_var leaf = reached(t, tree, lg_concat(t, (lg_var[]){left, right, root}, 3, 0), index);
-        *y = lg_matmul_tn(t, leaf, w[of_fraction]);
+        *y = lg_matmul_tn(t, leaf, w[FRACTION]);
     } else {
-        *y = lg_broadcast_to(t, w[of_fraction], lg_shape2(rows, tree->classes));
+        *y = lg_broadcast_to(t, w[FRACTION], lg_shape2(rows, tree->classes));
     }
     lg_free(NULL, index);
     return LG_OK;
@@ -195,9 +192,8 @@ static lg_status value(void *user, lg_tape *t, const lg_var *w, const lg_var *f,
     const lg_var z = standardised(t, ch, w, f[0]);
     if (method == LG_METHOD_TREE) return fractions(t, &ch->c->tree, w, z, y);
     const lg_var from = method == LG_METHOD_SVM_RBF ? kernel(t, &ch->c->svm, w, z) : z;
-    const lg_var by =
-        method == LG_METHOD_SVM_LINEAR ? lg_matmul(t, w[of_weight], w[of_vector]) : w[of_weight];
-    y[0] = lg_add(t, lg_matmul_nt(t, from, by), w[of_bias]);
+    const lg_var by = method == LG_METHOD_SVM_LINEAR ? lg_matmul(t, w[WEIGHT], w[VECTOR]) : w[WEIGHT];
+    y[0] = lg_add(t, lg_matmul_nt(t, from, by), w[BIAS]);
     return LG_OK;
 }
 
@@ -215,14 +211,14 @@ static lg_var softmax(lg_tape *t, lg_var y) {
 /* The scores of lg_svm_predict. The first class with the most votes gets the largest score. */
 static lg_var votes(lg_tape *t, const lg_classifier *c, const lg_var *w, lg_var y) {
     const lg_var for_first = lg_neg(t, lg_sign(t, lg_neg(t, y))); /* 1 for y > 0, else -1 */
-    lg_var won = lg_scale(t, lg_add_scalar(t, lg_matmul(t, for_first, w[of_sign]), c->classes - 1.0), 0.5);
-    won = lg_add_scalar(t, lg_mul(t, lg_add_scalar(t, won, 1), w[of_present]), -1);
-    const lg_var lean = lg_matmul(t, lg_mul(t, y, w[of_living]), w[of_sign]);
+    lg_var won = lg_scale(t, lg_add_scalar(t, lg_matmul(t, for_first, w[SIGN]), c->classes - 1.0), 0.5);
+    won = lg_add_scalar(t, lg_mul(t, lg_add_scalar(t, won, 1), w[PRESENT]), -1);
+    const lg_var lean = lg_matmul(t, lg_mul(t, y, w[LIVING]), w[SIGN]);
     const lg_var within = lg_div(t, lean, lg_scale(t, lg_add_scalar(t, lg_abs(t, lean), 1), 3));
-    const lg_var score = lg_add(t, won, lg_mul(t, within, w[of_present]));
-    const lg_var rank = lg_add(t, won, w[of_order]), top = lg_max_axis(t, score, 1, true);
+    const lg_var score = lg_add(t, won, lg_mul(t, within, w[PRESENT]));
+    const lg_var rank = lg_add(t, won, w[ORDER]), top = lg_max_axis(t, score, 1, true);
     const lg_var first = lg_ge(t, rank, lg_max_axis(t, rank, 1, true));
-    const lg_var above = lg_add(t, top, lg_mul(t, lg_add_scalar(t, lg_abs(t, top), 1), w[of_eps]));
+    const lg_var above = lg_add(t, top, lg_mul(t, lg_add_scalar(t, lg_abs(t, top), 1), w[EPS]));
     const lg_var raised = lg_broadcast_to(t, above, lg_var_shape(t, score));
     return lg_select(t, first, lg_select(t, lg_ge(t, score, top), score, raised), score);
 }

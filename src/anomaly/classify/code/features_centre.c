@@ -12,7 +12,8 @@ static real dot_of(int n, const real *a, const real *b) {
  * number, so that an offset is not rounded into them; the mean is taken off twice, the second time what
  * rounding has left of it. A constant gives zeros. */
 static real centre_numbers(int n, real factor, const real *x, real *z) {
-    for (int t = 0; t < n; t++) z[t] = (x[t] - x[0]) * factor;
+    const real first = x[0];
+    for (int t = 0; t < n; t++) z[t] = (x[t] - first) * factor;
     for (int pass = 0; pass < 2; pass++) {
         real lane[8] = {0, 0, 0, 0, 0, 0, 0, 0};
         int t = 0;
