@@ -46,8 +46,8 @@ static inline void test_make_decider(const lg_classifier *c, test_decider *d) {
     d->work = TEST_ARRAY(double, lg_features_work_size(&c->features) / sizeof(double) + 1);
 }
 
-/* y (outputs) and jacobian (outputs, inputs; may be NULL) at the window x. Both stay as they are if its features
- * cannot be computed. */
+/* y (outputs) and jacobian (outputs, inputs; may be NULL) at the window x. Both stay as they are if its
+ * features cannot be computed. */
 static inline lg_status test_decide(const lg_classifier *c, test_decider *d, const float *x, double *y,
                                     double *jacobian) {
     const size_t inputs = (size_t)c->features.channels * c->features.length;

@@ -15,9 +15,9 @@ typedef struct lg_feature_row {
     uint64_t (*count)(const lg_features *f); /* number of features */
     size_t (*work)(const lg_features *f);    /* length of `work` in doubles */
     /* Either `code` and `vjp` (features_code.c), for a window x in double precision, or `compute` and
-     * `reverse`. vjp and reverse come after code and compute with the same `work`. They add the derivative for
-     * the cotangent df or cotangent (d) of the features to dx or gradient (channels, length). reverse NULL: it
-     * is 0. */
+     * `reverse`. vjp and reverse come after code and compute, with the same `work`. They add the derivative
+     * for the cotangent df or cotangent (d) of the features to dx or gradient (channels, length). `reverse`
+     * NULL: it is 0. */
     void (*code)(const lg_features *f, const double *x, double *out, double *work);
     void (*vjp)(const lg_features *f, const double *x, const double *df, double *dx, double *work);
     lg_status (*compute)(const lg_features *f, const float *x, double *out, double *work);

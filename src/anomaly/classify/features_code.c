@@ -1,6 +1,6 @@
 /* Features whose C is also what lg-export writes: samples, deviations, the root of the covariance, and the
  * baseline. In exported code the files below code/ have the sizes of one window as constants; here the same
- * names read them from lg_features. work: the window in double precision, then the work memory of the code. */
+ * names read them from lg_features. work: the window in double precision, then the memory of that code. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
