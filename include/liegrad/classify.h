@@ -143,7 +143,7 @@ LG_API size_t lg_features_work_size(const lg_features *features);
 /* Computes out (d) from the window x (channels, length). For a constant channel and for windows of one
  * sample, standard deviation, covariance and power are exactly 0. The root of a covariance is computed from
  * the singular values of the centred and scaled window; its error is a few eps = 2^-52 times its norm.
- * Errors, out is then undefined: LG_NO_CONVERGENCE (of the singular values), LG_NOT_FINITE. */
+ * Errors, out is then undefined: LG_NOT_FINITE. */
 LG_API lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work);
 #define LG_NULL_EIGENVALUE 5.684341886080802e-14 /* 2^-44 */
 /* gradient (channels, length) becomes sum_i cotangent[i] d feature_i/dx, at the window for which

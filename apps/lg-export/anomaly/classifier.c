@@ -27,9 +27,9 @@ static void add_spectrum(const classifier_job *j) {
         cosine[t] = row[0] / taper[t];
         sine[t] = row[s->bins] / taper[t];
     }
-    export_array(j->source, "taper", &(export_part){"window of a segment (segment)", s->segment, taper}, 1);
-    export_array(j->source, "cosine", &(export_part){"of 2 pi t/segment", s->segment, cosine}, 1);
-    export_array(j->source, "sine", &(export_part){"of 2 pi t/segment", s->segment, sine}, 1);
+    export_array(j->source, "taper", "window of a segment (segment)", taper, s->segment);
+    export_array(j->source, "cosine", "of 2 pi t/segment", cosine, s->segment);
+    export_array(j->source, "sine", "of 2 pi t/segment", sine, s->segment);
     export_integers(j->source, "edge", "the first frequency of each band, and the end (bands + 1)", s->edge,
                     (size_t)s->bands + 1);
     export_constant(j->source, "SEGMENT", s->segment);
@@ -67,9 +67,8 @@ static void add_rocket(const classifier_job *j) {
     for (size_t i = 0; i < j->d; i++) bias[i] = (double)r->bias[i];
     export_integers(j->source, "channel", "2 i: channel select[i] is added, 2 i + 1: subtracted", r->channel,
                     r->listed);
-    export_array(j->source, "bias", &(export_part){"thresholds, by convolution", j->d, bias}, 1);
-    export_array(j->source, "channel_mean",
-                 &(export_part){"mean of each channel", j->c->features.channels, r->mean}, 1);
+    export_array(j->source, "bias", "thresholds, by convolution", bias, j->d);
+    export_array(j->source, "channel_mean", "mean of each channel", r->mean, j->c->features.channels);
     export_constant(j->source, "CONVOLUTIONS", r->count);
     export_constant(j->source, "MARGIN", rocket_margin(r));
 }
@@ -84,8 +83,7 @@ static void add_features(const classifier_job *j) {
     APP_FREE double *inverse = app_alloc(f->channels, sizeof *inverse);
     for (size_t i = 0; i < f->channels; i++) inverse[i] = 1 / f->scale[i];
     if (is_scaled(f->kind))
-        export_array(j->source, "inverse_scale",
-                     &(export_part){"1/scale of each channel (channels)", f->channels, inverse}, 1);
+        export_array(j->source, "inverse_scale", "1/scale of each channel (channels)", inverse, f->channels);
     if (f->kind == LG_FEATURES_BASELINE)
         export_integers(j->source, "pair", "channels of acceleration and moment (pairs, 2)", f->pair,
                         2 * (size_t)f->pairs);

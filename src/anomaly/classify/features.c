@@ -179,12 +179,9 @@ static size_t window_size(const lg_features *f) {
     return (size_t)f->channels * f->length;
 }
 
-size_t lg_features_work_doubles(const lg_features *f) {
-    return kinds[f->kind]->work(f) + (kinds[f->kind]->code != NULL ? window_size(f) : 0);
-}
-
 size_t lg_features_work_size(const lg_features *f) {
-    return lg_features_work_doubles(f) * sizeof(double);
+    const lg_feature_row *kind = kinds[f->kind];
+    return (kind->work(f) + (kind->code != NULL ? window_size(f) : 0)) * sizeof(double);
 }
 
 lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work) {

@@ -35,9 +35,6 @@ lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, boo
                             lg_features *out, lg_error *error);
 void lg_rocket_destroy(const lg_context *context, lg_rocket *rocket);
 
-/* Length of the work memory of lg_features_compute in doubles. */
-size_t lg_features_work_doubles(const lg_features *features);
-
 /* z (length) becomes (x - mean of x)/scale. Returns the standard deviation of z with the divisor `length`. */
 double lg_centre(const float *x, size_t length, double scale, double *z);
 
