@@ -421,18 +421,17 @@ LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f
  * lg_features_compute. */
 LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const float *x, double *score,
                                       double *work);
-/* Number of the numbers y that determine the scores of a window. With K classes:
+/* Makes a program of two functions of the `features` f (d) of a window: `scores` gives the scores (classes)
+ * of lg_classifier_score, `value` the numbers y that determine them. With K classes y is:
  *   logistic  the logits: 1 number for two classes (the logit of class 1), else K
  *   tree      the fractions of the classes in the leaf (K)
  *   ridge     the scores of lg_ridge_fit: 1 number for two classes, else K
  *   svm       the decisions of the pairs (i, j), i < j: K (K - 1)/2 numbers, positive for class i. For K > 2
- *             the decision is 1 if only i has support vectors, -1 if only j has, and 0 if neither has */
-LG_API size_t lg_classifier_outputs(const lg_classifier *classifier);
-/* Makes a program of two functions of the `features` f (d) of a window: `value` gives y, `scores` the scores
- * (classes) of lg_classifier_score. The derivative of y by f is LG_DERIVATIVE_ADJOINT of `value` (not for
- * trees, where it is 0); lg_features_reverse continues to the window. The parameter `eps` is by how much the
- * scores of an SVM are raised; set it to FLT_EPSILON for single precision. The caller destroys *out. Errors:
- * LG_INVALID_ARGUMENT (NULL, not fitted), LG_OUT_OF_MEMORY, the errors of lg_program_build. */
+ *             the decision is 1 if only i has support vectors, -1 if only j has, and 0 if neither has
+ * The derivative of y by f is LG_DERIVATIVE_ADJOINT of `value` (not for trees, where it is 0);
+ * lg_features_reverse continues to the window. The parameter `eps` is by how much the scores of an SVM are
+ * raised; set it to FLT_EPSILON for single precision. The caller destroys *out. Errors: LG_INVALID_ARGUMENT
+ * (NULL, not fitted), LG_OUT_OF_MEMORY, the errors of lg_program_build. */
 LG_API lg_status lg_classifier_program(const lg_context *context, const lg_classifier *classifier,
                                        lg_program **out, lg_error *error);
 /* Save and load the arrays and texts below "classifier/" of an archive (liegrad/core.h). lg_classifier_load

@@ -69,10 +69,10 @@ static chain *make(lg_series series, lg_feature_kind kind, bool directions_x, lg
         LG_OK)
         fail_msg("%s", e.message);
     f->inputs = (size_t)f->series.channels * f->series.length;
-    f->outputs = lg_classifier_outputs(&f->c);
-    assert_in_range(f->outputs, 1, MOST_OUTPUTS);
     f->work = TEST_ARRAY(double, lg_classifier_work_size(&f->c) / sizeof(double) + 1);
     test_make_decider(&f->c, &f->decider);
+    f->outputs = lg_plan_output_count(f->decider.value, 0);
+    assert_in_range(f->outputs, 1, MOST_OUTPUTS);
     return f;
 }
 

@@ -623,7 +623,7 @@ static void more_of_detector(exported *e) {
 static void more_of_classifier(exported *e) {
     const fitted *f = e->of;
     assert_int_equal(e->lib.inputs, CHANNELS * f->of->length);
-    assert_int_equal(e->lib.outputs, lg_classifier_outputs(&f->classifier));
+    assert_int_equal(e->lib.outputs, lg_plan_output_count(f->decider.value, 0));
     check_classes(e, &classifiers, f->of->classes);
     check_edges(e);
 }

@@ -42,7 +42,7 @@ static inline void test_make_decider(const lg_classifier *c, test_decider *d) {
     d->memory = lg_test_memory(most);
     d->features = TEST_ARRAY(double, c->pca.inputs);
     d->by_features = TEST_ARRAY(double, c->pca.inputs);
-    d->seed = TEST_ARRAY(double, lg_classifier_outputs(c));
+    d->seed = TEST_ARRAY(double, lg_plan_output_count(plan[0], 0));
     d->work = TEST_ARRAY(double, lg_features_work_size(&c->features) / sizeof(double) + 1);
 }
 

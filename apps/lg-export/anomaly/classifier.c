@@ -264,7 +264,6 @@ static void check(const classifier_job *j, const app *self) {
     if (c->features.count == 0 || c->features.count != c->pca.inputs || (is_svm(c) && c->svm.vectors == 0))
         app_stop(self, LG_FILE, "%s: the classifier has no features, or no support vectors",
                  j->source->options->file);
-    export_window_check(self, j->source, (double)j->outputs * j->c->svm.vectors);
 }
 
 static const char *const score_words[] = {
@@ -309,6 +308,7 @@ static void open_program(classifier_job *j) {
             status = export_evaluation_open(j->program, at, LG_F64, 0, evaluations[i], &error);
     }
     app_must_file(j->self, status, &error, j->source->options->file);
+    j->outputs = lg_plan_output_count(j->value.plan, 0);
     const double eps = export_eps(j->source->options);
     for (size_t i = 0; i < lg_program_parameters(j->program); i++)
         if (strcmp(lg_program_parameter(j->program, i).name, "eps") == 0)
@@ -318,14 +318,10 @@ static void open_program(classifier_job *j) {
 static void export_loaded(const app *self, const classifier_file *file, export_source *source) {
     const lg_classifier *c = &file->classifier;
     const export_window window = window_of(file);
-    classifier_job j = {.self = self,
-                        .source = source,
-                        .file = file,
-                        .c = c,
-                        .d = c->pca.inputs,
-                        .outputs = lg_classifier_outputs(c)};
+    classifier_job j = {.self = self, .source = source, .file = file, .c = c, .d = c->pca.inputs};
     check(&j, self);
     open_program(&j);
+    export_window_check(self, source, (double)j.outputs * c->svm.vectors);
     add_code(&j, &window);
     source->inputs = (size_t)c->features.channels * c->features.length;
     source->outputs = j.outputs;

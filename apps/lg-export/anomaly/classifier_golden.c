@@ -266,7 +266,7 @@ static bool compares_features(const classifier_job *j) {
 
 static void add_test(const classifier_job *j, const double *size) {
     if (!compares_features(j)) {
-        export_test_code(j->source, "test_classifier_raw");
+        export_test_code(j->source, "test_detector");
         return;
     }
     lg_text_add(&j->source->test, "static const real feature_size[%zu] = {\n", j->d);

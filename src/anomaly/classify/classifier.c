@@ -206,16 +206,3 @@ lg_status lg_classifier_window(const lg_classifier *c, const float *x, double *s
     lg_classifier_score(c, work, score, work);
     return LG_OK;
 }
-
-size_t lg_classifier_outputs(const lg_classifier *c) {
-    const size_t classes = c->classes;
-    switch (c->method) {
-    case LG_METHOD_LOGISTIC:
-    case LG_METHOD_RIDGE:
-        return classes == 2 ? 1 : classes;
-    case LG_METHOD_TREE:
-        return classes;
-    default:
-        return classes * (classes - 1) / 2;
-    }
-}

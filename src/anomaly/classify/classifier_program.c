@@ -113,6 +113,7 @@ static void add_tree(chain *ch) {
 static void add_parameters(chain *ch) {
     const lg_classifier *c = ch->c;
     const lg_logistic *l = &c->logistic;
+    const size_t outputs = c->classes == 2 ? 1 : c->classes;
     for (int i = 0; i < PARAMETERS; i++) ch->parameter[i] = (lg_parameter_spec){names[i], lg_shape1(1), NULL};
     add_standardisation(ch);
     if (c->method == LG_METHOD_TREE) {
@@ -120,8 +121,8 @@ static void add_parameters(chain *ch) {
     } else if (lg_method_is_svm(c->method)) {
         add_svm(ch);
     } else {
-        give(ch, WEIGHT, lg_classifier_outputs(c), l->inputs, l->weight);
-        give(ch, BIAS, 1, lg_classifier_outputs(c), l->intercept);
+        give(ch, WEIGHT, outputs, l->inputs, l->weight);
+        give(ch, BIAS, 1, outputs, l->intercept);
     }
 }
 
