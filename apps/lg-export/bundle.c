@@ -31,7 +31,6 @@ static const char *other_declarations(const char *declarations, int skip) {
 
 /* Adds the texts and sizes of `c` to `source`. `skip`: number of declarations that NAME.h already has. */
 static void take_texts(export_source *source, const lg_c_source *c, int skip) {
-    source->written = true;
     lg_text_add(&source->declarations, "%s", other_declarations(c->declarations, skip));
     lg_text_add(&source->arrays, "%s", c->arrays);
     lg_text_add(&source->code, "%s", c->code);

@@ -80,7 +80,6 @@ enum { EXPORT_MOST_FILES = 16 };
 typedef struct export_source {
     const export_options *options;
     size_t inputs, outputs;
-    bool written; /* True: the library wrote the arrays and the code, with its prelude, to the texts below. */
     /* True for a program: its functions keep their own names, there is no NAME_eval or NAME_grad. All sizes
      * and golden vectors then stand in the texts `sizes` and `test`. */
     bool bundle;
@@ -156,13 +155,9 @@ void export_size(export_source *source, const char *constant, size_t value, cons
 void export_constant(export_source *source, const char *constant, size_t value);
 /* Adds a real constant for NAME.c: `static const real constant = ...;` */
 void export_real(export_source *source, const char *constant, double value);
-/* One part of an array, with a comment that stands above its numbers. */
-typedef struct export_part {
-    const char *comment; /* For example "layer1/weight (3, 100)". */
-    size_t count;
-    const double *values;
-} export_part;
-void export_array(export_source *source, const char *array, const export_part *parts, size_t count);
+/* Adds `extern const NAME_real NAME_<array>[count]` with its values; a comment stands above them. */
+void export_array(export_source *source, const char *array, const char *comment, const double *values,
+                  size_t count);
 /* Adds `extern const int NAME_<array>[count]` with its values, which must be below 2^31. */
 void export_integers(export_source *source, const char *array, const char *comment, const uint32_t *values,
                      size_t count);

@@ -153,29 +153,10 @@ static const char *or_nothing(const text *from) {
     return from->data != NULL ? from->data : "";
 }
 
-static void add_arrays(const export_source *source, text *to) {
-    if (source->written) {
-        lg_text_add(to, "%s", or_nothing(&source->arrays));
-        return;
-    }
-    lg_text_add(to, "\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n%s#ifdef __cplusplus\n}\n#endif\n",
-                or_nothing(&source->arrays));
-}
-
 static void add_code(const export_source *source, text *to) {
     const char *name = source->options->name;
-    lg_text_add(to, "/* %s.h says what this is. */\n#include \"%s.h\"\n\n", name, name);
-    if (source->written) {
-        lg_text_add(to, "#include <stddef.h>\n%s\n%s", or_nothing(&source->arrays),
-                    or_nothing(&source->code));
-        return;
-    }
-    lg_text_add_named(to, name, export_fragment_text("prelude"));
-    lg_text_add(to, "%s",
-                export_fragment_text(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
-    lg_text_add(to, "\n%s\n%s", export_fragment_text("noinline"), export_fragment_text("unfit"));
-    if (source->arrays.length > 0) add_arrays(source, to);
-    lg_text_add(to, "\n%s", or_nothing(&source->code));
+    lg_text_add(to, "/* %s.h says what this is. */\n#include \"%s.h\"\n\n#include <stddef.h>\n%s\n%s", name,
+                name, or_nothing(&source->arrays), or_nothing(&source->code));
 }
 
 static void add_weights(const export_source *source, text *to) {
@@ -185,8 +166,7 @@ static void add_weights(const export_source *source, text *to) {
         "/* The numbers of %s; the comment below a line holds the same ones in hexadecimal, exactly. Written "
         "by\n * lg-export. */\n#include \"%s.h\"\n",
         name, name);
-    if (source->arrays.length > 0) add_arrays(source, to);
-    lg_text_add(to, "%s", or_nothing(&source->weights));
+    lg_text_add(to, "%s%s", or_nothing(&source->arrays), or_nothing(&source->weights));
 }
 
 static void add_test(const export_source *source, text *to) {

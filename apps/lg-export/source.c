@@ -54,28 +54,25 @@ void export_real(export_source *source, const char *constant, double value) {
 
 /* ---- arrays ---- */
 
-static void declare(export_source *source, const char *type, const char *array, size_t count) {
+static void declare(export_source *source, const char *type, const char *array, const char *comment,
+                    size_t count) {
     lg_text_add(&source->arrays, "extern const %s %s_%s[%zu];\n", type, source->options->name, array, count);
-    lg_text_add(&source->weights, "\nconst %s %s_%s[%zu] = {\n", type, source->options->name, array, count);
+    lg_text_add(&source->weights, "\nconst %s %s_%s[%zu] = {\n    /* ", type, source->options->name, array,
+                count);
+    lg_text_add_comment(&source->weights, comment);
+    lg_text_add(&source->weights, " */\n");
 }
 
-void export_array(export_source *source, const char *array, const export_part *parts, size_t count) {
+void export_array(export_source *source, const char *array, const char *comment, const double *values,
+                  size_t count) {
     char type[80];
-    size_t total = 0;
-    for (size_t i = 0; i < count; i++) total += parts[i].count;
-    if (total == 0) return;
     (void)snprintf(type, sizeof type, "%s_real", source->options->name);
-    declare(source, type, array, total);
-    for (size_t i = 0; i < count; i++) {
-        lg_text_add(&source->weights, "    /* ");
-        lg_text_add_comment(&source->weights, parts[i].comment);
-        lg_text_add(&source->weights, " */\n");
-        for (size_t k = 0; k < parts[i].count; k += 4)
-            lg_text_add_hex_line(&source->weights, source->options->dtype, parts[i].values + k,
-                                 parts[i].count - k < 4 ? parts[i].count - k : 4);
-    }
+    declare(source, type, array, comment, count);
+    for (size_t k = 0; k < count; k += 4)
+        lg_text_add_hex_line(&source->weights, source->options->dtype, values + k,
+                             count - k < 4 ? count - k : 4);
     lg_text_add(&source->weights, "};\n");
-    source->numbers += total;
+    source->numbers += count;
 }
 
 /* The narrowest type that holds the values; sets *size. */
@@ -91,10 +88,7 @@ void export_integers(export_source *source, const char *array, const char *comme
     size_t size;
     const char *type = integer_type(values, count, &size);
     if (count == 0) return;
-    declare(source, type, array, count);
-    lg_text_add(&source->weights, "    /* ");
-    lg_text_add_comment(&source->weights, comment);
-    lg_text_add(&source->weights, " */\n");
+    declare(source, type, array, comment, count);
     for (size_t i = 0; i < count; i++)
         lg_text_add(&source->weights, "%s%lu,%s", i % 10 == 0 ? "    " : " ", (unsigned long)values[i],
                     i % 10 == 9 || i + 1 == count ? "\n" : "");

@@ -24,6 +24,7 @@
 #include <stdint.h>
 
 #include "liegrad/core.h"
+#include "liegrad/program.h"
 #include "liegrad/series.h"
 
 LG_BEGIN_DECLS
@@ -142,8 +143,19 @@ LG_API size_t lg_features_work_size(const lg_features *features);
 /* Computes out (d) from the window x (channels, length). For a constant channel and for windows of one
  * sample, standard deviation, covariance and power are exactly 0. The root of a covariance is computed from
  * the singular values of the centred and scaled window; its error is a few eps = 2^-52 times its norm.
- * Errors, out is then undefined: LG_NO_CONVERGENCE (of the singular values), LG_NOT_FINITE. */
+ * Errors, out is then undefined: LG_NOT_FINITE. */
 LG_API lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work);
+#define LG_NULL_EIGENVALUE 5.684341886080802e-14 /* 2^-44 */
+/* gradient (channels, length) becomes sum_i cotangent[i] d feature_i/dx, at the window for which
+ * lg_features_compute was last called with this `work`. Derivatives are 0 with respect to channels that the
+ * features do not use, for random convolutions, and where a feature is not differentiable: for a standard
+ * deviation of 0, for the root of a covariance within its null space, and for a baseline slope when the
+ * deviations of the acceleration are equal. The null space belongs to eigenvalues (squares of singular values
+ * of the window) of at most LG_NULL_EIGENVALUE times the largest one. The relative error of the root's
+ * derivatives is a few eps = 2^-52 times the ratio of the largest singular value to the smallest one outside
+ * the null space. Does nothing if an argument is NULL. */
+LG_API void lg_features_reverse(const lg_features *features, const double *cotangent, double *gradient,
+                                double *work);
 /* Writes the name of feature `index` and returns its length as snprintf does. The names are
  *   "raw acc_lower_x 17" (17 is the index of the sample), "std acc_lower_x", "cov acc_lower_x moment_x",
  *   "band 0.0117-0.0742 acc_lower_x" (the frequencies of the band in cycles per sample),
@@ -409,25 +421,19 @@ LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f
  * lg_features_compute. */
 LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const float *x, double *score,
                                       double *work);
-#define LG_NULL_EIGENVALUE 5.684341886080802e-14 /* 2^-44 */
-/* Computes the numbers y (lg_classifier_outputs) that determine the scores of a window x (channels, length),
- * and their jacobian (outputs, channels length) with respect to x; it may be NULL. y has, with K classes:
+/* Makes a program of two functions of the `features` f (d) of a window: `scores` gives the scores (classes)
+ * of lg_classifier_score, `value` the numbers y that determine them. With K classes y is:
  *   logistic  the logits: 1 number for two classes (the logit of class 1), else K
- *   tree      the fractions of the classes in the leaf (K); the Jacobian is 0
+ *   tree      the fractions of the classes in the leaf (K)
  *   ridge     the scores of lg_ridge_fit: 1 number for two classes, else K
  *   svm       the decisions of the pairs (i, j), i < j: K (K - 1)/2 numbers, positive for class i. For K > 2
  *             the decision is 1 if only i has support vectors, -1 if only j has, and 0 if neither has
- * Derivatives are set to 0 with respect to channels that the features do not use, and where a feature is not
- * differentiable: for a standard deviation of 0, for the root of a covariance within its null space, and for
- * a baseline slope when the deviations of the acceleration are equal. The null space belongs to eigenvalues
- * (squares of singular values of the window) of at most LG_NULL_EIGENVALUE times the largest one. The
- * relative error of the root's derivatives is a few eps = 2^-52 times the ratio of the largest singular value
- * to the smallest one outside the null space. `work` has lg_classifier_jacobian_work_size bytes. Errors, y
- * and jacobian are then untouched: the errors of lg_classifier_window. */
-LG_API size_t lg_classifier_outputs(const lg_classifier *classifier);
-LG_API size_t lg_classifier_jacobian_work_size(const lg_classifier *classifier);
-LG_API lg_status lg_classifier_decisions(const lg_classifier *classifier, const float *x, double *y,
-                                         double *jacobian, double *work);
+ * The derivative of y by f is LG_DERIVATIVE_ADJOINT of `value` (not for trees, where it is 0);
+ * lg_features_reverse continues to the window. The parameter `eps` is by how much the scores of an SVM are
+ * raised; set it to FLT_EPSILON for single precision. The caller destroys *out. Errors: LG_INVALID_ARGUMENT
+ * (NULL, not fitted), LG_OUT_OF_MEMORY, the errors of lg_program_build. */
+LG_API lg_status lg_classifier_program(const lg_context *context, const lg_classifier *classifier,
+                                       lg_program **out, lg_error *error);
 /* Save and load the arrays and texts below "classifier/" of an archive (liegrad/core.h). lg_classifier_load
  * checks sizes and values; on failure *out is zeroed. Free *out with lg_classifier_destroy. Errors of
  * lg_classifier_load: LG_FORMAT, LG_NOT_FINITE, LG_OUT_OF_MEMORY. Errors of lg_classifier_save: the errors of

@@ -28,7 +28,7 @@ static void visit_bundle(void *user, size_t index) {
     void *work = lg_alloc(self->context, 1, self->work);
     lg_status status = x != NULL && work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
     for (size_t i = begin; i < end && status == LG_OK; i++) {
-        lg_windows_copy(self->series, self->windows, self->part->list[i], x);
+        lg_windows_copy(self->series, self->windows, self->part->list != NULL ? self->part->list[i] : i, x);
         status = lg_cancelled(self->context) ? LG_CANCELLED : self->each(self->user, i, x, work);
     }
     LG_FREE_ALL(self->context, x, work);

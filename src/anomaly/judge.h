@@ -4,7 +4,7 @@
 
 #include "liegrad/series.h"
 
-/* Indices of windows in rising order. */
+/* Indices of windows in rising order; list NULL: 0, 1, ... */
 typedef struct lg_window_list {
     uint32_t *list;
     size_t count;

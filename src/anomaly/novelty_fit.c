@@ -7,6 +7,7 @@
 #include "core/median.h"
 #include "kernels/kernels.h"
 #include "kernels/lapack.h"
+#include "anomaly/judge.h"
 #include "anomaly/novelty_internal.h"
 
 enum { LEAST_WINDOWS = 8 };
@@ -35,48 +36,25 @@ typedef struct fitting {
     double *still, *extreme;         /* (rows, channels) */
     double *z, *squares, *sums;      /* z: (rows, d), rows of one class; squares, sums: (d, d) each */
     double *square, *work; /* square: (rows, groups), distances of rows that the fit left out; work: 2 d */
-    size_t parts, bytes;   /* number of tasks that fill the table; bytes of memory per task */
-    char *memory;          /* (parts, bytes) */
-    bool *failed;          /* (parts) whether a feature was not finite */
 } fitting;
 
 /* ---- the table ---- */
 
-static size_t window_bytes(const lg_novelty *v) {
-    const size_t bytes = (size_t)v->channels * v->length * sizeof(float);
-    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-}
-
-static void fill_part(void *user, size_t part) {
+static lg_status fill_row(void *user, size_t i, const float *x, void *work) {
     const fitting *f = user;
     const lg_novelty *v = f->v;
-    float *x = (float *)(void *)(f->memory + part * f->bytes);
-    void *work = f->memory + part * f->bytes + window_bytes(v);
-    for (size_t i = f->rows * part / f->parts; i < f->rows * (part + 1) / f->parts; i++) {
-        lg_windows_copy(f->series, f->windows, f->window[i], x);
-        if (lg_cancelled(f->context)) return;
-        if (!lg_novelty_features(v, x, f->table + i * v->features, f->still + i * v->channels,
-                                 f->extreme + i * v->channels, work))
-            f->failed[part] = true;
-    }
+    return lg_novelty_features(v, x, f->table + i * v->features, f->still + i * v->channels,
+                               f->extreme + i * v->channels, work)
+               ? LG_OK
+               : LG_NOT_FINITE;
 }
 
 static lg_status fill_table(fitting *f, int threads, lg_error *error) {
-    lg_thread_pool *pool = NULL;
-    f->parts = (size_t)threads < f->rows ? (size_t)threads : f->rows;
-    f->bytes = window_bytes(f->v) + (lg_novelty_work_size(f->v) + LG_ALIGNMENT) / LG_ALIGNMENT * LG_ALIGNMENT;
-    f->memory = lg_alloc(f->context, f->parts, f->bytes);
-    f->failed = lg_alloc(f->context, f->parts, sizeof *f->failed);
-    if (f->memory == NULL || f->failed == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for features by %d threads", threads);
-    const lg_status made = lg_thread_pool_create(f->context, (int)f->parts, &pool);
-    if (made != LG_OK) return lg_fail(error, made, "%d threads could not be started", threads);
-    lg_thread_pool_run(pool, f->parts, fill_part, f);
-    lg_thread_pool_destroy(pool);
-    if (lg_cancelled(f->context)) return lg_fail(error, LG_CANCELLED, "cancelled");
-    for (size_t i = 0; i < f->parts; i++)
-        if (f->failed[i]) return lg_fail(error, LG_NOT_FINITE, "features of a window are not finite");
-    return LG_OK;
+    const lg_window_list all = {f->window, f->rows};
+    const lg_status status = lg_windows_each(f->context, f->series, f->windows, &all, (uint64_t)threads,
+                                             lg_novelty_work_size(f->v), fill_row, f);
+    return status == LG_OK ? LG_OK
+                           : lg_fail(error, status, "features of windows: %s", lg_status_sentence(status));
 }
 
 static void allow_equal(const fitting *f) {
@@ -300,8 +278,8 @@ static lg_status allocate(fitting *f, const uint32_t *chosen, size_t count, lg_e
 }
 
 static void release(fitting *f) {
-    void *const blocks[] = {f->window, f->label,   f->fold,   f->table, f->still,  f->extreme, f->z,
-                            f->sums,   f->squares, f->square, f->work,  f->memory, f->failed};
+    void *const blocks[] = {f->window, f->label, f->fold,    f->table,  f->still, f->extreme,
+                            f->z,      f->sums,  f->squares, f->square, f->work};
     for (size_t i = 0; i < LG_COUNT(blocks); i++) lg_free(f->context, blocks[i]);
 }
 

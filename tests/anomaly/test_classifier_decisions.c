@@ -4,6 +4,7 @@
  * The numbers of the windows are multiples of 2^-10 and the steps are powers of two, so that a perturbed
  * window is exact in single precision. */
 #include "classify_support.h"
+#include "support/decisions.h"
 
 #include "liegrad/series.h"
 
@@ -35,6 +36,7 @@ typedef struct chain {
     lg_classifier c;
     size_t inputs, outputs;
     double *work;
+    test_decider decider;
 } chain;
 
 static void release(void *of) {
@@ -67,25 +69,26 @@ static chain *make(lg_series series, lg_feature_kind kind, bool directions_x, lg
         LG_OK)
         fail_msg("%s", e.message);
     f->inputs = (size_t)f->series.channels * f->series.length;
-    f->outputs = lg_classifier_outputs(&f->c);
+    f->work = TEST_ARRAY(double, lg_classifier_work_size(&f->c) / sizeof(double) + 1);
+    test_make_decider(&f->c, &f->decider);
+    f->outputs = lg_plan_output_count(f->decider.value, 0);
     assert_in_range(f->outputs, 1, MOST_OUTPUTS);
-    f->work = TEST_ARRAY(double, lg_classifier_jacobian_work_size(&f->c) / sizeof(double) +
-                                     lg_classifier_work_size(&f->c) / sizeof(double) + 1);
     return f;
 }
 
-/* The whole Jacobian. Checks that the memory around it is unchanged. */
+static lg_status decide(const chain *f, const float *x, double *y, double *jacobian) {
+    test_decider decider = f->decider;
+    return test_decide(&f->c, &decider, x, y, jacobian);
+}
+
+/* The whole Jacobian. */
 static double *jacobian_of(const chain *f, const float *x, double *y) {
-    const size_t count = f->outputs * f->inputs,
-                 size = lg_classifier_jacobian_work_size(&f->c) / sizeof(double);
+    const size_t count = f->outputs * f->inputs;
     double *jacobian = TEST_ARRAY(double, count), plain[MOST_OUTPUTS];
     for (size_t i = 0; i < count; i++) jacobian[i] = NAN;
-    for (size_t i = 0; i < size; i++) f->work[i] = NAN;
-    f->work[size] = 55.0;
-    assert_ok(lg_classifier_decisions(&f->c, x, y, jacobian, f->work));
-    assert_close(f->work[size], 55.0, 0, 0);
+    assert_ok(decide(f, x, y, jacobian));
     for (size_t i = 0; i < count; i++) assert_true(isfinite(jacobian[i]));
-    assert_ok(lg_classifier_decisions(&f->c, x, plain, NULL, f->work));
+    assert_ok(decide(f, x, plain, NULL));
     assert_memory_equal(plain, y, f->outputs * sizeof *y);
     return jacobian;
 }
@@ -99,7 +102,7 @@ static void decisions(const void *user, const double *x, double *y) {
         window[i] = (float)x[i];
         assert_true((double)window[i] == x[i]);
     }
-    assert_ok(lg_classifier_decisions(&f->c, window, y, NULL, f->work));
+    assert_ok(decide(f, window, y, NULL));
     lg_test_give_back(mark);
 }
 
@@ -142,10 +145,14 @@ static void votes(const double *decision, size_t classes, double *count) {
 }
 
 static void against_scores(const chain *f, const float *x) {
-    double y[MOST_OUTPUTS], score[MOST_OUTPUTS], wanted[MOST_OUTPUTS];
+    double y[MOST_OUTPUTS], score[MOST_OUTPUTS], wanted[MOST_OUTPUTS], plain[MOST_OUTPUTS];
     const size_t classes = f->c.classes;
-    assert_ok(lg_classifier_decisions(&f->c, x, y, NULL, f->work));
-    assert_ok(lg_classifier_window(&f->c, x, score, f->work));
+    assert_ok(decide(f, x, y, NULL));
+    assert_ok(lg_classifier_window(&f->c, x, plain, f->work));
+    lg_plan_eval(f->decider.scores, (const void *const[]){f->decider.features}, (void *const[]){score},
+                 f->decider.memory);
+    for (size_t i = 0; i < classes; i++) assert_close(score[i], plain[i], 1e-12, 1e-12);
+    assert_int_equal(lg_metrics_class(score, (uint32_t)classes), lg_metrics_class(plain, (uint32_t)classes));
     if (f->c.method == LG_METHOD_TREE) {
         assert_int_equal(f->outputs, classes);
         assert_memory_equal(y, score, classes * sizeof *y);
@@ -423,19 +430,24 @@ TEST("classes that do not occur are never predicted") {
 
 TEST("windows that are not finite and features that do not fit are refused") {
     chain *f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_SVM_RBF, 0);
-    double y[1] = {7.0}, *jacobian = calloc(f->inputs, sizeof *jacobian);
+    double y[1] = {7.0}, *jacobian = TEST_ARRAY(double, f->inputs), score[2];
     f->series.x[70] = NAN;
-    assert_status(lg_classifier_decisions(&f->c, f->series.x, y, jacobian, f->work), LG_NOT_FINITE);
+    assert_status(decide(f, f->series.x, y, jacobian), LG_NOT_FINITE);
+    assert_status(lg_classifier_window(&f->c, f->series.x, score, f->work), LG_NOT_FINITE);
     f->series.x[70] = INFINITY;
-    assert_status(lg_classifier_decisions(&f->c, f->series.x, y, jacobian, f->work), LG_NOT_FINITE);
+    assert_status(decide(f, f->series.x, y, jacobian), LG_NOT_FINITE);
     f->series.x[70] = 0.0f;
     const uint32_t count = f->c.features.count;
     f->c.features.count = 0;
-    assert_status(lg_classifier_decisions(&f->c, f->series.x, y, jacobian, f->work), LG_INVALID_ARGUMENT);
+    assert_status(lg_classifier_window(&f->c, f->series.x, score, f->work), LG_INVALID_ARGUMENT);
     f->c.features.count = count - 1;
-    assert_status(lg_classifier_decisions(&f->c, f->series.x, y, jacobian, f->work), LG_INVALID_ARGUMENT);
+    assert_status(lg_classifier_window(&f->c, f->series.x, score, f->work), LG_INVALID_ARGUMENT);
     f->c.features.count = count;
     assert_close(y[0], 7.0, 0, 0);
     assert_close(largest_of(jacobian, f->inputs), 0.0, 0, 0);
-    free(jacobian);
+    lg_program *program = NULL;
+    lg_error error;
+    const lg_classifier empty = {.classes = 2};
+    assert_status(lg_classifier_program(NULL, &empty, &program, &error), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "not fitted"));
 }

@@ -3,6 +3,7 @@
  * headers.
  * ctest-labels: slow apps/lg-export src/anomaly src/table src/nn */
 #include "export_models.h"
+#include "support/decisions.h"
 
 #include "core/core.h"
 #include "liegrad/anomaly.h"
@@ -299,6 +300,7 @@ typedef struct fitted {
     lg_scaler scaler;
     double *work;
     float window[MOST_INPUTS];
+    test_decider decider;
 } fitted;
 
 /* A recorded window of a class: correlated noise with an offset, larger for later classes. The sizes of the
@@ -377,8 +379,7 @@ static fitted *fit(const classifier_example *of) {
         fail_msg("%s: %s", of->row.name, error.message);
     lg_windows_destroy(&windows);
     if (of->length > 100) assert_int_equal(features->spectrum.segments, 4);
-    f->work = lg_test_memory(lg_classifier_work_size(&f->classifier) +
-                             lg_classifier_jacobian_work_size(&f->classifier));
+    f->work = lg_test_memory(lg_classifier_work_size(&f->classifier));
     return f;
 }
 
@@ -455,7 +456,7 @@ static void draw_recorded(void *user, lg_rng *rng, double *x) {
 static void decisions(void *user, const double *x, double *y, double *jacobian) {
     fitted *f = ((const exported *)user)->of;
     as_floats(f, x);
-    assert_ok(lg_classifier_decisions(&f->classifier, f->window, y, jacobian, f->work));
+    assert_ok(test_decide(&f->classifier, &f->decider, f->window, y, jacobian));
 }
 
 /* ---- features ---- */
@@ -622,7 +623,7 @@ static void more_of_detector(exported *e) {
 static void more_of_classifier(exported *e) {
     const fitted *f = e->of;
     assert_int_equal(e->lib.inputs, CHANNELS * f->of->length);
-    assert_int_equal(e->lib.outputs, lg_classifier_outputs(&f->classifier));
+    assert_int_equal(e->lib.outputs, lg_plan_output_count(f->decider.value, 0));
     check_classes(e, &classifiers, f->of->classes);
     check_edges(e);
 }

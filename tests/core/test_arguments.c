@@ -770,6 +770,7 @@ TEST("functions of series and classifiers refuse NULL") {
     lg_classifier_options chain, *grid = &chain;
     lg_classifier_options_init(&chain);
     lg_classifier classifier = {0};
+    lg_program *program;
     size_t count;
     const double *x = test_numbers(4, 24, -1.0, 1.0);
     const uint32_t *label = series.label;
@@ -824,7 +825,7 @@ TEST("functions of series and classifiers refuse NULL") {
     const lg_archive_reader reader = memory_reader(archive);
     assert_ok(lg_classifier_save(&fitted, &first, NULL));
     REFUSES(lg_classifier_window(NEEDED(&fitted), NEEDED(series.x), NEEDED(others), NEEDED(work)));
-    REFUSES(lg_classifier_decisions(NEEDED(&fitted), NEEDED(series.x), NEEDED(others), NULL, NEEDED(work)));
+    REFUSES(lg_classifier_program(NULL, NEEDED(&fitted), NEEDED(&program), NULL));
     REFUSES(lg_classifier_save(NEEDED(&fitted), NEEDED(&writer), NULL));
     REFUSES(lg_classifier_load(NULL, NEEDED(&reader), NEEDED(&loaded), NULL));
     fitted.features = (lg_features){.count = 0};
@@ -836,7 +837,6 @@ TEST("functions of series and classifiers refuse NULL") {
         .loss = LG_DETECTOR_CROSS_ENTROPY};
     lg_detector_data data, taken;
     lg_detector_units units;
-    lg_program *program;
     lg_detector_plan *plan;
     assert_ok(lg_cnn_init(&detector.net, &error));
     assert_ok(lg_scaler_fit(NULL, &series, &windows, NULL, 12, true, &scaler));

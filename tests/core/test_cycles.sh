@@ -12,8 +12,8 @@ mechanics/chain mechanics/chain_hamiltonian mechanics/chain_lagrangian mechanics
 elastica/elastica_branches elastica/elastica_continuation
 anomaly/detector_train anomaly/detector_units
 anomaly/riser anomaly/riser_motion anomaly/riser_sea
-anomaly/classify/features anomaly/classify/features_baseline anomaly/classify/features_channel
-anomaly/classify/features_cov anomaly/classify/features_rocket anomaly/classify/features_spectrum
+anomaly/classify/features anomaly/classify/features_code
+anomaly/classify/features_rocket anomaly/classify/features_spectrum
 anomaly/classify/tree anomaly/classify/tree_prune
 files/frame files/frame_csv files/frame_h5 files/frame_npy
 machine/friction machine/record

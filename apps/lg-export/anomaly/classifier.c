@@ -1,88 +1,18 @@
-/* Classical classifiers: constants and arrays of the features, the principal components and the model, and
- * the description in NAME.h. The functions themselves are the fragments below code/classifier. */
+/* Classical classifiers: constants and arrays of the features, and the description in NAME.h. The fragments
+ * below code/classifier compute the features, functions of the classifier's program everything else. */
 #include "lg-export/anomaly/classifier.h"
 
 #include <math.h>
 #include <stddef.h>
-#include <stdlib.h>
 #include <string.h>
 
-enum { STACK = 3072, NAMED_FEATURES = 64 };
+enum { STACK = 1024, NAMED_FEATURES = 64 };
 
 static bool is_svm(const lg_classifier *c) {
     return c->method == LG_METHOD_SVM_LINEAR || c->method == LG_METHOD_SVM_RBF;
 }
 
-/* ---- linear decisions y = W p + b ---- */
-
-static void add_vectors(const lg_svm *svm, size_t own, size_t other, size_t first, size_t outputs,
-                        size_t pair, double *weight) {
-    const double *coefficient =
-        svm->coefficient + (other > own ? other - 1 : other) * (size_t)svm->vectors + first;
-    for (size_t v = 0; v < svm->vectors_of[own]; v++)
-        for (size_t i = 0; i < svm->inputs; i++)
-            weight[i * outputs + pair] += coefficient[v] * svm->vector[(first + v) * svm->inputs + i];
-}
-
-/* With a linear kernel, the sum over the support vectors of a pair of classes is one vector. */
-static void sum_vectors(const lg_svm *svm, size_t outputs, classifier_linear *out) {
-    size_t pair = 0, first_i = 0;
-    for (size_t i = 0; i < svm->classes; first_i += svm->vectors_of[i++]) {
-        size_t first_j = first_i + svm->vectors_of[i];
-        for (size_t j = i + 1; j < svm->classes; first_j += svm->vectors_of[j++], pair++) {
-            const bool has_i = svm->vectors_of[i] > 0, has_j = svm->vectors_of[j] > 0;
-            if (svm->classes > 2 && !(has_i && has_j)) {
-                out->bias[pair] = (double)has_i - (double)has_j;
-                continue;
-            }
-            add_vectors(svm, i, j, first_i, outputs, pair, out->weight);
-            add_vectors(svm, j, i, first_j, outputs, pair, out->weight);
-            out->bias[pair] = -svm->rho[pair];
-        }
-    }
-}
-
-static classifier_linear linear_of(const classifier_job *j) {
-    classifier_linear out = {app_alloc(j->k * j->outputs, sizeof(double)),
-                             app_alloc(j->outputs, sizeof(double))};
-    if (j->c->method == LG_METHOD_SVM_LINEAR) {
-        sum_vectors(&j->c->svm, j->outputs, &out);
-        return out;
-    }
-    for (size_t o = 0; o < j->outputs; o++) {
-        out.bias[o] = j->c->logistic.intercept[o];
-        for (size_t i = 0; i < j->k; i++)
-            out.weight[i * j->outputs + o] = j->c->logistic.weight[o * j->k + i];
-    }
-    return out;
-}
-
-/* Whether linear decisions read features that are only centred, with weights divided by their scale. A count
- * over the window's length has no digits that the mean's rounding could leave out. */
-static bool is_folded(const lg_classifier *c) {
-    return c->features.kind == LG_FEATURES_ROCKET && classifier_is_linear(c) && c->pca.components == 0;
-}
-
-static void fold_scale(const classifier_job *j, classifier_linear *w) {
-    for (size_t i = 0; i < j->k; i++)
-        for (size_t o = 0; o < j->outputs; o++) w->weight[i * j->outputs + o] /= j->c->pca.scale[i];
-}
-
 /* ---- arrays ---- */
-
-static void add_standardisation(const classifier_job *j) {
-    const lg_pca *pca = &j->c->pca;
-    export_array(j->source, "mean", &(export_part){"mean of each feature", j->d, pca->mean}, 1);
-    if (is_folded(j->c)) return;
-    APP_FREE double *rest = app_alloc(j->d, sizeof *rest), *inverse = app_alloc(j->d, sizeof *inverse);
-    for (size_t i = 0; i < j->d; i++) {
-        rest[i] = pca->mean[i] - export_round(j->source->options, pca->mean[i]);
-        inverse[i] = 1 / pca->scale[i];
-    }
-    if (j->source->options->dtype == LG_F32)
-        export_array(j->source, "mean_rest", &(export_part){"what its rounding leaves out", j->d, rest}, 1);
-    export_array(j->source, "inverse_deviation", &(export_part){"1/scale of each feature", j->d, inverse}, 1);
-}
 
 /* Adds the tables of the spectrum. Columns of s->wave hold cosines and sines times the taper; the taper and
  * all angles are computed from the columns of the first bin. */
@@ -97,9 +27,9 @@ static void add_spectrum(const classifier_job *j) {
         cosine[t] = row[0] / taper[t];
         sine[t] = row[s->bins] / taper[t];
     }
-    export_array(j->source, "taper", &(export_part){"window of a segment (segment)", s->segment, taper}, 1);
-    export_array(j->source, "cosine", &(export_part){"of 2 pi t/segment", s->segment, cosine}, 1);
-    export_array(j->source, "sine", &(export_part){"of 2 pi t/segment", s->segment, sine}, 1);
+    export_array(j->source, "taper", "window of a segment (segment)", taper, s->segment);
+    export_array(j->source, "cosine", "of 2 pi t/segment", cosine, s->segment);
+    export_array(j->source, "sine", "of 2 pi t/segment", sine, s->segment);
     export_integers(j->source, "edge", "the first frequency of each band, and the end (bands + 1)", s->edge,
                     (size_t)s->bands + 1);
     export_constant(j->source, "SEGMENT", s->segment);
@@ -137,16 +67,10 @@ static void add_rocket(const classifier_job *j) {
     for (size_t i = 0; i < j->d; i++) bias[i] = (double)r->bias[i];
     export_integers(j->source, "channel", "2 i: channel select[i] is added, 2 i + 1: subtracted", r->channel,
                     r->listed);
-    export_array(j->source, "bias", &(export_part){"thresholds, by convolution", j->d, bias}, 1);
-    export_array(j->source, "channel_mean",
-                 &(export_part){"mean of each channel", j->c->features.channels, r->mean}, 1);
+    export_array(j->source, "bias", "thresholds, by convolution", bias, j->d);
+    export_array(j->source, "channel_mean", "mean of each channel", r->mean, j->c->features.channels);
     export_constant(j->source, "CONVOLUTIONS", r->count);
     export_constant(j->source, "MARGIN", rocket_margin(r));
-}
-
-/* Returns whether the outputs are constant between thresholds. */
-static bool is_constant(const lg_classifier *c) {
-    return c->method == LG_METHOD_TREE || c->features.kind == LG_FEATURES_ROCKET;
 }
 
 /* Returns whether features of this kind divide the channels by their scale. */
@@ -159,8 +83,7 @@ static void add_features(const classifier_job *j) {
     APP_FREE double *inverse = app_alloc(f->channels, sizeof *inverse);
     for (size_t i = 0; i < f->channels; i++) inverse[i] = 1 / f->scale[i];
     if (is_scaled(f->kind))
-        export_array(j->source, "inverse_scale",
-                     &(export_part){"1/scale of each channel (channels)", f->channels, inverse}, 1);
+        export_array(j->source, "inverse_scale", "1/scale of each channel (channels)", inverse, f->channels);
     if (f->kind == LG_FEATURES_BASELINE)
         export_integers(j->source, "pair", "channels of acceleration and moment (pairs, 2)", f->pair,
                         2 * (size_t)f->pairs);
@@ -176,131 +99,48 @@ static void add_features(const classifier_job *j) {
     if (f->kind == LG_FEATURES_ROCKET) add_rocket(j);
 }
 
-/* Adds NAME_weights (principal components, then the weights and offsets of linear decisions) and the layers
- * that read it. */
-static void add_layers(const classifier_job *j, const classifier_linear *w) {
-    const lg_pca *pca = &j->c->pca;
-    const size_t components = pca->components > 0 ? j->d * j->k : 0, rows = j->k * j->outputs;
-    export_part parts[3];
-    char comments[2][96];
-    size_t count = 0;
-    if (components == 0 && !classifier_is_linear(j->c)) return;
-    (void)snprintf(comments[0], sizeof comments[0], "principal components (%zu, %zu)", j->d, j->k);
-    (void)snprintf(comments[1], sizeof comments[1], "weights of the decisions (%zu, %zu)", j->k, j->outputs);
-    if (components > 0) parts[count++] = (export_part){comments[0], components, pca->vectors};
-    if (classifier_is_linear(j->c)) parts[count++] = (export_part){comments[1], rows, w->weight};
-    if (classifier_is_linear(j->c)) parts[count++] = (export_part){"their offsets", j->outputs, w->bias};
-    export_array(j->source, "weights", parts, count);
-    export_code(j->source, "dot");
-    export_code(j->source, "noinline");
-    export_code(j->source, "dense_add");
-    export_code(j->source, "dense");
-    lg_text_add(&j->source->code, "\n");
-    if (components > 0)
-        lg_text_add(&j->source->code, "static const net_layer components = {%zu, %zu, 0, -1};\n", j->d, j->k);
-    if (classifier_is_linear(j->c))
-        lg_text_add(&j->source->code, "static const net_layer decisions = {%zu, %zu, %zu, %zu};\n", j->k,
-                    j->outputs, components, components + rows);
-}
-
-static void add_tree(const classifier_job *j) {
-    const lg_tree *tree = &j->c->tree;
-    const size_t n = tree->count, classes = tree->classes;
-    uint32_t *feature = app_alloc(n, sizeof *feature), *left = app_alloc(n, sizeof *left),
-             *right = app_alloc(n, sizeof *right), leaves = 0;
-    APP_FREE double *threshold = app_alloc(n, sizeof *threshold),
-                    *fraction = app_alloc(n * classes, sizeof *fraction);
-    for (size_t i = 0; i < n; i++) {
-        const lg_tree_node *node = &tree->node[i];
-        left[i] = node->left;
-        right[i] = node->left != 0 ? node->right : leaves;
-        if (node->left != 0) {
-            feature[i] = node->feature;
-            threshold[i] = node->threshold;
-            continue;
-        }
-        for (size_t k = 0; k < classes; k++)
-            fraction[leaves * classes + k] = tree->counts[i * classes + k] / (double)node->samples;
-        leaves++;
-    }
-    export_integers(j->source, "feature", "number that a node compares (nodes)", feature, n);
-    export_array(j->source, "threshold", &(export_part){"at most this: to the left (nodes)", n, threshold},
-                 1);
-    export_integers(j->source, "left", "left child, 0: a leaf (nodes)", left, n);
-    export_integers(j->source, "right", "right child, of a leaf its row of fractions (nodes)", right, n);
-    export_array(j->source, "fractions",
-                 &(export_part){"of the classes in each leaf (leaves, classes)", leaves * classes, fraction},
-                 1);
-    free(feature);
-    free(left);
-    free(right);
-}
-
-static void add_svm(const classifier_job *j) {
-    const lg_svm *svm = &j->c->svm;
-    if (j->c->method == LG_METHOD_SVM_RBF || svm->classes > 2)
-        export_integers(j->source, "vectors_of", "support vectors of each class (classes)", svm->vectors_of,
-                        svm->classes);
-    if (j->c->method != LG_METHOD_SVM_RBF) return;
-    const size_t v = svm->vectors, classes = svm->classes;
-    export_array(j->source, "vector",
-                 &(export_part){"support vectors, by class (vectors, numbers)", v * svm->inputs, svm->vector},
-                 1);
-    export_array(
-        j->source, "coefficient",
-        &(export_part){"their coefficients (classes - 1, vectors)", (classes - 1) * v, svm->coefficient}, 1);
-    export_array(j->source, "rho", &(export_part){"of each pair of classes", j->outputs, svm->rho}, 1);
-    export_constant(j->source, "VECTORS", v);
-    export_real(j->source, "GAMMA", svm->gamma);
-}
-
 /* ---- code ---- */
 
 static size_t features_work(const lg_features *f) {
     const size_t m = f->selected, length = f->length;
     switch (f->kind) {
-    case LG_FEATURES_RAW:
-        return 0;
-    case LG_FEATURES_STD:
-        return length;
-    case LG_FEATURES_COV:
-        return m * (length + 3 * m + 2);
     case LG_FEATURES_SPECTRUM:
         return 2 * length + f->spectrum.segment + m * f->bands;
     case LG_FEATURES_ROCKET:
         return 2 * m * (length + rocket_margin(&f->rocket)) + length;
-    default:
-        return length + 2 * (size_t)f->segments * f->pairs;
+    default: /* the same code as in the library, where the window lies before it */
+        return lg_features_work_size(f) / sizeof(double) - f->channels * length;
     }
 }
 
-/* Adds the constants that say where arrays begin in `work`. REST must be first, at 0: NAME_features uses all
- * of its `work` as REST. */
-static void add_places(const classifier_job *j) {
-    const lg_classifier *c = j->c;
-    const size_t kernel = c->method == LG_METHOD_SVM_RBF ? c->svm.vectors : 0;
-    const bool gradient = !is_constant(c);
+/* Adds the functions of the program, which need the longest of their work memories. */
+static size_t add_program(const classifier_job *j) {
+    export_function functions[] = {{.function = "value", .name = "decide", .hidden = true},
+                                   {.function = "scores", .name = "score", .hidden = true},
+                                   {.function = "adj1_value", .name = "pull_back", .hidden = true}};
+    size_t work = 0;
+    const size_t count = LG_COUNT(functions) - classifier_is_constant(j->c);
+    export_bundle(j->self, j->source, j->program, functions, count);
+    for (size_t i = 0; i < count; i++) work = functions[i].work > work ? functions[i].work : work;
+    return work;
+}
+
+/* Adds the constants that say where arrays begin in `work`. NAME_features uses the memory before COMPUTED. */
+static void add_places(const classifier_job *j, size_t program_work) {
     const struct {
         const char *name;
         size_t count;
-        bool wanted;
-    } rows[] = {{"REST", features_work(&c->features), true},
-                {"COMPUTED", j->d, true},
-                {"STANDARDISED", j->d, true},
-                {"PROJECTED", c->pca.components, c->pca.components > 0},
-                {"KERNEL", kernel > c->classes ? kernel : c->classes, true},
-                {"DECIDED", j->outputs, true},
-                {"SCORES", c->classes, true},
-                {"BY_PROJECTED", j->k, gradient},
-                {"BY_FEATURES", j->d, gradient}};
-    size_t at = 0;
+    } rows[] = {{"COMPUTED", j->d},
+                {"SCORES", j->c->classes},
+                {"SEED", j->outputs},
+                {"BY_FEATURES", j->d},
+                {"PROGRAM", program_work}};
+    size_t at = (features_work(&j->c->features) + 7) / 8 * 8;
     lg_text_add(&j->source->code, "\n/* where arrays begin in work */\n");
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        if (!rows[i].wanted) continue;
         export_constant(j->source, rows[i].name, at);
         at += (rows[i].count + 7) / 8 * 8;
     }
-    if (!classifier_is_linear(c)) export_constant(j->source, "PROJECTIONS", j->k);
     j->source->work = at;
 }
 
@@ -310,61 +150,34 @@ static void add_fragments(const classifier_job *j) {
         [LG_FEATURES_COV] = "features_cov",           [LG_FEATURES_SPECTRUM] = "features_spectrum",
         [LG_FEATURES_BASELINE] = "features_baseline", [LG_FEATURES_ROCKET] = "features_rocket",
     };
-    const lg_classifier *c = j->c;
-    const lg_feature_kind kind = c->features.kind;
-    const bool raw = kind == LG_FEATURES_RAW, cov = kind == LG_FEATURES_COV,
-               deviations = kind == LG_FEATURES_STD || kind == LG_FEATURES_BASELINE, two = c->classes == 2,
-               tree = c->method == LG_METHOD_TREE, rbf = c->method == LG_METHOD_SVM_RBF,
-               rocket = kind == LG_FEATURES_ROCKET, slopes = !is_constant(c),
-               ridge = c->method == LG_METHOD_RIDGE, single = j->source->options->dtype == LG_F32,
-               pca = c->pca.components > 0, folded = is_folded(c);
+    const lg_feature_kind kind = j->c->features.kind;
+    const bool centred = kind != LG_FEATURES_RAW && kind != LG_FEATURES_ROCKET,
+               deviations = kind == LG_FEATURES_STD || kind == LG_FEATURES_BASELINE,
+               slopes = !classifier_is_constant(j->c);
     char vjp[64];
     (void)snprintf(vjp, sizeof vjp, "%s_vjp", kinds[kind]);
     const struct {
         const char *name;
         bool wanted;
-    } fragments[] = {
-        {"rolled", true},
-        {"features_sums", !(raw || rocket) || rbf},
-        {"features_centre", !(raw || rocket)},
-        {"features_cov_factor", cov},
-        {kinds[kind], true},
-        {"features_deviation_vjp", slopes && deviations},
-        {vjp, slopes},
-        {"features_subtract", folded},
-        {"features_standardise_rest", single && !folded},
-        {"features_standardise", !single && !folded},
-        {pca ? "project" : "project_none", true},
-        {"row_products", pca && slopes},
-        {pca ? "project_vjp" : "project_none_vjp", slopes},
-        {"decide_rows", classifier_is_linear(c)},
-        {"decide_rows_vjp", classifier_is_linear(c) && slopes},
-        {"tree", tree},
-        {"svm_distance", rbf},
-        {"svm_rbf", rbf},
-        {"svm_rbf_vjp", rbf && slopes},
-        {"tree_scores", tree || (ridge && !two)},
-        {"ridge_two_scores", ridge && two},
-        {"scores_sigmoid", c->method == LG_METHOD_LOGISTIC && two},
-        {"scores_softmax", c->method == LG_METHOD_LOGISTIC && !two},
-        {"svm_two_scores", is_svm(c) && two},
-        {"svm_votes", is_svm(c) && !two},
-        {"detector_class", true},
-        {"classifier_main", true},
-        {slopes ? "classifier_grad" : "classifier_grad_zero", true},
-    };
+    } fragments[] = {{"rolled", true},
+                     {"features_centre", centred},
+                     {"features_cov_factor", kind == LG_FEATURES_COV},
+                     {kinds[kind], true},
+                     {"features_deviation_vjp", slopes && deviations},
+                     {vjp, slopes},
+                     {"detector_class", true},
+                     {"classifier_main", true},
+                     {slopes ? "classifier_grad" : "classifier_grad_zero", true}};
     for (size_t i = 0; i < LG_COUNT(fragments); i++)
         if (fragments[i].wanted) export_code(j->source, fragments[i].name);
 }
 
-static void add_code(const classifier_job *j, const classifier_linear *w) {
+static void add_code(const classifier_job *j, const export_window *window) {
+    const size_t work = add_program(j);
+    export_window_code(j->source, window);
     export_size(j->source, "FEATURES", j->d, "numbers that are made of a window");
     add_features(j);
-    add_standardisation(j);
-    add_layers(j, w);
-    if (j->c->method == LG_METHOD_TREE) add_tree(j);
-    if (is_svm(j->c)) add_svm(j);
-    add_places(j);
+    add_places(j, work);
     add_fragments(j);
     lg_text_add_named(&j->source->declarations, j->source->options->name,
                       "/* The features of a window (NAME_FEATURES), before standardisation. */\n"
@@ -392,7 +205,7 @@ static void add_outputs(const classifier_job *j, text *to) {
     else
         lg_text_add(to, "outputs y (%zu): decisions of the pairs of classes (i, j), i < j, positive for i%s.",
                     j->outputs, two ? "" : ", in the order (0, 1), (0, 2), ..., (1, 2), ...");
-    if (j->c->method != LG_METHOD_TREE && is_constant(j->c))
+    if (j->c->method != LG_METHOD_TREE && classifier_is_constant(j->c))
         lg_text_add(to, " Gradient: 0, since counts of samples are constant between thresholds.\n\n");
     else if (j->c->method != LG_METHOD_TREE)
         lg_text_add(to,
@@ -446,19 +259,11 @@ static void add_words(const classifier_job *j, const export_window *window) {
 
 /* ---- the export ---- */
 
-static double largest_array(const classifier_job *j) {
-    const double k = (double)j->k, d = (double)j->d;
-    const double vectors = is_svm(j->c) ? (double)j->c->svm.vectors * fmax(k, j->c->classes) : 0;
-    return fmax(fmax(d * k, k * (double)j->outputs),
-                fmax(vectors, (double)j->c->tree.count * (double)j->c->classes));
-}
-
 static void check(const classifier_job *j, const app *self) {
     const lg_classifier *c = j->c;
     if (c->features.count == 0 || c->features.count != c->pca.inputs || (is_svm(c) && c->svm.vectors == 0))
         app_stop(self, LG_FILE, "%s: the classifier has no features, or no support vectors",
                  j->source->options->file);
-    export_window_check(self, j->source, largest_array(j));
 }
 
 static const char *const score_words[] = {
@@ -485,31 +290,48 @@ static export_window window_of(const classifier_file *file) {
                                                                         : 2]};
 }
 
+/* Makes the program and the derivative of its value, and prepares both for the golden vectors. */
+static void open_program(classifier_job *j) {
+    const char *const names[] = {"value", "adj1_value"};
+    export_evaluation *const evaluations[] = {&j->value, &j->pull_back};
+    lg_derivative adjoint;
+    lg_error error = {LG_OK, ""};
+    lg_derivative_init(&adjoint);
+    adjoint.kind = LG_DERIVATIVE_ADJOINT;
+    adjoint.function = "value";
+    lg_status status = lg_classifier_program(j->self->context, j->c, &j->program, &error);
+    if (j->c->method != LG_METHOD_TREE && status == LG_OK)
+        status = lg_program_derive(j->program, &adjoint, &error);
+    for (size_t i = 0, at; i < lg_program_functions(j->program) - 1 && status == LG_OK; i++) {
+        status = lg_program_find(j->program, names[i], &at, &error);
+        if (status == LG_OK)
+            status = export_evaluation_open(j->program, at, LG_F64, 0, evaluations[i], &error);
+    }
+    app_must_file(j->self, status, &error, j->source->options->file);
+    j->outputs = lg_plan_output_count(j->value.plan, 0);
+    const double eps = export_eps(j->source->options);
+    for (size_t i = 0; i < lg_program_parameters(j->program); i++)
+        if (strcmp(lg_program_parameter(j->program, i).name, "eps") == 0)
+            (void)lg_program_set_parameter(j->program, i, &eps);
+}
+
 static void export_loaded(const app *self, const classifier_file *file, export_source *source) {
     const lg_classifier *c = &file->classifier;
     const export_window window = window_of(file);
-    classifier_job j = {.source = source,
-                        .file = file,
-                        .c = c,
-                        .d = c->pca.inputs,
-                        .k = lg_pca_outputs(&c->pca),
-                        .outputs = lg_classifier_outputs(c)};
-    classifier_linear w = {NULL, NULL};
+    classifier_job j = {.self = self, .source = source, .file = file, .c = c, .d = c->pca.inputs};
+    check(&j, self);
+    open_program(&j);
+    export_window_check(self, source, (double)j.outputs * c->svm.vectors);
+    add_code(&j, &window);
     source->inputs = (size_t)c->features.channels * c->features.length;
     source->outputs = j.outputs;
-    source->work = features_work(&c->features);
-    check(&j, self);
-    if (classifier_is_linear(c)) w = linear_of(&j);
-    source->condition = classifier_condition(&j, &w);
-    if (is_folded(c)) fold_scale(&j, &w);
     source->depth = 3 + (c->pca.components > 0) + is_scaled(c->features.kind);
     source->stack += STACK;
-    export_window_code(source, &window);
-    add_code(&j, &w);
-    free(w.weight);
-    free(w.bias);
+    classifier_golden(&j);
     add_words(&j, &window);
-    classifier_golden(&j, self);
+    export_evaluation_close(&j.value);
+    export_evaluation_close(&j.pull_back);
+    lg_program_destroy(j.program);
 }
 
 void export_classifier(const app *self, const char *path, export_source *source) {

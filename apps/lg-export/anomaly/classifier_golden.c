@@ -5,12 +5,17 @@
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "liegrad/core.h"
 #include "liegrad/series.h"
 
 enum { GOLDEN_STREAM = 0x636c6173 };
 static const double PI = 3.14159265358979323846;
+
+bool classifier_is_constant(const lg_classifier *c) {
+    return c->method == LG_METHOD_TREE || c->features.kind == LG_FEATURES_ROCKET;
+}
 
 typedef struct drawing {
     const classifier_job *j;
@@ -20,7 +25,10 @@ typedef struct drawing {
      * numbers. */
     double *feature, *work, *made;
     double *moved; /* Decisions and Jacobian of a slightly moved window. */
+    double *point; /* Features and the cotangent of the decisions, as the program's adjoint takes them. */
 } drawing;
+
+/* ---- drawing windows ---- */
 
 static void put(const drawing *d, size_t channel, size_t sample, double value) {
     d->window[channel * d->j->c->features.length + sample] = export_window_number(d->j->source, value);
@@ -101,14 +109,71 @@ static void draw_window(drawing *d) {
                                                : d->made[i] * lg_rng_normal(&d->rng));
 }
 
+/* ---- results of the library ---- */
+
+/* Computes features and decisions of the window. */
+static bool decide(drawing *d, double *y) {
+    if (lg_features_compute(&d->j->c->features, d->window, d->feature, d->work) != LG_OK) return false;
+    export_evaluate(&d->j->value, d->feature, y);
+    return true;
+}
+
+/* Computes the derivative of decision o by the features that decide() has computed. */
+static void pull_back(drawing *d, size_t o, double *by_features) {
+    memcpy(d->point, d->feature, d->j->d * sizeof *d->point);
+    for (size_t k = 0; k < d->j->outputs; k++) d->point[d->j->d + k] = k == o;
+    export_evaluate(&d->j->pull_back, d->point, by_features);
+}
+
+static bool decide_with_jacobian(drawing *d, double *y, double *jacobian) {
+    const classifier_job *j = d->j;
+    if (!decide(d, y)) return false;
+    for (size_t o = 0; o < j->outputs && !classifier_is_constant(j->c); o++) {
+        pull_back(d, o, d->made);
+        lg_features_reverse(&j->c->features, d->made, jacobian + o * j->source->inputs, d->work);
+    }
+    return true;
+}
+
+/* ---- rounding ---- */
+
+/* Rounding error, in eps, of the logarithm of a power P in a channel whose mean power is A: amplitudes are
+ * accurate to eps A^(1/2), so P is accurate to 2 eps (A P)^(1/2). */
+static double size_of_power(const lg_features *f, const double *mean, size_t i) {
+    const double *bands = mean + i / f->bands * f->bands;
+    double sum = 0;
+    for (size_t b = 0; b < f->bands; b++) sum += exp(bands[b] - mean[i]);
+    return fabs(mean[i]) + 2 * sqrt(sum / f->bands);
+}
+
+/* Estimates the rounding error of feature i at the training mean, in eps. For a standard deviation it is the
+ * feature itself; for an entry of a matrix root, the norm of the matrix; for the coefficients of a line, a
+ * multiple of both coefficients, since the deviations that the line is fitted to are rounded. Windows
+ * themselves are exact. */
+static double size_of(const classifier_job *j, size_t i) {
+    const double *mean = j->c->pca.mean;
+    switch (j->c->features.kind) {
+    case LG_FEATURES_RAW:
+        return 0;
+    case LG_FEATURES_STD:
+    case LG_FEATURES_ROCKET:
+        return fabs(mean[i]);
+    case LG_FEATURES_COV:
+        return sqrt(2) * export_norm(mean, NULL, j->d);
+    case LG_FEATURES_SPECTRUM:
+        return size_of_power(&j->c->features, mean, i);
+    default:
+        return 4 * (fabs(mean[i / 2 * 2]) + fabs(mean[i / 2 * 2 + 1]));
+    }
+}
+
 /* Returns whether the path through the tree is safe from rounding errors: no comparison on it is closer than
  * a margin. */
 static bool is_decided(const classifier_job *j, const double *p) {
     const lg_tree *tree = &j->c->tree;
     double margin = 0;
     if (j->c->method != LG_METHOD_TREE) return true;
-    for (size_t i = 0; i < j->d; i++)
-        margin = fmax(margin, 1 + classifier_size_of(j, i) / j->c->pca.scale[i]);
+    for (size_t i = 0; i < j->d; i++) margin = fmax(margin, 1 + size_of(j, i) / j->c->pca.scale[i]);
     margin *= 64 * export_eps(j->source->options) * sqrt((double)j->d);
     for (uint32_t i = 0; tree->node[i].left != 0;) {
         const lg_tree_node *node = &tree->node[i];
@@ -131,8 +196,7 @@ static bool is_steady(drawing *d, const double *jacobian) {
     double change = 0, length = 0;
     for (size_t i = 0; i < inputs; i++)
         if (lg_rng_uniform(&d->rng) < 0.5) d->window[i] = nextafterf(d->window[i], INFINITY);
-    if (lg_classifier_decisions(j->c, d->window, d->moved, d->moved + j->outputs, d->work) != LG_OK)
-        return false;
+    if (!decide_with_jacobian(d, d->moved, d->moved + j->outputs)) return false;
     for (size_t i = 0; i < size; i++) {
         change += pow(d->moved[j->outputs + i] - jacobian[i], 2);
         length += jacobian[i] * jacobian[i];
@@ -141,27 +205,57 @@ static bool is_steady(drawing *d, const double *jacobian) {
     return sqrt(change) <= allowed * (double)FLT_EPSILON * sqrt(length) || length == 0;
 }
 
+/* Draws a window whose features are about as far from their means as in training, times `spread`. */
+static void draw_like_training(drawing *d, double spread) {
+    const lg_pca *pca = &d->j->c->pca;
+    for (size_t i = 0; i < d->j->d; i++)
+        d->made[i] = pca->mean[i] + spread * pca->scale[i] * lg_rng_normal(&d->rng);
+    draw_window(d);
+}
+
+/* Returns the factor >= 1 by which the decisions multiply rounding errors: of features that are off by eps
+ * size_of, after they are standardised, and of the program itself, as it is measured in single precision. */
+static double condition_of(drawing *d) {
+    enum { WINDOWS = 50 };
+    const classifier_job *j = d->j;
+    APP_FREE double *y = app_alloc(j->outputs, sizeof *y), *at = app_alloc(WINDOWS * j->d, sizeof *at);
+    double most = 0, decisions = 0, found = 1;
+    size_t value;
+    for (size_t w = 0; w < WINDOWS; w++) {
+        double grown = 0;
+        draw_like_training(d, 1);
+        if (!decide(d, y)) continue;
+        decisions += pow(export_norm(y, NULL, j->outputs), 2) / WINDOWS;
+        for (size_t i = 0; i < j->d; i++) at[w * j->d + i] = (double)(float)d->feature[i];
+        for (size_t o = 0; o < j->outputs; o++) {
+            pull_back(d, o, d->made);
+            for (size_t i = 0; i < j->d; i++)
+                grown += pow(d->made[i] * (j->c->pca.scale[i] + size_of(j, i)), 2);
+        }
+        most = fmax(most, grown);
+    }
+    if (lg_program_find(j->program, "value", &value, NULL) == LG_OK)
+        (void)export_amplification(j->program, value, at, WINDOWS, j->source->depth, &found, NULL);
+    return fmax(1, fmax(decisions > 0 ? sqrt(most / decisions) : 1, isfinite(found) ? found : 1));
+}
+
 /* Draws golden vector v. Returns false if it has to be drawn again. */
 static bool draw(drawing *d, size_t v, double spread, const double *size) {
     const classifier_job *j = d->j;
-    const lg_pca *pca = &j->c->pca;
     export_golden *golden = &j->source->golden;
     double *x = golden->x + v * j->source->inputs, *extra = golden->extra + v * golden->extras;
     double *y = golden->y + v * j->outputs;
     double *jacobian = golden->jacobian + v * j->outputs * j->source->inputs;
-    for (size_t i = 0; i < j->d; i++)
-        d->made[i] = pca->mean[i] + spread * pca->scale[i] * lg_rng_normal(&d->rng);
-    draw_window(d);
+    draw_like_training(d, spread);
     for (size_t i = 0; i < j->source->inputs; i++) x[i] = d->window[i];
-    if (lg_features_compute(&j->c->features, d->window, d->feature, d->work) != LG_OK) return false;
-    lg_classifier_score(j->c, d->feature, extra, d->work);
-    extra[j->c->classes] = lg_metrics_class(extra, j->c->classes);
+    if (!decide_with_jacobian(d, y, jacobian)) return false;
     if (golden->extras > j->c->classes + 1)
         for (size_t i = 0; i < j->d; i++) extra[j->c->classes + 1 + i] = d->feature[i] * size[i];
-    lg_pca_eval(pca, d->feature, 1, d->made, d->work);
-    const bool good = export_window_clear(extra, j->c->classes) && is_decided(j, d->made);
-    if (lg_classifier_decisions(j->c, d->window, y, jacobian, d->work) != LG_OK) return false;
-    return good && (j->c->features.kind != LG_FEATURES_COV || is_steady(d, jacobian));
+    lg_classifier_score(j->c, d->feature, extra, d->work);
+    extra[j->c->classes] = lg_metrics_class(extra, j->c->classes);
+    lg_pca_eval(&j->c->pca, d->feature, 1, d->made, d->work);
+    return export_window_clear(extra, j->c->classes) && is_decided(j, d->made) &&
+           (j->c->features.kind != LG_FEATURES_COV || is_steady(d, jacobian));
 }
 
 /* Returns whether the self-test compares features, in units of their own size. RAW features are the window
@@ -172,7 +266,7 @@ static bool compares_features(const classifier_job *j) {
 
 static void add_test(const classifier_job *j, const double *size) {
     if (!compares_features(j)) {
-        export_test_code(j->source, "test_classifier_raw");
+        export_test_code(j->source, "test_detector");
         return;
     }
     lg_text_add(&j->source->test, "static const real feature_size[%zu] = {\n", j->d);
@@ -181,17 +275,16 @@ static void add_test(const classifier_job *j, const double *size) {
     export_test_code(j->source, "test_classifier");
 }
 
-void classifier_golden(const classifier_job *j, const app *self) {
+void classifier_golden(const classifier_job *j) {
     const lg_classifier *c = j->c;
     const size_t inputs = j->source->inputs, m = c->features.selected;
-    const size_t work = lg_classifier_work_size(c) / sizeof(double) +
-                        lg_classifier_jacobian_work_size(c) / sizeof(double) + inputs;
     drawing d = {.j = j,
                  .window = app_alloc(inputs, sizeof(float)),
                  .feature = app_alloc(j->d, sizeof(double)),
-                 .work = app_alloc(work, sizeof(double)),
+                 .work = app_alloc(lg_classifier_work_size(c), 1),
                  .made = app_alloc(j->d + m * m + m, sizeof(double)),
-                 .moved = app_alloc(j->outputs * (1 + inputs), sizeof(double))};
+                 .moved = app_alloc(j->outputs * (1 + inputs), sizeof(double)),
+                 .point = app_alloc(j->d + j->outputs, sizeof(double))};
     APP_FREE double *size = app_alloc(j->d, sizeof *size);
     bool drawn = true;
     for (size_t i = 0; i < j->d; i++)
@@ -199,17 +292,16 @@ void classifier_golden(const classifier_job *j, const app *self) {
     export_window_golden(j->source, c->classes + 1 + (compares_features(j) ? j->d : 0),
                          compares_features(j) ? "scores, class, features" : "scores, class");
     lg_rng_seed(&d.rng, j->source->options->seed, GOLDEN_STREAM);
+    if (c->method != LG_METHOD_TREE) j->source->condition = condition_of(&d);
+    lg_rng_seed(&d.rng, j->source->options->seed, GOLDEN_STREAM);
     for (size_t v = 0; v < j->source->golden.count; v++)
         for (int attempt = 0; attempt < 30 && !draw(&d, v, attempt < 20 ? 1 : 0.1, size); attempt++) continue;
     for (size_t i = 0; i < j->source->golden.count * j->outputs; i++)
         drawn = drawn && isfinite(j->source->golden.y[i]);
     add_test(j, size);
-    free(d.window);
-    free(d.feature);
-    free(d.work);
-    free(d.made);
-    free(d.moved);
+    void *const memory[] = {d.window, d.feature, d.work, d.made, d.moved, d.point};
+    for (size_t i = 0; i < LG_COUNT(memory); i++) free(memory[i]);
     if (!drawn)
-        app_stop(self, LG_FILE, "%s: windows like those of the training data have no finite decision",
+        app_stop(j->self, LG_FILE, "%s: windows like those of the training data have no finite decision",
                  j->source->options->file);
 }

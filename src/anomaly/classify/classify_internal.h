@@ -58,26 +58,8 @@ const char *lg_rocket_check(const lg_features *features);
 /* Number of features for the kind, channels and window length in *features. */
 uint64_t lg_features_count(const lg_features *features);
 
-/* gradient (channels, length) becomes sum_i cotangent[i] d feature_i/dx. The derivative is taken at the
- * window for which lg_features_compute was last called with this `work`. */
-void lg_features_reverse(const lg_features *features, const double *cotangent, double *gradient,
-                         double *work);
-
-/* Computes the cotangent x (d) of the features from the cotangent p (k) of the components. The arrays must
- * not overlap. */
-void lg_pca_reverse(const lg_pca *pca, const double *p, double *x);
-
 /* Computes the scores b_c + w_c.x: one number for two classes, otherwise one number per class. */
 void lg_logistic_scores(const lg_logistic *model, const double *x, double *score);
-
-/* Computes the decisions of all pairs of classes at x. kernel (vectors) becomes K(x_v, x) for every support
- * vector x_v. If only one class of a pair has support vectors, the decision is in its favour (1 for the first
- * class of the pair, -1 for the second); if neither has any, it is 0. */
-void lg_svm_decisions(const lg_svm *svm, const double *x, double *decision, double *kernel);
-/* Computes the gradient (d) of decision number `pair` at x, from the `kernel` that lg_svm_decisions wrote for
- * this x. */
-void lg_svm_decision_gradient(const lg_svm *svm, const double *x, const double *kernel, size_t pair,
-                              double *gradient);
 
 /* Index in the table of the r-th chosen row. chosen = NULL means that all rows are chosen. */
 static inline size_t lg_chosen_row(const uint32_t *chosen, size_t r) {

@@ -1,5 +1,5 @@
 /* Features of windows: the table of kinds and the choice of channels. Computation, derivative and names of
- * each kind are in features_channel.c, features_cov.c, features_spectrum.c and features_baseline.c. */
+ * each kind are in features_code.c, features_spectrum.c and features_rocket.c. */
 #include "anomaly/classify/features.h"
 
 #include <math.h>
@@ -175,17 +175,24 @@ void lg_features_destroy(lg_features *features) {
 
 /* ---- calls of the kind's functions ---- */
 
-size_t lg_features_work_doubles(const lg_features *f) {
-    return kinds[f->kind]->work(f);
+static size_t window_size(const lg_features *f) {
+    return (size_t)f->channels * f->length;
 }
 
 size_t lg_features_work_size(const lg_features *f) {
-    return lg_features_work_doubles(f) * sizeof(double);
+    const lg_feature_row *kind = kinds[f->kind];
+    return (kind->work(f) + (kind->code != NULL ? window_size(f) : 0)) * sizeof(double);
 }
 
 lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work) {
     LG_NEEDS(NULL, features, x, out, work);
-    LG_TRY(kinds[features->kind]->compute(features, x, out, work));
+    const lg_feature_row *kind = kinds[features->kind];
+    const size_t n = window_size(features);
+    for (size_t i = 0; i < n && kind->code != NULL; i++) work[i] = (double)x[i];
+    if (kind->code != NULL)
+        kind->code(features, work, out, work + n);
+    else
+        LG_TRY(kind->compute(features, x, out, work));
     for (uint32_t i = 0; i < features->count; i++)
         if (!isfinite(out[i])) return LG_NOT_FINITE;
     return LG_OK;
@@ -193,8 +200,12 @@ lg_status lg_features_compute(const lg_features *features, const float *x, doubl
 
 void lg_features_reverse(const lg_features *features, const double *cotangent, double *gradient,
                          double *work) {
-    memset(gradient, 0, (size_t)features->channels * features->length * sizeof *gradient);
-    kinds[features->kind]->reverse(features, cotangent, work, gradient);
+    if (features == NULL || cotangent == NULL || gradient == NULL || work == NULL) return;
+    const lg_feature_row *kind = kinds[features->kind];
+    const size_t n = window_size(features);
+    memset(gradient, 0, n * sizeof *gradient);
+    if (kind->vjp != NULL) kind->vjp(features, work, cotangent, gradient, work + n);
+    if (kind->reverse != NULL) kind->reverse(features, cotangent, work, gradient);
 }
 
 int lg_channel_name(const lg_series *series, uint32_t channel, char *text, size_t size) {

@@ -14,10 +14,13 @@ typedef struct lg_feature_row {
     uint32_t bands;
     uint64_t (*count)(const lg_features *f); /* number of features */
     size_t (*work)(const lg_features *f);    /* length of `work` in doubles */
+    /* Either `code` and `vjp` (features_code.c), for a window x in double precision, or `compute` and
+     * `reverse`. vjp and reverse come after code and compute, with the same `work`. They add the derivative
+     * for the cotangent df or cotangent (d) of the features to dx or gradient (channels, length). `reverse`
+     * NULL: it is 0. */
+    void (*code)(const lg_features *f, const double *x, double *out, double *work);
+    void (*vjp)(const lg_features *f, const double *x, const double *df, double *dx, double *work);
     lg_status (*compute)(const lg_features *f, const float *x, double *out, double *work);
-    /* Adds the derivative for the cotangent (d) of the features to gradient (channels, length), which is
-     * zero on entry. The derivative is taken at the window for which `compute` was last called with this
-     * `work`. */
     void (*reverse)(const lg_features *f, const double *cotangent, double *work, double *gradient);
     /* Writes the name of feature `index` and returns its length as snprintf does. */
     int (*describe)(const lg_features *f, const lg_series *series, uint32_t index, char *text, size_t size);
@@ -32,15 +35,8 @@ lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, boo
                             lg_features *out, lg_error *error);
 void lg_rocket_destroy(const lg_context *context, lg_rocket *rocket);
 
-/* Length of the work memory of lg_features_compute in doubles. */
-size_t lg_features_work_doubles(const lg_features *features);
-
 /* z (length) becomes (x - mean of x)/scale. Returns the standard deviation of z with the divisor `length`. */
 double lg_centre(const float *x, size_t length, double scale, double *z);
-/* Adds cotangent times the derivative of a standard deviation, d sigma/dx_t = z_t/(n sigma scale), to
- * gradient (n). `deviation` is sigma; if it is 0, nothing is added. */
-void lg_deviation_reverse(const double *z, size_t n, double deviation, double scale, double cotangent,
-                          double *gradient);
 
 /* Writes the name of a channel, or its number if it has no name, as snprintf does. */
 int lg_channel_name(const lg_series *series, uint32_t channel, char *text, size_t size);

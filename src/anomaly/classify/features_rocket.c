@@ -172,10 +172,6 @@ static uint64_t rocket_count(const lg_features *f) {
     return count;
 }
 
-/* A count does not change with a sample, except where it jumps. */
-static void reverse_rocket(const lg_features *f, const double *cotangent, double *work, double *gradient) {
-}
-
 static int describe_rocket(const lg_features *f, const lg_series *series, uint32_t index, char *text,
                            size_t size) {
     const lg_rocket_convolution *c = f->rocket.convolution;
@@ -200,7 +196,6 @@ const lg_feature_row lg_feature_rocket = {.name = "rocket",
                                           .count = rocket_count,
                                           .work = lg_rocket_work_doubles,
                                           .compute = compute_rocket,
-                                          .reverse = reverse_rocket,
                                           .describe = describe_rocket};
 
 /* ---- memory and files ---- */

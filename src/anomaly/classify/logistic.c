@@ -26,7 +26,6 @@
  * once. */
 #define FACTOR_COST (1.0 / 16.0)
 #define START       8.0
-#define SMALL_Q     12
 /* Tolerance of conjugate gradients in the last Newton steps, as a fraction of the decrease of the quadratic
  * model. */
 #define EXACT 1e-9
@@ -122,13 +121,7 @@ static void scores(const problem *p, size_t first, size_t last, const double *th
     const int n = (int)(last - first), q = (int)p->q, rows = (int)p->rows;
     const double *x = p->x + first * p->q;
     double *out = p->score + first * p->rows;
-    if (rows == 1 && q <= SMALL_Q)
-        for (size_t i = 0; i < last - first; i++) {
-            double sum = 0.0;
-            for (size_t j = 0; j < p->q; j++) sum += x[i * p->q + j] * theta[j];
-            out[i] = sum;
-        }
-    else if (rows == 1)
+    if (rows == 1)
         cblas_dgemv(CblasRowMajor, CblasNoTrans, n, q, 1.0, x, q, theta, 1, 0.0, out, 1);
     else
         cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, rows, q, 1.0, x, q, theta, q, 0.0, out, rows);
@@ -148,10 +141,7 @@ static void add_transposed(const problem *p, size_t first, size_t last, double f
     const int n = (int)(last - first), q = (int)p->q, rows = (int)p->rows;
     const double *x = p->x + first * p->q;
     r += first * p->rows;
-    if (rows == 1 && q <= SMALL_Q)
-        for (size_t i = 0; i < last - first; i++)
-            for (size_t j = 0; j < p->q; j++) out[j] += factor * r[i] * x[i * p->q + j];
-    else if (rows == 1)
+    if (rows == 1)
         cblas_dgemv(CblasRowMajor, CblasTrans, n, q, factor, x, q, r, 1, 1.0, out, 1);
     else
         cblas_dgemm(CblasRowMajor, CblasTrans, CblasNoTrans, rows, q, n, factor, r, rows, x, q, 1.0, out, q);
@@ -178,39 +168,17 @@ static double curvature(const problem *p, size_t i) {
     return p->c * sum / (double)(k - 1);
 }
 
-/* For few features: adds rank-one updates to the upper triangle without calling BLAS. */
-static void form_small(const problem *p) {
+/* Forms the preconditioner in p->factor, as a row-major upper triangle. `ridge` times the largest diagonal
+ * entry is added to the diagonal. */
+static void form(const problem *p, double ridge) {
     const size_t q = p->q;
-    double upper[SMALL_Q * SMALL_Q] = {0};
-    for (size_t i = 0; i < p->n; i++) {
-        const double *x = p->x + i * q, factor = curvature(p, i);
-        for (size_t a = 0; a < q; a++) {
-            const double t = factor * x[a];
-            for (size_t b = a; b < q; b++) upper[a * q + b] += t * x[b];
-        }
-    }
-    memcpy(p->factor, upper, q * q * sizeof *upper);
-}
-
-static void form_large(const problem *p) {
-    const size_t q = p->q;
+    double largest = 0.0;
     for (size_t i = 0; i < p->n; i++) {
         const double factor = sqrt(curvature(p, i));
         for (size_t j = 0; j < q; j++) p->scaled[i * q + j] = factor * p->x[i * q + j];
     }
     cblas_dsyrk(CblasRowMajor, CblasUpper, CblasTrans, (int)q, (int)p->n, 1.0, p->scaled, (int)q, 0.0,
                 p->factor, (int)q);
-}
-
-/* Forms the preconditioner in p->factor, as a row-major upper triangle. `ridge` times the largest diagonal
- * entry is added to the diagonal. */
-static void form(const problem *p, double ridge) {
-    const size_t q = p->q;
-    double largest = 0.0;
-    if (q <= SMALL_Q)
-        form_small(p);
-    else
-        form_large(p);
     for (size_t j = 0; j < q; j++) {
         p->factor[j * q + j] += j + 1 < q ? 1.0 : 0x1p-1000;
         largest = fmax(largest, p->factor[j * q + j]);

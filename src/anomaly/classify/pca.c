@@ -245,12 +245,3 @@ void lg_pca_eval(const lg_pca *pca, const double *x, size_t n, double *p, double
             for (size_t j = 0; j < k; j++) row[j] += work[a] * pca->vectors[a * k + j];
     }
 }
-
-void lg_pca_reverse(const lg_pca *pca, const double *p, double *x) {
-    const size_t d = pca->inputs, k = pca->components;
-    for (size_t a = 0; a < d; a++) {
-        double sum = k == 0 ? p[a] : 0.0;
-        for (size_t j = 0; j < k; j++) sum += p[j] * pca->vectors[a * k + j];
-        x[a] = sum / pca->scale[a];
-    }
-}

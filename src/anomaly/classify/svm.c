@@ -342,25 +342,12 @@ void lg_svm_destroy(lg_svm *svm) {
 
 /* ---- evaluation ---- */
 
-/* The support vectors of a pair of classes (i, j), and their coefficients for this pair. */
-typedef struct pair_view {
-    const double *a, *b; /* coefficients of the vectors of class i, and of class j */
-    size_t first, last;  /* index of the first vector of class i, and of class j */
-    size_t count_a, count_b;
-} pair_view;
-
-static pair_view view_pair(const lg_svm *svm, size_t i, size_t j, size_t first_i, size_t first_j) {
-    const size_t total = svm->vectors;
-    return (pair_view){svm->coefficient + coefficient_row(i, j) * total + first_i,
-                       svm->coefficient + coefficient_row(j, i) * total + first_j,
-                       first_i,
-                       first_j,
-                       svm->vectors_of[i],
-                       svm->vectors_of[j]};
-}
-
-static double decide(const lg_svm *svm, const pair_view *p, const double *k, size_t pair) {
-    return lg_dot(p->a, k + p->first, p->count_a) + lg_dot(p->b, k + p->last, p->count_b) - svm->rho[pair];
+/* The decision of the classes (i, j), whose vectors begin at first_i and first_j. k: the kernel values. */
+static double decide(const lg_svm *svm, size_t i, size_t j, size_t first_i, size_t first_j, const double *k) {
+    const double *a = svm->coefficient + coefficient_row(i, j) * svm->vectors + first_i,
+                 *b = svm->coefficient + coefficient_row(j, i) * svm->vectors + first_j;
+    return lg_dot(a, k + first_i, svm->vectors_of[i]) + lg_dot(b, k + first_j, svm->vectors_of[j]) -
+           svm->rho[pair_index(i, j, svm->classes)];
 }
 
 lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b) {
@@ -412,19 +399,18 @@ static double bounded(double x) {
  * is work memory. If only one class of a pair has support vectors, it gets the vote of the pair. */
 static void vote(const lg_svm *svm, const double *k, double *score, double *lean) {
     const size_t classes = svm->classes;
-    size_t pair = 0, first_i = 0;
+    size_t first_i = 0;
     memset(score, 0, classes * sizeof *score);
     memset(lean, 0, classes * sizeof *lean);
     for (size_t i = 0; i < classes; first_i += svm->vectors_of[i++]) {
         size_t first_j = first_i + svm->vectors_of[i];
-        for (size_t j = i + 1; j < classes; first_j += svm->vectors_of[j++], pair++) {
-            const pair_view p = view_pair(svm, i, j, first_i, first_j);
-            if (p.count_a == 0 || p.count_b == 0) {
-                score[i] += p.count_a > 0;
-                score[j] += p.count_b > 0;
+        for (size_t j = i + 1; j < classes; first_j += svm->vectors_of[j++]) {
+            if (svm->vectors_of[i] == 0 || svm->vectors_of[j] == 0) {
+                score[i] += svm->vectors_of[i] > 0;
+                score[j] += svm->vectors_of[j] > 0;
                 continue;
             }
-            const double decision = decide(svm, &p, k, pair);
+            const double decision = decide(svm, i, j, first_i, first_j, k);
             score[decision > 0.0 ? i : j] += 1.0;
             lean[i] += decision;
             lean[j] -= decision;
@@ -462,63 +448,4 @@ void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double *score,
         }
         s[0] = -s[1];
     }
-}
-
-/* ---- decisions and their derivatives ---- */
-
-static pair_view pair_at(const lg_svm *svm, size_t pair) {
-    const size_t classes = svm->classes;
-    size_t i = 0, first_i = 0;
-    for (; pair >= classes - 1 - i; i++) {
-        pair -= classes - 1 - i;
-        first_i += svm->vectors_of[i];
-    }
-    const size_t j = i + 1 + pair;
-    size_t first_j = first_i;
-    for (size_t c = i; c < j; c++) first_j += svm->vectors_of[c];
-    return view_pair(svm, i, j, first_i, first_j);
-}
-
-/* Whether a class of the pair has no support vectors. This does not happen with two classes. */
-static bool is_empty(const lg_svm *svm, const pair_view *p) {
-    return svm->classes > 2 && (p->count_a == 0 || p->count_b == 0);
-}
-
-void lg_svm_decisions(const lg_svm *svm, const double *x, double *decision, double *kernel) {
-    const size_t pairs = (size_t)svm->classes * (svm->classes - 1) / 2;
-    kernel_values(svm, x, kernel);
-    for (size_t i = 0; i < pairs; i++) {
-        const pair_view p = pair_at(svm, i);
-        if (is_empty(svm, &p))
-            decision[i] = (double)(p.count_a > 0) - (double)(p.count_b > 0);
-        else if (svm->classes == 2)
-            decision[i] = lg_dot(svm->coefficient, kernel, svm->vectors) - svm->rho[0];
-        else
-            decision[i] = decide(svm, &p, kernel, i);
-    }
-}
-
-/* Adds coefficient times the gradient of the kernel, x_v.x or exp(-gamma |x_v - x|^2), for the vectors first
- * .. first + count - 1. */
-static void add_gradients(const lg_svm *svm, const double *x, const double *kernel, const double *coefficient,
-                          size_t first, size_t count, double *gradient) {
-    const size_t d = svm->inputs;
-    for (size_t v = 0; v < count; v++) {
-        const double *vector = svm->vector + (first + v) * d;
-        if (svm->kernel == LG_KERNEL_LINEAR) {
-            for (size_t j = 0; j < d; j++) gradient[j] += coefficient[v] * vector[j];
-            continue;
-        }
-        const double factor = 2.0 * svm->gamma * coefficient[v] * kernel[first + v];
-        for (size_t j = 0; j < d; j++) gradient[j] += factor * (vector[j] - x[j]);
-    }
-}
-
-void lg_svm_decision_gradient(const lg_svm *svm, const double *x, const double *kernel, size_t pair,
-                              double *gradient) {
-    const pair_view p = pair_at(svm, pair);
-    memset(gradient, 0, svm->inputs * sizeof *gradient);
-    if (is_empty(svm, &p)) return;
-    add_gradients(svm, x, kernel, p.a, p.first, p.count_a, gradient);
-    add_gradients(svm, x, kernel, p.b, p.last, p.count_b, gradient);
 }

@@ -21,20 +21,7 @@ typedef struct visit {
     bool right;
 } visit;
 
-static uint32_t count_kept(const lg_tree *tree, const bool *cut, visit *stack) {
-    uint32_t count = 0;
-    size_t used = 0;
-    stack[used++].from = 0;
-    while (used > 0) {
-        const uint32_t i = stack[--used].from;
-        count++;
-        if (tree->node[i].left == 0 || (cut != NULL && cut[i])) continue;
-        stack[used++].from = tree->node[i].right;
-        stack[used++].from = tree->node[i].left;
-    }
-    return count;
-}
-
+/* Copies the nodes and sets their number. */
 static void copy_kept(const lg_tree *tree, const bool *cut, visit *stack, lg_tree *out) {
     const size_t row = tree->classes * sizeof *out->counts;
     size_t used = 0;
@@ -57,6 +44,7 @@ static void copy_kept(const lg_tree *tree, const bool *cut, visit *stack, lg_tre
         }
         count++;
     }
+    out->count = count;
 }
 
 lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const bool *cut, lg_tree *out) {
@@ -64,7 +52,6 @@ lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const 
     copy.context = context;
     visit *stack = lg_alloc(context, (size_t)tree->count + 1, sizeof *stack);
     if (stack == NULL) return LG_OUT_OF_MEMORY;
-    copy.count = count_kept(tree, cut, stack);
     copy.node = lg_alloc(context, copy.count, sizeof *copy.node);
     copy.counts = lg_alloc(context, (size_t)copy.count * copy.classes, sizeof *copy.counts);
     const bool all = copy.node != NULL && copy.counts != NULL;
@@ -114,8 +101,9 @@ typedef struct pruner {
     lg_tree ordered;
     uint32_t nodes, depth; /* number of nodes and depth of the current (pruned) tree */
     uint32_t base;         /* number of leaves of the tournament tree, a power of two */
-    uint32_t *parent, *leaves, *level, *at_depth, *stack; /* (count) */
-    double *own, *branch;                                 /* R(t) and R(T_t) */
+    uint32_t *parent, *leaves, *level, *at_depth; /* (count) */
+    uint32_t *end;                                /* (count): the nodes below t are t + 1 .. end[t] - 1 */
+    double *own, *branch;                         /* R(t) and R(T_t) */
     /* (2 base): the tournament tree. Entry base + t is g(t); entry i < base is the smaller of entries 2 i and
      * 2 i + 1. */
     double *link;
@@ -124,7 +112,7 @@ typedef struct pruner {
 } pruner;
 
 static void pruner_free(pruner *p) {
-    void *const owned[] = {p->parent, p->leaves, p->level, p->at_depth, p->stack,
+    void *const owned[] = {p->parent, p->leaves, p->level, p->at_depth, p->end,
                            p->own,    p->branch, p->link,  p->cut};
     for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(p->context, owned[i]);
     lg_tree_destroy(&p->ordered);
@@ -156,13 +144,13 @@ static lg_status pruner_allocate(pruner *p) {
     p->leaves = lg_alloc(p->context, count, sizeof *p->leaves);
     p->level = lg_alloc(p->context, count, sizeof *p->level);
     p->at_depth = lg_alloc(p->context, count, sizeof *p->at_depth);
-    p->stack = lg_alloc(p->context, count + 1, sizeof *p->stack);
+    p->end = lg_alloc(p->context, count, sizeof *p->end);
     p->own = lg_alloc(p->context, count, sizeof *p->own);
     p->branch = lg_alloc(p->context, count, sizeof *p->branch);
     p->cut = lg_alloc(p->context, count, sizeof *p->cut);
     p->link = lg_alloc(p->context, 2 * (size_t)p->base, sizeof *p->link);
     const bool all = p->parent != NULL && p->leaves != NULL && p->level != NULL && p->at_depth != NULL &&
-                     p->stack != NULL && p->own != NULL && p->branch != NULL && p->cut != NULL &&
+                     p->end != NULL && p->own != NULL && p->branch != NULL && p->cut != NULL &&
                      p->link != NULL;
     return all ? LG_OK : LG_OUT_OF_MEMORY;
 }
@@ -190,8 +178,10 @@ static lg_status pruner_create(pruner *p, const lg_tree *tree) {
         if (node[t].left == 0) {
             p->leaves[t] = 1;
             p->branch[t] = p->own[t];
+            p->end[t] = t + 1;
         }
         if (t == 0) break;
+        if (p->end[p->parent[t]] == 0) p->end[p->parent[t]] = p->end[t]; /* the right child comes first */
         p->leaves[p->parent[t]] += p->leaves[t];
         p->branch[p->parent[t]] += p->branch[t];
     }
@@ -203,19 +193,11 @@ static lg_status pruner_create(pruner *p, const lg_tree *tree) {
 
 /* Removes all nodes below t from the current tree. */
 static void remove_below(pruner *p, uint32_t t) {
-    size_t used = 0;
-    p->stack[used++] = t;
-    while (used > 0) {
-        const uint32_t i = p->stack[--used];
-        if (i != t) {
-            p->nodes--;
-            p->at_depth[p->level[i]]--;
-            p->leaves[i] = 0;
-            play(p, i);
-        }
-        if (p->tree->node[i].left == 0 || (i != t && p->cut[i])) continue;
-        p->stack[used++] = p->tree->node[i].left;
-        p->stack[used++] = p->tree->node[i].right;
+    for (uint32_t i = t + 1; i < p->end[t]; i = p->cut[i] ? p->end[i] : i + 1) {
+        p->nodes--;
+        p->at_depth[p->level[i]]--;
+        p->leaves[i] = 0;
+        play(p, i);
     }
     while (p->at_depth[p->depth] == 0) p->depth--;
 }

@@ -1,13 +1,13 @@
 void NAME_grad(const NAME_real *x, NAME_real *y, NAME_real *jacobian, NAME_real *work) {
-    const real *p = judged_numbers(x, work);
-    decide(p, y != 0 ? y : work + DECIDED, work + KERNEL);
+    real *seed = work + SEED;
+    if (y != NULL) NAME_eval(x, y, work);
+    compute_features(x, work + COMPUTED, work);
     for (int o = 0; o < NAME_OUTPUTS; o++, jacobian += NAME_INPUTS) {
-        decide_vjp(o, p, work + BY_PROJECTED, work + KERNEL);
-        project_vjp(work + BY_PROJECTED, work + BY_FEATURES);
+        for (int k = 0; k < NAME_OUTPUTS; k++) seed[k] = (real)(k == o);
+        NAME_pull_back(work + COMPUTED, seed, work + BY_FEATURES, work + PROGRAM);
         ROLLED
         for (int i = 0; i < NAME_INPUTS; i++) jacobian[i] = REAL(0.0);
-        features_vjp(x, work + BY_FEATURES, jacobian, work + REST);
+        features_vjp(x, work + BY_FEATURES, jacobian, work);
         mark_unfit(NAME_INPUTS, x, NAME_INPUTS, jacobian);
     }
-    if (y != 0) mark_unfit(NAME_INPUTS, x, NAME_OUTPUTS, y);
 }

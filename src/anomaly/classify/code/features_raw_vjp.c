@@ -1,4 +1,4 @@
-static void features_vjp(const real *x, const real *df, real *dx, real *work) {
+static void features_vjp(FOR_WINDOW const real *x, const real *df, real *dx, real *work) {
     (void)x, (void)work;
     ROLLED
     for (int i = 0; i < SELECTED; i++) {

@@ -1,5 +1,5 @@
 /* The window as it is: the channels that are used, one after the other. */
-static void compute_features(const real *x, real *f, real *work) {
+static void compute_features(FOR_WINDOW const real *x, real *f, real *work) {
     (void)work;
     ROLLED
     for (int i = 0; i < SELECTED; i++) {

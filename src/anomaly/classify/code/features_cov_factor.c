@@ -23,7 +23,7 @@ static void factor_rows(int m, int n, real *z, real *g) {
 static void rotate_rows(int m, real *g) {
     const real least = REAL_EPSILON * REAL_EPSILON * dot_of(m * m, g, g);
     int rotated = 1;
-    for (int sweep = 0; sweep < 20 && rotated; sweep++) {
+    for (int sweep = 0; sweep < 60 && rotated; sweep++) {
         rotated = 0;
         for (int p = 0; p < m; p++)
             for (int q = p + 1; q < m; q++) {

@@ -1,23 +1,23 @@
 /* The centred scaled channels, (SELECTED, LENGTH). */
-static void centre_channels(const real *x, real *z) {
+static void centre_channels(FOR_WINDOW const real *x, real *z) {
     for (int i = 0; i < SELECTED; i++)
-        (void)centre_numbers(NAME_LENGTH, NAME_inverse_scale[NAME_select[i]],
-                             x + NAME_select[i] * NAME_LENGTH, z + i * NAME_LENGTH);
+        (void)centre_numbers(NAME_LENGTH, INVERSE_SCALE(NAME_select[i]), x + NAME_select[i] * NAME_LENGTH,
+                             z + i * NAME_LENGTH);
 }
 
 /* g (SELECTED, SELECTED): rows s_k u_k of the singular values and left vectors of the channels; z as
  * centre_channels has made it, destroyed. */
-static void singular_rows(real *z, real *g) {
+static void singular_rows(FOR_WINDOW real *z, real *g) {
     factor_rows(SELECTED, NAME_LENGTH, z, g);
     rotate_rows(SELECTED, g);
 }
 
 /* The upper triangle, row by row, of the symmetric square root of the channels' covariance, sum over k of
  * u_k s_k u_k^T/sqrt(length). work: SELECTED (LENGTH + SELECTED). */
-static void compute_features(const real *x, real *f, real *work) {
+static void compute_features(FOR_WINDOW const real *x, real *f, real *work) {
     real *g = work + SELECTED * NAME_LENGTH;
-    centre_channels(x, work);
-    singular_rows(work, g);
+    centre_channels(OF_WINDOW x, work);
+    singular_rows(OF_WINDOW work, g);
     for (int e = 0; e < NAME_FEATURES; e++) f[e] = REAL(0.0);
     for (int k = 0; k < SELECTED; k++) {
         const real *row = g + k * SELECTED;

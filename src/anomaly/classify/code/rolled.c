@@ -7,3 +7,8 @@
 #define ROLLED
 #define ROW_BY_ROW
 #endif
+
+/* The library compiles the code of the features with sizes that it reads from a structure. */
+#define FOR_WINDOW
+#define OF_WINDOW
+#define INVERSE_SCALE(channel) NAME_inverse_scale[channel]

@@ -1,6 +1,6 @@
 /* Roots s_j are norms of the rows of g. Below 2^-22 of the largest, or what rounding leaves of nothing, they
  * count as 0. */
-static real null_root(const real *g) {
+static real null_root(FOR_WINDOW const real *g) {
     real largest = REAL(0.0);
     for (int j = 0; j < SELECTED; j++) {
         const real s = SQRT(dot_of(SELECTED, g + j * SELECTED, g + j * SELECTED));
@@ -15,8 +15,8 @@ static real null_root(const real *g) {
  * that they need not be known:
  *   K = sum_j (W u_j - sum_i u_i (u_i.W u_j) s_i/(s_i + s_j))/s_j u_j^T
  * on everything that the covariance can be multiplied with. w, k (SELECTED, SELECTED), row (2 SELECTED). */
-static void root_vjp(const real *df, const real *g, real *w, real *k, real *row) {
-    const real null = null_root(g), root = SQRT((real)NAME_LENGTH);
+static void root_vjp(FOR_WINDOW const real *df, const real *g, real *w, real *k, real *row) {
+    const real null = null_root(OF_WINDOW g), root = SQRT((real)NAME_LENGTH);
     for (int i = 0, e = 0; i < SELECTED; i++)
         for (int j = i; j < SELECTED; j++, e++)
             w[i * SELECTED + j] = w[j * SELECTED + i] = i == j ? df[e] : REAL(0.5) * df[e];
@@ -40,13 +40,13 @@ static void root_vjp(const real *df, const real *g, real *w, real *k, real *row)
 }
 
 /* After compute_features, with the same work: SELECTED (LENGTH + 3 SELECTED + 2). */
-static void features_vjp(const real *x, const real *df, real *dx, real *work) {
+static void features_vjp(FOR_WINDOW const real *x, const real *df, real *dx, real *work) {
     real *g = work + SELECTED * NAME_LENGTH, *w = g + SELECTED * SELECTED, *k = w + SELECTED * SELECTED;
-    root_vjp(df, g, w, k, k + SELECTED * SELECTED);
-    centre_channels(x, work);
+    root_vjp(OF_WINDOW df, g, w, k, k + SELECTED * SELECTED);
+    centre_channels(OF_WINDOW x, work);
     for (int i = 0; i < SELECTED; i++) {
         real *to = dx + NAME_select[i] * NAME_LENGTH;
-        const real outside = REAL(2.0) * NAME_inverse_scale[NAME_select[i]] / (real)NAME_LENGTH;
+        const real outside = REAL(2.0) * INVERSE_SCALE(NAME_select[i]) / (real)NAME_LENGTH;
         for (int j = 0; j < SELECTED; j++) {
             const real factor = outside * k[i * SELECTED + j], *z = work + j * NAME_LENGTH;
             for (int t = 0; t < NAME_LENGTH; t++) to[t] += factor * z[t];

@@ -4,7 +4,7 @@ typedef struct fitted_line {
     int level; /* x does not vary: slope 0 */
 } fitted_line;
 
-static fitted_line fit_line(const real *x, const real *y) {
+static fitted_line fit_line(FOR_WINDOW const real *x, const real *y) {
     fitted_line l = {0, 0, 0, 0, 0};
     real largest = REAL(0.0), xy = REAL(0.0);
     for (int s = 0; s < SEGMENTS; s++) {
@@ -25,27 +25,27 @@ static fitted_line fit_line(const real *x, const real *y) {
 }
 
 /* The first sample of a part. */
-static int part_begin(int part) {
+static int part_begin(FOR_WINDOW int part) {
     return (int)((long long)part * NAME_LENGTH / SEGMENTS);
 }
 
 /* Standard deviations (SEGMENTS) of the parts of a channel. work: LENGTH. */
-static void part_deviations(int channel, const real *x, real *deviation, real *work) {
+static void part_deviations(FOR_WINDOW int channel, const real *x, real *deviation, real *work) {
     for (int s = 0; s < SEGMENTS; s++) {
-        const int begin = part_begin(s);
-        deviation[s] = centre_numbers(part_begin(s + 1) - begin, NAME_inverse_scale[channel],
+        const int begin = part_begin(OF_WINDOW s);
+        deviation[s] = centre_numbers(part_begin(OF_WINDOW s + 1) - begin, INVERSE_SCALE(channel),
                                       x + channel * NAME_LENGTH + begin, work);
     }
 }
 
 /* Intercept and slope of the parts' deviations of each pair of channels, moment against acceleration. work:
  * LENGTH + 2 SEGMENTS PAIRS. */
-static void compute_features(const real *x, real *f, real *work) {
+static void compute_features(FOR_WINDOW const real *x, real *f, real *work) {
     real *deviation = work + NAME_LENGTH;
     for (int p = 0; p < PAIRS; p++, deviation += 2 * SEGMENTS) {
-        part_deviations(NAME_pair[2 * p], x, deviation, work);
-        part_deviations(NAME_pair[2 * p + 1], x, deviation + SEGMENTS, work);
-        const fitted_line l = fit_line(deviation, deviation + SEGMENTS);
+        part_deviations(OF_WINDOW NAME_pair[2 * p], x, deviation, work);
+        part_deviations(OF_WINDOW NAME_pair[2 * p + 1], x, deviation + SEGMENTS, work);
+        const fitted_line l = fit_line(OF_WINDOW deviation, deviation + SEGMENTS);
         f[2 * p] = l.mean_y - l.slope * l.mean_x;
         f[2 * p + 1] = l.slope;
     }

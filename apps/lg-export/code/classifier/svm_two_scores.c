@@ -1,6 +1,0 @@
-/* The decision is positive for class 0. */
-static void scores_of(const real *y, real *score, real *work) {
-    (void)work;
-    score[0] = y[0];
-    score[1] = -y[0];
-}

@@ -1,0 +1,144 @@
+/* Features whose C is also what lg-export writes: samples, deviations, the root of the covariance, and the
+ * baseline. In exported code the files below code/ have the sizes of one window as constants; here the same
+ * names read them from lg_features. work: the window in double precision, then the memory of that code. */
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "anomaly/classify/features.h"
+
+typedef double real;
+#define REAL(number) number
+#define REAL_EPSILON DBL_EPSILON
+#define SQRT         sqrt
+#define FABS         fabs
+#define ROLLED
+#define FOR_WINDOW             const lg_features *self,
+#define OF_WINDOW              self,
+#define SELECTED               ((int)self->selected)
+#define SEGMENTS               ((int)self->segments)
+#define PAIRS                  ((int)self->pairs)
+#define NAME_LENGTH            ((int)self->length)
+#define NAME_FEATURES          ((int)self->count)
+#define NAME_select            self->select
+#define NAME_pair              self->pair
+#define INVERSE_SCALE(channel) (1.0 / self->scale[channel])
+
+#include "anomaly/classify/code/features_centre.c"
+#include "anomaly/classify/code/features_cov_factor.c"
+#include "anomaly/classify/code/features_deviation_vjp.c"
+
+#define compute_features compute_raw
+#define features_vjp     raw_vjp
+#include "anomaly/classify/code/features_raw.c"
+#include "anomaly/classify/code/features_raw_vjp.c"
+#undef compute_features
+#undef features_vjp
+#define compute_features compute_std
+#define features_vjp     std_vjp
+#include "anomaly/classify/code/features_std.c"
+#include "anomaly/classify/code/features_std_vjp.c"
+#undef compute_features
+#undef features_vjp
+#define compute_features compute_cov
+#define features_vjp     cov_vjp
+#include "anomaly/classify/code/features_cov.c"
+#include "anomaly/classify/code/features_cov_vjp.c"
+#undef compute_features
+#undef features_vjp
+#define compute_features compute_baseline
+#define features_vjp     baseline_vjp
+#include "anomaly/classify/code/features_baseline.c"
+#include "anomaly/classify/code/features_baseline_vjp.c"
+
+double lg_centre(const float *x, size_t length, double scale, double *z) {
+    for (size_t i = 0; i < length; i++) z[i] = (double)x[i];
+    return centre_numbers((int)length, 1.0 / scale, z, z);
+}
+
+/* ---- numbers of features, and of work memory ---- */
+
+static uint64_t raw_count(const lg_features *f) {
+    return (uint64_t)f->selected * f->length;
+}
+
+static uint64_t std_count(const lg_features *f) {
+    return f->selected;
+}
+
+static uint64_t cov_count(const lg_features *f) {
+    const uint64_t m = f->selected;
+    return m * (m + 1) / 2;
+}
+
+static uint64_t baseline_count(const lg_features *f) {
+    return 2 * (uint64_t)f->pairs;
+}
+
+static size_t raw_work(const lg_features *f) {
+    return 0;
+}
+
+static size_t std_work(const lg_features *f) {
+    return f->length;
+}
+
+static size_t cov_work(const lg_features *f) {
+    const size_t m = f->selected;
+    return m * (f->length + 3 * m + 2);
+}
+
+static size_t baseline_work(const lg_features *f) {
+    return f->length + 2 * (size_t)f->segments * f->pairs;
+}
+
+/* ---- names ---- */
+
+static int describe_raw(const lg_features *f, const lg_series *series, uint32_t index, char *text,
+                        size_t size) {
+    char name[LG_SERIES_NAME];
+    (void)lg_channel_name(series, f->select[index / f->length], name, sizeof name);
+    return snprintf(text, size, "raw %s %u", name, index % f->length);
+}
+
+static int describe_std(const lg_features *f, const lg_series *series, uint32_t index, char *text,
+                        size_t size) {
+    char name[LG_SERIES_NAME];
+    (void)lg_channel_name(series, f->select[index], name, sizeof name);
+    return snprintf(text, size, "std %s", name);
+}
+
+static int describe_two(const char *what, uint32_t first, uint32_t second, const lg_series *series,
+                        char *text, size_t size) {
+    char names[2][LG_SERIES_NAME];
+    (void)lg_channel_name(series, first, names[0], sizeof names[0]);
+    (void)lg_channel_name(series, second, names[1], sizeof names[1]);
+    return snprintf(text, size, "%s %s %s", what, names[0], names[1]);
+}
+
+/* The entries of the upper triangle are stored row by row. */
+static int describe_cov(const lg_features *f, const lg_series *series, uint32_t index, char *text,
+                        size_t size) {
+    uint32_t row = 0;
+    while (index >= f->selected - row) index -= f->selected - row++;
+    return describe_two("cov", f->select[row], f->select[row + index], series, text, size);
+}
+
+static int describe_baseline(const lg_features *f, const lg_series *series, uint32_t index, char *text,
+                             size_t size) {
+    const uint32_t *pair = f->pair + index / 2 * 2;
+    return describe_two(index % 2 == 0 ? "intercept" : "slope", pair[1], pair[0], series, text, size);
+}
+
+#define KIND(kind, ...)                                                                                      \
+    const lg_feature_row lg_feature_##kind = {.name = #kind,                                                 \
+                                              .count = kind##_count,                                         \
+                                              .work = kind##_work,                                           \
+                                              .code = compute_##kind,                                        \
+                                              .vjp = kind##_vjp,                                             \
+                                              .describe = describe_##kind,                                   \
+                                              __VA_ARGS__}
+KIND(raw, );
+KIND(std, );
+KIND(cov, );
+KIND(baseline, .segments = 10);
