@@ -7,9 +7,18 @@
 #include "lg-export/policy/policy.h"
 #include "liegrad/geometry.h"
 
-enum { RUNS = 4, SEGMENTS = 16, MOST_SEGMENTS = 64, LOOP_STREAM = 12 };
+enum { RUNS = 4, SEGMENTS = 16, MOST_SEGMENTS = 64, LOOP_STREAM = 12, PERIODS = 200 };
 
 /* ---- runs of the library ---- */
+
+/* The closed loop in the library: the plant and the policy, which sees positions and velocities. */
+typedef struct export_loop {
+    export_evaluation period, positions, velocities, policy, narrow;
+    bool moves;
+    double *seen;    /* Positions, velocities and weights: the inputs of `policy`. */
+    double *x, *row; /* State and input: the inputs of `period`; and a row of results. */
+    const export_policy_job *job;
+} export_loop;
 
 static lg_status open_function(const export_policy_job *j, const char *name, lg_dtype dtype,
                                export_evaluation *out, lg_error *error) {
@@ -18,7 +27,7 @@ static lg_status open_function(const export_policy_job *j, const char *name, lg_
     return export_evaluation_open(j->program, at, dtype, 0, out, error);
 }
 
-lg_status export_loop_open(const export_policy_job *j, export_loop *l, lg_error *error) {
+static lg_status open_loop(const export_policy_job *j, export_loop *l, lg_error *error) {
     const size_t seen = j->positions + j->velocities, n = lg_program_parameters(j->program);
     const size_t weights = lg_policy_parameters(j->policy);
     *l = (export_loop){.job = j, .moves = j->velocities > 0};
@@ -34,7 +43,7 @@ lg_status export_loop_open(const export_policy_job *j, export_loop *l, lg_error 
     return l->moves ? open_function(j, "velocities", LG_F64, &l->velocities, error) : LG_OK;
 }
 
-void export_loop_close(export_loop *l) {
+static void close_loop(export_loop *l) {
     export_evaluation *const all[] = {&l->period, &l->positions, &l->velocities, &l->policy, &l->narrow};
     for (size_t i = 0; i < LG_COUNT(all); i++) export_evaluation_close(all[i]);
     free(l->seen);
@@ -42,7 +51,9 @@ void export_loop_close(export_loop *l) {
     free(l->row);
 }
 
-void export_loop_step(export_loop *l, bool single, double *x, double *u) {
+/* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the policy computes
+ * in single precision; the plant computes in double precision. */
+static void step(export_loop *l, bool single, double *x, double *u) {
     const export_policy_job *j = l->job;
     if (l->moves) {
         export_evaluate(&l->positions, x, l->seen);
@@ -55,6 +66,41 @@ void export_loop_step(export_loop *l, bool single, double *x, double *u) {
     if (u != NULL) memcpy(u, l->x + j->state, j->inputs * sizeof *u);
     export_evaluate(&l->period, l->x, l->row);
     memcpy(x, l->row, j->state * sizeof *x);
+}
+
+lg_status export_loop_run(const export_policy_job *j, uint64_t stream, const double *noise,
+                          const double *more, export_path *out, lg_error *error) {
+    const size_t n = j->given, steps = lg_policy_steps(j->policy),
+                 periods = steps < PERIODS ? steps : PERIODS;
+    const export_options *options = j->source->options;
+    export_loop l;
+    lg_rng rng;
+    APP_FREE double *x = app_alloc(j->state, sizeof *x);
+    *out = (export_path){app_alloc((periods + 1) * 2 * n, sizeof *out->seen),
+                         app_alloc(periods * j->inputs, sizeof *out->held), periods};
+    lg_rng_seed(&rng, options->seed, stream);
+    lg_status status = open_loop(j, &l, error);
+    if (status == LG_OK) status = lg_policy_starts(j->policy, &rng, 1, x, NULL, error);
+    for (size_t k = 0; status == LG_OK && k <= out->periods; k++) {
+        double u[LG_POLICY_INPUTS];
+        step(&l, false, x, u);
+        for (size_t i = 0; i < 2 * n; i++) {
+            const double by = noise != NULL && i < n ? noise[i] * lg_rng_normal(&rng) : 0;
+            out->seen[k * 2 * n + i] = export_round(options, l.seen[i] + by);
+        }
+        for (size_t i = 0; i < j->inputs && k < out->periods; i++)
+            out->held[k * j->inputs + i] = export_round(options, u[i]);
+        for (size_t i = 0; more != NULL && i < n; i++)
+            x[n + i] += 0.3 * j->task->period * (more[i] - more[n + i] * l.seen[n + i]);
+        if (!(export_norm(x, NULL, j->state) < 1e6) && k < out->periods) out->periods = k > 0 ? k : 1;
+    }
+    close_loop(&l);
+    return status;
+}
+
+void export_path_destroy(export_path *path) {
+    free(path->seen);
+    free(path->held);
 }
 
 /* ---- golden paths ---- */
@@ -88,7 +134,7 @@ static lg_status run_library(export_loop *l, golden *g, lg_error *error) {
             g->finite[r] = k;
             if (k == g->steps) break;
             memcpy(x + n, x, n * sizeof *x);
-            export_loop_step(l, false, x + n, NULL);
+            step(l, false, x + n, NULL);
         }
     }
     g->mean = states > 0 ? sqrt(sum / (double)states) : 0;
@@ -103,7 +149,7 @@ static double sensitivity(export_loop *l, const golden *g) {
         for (size_t s = 0; s < segments(g, r); s++) {
             const double *from = g->path + (r * (g->steps + 1) + s * g->stride) * n;
             memcpy(x, from, n * sizeof *x);
-            for (size_t k = 0; k < g->stride; k++) export_loop_step(l, true, x, NULL);
+            for (size_t k = 0; k < g->stride; k++) step(l, true, x, NULL);
             const double error = export_norm(x, from + g->stride * n, n) / (g->mean > 0 ? g->mean : 1);
             if (!(error <= worst)) worst = error;
         }
@@ -251,9 +297,9 @@ void export_policy_loop(export_policy_job *j) {
     export_loop l;
     lg_error error = {LG_OK, ""};
     g.path = app_alloc(RUNS * (g.steps + 1) * j->state, sizeof *g.path);
-    lg_status status = export_loop_open(j, &l, &error);
+    lg_status status = open_loop(j, &l, &error);
     if (status == LG_OK) status = add_loop(&l, &g, &error);
-    export_loop_close(&l);
+    close_loop(&l);
     free(g.path);
     app_must_file(j->self, status, &error, j->source->options->file);
 }

@@ -81,7 +81,7 @@ static double segment_error(const double *from, int *wrong) {
     return sqrt(sum) / (LOOP_SCALE > 0 ? LOOP_SCALE : 1);
 }
 
-static int check_loop(void) {
+static int further(void) {
     const double *at = golden_path;
     double worst = 0;
     int r, s, wrong = 0, limits = 0;
