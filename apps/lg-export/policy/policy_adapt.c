@@ -54,7 +54,8 @@ static lg_var recur(const adaptation *a, lg_tape *tape, lg_var memory, lg_var by
                  size = lg_add_scalar(tape, lg_rowdot(tape, Pb, by), noise),
                  rest = lg_sub(tape, away, lg_rowdot(tape, by, s)), gain = lg_div(tape, Pb, size);
     s = lg_add(tape, s, lg_mul(tape, gain, rest));
-    for (uint32_t k = 0; k < NUMBERS; k++) row[k] = lg_sub(tape, row[k], lg_mul(tape, gain, parts[k]));
+    for (uint32_t k = 0; k < NUMBERS; k++) /* in this order the covariance stays symmetric, bit by bit */
+        row[k] = lg_sub(tape, row[k], lg_div(tape, lg_mul(tape, Pb, parts[k]), size));
     s = stay_inside(a, tape, row, s);
     /* What is not excited is not forgotten: no variance grows beyond the one at the start, which is 1. */
     for (uint32_t k = 0; k < NUMBERS; k++) {
