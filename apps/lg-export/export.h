@@ -75,9 +75,10 @@ typedef struct export_file {
 } export_file;
 enum { EXPORT_MOST_FILES = 16 };
 
-/* A function of a bundle that keeps a memory, its last input and its output. In C the memory stays in place:
- * a fragment of the function's name defines NAME_<function>, and calls the static NAME_<function>_next. The golden
- * vectors lie on a run: row by row of the other inputs, from the memory `start` on. */
+/* A function of a bundle that keeps a memory, its last input and its output. In C the memory stays in
+ * place: a fragment of the function's name defines NAME_<function>, and calls the static
+ * NAME_<function>_next. The golden vectors lie on a run: row by row of the other inputs, from the memory
+ * `start` on. */
 typedef struct export_memory {
     const char *function;
     double *inputs; /* (rows, numbers of the other inputs) */
@@ -97,9 +98,10 @@ typedef struct export_source {
      * and golden vectors then stand in the texts `sizes` and `test`. */
     bool bundle;
     size_t functions; /* Number of functions of a bundle. */
-    /* Of a bundle: fragments that follow the bundle's code; and the function `further` of the self-test, which
-     * returns how much is wrong. Both may be empty. */
-    text further_code, further_test;
+    /* Of a bundle: fragments that follow the bundle's code; more code of the self-test, and its row of the
+     * table of functions. All may be empty. */
+    text further_code, further_test, further_row;
+    size_t further_size;                 /* Numbers of this row's output. */
     export_memory run[EXPORT_MOST_RUNS]; /* Of functions with a memory. */
     size_t runs;
     bool scene; /* The program was made from a scene, a text file. */

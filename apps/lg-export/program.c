@@ -266,29 +266,26 @@ static void add_function(job *j, size_t index, text *table, size_t *largest) {
 
 static void add_test(job *j) {
     text table = app_text(), *to = &j->source->test;
-    size_t largest = 1;
+    const export_source *source = j->source;
+    size_t largest = source->further_size > 0 ? source->further_size : 1;
     /* The fragment's types go before the tables, the code that uses them (from `mean_norm` on) goes after
      * them. */
-    char *fragment = app_format("%s", export_fragment_text("test_program")),
-         *rest = strstr(fragment, "static double mean_norm");
+    APP_FREE char *fragment = app_format("%s", export_fragment_text("test_program"));
+    char *rest = strstr(fragment, "static double mean_norm");
     *rest = '\0';
     lg_text_add(to, "enum { GOLDEN = %llu };\n#define EPSILON %s\n\n%s",
-                (unsigned long long)j->source->options->golden,
-                j->source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON", fragment);
+                (unsigned long long)source->options->golden,
+                source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON", fragment);
     for (size_t i = 0; i < j->c->functions; i++) add_function(j, i, &table, &largest);
     lg_text_add(to,
-                "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, "
-                "NULL}};\nenum { LARGEST = %zu };\n\n",
-                table.data != NULL ? table.data : "", largest);
-    char *main = strstr(rest + 1, "int main");
-    *rest = 's', *main = '\0';
-    lg_text_add(to, "%s\n", export_fragment_text("test_norms"));
-    lg_text_add_named(to, j->source->options->name, rest);
-    if (j->source->further_test.length > 0)
-        lg_text_add(to, "%s\n#define FURTHER\n\n", j->source->further_test.data);
-    *main = 'i';
-    lg_text_add_named(to, j->source->options->name, main);
-    free(fragment);
+                "%s\nstatic const function functions[] = {\n%s%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, "
+                "NULL}};\nenum { LARGEST = %zu };\n\n%s\n",
+                source->further_test.data != NULL ? source->further_test.data : "",
+                table.data != NULL ? table.data : "",
+                source->further_row.data != NULL ? source->further_row.data : "", largest,
+                export_fragment_text("test_norms"));
+    *rest = 's';
+    lg_text_add_named(to, source->options->name, rest);
     lg_text_destroy(&table);
 }
 
@@ -362,7 +359,8 @@ static void write_code(job *j, const char *functions) {
     for (size_t i = 0; i < how.function_count; i++) free(names[i]);
 }
 
-/* Adds the sizes. The last line, about NAME_WORK_SIZE, is written anew if functions with a memory need more. */
+/* Adds the sizes. The last line, about NAME_WORK_SIZE, is written anew if functions with a memory need
+ * more. */
 static void add_sizes(job *j) {
     export_source *source = j->source;
     size_t more = 0;

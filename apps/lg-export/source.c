@@ -172,9 +172,9 @@ static const size_t texts[] = {offsetof(export_source, about),        offsetof(e
                                offsetof(export_source, delay),        offsetof(export_source, sizes),
                                offsetof(export_source, declarations), offsetof(export_source, arrays),
                                offsetof(export_source, weights),      offsetof(export_source, code),
-                               offsetof(export_source, further_code), offsetof(export_source, further_test),
-                               offsetof(export_source, test),         offsetof(export_source, products),
-                               offsetof(export_source, rules)};
+                               offsetof(export_source, further_code), offsetof(export_source, further_row),
+                               offsetof(export_source, further_test), offsetof(export_source, test),
+                               offsetof(export_source, products),     offsetof(export_source, rules)};
 
 static text *text_of(export_source *source, size_t i) {
     return (text *)(void *)((char *)source + texts[i]);

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "kernels/lapack.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
 
@@ -194,24 +195,17 @@ static lg_status evaluators(lg_flow *w, lg_error *error) {
     return LG_OK;
 }
 
-/* The largest |eigenvalue| of a matrix (n, n): |A^(2^20)|^(2^-20); 0 if it is not finite */
+/* The largest |eigenvalue| of a matrix (n, n); 0 if they are not found */
 static double radius(size_t n, double *A) {
-    enum { SQUARINGS = 20, MOST = 16 };
-    double square[MOST * MOST], size = 0;
-    for (int k = 0; k <= SQUARINGS; k++) {
-        double most = 0;
-        for (size_t i = 0; i < n * n; i++) most = fmax(most, fabs(A[i]));
-        if (!(most > 0 && most < DBL_MAX)) return 0;
-        size += log(most) * ldexp(1, -k);
-        for (size_t i = 0; i < n; i++)
-            for (size_t j = 0; j < n; j++) {
-                square[i * n + j] = 0;
-                for (size_t l = 0; l < n; l++)
-                    square[i * n + j] += A[i * n + l] / most * (A[l * n + j] / most);
-            }
-        memcpy(A, square, n * n * sizeof *A);
-    }
-    return exp(size);
+    enum { MOST = 32, ROOM = 4 * MOST };
+    double re[MOST], im[MOST], work[ROOM], most = 0;
+    const int size = (int)n, room = ROOM, one = 1;
+    int info;
+    for (size_t i = 0; i < n * n; i++)
+        if (!isfinite(A[i])) return 0;
+    dgeev_("N", "N", &size, A, &size, re, im, NULL, &one, NULL, &one, work, &room, &info);
+    for (size_t i = 0; i < n && info == 0; i++) most = fmax(most, hypot(re[i], im[i]));
+    return most;
 }
 
 /* ---- work memory ---- */

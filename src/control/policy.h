@@ -133,8 +133,8 @@ lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value);
 
 /* ---- functions of the program (policy_program.c) ---- */
 
-/* Makes a program with the plant's functions, retract (z) -> x, and the plant's parameters. A further parameter `policy` (zeros)
- * is added if the policy has parameters. */
+/* Makes a program with the plant's functions, retract (z) -> x, and the plant's parameters. A further
+ * parameter `policy` (zeros) is added if the policy has parameters. */
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error);
 /* Adds period (x, u) -> next, errors (x) -> z, lagged (a, u) -> next if the plant has lags, linear (z, u)
  * -> z of the next period from the tangent at the goal, and jac_linear; then regulated (x, K) -> next,
@@ -172,6 +172,17 @@ void lg_policy_plans_destroy(lg_policy_plans *plans);
 /* Rows of the plans that run batches: a batch is cut into pieces of so many rows, whatever the number of
  * threads. */
 #define LG_POLICY_ROWS 64
+
+/* ---- machines of one coordinate (policy_rotation.c) ---- */
+
+/* p = M v and, with n velocities, p' - p x v = rest - D v + B u: M, D (n, n), B (n, inputs); n is 1, or 3
+ * in the axes of a body. */
+typedef struct lg_policy_body {
+    double rest[3], mass[9], damping[9], map[3 * LG_POLICY_INPUTS];
+} lg_policy_body;
+/* Finds M, D and B of a policy of kind energy, whose machine has one coordinate, and compares them at
+ * positions all around and at rates up to ten times the largest of the starts. */
+lg_status lg_policy_probe(const lg_policy *policy, lg_policy_body *out, lg_error *error);
 
 /* ---- positions that may be shifted: tracked or free ones (policy_track.c) ---- */
 

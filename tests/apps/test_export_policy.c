@@ -431,8 +431,9 @@ TEST("a changed payload is found in a closed loop") {
     }
 }
 
-/* The plant's force is 0.3 sign(v) - 0.5 v, but no Coulomb friction is below 0. v is normal with the deviation
- * 1.5, so the best damping without friction is 0.5 - 0.3 E|v|/E v^2. Large inputs tell the inertia apart. */
+/* The plant's force is 0.3 sign(v) - 0.5 v, but no Coulomb friction is below 0. v is normal with the
+ * deviation 1.5, so the best damping without friction is 0.5 - 0.3 E|v|/E v^2. Large inputs tell the
+ * inertia apart. */
 TEST("at a bound the other numbers take what is best for them") {
     cli_write("mass.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\ninputs: "
                            "{columns: [u]}\nmass: {kind: known, values: [2]}\n"

@@ -20,15 +20,15 @@ typedef struct export_policy_job {
 
 /* ---- runs of the library (policy_loop.c) ---- */
 
-/* A run of the library: what the controller sees (periods + 1, given + velocities), its inputs (periods, inputs), as
- * numbers of the exported type. */
+/* A run of the library: what the controller sees (periods + 1, given + velocities), its inputs (periods,
+ * inputs), as numbers of the exported type. */
 typedef struct export_path {
     double *seen, *held;
     size_t periods; /* at least 1 */
 } export_path;
-/* `noise` (given): of the positions that are seen; `more` (2 velocities): the plant has 0.3 of this offset and of this
- * damping more than the machine, as impulses once a period; NULL: none. On failure too, export_path_destroy must be
- * called. */
+/* `noise` (given): of the positions that are seen; `more` (2 velocities): the plant has 0.3 of this offset
+ * and of this damping more than the machine, as impulses once a period; NULL: none. On failure too,
+ * export_path_destroy must be called. */
 lg_status export_loop_run(const export_policy_job *job, uint64_t stream, const double *noise,
                           const double *more, export_path *path, lg_error *error);
 void export_path_destroy(export_path *path);
@@ -45,7 +45,8 @@ void export_policy_adapt(export_policy_job *job);
 /* Refuses a plant whose state is more than lines, angles, and one momentum for each; `function` is for the
  * message. */
 void export_policy_simple(const export_policy_job *job, const char *function);
-/* Adds the run of a function whose memory has `numbers` numbers, and its declarations. The caller fills the run. */
+/* Adds the run of a function whose memory has `numbers` numbers, and its declarations. The caller fills
+ * the run. */
 export_memory *export_policy_keep(export_policy_job *job, const char *function, const char *declarations,
                                   size_t numbers);
 /* Adds an array to the code. */

@@ -1,8 +1,7 @@
 /* The adaptation of a controller: adapt (x, u, next, memory) -> kept as a function of the program,
  * recursive least squares for each velocity alone. The plant's force less the machine's, over a period, is
- *   -damping v - coulomb sign(v) + offset - inertia v'
- * The four numbers are bounded; `range` scales them to at most 1. The memory has, for each velocity, the scaled
- * numbers (4), then their covariance (4, 4). */
+ * -damping v - coulomb sign(v) + offset - inertia v' The four numbers are bounded; `range` scales them to
+ * at most 1. The memory has, for each velocity, the scaled numbers (4), then their covariance (4, 4). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,8 +30,8 @@ static lg_var bounded(lg_tape *tape, lg_var s) {
     return lg_neg(tape, lg_max(tape, lg_neg(tape, above), row_of(tape, ones)));
 }
 
-/* Moves a number that left its bounds to the bound, and the others to where they are likeliest then; `row` are
- * the rows of the covariance. */
+/* Moves a number that left its bounds to the bound, and the others to where they are likeliest then; `row`
+ * are the rows of the covariance. */
 static lg_var stay_inside(const adaptation *a, lg_tape *tape, const lg_var *row, lg_var s) {
     for (uint32_t k = 0; k < NUMBERS; k++) {
         const lg_var by = lg_slice(tape, lg_sub(tape, bounded(tape, s), s), 1, k, 1),

@@ -1,6 +1,6 @@
-/* The observer of a controller: observe (seen, u, memory) -> kept as a function of the program, an extended
- * Kalman filter. The estimate (positions, then velocities) has the covariance L L^T; the memory has the estimate,
- * then L row by row. `seen` are positions, then 1 for each that is measured, else 0. */
+/* The observer of a controller: observe (seen, u, memory) -> kept as a function of the program, an
+ * extended Kalman filter. The estimate (positions, then velocities) has the covariance L L^T; the memory
+ * has the estimate, then L row by row. `seen` are positions, then 1 for each that is measured, else 0. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

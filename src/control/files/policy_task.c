@@ -136,8 +136,8 @@ static named find_name(lg_policy_task *task, const char *name) {
     return (named){NULL, false, NULL};
 }
 
-/* What an entry of a mapping is: where its numbers go, in a coordinate (positions, velocities) and an input; 0: it
- * may not be there. */
+/* What an entry of a mapping is: where its numbers go, in a coordinate (positions, velocities) and an
+ * input; 0: it may not be there. */
 typedef struct entries {
     uint32_t key;
     const char *what;
