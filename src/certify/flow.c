@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/portions.h"
 #include "kernels/lapack.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
@@ -219,19 +220,12 @@ typedef struct desk {
     uint8_t least[LG_FLOW_BOXES];
 } desk;
 
-static lg_bounds take(unsigned char *base, size_t *used, size_t width) {
-    const size_t bytes =
-        (LG_FLOW_BOXES * width * sizeof(double) + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-    lg_bounds b = {.width = width};
-    if (base != NULL) {
-        b.low = (double *)(void *)(base + *used);
-        b.high = (double *)(void *)(base + *used + bytes);
-    }
-    *used += 2 * bytes;
-    return b;
+static lg_bounds take(lg_portions *from, size_t width) {
+    double *low = lg_portion(from, LG_FLOW_BOXES * width, sizeof *low);
+    return (lg_bounds){low, lg_portion(from, LG_FLOW_BOXES * width, sizeof *low), width};
 }
 
-static desk desk_of(const lg_flow *w, unsigned char *base, size_t *used) {
+static desk desk_of(const lg_flow *w, void *base, size_t *used) {
     const size_t n = w->n, m = w->m, all = n * (n + m);
     size_t most[3] = {0}; /* bytes, inputs, outputs */
     for (size_t i = 0; i < EVALUATORS; i++) {
@@ -239,8 +233,8 @@ static desk desk_of(const lg_flow *w, unsigned char *base, size_t *used) {
                                  lg_interval_outputs(w->f[i])};
         for (size_t k = 0; k < 3; k++) most[k] = sizes[k] > most[k] ? sizes[k] : most[k];
     }
-    *used = (most[0] + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-    desk d = {.w = w, .evaluation = base};
+    lg_portions from = {base, 0};
+    desk d = {.w = w, .evaluation = lg_portion(&from, most[0], 1)};
     const struct {
         lg_bounds *to;
         size_t width;
@@ -267,9 +261,9 @@ static desk desk_of(const lg_flow *w, unsigned char *base, size_t *used) {
                   {&d.D, n},
                   {&d.Q, n * n},
                   {&d.next, n}};
-    for (size_t i = 0; i < LG_COUNT(all_of); i++) *all_of[i].to = take(base, used, all_of[i].width);
-    d.flags = base == NULL ? NULL : base + *used;
-    *used += (LG_FLOW_BOXES * most[2] + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
+    for (size_t i = 0; i < LG_COUNT(all_of); i++) *all_of[i].to = take(&from, all_of[i].width);
+    d.flags = lg_portion(&from, LG_FLOW_BOXES * most[2], 1);
+    *used = from.used;
     return d;
 }
 

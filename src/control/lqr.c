@@ -5,7 +5,8 @@
 #include "liegrad/control.h"
 
 #include "kernels/lapack.h"
-#include "control/internal.h"
+#include "core/portions.h"
+#include "kernels/matrix.h"
 #include "model/internal.h"
 
 /* ---- zero-order hold ---- */

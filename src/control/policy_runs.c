@@ -2,8 +2,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "control/internal.h"
 #include "control/policy.h"
+#include "core/portions.h"
 
 enum { ROWS = LG_POLICY_ROWS };
 
