@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "control/policy.h"
+#include "kernels/kernels.h"
 
 const char *lg_policy_kind_name(lg_policy_kind kind) {
     static const char *const names[LG_POLICY_KIND_COUNT] = {"lqr", "network", "energy"};
@@ -19,15 +20,10 @@ void lg_policy_task_init(lg_policy_task *task) {
 
 /* ---- checks ---- */
 
-static bool all_finite(const double *x, size_t n) {
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(x[i])) return false;
-    return true;
-}
-
 static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error) {
     const lg_policy_motion_row *row = lg_policy_motion_row_of(c->motion);
     if (row == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: unknown kind", c->name);
+    const lg_kernels *k = lg_kernels_for(LG_F64);
     const bool turns = c->motion > LG_POLICY_ANGLE;
     const double weights[] = {c->weight, c->weight_velocity}, noise[] = {c->noise, c->noise_velocity};
     const struct {
@@ -35,9 +31,9 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
         const char *says; /* of the names of the coordinate and of its kind */
     } checks[] = {
         {c->start[0] <= c->start[1] && c->start_velocity[0] <= c->start_velocity[1] &&
-             all_finite(c->start, 2) && all_finite(c->start_velocity, 2),
+             k->all_finite(2, c->start) && k->all_finite(2, c->start_velocity),
          "coordinate %s: starts need finite low <= high"},
-        {weights[0] >= 0.0 && weights[1] >= 0.0 && all_finite(weights, 2),
+        {weights[0] >= 0.0 && weights[1] >= 0.0 && k->all_finite(2, weights),
          "coordinate %s: weights of the cost must be finite and >= 0"},
         {c->follows == 0 || (c->motion == LG_POLICY_LINE && c->velocity[0] == '\0' && !c->track && !c->free),
          "%s is a lagged input, a line without velocity that cannot be tracked or free"},
@@ -49,7 +45,7 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
          "points"},
         {!c->integral || (!c->free && c->follows == 0 && !turns),
          "integral: %s has no error that can be integrated; integrals are of lines and angles"},
-        {noise[0] >= 0.0 && noise[1] >= 0.0 && all_finite(noise, 2),
+        {noise[0] >= 0.0 && noise[1] >= 0.0 && k->all_finite(2, noise),
          "coordinate %s: noise must be finite and >= 0"},
         {c->success > 0.0 && c->success_velocity > 0.0, "coordinate %s: bounds of success must be above 0"}};
     for (size_t i = 0; i < LG_COUNT(checks); i++)
