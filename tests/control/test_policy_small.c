@@ -435,7 +435,8 @@ TEST("a body that turns is certified if one gain serves all axes") {
     static const char turning[] =
         "columns: {time: t}\ncoordinates: [{name: R, kind: rotation, columns: [qw, "
         "qx, qy, qz], velocity: [wx, wy, wz]}]\ninputs: {columns: [a, b, c]}\nmass: "
-        "{kind: known, values: [1, 2, 3]}\ndamping: {kind: known, values: [0.5, 0.5, "
+        "{kind: known, values: [[1, 0.3, 0], [0.3, 2, 0.1], [0, 0.1, 3]]}\ndamping: {kind: known, values: "
+        "[0.5, 0.5, "
         "0.5]}\ninput_map: {kind: known, values: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}\n";
     lg_policy_task task = body_task(LG_POLICY_ENERGY);
     task.search = false;
