@@ -7,7 +7,6 @@
 
 #include "certify/linear_program.h"
 #include "autodiff/program/program.h"
-#include "kernels/lapack.h"
 #include "liegrad/ops.h"
 
 enum { STATES = 6, DEGREE = 12, TERMS = 500 };
@@ -137,6 +136,12 @@ static void fill_rows(fitting *f) {
         f->b[i] = (edge ? 1 : f->spec->decay * size) / norm;
     }
 }
+
+/* LAPACK: A = L Q by Householder reflections; then the first m rows of Q of k reflections. */
+extern void dgelqf_(const int *m, const int *n, double *a, const int *lda, double *tau, double *work,
+                    const int *lwork, int *info);
+extern void dorglq_(const int *m, const int *n, const int *k, double *a, const int *lda, const double *tau,
+                    double *work, const int *lwork, int *info);
 
 /* A = Q R; A becomes Q. LAPACK sees A^T = R^T Q^T. With y = R x the program is min (R^-T c)^T y with Q y
  * >= b. memory has room for R (n, n), then tau and work. */

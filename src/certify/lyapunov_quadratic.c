@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "certify/evolution.h"
-#include "core/portions.h"
+#include "control/portions.h"
 #include "kernels/lapack.h"
 #include "kernels/matrix.h"
 #include "liegrad/control.h"
@@ -82,7 +82,12 @@ static bool read_form(const searching *s, const double *theta, form *f) {
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
             for (size_t k = 0; k < n; k++) f->P[i * n + j] += f->L[i * n + k] * f->L[j * n + k];
-    lg_matrix_inverse_root(n, f->L, f->T);
+    for (size_t j = 0; j < n; j++)
+        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1, upper triangular */
+            double rest = i == j ? 1 : 0;
+            for (size_t k = i + 1; k <= j; k++) rest -= f->L[k * n + i] * f->T[k * n + j];
+            f->T[i * n + j] = rest / f->L[i * (n + 1)];
+        }
     f->top = (double)INFINITY;
     for (size_t i = 0; i < n; i++) {
         double row = 0;

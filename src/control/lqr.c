@@ -5,7 +5,7 @@
 #include "liegrad/control.h"
 
 #include "kernels/lapack.h"
-#include "core/portions.h"
+#include "control/portions.h"
 #include "kernels/matrix.h"
 #include "model/internal.h"
 
