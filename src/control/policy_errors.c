@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/tape/tape_internal.h"
 #include "control/policy.h"
 #include "liegrad/geometry.h"
 #include "model/record.h"
@@ -22,6 +23,12 @@ typedef struct motion {
 } motion;
 
 /* ---- lines and angles ---- */
+
+lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value) {
+    const lg_var full = lg_full(tape, lg_shape2(lg_var_shape(tape, x).dims[0], n), value);
+    lg_tape_mark_rows(tape, full);
+    return full;
+}
 
 static lg_var from_goal(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
     return lg_add_scalar(tape, q, -goal[0]);
