@@ -75,6 +75,19 @@ typedef struct export_file {
 } export_file;
 enum { EXPORT_MOST_FILES = 16 };
 
+/* A function of a bundle that keeps a memory, its last input and its output. In C the memory stays in
+ * place: a fragment of the function's name defines NAME_<function>, and calls the static
+ * NAME_<function>_next. The golden vectors lie on a run: row by row of the other inputs, from the memory
+ * `start` on. */
+typedef struct export_memory {
+    const char *function;
+    double *inputs; /* (rows, numbers of the other inputs) */
+    double *start;  /* (numbers) */
+    size_t rows, numbers;
+    size_t work; /* Numbers of work of the fragment alone. */
+} export_memory;
+enum { EXPORT_MOST_RUNS = 2 };
+
 /* The C of a model under construction. The texts hold finished C, in which the model's name is already
  * inserted. */
 typedef struct export_source {
@@ -84,14 +97,14 @@ typedef struct export_source {
      * and golden vectors then stand in the texts `sizes` and `test`. */
     bool bundle;
     size_t functions; /* Number of functions of a bundle. */
-    /* Of a bundle: more functions, separated by commas, that are static and have no prefix, for the fragments
-     * in `further_code`, which follows the bundle's code; and the function `further` of the self-test, which
-     * returns how much is wrong. All may be empty. */
-    text hidden, further_code, further_test;
-    size_t
-        further_work; /* Numbers of work that these fragments need besides the work of a hidden function. */
-    bool scene;       /* The program was made from a scene, a text file. */
-    bool maps; /* The program's functions are maps from inputs to outputs: none is the rate of a state. */
+    /* Of a bundle: fragments that follow the bundle's code; more code of the self-test, and its row of the
+     * table of functions. All may be empty. */
+    text further_code, further_test, further_row;
+    size_t further_size;                 /* Numbers of this row's output. */
+    export_memory run[EXPORT_MOST_RUNS]; /* Of functions with a memory. */
+    size_t runs;
+    bool scene; /* The program was made from a scene, a text file. */
+    bool maps;  /* The program's functions are maps from inputs to outputs: none is the rate of a state. */
     /* Stands between NAME_ and the names of the bundle's functions in C: "" or "c_". */
     const char *prefix;
     size_t work; /* NAME_WORK_SIZE: number of reals that is enough for every function. */

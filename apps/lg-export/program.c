@@ -19,7 +19,6 @@ typedef struct job {
     export_source *source;
     lg_program *program;
     lg_c_source *c;
-    size_t visible;   /* The first functions of `c`; fragments alone call the others. */
     double condition; /* Condition of the function that is being written. */
 } job;
 
@@ -140,18 +139,55 @@ lg_status export_amplification(lg_program *program, size_t function, const doubl
     return status;
 }
 
-/* Measures the condition of the function at random inputs; at least 1, rounded up to a whole number. */
-static void find_condition(job *j, size_t function, size_t depth) {
-    size_t ins;
+/* The run of a function with a memory, or NULL. */
+static const export_memory *run_of(const job *j, const char *function) {
+    const export_source *source = j->source;
+    for (size_t i = 0; i < source->runs; i++)
+        if (strcmp(source->run[i].function, function) == 0) return &source->run[i];
+    return NULL;
+}
+
+/* Inputs and outputs at `points` points along a run. */
+static void follow(const job *j, const export_evaluation *e, const export_memory *run, size_t points,
+                   double *x, double *y) {
+    const size_t ins = total(e->in, e->ins), outs = total(e->out, e->outs), given = ins - run->numbers;
+    APP_FREE double *row = app_alloc(ins, sizeof *row), *next = app_alloc(outs, sizeof *next);
+    memcpy(row + given, run->start, run->numbers * sizeof *row);
+    for (size_t k = 0, p = 0; k < run->rows; k++) {
+        memcpy(row, run->inputs + k * given, given * sizeof *row);
+        export_evaluate(e, row, next);
+        for (; p < points && p * run->rows / points == k; p++) {
+            memcpy(x + p * ins, row, ins * sizeof *x);
+            memcpy(y + p * outs, next, outs * sizeof *y);
+        }
+        for (size_t i = 0; i < run->numbers; i++) row[given + i] = export_round(j->source->options, next[i]);
+    }
+}
+
+/* Inputs and outputs at points that are drawn, or that lie on the function's run. */
+static void fill_points(const job *j, const export_evaluation *e, const char *function, uint64_t stream,
+                        size_t points, double *x, double *y) {
+    const export_memory *run = run_of(j, function);
+    const size_t outs = total(e->out, e->outs);
+    lg_rng rng;
+    lg_rng_seed(&rng, j->source->options->seed, stream);
+    for (size_t p = 0; p < points && run == NULL; p++) {
+        double *at = x;
+        for (size_t i = 0; i < e->ins; i++) x += draw(j, &e->in[i], &rng, x);
+        export_evaluate(e, at, y + p * outs);
+    }
+    if (run != NULL) follow(j, e, run, points, x, y);
+}
+
+/* Measures the condition of the function; at least 1, rounded up to a whole number. */
+static void find_condition(job *j, const export_evaluation *e, size_t function, size_t depth) {
     double found = 1;
     lg_error error = {LG_OK, ""};
-    lg_rng rng;
-    const lg_port *in = lg_program_inputs(j->program, function, &ins);
-    const size_t numbers = CONDITION_POINTS * total(in, ins);
-    APP_FREE double *x = app_alloc(numbers, sizeof *x);
-    lg_rng_seed(&rng, j->source->options->seed, GOLDEN_STREAM + 1);
-    for (size_t p = 0, at = 0; p < CONDITION_POINTS; p++)
-        for (size_t i = 0; i < ins; i++) at += draw(j, &in[i], &rng, x + at);
+    const size_t numbers = CONDITION_POINTS * total(e->in, e->ins);
+    APP_FREE double *x = app_alloc(numbers, sizeof *x),
+                    *y = app_alloc(CONDITION_POINTS * total(e->out, e->outs), sizeof *y);
+    fill_points(j, e, lg_program_function_name(j->program, function), GOLDEN_STREAM + 1, CONDITION_POINTS, x,
+                y);
     for (size_t i = 0; i < numbers; i++) x[i] = (double)(float)x[i];
     lg_status status = export_amplification(j->program, function, x, CONDITION_POINTS, depth, &found, &error);
     j->condition = isfinite(found) && found > 1 ? ceil(found) : 1;
@@ -174,15 +210,23 @@ static void add_golden(job *j, const char *name, const char *what, const double 
 }
 
 /* Writes run_<function> for the self-test: it calls the function with one vector for all inputs and one for
- * all outputs. */
+ * all outputs; a memory is copied to the first output. */
 static void add_run(job *j, const export_evaluation *e, const char *name) {
     text *to = &j->source->test;
-    lg_text_add(to, "static void run_%s(const real *x, real *y, int only, real *work) {\n    %s_%s%s(", name,
-                j->source->options->name, j->source->prefix, name);
-    for (size_t i = 0, at = 0; i < e->ins; at += lg_shape_count(e->in[i++].shape))
+    const bool keeps = run_of(j, name) != NULL;
+    lg_text_add(to, "static void run_%s(const real *x, real *y, int only, real *work) {\n    ", name);
+    if (keeps)
+        lg_text_add(
+            to, "static real other[%zu];\n    (void)only;\n    memcpy(y, x + %zu, %zu * sizeof *y);\n    ",
+            total(e->out, 1), total(e->in, e->ins - 1), total(e->out, 1));
+    lg_text_add(to, "%s_%s%s(", j->source->options->name, j->source->prefix, name);
+    for (size_t i = 0, at = 0; i < e->ins - keeps; at += lg_shape_count(e->in[i++].shape))
         lg_text_add(to, "x + %zu, ", at);
     for (size_t o = 0, at = 0; o < e->outs; at += lg_shape_count(e->out[o++].shape))
-        lg_text_add(to, "\n        only < 0 || only == %zu ? y + %zu : NULL, ", o, at);
+        if (keeps)
+            lg_text_add(to, "y, other, ");
+        else
+            lg_text_add(to, "\n        only < 0 || only == %zu ? y + %zu : NULL, ", o, at);
     lg_text_add(to, "work);\n}\n");
 }
 
@@ -202,16 +246,11 @@ static void add_function(job *j, size_t index, text *table, size_t *largest) {
     const char *name = lg_program_function_name(j->program, function);
     export_evaluation e;
     lg_error error = {LG_OK, ""};
-    lg_rng rng;
-    find_condition(j, function, depth);
     must(j, export_evaluation_open(j->program, function, LG_F64, SELF_TEST_WORK, &e, &error), &error);
+    find_condition(j, &e, function, depth);
     const size_t ins = total(e.in, e.ins), outs = total(e.out, e.outs), golden = (size_t)options->golden;
     APP_FREE double *x = app_alloc(golden * ins, sizeof *x), *y = app_alloc(golden * outs, sizeof *y);
-    lg_rng_seed(&rng, options->seed, GOLDEN_STREAM);
-    for (size_t g = 0, at = 0; g < golden; g++) {
-        for (size_t i = 0; i < e.ins; i++) at += draw(j, &e.in[i], &rng, x + at);
-        export_evaluate(&e, x + g * ins, y + g * outs);
-    }
+    fill_points(j, &e, name, GOLDEN_STREAM, golden, x, y);
     lg_text_add(&j->source->test, "\n");
     add_golden(j, name, "golden_x", x, golden * ins);
     add_golden(j, name, "golden_y", y, golden * outs);
@@ -226,29 +265,26 @@ static void add_function(job *j, size_t index, text *table, size_t *largest) {
 
 static void add_test(job *j) {
     text table = app_text(), *to = &j->source->test;
-    size_t largest = 1;
+    const export_source *source = j->source;
+    size_t largest = source->further_size > 0 ? source->further_size : 1;
     /* The fragment's types go before the tables, the code that uses them (from `mean_norm` on) goes after
      * them. */
-    char *fragment = app_format("%s", export_fragment_text("test_program")),
-         *rest = strstr(fragment, "static double mean_norm");
+    APP_FREE char *fragment = app_format("%s", export_fragment_text("test_program"));
+    char *rest = strstr(fragment, "static double mean_norm");
     *rest = '\0';
     lg_text_add(to, "enum { GOLDEN = %llu };\n#define EPSILON %s\n\n%s",
-                (unsigned long long)j->source->options->golden,
-                j->source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON", fragment);
-    for (size_t i = 0; i < j->visible; i++) add_function(j, i, &table, &largest);
+                (unsigned long long)source->options->golden,
+                source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON", fragment);
+    for (size_t i = 0; i < j->c->functions; i++) add_function(j, i, &table, &largest);
     lg_text_add(to,
-                "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, "
-                "NULL}};\nenum { LARGEST = %zu };\n\n",
-                table.data != NULL ? table.data : "", largest);
-    char *main = strstr(rest + 1, "int main");
-    *rest = 's', *main = '\0';
-    lg_text_add(to, "%s\n", export_fragment_text("test_norms"));
-    lg_text_add_named(to, j->source->options->name, rest);
-    if (j->source->further_test.length > 0)
-        lg_text_add(to, "%s\n#define FURTHER\n\n", j->source->further_test.data);
-    *main = 'i';
-    lg_text_add_named(to, j->source->options->name, main);
-    free(fragment);
+                "%s\nstatic const function functions[] = {\n%s%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, "
+                "NULL}};\nenum { LARGEST = %zu };\n\n%s\n",
+                source->further_test.data != NULL ? source->further_test.data : "",
+                table.data != NULL ? table.data : "",
+                source->further_row.data != NULL ? source->further_row.data : "", largest,
+                export_fragment_text("test_norms"));
+    *rest = 's';
+    lg_text_add_named(to, source->options->name, rest);
     lg_text_destroy(&table);
 }
 
@@ -297,27 +333,11 @@ static void choose(const job *j, const char *names, size_t *chosen, size_t *coun
     if (*count == 0) app_stop_usage(j->self, "--functions: no function is named");
 }
 
-/* Returns the functions' names in C, the first `visible` ones with the prefix. The caller frees each name and
- * the array. */
-static char **prefixed(const job *j, const lg_c_options *how, size_t visible) {
-    char **names = app_alloc(how->function_count, sizeof *names);
-    for (size_t i = 0; i < how->function_count; i++)
-        names[i] = app_format("%s%s", i < visible ? j->source->prefix : "",
-                              lg_program_function_name(j->program, how->functions[i]));
-    return names;
-}
-
-/* Adds the functions that only fragments call to the `visible` chosen ones. */
-static void choose_hidden(const job *j, size_t visible, lg_c_options *how, size_t *chosen, bool *hidden) {
-    choose(j, j->source->hidden.data, chosen + visible, &how->function_count);
-    for (size_t i = 0; i < how->function_count; i++) hidden[visible + i] = true;
-    how->function_count += visible;
-}
-
 static void write_code(job *j, const char *functions) {
     const size_t all = lg_program_functions(j->program);
-    APP_FREE size_t *chosen = app_alloc(2 * all, sizeof *chosen);
-    APP_FREE bool *hidden = app_alloc(2 * all, sizeof *hidden);
+    APP_FREE size_t *chosen = app_alloc(all, sizeof *chosen);
+    APP_FREE bool *hidden = app_alloc(all, sizeof *hidden);
+    APP_FREE char **names = app_alloc(all, sizeof *names);
     lg_error error = {LG_OK, ""};
     lg_c_options how;
     lg_c_options_init(&how);
@@ -328,23 +348,27 @@ static void write_code(job *j, const char *functions) {
     for (size_t i = 0; i < all; i++)
         if (!export_trains_only(j->program, i)) chosen[how.function_count++] = i;
     if (functions != NULL) choose(j, functions, chosen, &how.function_count);
-    j->visible = how.function_count;
-    if (j->source->hidden.length > 0) choose_hidden(j, j->visible, &how, chosen, hidden);
-    char **names = prefixed(j, &how, j->visible);
+    for (size_t i = 0; i < how.function_count; i++) {
+        const char *name = lg_program_function_name(j->program, chosen[i]);
+        hidden[i] = run_of(j, name) != NULL;
+        names[i] = app_format("%s%s%s", j->source->prefix, name, hidden[i] ? "_next" : "");
+    }
     how.names = (const char *const *)names;
     must(j, export_c(j->source, j->program, &how, 0, &j->c, &error), &error);
     for (size_t i = 0; i < how.function_count; i++) free(names[i]);
-    free(names);
 }
 
-/* Adds the sizes. The last line, about NAME_WORK_SIZE, is written anew if fragments need more. */
+/* Adds the sizes. The last line, about NAME_WORK_SIZE, is written anew if functions with a memory need
+ * more. */
 static void add_sizes(job *j) {
     export_source *source = j->source;
     size_t more = 0;
-    for (size_t i = j->visible; i < j->c->functions; i++) more = j->c->work[i] > more ? j->c->work[i] : more;
-    more += source->further_work;
+    for (size_t i = 0; i < j->c->functions; i++) {
+        const export_memory *run = run_of(j, lg_program_function_name(j->program, j->c->function[i]));
+        if (run != NULL && j->c->work[i] + run->work > more) more = j->c->work[i] + run->work;
+    }
     const char *last = strrchr(j->c->sizes, '#');
-    if (last == NULL || source->further_work == 0 || more <= source->work) {
+    if (last == NULL || more <= source->work) {
         lg_text_add(&source->sizes, "%s", j->c->sizes);
         return;
     }
@@ -364,9 +388,9 @@ void export_whole(const app *self, const char *path, lg_program *program, const 
     must(&j, export_round_parameters(source, program), NULL);
     write_code(&j, functions);
     source->bundle = true;
-    source->functions = j.visible;
+    source->functions = j.c->functions;
     source->depth = 1;
-    for (size_t i = 0; i < j.visible; i++)
+    for (size_t i = 0; i < j.c->functions; i++)
         source->depth = j.c->depth[i] > source->depth ? j.c->depth[i] : source->depth;
     add_sizes(&j);
     if (source->further_code.length > 0) lg_text_add(&source->code, "\n%s", source->further_code.data);

@@ -166,7 +166,7 @@ static const size_t texts[] = {offsetof(export_source, about),        offsetof(e
                                offsetof(export_source, delay),        offsetof(export_source, sizes),
                                offsetof(export_source, declarations), offsetof(export_source, arrays),
                                offsetof(export_source, weights),      offsetof(export_source, code),
-                               offsetof(export_source, hidden),       offsetof(export_source, further_code),
+                               offsetof(export_source, further_code), offsetof(export_source, further_row),
                                offsetof(export_source, further_test), offsetof(export_source, test),
                                offsetof(export_source, products),     offsetof(export_source, rules)};
 
@@ -188,7 +188,11 @@ void export_source_free(export_source *source) {
         free(source->files[i].name);
         lg_text_destroy(&source->files[i].content);
     }
-    source->file_count = 0;
+    for (size_t i = 0; i < source->runs; i++) {
+        free(source->run[i].inputs);
+        free(source->run[i].start);
+    }
+    source->file_count = source->runs = 0;
     free(source->start);
     source->start = NULL;
     source->golden = (export_golden){.count = 0};

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "certify/certify.h"
+#include "control/portions.h"
 
 /* Memory of one task: boxes with all inputs, middles, and outputs of both. */
 typedef struct desk {
@@ -14,12 +15,8 @@ typedef struct desk {
     void *work;
 } desk;
 
-static size_t round_up(size_t bytes) {
-    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-}
-
 static desk desk_of(const lg_certify *c, size_t task, size_t *bytes) {
-    unsigned char *base = c->work == NULL ? NULL : (unsigned char *)c->work + task * c->piece;
+    lg_portions from = {c->work == NULL ? NULL : (char *)c->work + task * c->piece, 0};
     const size_t boxes = LG_CERTIFY_TASK,
                  work[2] = {lg_interval_work_size(c->full),
                             c->flow != NULL ? lg_certify_held_work_size(c) : lg_interval_work_size(c->point)};
@@ -27,14 +24,11 @@ static desk desk_of(const lg_certify *c, size_t task, size_t *bytes) {
     const size_t wide = lg_interval_inputs(c->full),
                  sizes[8] = {wide, wide, c->n, all, all, few, few, (all + 7) / 8};
     double *parts[8];
-    size_t used = round_up(work[0] > work[1] ? work[0] : work[1]);
-    for (size_t i = 0; i < 8; i++) {
-        parts[i] = base == NULL ? NULL : (double *)(void *)(base + used);
-        used += round_up(boxes * sizes[i] * sizeof(double));
-    }
-    *bytes = used;
-    return (desk){parts[0], parts[1], parts[2], parts[3], parts[4], parts[5], parts[6], (uint8_t *)parts[7],
-                  base};
+    void *evaluation = lg_portion(&from, work[0] > work[1] ? work[0] : work[1], 1);
+    for (size_t i = 0; i < 8; i++) parts[i] = lg_portion(&from, boxes * sizes[i], sizeof(double));
+    *bytes = from.used;
+    return (desk){parts[0],  parts[1], parts[2], parts[3], parts[4], parts[5], parts[6], (uint8_t *)parts[7],
+                  evaluation};
 }
 
 lg_status lg_certify_memory(lg_certify *c) {

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "certify/certify.h"
+#include "control/portions.h"
 
 /* Boxes that are evaluated together, and the results of their flows */
 typedef struct held {
@@ -13,21 +14,15 @@ typedef struct held {
     void *work; /* of evaluators */
 } held;
 
-static void *take(unsigned char *base, size_t *used, size_t bytes) {
-    void *at = base == NULL ? NULL : base + *used;
-    *used += (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-    return at;
-}
-
-static held held_of(const lg_certify *c, unsigned char *base, size_t *used) {
+static held held_of(const lg_certify *c, void *base, size_t *used) {
     const size_t n = c->n, part = lg_interval_inputs(c->part), boxes = LG_FLOW_BOXES;
     const size_t most = lg_interval_outputs(c->part) + lg_interval_outputs(c->point);
     const size_t work[3] = {lg_flow_work_size(c->flow), lg_interval_work_size(c->part),
                             lg_interval_work_size(c->point)};
     held h = {.c = c, .F = {.width = n}, .S = {.width = n * n}, .X = {.width = n}};
-    *used = 0;
+    lg_portions from = {base, 0};
     for (int i = 0; i < 3; i++) { /* the flow reports parts while it uses its own memory */
-        void *one = take(base, used, work[i]);
+        void *one = lg_portion(&from, work[i], 1);
         if (i == 1) h.work = one;
     }
     const struct {
@@ -38,7 +33,8 @@ static held held_of(const lg_certify *c, unsigned char *base, size_t *used) {
                {&h.F.low, n},      {&h.F.high, n},      {&h.S.low, n * n}, {&h.S.high, n * n},
                {&h.X.low, n},      {&h.X.high, n}};
     for (size_t i = 0; i < LG_COUNT(all); i++)
-        *all[i].to = take(base, used, boxes * all[i].width * sizeof(double));
+        *all[i].to = lg_portion(&from, boxes * all[i].width, sizeof(double));
+    *used = from.used;
     return h;
 }
 

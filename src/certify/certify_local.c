@@ -102,7 +102,7 @@ lg_status lg_certify_whiten(lg_certify *c, lg_error *error) {
         for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1, upper triangular */
             double rest = i == j ? 1 : 0;
             for (size_t k = i + 1; k <= j; k++) rest -= L[k * n + i] * c->T[k * n + j];
-            c->T[i * n + j] = rest / L[i * n + i];
+            c->T[i * n + j] = rest / L[i * (n + 1)];
         }
     for (size_t i = 0; i < n; i++) c->determinant /= L[i * n + i];
     return lg_certify_check_coordinates(c, error);

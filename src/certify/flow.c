@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "control/portions.h"
+#include "kernels/lapack.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
 
@@ -194,24 +196,17 @@ static lg_status evaluators(lg_flow *w, lg_error *error) {
     return LG_OK;
 }
 
-/* The largest |eigenvalue| of a matrix (n, n): |A^(2^20)|^(2^-20); 0 if it is not finite */
+/* The largest |eigenvalue| of a matrix (n, n); 0 if they are not found */
 static double radius(size_t n, double *A) {
-    enum { SQUARINGS = 20, MOST = 16 };
-    double square[MOST * MOST], size = 0;
-    for (int k = 0; k <= SQUARINGS; k++) {
-        double most = 0;
-        for (size_t i = 0; i < n * n; i++) most = fmax(most, fabs(A[i]));
-        if (!(most > 0 && most < DBL_MAX)) return 0;
-        size += log(most) * ldexp(1, -k);
-        for (size_t i = 0; i < n; i++)
-            for (size_t j = 0; j < n; j++) {
-                square[i * n + j] = 0;
-                for (size_t l = 0; l < n; l++)
-                    square[i * n + j] += A[i * n + l] / most * (A[l * n + j] / most);
-            }
-        memcpy(A, square, n * n * sizeof *A);
-    }
-    return exp(size);
+    enum { MOST = 32, ROOM = 4 * MOST };
+    double re[MOST], im[MOST], work[ROOM], most = 0;
+    const int size = (int)n, room = ROOM, one = 1;
+    int info;
+    for (size_t i = 0; i < n * n; i++)
+        if (!isfinite(A[i])) return 0;
+    dgeev_("N", "N", &size, A, &size, re, im, NULL, &one, NULL, &one, work, &room, &info);
+    for (size_t i = 0; i < n && info == 0; i++) most = fmax(most, hypot(re[i], im[i]));
+    return most;
 }
 
 /* ---- work memory ---- */
@@ -225,19 +220,12 @@ typedef struct desk {
     uint8_t least[LG_FLOW_BOXES];
 } desk;
 
-static lg_bounds take(unsigned char *base, size_t *used, size_t width) {
-    const size_t bytes =
-        (LG_FLOW_BOXES * width * sizeof(double) + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-    lg_bounds b = {.width = width};
-    if (base != NULL) {
-        b.low = (double *)(void *)(base + *used);
-        b.high = (double *)(void *)(base + *used + bytes);
-    }
-    *used += 2 * bytes;
-    return b;
+static lg_bounds take(lg_portions *from, size_t width) {
+    double *low = lg_portion(from, LG_FLOW_BOXES * width, sizeof *low);
+    return (lg_bounds){low, lg_portion(from, LG_FLOW_BOXES * width, sizeof *low), width};
 }
 
-static desk desk_of(const lg_flow *w, unsigned char *base, size_t *used) {
+static desk desk_of(const lg_flow *w, void *base, size_t *used) {
     const size_t n = w->n, m = w->m, all = n * (n + m);
     size_t most[3] = {0}; /* bytes, inputs, outputs */
     for (size_t i = 0; i < EVALUATORS; i++) {
@@ -245,8 +233,8 @@ static desk desk_of(const lg_flow *w, unsigned char *base, size_t *used) {
                                  lg_interval_outputs(w->f[i])};
         for (size_t k = 0; k < 3; k++) most[k] = sizes[k] > most[k] ? sizes[k] : most[k];
     }
-    *used = (most[0] + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-    desk d = {.w = w, .evaluation = base};
+    lg_portions from = {base, 0};
+    desk d = {.w = w, .evaluation = lg_portion(&from, most[0], 1)};
     const struct {
         lg_bounds *to;
         size_t width;
@@ -273,9 +261,9 @@ static desk desk_of(const lg_flow *w, unsigned char *base, size_t *used) {
                   {&d.D, n},
                   {&d.Q, n * n},
                   {&d.next, n}};
-    for (size_t i = 0; i < LG_COUNT(all_of); i++) *all_of[i].to = take(base, used, all_of[i].width);
-    d.flags = base == NULL ? NULL : base + *used;
-    *used += (LG_FLOW_BOXES * most[2] + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
+    for (size_t i = 0; i < LG_COUNT(all_of); i++) *all_of[i].to = take(&from, all_of[i].width);
+    d.flags = lg_portion(&from, LG_FLOW_BOXES * most[2], 1);
+    *used = from.used;
     return d;
 }
 

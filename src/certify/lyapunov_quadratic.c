@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "certify/evolution.h"
+#include "control/portions.h"
 #include "kernels/lapack.h"
 #include "kernels/matrix.h"
 #include "liegrad/control.h"
@@ -42,16 +43,16 @@ typedef struct desk {
     void *work;
 } desk;
 
-static size_t padded(size_t bytes) {
-    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-}
-
-static desk desk_of(const searching *s, size_t number) {
-    unsigned char *at = s->desks + number * s->desk_bytes;
-    const size_t rows = padded(ROWS * s->n * sizeof(double));
-    return (desk){(double *)(void *)at, (double *)(void *)(at + rows), (double *)(void *)(at + 2 * rows),
-                  (double *)(void *)(at + 3 * rows),
-                  at + 3 * rows + padded((s->m * s->n + 1) * sizeof(double))};
+/* Desk number `number`; without memory for desks its bytes are counted. */
+static desk desk_of(const searching *s, size_t number, size_t *bytes) {
+    lg_portions from = {s->desks == NULL ? NULL : (char *)s->desks + number * s->desk_bytes, 0};
+    desk d;
+    double **const arrays[] = {&d.z, &d.x, &d.rate};
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) *arrays[i] = lg_portion(&from, ROWS * s->n, sizeof *d.z);
+    d.K = lg_portion(&from, s->m * s->n + 1, sizeof *d.K);
+    d.work = lg_portion(&from, lg_plan_work_size(s->plan), 1);
+    if (bytes != NULL) *bytes = from.used;
+    return d;
 }
 
 void lg_lyapunov_search_init(lg_lyapunov_search *search) {
@@ -261,7 +262,7 @@ static lg_status column_of(searching *s, const desk *d, size_t i, size_t input, 
 /* A (n, n) without gains, and B from what a gain of 1 on the first state changes. */
 static lg_status linearise(searching *s) {
     static const double step = 1e-6;
-    const desk d = desk_of(s, 0);
+    const desk d = desk_of(s, 0, NULL);
     double column[STATES];
     for (size_t i = 0; i < s->n; i++) {
         LG_TRY(column_of(s, &d, i, SIZE_MAX, step, column));
@@ -327,7 +328,7 @@ static lg_status fails_everywhere(lg_error *error) {
 static lg_status first_proposals(searching *s, best *b, lg_error *error) {
     const size_t bytes = lg_riccati_work_size(s->n, s->m > 0 ? s->m : 1);
     void *work = lg_alloc(s->context, bytes, 1);
-    const desk d = desk_of(s, 0);
+    const desk d = desk_of(s, 0, NULL);
     lg_rng rng;
     if (work == NULL) return LG_OUT_OF_MEMORY;
     lg_rng_seed(&rng, s->spec->seed, 12);
@@ -391,7 +392,7 @@ static void move(searching *s, const form *f, attacker *a, const double *z, doub
 static void attack(searching *s, const best *b, lg_rng *rng) {
     enum { STEPS = 12 };
     const size_t n = s->n;
-    const desk d = desk_of(s, 0);
+    const desk d = desk_of(s, 0, NULL);
     attacker attackers[ROWS] = {{{0}, 0}};
     double rise[ROWS], spread = 1;
     form f;
@@ -410,7 +411,7 @@ static void attack(searching *s, const best *b, lg_rng *rng) {
 
 static void task(void *user, size_t number) {
     searching *s = user;
-    const desk d = desk_of(s, number);
+    const desk d = desk_of(s, number, NULL);
     double level;
     s->values[number] = worth(s, s->evolution.x + number * s->numbers, &d, &level);
 }
@@ -432,7 +433,7 @@ static void spread_of(const searching *s, const double *theta, double *spread) {
 
 /* Judges the best proposal again, with all of the pool, and another one that may replace it. */
 static void judge(const searching *s, const double *other, best *b) {
-    const desk d = desk_of(s, 0);
+    const desk d = desk_of(s, 0, NULL);
     double level = 0, value = worth(s, b->theta, &d, &b->level);
     b->value = value == value ? value : -DBL_MAX;
     value = worth(s, other, &d, &level);
@@ -557,8 +558,7 @@ static lg_status prepare(searching *s, const lg_program *program, size_t functio
     LG_TRY(lg_plan_create(program, function, &options, &s->plan, error));
     const size_t members = 4 + (size_t)(3 * log((double)s->numbers)), n = s->n;
     s->evolution.members = members;
-    s->desk_bytes = 3 * padded(ROWS * n * sizeof(double)) + padded((s->m * n + 1) * sizeof(double)) +
-                    padded(lg_plan_work_size(s->plan));
+    (void)desk_of(s, 0, &s->desk_bytes);
     s->desks = lg_alloc(s->context, members, s->desk_bytes);
     s->y = lg_alloc(s->context, (s->directions + POOL) * n, sizeof *s->y);
     if (s->desks == NULL || s->y == NULL) return LG_OUT_OF_MEMORY;

@@ -4,7 +4,8 @@
 
 #include "liegrad/control.h"
 
-#include "control/internal.h"
+#include "control/portions.h"
+#include "kernels/matrix.h"
 #include "model/internal.h"
 
 struct lg_ekf {

@@ -5,7 +5,8 @@
 #include "liegrad/control.h"
 
 #include "kernels/lapack.h"
-#include "control/internal.h"
+#include "control/portions.h"
+#include "kernels/matrix.h"
 #include "model/internal.h"
 
 /* ---- zero-order hold ---- */
@@ -104,21 +105,8 @@ static void set_powers(hold *s, int halvings) {
 /* M <- exp(M): Pade's approximation of exp(M / 2^k), squared k times. LAPACK sees row-major matrices as their
  * transposes; that is no problem here, because numerator and denominator commute. */
 static void exponential(hold *s) {
-    /* (26 - k)! 13!/(26! k! (13 - k)!) */
-    static const double b[] = {1.0,
-                               1.0 / 2,
-                               3.0 / 25,
-                               11.0 / 600,
-                               11.0 / 5520,
-                               3.0 / 18400,
-                               1.0 / 96600,
-                               1.0 / 1932000,
-                               1.0 / 48944000,
-                               1.0 / 1585785600,
-                               1.0 / 67395888000,
-                               1.0 / 3953892096000,
-                               1.0 / 355850288640000,
-                               1.0 / 64764752532480000};
+    double b[14] = {1.0}; /* (26 - k)! 13!/(26! k! (13 - k)!) */
+    for (int k = 1; k < 14; k++) b[k] = b[k - 1] * (14 - k) / (k * (27 - k));
     const size_t n = s->rows;
     const int size = (int)n;
     const double norm = largest_row(n, s->M);

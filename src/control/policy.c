@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "control/policy.h"
+#include "kernels/kernels.h"
 
 const char *lg_policy_kind_name(lg_policy_kind kind) {
     static const char *const names[LG_POLICY_KIND_COUNT] = {"lqr", "network", "energy"};
@@ -20,41 +21,35 @@ void lg_policy_task_init(lg_policy_task *task) {
 /* ---- checks ---- */
 
 static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error) {
-    if (lg_policy_motion_row_of(c->motion) == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: unknown kind", c->name);
-    if (!(c->start[0] <= c->start[1] && isfinite(c->start[0]) && isfinite(c->start[1])) ||
-        !(c->start_velocity[0] <= c->start_velocity[1] && isfinite(c->start_velocity[0]) &&
-          isfinite(c->start_velocity[1])))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: starts need finite low <= high", c->name);
-    if (!(c->weight >= 0.0 && isfinite(c->weight) && c->weight_velocity >= 0.0 &&
-          isfinite(c->weight_velocity)))
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "coordinate %s: weights of the cost must be finite and >= 0", c->name);
-    if (c->follows > 0 && (c->motion != LG_POLICY_LINE || c->velocity[0] != '\0' || c->track || c->free))
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "%s is a lagged input, a line without velocity that cannot be tracked or free",
-                       c->name);
-    if (c->track && c->motion > LG_POLICY_ANGLE)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "track: %s is a %s; set points are of lines and angles",
-                       c->name, lg_policy_motion_row_of(c->motion)->name);
-    if (c->free && c->motion > LG_POLICY_ANGLE)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "free: %s is a %s; only lines and angles can be free",
-                       c->name, lg_policy_motion_row_of(c->motion)->name);
-    if (c->free &&
-        (c->track || c->goal[0] != 0.0 || c->weight != 0.0 || c->noise != 0.0 || isfinite(c->success)))
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "free: the position of %s is no error, so it has no goal, weight, bound of success, "
-                       "noise and set points",
-                       c->name);
-    if (c->integral && (c->free || c->follows > 0 || c->motion > LG_POLICY_ANGLE))
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "integral: %s has no error that can be integrated; integrals are of lines and angles",
-                       c->name);
-    if (!(c->noise >= 0.0 && c->noise_velocity >= 0.0 && isfinite(c->noise) && isfinite(c->noise_velocity)))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: noise must be finite and >= 0", c->name);
-    if (!(c->success > 0.0) || !(c->success_velocity > 0.0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: bounds of success must be above 0",
-                       c->name);
+    const lg_policy_motion_row *row = lg_policy_motion_row_of(c->motion);
+    if (row == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "coordinate %s: unknown kind", c->name);
+    const lg_kernels *k = lg_kernels_for(LG_F64);
+    const bool turns = c->motion > LG_POLICY_ANGLE;
+    const double weights[] = {c->weight, c->weight_velocity}, noise[] = {c->noise, c->noise_velocity};
+    const struct {
+        bool fits;
+        const char *says; /* of the names of the coordinate and of its kind */
+    } checks[] = {
+        {c->start[0] <= c->start[1] && c->start_velocity[0] <= c->start_velocity[1] &&
+             k->all_finite(2, c->start) && k->all_finite(2, c->start_velocity),
+         "coordinate %s: starts need finite low <= high"},
+        {weights[0] >= 0.0 && weights[1] >= 0.0 && k->all_finite(2, weights),
+         "coordinate %s: weights of the cost must be finite and >= 0"},
+        {c->follows == 0 || (c->motion == LG_POLICY_LINE && c->velocity[0] == '\0' && !c->track && !c->free),
+         "%s is a lagged input, a line without velocity that cannot be tracked or free"},
+        {!c->track || !turns, "track: %s is a %s; set points are of lines and angles"},
+        {!c->free || !turns, "free: %s is a %s; only lines and angles can be free"},
+        {!c->free ||
+             (!c->track && c->goal[0] == 0.0 && c->weight == 0.0 && c->noise == 0.0 && !isfinite(c->success)),
+         "free: the position of %s is no error, so it has no goal, weight, bound of success, noise and set "
+         "points"},
+        {!c->integral || (!c->free && c->follows == 0 && !turns),
+         "integral: %s has no error that can be integrated; integrals are of lines and angles"},
+        {noise[0] >= 0.0 && noise[1] >= 0.0 && k->all_finite(2, noise),
+         "coordinate %s: noise must be finite and >= 0"},
+        {c->success > 0.0 && c->success_velocity > 0.0, "coordinate %s: bounds of success must be above 0"}};
+    for (size_t i = 0; i < LG_COUNT(checks); i++)
+        if (!checks[i].fits) return lg_fail(error, LG_INVALID_ARGUMENT, checks[i].says, c->name, row->name);
     return LG_OK;
 }
 

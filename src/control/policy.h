@@ -39,12 +39,8 @@ uint32_t lg_policy_features(const lg_policy_task *task);
 lg_var lg_policy_record_features(lg_tape *tape, const lg_policy_task *task, const double *scales,
                                  lg_policy_seen seen);
 lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_var given);
-/* Position and velocity at the errors z from the goal, numerically: a rotation turns by the vector z. */
-void lg_policy_retract(const lg_policy_task *task, const lg_policy_layout *layout, const double *z, double *q,
-                       double *v);
-/* The tangent of lg_policy_retract at 0: q = goal + T z, v = U z; T (positions, errors), U (velocities,
- * errors). */
-void lg_policy_tangent(const lg_policy_task *task, const lg_policy_layout *layout, double *T, double *U);
+/* Record the position and velocity at the errors z from the goal: a rotation turns by the vector z. */
+lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy_task *task, lg_var z);
 /* Sensors' noise. noise (B, n) has numbers for the positions, then for the velocities, 3 for a direction or
  * rotation: it turns by that vector, to first order. The standard deviations go to `sizes` (NULL: only n is
  * wanted). */
@@ -137,8 +133,8 @@ lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value);
 
 /* ---- functions of the program (policy_program.c) ---- */
 
-/* Makes a program with the plant's functions and the plant's parameters. A further parameter `policy` (zeros)
- * is added if the policy has parameters. */
+/* Makes a program with the plant's functions, retract (z) -> x, and the plant's parameters. A further
+ * parameter `policy` (zeros) is added if the policy has parameters. */
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error);
 /* Adds period (x, u) -> next, errors (x) -> z, lagged (a, u) -> next if the plant has lags, linear (z, u)
  * -> z of the next period from the tangent at the goal, and jac_linear; then regulated (x, K) -> next,
@@ -177,6 +173,17 @@ void lg_policy_plans_destroy(lg_policy_plans *plans);
  * threads. */
 #define LG_POLICY_ROWS 64
 
+/* ---- machines of one coordinate (policy_rotation.c) ---- */
+
+/* p = M v and, with n velocities, p' - p x v = rest - D v + B u: M, D (n, n), B (n, inputs); n is 1, or 3
+ * in the axes of a body. */
+typedef struct lg_policy_body {
+    double rest[3], mass[9], damping[9], map[3 * LG_POLICY_INPUTS];
+} lg_policy_body;
+/* Finds M, D and B of a policy of kind energy, whose machine has one coordinate, and compares them at
+ * positions all around and at rates up to ten times the largest of the starts. */
+lg_status lg_policy_probe(const lg_policy *policy, lg_policy_body *out, lg_error *error);
+
 /* ---- positions that may be shifted: tracked or free ones (policy_track.c) ---- */
 
 /* Compares the motion of a machine with and without a shift of each free and, if `tracked`, of each tracked
@@ -188,7 +195,7 @@ lg_status lg_policy_check_shifts(const lg_policy *policy, bool tracked, uint64_t
 /* States (count, state) from positions and velocities. */
 lg_status lg_policy_states_at(const lg_policy *policy, const double *q, const double *v, size_t count,
                               double *x, lg_error *error);
-/* States (count, state) from errors z (count, errors), by the retraction and the plant's `momenta`. */
+/* States (count, state) from errors z (count, errors), by the function retract. */
 lg_status lg_policy_states(const lg_policy *policy, const double *z, size_t count, double *x,
                            lg_error *error);
 /* Draws the states (count, state) of starts and, unless u is NULL, inputs (count, inputs) in their limits. */

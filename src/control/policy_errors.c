@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/tape/tape_internal.h"
 #include "control/policy.h"
 #include "liegrad/geometry.h"
 #include "model/record.h"
@@ -12,18 +13,22 @@ typedef struct motion {
     uint32_t features;
     /* q is (B, position). `sine` are the errors times cos(a/2) with the angle a from the goal; without
      * `cosine` they are the errors. The cost is 2 (1 - cos a), or the square. A row whose position has no
-     * errors has no sine, features_of and tangent. */
+     * errors has no sine and features_of. */
     lg_var (*sine)(lg_tape *tape, const double *goal, const double *basis, lg_var q);
     lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q); /* cos a (B, 1); NULL: a line */
     lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q);
     lg_var (*given)(lg_tape *tape, lg_var q); /* position from the controller's; NULL: the same numbers */
     lg_var (*noisy)(lg_tape *tape, lg_var q, lg_var n); /* q with the noise n */
-    /* Position and velocity (in the machine's frame) from errors. */
-    void (*retract)(const double *goal, const double *basis, const double *z, double *q);
-    void (*tangent)(const double *goal, const double *basis, double *T); /* dq/dz (position, errors) at 0 */
+    lg_var (*place)(lg_tape *tape, const double *goal, const double *basis, lg_var z); /* q from errors */
 } motion;
 
 /* ---- lines and angles ---- */
+
+lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value) {
+    const lg_var full = lg_full(tape, lg_shape2(lg_var_shape(tape, x).dims[0], n), value);
+    lg_tape_mark_rows(tape, full);
+    return full;
+}
 
 static lg_var from_goal(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
     return lg_add_scalar(tape, q, -goal[0]);
@@ -33,20 +38,16 @@ static lg_var line_features(lg_tape *tape, const double *goal, lg_var q) {
     return from_goal(tape, goal, NULL, q);
 }
 
-static void line_retract(const double *goal, const double *basis, const double *z, double *q) {
-    q[0] = goal[0] + z[0];
-}
-
-static void line_tangent(const double *goal, const double *basis, double *T) {
-    T[0] = 1.0;
+static lg_var line_place(lg_tape *tape, const double *goal, const double *basis, lg_var z) {
+    return lg_add_scalar(tape, z, goal[0]);
 }
 
 static lg_var line_noisy(lg_tape *tape, lg_var q, lg_var n) {
     return lg_add(tape, q, n);
 }
 
-static void free_retract(const double *goal, const double *basis, const double *z, double *q) {
-    q[0] = goal[0];
+static lg_var free_place(lg_tape *tape, const double *goal, const double *basis, lg_var z) {
+    return lg_policy_filled(tape, z, 1, goal[0]);
 }
 
 static lg_var angle_sine(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
@@ -80,15 +81,15 @@ static lg_var direction_noisy(lg_tape *tape, lg_var q, lg_var n) {
     return lg_add(tape, q, lg_cross(tape, n, q));
 }
 
-static void direction_retract(const double *goal, const double *basis, const double *z, double *q) {
-    double along[3], axis[3];
-    for (int i = 0; i < 3; i++) along[i] = basis[2 * i] * z[0] + basis[2 * i + 1] * z[1];
-    lg_cross3(goal, along, axis);
-    lg_so3_exp_act(axis, goal, q);
+static lg_var along(lg_tape *tape, const double *basis, lg_var z) {
+    return lg_matmul_nt(tape, z, lg_input_f64(tape, lg_shape2(3, 2), basis));
 }
 
-static void direction_tangent(const double *goal, const double *basis, double *T) {
-    memcpy(T, basis, 6 * sizeof *T);
+/* cos|z| goal + sin|z|/|z| z, z in the plane across the goal */
+static lg_var direction_place(lg_tape *tape, const double *goal, const double *basis, lg_var z) {
+    const lg_var c = lg_stumpff_functions(tape, lg_rownorm2(tape, z), 1);
+    return lg_add(tape, lg_mul(tape, along(tape, basis, z), lg_slice(tape, c, 1, 1, 1)),
+                  lg_mul(tape, lg_slice(tape, c, 1, 0, 1), lg_input_f64(tape, lg_shape2(1, 3), goal)));
 }
 
 /* ---- rotations ---- */
@@ -124,25 +125,22 @@ static lg_var rotation_noisy(lg_tape *tape, lg_var q, lg_var n) {
     return lg_add(tape, q, lg_concat(tape, rows, 3, 1));
 }
 
-static void rotation_retract(const double *goal, const double *basis, const double *z, double *q) {
-    double by[9];
-    lg_so3_exp(z, by);
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) {
-            q[3 * i + j] = 0.0;
-            for (int k = 0; k < 3; k++) q[3 * i + j] += goal[3 * i + k] * by[3 * k + j];
-        }
-}
-
-static void rotation_tangent(const double *goal, const double *basis, double *T) {
+/* goal exp(z): row i is g_i + c_1 g_i x z + c_2 (g_i x z) x z with Stumpff functions of |z|^2. */
+static lg_var rotation_place(lg_tape *tape, const double *goal, const double *basis, lg_var z) {
     static const double hat[9][3] = {{0},        {0, 0, -1}, {0, 1, 0}, {0, 0, 1}, {0},
                                      {-1, 0, 0}, {0, -1, 0}, {1, 0, 0}, {0}};
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            for (int l = 0; l < 3; l++) {
-                T[(3 * i + j) * 3 + l] = 0.0;
-                for (int k = 0; k < 3; k++) T[(3 * i + j) * 3 + l] += goal[3 * i + k] * hat[3 * k + j][l];
-            }
+    const lg_var c = lg_stumpff_functions(tape, lg_rownorm2(tape, z), 2);
+    double T[27] = {0};
+    lg_var rows[3];
+    for (int i = 0; i < 27; i++)
+        for (int k = 0; k < 3; k++) T[i] += goal[i / 9 * 3 + k] * hat[3 * k + i / 3 % 3][i % 3];
+    const lg_var first = lg_matmul_nt(tape, z, lg_input_f64(tape, lg_shape2(9, 3), T));
+    for (uint32_t i = 0; i < 3; i++) {
+        const lg_var once = lg_slice(tape, first, 1, 3 * i, 3), twice = lg_cross(tape, once, z);
+        rows[i] = lg_add(tape, lg_mul(tape, once, lg_slice(tape, c, 1, 1, 1)),
+                         lg_mul(tape, twice, lg_slice(tape, c, 1, 2, 1)));
+    }
+    return lg_add(tape, lg_concat(tape, rows, 3, 1), lg_input_f64(tape, lg_shape2(1, 9), goal));
 }
 
 /* R from a quaternion w x y z of any length but 0: products of two numbers of it, then a linear map. */
@@ -168,24 +166,10 @@ static lg_var rotation_given(lg_tape *tape, lg_var q) {
 enum { FREE = LG_POLICY_MOTION_COUNT };
 
 static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
-    [LG_POLICY_LINE] = {{"line", 1, 1, 1, 1, 1},
-                        1,
-                        from_goal,
-                        NULL,
-                        line_features,
-                        NULL,
-                        line_noisy,
-                        line_retract,
-                        line_tangent},
-    [LG_POLICY_ANGLE] = {{"angle", 1, 1, 1, 1, 1},
-                         2,
-                         angle_sine,
-                         angle_cosine,
-                         angle_features,
-                         NULL,
-                         line_noisy,
-                         line_retract,
-                         line_tangent},
+    [LG_POLICY_LINE] =
+        {{"line", 1, 1, 1, 1, 1}, 1, from_goal, NULL, line_features, NULL, line_noisy, line_place},
+    [LG_POLICY_ANGLE] =
+        {{"angle", 1, 1, 1, 1, 1}, 2, angle_sine, angle_cosine, angle_features, NULL, line_noisy, line_place},
     [LG_POLICY_DIRECTION] = {{"direction", 3, 3, 3, 2, 2},
                              3,
                              direction_sine,
@@ -193,8 +177,7 @@ static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
                              direction_features,
                              NULL,
                              direction_noisy,
-                             direction_retract,
-                             direction_tangent},
+                             direction_place},
     [LG_POLICY_ROTATION] = {{"rotation", 9, 4, 3, 3, 3},
                             9,
                             rotation_sine,
@@ -202,9 +185,8 @@ static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
                             rotation_features,
                             rotation_given,
                             rotation_noisy,
-                            rotation_retract,
-                            rotation_tangent},
-    [FREE] = {{"free", 1, 1, 1, 0, 1}, .noisy = line_noisy, .retract = free_retract}};
+                            rotation_place},
+    [FREE] = {{"free", 1, 1, 1, 0, 1}, .noisy = line_noisy, .place = free_place}};
 
 const lg_policy_motion_row *lg_policy_motion_row_of(lg_policy_motion kind) {
     return (uint32_t)kind < LG_POLICY_MOTION_COUNT ? &motions[kind].sizes : NULL;
@@ -427,6 +409,28 @@ lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy_task *task,
     return seen;
 }
 
+lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy_task *task, lg_var z) {
+    lg_policy_layout layout;
+    lg_var q[LG_POLICY_COORDINATES], v[LG_POLICY_COORDINATES];
+    uint32_t n = 0;
+    lg_policy_lay_out(task, &layout);
+    for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
+        const lg_policy_motion_row *sizes = lg_policy_row_of(c);
+        const lg_var own = held(c) ? lg_columns(tape, z, layout.at[i].error, sizes->errors) : z;
+        q[i] = motion_of(c)->place(tape, c->goal, layout.basis[i], own);
+        if (!moves(c)) continue;
+        v[n] = lg_columns(tape, z, layout.at[i].rate, sizes->rates);
+        if (c->motion == LG_POLICY_DIRECTION) { /* omega stays across q */
+            v[n] = along(tape, layout.basis[i], v[n]);
+            v[n] = lg_sub(tape, v[n], lg_mul(tape, q[i], lg_rowdot(tape, v[n], q[i])));
+        }
+        n++;
+    }
+    return (lg_policy_seen){lg_joined(tape, q, task->coordinate_count),
+                            n > 0 ? lg_joined(tape, v, n) : LG_NONE};
+}
+
 lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_var given) {
     lg_policy_layout layout;
     lg_var parts[LG_POLICY_COORDINATES];
@@ -437,55 +441,6 @@ lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_
         if (m->given != NULL) parts[i] = m->given(tape, parts[i]);
     }
     return lg_joined(tape, parts, task->coordinate_count);
-}
-
-/* ---- numbers ---- */
-
-static void rate_of(const lg_policy_coordinate *c, const double *basis, const double *z, double *v) {
-    const uint32_t n = lg_policy_row_of(c)->velocity;
-    if (c->motion != LG_POLICY_DIRECTION) {
-        memcpy(v, z, n * sizeof *v);
-        return;
-    }
-    for (int i = 0; i < 3; i++) v[i] = basis[2 * i] * z[0] + basis[2 * i + 1] * z[1];
-}
-
-void lg_policy_retract(const lg_policy_task *task, const lg_policy_layout *layout, const double *z, double *q,
-                       double *v) {
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
-        const lg_policy_place *at = &layout->at[i];
-        double *to = q + at->position;
-        motion_of(c)->retract(c->goal, layout->basis[i], z + at->error, to);
-        if (!moves(c)) continue;
-        double *rate = v + at->velocity;
-        rate_of(c, layout->basis[i], z + at->rate, rate);
-        if (c->motion != LG_POLICY_DIRECTION) continue;
-        const double along = lg_dot3(rate, to); /* omega stays across q */
-        for (int k = 0; k < 3; k++) rate[k] -= along * to[k];
-    }
-}
-
-void lg_policy_tangent(const lg_policy_task *task, const lg_policy_layout *layout, double *T, double *U) {
-    const uint32_t n = layout->errors;
-    memset(T, 0, (size_t)layout->positions * n * sizeof *T);
-    memset(U, 0, (size_t)layout->velocities * n * sizeof *U);
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
-        const lg_policy_motion_row *sizes = lg_policy_row_of(c);
-        const lg_policy_place *at = &layout->at[i];
-        double block[27];
-        if (held(c)) motion_of(c)->tangent(c->goal, layout->basis[i], block);
-        for (uint32_t a = 0; a < sizes->position; a++)
-            for (uint32_t b = 0; b < sizes->errors; b++)
-                T[(at->position + a) * n + at->error + b] = block[a * sizes->errors + b];
-        for (uint32_t b = 0; moves(c) && b < sizes->rates; b++) {
-            double unit[3] = {0, 0, 0}, rate[3];
-            unit[b] = 1.0;
-            rate_of(c, layout->basis[i], unit, rate);
-            for (uint32_t a = 0; a < sizes->velocity; a++) U[(at->velocity + a) * n + at->rate + b] = rate[a];
-        }
-    }
 }
 
 static void draw_axis(lg_rng *rng, uint32_t n, double length, double *z) {

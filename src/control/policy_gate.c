@@ -52,7 +52,7 @@ lg_status lg_policy_bound_gate(const lg_policy *p, const double *P, double level
     if (!lg_matrix_cholesky(n, P, L) || !(level > 0))
         return lg_fail(error, LG_INVALID_ARGUMENT, "P is not positive definite, or the level is not above 0");
     for (size_t j = 0; j < n; j++)
-        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1 */
+        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1, upper triangular */
             double rest = i == j ? 1 : 0;
             for (size_t k = i + 1; k <= j; k++) rest -= L[k * n + i] * T[k * n + j];
             T[i * n + j] = rest / L[i * (n + 1)];

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "control/internal.h"
 #include "control/policy_gradient.h"
+#include "control/portions.h"
 
 enum { ROWS = LG_POLICY_ROWS };
 

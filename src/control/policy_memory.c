@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "autodiff/tape/tape_internal.h"
 #include "control/policy.h"
 #include "model/record.h"
 
@@ -83,12 +82,6 @@ static uint32_t line_at(const lg_policy *p, uint32_t input) {
 
 lg_var lg_policy_plant_part(lg_tape *tape, const lg_policy *p, lg_var x) {
     return p->memory.count > 0 ? lg_columns(tape, x, 0, p->memory.plant) : x;
-}
-
-lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value) {
-    const lg_var full = lg_full(tape, lg_shape2(lg_var_shape(tape, x).dims[0], n), value);
-    lg_tape_mark_rows(tape, full);
-    return full;
 }
 
 /* ---- functions of the plant for states with a memory ---- */

@@ -14,7 +14,7 @@ static bool is_own(const lg_program *program, const char *name) {
     char plant[32];
     size_t found;
     (void)snprintf(plant, sizeof plant, "plant_%.20s", name);
-    return strcmp(name, "errors") == 0 || strcmp(name, "period") == 0 ||
+    return strcmp(name, "retract") == 0 || strcmp(name, "errors") == 0 || strcmp(name, "period") == 0 ||
            lg_program_find(program, plant, &found, NULL) == LG_OK;
 }
 
@@ -31,26 +31,6 @@ static lg_status copy_functions(const lg_policy *policy, const lg_program *plant
         lg_function_image_destroy(image);
     }
     return status;
-}
-
-lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error) {
-    const size_t own = policy->parameters > 0 ? 1 : 0;
-    size_t count = lg_program_parameters(plant) + own;
-    if (own && count > 1 && strcmp(lg_program_parameter(plant, count - 2).name, "policy") == 0) count--;
-    lg_parameter_spec *parameters = lg_alloc(policy->context, count, sizeof *parameters);
-    lg_program_spec spec;
-    if (parameters == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
-    for (size_t i = 0; i + own < count; i++) parameters[i] = lg_program_parameter(plant, i);
-    if (own)
-        parameters[count - 1] = (lg_parameter_spec){"policy", lg_shape1((uint32_t)policy->parameters), NULL};
-    lg_program_spec_init(&spec);
-    spec.parameters = parameters;
-    spec.parameter_count = count;
-    spec.description = "a machine with its controller";
-    lg_status status = lg_program_begin(policy->context, &spec, &policy->program, error);
-    if (status == LG_OK) status = copy_functions(policy, plant, error);
-    lg_free(policy->context, parameters);
-    return status == LG_OK ? lg_policy_add_memory(policy, error) : status;
 }
 
 /* ---- recordings: `user` is the policy ---- */
@@ -82,23 +62,18 @@ static lg_status record_errors(void *user, lg_tape *tape, const lg_var *theta, c
     return lg_tape_status(tape);
 }
 
+static lg_status record_retract(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                lg_var *out) {
+    const lg_policy *p = user;
+    const lg_policy_seen at = lg_policy_record_place(tape, &p->task, in[0]);
+    out[0] = moves(p) ? lg_program_call(tape, "momenta", 0, (const lg_var[]){at.q, at.v}) : at.q;
+    return lg_tape_status(tape);
+}
+
 static lg_status record_linear(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                lg_var *out) {
-    const lg_policy *p = user;
-    double T[9 * LG_POLICY_COORDINATES * LG_POLICY_ERRORS], U[3 * LG_POLICY_COORDINATES * LG_POLICY_ERRORS];
-    double goal[9 * LG_POLICY_COORDINATES];
-    lg_policy_tangent(&p->task, &p->layout, T, U);
-    for (uint32_t i = 0; i < p->task.coordinate_count; i++)
-        memcpy(goal + p->layout.at[i].position, p->task.coordinate[i].goal,
-               lg_policy_motion_row_of(p->task.coordinate[i].motion)->position * sizeof *goal);
-    const lg_var map = lg_input_f64(tape, lg_shape2(p->layout.positions, p->layout.errors), T);
-    const lg_var q = lg_add(tape, lg_matmul_nt(tape, in[0], map), row_of(tape, goal, p->layout.positions));
-    lg_var x = q;
-    if (moves(p)) {
-        const lg_var rates = lg_input_f64(tape, lg_shape2(p->layout.velocities, p->layout.errors), U);
-        x = lg_program_call(tape, "momenta", 0, (const lg_var[]){q, lg_matmul_nt(tape, in[0], rates)});
-    }
-    const lg_var next = lg_program_call(tape, "period", 0, (const lg_var[]){x, in[1]});
+    const lg_var x = lg_program_call(tape, "retract", 0, in),
+                 next = lg_program_call(tape, "period", 0, (const lg_var[]){x, in[1]});
     out[0] = lg_program_call(tape, "errors", 0, &next);
     return lg_tape_status(tape);
 }
@@ -441,6 +416,29 @@ static lg_status adjoint(const lg_policy *p, const char *function, const char *c
     what.outputs = outputs;
     what.output_count = count;
     return lg_program_derive(p->program, &what, error);
+}
+
+lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error) {
+    const size_t own = policy->parameters > 0 ? 1 : 0;
+    size_t count = lg_program_parameters(plant) + own;
+    if (own && count > 1 && strcmp(lg_program_parameter(plant, count - 2).name, "policy") == 0) count--;
+    lg_parameter_spec *parameters = lg_alloc(policy->context, count, sizeof *parameters);
+    lg_program_spec spec;
+    if (parameters == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
+    for (size_t i = 0; i + own < count; i++) parameters[i] = lg_program_parameter(plant, i);
+    if (own)
+        parameters[count - 1] = (lg_parameter_spec){"policy", lg_shape1((uint32_t)policy->parameters), NULL};
+    lg_program_spec_init(&spec);
+    spec.parameters = parameters;
+    spec.parameter_count = count;
+    spec.description = "a machine with its controller";
+    lg_status status = lg_program_begin(policy->context, &spec, &policy->program, error);
+    if (status == LG_OK) status = copy_functions(policy, plant, error);
+    lg_free(policy->context, parameters);
+    if (status == LG_OK) status = lg_policy_add_memory(policy, error);
+    if (status != LG_OK) return status;
+    const ports port = ports_of(policy);
+    return add(policy, "retract", record_retract, &port.z, 1, OUTS("x"), error);
 }
 
 lg_status lg_policy_add_motion(lg_policy *p, lg_error *error) {

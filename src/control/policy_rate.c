@@ -196,62 +196,8 @@ static lg_status record_slope(void *user, lg_tape *tape, const lg_var *theta, co
     return lg_tape_status(tape);
 }
 
-/* The machine's numbers at one position: momenta of v, and their rates under u, at (v, u) = (0, 0), (v, 0),
- * (0, u). */
-typedef struct probe {
-    double mass, damping, map;
-} probe;
-
-static lg_status look(const lg_policy *p, double q, double v, double u, probe *out, lg_error *error) {
-    const double at[3] = {q, q, q}, speed[3] = {0, v, 0}, input[3] = {0, 0, u};
-    double x[6], rate[6];
-    LG_TRY(lg_program_eval(p->context, p->program, "momenta", 3, (const double *const[]){at, speed},
-                           (double *const[]){x}, error));
-    LG_TRY(lg_program_eval(p->context, p->program, "field", 3, (const double *const[]){x, input},
-                           (double *const[]){rate}, error));
-    *out = (probe){x[3] / v, (rate[1] - rate[3]) / v, (rate[5] - rate[1]) / u};
-    return LG_OK;
-}
-
-static bool same(double a, double b, double size) {
-    return fabs(a - b) <= 1e-6 * fabs(b) + 1e-9 * size;
-}
-
-/* M, b and G are compared over a turn (a line: around the starts), at speeds up to ten times the starts'. */
-static lg_status probe_machine(const lg_policy *p, probe *first, lg_error *error) {
-    const lg_policy_coordinate *c = &p->task.coordinate[0];
-    const double fast = fmax(fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1])), 0.1),
-                 far = c->motion == LG_POLICY_ANGLE ? 3.0
-                                                    : fmax(fmax(fabs(c->start[0]), fabs(c->start[1])), 0.1),
-                 range = p->task.input[0].high - p->task.input[0].low;
-    static const double speeds[] = {1, -1, 0.1, -3, 10, -10}, inputs[] = {1, -1, 0.3, 0.1, -0.3, 0.5};
-    LG_TRY(look(p, c->goal[0], fast, range, first, error));
-    for (int i = -4; i <= 4; i++)
-        for (size_t k = 0; k < LG_COUNT(speeds); k++) {
-            probe other;
-            LG_TRY(look(p, c->goal[0] + 0.25 * i * far, speeds[k] * fast, inputs[k] * range, &other, error));
-            if (!same(other.mass, first->mass, 0))
-                return lg_fail(error, LG_UNSUPPORTED, "the mass of %s is not constant", c->name);
-            if (!same(other.map, first->map, 0))
-                return lg_fail(error, LG_UNSUPPORTED, "the force of %s is not a constant times the input",
-                               p->task.input[0].name);
-            if (!same(other.damping, first->damping, fabs(first->mass) / p->task.horizon))
-                return lg_fail(error, LG_CHECK_FAILED,
-                               "the damping of %s is not linear: %.6g at the speed %.4g, %.6g at %.4g",
-                               c->name, first->damping, fast, other.damping, speeds[k] * fast);
-        }
-    if (first->damping > 1e-9 * first->mass / p->task.horizon) return LG_OK;
-    return lg_fail(error, LG_CHECK_FAILED,
-                   "the damping of %s is %.4g, not positive: the proof needs friction in the machine",
-                   c->name, first->damping);
-}
-
 static lg_status check_energy(const lg_policy *p, lg_error *error) {
-    if (p->task.kind != LG_POLICY_ENERGY)
-        return lg_fail(error, LG_UNSUPPORTED, "the controller is of kind %s; the energy needs kind energy",
-                       lg_policy_kind_name(p->task.kind));
     LG_TRY(check(p, error));
-    LG_TRY(lg_policy_check_memory(p, true, error));
     if (p->task.coordinate_count != 1 || p->inputs != 1)
         return lg_fail(error, LG_UNSUPPORTED,
                        "the energy is certified for one coordinate and one input; the plant has %u and %u",
@@ -277,23 +223,23 @@ static lg_status check_period(const lg_policy *p, lg_error *error) {
         p->task.coordinate[0].name);
 }
 
-/* k_p and k_d */
-static void find_gains(const lg_policy *p, double *gains) {
-    for (int i = 0; i < 2; i++) gains[i] = p->parameters > 0 ? exp(p->theta[i]) : p->task.gains[i];
-}
-
 lg_status lg_policy_add_slope(lg_policy *p, lg_policy_slope *out, lg_error *error) {
-    probe machine;
-    double gains[2];
+    lg_policy_body machine;
     LG_NEEDS(error, p, out);
     LG_TRY(check_energy(p, error));
     LG_TRY(check_period(p, error));
-    LG_TRY(probe_machine(p, &machine, error));
+    LG_TRY(lg_policy_probe(p, &machine, error));
+    const double damping = machine.damping[0], *task = p->task.gains,
+                 kp = p->parameters > 0 ? exp(p->theta[0]) : task[0],
+                 kd = p->parameters > 0 ? exp(p->theta[1]) : task[1];
+    if (!(damping > 1e-9 * machine.mass[0] / p->task.horizon))
+        return lg_fail(error, LG_CHECK_FAILED,
+                       "the damping of %s is %.4g, not positive: the proof needs friction in the machine",
+                       p->task.coordinate[0].name, damping);
     LG_TRY(add(p, "slope", 1, NONE, record_slope, "g", error));
-    find_gains(p, gains);
     const double u0 = p->regulator.u0[0], low = u0 - p->task.input[0].low, high = p->task.input[0].high - u0;
-    out->damping = machine.damping * (1 - 1e-6);
-    out->gain = gains[1] * p->G[1] * machine.map;
-    out->saturated = fmax(low, high) / (gains[0] * fabs(p->G[0])) * (1 + 1e-12);
+    out->damping = damping * (1 - 1e-6);
+    out->gain = kd * p->G[1] * machine.map[0];
+    out->saturated = fmax(low, high) / (kp * fabs(p->G[0])) * (1 + 1e-12);
     return LG_OK;
 }

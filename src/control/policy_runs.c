@@ -2,8 +2,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "control/internal.h"
 #include "control/policy.h"
+#include "control/portions.h"
 
 enum { ROWS = LG_POLICY_ROWS };
 
@@ -22,15 +22,8 @@ lg_status lg_policy_states_at(const lg_policy *p, const double *q, const double 
 }
 
 lg_status lg_policy_states(const lg_policy *p, const double *z, size_t count, double *x, lg_error *error) {
-    const size_t nq = p->layout.positions, nv = p->layout.velocities;
-    double *q = lg_alloc(p->context, count * (nq + nv), sizeof *q);
-    if (q == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for starts");
-    double *v = q + count * nq;
-    for (size_t i = 0; i < count; i++)
-        lg_policy_retract(&p->task, &p->layout, z + i * p->layout.errors, q + i * nq, v + i * nv);
-    const lg_status status = lg_policy_states_at(p, q, v, count, x, error);
-    lg_free(p->context, q);
-    return status;
+    return lg_program_eval(p->context, p->program, "retract", count, (const double *const[]){z},
+                           (double *const[]){x}, error);
 }
 
 lg_status lg_policy_starts(const lg_policy *p, lg_rng *rng, size_t count, double *x, double *u,

@@ -8,64 +8,46 @@
 
 enum { TRIALS = 32 };
 
-/* What a trial keeps of its states: (TRIALS, positions + velocities), before and after a period. */
-typedef struct motion {
-    double *before, *after;
-} motion;
-
-static uint32_t numbers_of(const lg_policy *p) {
-    return p->layout.positions + p->layout.velocities;
-}
+/* Positions and velocities, (TRIALS, ...), and the inputs of a period. */
+typedef struct trial {
+    double *q, *v, *u;
+} trial;
 
 /* Positions and velocities of states. */
-static lg_status see(const lg_policy *p, const double *x, double *q, double *v, double *out,
-                     lg_error *error) {
-    const size_t nq = p->layout.positions, nv = p->layout.velocities;
+static lg_status see(const lg_policy *p, const double *x, trial *out, lg_error *error) {
     const double *const in[] = {x};
-    if (nv == 0)
-        memcpy(q, x, TRIALS * nq * sizeof *q);
-    else
-        LG_TRY(lg_program_eval(p->context, p->program, "positions", TRIALS, in, (double *const[]){q}, error));
-    if (nv > 0)
-        LG_TRY(
-            lg_program_eval(p->context, p->program, "velocities", TRIALS, in, (double *const[]){v}, error));
-    for (size_t i = 0; i < TRIALS; i++) {
-        memcpy(out + i * (nq + nv), q + i * nq, nq * sizeof *q);
-        memcpy(out + i * (nq + nv) + nq, v + i * nv, nv * sizeof *v);
+    if (p->layout.velocities == 0) {
+        memcpy(out->q, x, TRIALS * p->state * sizeof *x);
+        return LG_OK;
     }
-    return LG_OK;
+    LG_TRY(
+        lg_program_eval(p->context, p->program, "positions", TRIALS, in, (double *const[]){out->q}, error));
+    return lg_program_eval(p->context, p->program, "velocities", TRIALS, in, (double *const[]){out->v},
+                           error);
 }
 
-/* The motion over a period from the positions and velocities `seen`, whose position `at` is larger by
- * `shift`. */
-static lg_status move(const lg_policy *p, const double *seen, const double *u, uint32_t at, double shift,
-                      motion *out, lg_error *error) {
-    const size_t nq = p->layout.positions, nv = p->layout.velocities;
-    double *q = lg_alloc(p->context, TRIALS * (nq + nv + 2 * p->state), sizeof *q);
-    if (q == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
-    double *v = q + TRIALS * nq, *x = v + TRIALS * nv, *next = x + TRIALS * p->state;
-    for (size_t i = 0; i < TRIALS; i++) {
-        memcpy(q + i * nq, seen + i * (nq + nv), nq * sizeof *q);
-        memcpy(v + i * nv, seen + i * (nq + nv) + nq, nv * sizeof *v);
-        q[i * nq + at] += shift;
-    }
-    lg_status status = lg_policy_states_at(p, q, v, TRIALS, x, error);
-    if (status == LG_OK) status = see(p, x, q, v, out->before, error);
-    if (status == LG_OK)
-        status = lg_program_eval(p->context, p->program, "period", TRIALS, (const double *const[]){x, u},
-                                 (double *const[]){next}, error);
-    if (status == LG_OK) status = see(p, next, q, v, out->after, error);
-    lg_free(p->context, q);
-    return status;
+/* The motion over a period from `from`, whose position `at` is larger by `shift`; x (2, TRIALS, state) is
+ * scratch. */
+static lg_status move(const lg_policy *p, const trial *from, uint32_t at, double shift, double *x,
+                      trial *before, trial *after, lg_error *error) {
+    const size_t nq = p->layout.positions;
+    double *next = x + TRIALS * p->state;
+    memcpy(before->q, from->q, TRIALS * nq * sizeof *from->q);
+    for (size_t i = 0; i < TRIALS; i++) before->q[i * nq + at] += shift;
+    LG_TRY(lg_policy_states_at(p, before->q, from->v, TRIALS, x, error));
+    LG_TRY(see(p, x, before, error));
+    LG_TRY(lg_program_eval(p->context, p->program, "period", TRIALS, (const double *const[]){x, from->u},
+                           (double *const[]){next}, error));
+    return see(p, next, after, error);
 }
 
-/* Whether the shift of number `at` has changed nothing else. */
-static bool same(const lg_policy *p, const motion *a, const motion *b, uint32_t at, double shift) {
-    const uint32_t n = numbers_of(p);
+/* Whether numbers (TRIALS, n) change alike from a to b and from c to d; the number `at` has been shifted. */
+static bool alike(uint32_t n, const double *a, const double *b, const double *c, const double *d, uint32_t at,
+                  double shift) {
     for (uint32_t j = 0; j < n; j++) {
         double off = 0.0, change = 0.0;
         for (size_t i = j; i < (size_t)TRIALS * n; i += n) {
-            const double moved = a->after[i] - a->before[i], differs = b->after[i] - b->before[i] - moved;
+            const double moved = b[i] - a[i], differs = d[i] - c[i] - moved;
             off += differs * differs, change += moved * moved;
         }
         const double rounding = j == at ? 1e-9 * fabs(shift) * sqrt((double)TRIALS) : 0.0;
@@ -85,43 +67,24 @@ static double shift_of(const lg_policy_task *task, const lg_policy_coordinate *c
     return isfinite(c->success_velocity) ? c->success_velocity * task->horizon : 1.0;
 }
 
-static lg_status compare(const lg_policy *p, uint32_t k, const double *seen, const double *u, motion *a,
-                         motion *b, lg_error *error) {
+/* `own` are random states; `other` has room for four motions. */
+static lg_status compare(const lg_policy *p, uint32_t k, const trial *own, double *x, trial *other,
+                         lg_error *error) {
     const lg_policy_coordinate *c = &p->task.coordinate[k];
     const uint32_t at = p->layout.at[k].position;
     const double shift = shift_of(&p->task, c);
-    LG_TRY(move(p, seen, u, at, 0.0, a, error));
-    LG_TRY(move(p, seen, u, at, shift, b, error));
-    if (same(p, a, b, at, shift)) return LG_OK;
-    if (c->free)
-        return lg_fail(error, LG_CHECK_FAILED,
-                       "free: the machine moves otherwise where %s is %.3g larger, so the position of %s "
-                       "matters and cannot be left out",
-                       c->name, shift, c->name);
-    return lg_fail(error, LG_CHECK_FAILED,
-                   "track: the machine moves otherwise where %s is %.3g larger, so no set point of %s can be "
-                   "followed by a shift",
-                   c->name, shift, c->name);
-}
-
-/* Random states: starts, with free positions from their range. */
-static lg_status draw(const lg_policy *p, uint64_t seed, double *seen, double *u, lg_error *error) {
-    const uint32_t nq = p->layout.positions, nv = p->layout.velocities;
-    double *x = lg_alloc(p->context, TRIALS * (p->state + nq + nv), sizeof *x);
-    if (x == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
-    double *q = x + TRIALS * p->state, *v = q + TRIALS * nq;
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, 9);
-    lg_status status = lg_policy_starts(p, &rng, TRIALS, x, u, error);
-    if (status == LG_OK) status = see(p, x, q, v, seen, error);
-    for (uint32_t k = 0; k < p->task.coordinate_count && status == LG_OK; k++) {
-        const lg_policy_coordinate *c = &p->task.coordinate[k];
-        for (size_t i = 0; c->free && i < TRIALS; i++)
-            seen[i * (nq + nv) + p->layout.at[k].position] +=
-                lg_rng_uniform_in(&rng, c->start[0], c->start[1]);
-    }
-    lg_free(p->context, x);
-    return status;
+    LG_TRY(move(p, own, at, 0.0, x, &other[0], &other[1], error));
+    LG_TRY(move(p, own, at, shift, x, &other[2], &other[3], error));
+    if (alike(p->layout.positions, other[0].q, other[1].q, other[2].q, other[3].q, at, shift) &&
+        alike(p->layout.velocities, other[0].v, other[1].v, other[2].v, other[3].v, UINT32_MAX, shift))
+        return LG_OK;
+    return lg_fail(
+        error, LG_CHECK_FAILED,
+        c->free ? "free: the machine moves otherwise where %s is %.3g larger, so the position of %s "
+                  "matters and cannot be left out"
+                : "track: the machine moves otherwise where %s is %.3g larger, so no set point of %s can be "
+                  "followed by a shift",
+        c->name, shift, c->name);
 }
 
 static bool shifted(const lg_policy_coordinate *c, bool tracked) {
@@ -129,18 +92,29 @@ static bool shifted(const lg_policy_coordinate *c, bool tracked) {
 }
 
 lg_status lg_policy_check_shifts(const lg_policy *p, bool tracked, uint64_t seed, lg_error *error) {
+    enum { KEPT = 5 };
     const lg_policy_task *task = &p->task;
-    const size_t numbers = (size_t)TRIALS * numbers_of(p);
-    uint32_t first = 0;
-    while (first < task->coordinate_count && !shifted(&task->coordinate[first], tracked)) first++;
-    if (first == task->coordinate_count) return LG_OK;
-    double *seen = lg_alloc(p->context, 5 * numbers + (size_t)TRIALS * p->inputs, sizeof *seen);
-    if (seen == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
-    motion a = {seen + numbers, seen + 2 * numbers}, b = {seen + 3 * numbers, seen + 4 * numbers};
-    double *u = seen + 5 * numbers;
-    lg_status status = draw(p, seed, seen, u, error);
-    for (uint32_t k = first; k < task->coordinate_count && status == LG_OK; k++)
-        if (shifted(&task->coordinate[k], tracked)) status = compare(p, k, seen, u, &a, &b, error);
-    lg_free(p->context, seen);
+    const size_t nq = p->layout.positions, nv = p->layout.velocities;
+    trial all[KEPT];
+    bool any = false;
+    lg_rng rng;
+    for (uint32_t k = 0; k < task->coordinate_count; k++) any = any || shifted(&task->coordinate[k], tracked);
+    if (!any) return LG_OK;
+    double *x = lg_alloc(p->context, TRIALS * (2 * p->state + KEPT * (nq + nv) + p->inputs), sizeof *x);
+    if (x == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
+    double *at = x + (size_t)2 * TRIALS * p->state;
+    for (int i = 0; i < KEPT; i++, at += TRIALS * (nq + nv)) all[i] = (trial){.q = at, .v = at + TRIALS * nq};
+    all[0].u = at;
+    lg_rng_seed(&rng, seed, 9);
+    lg_status status = lg_policy_starts(p, &rng, TRIALS, x, all[0].u, error);
+    if (status == LG_OK) status = see(p, x, &all[0], error);
+    for (uint32_t k = 0; k < task->coordinate_count && status == LG_OK;
+         k++) /* free positions from their range */
+        for (size_t i = p->layout.at[k].position; task->coordinate[k].free && i < TRIALS * nq; i += nq)
+            all[0].q[i] +=
+                lg_rng_uniform_in(&rng, task->coordinate[k].start[0], task->coordinate[k].start[1]);
+    for (uint32_t k = 0; k < task->coordinate_count && status == LG_OK; k++)
+        if (shifted(&task->coordinate[k], tracked)) status = compare(p, k, &all[0], x, all + 1, error);
+    lg_free(p->context, x);
     return status;
 }

@@ -5,6 +5,7 @@
 
 #include "control/policy_gradient.h"
 #include "core/stored.h"
+#include "kernels/kernels.h"
 #include "liegrad/fit.h"
 #include "liegrad/minimise.h"
 
@@ -163,12 +164,6 @@ static void report(const training *t, double done) {
 
 /* ---- Adam ---- */
 
-static bool finite(const double *x, size_t n) {
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(x[i])) return false;
-    return true;
-}
-
 /* The bound on the gradient's norm is in units of the cost: a thirteenth of the cost of the unforced
  * machine. */
 static double clip_of(const training *t, const double *gradient) {
@@ -212,7 +207,7 @@ static lg_status adam_step(training *t, double done) {
     b->seed = t->options.seed, b->draw = t->step;
     LG_TRY(run_batch(t));
     for (size_t k = 0; k < b->points; k++)
-        if (finite(t->gradients[k], t->n))
+        if (lg_kernels_for(LG_F64)->all_finite(t->n, t->gradients[k]))
             lg_adam_step(&adam, LG_F64, t->step + 1, rate, clip_of(t, t->gradients[k]), t->gradients[k], t->n,
                          t->m + k * t->n, t->v + k * t->n, t->theta + k * t->n);
     return LG_OK;

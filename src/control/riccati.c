@@ -18,7 +18,8 @@
 #include "liegrad/control.h"
 
 #include "kernels/lapack.h"
-#include "control/internal.h"
+#include "control/portions.h"
+#include "kernels/matrix.h"
 
 enum { MOST_ROWS = 10000, MOST_NEWTON = 8 };
 static const double on_boundary = 2e-8, most_residual = 1e-6, asymmetry = 1e-8, most_factor = 0.3,

@@ -19,13 +19,11 @@ RELEASES(release_batch, lg_policy_batch_destroy)
 /* Errors of the position and velocity at z from the goal. */
 static void errors_of(const lg_policy_task *task, const double *z, double *out) {
     lg_policy_layout layout;
-    double q[64], v[64];
     lg_tape *tape;
     lg_policy_lay_out(task, &layout);
-    lg_policy_retract(task, &layout, z, q, v);
     assert_ok(lg_tape_create(NULL, NULL, &tape));
-    const lg_policy_seen seen = {lg_input_f64(tape, lg_shape2(1, layout.positions), q),
-                                 lg_input_f64(tape, lg_shape2(1, layout.velocities), v)};
+    const lg_policy_seen seen =
+        lg_policy_record_place(tape, task, lg_input_f64(tape, lg_shape2(1, layout.errors), z));
     assert_ok(lg_read(tape, lg_policy_record_errors(tape, task, seen), layout.errors, out));
     lg_tape_destroy(tape);
 }

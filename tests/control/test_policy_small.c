@@ -435,7 +435,8 @@ TEST("a body that turns is certified if one gain serves all axes") {
     static const char turning[] =
         "columns: {time: t}\ncoordinates: [{name: R, kind: rotation, columns: [qw, "
         "qx, qy, qz], velocity: [wx, wy, wz]}]\ninputs: {columns: [a, b, c]}\nmass: "
-        "{kind: known, values: [1, 2, 3]}\ndamping: {kind: known, values: [0.5, 0.5, "
+        "{kind: known, values: [[1, 0.3, 0], [0.3, 2, 0.1], [0, 0.1, 3]]}\ndamping: {kind: known, values: "
+        "[0.5, 0.5, "
         "0.5]}\ninput_map: {kind: known, values: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}\n";
     lg_policy_task task = body_task(LG_POLICY_ENERGY);
     task.search = false;
@@ -470,20 +471,23 @@ TEST("a policy is read with the names of its file; a file with impossible names 
         const char *coordinate, *input;
         uint64_t coordinates, inputs; /* how often the list has them */
         const char *says;             /* NULL: it is read */
-    } rows[] = {
-        {"q\tline\tv", "u", 1, 1, NULL},
-        {"q line v", "u", 1, 1, "is no coordinate or input"},
-        {"q line", "u", 1, 1, "is no coordinate or input"},
-        {"q\tcurve\tv", "u", 1, 1, "is no coordinate or input"},
-        {"q\tlagged\t0", "u", 1, 1, "is no coordinate or input"},
-        {test_text("%s\tline\tv", long_word), "u", 1, 1, "is no coordinate or input"},
-        {test_text("q\tline\t%s", long_word), "u", 1, 1, "is no coordinate or input"},
-        {test_text("q\tline\t%s%s%s", long_word, long_word, long_word), "u", 1, 1, "is no coordinate"},
-        {"q\tline\tv", "u", LG_POLICY_COORDINATES + 1, 1, "is no coordinate or input"},
-        {"q\tline\tv", long_word, 1, 1, "is no coordinate or input"},
-        {"q\tline\tv", "u", 1, LG_POLICY_INPUTS + 1, "is no coordinate or input"},
-        {NULL, "u", 1, 1, "names of coordinates and inputs are missing"},
-        {"q\tline\tv", NULL, 1, 1, "names of coordinates and inputs are missing"}};
+    } rows[] = {{"q\tline\tv\t0\t0\t0", "u", 1, 1, NULL},
+                {"q line v 0 0 0", "u", 1, 1, "is no coordinate or input"},
+                {"q line", "u", 1, 1, "is no coordinate or input"},
+                {"q\tcurve\tv\t0\t0\t0", "u", 1, 1, "is no coordinate or input"},
+                {"q\tline\tv", "u", 1, 1, "is no coordinate or input"},
+                {"q\tline\t-\t17\t0\t0", "u", 1, 1, "is no coordinate or input"},
+                {"q\tline\t-\t0\t1\t0", "u", 1, 1, "is no coordinate or input"},
+                {"q\tline\t-\t0\t0\t1", "u", 1, 1, "is no coordinate or input"},
+                {test_text("%s\tline\tv\t0\t0\t0", long_word), "u", 1, 1, "is no coordinate or input"},
+                {test_text("q\tline\t%s\t0\t0\t0", long_word), "u", 1, 1, "is no coordinate or input"},
+                {test_text("q\tline\t%s%s%s\t0\t0\t0", long_word, long_word, long_word), "u", 1, 1,
+                 "is no coordinate"},
+                {"q\tline\tv\t0\t0\t0", "u", LG_POLICY_COORDINATES + 1, 1, "is no coordinate or input"},
+                {"q\tline\tv\t0\t0\t0", long_word, 1, 1, "is no coordinate or input"},
+                {"q\tline\tv\t0\t0\t0", "u", 1, LG_POLICY_INPUTS + 1, "is no coordinate or input"},
+                {NULL, "u", 1, 1, "names of coordinates and inputs are missing"},
+                {"q\tline\tv\t0\t0\t0", NULL, 1, 1, "names of coordinates and inputs are missing"}};
     enum { LONG = 256 };
     const lg_policy *policy = of_kind(LG_POLICY_NETWORK);
     lg_test_owns((void *)(uintptr_t)path, remove_file);

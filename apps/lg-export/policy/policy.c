@@ -1,7 +1,8 @@
 /* Controllers: the function `control`, words about it, and a self-test with a closed loop. */
 #include "lg-export/policy/policy.h"
+#include "liegrad/ops.h"
 
-#include <stdlib.h>
+#include <float.h>
 #include <string.h>
 
 /* ---- words ---- */
@@ -130,56 +131,44 @@ void export_policy_simple(const export_policy_job *j, const char *function) {
                    function);
 }
 
-void export_policy_real(const export_policy_job *j, text *to, const char *name, double value) {
-    lg_text_add(to, "static const real %s = ", name);
-    lg_text_add_real(to, j->source->options->dtype, value);
-    lg_text_add(to, ";\n");
+export_memory *export_policy_keep(export_policy_job *j, const char *function, const char *declarations,
+                                  size_t numbers) {
+    export_source *source = j->source;
+    export_memory *run = &source->run[source->runs++];
+    *run = (export_memory){.function = function,
+                           .start = app_alloc(numbers, sizeof *run->start),
+                           .numbers = numbers,
+                           .work = numbers};
+    lg_text_add_named(&j->declarations, source->options->name, declarations);
+    source->stack += 200;
+    source->calls++;
+    return run;
 }
 
-void export_policy_reals(const export_policy_job *j, text *to, const char *type, const char *name,
-                         const double *values, size_t count) {
-    const lg_dtype dtype = strcmp(type, "real") == 0 ? j->source->options->dtype : LG_F64;
-    lg_text_add(to, "static const %s %s[%zu] = {\n", type, name, count);
-    lg_text_add_reals(to, dtype, 4, values, count);
+void export_policy_reals(const export_policy_job *j, const char *name, const double *values, size_t count) {
+    text *to = &j->source->further_code;
+    lg_text_add(to, "static const real %s[%zu] = {\n", name, count);
+    lg_text_add_reals(to, j->source->options->dtype, 4, values, count);
     lg_text_add(to, "};\n");
 }
 
-void export_policy_need(export_source *source, size_t work, size_t stack, size_t calls) {
-    if (work > source->further_work) source->further_work = work;
-    source->stack += stack;
-    source->calls += calls;
+void export_policy_start(const export_policy_job *j, const export_memory *run) {
+    APP_FREE char *name = app_format("%s_first", run->function);
+    export_policy_reals(j, name, run->start, run->numbers);
+    lg_text_add_named(&j->source->further_code, j->source->options->name,
+                      export_fragment_text(run->function));
 }
 
-static const struct {
-    const char *name;
-    void (*add)(export_policy_job *job);
-    const char *check; /* Its part of the self-test. */
-} around[] = {{"observe", export_policy_observe, "check_observer"},
-              {"adapt", export_policy_adapt, "check_adaptation"}};
+lg_var export_policy_state(lg_tape *tape, const export_policy_job *j, lg_var x) {
+    const uint32_t n = (uint32_t)j->given;
+    const lg_var parts[] = {lg_slice(tape, x, 1, 0, n), lg_slice(tape, x, 1, n, n)};
+    return lg_program_call(tape, "momenta", 0, parts);
+}
 
-/* Adds what --functions names of the table; the other names, or `control`, are left in `rest`. */
-static void add_around(export_policy_job *j, text *rest) {
-    text checks = app_text();
-    APP_FREE char *list = app_format("%s", j->source->options->functions);
-    bool taken[LG_COUNT(around)] = {false};
-    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL;
-         name = strtok_r(NULL, ",", &save)) {
-        size_t i = 0;
-        while (i < LG_COUNT(around) && strcmp(around[i].name, name) != 0) i++;
-        if (i == LG_COUNT(around))
-            lg_text_add(rest, "%s%s", rest->length > 0 ? "," : "", name);
-        else
-            taken[i] = true;
-    }
-    for (size_t i = 0; i < LG_COUNT(around); i++) {
-        if (!taken[i]) continue;
-        around[i].add(j);
-        lg_text_add(&checks, " + %s()", around[i].check);
-    }
-    if (rest->length == 0) lg_text_add(rest, "control");
-    lg_text_add(&j->source->further_test, "static int further(void) {\n    return check_loop()%s;\n}\n",
-                checks.data != NULL ? checks.data : "");
-    lg_text_destroy(&checks);
+lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *j, lg_var x) {
+    const double tiny = j->source->options->dtype == LG_F32 ? (double)FLT_MIN : DBL_MIN;
+    const lg_var least = lg_input_f64(tape, lg_shape2(1, 1), &tiny);
+    return lg_div(tape, lg_ge(tape, x, least), lg_max(tape, x, least));
 }
 
 /* ---- C ---- */
@@ -195,27 +184,34 @@ static lg_status load_program(export_policy_job *j, const char *path, lg_error *
     return status;
 }
 
-static bool names_control(const char *list) {
-    const char *at = strstr(list, "control");
-    return at != NULL && (at == list || at[-1] == ',') && (at[7] == ',' || at[7] == '\0');
+static bool is_named(const char *list, const char *name) {
+    const char *at = strstr(list, name);
+    const size_t length = strlen(name);
+    return at != NULL && (at == list || at[-1] == ',') && (at[length] == ',' || at[length] == '\0');
 }
 
 static void write_policy(export_policy_job *j, const char *path) {
     export_source *source = j->source;
+    static const struct {
+        const char *name;
+        void (*add)(export_policy_job *job);
+    } kept[] = {{"observe", export_policy_observe}, {"adapt", export_policy_adapt}};
+    static const char *const besides[] = {"track", "lagged", "remember",
+                                          "reset"}; /* By default, if the policy has them. */
     text functions = app_text();
+    size_t found;
     source->maps = true;
     tell(j);
     export_policy_loop(j);
-    add_around(j, &functions);
-    static const char *const besides[] = {"track", "lagged", "remember",
-                                          "reset"}; /* By default, if the policy has them. */
-    size_t found;
+    lg_text_add(&functions, "%s", source->options->functions);
+    for (size_t i = 0; i < LG_COUNT(kept); i++)
+        if (is_named(functions.data, kept[i].name)) kept[i].add(j);
     for (size_t i = 0; i < LG_COUNT(besides); i++)
         if (strcmp(source->options->functions, "control") == 0 &&
             lg_program_find(j->program, besides[i], &found, NULL) == LG_OK)
             lg_text_add(&functions, ",%s", besides[i]);
     /* The closed loop needs it. */
-    if (!names_control(functions.data)) lg_text_add(&functions, ",control");
+    if (!is_named(functions.data, "control")) lg_text_add(&functions, ",control");
     export_whole(j->self, path, j->program, functions.data, source);
     lg_text_destroy(&functions);
     if (j->declarations.length > 0) lg_text_add(&source->declarations, "%s", j->declarations.data);

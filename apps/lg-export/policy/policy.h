@@ -20,38 +20,41 @@ typedef struct export_policy_job {
 
 /* ---- runs of the library (policy_loop.c) ---- */
 
-/* The closed loop in the library: the plant and the policy, which sees positions and velocities. */
-typedef struct export_loop {
-    export_evaluation period, positions, velocities, policy, narrow;
-    bool moves;
-    double *seen;    /* Positions, velocities and weights: the inputs of `policy`. */
-    double *x, *row; /* State and input: the inputs of `period`; and a row of results. */
-    const export_policy_job *job;
-} export_loop;
-lg_status export_loop_open(const export_policy_job *job, export_loop *loop, lg_error *error);
-void export_loop_close(export_loop *loop);
-/* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the policy computes
- * in single precision; the plant computes in double precision. */
-void export_loop_step(export_loop *loop, bool single, double *x, double *u);
+/* A run of the library: what the controller sees (periods + 1, given + velocities), its inputs (periods,
+ * inputs), as numbers of the exported type. */
+typedef struct export_path {
+    double *seen, *held;
+    size_t periods; /* at least 1 */
+} export_path;
+/* `noise` (given): of the positions that are seen; `more` (2 velocities): the plant has 0.3 of this offset
+ * and of this damping more than the machine, as impulses once a period; NULL: none. On failure too,
+ * export_path_destroy must be called. */
+lg_status export_loop_run(const export_policy_job *job, uint64_t stream, const double *noise,
+                          const double *more, export_path *path, lg_error *error);
+void export_path_destroy(export_path *path);
 
 /* Adds the closed loop to the self-test. */
 void export_policy_loop(export_policy_job *job);
 
-/* ---- functions around the policy: they add code, words, declarations and a part of the self-test ---- */
+/* ---- functions around the policy: they become functions of its program with a memory, with words and
+ * declarations ---- */
 
-/* NAME_observe and NAME_observe_start (policy_observe.c). */
+/* observe (policy_observe.c) and adapt (policy_adapt.c). */
 void export_policy_observe(export_policy_job *job);
-/* NAME_adapt and NAME_adapt_start (policy_adapt.c). */
 void export_policy_adapt(export_policy_job *job);
 /* Refuses a plant whose state is more than lines, angles, and one momentum for each; `function` is for the
  * message. */
 void export_policy_simple(const export_policy_job *job, const char *function);
-/* Add a constant and an array, whose type is "real" or "double". */
-void export_policy_real(const export_policy_job *job, text *to, const char *name, double value);
-void export_policy_reals(const export_policy_job *job, text *to, const char *type, const char *name,
-                         const double *values, size_t count);
-/* Writes into the header what a function needs: numbers of work in addition to the work of the hidden
- * functions, bytes of stack, and nested calls. */
-void export_policy_need(export_source *source, size_t work, size_t stack, size_t calls);
+/* Adds the run of a function whose memory has `numbers` numbers, and its declarations. The caller fills
+ * the run. */
+export_memory *export_policy_keep(export_policy_job *job, const char *function, const char *declarations,
+                                  size_t numbers);
+/* Adds an array to the code. */
+void export_policy_reals(const export_policy_job *job, const char *name, const double *values, size_t count);
+/* Adds the memory at the start as the array <function>_first, and the function's fragment. */
+void export_policy_start(const export_policy_job *job, const export_memory *run);
+/* Record the plant's state from positions and velocities; 1/x, or 0 where x is no normal number above 0. */
+lg_var export_policy_state(lg_tape *tape, const export_policy_job *job, lg_var x);
+lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *job, lg_var x);
 
 #endif

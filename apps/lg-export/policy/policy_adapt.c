@@ -1,7 +1,7 @@
-/* The adaptation of a controller. The self-test's numbers come from the same source as the exported code,
- * compiled here in double precision with the library's plans; tests change a plant and see whether the change
- * is found. */
-#include <float.h>
+/* The adaptation of a controller: adapt (x, u, next, memory) -> kept as a function of the program,
+ * recursive least squares for each velocity alone. The plant's force less the machine's, over a period, is
+ * -damping v - coulomb sign(v) + offset - inertia v' The four numbers are bounded; `range` scales them to
+ * at most 1. The memory has, for each velocity, the scaled numbers (4), then their covariance (4, 4). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,138 +9,128 @@
 #include "lg-export/policy/policy.h"
 #include "liegrad/ops.h"
 
-enum { ADAPT_STREAM = 14, ADAPTATIONS = 200, NUMBERS = 4, MEMORY = 20, MOST = LG_POLICY_COORDINATES };
+enum { ADAPT_STREAM = 14, NUMBERS = 4, MEMORY = 20, MOST = LG_POLICY_COORDINATES };
+static const double lowest[NUMBERS] = {0, 0, -1, -0.2}, noise = 1e-4;
 
 typedef struct adaptation {
-    int velocities;
+    const export_policy_job *job;
     double scale[MOST], speed[MOST], range[NUMBERS * MOST]; /* Of forces, of velocities, of the numbers. */
-    double period, keep;
-    bool single;                /* The program's function is computed in single precision. */
-    export_evaluation force[2]; /* Double and single precision. */
-    double *row;
-    size_t n, m;
+    double keep;
 } adaptation;
-static adaptation *now; /* The adaptation that the code below computes with. */
-
-static void NAME_adapt_force(const double *x, const double *u, const double *next, double *force,
-                             double *work) {
-    const size_t n = now->n, m = now->m;
-    memcpy(now->row, x, n * sizeof *x);
-    memcpy(now->row + n, u, m * sizeof *u);
-    memcpy(now->row + n + m, next, n * sizeof *next);
-    export_evaluate(&now->force[now->single], now->row, force);
-}
-
-#define NAME_real    double
-#define real         double
-#define REAL(number) number
-#define FABS         fabs
-#define REAL_LARGEST DBL_MAX
-#define VELOCITIES   now->velocities
-#define PERIOD       now->period
-#define ADAPT_KEEP   now->keep
-#define ADAPT_NOISE  1e-4
-#define adapt_scale  now->scale
-#define adapt_speed  now->speed
-#define adapt_range  now->range
-static void NAME_adapt_start(double *memory);
-static void NAME_adapt(const double *x, const double *u, const double *next, double *memory, double *found,
-                       double *work);
-#include "lg-export/code/policy/adapt.c"
-#undef real
 
 /* ---- the program's function ---- */
 
-/* The force (velocities) that the machine lacks on the way from x under u to `next`: (p - p of the
- * machine)/period. */
-static lg_status record_force(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const export_policy_job *j = user;
-    const uint32_t n = (uint32_t)j->given;
-    lg_var state[2];
-    for (int k = 0; k < 2; k++) {
-        const lg_var x = in[2 * k], parts[] = {lg_slice(tape, x, 1, 0, n), lg_slice(tape, x, 1, n, n)};
-        state[k] = lg_program_call(tape, "momenta", 0, parts);
+static lg_var row_of(lg_tape *tape, const double *numbers) {
+    return lg_input_f64(tape, lg_shape2(1, NUMBERS), numbers);
+}
+
+static lg_var bounded(lg_tape *tape, lg_var s) {
+    static const double ones[NUMBERS] = {-1, -1, -1, -1};
+    const lg_var above = lg_max(tape, s, row_of(tape, lowest));
+    return lg_neg(tape, lg_max(tape, lg_neg(tape, above), row_of(tape, ones)));
+}
+
+/* Moves a number that left its bounds to the bound, and the others to where they are likeliest then; `row`
+ * are the rows of the covariance. */
+static lg_var stay_inside(const adaptation *a, lg_tape *tape, const lg_var *row, lg_var s) {
+    for (uint32_t k = 0; k < NUMBERS; k++) {
+        const lg_var by = lg_slice(tape, lg_sub(tape, bounded(tape, s), s), 1, k, 1),
+                     per = export_policy_inverse(tape, a->job, lg_slice(tape, row[k], 1, k, 1));
+        s = lg_add(tape, s, lg_mul(tape, row[k], lg_mul(tape, by, per)));
     }
-    const lg_var free = lg_program_call(tape, "period", 0, (const lg_var[]){state[0], in[1]});
-    out[0] = lg_scale(tape, lg_slice(tape, lg_sub(tape, state[1], free), 1, n, n), 1 / j->task->period);
+    return bounded(tape, s);
+}
+
+/* One update of the memory (B, MEMORY) of a velocity: `by` are the derivatives of the force by the numbers,
+ * `away` is the force that they should give. */
+static lg_var recur(const adaptation *a, lg_tape *tape, lg_var memory, lg_var by, lg_var away) {
+    lg_var s = lg_slice(tape, memory, 1, 0, NUMBERS), row[NUMBERS], parts[NUMBERS], grown = LG_NONE;
+    for (uint32_t k = 0; k < NUMBERS; k++) {
+        row[k] = lg_slice(tape, memory, 1, NUMBERS * (k + 1), NUMBERS);
+        parts[k] = lg_rowdot(tape, row[k], by);
+    }
+    const lg_var Pb = lg_concat(tape, parts, NUMBERS, 1),
+                 size = lg_add_scalar(tape, lg_rowdot(tape, Pb, by), noise),
+                 rest = lg_sub(tape, away, lg_rowdot(tape, by, s)), gain = lg_div(tape, Pb, size);
+    s = lg_add(tape, s, lg_mul(tape, gain, rest));
+    for (uint32_t k = 0; k < NUMBERS; k++) /* in this order the covariance stays symmetric, bit by bit */
+        row[k] = lg_sub(tape, row[k], lg_div(tape, lg_mul(tape, Pb, parts[k]), size));
+    s = stay_inside(a, tape, row, s);
+    /* What is not excited is not forgotten: no variance grows beyond the one at the start, which is 1. */
+    for (uint32_t k = 0; k < NUMBERS; k++) {
+        const lg_var own = lg_slice(tape, row[k], 1, k, 1);
+        grown = k == 0 ? own : lg_max(tape, grown, own);
+    }
+    const lg_var full = lg_ge(tape, grown, lg_input_f64(tape, lg_shape2(1, 1), &a->keep)),
+                 factor = lg_add_scalar(tape, lg_scale(tape, full, 1 - 1 / a->keep), 1 / a->keep),
+                 next[] = {s, lg_mul(tape, lg_concat(tape, row, NUMBERS, 1), factor)};
+    return lg_concat(tape, next, 2, 1);
+}
+
+static lg_status record_adapt(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const adaptation *a = user;
+    const uint32_t n = (uint32_t)a->job->given;
+    const double period = a->job->task->period;
+    const lg_var from = export_policy_state(tape, a->job, in[0]),
+                 to = export_policy_state(tape, a->job, in[2]),
+                 free = lg_program_call(tape, "period", 0, (const lg_var[]){from, in[1]}),
+                 force = lg_scale(tape, lg_slice(tape, lg_sub(tape, to, free), 1, n, n), 1 / period);
+    lg_var memory[MOST];
+    for (uint32_t i = 0; i < n; i++) {
+        const double *range = a->range + (size_t)NUMBERS * i, scale = a->scale[i];
+        const lg_var v = lg_slice(tape, in[0], 1, n + i, 1), w = lg_slice(tape, in[2], 1, n + i, 1),
+                     middle = lg_scale(tape, lg_add(tape, v, w), 0.5),
+                     size = lg_add_scalar(tape, lg_abs(tape, middle), 0.01 * a->speed[i]),
+                     by[NUMBERS] = {lg_scale(tape, middle, -range[0] / scale),
+                                    lg_scale(tape, lg_div(tape, middle, size), -range[1] / scale),
+                                    lg_add_scalar(tape, lg_scale(tape, v, 0), range[2] / scale),
+                                    lg_scale(tape, lg_sub(tape, w, v), -range[3] / (period * scale))};
+        memory[i] =
+            recur(a, tape, lg_slice(tape, in[3], 1, MEMORY * i, MEMORY), lg_concat(tape, by, NUMBERS, 1),
+                  lg_scale(tape, lg_slice(tape, force, 1, i, 1), 1 / scale));
+    }
+    out[0] = lg_concat(tape, memory, n, 1);
     return lg_tape_status(tape);
 }
 
-static lg_status open_adaptation(const export_policy_job *j, adaptation *a, lg_error *error) {
-    size_t count, at = 0;
+static lg_status add_function(const adaptation *a, lg_error *error) {
+    const export_policy_job *j = a->job;
+    size_t count;
     const lg_port *control = export_ports(j->program, "control", false, &count);
     const lg_port *period = export_ports(j->program, "period", false, &count);
-    lg_port next = control[0];
-    next.name = "next";
-    const lg_port in[] = {control[0], period[1], next}, out = {.name = "force"};
-    const lg_function_spec spec = {"adapt_force", in, 3, &out, 1, record_force, (void *)(uintptr_t)j};
-    a->n = j->state, a->m = j->inputs, a->velocities = (int)j->velocities;
-    a->period = export_round(j->source->options, j->task->period);
-    a->keep = export_round(j->source->options, exp(-j->task->period / j->source->options->forget));
-    a->row = app_alloc(2 * a->n + a->m, sizeof *a->row);
-    LG_TRY(lg_program_add_function(j->program, &spec, error));
-    (void)lg_program_find(j->program, "adapt_force", &at, NULL);
-    for (int k = 0; k < 2; k++)
-        LG_TRY(export_evaluation_open(j->program, at, k ? LG_F32 : LG_F64, 0, &a->force[k], error));
-    return LG_OK;
+    lg_port in[] = {control[0],
+                    period[1],
+                    control[0],
+                    {.name = "memory", .shape = lg_shape1(MEMORY * (uint32_t)j->velocities)}};
+    in[2].name = "next";
+    const lg_function_spec adapt = {
+        "adapt", in, 4, &(lg_port){.name = "kept"}, 1, record_adapt, (void *)(uintptr_t)a};
+    return lg_program_add_function(j->program, &adapt, error);
 }
 
-static void close_adaptation(adaptation *a) {
-    for (int k = 0; k < 2; k++) export_evaluation_close(&a->force[k]);
-    free(a->row);
-}
-
-/* ---- ranges and golden numbers, from runs of the library ---- */
-
-typedef struct golden {
-    double *seen, *held,
-        *found[2]; /* Rows: periods + 1 (controller's x), periods; double and single precision. */
-    size_t periods;
-} golden;
-
-/* A run. `kick`: the plant has 0.3 of the range of damping and of offset more than the machine, as impulses
- * once a period. The numbers are rounded to the exported type. */
-static lg_status run(export_loop *l, const adaptation *a, bool kick, golden *g, lg_error *error) {
-    const export_policy_job *j = l->job;
-    const size_t n = j->given;
-    APP_FREE double *x = app_alloc(j->state, sizeof *x);
-    lg_rng rng;
-    lg_rng_seed(&rng, j->source->options->seed, ADAPT_STREAM);
-    lg_status status = lg_policy_starts(j->policy, &rng, 1, x, NULL, error);
-    for (size_t k = 0; status == LG_OK && k <= g->periods; k++) {
-        double u[LG_POLICY_INPUTS];
-        export_loop_step(l, false, x, u);
-        for (size_t i = 0; i < 2 * n; i++)
-            g->seen[k * 2 * n + i] = export_round(j->source->options, l->seen[i]);
-        for (size_t i = 0; i < j->inputs && k < g->periods; i++)
-            g->held[k * j->inputs + i] = export_round(j->source->options, u[i]);
-        for (size_t i = 0; kick && i < n; i++)
-            x[n + i] +=
-                0.3 * j->task->period * (a->range[NUMBERS * i + 2] - a->range[NUMBERS * i] * l->seen[n + i]);
-        if (!(export_norm(x, NULL, j->state) < 1e6) && k < g->periods) g->periods = k;
-    }
-    return status;
-}
+/* ---- ranges, from a run of the library ---- */
 
 /* Root mean squares over the run of forces (changes of momenta), velocities and accelerations. */
-static lg_status find_ranges(const export_policy_job *j, adaptation *a, const golden *g, lg_error *error) {
-    const size_t n = j->given, rows = g->periods + 1;
+static lg_status find_ranges(const export_policy_job *j, adaptation *a, const export_path *path,
+                             lg_error *error) {
+    const size_t n = j->given, rows = path->periods + 1;
+    const double period = j->task->period;
     APP_FREE double *q = app_alloc(rows * n, sizeof *q), *v = app_alloc(rows * n, sizeof *v),
                     *p = app_alloc(rows * 2 * n, sizeof *p);
     for (size_t k = 0; k < rows; k++) {
-        memcpy(q + k * n, g->seen + k * 2 * n, n * sizeof *q);
-        memcpy(v + k * n, g->seen + k * 2 * n + n, n * sizeof *v);
+        memcpy(q + k * n, path->seen + k * 2 * n, n * sizeof *q);
+        memcpy(v + k * n, path->seen + k * 2 * n + n, n * sizeof *v);
     }
     const lg_status status = lg_program_eval(j->self->context, j->program, "momenta", rows,
                                              (const double *const[]){q, v}, (double *const[]){p}, error);
     for (size_t i = 0; i < n && status == LG_OK; i++) {
         double force = 0, speed = 0, rate = 0;
-        for (size_t k = 0; k < g->periods; k++) {
-            force += pow((p[(k + 1) * 2 * n + n + i] - p[k * 2 * n + n + i]) / a->period, 2);
-            rate += pow((v[(k + 1) * n + i] - v[k * n + i]) / a->period, 2);
+        for (size_t k = 0; k < path->periods; k++) {
+            force += pow((p[(k + 1) * 2 * n + n + i] - p[k * 2 * n + n + i]) / period, 2);
+            rate += pow((v[(k + 1) * n + i] - v[k * n + i]) / period, 2);
             speed += pow(v[k * n + i], 2);
         }
-        const double count = g->periods > 0 ? (double)g->periods : 1;
+        const double count = (double)path->periods;
         force = force > 0 ? sqrt(force / count) : 1;
         speed = speed > 0 ? sqrt(speed / count) : 1;
         rate = rate > 0 ? sqrt(rate / count) : 1;
@@ -151,19 +141,6 @@ static lg_status find_ranges(const export_policy_job *j, adaptation *a, const go
             a->range[NUMBERS * i + (size_t)k] = export_round(j->source->options, range[k]);
     }
     return status;
-}
-
-static void adapt(adaptation *a, const golden *g, bool single) {
-    APP_FREE double *memory = app_alloc((size_t)(MEMORY * a->velocities), sizeof *memory);
-    double work[MOST];
-    now = a;
-    a->single = single;
-    NAME_adapt_start(memory);
-    for (size_t k = 0; k < g->periods; k++) {
-        const double *x = g->seen + k * a->n;
-        NAME_adapt(x, g->held + k * a->m, x + a->n, memory, g->found[single], work);
-        for (int i = 0; i < MEMORY * a->velocities && single; i++) memory[i] = (double)(float)memory[i];
-    }
 }
 
 /* ---- texts ---- */
@@ -182,26 +159,8 @@ static const char declarations[] =
     "void NAME_adapt(const NAME_real *x, const NAME_real *u, const NAME_real *next, NAME_real *memory,\n"
     "    NAME_real *found, NAME_real *work);\n";
 
-static void add_code(export_policy_job *j, const adaptation *a) {
-    export_source *source = j->source;
-    text *to = &source->further_code;
-    const size_t n = j->velocities;
-    lg_text_add(to, "enum { VELOCITIES = %zu };\n", n);
-    export_policy_real(j, to, "PERIOD", a->period);
-    export_policy_real(j, to, "ADAPT_KEEP", a->keep);
-    export_policy_real(j, to, "ADAPT_NOISE", ADAPT_NOISE);
-    export_policy_reals(j, to, "real", "adapt_scale", a->scale, n);
-    export_policy_reals(j, to, "real", "adapt_speed", a->speed, n);
-    export_policy_reals(j, to, "real", "adapt_range", a->range, NUMBERS * n);
-    lg_text_add_named(to, source->options->name, export_fragment_text("adapt"));
-    lg_text_add(&source->hidden, "%sadapt_force", source->hidden.length > 0 ? "," : "");
-    lg_text_add_named(&j->declarations, source->options->name, declarations);
-    export_size(source, "ADAPT_SIZE", MEMORY * n, "numbers of memory of the adaptation");
-    export_size(source, "FOUND", NUMBERS * n, "numbers that the adaptation finds");
-    export_policy_need(source, n, 600, 2);
-}
-
-static void add_words(const export_policy_job *j, const adaptation *a) {
+static void add_words(const adaptation *a) {
+    const export_policy_job *j = a->job;
     text *about = &j->source->about;
     lg_text_add(about,
                 "adaptation    NAME_adapt finds, by recursive least squares that forget in %g s (--forget):",
@@ -212,55 +171,47 @@ static void add_words(const export_policy_job *j, const adaptation *a) {
             about,
             " of %s damping 0 to %.3g, Coulomb friction 0 to %.3g, offset -%.3g to %.3g, inertia %.3g "
             "to %.3g;",
-            j->task->coordinate[i].velocity, r[0], r[1], r[2], r[2], -0.2 * r[3], r[3]);
+            j->task->coordinate[i].velocity, r[0], r[1], r[2], r[2], lowest[3] * r[3], r[3]);
     }
     lg_text_add(about, " a payload whose inertia depends on other coordinates is outside this form\n");
 }
 
-static void add_test(const export_policy_job *j, const adaptation *a, const golden *g) {
-    text *to = &j->source->further_test;
-    const size_t count = NUMBERS * j->velocities;
-    double worst = 0;
-    for (size_t i = 0; i < count; i++)
-        worst = fmax(worst, fabs(g->found[0][i] - g->found[1][i]) / a->range[i]);
-    lg_text_add(to, "enum { ADAPTATIONS = %zu };\n#define ADAPT_TOLERANCE ", g->periods);
-    lg_text_add_real(to, LG_F64, 20 * export_eps(j->source->options) * fmax(worst / (double)FLT_EPSILON, 16));
-    lg_text_add(to, "\n");
-    export_policy_reals(j, to, "real", "golden_moved", g->seen, (g->periods + 1) * j->state);
-    export_policy_reals(j, to, "real", "golden_moved_by", g->held, g->periods * j->inputs);
-    export_policy_reals(j, to, "double", "golden_found", g->found[0], count);
-    export_policy_reals(j, to, "double", "golden_range", a->range, count);
-    lg_text_add(to, "\n");
-    lg_text_add_named(to, j->source->options->name, export_fragment_text("test_adapt"));
-}
-
-static lg_status write_adaptation(export_policy_job *j, adaptation *a, lg_error *error) {
-    const size_t all = lg_policy_steps(j->policy), periods = all < ADAPTATIONS ? all : ADAPTATIONS;
-    double found[2][NUMBERS * MOST] = {{0}};
-    APP_FREE double *numbers = app_alloc((periods + 1) * (j->state + j->inputs), sizeof *numbers);
-    golden g = {numbers, numbers + (periods + 1) * j->state, {found[0], found[1]}, periods};
-    export_loop loop;
-    lg_status status = export_loop_open(j, &loop, error);
-    if (status == LG_OK) status = run(&loop, a, false, &g, error);
-    if (status == LG_OK) status = find_ranges(j, a, &g, error);
-    if (status == LG_OK) status = run(&loop, a, true, &g, error);
-    export_loop_close(&loop);
-    if (status == LG_OK) {
-        adapt(a, &g, false);
-        adapt(a, &g, true);
-        add_code(j, a);
-        add_words(j, a);
-        add_test(j, a, &g);
+/* A run on a plant with more damping and an offset. */
+static lg_status add_run(export_policy_job *j, const adaptation *a, lg_error *error) {
+    export_path path;
+    const size_t n = j->given, m = j->inputs, width = 4 * n + m;
+    double more[2 * MOST];
+    export_memory *run = export_policy_keep(j, "adapt", declarations, MEMORY * n);
+    for (size_t i = 0; i < n; i++) more[i] = a->range[NUMBERS * i + 2], more[n + i] = a->range[NUMBERS * i];
+    const lg_status status = export_loop_run(j, ADAPT_STREAM, NULL, more, &path, error);
+    run->rows = path.periods;
+    run->inputs = app_alloc(path.periods * width, sizeof *run->inputs);
+    for (size_t k = 0; k < path.periods; k++) {
+        double *row = run->inputs + k * width;
+        memcpy(row, path.seen + k * 2 * n, 2 * n * sizeof *row);
+        memcpy(row + 2 * n, path.held + k * m, m * sizeof *row);
+        memcpy(row + 2 * n + m, path.seen + (k + 1) * 2 * n, 2 * n * sizeof *row);
     }
+    for (size_t i = 0; i < MEMORY * n; i++) run->start[i] = i % MEMORY >= 4 && (i % MEMORY - 4) % 5 == 0;
+    export_policy_reals(j, "adapt_range", a->range, NUMBERS * n);
+    export_policy_start(j, run);
+    export_size(j->source, "ADAPT_SIZE", run->numbers, "numbers of memory of the adaptation");
+    export_path_destroy(&path);
+    export_size(j->source, "FOUND", NUMBERS * n, "numbers that the adaptation finds");
     return status;
 }
 
 void export_policy_adapt(export_policy_job *j) {
-    adaptation a = {.single = false};
+    adaptation a = {.job = j};
+    export_path path;
     lg_error error = {LG_OK, ""};
     export_policy_simple(j, "adapt");
-    lg_status status = open_adaptation(j, &a, &error);
-    if (status == LG_OK) status = write_adaptation(j, &a, &error);
-    close_adaptation(&a);
+    a.keep = export_round(j->source->options, exp(-j->task->period / j->source->options->forget));
+    lg_status status = export_loop_run(j, ADAPT_STREAM, NULL, NULL, &path, &error);
+    if (status == LG_OK) status = find_ranges(j, &a, &path, &error);
+    export_path_destroy(&path);
+    if (status == LG_OK) status = add_function(&a, &error);
+    if (status == LG_OK) status = add_run(j, &a, &error);
+    if (status == LG_OK) add_words(&a);
     app_must_file(j->self, status, &error, j->source->options->file);
 }

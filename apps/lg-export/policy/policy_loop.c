@@ -7,9 +7,18 @@
 #include "lg-export/policy/policy.h"
 #include "liegrad/geometry.h"
 
-enum { RUNS = 4, SEGMENTS = 16, MOST_SEGMENTS = 64, LOOP_STREAM = 12 };
+enum { PATHS = 8, SEGMENTS = 16, LOOP_STREAM = 12, PERIODS = 200 };
 
 /* ---- runs of the library ---- */
+
+/* The closed loop in the library: the plant and the policy, which sees positions and velocities. */
+typedef struct export_loop {
+    export_evaluation period, positions, velocities, policy, narrow;
+    bool moves;
+    double *seen;    /* Positions, velocities and weights: the inputs of `policy`. */
+    double *x, *row; /* State and input: the inputs of `period`; and a row of results. */
+    const export_policy_job *job;
+} export_loop;
 
 static lg_status open_function(const export_policy_job *j, const char *name, lg_dtype dtype,
                                export_evaluation *out, lg_error *error) {
@@ -18,7 +27,7 @@ static lg_status open_function(const export_policy_job *j, const char *name, lg_
     return export_evaluation_open(j->program, at, dtype, 0, out, error);
 }
 
-lg_status export_loop_open(const export_policy_job *j, export_loop *l, lg_error *error) {
+static lg_status open_loop(const export_policy_job *j, export_loop *l, lg_error *error) {
     const size_t seen = j->positions + j->velocities, n = lg_program_parameters(j->program);
     const size_t weights = lg_policy_parameters(j->policy);
     *l = (export_loop){.job = j, .moves = j->velocities > 0};
@@ -34,7 +43,7 @@ lg_status export_loop_open(const export_policy_job *j, export_loop *l, lg_error 
     return l->moves ? open_function(j, "velocities", LG_F64, &l->velocities, error) : LG_OK;
 }
 
-void export_loop_close(export_loop *l) {
+static void close_loop(export_loop *l) {
     export_evaluation *const all[] = {&l->period, &l->positions, &l->velocities, &l->policy, &l->narrow};
     for (size_t i = 0; i < LG_COUNT(all); i++) export_evaluation_close(all[i]);
     free(l->seen);
@@ -42,7 +51,9 @@ void export_loop_close(export_loop *l) {
     free(l->row);
 }
 
-void export_loop_step(export_loop *l, bool single, double *x, double *u) {
+/* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the policy computes
+ * in single precision; the plant computes in double precision. */
+static void step(export_loop *l, bool single, double *x, double *u) {
     const export_policy_job *j = l->job;
     if (l->moves) {
         export_evaluate(&l->positions, x, l->seen);
@@ -57,67 +68,94 @@ void export_loop_step(export_loop *l, bool single, double *x, double *u) {
     memcpy(x, l->row, j->state * sizeof *x);
 }
 
-/* ---- golden paths ---- */
-
-typedef struct golden {
-    size_t steps, stride;   /* Periods of a run, and of a segment. */
-    double *path;           /* (RUNS, steps + 1, state) */
-    size_t finite[RUNS];    /* Periods of a run while its numbers are finite and not huge. */
-    double mean, tolerance; /* Root mean square of |x| over all of path. */
-} golden;
-
-static size_t segments(const golden *g, size_t run) {
-    const size_t count = g->finite[run] / g->stride;
-    return count < MOST_SEGMENTS ? count : MOST_SEGMENTS;
+lg_status export_loop_run(const export_policy_job *j, uint64_t stream, const double *noise,
+                          const double *more, export_path *out, lg_error *error) {
+    const size_t n = j->given, steps = lg_policy_steps(j->policy),
+                 periods = steps < PERIODS ? steps : PERIODS;
+    const export_options *options = j->source->options;
+    export_loop l;
+    lg_rng rng;
+    APP_FREE double *x = app_alloc(j->state, sizeof *x);
+    *out = (export_path){app_alloc((periods + 1) * 2 * n, sizeof *out->seen),
+                         app_alloc(periods * j->inputs, sizeof *out->held), periods};
+    lg_rng_seed(&rng, options->seed, stream);
+    lg_status status = open_loop(j, &l, error);
+    if (status == LG_OK) status = lg_policy_starts(j->policy, &rng, 1, x, NULL, error);
+    for (size_t k = 0; status == LG_OK && k <= out->periods; k++) {
+        double u[LG_POLICY_INPUTS];
+        step(&l, false, x, u);
+        for (size_t i = 0; i < 2 * n; i++) {
+            const double by = noise != NULL && i < n ? noise[i] * lg_rng_normal(&rng) : 0;
+            out->seen[k * 2 * n + i] = export_round(options, l.seen[i] + by);
+        }
+        for (size_t i = 0; i < j->inputs && k < out->periods; i++)
+            out->held[k * j->inputs + i] = export_round(options, u[i]);
+        for (size_t i = 0; more != NULL && i < n; i++)
+            x[n + i] += 0.3 * j->task->period * (more[i] - more[n + i] * l.seen[n + i]);
+        if (!(export_norm(x, NULL, j->state) < 1e6) && k < out->periods) out->periods = k > 0 ? k : 1;
+    }
+    close_loop(&l);
+    return status;
 }
 
-static lg_status run_library(export_loop *l, golden *g, lg_error *error) {
-    const size_t n = l->job->state;
+void export_path_destroy(export_path *path) {
+    free(path->seen);
+    free(path->held);
+}
+
+/* ---- golden segments of paths ---- */
+
+typedef struct golden {
+    size_t count, stride; /* states; periods of a segment */
+    double *x, *y;        /* (count, state): where segments begin and end */
+    double tolerance;
+} golden;
+
+static void move(export_loop *l, bool single, size_t periods, double *x) {
+    for (size_t k = 0; k < periods; k++) step(l, single, x, NULL);
+}
+
+/* States of the exported type, at different times of runs from random starts. */
+static lg_status draw_states(export_loop *l, golden *g, lg_error *error) {
+    const export_policy_job *j = l->job;
+    const size_t n = j->state, steps = lg_policy_steps(j->policy);
     lg_rng rng;
-    double sum = 0;
-    size_t states = 0;
-    lg_rng_seed(&rng, l->job->source->options->seed, LOOP_STREAM);
-    for (size_t r = 0; r < RUNS; r++) {
-        double *x = g->path + r * (g->steps + 1) * n;
-        LG_TRY(lg_policy_starts(l->job->policy, &rng, 1, x, NULL, error));
-        for (size_t k = 0; k <= g->steps; k++, x += n) {
-            const double size = export_norm(x, NULL, n);
-            if (!(size < 1e6)) break;
-            sum += size * size;
-            states++;
-            g->finite[r] = k;
-            if (k == g->steps) break;
-            memcpy(x + n, x, n * sizeof *x);
-            export_loop_step(l, false, x + n, NULL);
-        }
+    lg_rng_seed(&rng, j->source->options->seed, LOOP_STREAM);
+    LG_TRY(lg_policy_starts(j->policy, &rng, g->count, g->x, NULL, error));
+    for (size_t i = 0; i < g->count; i++) {
+        memcpy(g->y, g->x + i * n, n * sizeof *g->y);
+        move(l, false, i % SEGMENTS * steps / SEGMENTS, g->y);
+        if (export_norm(g->y, NULL, n) < 1e6) memcpy(g->x + i * n, g->y, n * sizeof *g->y);
     }
-    g->mean = states > 0 ? sqrt(sum / (double)states) : 0;
+    for (size_t i = 0; i < g->count * n; i++) g->x[i] = export_round(j->source->options, g->x[i]);
     return LG_OK;
 }
 
-/* The largest error at the end of a segment when the policy computes in single precision, over eps. */
-static double sensitivity(export_loop *l, const golden *g) {
+/* Computes the ends of the segments. Returns the largest error at an end when the policy computes in single
+ * precision, over eps and the mean size of a state. */
+static double find_ends(export_loop *l, golden *g) {
     const size_t n = l->job->state;
-    double worst = 0, *x = app_alloc(n, sizeof *x);
-    for (size_t r = 0; r < RUNS; r++)
-        for (size_t s = 0; s < segments(g, r); s++) {
-            const double *from = g->path + (r * (g->steps + 1) + s * g->stride) * n;
-            memcpy(x, from, n * sizeof *x);
-            for (size_t k = 0; k < g->stride; k++) export_loop_step(l, true, x, NULL);
-            const double error = export_norm(x, from + g->stride * n, n) / (g->mean > 0 ? g->mean : 1);
-            if (!(error <= worst)) worst = error;
-        }
-    free(x);
+    const double mean = export_norm(g->x, NULL, g->count * n) / sqrt((double)g->count);
+    double worst = 0;
+    APP_FREE double *single = app_alloc(n, sizeof *single);
+    for (size_t i = 0; i < g->count; i++) {
+        double *end = memcpy(g->y + i * n, g->x + i * n, n * sizeof *end);
+        memcpy(single, end, n * sizeof *end);
+        move(l, false, g->stride, end);
+        move(l, true, g->stride, single);
+        const double error = export_norm(single, end, n) / (mean > 0 ? mean : 1);
+        if (!(error <= worst)) worst = error;
+    }
     return worst / (double)FLT_EPSILON;
 }
 
 /* Chooses segments as long as rounding cannot fail the test and a wrong sign cannot pass it. */
 static void choose_stride(export_loop *l, golden *g) {
-    g->stride = (g->steps + SEGMENTS - 1) / SEGMENTS;
-    if (g->stride == 0) g->stride = 1;
+    g->stride = (lg_policy_steps(l->job->policy) + SEGMENTS - 1) / SEGMENTS;
     for (;; g->stride = (g->stride + 1) / 2) {
-        const double by = sensitivity(l, g);
-        g->tolerance = 20 * export_eps(l->job->source->options) * (by > 16 ? by : 16);
+        const double by = find_ends(l, g);
+        /* One wrong segment of PATHS must be found. */
+        g->tolerance = 20 * export_eps(l->job->source->options) * fmax(by, 16) / sqrt(PATHS);
         if (g->tolerance <= 1e-3 || g->stride == 1) return;
     }
 }
@@ -180,13 +218,11 @@ static lg_status add_plant(const export_policy_job *j, text *to, lg_error *error
     return status;
 }
 
-static void add_whole(text *to, const char *name, size_t value) {
-    lg_text_add(to, "enum { %s = %zu };\n", name, value);
-}
-
-static void add_numbers(text *to, const char *name, const double *values, size_t count) {
-    lg_text_add(to, "static const double %s[%zu] = {\n", name, count);
-    lg_text_add_reals(to, LG_F64, 4, values, count);
+static void add_numbers(const export_policy_job *j, const char *type, const char *name, const double *values,
+                        size_t count) {
+    text *to = &j->source->further_test;
+    lg_text_add(to, "static const %s %s[%zu] = {\n", type, name, count);
+    lg_text_add_reals(to, strcmp(type, "real") == 0 ? j->source->options->dtype : LG_F64, 4, values, count);
     lg_text_add(to, "};\n");
 }
 
@@ -195,10 +231,10 @@ static void add_sizes(const export_policy_job *j, const golden *g, text *to) {
     double limits[2 * LG_POLICY_INPUTS];
     bool rotations = false;
     lg_text_add(to,
-                "enum { RUNS = %d, SEGMENT = %zu, STATE = %zu, POSITIONS = %zu, GIVEN = %zu, "
-                "VELOCITIES = %zu, INPUT = %zu };\n",
-                RUNS, g->stride, j->state, j->positions, j->given, j->velocities, j->inputs);
-    add_whole(to, "COORDINATES", task->coordinate_count);
+                "enum { PATHS = %d, SEGMENT = %zu, STATE = %zu, POSITIONS = %zu, GIVEN = %zu, "
+                "VELOCITIES = %zu, INPUT = %zu, COORDINATES = %u };\n",
+                PATHS, g->stride, j->state, j->positions, j->given, j->velocities, j->inputs,
+                task->coordinate_count);
     lg_text_add(to, "static const int golden_motion[COORDINATES] = {");
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
         rotations = rotations || task->coordinate[i].motion == LG_POLICY_ROTATION;
@@ -209,51 +245,40 @@ static void add_sizes(const export_policy_job *j, const golden *g, text *to) {
                 rotations ? "#define ROTATIONS\n" : "");
     for (uint32_t l = 0; l < task->input_count; l++)
         limits[2 * l] = task->input[l].low, limits[2 * l + 1] = task->input[l].high;
-    add_numbers(to, "golden_limits", limits, 2 * j->inputs);
-    lg_text_add(to, "#define LOOP_TOLERANCE ");
-    lg_text_add_real(to, LG_F64, g->tolerance);
-    lg_text_add(to, "\n#define LOOP_SCALE ");
-    lg_text_add_real(to, LG_F64, g->mean);
-    lg_text_add(to, "\n");
-}
-
-static void add_path(const export_policy_job *j, const golden *g, text *to) {
-    size_t total = 0, at = 0;
-    for (size_t r = 0; r < RUNS; r++) total += segments(g, r) + 1;
-    APP_FREE double *states = app_alloc(total * j->state, sizeof *states);
-    lg_text_add(to, "static const int golden_segments[RUNS] = {");
-    for (size_t r = 0; r < RUNS; r++) {
-        lg_text_add(to, "%s%zu", r > 0 ? ", " : "", segments(g, r));
-        for (size_t s = 0; s <= segments(g, r); s++, at += j->state)
-            memcpy(states + at, g->path + (r * (g->steps + 1) + s * g->stride) * j->state,
-                   j->state * sizeof *states);
-    }
-    lg_text_add(to, "};\n");
-    add_numbers(to, "golden_path", states, total * j->state);
+    add_numbers(j, "double", "golden_limits", limits, 2 * j->inputs);
 }
 
 static lg_status add_loop(export_loop *l, golden *g, lg_error *error) {
     const export_policy_job *j = l->job;
-    text *to = &j->source->further_test;
-    LG_TRY(run_library(l, g, error));
+    export_source *source = j->source;
+    const size_t n = g->count * j->state;
+    text *to = &source->further_test;
+    LG_TRY(draw_states(l, g, error));
     choose_stride(l, g);
     warn_opposite(l);
     LG_TRY(add_plant(j, to, error));
     add_sizes(j, g, to);
-    add_path(j, g, to);
+    add_numbers(j, "real", "loop_golden_x", g->x, n);
+    add_numbers(j, "real", "loop_golden_y", g->y, n);
     lg_text_add(to, "\n");
-    lg_text_add_named(to, j->source->options->name, export_fragment_text("test_closed"));
+    lg_text_add_named(to, source->options->name, export_fragment_text("test_closed"));
+    source->further_size = PATHS * j->state;
+    lg_text_add(&source->further_row,
+                "    {\"closed loop\", run_loop, loop_golden_x, loop_golden_y, %zu, %zu, 1, %.17g, "
+                "outputs_of_loop},\n",
+                source->further_size, source->further_size,
+                g->tolerance / (20 * export_eps(source->options)));
     return LG_OK;
 }
 
 void export_policy_loop(export_policy_job *j) {
-    golden g = {.steps = lg_policy_steps(j->policy)};
+    golden g = {.count = PATHS * (size_t)j->source->options->golden};
     export_loop l;
     lg_error error = {LG_OK, ""};
-    g.path = app_alloc(RUNS * (g.steps + 1) * j->state, sizeof *g.path);
-    lg_status status = export_loop_open(j, &l, &error);
+    APP_FREE double *x = app_alloc(2 * g.count * j->state, sizeof *x);
+    g.x = x, g.y = x + g.count * j->state;
+    lg_status status = open_loop(j, &l, &error);
     if (status == LG_OK) status = add_loop(&l, &g, &error);
-    export_loop_close(&l);
-    free(g.path);
+    close_loop(&l);
     app_must_file(j->self, status, &error, j->source->options->file);
 }

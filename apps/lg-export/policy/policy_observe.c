@@ -1,6 +1,6 @@
-/* The observer of a controller. The self-test's numbers come from the same source as the exported code,
- * compiled here in double precision with the library's plans; tests compare the exported code with lg_ekf. */
-#include <float.h>
+/* The observer of a controller: observe (seen, u, memory) -> kept as a function of the program, an
+ * extended Kalman filter. The estimate (positions, then velocities) has the covariance L L^T; the memory
+ * has the estimate, then L row by row. `seen` are positions, then 1 for each that is measured, else 0. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,61 +8,19 @@
 #include "lg-export/policy/policy.h"
 #include "liegrad/ops.h"
 
-enum { OBSERVE_STREAM = 13, OBSERVATIONS = 200 };
-
-/* ---- the filter in this program ---- */
+enum { OBSERVE_STREAM = 13, MOST = LG_POLICY_COORDINATES };
 
 typedef struct filter {
-    int observed, estimate, held;
-    double sensor[LG_POLICY_COORDINATES],
-        turn[LG_POLICY_COORDINATES]; /* Noise of the sensors; 2 pi of an angle. */
-    double drift[LG_POLICY_COORDINATES],
-        first[LG_POLICY_COORDINATES]; /* Of velocities: in a period; at the start. */
-    bool single;                      /* The functions of the program are computed in single precision. */
-    export_evaluation step[2], jacobian[2]; /* Double and single precision. */
-    double *row, *out;                      /* Inputs and outputs of the functions. */
+    const export_policy_job *job;
+    uint32_t observed, estimate;
+    double sensor[MOST], drift[MOST], first[MOST]; /* Of velocities: in a period; at the start. */
 } filter;
-static filter *now; /* The filter that the code below computes with. */
-
-static const double *inputs_of(const double *x, const double *u) {
-    memcpy(now->row, x, (size_t)now->estimate * sizeof *x);
-    memcpy(now->row + now->estimate, u, (size_t)now->held * sizeof *u);
-    return now->row;
-}
-
-static void NAME_observe_step(const double *x, const double *u, double *next, double *work) {
-    export_evaluate(&now->step[now->single], inputs_of(x, u), next);
-}
-
-static void NAME_jac_observe_step(const double *x, const double *u, double *F, double *by_u, double *work) {
-    export_evaluate(&now->jacobian[now->single], inputs_of(x, u), now->out);
-    memcpy(F, now->out, (size_t)(now->estimate * now->estimate) * sizeof *F);
-}
-
-#define NAME_real      double
-#define real           double
-#define REAL(number)   number
-#define SQRT           sqrt
-#define FLOOR          floor
-#define OBSERVED       now->observed
-#define ESTIMATE       now->estimate
-#define observe_sensor now->sensor
-#define observe_turn   now->turn
-#define observe_drift  now->drift
-#define observe_first  now->first
-static void NAME_observe_start(const double *y, double *memory);
-static void NAME_observe(const double *y, const double *u, double *memory, double *x, double *work);
-#include "lg-export/code/policy/observe.c"
-#undef real
 
 /* ---- functions of the program ---- */
 
 /* The next positions and velocities from positions, velocities (x) and u. */
 static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const export_policy_job *j = user;
-    const uint32_t n = (uint32_t)j->given;
-    const lg_var parts[] = {lg_slice(tape, in[0], 1, 0, n), lg_slice(tape, in[0], 1, n, n)};
-    const lg_var state = lg_program_call(tape, "momenta", 0, parts);
+    const lg_var state = export_policy_state(tape, user, in[0]);
     const lg_var next = lg_program_call(tape, "period", 0, (const lg_var[]){state, in[1]});
     const lg_var seen[] = {lg_program_call(tape, "positions", 0, &next),
                            lg_program_call(tape, "velocities", 0, &next)};
@@ -70,18 +28,82 @@ static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, con
     return lg_tape_status(tape);
 }
 
-static lg_status add_functions(const export_policy_job *j, lg_error *error) {
+/* Makes the rows of (estimate, columns) lower triangular by reflections from the right, which keep a a^T. The
+ * rows have as many columns as there are rows then. */
+static void make_triangular(const filter *f, lg_tape *tape, uint32_t columns, lg_var *row) {
+    const uint32_t n = f->estimate;
+    APP_FREE lg_var *low = app_alloc((size_t)n * n, sizeof *low);
+    for (uint32_t i = 0; i < n; i++) {
+        const lg_var square = lg_rownorm2(tape, row[i]), first = lg_slice(tape, row[i], 1, 0, 1),
+                     end = lg_neg(tape, lg_mul(tape, lg_sqrt(tape, square), lg_sign(tape, first))),
+                     /* Half of the square of the reflection's vector. */
+            by = export_policy_inverse(tape, f->job, lg_sub(tape, square, lg_mul(tape, end, first))),
+                     vector = lg_sub(tape, row[i], lg_pad(tape, end, 1, 0, columns - i - 1));
+        low[i * n + i] = end;
+        for (uint32_t j = i + 1; j < n; j++) {
+            const lg_var part = lg_mul(tape, lg_rowdot(tape, row[j], vector), by);
+            row[j] = lg_sub(tape, row[j], lg_mul(tape, vector, part));
+            low[j * n + i] = lg_slice(tape, row[j], 1, 0, 1);
+            row[j] = lg_slice(tape, row[j], 1, 1, columns - i - 1);
+        }
+    }
+    for (uint32_t i = 0; i < n; i++)
+        row[i] = lg_pad(tape, lg_concat(tape, low + i * n, i + 1, 1), 1, 0, n - i - 1);
+}
+
+/* Corrects the estimate x by the measurement of position i (Potter's square root update). */
+static lg_var correct(const filter *f, lg_tape *tape, uint32_t i, lg_var seen, lg_var x, lg_var *row) {
+    const lg_var square = lg_add_scalar(tape, lg_rownorm2(tape, row[i]), f->sensor[i] * f->sensor[i]),
+                 size = lg_sqrt(tape, square), own = row[i],
+                 part = lg_div(tape, size, lg_add_scalar(tape, size, f->sensor[i])),
+                 on = lg_slice(tape, seen, 1, f->observed + i, 1);
+    lg_var gains[2 * MOST], away = lg_sub(tape, lg_slice(tape, seen, 1, i, 1), lg_slice(tape, x, 1, i, 1));
+    if (f->job->task->coordinate[i].motion == LG_POLICY_ANGLE)
+        away = lg_atan2(tape, lg_sin(tape, away), lg_cos(tape, away));
+    for (uint32_t j = 0; j < f->estimate; j++) gains[j] = lg_rowdot(tape, row[j], own);
+    const lg_var gain = lg_mul(tape, lg_concat(tape, gains, f->estimate, 1), lg_div(tape, on, square));
+    for (uint32_t j = 0; j < f->estimate; j++)
+        row[j] = lg_sub(tape, row[j], lg_mul(tape, own, lg_mul(tape, part, lg_slice(tape, gain, 1, j, 1))));
+    return lg_add(tape, x, lg_mul(tape, gain, away));
+}
+
+static lg_status record_observe(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                lg_var *out) {
+    const filter *f = user;
+    const uint32_t n = f->observed, all = f->estimate, rows = lg_var_shape(tape, in[0]).dims[0];
+    const lg_var at[2] = {lg_slice(tape, in[2], 1, 0, all), in[1]},
+                 F = lg_program_call(tape, "jac_observe_step", 0, at),
+                 L = lg_reshape(tape, lg_slice(tape, in[2], 1, all, all * all), lg_shape3(rows, all, all));
+    lg_var x = lg_program_call(tape, "observe_step", 0, at), parts[1 + 2 * MOST], *row = parts + 1;
+    for (uint32_t i = 0; i < all; i++) { /* F L, then the drift of the velocities */
+        double drift[3 * MOST] = {0};
+        const lg_var own = lg_reshape(tape, lg_slice(tape, F, 1, i, 1), lg_shape3(rows, all, 1));
+        if (i >= n) drift[all + i - n] = f->drift[i - n];
+        row[i] = lg_pad(tape, lg_sum_axis(tape, lg_mul(tape, own, L), 1, false), 1, 0, n);
+        row[i] = lg_add(tape, row[i], lg_input_f64(tape, lg_shape2(1, all + n), drift));
+    }
+    make_triangular(f, tape, all + n, row);
+    for (uint32_t i = 0; i < n; i++) x = correct(f, tape, i, in[0], x, row);
+    parts[0] = x;
+    out[0] = lg_concat(tape, parts, 1 + all, 1);
+    return lg_tape_status(tape);
+}
+
+static lg_status add_functions(const filter *f, lg_error *error) {
+    const export_policy_job *j = f->job;
     size_t count;
     const lg_port *control = export_ports(j->program, "control", false, &count);
     const lg_port *period = export_ports(j->program, "period", false, &count);
-    const lg_port in[] = {control[0], period[1]}, out = {.name = "next"};
-    const lg_function_spec step = {"observe_step", in, 2, &out, 1, record_step, (void *)(uintptr_t)j};
-    lg_derivative jacobian;
+    const lg_port in[] = {control[0], period[1]}, out = {.name = "kept"},
+                  seen[] = {{.name = "seen", .shape = lg_shape1(2 * f->observed)},
+                            period[1],
+                            {.name = "memory", .shape = lg_shape1(f->estimate * (f->estimate + 1))}};
+    const lg_function_spec step = {"observe_step",      in, 2, &(lg_port){.name = "next"}, 1, record_step,
+                                   (void *)(uintptr_t)j},
+                           observe = {"observe", seen, 3, &out, 1, record_observe, (void *)(uintptr_t)f};
     LG_TRY(lg_program_add_function(j->program, &step, error));
-    lg_derivative_init(&jacobian);
-    jacobian.kind = LG_DERIVATIVE_JACOBIAN;
-    jacobian.function = "observe_step";
-    return lg_program_derive(j->program, &jacobian, error);
+    free(export_derive(j->self, j->program, LG_DERIVATIVE_JACOBIAN, "observe_step"));
+    return lg_program_add_function(j->program, &observe, error);
 }
 
 /* ---- the filter's numbers ---- */
@@ -91,124 +113,28 @@ static double number_of(const lg_reals *option, size_t i, double otherwise) {
     return option->count == 0 ? otherwise : option->values[option->count == 1 ? 0 : i];
 }
 
-static void check(const export_policy_job *j) {
+static filter filter_of(const export_policy_job *j) {
     const export_options *options = j->source->options;
     const lg_reals *const given[] = {&options->sensor, &options->drift};
     for (size_t i = 0; i < LG_COUNT(given); i++)
         if (given[i]->count > 1 && given[i]->count != j->given)
             app_stop_usage(j->self, "--sensor and --drift take one number, or %zu: one for each position",
                            j->given);
-}
-
-static void fill_numbers(const export_policy_job *j, filter *f) {
-    const export_options *options = j->source->options;
-    static const double pi = 3.14159265358979323846;
-    f->observed = (int)j->given, f->estimate = 2 * f->observed, f->held = (int)j->inputs;
+    filter f = {.job = j, .observed = (uint32_t)j->given, .estimate = 2 * (uint32_t)j->given};
     for (uint32_t i = 0; i < j->given; i++) {
         const lg_policy_coordinate *c = &j->task->coordinate[i];
         const double first = fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1]));
-        f->sensor[i] = export_round(options, number_of(&options->sensor, i, 1e-3));
-        f->drift[i] = export_round(options, number_of(&options->drift, i, 0.1) * sqrt(j->task->period));
-        f->turn[i] = c->motion == LG_POLICY_ANGLE ? export_round(options, 2 * pi) : 0;
-        f->first[i] = export_round(options, first > 0 ? first : 1);
+        f.sensor[i] = export_round(options, number_of(&options->sensor, i, 1e-3));
+        f.drift[i] = export_round(options, number_of(&options->drift, i, 0.1) * sqrt(j->task->period));
+        f.first[i] = export_round(options, first > 0 ? first : 1);
     }
-}
-
-static lg_status open_filter(const export_policy_job *j, filter *f, lg_error *error) {
-    size_t step = 0, jacobian = 0;
-    const size_t n = j->state;
-    fill_numbers(j, f);
-    f->row = app_alloc(n + j->inputs, sizeof *f->row);
-    f->out = app_alloc(n * (n + j->inputs), sizeof *f->out);
-    (void)lg_program_find(j->program, "observe_step", &step, NULL);
-    (void)lg_program_find(j->program, "jac_observe_step", &jacobian, NULL);
-    for (int k = 0; k < 2; k++) {
-        LG_TRY(export_evaluation_open(j->program, step, k ? LG_F32 : LG_F64, 0, &f->step[k], error));
-        LG_TRY(export_evaluation_open(j->program, jacobian, k ? LG_F32 : LG_F64, 0, &f->jacobian[k], error));
-    }
-    return LG_OK;
-}
-
-static void close_filter(filter *f) {
-    for (int k = 0; k < 2; k++) {
-        export_evaluation_close(&f->step[k]);
-        export_evaluation_close(&f->jacobian[k]);
-    }
-    free(f->row);
-    free(f->out);
-}
-
-/* ---- golden estimates ---- */
-
-typedef struct golden {
-    double *seen, *held, *estimate, *single; /* Rows: periods + 1, periods, periods, periods. */
-    size_t periods;
-} golden;
-
-/* The run's noisy measurements and inputs, rounded to the exported type. */
-static lg_status run(export_loop *l, const filter *f, golden *g, lg_error *error) {
-    const export_policy_job *j = l->job;
-    APP_FREE double *x = app_alloc(j->state, sizeof *x);
-    lg_rng rng;
-    lg_rng_seed(&rng, j->source->options->seed, OBSERVE_STREAM);
-    lg_status status = lg_policy_starts(j->policy, &rng, 1, x, NULL, error);
-    for (size_t k = 0; status == LG_OK && k <= g->periods; k++) {
-        double u[LG_POLICY_INPUTS];
-        const size_t size = j->given;
-        double *seen = g->seen + k * size, *held = g->held + k * j->inputs;
-        export_loop_step(l, false, x, u);
-        for (size_t i = 0; i < size; i++)
-            seen[i] = export_round(j->source->options, l->seen[i] + f->sensor[i] * lg_rng_normal(&rng));
-        for (size_t i = 0; i < j->inputs && k < g->periods; i++)
-            held[i] = export_round(j->source->options, u[i]);
-        if (!(export_norm(x, NULL, j->state) < 1e6) && k < g->periods) g->periods = k;
-    }
-    return status;
-}
-
-static void estimate(filter *f, const golden *g, bool single, double *out) {
-    const size_t n = (size_t)f->estimate, size = n + n * n;
-    APP_FREE double *memory = app_alloc(size, sizeof *memory), *work = app_alloc(n + 4 * n * n, sizeof *work);
-    now = f;
-    f->single = single;
-    NAME_observe_start(g->seen, memory);
-    for (size_t k = 0; k < g->periods; k++) {
-        NAME_observe(g->seen + (k + 1) * (size_t)f->observed, g->held + k * (size_t)f->held, memory,
-                     out + k * n, work);
-        for (size_t i = 0; i < size && single; i++) memory[i] = (double)(float)memory[i];
-    }
-}
-
-/* 20 times the error of single precision, as a number of eps. */
-static double tolerance_of(const export_policy_job *j, const golden *g) {
-    const size_t count = g->periods * j->state;
-    const double mean = export_norm(g->estimate, NULL, count) / sqrt((double)g->periods);
-    double worst = 0;
-    for (size_t k = 0; k < g->periods; k++)
-        worst =
-            fmax(worst, export_norm(g->estimate + k * j->state, g->single + k * j->state, j->state) / mean);
-    worst /= (double)FLT_EPSILON;
-    return 20 * export_eps(j->source->options) * fmax(worst, 16);
+    return f;
 }
 
 /* ---- texts ---- */
 
-static void add_code(const export_policy_job *j, const filter *f) {
-    export_source *source = j->source;
-    text *to = &source->further_code;
-    const size_t n = j->given;
-    lg_text_add(to, "enum { OBSERVED = %zu, ESTIMATE = %zu };\n", n, 2 * n);
-    export_policy_reals(j, to, "real", "observe_sensor", f->sensor, n);
-    export_policy_reals(j, to, "real", "observe_turn", f->turn, n);
-    export_policy_reals(j, to, "real", "observe_drift", f->drift, n);
-    export_policy_reals(j, to, "real", "observe_first", f->first, n);
-    lg_text_add_named(to, source->options->name, export_fragment_text("observe"));
-    lg_text_add(&source->hidden, "%sobserve_step,jac_observe_step", source->hidden.length > 0 ? "," : "");
-    export_size(source, "OBSERVE_SIZE", 2 * n * (2 * n + 1), "numbers of memory of the observer");
-    export_policy_need(source, 2 * n + 4 * n * n + 6 * n * n, 1200, 3);
-}
-
-static void add_words(const export_policy_job *j, const filter *f) {
+static void add_words(const filter *f) {
+    const export_policy_job *j = f->job;
     text *about = &j->source->about;
     lg_text_add(about,
                 "observer      NAME_observe estimates positions and velocities from noisy positions: an "
@@ -231,50 +157,34 @@ static const char declarations[] =
     "void NAME_observe(const NAME_real *y, const NAME_real *u, NAME_real *memory, NAME_real *x, NAME_real "
     "*work);\n";
 
-static void add_test(const export_policy_job *j, const golden *g) {
-    text *to = &j->source->further_test;
-    lg_text_add(to, "enum { OBSERVATIONS = %zu };\n#define OBSERVE_TOLERANCE ", g->periods);
-    lg_text_add_real(to, LG_F64, tolerance_of(j, g));
-    lg_text_add(to, "\n");
-    export_policy_reals(j, to, "real", "golden_seen", g->seen, (g->periods + 1) * j->given);
-    export_policy_reals(j, to, "real", "golden_held", g->held, g->periods * j->inputs);
-    export_policy_reals(j, to, "double", "golden_estimate", g->estimate, g->periods * j->state);
-    lg_text_add(to, "\n");
-    lg_text_add_named(to, j->source->options->name, export_fragment_text("test_observe"));
-}
-
-static lg_status write_observer(export_policy_job *j, filter *f, lg_error *error) {
-    const size_t periods =
-        lg_policy_steps(j->policy) < OBSERVATIONS ? lg_policy_steps(j->policy) : OBSERVATIONS;
-    const size_t width = j->given + j->inputs + 2 * j->state;
-    APP_FREE double *numbers = app_alloc((periods + 1) * width, sizeof *numbers);
-    golden g = {.periods = periods, .seen = numbers};
-    export_loop loop;
-    g.held = g.seen + (periods + 1) * j->given;
-    g.estimate = g.held + periods * j->inputs;
-    g.single = g.estimate + periods * j->state;
-    lg_status status = export_loop_open(j, &loop, error);
-    if (status == LG_OK) status = run(&loop, f, &g, error);
-    export_loop_close(&loop);
-    if (status == LG_OK) {
-        estimate(f, &g, false, g.estimate);
-        estimate(f, &g, true, g.single);
-        add_code(j, f);
-        add_words(j, f);
-        add_test(j, &g);
-        lg_text_add_named(&j->declarations, j->source->options->name, declarations);
+/* Measurements with noise along a run of the library. */
+static lg_status add_run(export_policy_job *j, const filter *f, lg_error *error) {
+    export_path path;
+    const size_t n = j->given, all = f->estimate, m = j->inputs;
+    export_memory *run = export_policy_keep(j, "observe", declarations, all * (all + 1));
+    lg_status status = export_loop_run(j, OBSERVE_STREAM, f->sensor, NULL, &path, error);
+    run->rows = path.periods;
+    run->work += 2 * n;
+    run->inputs = app_alloc(path.periods * (all + m), sizeof *run->inputs);
+    for (size_t k = 0; k < path.periods; k++) {
+        double *row = run->inputs + k * (all + m);
+        for (size_t i = 0; i < all; i++) row[i] = i < n ? path.seen[(k + 1) * all + i] : 1;
+        memcpy(row + all, path.held + k * m, m * sizeof *row);
     }
+    for (size_t i = 0; i < all; i++) run->start[all + i * (all + 1)] = i < n ? f->sensor[i] : f->first[i - n];
+    export_policy_start(j, run);
+    export_size(j->source, "OBSERVE_SIZE", run->numbers, "numbers of memory of the observer");
+    for (size_t i = 0; i < n; i++) run->start[i] = path.seen[i];
+    export_path_destroy(&path);
     return status;
 }
 
 void export_policy_observe(export_policy_job *j) {
-    filter f = {.single = false};
     lg_error error = {LG_OK, ""};
     export_policy_simple(j, "observe");
-    check(j);
-    lg_status status = add_functions(j, &error);
-    if (status == LG_OK) status = open_filter(j, &f, &error);
-    if (status == LG_OK) status = write_observer(j, &f, &error);
-    close_filter(&f);
+    const filter f = filter_of(j);
+    lg_status status = add_functions(&f, &error);
+    if (status == LG_OK) status = add_run(j, &f, &error);
+    if (status == LG_OK) add_words(&f);
     app_must_file(j->self, status, &error, j->source->options->file);
 }

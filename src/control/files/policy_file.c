@@ -1,7 +1,6 @@
 /* Policies in files: the program, the task's text, what the plant calls its coordinates, and the regulator.
  */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "control/policy.h"
@@ -39,24 +38,16 @@ static void list_arrays(lg_policy *p, array out[ARRAYS]) {
 
 enum { LINE = 3 * LG_POLICY_NAME };
 
-static const char lagged[] = "lagged", integral[] = "integral";
-
-/* Each coordinate has a line of three words: its name, its kind, and the name of its velocity (- if it has
- * no velocity). A lagged or past input has a line, too: its name, the word "lagged", the number of its
- * input, and of a past input how many periods ago it was given. A line of an integral has its name, the
- * word "integral", and the number of the coordinate. Tabs separate the words. */
+/* Each coordinate has a line: its name, its kind, the name of its velocity (- if it has none), then the
+ * numbers of the input that it follows, of periods ago, and of the coordinate that it integrates (0: none of
+ * them). Tabs separate them. */
 static lg_status put_names(lg_h5 *h5, const lg_policy *p, lg_error *error) {
     char lines[LG_POLICY_COORDINATES][LINE], inputs[LG_POLICY_INPUTS][LG_POLICY_NAME];
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
-        if (c->ago > 0)
-            (void)snprintf(lines[i], LINE, "%s\t%s\t%u %u", c->name, lagged, c->follows, c->ago);
-        else if (c->follows > 0 || c->integrates > 0)
-            (void)snprintf(lines[i], LINE, "%s\t%s\t%u", c->name, c->follows > 0 ? lagged : integral,
-                           c->follows + c->integrates);
-        else
-            (void)snprintf(lines[i], LINE, "%s\t%s\t%s", c->name, lg_policy_motion_row_of(c->motion)->name,
-                           c->velocity[0] != '\0' ? c->velocity : "-");
+        (void)snprintf(lines[i], LINE, "%s\t%s\t%s\t%u\t%u\t%u", c->name,
+                       lg_policy_motion_row_of(c->motion)->name, c->velocity[0] != '\0' ? c->velocity : "-",
+                       c->follows, c->ago, c->integrates);
     }
     for (uint32_t l = 0; l < p->inputs; l++) memcpy(inputs[l], p->task.input[l].name, LG_POLICY_NAME);
     LG_TRY(lg_h5_put_text_list(h5, group, "coordinates", lines[0], LINE, p->task.coordinate_count, error));
@@ -106,22 +97,16 @@ static lg_status bad_name(const char *text, lg_error *error) {
 static lg_status take_coordinate(void *user, uint64_t index, const char *text, lg_error *error) {
     lg_policy_task *task = user;
     char name[LINE], motion[LINE], velocity[LINE];
+    unsigned follows, ago, integrates;
     if (index >= LG_POLICY_COORDINATES || strlen(text) >= LINE ||
-        sscanf(text, "%[^\t]\t%[^\t]\t%[^\t]", name, motion, velocity) != 3 ||
-        strlen(name) >= LG_POLICY_NAME || strlen(velocity) >= LG_POLICY_NAME)
+        sscanf(text, "%[^\t]\t%[^\t]\t%[^\t]\t%u\t%u\t%u", name, motion, velocity, &follows, &ago,
+               &integrates) != 6 ||
+        strlen(name) >= LG_POLICY_NAME || strlen(velocity) >= LG_POLICY_NAME || follows > LG_POLICY_INPUTS ||
+        ago > LG_POLICY_COORDINATES || (ago > 0 && follows == 0) || integrates > index)
         return bad_name(text, error);
     lg_policy_coordinate *c = &task->coordinate[task->coordinate_count++];
     memcpy(c->name, name, strlen(name) + 1);
-    if (strcmp(motion, lagged) == 0 || strcmp(motion, integral) == 0) {
-        char *rest;
-        const unsigned long of = strtoul(velocity, &rest, 10), ago = strtoul(rest, NULL, 10);
-        const bool follows = strcmp(motion, lagged) == 0;
-        if (follows ? of == 0 || of > LG_POLICY_INPUTS : of == 0 || of >= task->coordinate_count)
-            return bad_name(text, error);
-        *(follows ? &c->follows : &c->integrates) = (uint32_t)of;
-        c->ago = ago <= LG_POLICY_COORDINATES ? (uint32_t)ago : 0;
-        return LG_OK;
-    }
+    c->follows = follows, c->ago = ago, c->integrates = integrates;
     if (strcmp(velocity, "-") != 0) memcpy(c->velocity, velocity, strlen(velocity) + 1);
     uint32_t k = 0;
     while (k < LG_POLICY_MOTION_COUNT &&

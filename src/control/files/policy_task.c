@@ -136,9 +136,33 @@ static named find_name(lg_policy_task *task, const char *name) {
     return (named){NULL, false, NULL};
 }
 
-/* Takes the numbers of an entry; returns what is expected instead, or NULL. */
-typedef const char *(*take_entry)(lg_policy_task *task, named of, const char *name, const double *x,
-                                  uint32_t count);
+/* What an entry of a mapping is: where its numbers go, in a coordinate (positions, velocities) and an
+ * input; 0: it may not be there. */
+typedef struct entries {
+    uint32_t key;
+    const char *what;
+    size_t position, velocity, input;
+    bool range, positive;          /* low and high; one number above 0, or not below it */
+    const char *expected, *lagged; /* lagged: the same for lagged inputs; NULL: they have such numbers, too */
+} entries;
+
+#define OF(member)    offsetof(lg_policy_coordinate, member)
+#define INPUT(member) offsetof(lg_policy_input, member)
+static const entries mappings[] = {
+    {.key = KEY_GOAL,
+     .what = "goal",
+     .lagged = "a coordinate of the machine; a lagged input has no goal to choose"},
+    {KEY_STARTS, "starts", OF(start), OF(start_velocity), 0, true, false, "[low, high], or one number", NULL},
+    {KEY_LIMITS, "limits", 0, 0, INPUT(low), true, true, "[low, high], or one number above 0 for both sides",
+     NULL},
+    {KEY_COST, "cost", OF(weight), OF(weight_velocity), INPUT(weight), false, false, "a weight, not below 0",
+     NULL},
+    {KEY_SUCCESS, "success", OF(success), OF(success_velocity), 0, false, true, "a number above 0",
+     "a coordinate of the machine, not a lagged input"},
+    {KEY_NOISE, "robust.noise", OF(noise), OF(noise_velocity), 0, false, false,
+     "a standard deviation, not below 0", "a coordinate of the machine: no sensor measures a lagged input"}};
+#undef OF
+#undef INPUT
 
 static lg_status unknown(const reading *r, const yaml_node_t *key, const char *what, const char *name) {
     lg_name_list known = {.used = 0};
@@ -151,8 +175,13 @@ static lg_status unknown(const reading *r, const yaml_node_t *key, const char *w
                         "%s: unknown name '%.40s'; the plant has %s", what, name, known.text);
 }
 
-static lg_status read_entries(reading *r, const lg_key_value *value, const char *what, take_entry take) {
+/* Takes the numbers of an entry; returns what is expected instead, or NULL; "": the name is unknown. */
+static const char *take(lg_policy_task *task, const entries *row, named of, const char *name, const double *x,
+                        uint32_t count);
+
+static lg_status read_entries(reading *r, const lg_key_value *value, const entries *row) {
     const yaml_node_t *map = value->node;
+    const char *what = row->what;
     if (value->line == 0) return LG_OK;
     if (map->type != YAML_MAPPING_NODE)
         return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: expected {NAME: number, ...}",
@@ -171,7 +200,7 @@ static lg_status read_entries(reading *r, const lg_key_value *value, const char 
         }
         LG_TRY(read_numbers(r, node, what, x, &count));
         const named of = find_name(r->task, name);
-        const char *expected = take(r->task, of, name, x, count);
+        const char *expected = take(r->task, row, of, name, x, count);
         if (expected == NULL) continue;
         if (expected[0] == '\0') return unknown(r, key, what, name);
         return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %.40s: expected %s", what, name,
@@ -205,18 +234,9 @@ static bool is_free(named of) {
     return of.coordinate != NULL && of.coordinate->free && !of.velocity;
 }
 
-static bool is_lagged(named of) {
-    return of.coordinate != NULL && of.coordinate->follows > 0;
-}
-
-static const char *take_goal(lg_policy_task *task, named of, const char *name, const double *x,
-                             uint32_t count) {
-    (void)task, (void)name;
-    if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
-    if (is_free(of)) return not_free;
-    if (is_lagged(of)) return "a coordinate of the machine; a lagged input has no goal to choose";
-    if (of.velocity) return count == 1 && x[0] == 0.0 ? NULL : "0, for the goal is a state at rest";
+static const char *take_goal(named of, const double *x, uint32_t count) {
     lg_policy_coordinate *c = of.coordinate;
+    if (of.velocity) return count == 1 && x[0] == 0.0 ? NULL : "0, for the goal is a state at rest";
     switch (c->motion) {
     case LG_POLICY_DIRECTION:
         if (count != 3 || !unit_vector(x, 3)) return "a unit vector [x, y, z]";
@@ -233,64 +253,32 @@ static const char *take_goal(lg_policy_task *task, named of, const char *name, c
     }
 }
 
-static const char *take_starts(lg_policy_task *task, named of, const char *name, const double *x,
-                               uint32_t count) {
-    (void)task, (void)name;
-    if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
-    double *to = of.velocity ? of.coordinate->start_velocity : of.coordinate->start;
-    if (count > 2 || count == 0 || (count == 2 && x[0] > x[1])) return "[low, high], or one number";
-    to[0] = x[0], to[1] = x[count - 1];
-    return NULL;
-}
-
-static const char *take_limits(lg_policy_task *task, named of, const char *name, const double *x,
-                               uint32_t count) {
-    (void)task, (void)name;
-    if (of.input == NULL) return of.coordinate != NULL ? "an input, not a coordinate" : "";
-    if (count == 1 && x[0] > 0.0)
-        of.input->low = -x[0], of.input->high = x[0];
-    else if (count == 2 && x[0] < x[1])
-        of.input->low = x[0], of.input->high = x[1];
-    else
-        return "[low, high], or one number above 0 for both sides";
-    return NULL;
-}
-
-static const char *take_cost(lg_policy_task *task, named of, const char *name, const double *x,
-                             uint32_t count) {
-    (void)task, (void)name;
-    if (of.coordinate == NULL && of.input == NULL) return "";
-    if (is_free(of)) return not_free;
-    if (count != 1 || x[0] < 0.0) return "a weight, not below 0";
-    *(of.input != NULL ? &of.input->weight
-      : of.velocity    ? &of.coordinate->weight_velocity
-                       : &of.coordinate->weight) = x[0];
-    return NULL;
-}
-
-static const char *take_success(lg_policy_task *task, named of, const char *name, const double *x,
-                                uint32_t count) {
-    const bool hold = strcmp(name, "hold") == 0, within = strcmp(name, "within") == 0;
-    if (is_free(of)) return not_free;
-    if (is_lagged(of)) return "a coordinate of the machine, not a lagged input";
-    if (count != 1 || !(x[0] > 0.0)) return "a number above 0";
-    if (hold || within)
-        *(hold ? &task->hold : &task->within) = x[0];
-    else if (of.coordinate == NULL)
-        return of.input != NULL ? "a coordinate, not an input" : "";
-    else
-        *(of.velocity ? &of.coordinate->success_velocity : &of.coordinate->success) = x[0];
-    return NULL;
-}
-
-static const char *take_noise(lg_policy_task *task, named of, const char *name, const double *x,
-                              uint32_t count) {
-    (void)task, (void)name;
-    if (of.coordinate == NULL) return of.input != NULL ? "a coordinate, not an input" : "";
-    if (is_free(of)) return not_free;
-    if (is_lagged(of)) return "a coordinate of the machine: no sensor measures a lagged input";
-    if (count != 1 || x[0] < 0.0) return "a standard deviation, not below 0";
-    *(of.velocity ? &of.coordinate->noise_velocity : &of.coordinate->noise) = x[0];
+static const char *take(lg_policy_task *task, const entries *row, named of, const char *name, const double *x,
+                        uint32_t count) {
+    double *const time = row->key != KEY_SUCCESS       ? NULL
+                         : strcmp(name, "hold") == 0   ? &task->hold
+                         : strcmp(name, "within") == 0 ? &task->within
+                                                       : NULL;
+    const bool goal = row->key == KEY_GOAL, input = row->input > 0, coordinate = goal || row->position > 0;
+    if (time == NULL && of.coordinate == NULL && of.input == NULL) return "";
+    if (of.input != NULL && !input) return "a coordinate, not an input";
+    if (of.coordinate != NULL && !coordinate) return "an input, not a coordinate";
+    if (row->key != KEY_STARTS && is_free(of)) return not_free;
+    if (row->lagged != NULL && of.coordinate != NULL && of.coordinate->follows > 0) return row->lagged;
+    if (goal) return take_goal(of, x, count);
+    double *to = of.input != NULL ? (double *)(void *)((char *)of.input + row->input) : time;
+    if (of.coordinate != NULL)
+        to = (double *)(void *)((char *)of.coordinate + (of.velocity ? row->velocity : row->position));
+    if (!row->range) {
+        if (count != 1 || !(row->positive ? x[0] > 0.0 : x[0] >= 0.0)) return row->expected;
+        to[0] = x[0];
+        return NULL;
+    }
+    /* Limits are symmetric, or have a width; a start may be one number. */
+    if (count < 1 || count > 2 ||
+        (row->positive ? !(count == 1 ? x[0] > 0.0 : x[0] < x[1]) : x[0] > x[count - 1]))
+        return row->expected;
+    to[0] = count == 1 && row->positive ? -x[0] : x[0], to[1] = x[count - 1];
     return NULL;
 }
 
@@ -357,12 +345,8 @@ static lg_status read_task(reading *r) {
     set_defaults(r->task);
     LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, r->task, r->error));
     LG_TRY(read_positions(r, &values[KEY_FREE], "free"));
-    LG_TRY(read_entries(r, &values[KEY_GOAL], "goal", take_goal));
-    LG_TRY(read_entries(r, &values[KEY_STARTS], "starts", take_starts));
-    LG_TRY(read_entries(r, &values[KEY_LIMITS], "limits", take_limits));
-    LG_TRY(read_entries(r, &values[KEY_COST], "cost", take_cost));
-    LG_TRY(read_entries(r, &values[KEY_SUCCESS], "success", take_success));
-    LG_TRY(read_entries(r, &values[KEY_NOISE], "robust.noise", take_noise));
+    for (size_t i = 0; i < LG_COUNT(mappings); i++)
+        LG_TRY(read_entries(r, &values[mappings[i].key], &mappings[i]));
     LG_TRY(read_positions(r, &values[KEY_TRACK], "track"));
     LG_TRY(read_positions(r, &values[KEY_INTEGRAL], "integral"));
     return check_inputs(r);

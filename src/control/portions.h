@@ -1,8 +1,8 @@
-/* Internals of liegrad/control.h: allocation in the caller's memory. */
-#ifndef LG_CONTROL_INTERNAL_H
-#define LG_CONTROL_INTERNAL_H
+/* Allocation in the caller's memory. */
+#ifndef LG_CONTROL_PORTIONS_H
+#define LG_CONTROL_PORTIONS_H
 
-#include "kernels/matrix.h"
+#include "core/core.h"
 
 /* Hands out consecutive parts of the caller's memory, each aligned to LG_ALIGNMENT. If base is NULL, it only
  * counts the bytes. */
