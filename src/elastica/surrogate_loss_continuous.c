@@ -216,20 +216,23 @@ lg_var lg_loss_continuous(const part *b, lg_var theta) {
     lg_var x = lg_input_buffer(b->tape, lg_shape2(count, 9), &rows);
     lg_var q_given = lg_input_buffer(b->tape, lg_shape2(count, 2), &q_values);
     lg_var v_given = lg_input_buffer(b->tape, lg_shape2(count, 2), &v_values);
-    lg_var held_given = lg_input_buffer(b->tape, lg_shape2(count, HELD_NUMBERS), &held_values);
+    lg_var held_given =
+        lg_input_buffer(b->tape, lg_shape2(model->options.boundary ? count : 0, HELD_NUMBERS), &held_values);
     if (lg_is_none(held_given)) return LG_NONE;
     for (size_t i = 0; i < count; i++) {
         const uint32_t point = point_number(b, i);
         const curve c = lg_loss_curve_at(b, point / nodes);
         double q[2], v[2];
+        const double s = point_of_sample(b, &c, point, q, v), *start = c.x + LG_AT_Q0;
         lg_surrogate_held held;
-        const double s = point_of_sample(b, &c, point, q, v);
-        lg_surrogate_hold(model, s, c.x, &held);
+        if (model->options.boundary) {
+            lg_surrogate_hold(model, s, c.x, &held);
+            put_held(b, held_values, i, &held, &c);
+            start = held.q;
+        }
         lg_loss_put_row(b, rows, i, &c, s);
-        lg_loss_put_points(b, q_values, 2 * i, q, 1, model->options.boundary ? held.q : c.x + LG_AT_Q0,
-                           c.sign);
+        lg_loss_put_points(b, q_values, 2 * i, q, 1, start, c.sign);
         lg_loss_put_points(b, v_values, 2 * i, v, 1, lg_loss_origin, c.sign);
-        put_held(b, held_values, i, &held, &c);
     }
     lg_var q = LG_NONE, v = LG_NONE, a = LG_NONE;
     if (lg_net_record_jvp(b->tape, &model->net, theta, 0, x, along_s(b), &q, &v) != LG_OK) return LG_NONE;
