@@ -18,8 +18,8 @@ enum { LG_SURROGATE_ENDS = 5 };
 /* Offsets of q0, v0, qN and vN in the boundary conditions x (8). */
 enum { LG_AT_Q0 = 0, LG_AT_V0 = 2, LG_AT_QN = 4, LG_AT_VN = 6 };
 
-/* For the continuous network with held ends: q = H + w f at s (B, 1), from the output f (B, 2) of the network.
- * H is a combination of q0, L v0, qN and L vN of x (B, 8); w is a scalar weight. */
+/* For the continuous network with held ends: q = H + w f at s (B, 1), from the output f (B, 2) of the
+ * network. H is a combination of q0, L v0, qN and L vN of x (B, 8); w is a scalar weight. */
 lg_var lg_surrogate_hold_ends(lg_tape *tape, const lg_surrogate *model, lg_var s, lg_var x, lg_var f);
 
 /* Returns -1 if the network works on the mirror image of these boundary conditions, otherwise 1. */

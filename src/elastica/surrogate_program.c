@@ -120,8 +120,8 @@ static bool is_held(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_CONTINUOUS && model->options.boundary;
 }
 
-/* Column j of `numbers` holds the coefficients of number j of (q0, L v0, qN, L vN, w) in the basis (u^3, t u^2,
- * t^2 u, t^3, t^2 u^2), where t = s/L and u = 1 - t. */
+/* Column j of `numbers` holds the coefficients of number j of (q0, L v0, qN, L vN, w) in the basis (u^3,
+ * t u^2, t^2 u, t^3, t^2 u^2), where t = s/L and u = 1 - t. */
 enum { HELD = 5 };
 lg_var lg_surrogate_hold_ends(lg_tape *tape, const lg_surrogate *model, lg_var s, lg_var x, lg_var f) {
     const double L = model->length;
