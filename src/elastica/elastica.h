@@ -91,6 +91,8 @@ void lg_beam_flow(const lg_beam *beam, lg_beam_work *work, double rate, int step
 uint32_t lg_beam_inertia(const lg_beam *beam, lg_beam_work *work, const double theta[],
                          const double force[2]);
 double lg_beam_energy(const lg_beam *beam, const double *theta);
+/* Cubic interpolation at s in [0, 1] of the angles theta (n + 1) at equidistant points. */
+double lg_beam_angle_at(size_t n, const double *theta, double s);
 /* Interpolates angles from from_n + 1 to to_n + 1 equidistant nodes by cubics; `to` and `from` must not
  * overlap. */
 void lg_beam_prolong(size_t from_n, const double *from, size_t to_n, double *to);

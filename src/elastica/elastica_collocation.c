@@ -451,26 +451,10 @@ static lg_status refine(lg_collocation *c, double tolerance, bool *done) {
 
 /* ---- start, solution and sampling ---- */
 
-/* Cubic interpolation at s in [0, 1] of the angles theta (n + 1) at equidistant points, n >= 3. slope_at
- * computes the derivative by a central difference. */
-static double angle_at(size_t n, const double *theta, double s) {
-    const double x = fmin(fmax(s, 0.0), 1.0) * (double)n;
-    enum { POINTS = 4 };
-    size_t j = (size_t)x > 0 ? (size_t)x - 1 : 0;
-    if (j + POINTS > n + 1) j = n + 1 - POINTS;
-    double sum = 0.0;
-    for (size_t a = 0; a < POINTS; a++) {
-        double weight = 1.0;
-        for (size_t b = 0; b < POINTS; b++)
-            if (b != a) weight *= (x - (double)(j + b)) / ((double)a - (double)b);
-        sum += weight * theta[j + a];
-    }
-    return sum;
-}
-
+/* A central difference of the angles theta (n + 1) at equidistant points, at s in [0, 1]. */
 static double slope_at(size_t n, const double *theta, double s) {
     const double h = 1.0 / (double)n, low = fmax(s - h, 0.0), high = fmin(s + h, 1.0);
-    return (angle_at(n, theta, high) - angle_at(n, theta, low)) / (high - low);
+    return (lg_beam_angle_at(n, theta, high) - lg_beam_angle_at(n, theta, low)) / (high - low);
 }
 
 static void start(lg_collocation *c, const lg_beam *beam, const double *theta, const double force[2]) {
@@ -482,10 +466,10 @@ static void start(lg_collocation *c, const lg_beam *beam, const double *theta, c
         panel *p = &c->panels[j];
         p->length = 1.0 / (double)c->count;
         p->start = (double)j * p->length;
-        p->theta = angle_at(n, theta, p->start);
+        p->theta = lg_beam_angle_at(n, theta, p->start);
         p->slope = slope_at(n, theta, p->start);
         for (size_t i = 0; i < M; i++) {
-            const double angle = angle_at(n, theta, p->start + p->length * c->reference.t[i]);
+            const double angle = lg_beam_angle_at(n, theta, p->start + p->length * c->reference.t[i]);
             p->w[i] = force[0] * sin(angle) - force[1] * cos(angle);
         }
     }

@@ -99,21 +99,23 @@ size_t lg_beam_coarse(const lg_beam *beam) {
     return wanted < (double)beam->n ? (size_t)wanted : beam->n;
 }
 
-void lg_beam_prolong(size_t from_n, const double *from, size_t to_n, double *to) {
-    for (size_t k = 0; k <= to_n; k++) {
-        const double x = (double)k / (double)to_n * (double)from_n;
-        size_t j = (size_t)x;
-        if (j + 2 > from_n) j = from_n - 2;
-        if (j > 0) j--; /* interpolates from[j] .. from[j + 3] */
-        const size_t points = from_n >= 3 ? 4 : from_n + 1;
-        to[k] = 0.0;
-        for (size_t a = 0; a < points; a++) {
-            double weight = 1.0;
-            for (size_t b = 0; b < points; b++)
-                if (b != a) weight *= (x - (double)(j + b)) / ((double)a - (double)b);
-            to[k] += weight * from[j + a];
-        }
+double lg_beam_angle_at(size_t n, const double *theta, double s) {
+    const double x = s * (double)n;
+    const size_t points = n >= 3 ? 4 : n + 1;
+    size_t j = (size_t)x > 0 ? (size_t)x - 1 : 0;
+    if (j + points > n + 1) j = n + 1 - points; /* interpolates theta[j] .. theta[j + points - 1] */
+    double sum = 0.0;
+    for (size_t a = 0; a < points; a++) {
+        double weight = 1.0;
+        for (size_t b = 0; b < points; b++)
+            if (b != a) weight *= (x - (double)(j + b)) / ((double)a - (double)b);
+        sum += weight * theta[j + a];
     }
+    return sum;
+}
+
+void lg_beam_prolong(size_t from_n, const double *from, size_t to_n, double *to) {
+    for (size_t k = 0; k < to_n; k++) to[k] = lg_beam_angle_at(from_n, from, (double)k / (double)to_n);
     to[0] = from[0];
     to[to_n] = from[from_n];
 }

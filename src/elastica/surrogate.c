@@ -166,26 +166,6 @@ void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weigh
     slopes[1] = (db - c * da) / whole;
 }
 
-void lg_surrogate_hold(const lg_surrogate *model, double s, const double *x, lg_surrogate_held *out) {
-    const double length = model->length, t = s / length, u = 1.0 - t;
-    const double value[LG_HELD] = {u * u * u, t * u * u, t * t * u, t * t * t, t * t * u * u};
-    const double slope[LG_HELD] = {u * u, t * u, t * t, t * u * u, t * t * u};
-    const double turn[LG_HELD] = {-2.0 * u, u - t, 2.0 * t, u * u - 2.0 * t * u, 2.0 * t * u - t * t};
-    *out = (lg_surrogate_held){.weight = 0.0};
-    for (size_t i = 0; i < LG_HELD; i++) {
-        for (size_t j = 0; j + 1 < LG_HELD; j++)
-            for (size_t c = 0; c < 2; c++) {
-                const double y = (j % 2 == 1 ? length : 1.0) * x[2 * j + c];
-                out->q[c] += value[i] * lg_held_value[i][j] * y;
-                out->v[c] += slope[i] * lg_held_slope[i][j] * y / length;
-                out->a[c] += turn[i] * lg_held_slope[i][j] * y / (length * length);
-            }
-        out->weight += value[i] * lg_held_value[i][LG_HELD - 1];
-        out->slope += slope[i] * lg_held_slope[i][LG_HELD - 1] / length;
-        out->turn += turn[i] * lg_held_slope[i][LG_HELD - 1] / (length * length);
-    }
-}
-
 lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,
                                     lg_error *error) {
     if (!(fabs(curves->length - model->length) <= 1e-9 * model->length))

@@ -18,20 +18,9 @@ enum { LG_SURROGATE_ENDS = 5 };
 /* Offsets of q0, v0, qN and vN in the boundary conditions x (8). */
 enum { LG_AT_Q0 = 0, LG_AT_V0 = 2, LG_AT_QN = 4, LG_AT_VN = 6 };
 
-/* Coefficients for the continuous network with held ends, q = H + w f. H is a combination of q0, L v0, qN and
- * L vN; w is a scalar weight. Column j of lg_held_value holds the coefficients of number j of (q0, L v0, qN,
- * L vN, w) in the basis (u^3, t u^2, t^2 u, t^3, t^2 u^2), where t = s/L and u = 1 - t. lg_held_slope holds
- * the coefficients of the derivatives with respect to t in the basis (u^2, t u, t^2, t u^2, t^2 u). */
-enum { LG_HELD = 5 };
-static const double lg_held_value[LG_HELD][LG_HELD] = {
-    {1, 0, 0, 0, 0}, {3, 1, 0, 0, 0}, {0, 0, 3, -1, 0}, {0, 0, 1, 0, 0}, {0, 0, 0, 0, 16}};
-static const double lg_held_slope[LG_HELD][LG_HELD] = {
-    {0, 1, 0, 0, 0}, {-6, -2, 6, -2, 0}, {0, 0, 0, 1, 0}, {0, 0, 0, 0, 32}, {0, 0, 0, 0, -32}};
-/* H, w, and their first and second derivatives by s at one point, for the boundary conditions x. */
-typedef struct lg_surrogate_held {
-    double q[2], v[2], a[2], weight, slope, turn;
-} lg_surrogate_held;
-void lg_surrogate_hold(const lg_surrogate *model, double s, const double *x, lg_surrogate_held *out);
+/* For the continuous network with held ends: q = H + w f at s (B, 1), from the output f (B, 2) of the
+ * network. H is a combination of q0, L v0, qN and L vN of x (B, 8); w is a scalar weight. */
+lg_var lg_surrogate_hold_ends(lg_tape *tape, const lg_surrogate *model, lg_var s, lg_var x, lg_var f);
 
 /* Returns -1 if the network works on the mirror image of these boundary conditions, otherwise 1. */
 double lg_surrogate_sign(const lg_surrogate *model, const double *x);

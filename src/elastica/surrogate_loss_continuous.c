@@ -17,18 +17,14 @@ bool lg_loss_samples_are_points(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_CONTINUOUS && !lg_loss_has_mechanics(model);
 }
 
-/* Derivative of the network's inputs (s/L, x) with respect to s, one row for all points. */
-static lg_var along_s(const part *b) {
+/* Derivative of y along s at the network's inputs (s/L, ends), x (B, 9). */
+static lg_var along_s(const part *b, lg_var x, lg_var y) {
     const double tangent[9] = {1.0 / b->problem->model->length};
-    return lg_input_f64(b->tape, lg_shape2(1, 9), tangent);
-}
-
-/* Derivative of v (B, 2) along s at the network's inputs x (B, 9). */
-static lg_var second_along_s(const part *b, lg_var x, lg_var v) {
-    const lg_var along = lg_broadcast_to(b->tape, along_s(b), lg_var_shape(b->tape, x));
-    lg_var a = LG_NONE;
-    (void)lg_jvp(b->tape, &v, 1, &x, &along, 1, &a);
-    return a;
+    const lg_var row = lg_input_f64(b->tape, lg_shape2(1, 9), tangent);
+    const lg_var along = lg_broadcast_to(b->tape, row, lg_var_shape(b->tape, x));
+    lg_var out = LG_NONE;
+    (void)lg_jvp(b->tape, &y, 1, &x, &along, 1, &out);
+    return out;
 }
 
 /* Number of point i of a part: its curve times the number of nodes, plus its node. */
@@ -120,35 +116,6 @@ static double point_of_sample(const part *b, const curve *c, uint32_t sample, do
     return b->problem->model->length * at / n;
 }
 
-/* Columns of numbers of held ends, for each point: dH/ds, w, dw/ds, d2w/ds2, d2H/ds2, H - q0. */
-enum { HELD_V = 0, HELD_WEIGHT = 2, HELD_SLOPE, HELD_TURN, HELD_A, HELD_Q = 7, HELD_NUMBERS = 9 };
-
-static void put_held(const part *b, void *values, size_t i, const lg_surrogate_held *held, const curve *c) {
-    const double weights[3] = {held->weight, held->slope, held->turn};
-    lg_loss_put_points(b, values, HELD_NUMBERS * i + HELD_V, held->v, 1, lg_loss_origin, c->sign);
-    lg_surrogate_put(lg_tape_dtype(b->tape), values, HELD_NUMBERS * i + HELD_WEIGHT, weights, 3);
-    lg_loss_put_points(b, values, HELD_NUMBERS * i + HELD_A, held->a, 1, lg_loss_origin, c->sign);
-    lg_loss_put_points(b, values, HELD_NUMBERS * i + HELD_Q, held->q, 1, c->x + LG_AT_Q0, c->sign);
-}
-
-/* For held ends: the second derivative of H + w f by s, from f, df/ds and d2f/ds2. */
-static lg_var hold_second(lg_tape *tape, lg_var held, lg_var f, lg_var slope, lg_var turn) {
-    const lg_var terms[4] = {lg_slice(tape, held, 1, HELD_A, 2),
-                             lg_mul(tape, lg_slice(tape, held, 1, HELD_TURN, 1), f),
-                             lg_mul(tape, lg_slice(tape, held, 1, HELD_SLOPE, 1), slope),
-                             lg_mul(tape, lg_slice(tape, held, 1, HELD_WEIGHT, 1), turn)};
-    return lg_linear_combination(tape, terms, (const double[4]){1.0, 1.0, 2.0, 1.0}, 4);
-}
-
-/* For held ends: computes q - H and dq/ds from the network's f = *q and df/ds = *v. */
-static void hold(lg_tape *tape, lg_var held, lg_var *q, lg_var *v) {
-    const lg_var weight = lg_slice(tape, held, 1, HELD_WEIGHT, 1),
-                 slope = lg_slice(tape, held, 1, HELD_SLOPE, 1);
-    const lg_var turned = lg_add(tape, lg_mul(tape, *v, weight), lg_mul(tape, *q, slope));
-    *v = lg_add(tape, turned, lg_slice(tape, held, 1, 0, 2));
-    *q = lg_mul(tape, *q, weight);
-}
-
 /* Weight of node k of 0..n in an integral over [0, 1]: Gregory's rule with two corrections, which is exact
  * for cubics; the trapezoidal rule for few nodes. */
 static double gregory(uint32_t n, uint32_t k) {
@@ -212,37 +179,32 @@ lg_var lg_loss_continuous(const part *b, lg_var theta) {
     const lg_surrogate *model = b->problem->model;
     const uint32_t nodes = b->problem->curves->intervals + 1;
     const uint32_t count = (uint32_t)b->count * (lg_loss_samples_are_points(model) ? 1 : nodes);
-    void *rows, *q_values, *v_values, *held_values;
-    lg_var x = lg_input_buffer(b->tape, lg_shape2(count, 9), &rows);
-    lg_var q_given = lg_input_buffer(b->tape, lg_shape2(count, 2), &q_values);
-    lg_var v_given = lg_input_buffer(b->tape, lg_shape2(count, 2), &v_values);
-    lg_var held_given = lg_input_buffer(b->tape, lg_shape2(count, HELD_NUMBERS), &held_values);
-    if (lg_is_none(held_given)) return LG_NONE;
+    void *rows, *q_values, *v_values, *end_values;
+    lg_tape *t = b->tape;
+    lg_var x = lg_input_buffer(t, lg_shape2(count, 9), &rows);
+    lg_var q_given = lg_input_buffer(t, lg_shape2(count, 2), &q_values);
+    lg_var v_given = lg_input_buffer(t, lg_shape2(count, 2), &v_values);
+    lg_var ends = lg_input_buffer(t, lg_shape2(model->options.boundary ? count : 0, 8), &end_values);
+    if (lg_is_none(ends)) return LG_NONE;
     for (size_t i = 0; i < count; i++) {
         const uint32_t point = point_number(b, i);
         const curve c = lg_loss_curve_at(b, point / nodes);
+        const double *starts[2] = {c.x + LG_AT_Q0, lg_loss_origin};
         double q[2], v[2];
-        lg_surrogate_held held;
-        const double s = point_of_sample(b, &c, point, q, v);
-        lg_surrogate_hold(model, s, c.x, &held);
-        lg_loss_put_row(b, rows, i, &c, s);
-        lg_loss_put_points(b, q_values, 2 * i, q, 1, model->options.boundary ? held.q : c.x + LG_AT_Q0,
-                           c.sign);
-        lg_loss_put_points(b, v_values, 2 * i, v, 1, lg_loss_origin, c.sign);
-        put_held(b, held_values, i, &held, &c);
+        lg_loss_put_row(b, rows, i, &c, point_of_sample(b, &c, point, q, v));
+        lg_loss_put_points(b, q_values, 2 * i, q, 1, starts[0], c.sign);
+        lg_loss_put_points(b, v_values, 2 * i, v, 1, starts[1], c.sign);
+        for (size_t k = 0; k < 4 && model->options.boundary; k++)
+            lg_loss_put_points(b, end_values, 8 * i + 2 * k, c.x + 2 * k, 1, starts[k % 2], c.sign);
     }
-    lg_var q = LG_NONE, v = LG_NONE, a = LG_NONE;
-    if (lg_net_record_jvp(b->tape, &model->net, theta, 0, x, along_s(b), &q, &v) != LG_OK) return LG_NONE;
-    if (lg_loss_has_mechanics(model)) a = second_along_s(b, x, v);
-    if (lg_loss_has_mechanics(model) && model->options.boundary)
-        a = hold_second(b->tape, held_given, q, v, a);
-    if (model->options.boundary) hold(b->tape, held_given, &q, &v);
-    lg_var loss = lg_add(b->tape, lg_mse(b->tape, q, q_given), lg_mse(b->tape, v, v_given));
+    lg_var q = lg_net_record(t, &model->net, theta, 0, x);
+    if (model->options.boundary)
+        q = lg_surrogate_hold_ends(t, model, lg_scale(t, lg_slice(t, x, 1, 0, 1), model->length), ends, q);
+    const lg_var v = along_s(b, x, q);
+    lg_var loss = lg_add(t, lg_mse(t, q, q_given), lg_mse(t, v, v_given));
     if (model->options.gamma > 0.0) {
-        const lg_var excess = lg_add_scalar(b->tape, lg_rownorm2(b->tape, v), -1.0);
-        loss = lg_loss_add(b, loss, 0.5 * model->options.gamma, lg_loss_mean_square(b->tape, excess));
+        const lg_var excess = lg_add_scalar(t, lg_rownorm2(t, v), -1.0);
+        loss = lg_loss_add(b, loss, 0.5 * model->options.gamma, lg_loss_mean_square(t, excess));
     }
-    if (!lg_loss_has_mechanics(model)) return loss;
-    if (model->options.boundary) q = lg_add(b->tape, q, lg_slice(b->tape, held_given, 1, HELD_Q, 2));
-    return add_mechanics(b, loss, q, v, a);
+    return lg_loss_has_mechanics(model) ? add_mechanics(b, loss, q, v, along_s(b, x, v)) : loss;
 }

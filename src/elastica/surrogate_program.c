@@ -3,8 +3,7 @@
  * R is the sign of the mirror: 1, or -1, which changes the sign of y-components. f is the network, evaluated
  * on its side of the mirror.
  *   discrete    q_i = q0 + R f_i, v_i = R f_i', where f_i and f_i' depend on (v0, qN - q0, vN)
- *   continuous  q = q0 + R f(s/L, v0, qN - q0, vN); with held ends q = H + w R f, with H and w of
- *               surrogate_internal.h
+ *   continuous  q = q0 + R f(s/L, v0, qN - q0, vN); with held ends q = H + w R f
  *   angle       theta = R (pi f(s) + m_0 w_0(s) + m_N w_N(s)), f(s) = f(theta_0/pi, theta_N/pi, s),
  *               m_0 = theta_0 - pi f(0), m_N = theta_N - pi f(L)
  * For the discrete and the continuous network, the derivative with respect to q0 is minus the derivative with
@@ -121,31 +120,22 @@ static bool is_held(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_CONTINUOUS && model->options.boundary;
 }
 
-/* Coefficients of q0, v0, qN and vN in H at s (B, 1), then the weight w: (B, 5). With `slopes` their
- * derivatives with respect to s. */
-static lg_var shares_of_ends(const drawing *d, lg_var s, bool slopes) {
-    const double length = d->model->length;
-    const double(*table)[LG_HELD] = slopes ? lg_held_slope : lg_held_value;
-    double numbers[LG_HELD * LG_HELD];
-    lg_tape *tape = d->tape;
-    for (size_t i = 0; i < LG_HELD; i++)
-        for (size_t j = 0; j < LG_HELD; j++)
-            numbers[LG_HELD * i + j] = table[i][j] * (j % 2 == 1 ? length : 1.0) / (slopes ? length : 1.0);
-    const lg_var t = lg_scale(tape, s, 1.0 / length), u = lg_add_scalar(tape, lg_scale(tape, t, -1.0), 1.0);
+/* Column j of `numbers` holds the coefficients of number j of (q0, L v0, qN, L vN, w) in the basis (u^3,
+ * t u^2, t^2 u, t^3, t^2 u^2), where t = s/L and u = 1 - t. */
+enum { HELD = 5 };
+lg_var lg_surrogate_hold_ends(lg_tape *tape, const lg_surrogate *model, lg_var s, lg_var x, lg_var f) {
+    const double L = model->length;
+    const double numbers[HELD][HELD] = {
+        {1, 0, 0, 0, 0}, {3, L, 0, 0, 0}, {0, 0, 3, -L, 0}, {0, 0, 1, 0, 0}, {0, 0, 0, 0, 16}};
+    const lg_var t = lg_scale(tape, s, 1.0 / L), u = lg_add_scalar(tape, lg_scale(tape, t, -1.0), 1.0);
     const lg_var tt = lg_mul(tape, t, t), tu = lg_mul(tape, t, u), uu = lg_mul(tape, u, u);
-    const lg_var tuu = lg_mul(tape, tu, u), ttu = lg_mul(tape, tu, t);
-    const lg_var value[LG_HELD] = {lg_mul(tape, uu, u), tuu, ttu, lg_mul(tape, tt, t), lg_mul(tape, tu, tu)};
-    const lg_var slope[LG_HELD] = {uu, tu, tt, tuu, ttu};
-    return lg_matmul(tape, lg_concat(tape, slopes ? slope : value, LG_HELD, 1),
-                     lg_input_f64(tape, lg_shape2(LG_HELD, LG_HELD), numbers));
-}
-
-/* Combines q0, v0, qN and vN of x (B, 8), and y (B, 2), with the coefficients `shares` (B, 5): (B, 2). */
-static lg_var held(const drawing *d, lg_var shares, lg_var x, lg_var y) {
-    lg_var sum = lg_mul(d->tape, lg_columns(d->tape, shares, LG_HELD - 1, 1), y);
-    for (uint32_t j = 0; j + 1 < LG_HELD; j++)
-        sum = lg_add(d->tape, sum,
-                     lg_mul(d->tape, lg_columns(d->tape, shares, j, 1), lg_columns(d->tape, x, 2 * j, 2)));
+    const lg_var basis[HELD] = {lg_mul(tape, uu, u), lg_mul(tape, tu, u), lg_mul(tape, tu, t),
+                                lg_mul(tape, tt, t), lg_mul(tape, tu, tu)};
+    const lg_var shares = lg_matmul(tape, lg_concat(tape, basis, HELD, 1),
+                                    lg_input_f64(tape, lg_shape2(HELD, HELD), numbers[0]));
+    lg_var sum = lg_mul(tape, lg_columns(tape, shares, HELD - 1, 1), f);
+    for (uint32_t j = 0; j + 1 < HELD; j++)
+        sum = lg_add(tape, sum, lg_mul(tape, lg_columns(tape, shares, j, 1), lg_columns(tape, x, 2 * j, 2)));
     return sum;
 }
 
@@ -155,7 +145,7 @@ static lg_var hand_over(const drawing *d, lg_var f, lg_var s, lg_var x, lg_var s
     lg_tape *t = d->tape;
     const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model), rows = rows_of(d, f);
     const lg_var y = reflected(d, f, sign);
-    if (is_held(d->model)) return held(d, shares_of_ends(d, s, false), x, y);
+    if (is_held(d->model)) return lg_surrogate_hold_ends(t, d->model, s, x, y);
     const lg_var pairs = lg_reshape(t, lg_columns(d->tape, y, 0, n), lg_shape3(rows, n / 2, 2));
     const lg_var q0 = lg_reshape(t, lg_columns(d->tape, x, LG_AT_Q0, 2), lg_shape3(rows_of(d, x), 1, 2));
     const lg_var q = lg_reshape(t, lg_add(t, pairs, q0), lg_shape2(rows, n));
@@ -393,17 +383,10 @@ static lg_var for_all(const drawing *d, lg_var numbers, uint32_t count, lg_var s
 static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
     const lg_var x = for_all(&d, in[1], BOUNDARY, in[0]);
-    const double along[1 + BOUNDARY] = {1.0 / d.model->length};
-    lg_var f = LG_NONE, slope = LG_NONE, sign = LG_NONE, input = called_input(&d, in[0], x, &sign);
-    LG_TRY(lg_net_record_jvp(t, &d.model->net, d.theta[THETA], 0, input, row(&d, along, 1 + BOUNDARY), &f,
-                             &slope));
-    y[0] = hand_over(&d, f, in[0], x, sign);
-    y[1] = reflected(&d, slope, sign);
-    if (!is_held(d.model)) return lg_tape_status(t);
-    const lg_var weight = lg_columns(d.tape, shares_of_ends(&d, in[0], false), LG_HELD - 1, 1);
-    y[1] = lg_add(t, lg_mul(t, weight, y[1]),
-                  held(&d, shares_of_ends(&d, in[0], true), x, reflected(&d, f, sign)));
-    return lg_tape_status(t);
+    const lg_var forward = lg_full(t, lg_var_shape(t, in[0]), 1.0);
+    lg_var sign = LG_NONE, input = called_input(&d, in[0], x, &sign);
+    y[0] = hand_over(&d, net(&d, input), in[0], x, sign);
+    return lg_jvp(t, y, 1, in, &forward, 1, y + 1);
 }
 
 /* Program function `place`: s, and x of the curve -> q. */

@@ -11,7 +11,7 @@
 #include "kernels/elementwise.inc"
 
 #include "kernels/act.inc"
-#include "kernels/dual.inc"
+#include "kernels/mix.inc"
 #include "kernels/reduce.inc"
 #include "kernels/transpose.inc"
 
@@ -89,10 +89,6 @@ const lg_kernels TABLE = {
     .select = select_one,
     .mix = mix,
     .mix_reverse = mix_reverse,
-    .dual_mix = dual_mix,
-    .dual_mix_reverse = dual_mix_reverse,
-    .dual_act = dual_act,
-    .dual_act_reverse = dual_act_reverse,
     .gemm = gemm,
     .small_products = small_products,
     .transpose = transpose,

@@ -203,18 +203,6 @@ typedef struct lg_kernels {
      * these arrays overlap. */
     void (*mix)(size_t n, const void *z, const void *u, const void *v, void *y);
     void (*mix_reverse)(size_t n, const void *const *in, const void *g, void *const *out, const bool *add);
-    /* Kernels on pairs of a value and its derivative in a direction. A pair is an array of 2 n numbers: n =
-     * rows cols values, then n derivatives. dual_mix is mix on pairs. dual_act replaces (x, x') in y by
-     * (sigma(x + bias), sigma'(x + bias) x'); bias may be NULL. If `cosines` (n numbers) is not NULL and
-     * sigma is the sine, the cosines are stored there. dual_act_reverse: d [+]= the cotangent of (x + bias,
-     * x'), from g, the cotangent of y. x, the argument including the bias, is needed for swish and sine only;
-     * otherwise it may be NULL. If `cosines` is NULL, the cosines are computed again. */
-    void (*dual_mix)(size_t n, const void *z, const void *u, const void *v, void *y);
-    void (*dual_mix_reverse)(size_t n, const void *const *in, const void *g, void *const *out,
-                             const bool *add);
-    void (*dual_act)(lg_k_act kind, size_t rows, size_t cols, const void *bias, void *cosines, void *y);
-    void (*dual_act_reverse)(lg_k_act kind, size_t n, const void *x, const void *cosines, const void *y,
-                             const void *g, void *d, bool add);
 
     /* C(m, n) = [C +] A(m, k) B(k, n). Element (i, l) of A is at a[i*ra + l*ca]; one of ra, ca is usually 1.
      * B is row-major with leading dimension ldb, C with ldc. Each element of C is one chain of fma over l =

@@ -1,7 +1,6 @@
 /* Networks of several architectures on a tape. */
 #include "nn/net.h"
 
-#include "autodiff/ops/dual.h"
 #include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 
@@ -10,7 +9,6 @@ typedef struct bound {
     net_layout layout;
     lg_var weight[NET_MAX_DENSE], bias[NET_MAX_DENSE];
     lg_net_tap *taps; /* may be NULL */
-    bool dual;        /* numbers are pairs (value, derivative), without taps */
 } bound;
 
 static bool bind(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, bound *b) {
@@ -18,10 +16,8 @@ static bool bind(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, 
     return lg_layers_bind(tape, &b->layout.all, "net", theta, offset, b->weight, b->bias) == LG_OK;
 }
 
-/* ---- value, and value with directional derivative ---- */
-
 static lg_var dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_activation kind) {
-    if (b->taps == NULL) return (b->dual ? lg_dual_dense : lg_dense)(tape, x, b->weight[i], b->bias[i], kind);
+    if (b->taps == NULL) return lg_dense(tape, x, b->weight[i], b->bias[i], kind);
     const lg_var y = b->layout.all.layer[i].has_bias ? lg_matmul_add(tape, x, b->weight[i], b->bias[i])
                                                      : lg_matmul(tape, x, b->weight[i]);
     b->taps[i] = (lg_net_tap){x, y};
@@ -40,8 +36,7 @@ static lg_var apply(lg_tape *tape, const lg_net *net, const bound *b, lg_var x) 
     const bool gated = lg_net_gated(net);
     lg_var head[NET_MAX_HEADS];
     if (net->embedding > 0) {
-        x = lg_scale(tape, dense(tape, b, 0, x, LG_IDENTITY), LG_TWO_PI);
-        x = b->dual ? lg_dual_act(tape, x, LG_SINE) : lg_sin(tape, x);
+        x = lg_sin(tape, lg_scale(tape, dense(tape, b, 0, x, LG_IDENTITY), LG_TWO_PI));
     }
     for (uint32_t i = 0; i < layout->heads; i++) head[i] = dense(tape, b, layout->first_head + i, x, kind);
     lg_var h = head[layout->heads - 1];
@@ -51,8 +46,8 @@ static lg_var apply(lg_tape *tape, const lg_net *net, const bound *b, lg_var x) 
         if (net->kind == LG_NET_RESNET)
             h = add_dense(tape, b, step + 1, z, h);
         else if (gated)
-            h = (b->dual ? lg_dual_mix : lg_lerp)(
-                tape, layout->steps > 1 ? dense(tape, b, step + 1, z, LG_IDENTITY) : z, head[0], head[1]);
+            h = lg_lerp(tape, layout->steps > 1 ? dense(tape, b, step + 1, z, LG_IDENTITY) : z, head[0],
+                        head[1]);
         else
             h = z;
     }
@@ -72,11 +67,10 @@ lg_var lg_net_record_taps(lg_tape *tape, const lg_net *net, lg_var theta, size_t
 lg_status lg_net_record_jvp(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
                             lg_var dx, lg_var *y, lg_var *dy) {
     LG_TRY(lg_tape_needs(tape, "network", net != NULL && y != NULL && dy != NULL));
-    bound b = {.dual = true};
-    if (!bind(tape, net, theta, offset, &b)) return lg_tape_status(tape);
-    const lg_var both = apply(tape, net, &b, lg_dual_pair(tape, x, dx));
-    const lg_var value = lg_dual_half(tape, both, 0), derivative = lg_dual_half(tape, both, 1);
-    LG_TRY(lg_tape_status(tape));
+    const lg_var value = lg_net_record(tape, net, theta, offset, x);
+    const lg_var direction = lg_broadcast_to(tape, dx, lg_var_shape(tape, x));
+    lg_var derivative = LG_NONE;
+    LG_TRY(lg_jvp(tape, &value, 1, &x, &direction, 1, &derivative));
     *y = value;
     *dy = derivative;
     return LG_OK;

@@ -68,6 +68,12 @@ BUILD(build_mix) {
     (void)user;
     return lg_lerp(t, x[0], x[1], x[2]);
 }
+/* One of the ends is a constant. */
+BUILD(build_mix_end) {
+    SETTINGS;
+    const lg_var fixed = lg_full(t, lg_var_shape(t, x[1]), 0.7);
+    return lg_lerp(t, x[0], s->i[0] == 1 ? x[1] : fixed, s->i[0] == 2 ? x[1] : fixed);
+}
 /* The same variable is both z and v. */
 BUILD(build_mix_itself) {
     (void)user;
@@ -142,6 +148,10 @@ static const lg_gradcheck_case rows[] = {
     ROW_COMPOSED("max () (), the second", build_max, INPUTS(BETWEEN(S0), APART(S0))),
     ROW("mix", "mix", build_mix, INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)), ANY(S2(4, 3)))),
     ROW("mix of () () ()", "mix", build_mix, INPUTS(ANY(S0), ANY(S0), ANY(S0))),
+    ROW("mix with a constant end", "mix", build_mix_end, WITH(.i = {1}),
+        INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),
+    ROW("mix with a constant start", "mix", build_mix_end, WITH(.i = {2}),
+        INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),
     ROW("mix with its gate", "mix", build_mix_itself, INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),
     ROW("combine", "combine", build_combine, INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)), ANY(S2(4, 3)))),
     ROW("combine of repeated terms", "combine", build_combine_repeated, INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),

@@ -1,5 +1,4 @@
 /* Cases of the gradient check: products, dense layers, pairs of values and derivatives. */
-#include "autodiff/ops/dual.h"
 #include "gradcheck/rows.h"
 
 /* ---- products ---- */
@@ -36,26 +35,6 @@ BUILD(build_flat_parameters) {
                    {.shape = S2(3, 5), .values = whole, .scale = 0.125},                                     \
                    {.shape = S1(5), .values = quarters, .scale = 0.25}))
 
-/* ---- pairs of values and derivatives ---- */
-
-BUILD(build_dual_act) {
-    SETTINGS;
-    return lg_dual_act(t, x[0], (lg_activation)s->i[0]);
-}
-BUILD(build_dual_dense) {
-    SETTINGS;
-    return lg_dual_dense(t, x[0], x[1], s->i[1] ? x[2] : LG_NONE, (lg_activation)s->i[0]);
-}
-BUILD(build_dual_mix) {
-    SETTINGS;
-    return lg_dual_mix(t, x[0], x[1], x[s->i[0]]);
-}
-#define DUAL_ACT_ROW(label, kind, ...)                                                                       \
-    ROW("dual_act " label, "dual_act", build_dual_act, WITH(.i = {kind}), INPUTS(__VA_ARGS__))
-#define DUAL_DENSE_ROW(label, kind)                                                                          \
-    ROW_TWO("dual_dense " label, "matmul", "dual_act", build_dual_dense, WITH(.i = {kind, 1}),               \
-            INPUTS(APART(S2(4, 3)), ANY(S2(3, 5)), ANY(S1(5))))
-
 /* ---- the table ---- */
 
 static const lg_gradcheck_case rows[] = {
@@ -78,24 +57,6 @@ static const lg_gradcheck_case rows[] = {
     ROW("matmul + ()", "matmul", build_matmul_add, INPUTS(ANY(S2(3, 4)), ANY(S2(4, 5)), ANY(S0))),
     ROW("matmul (1, 4) (4, 5) + (5)", "matmul", build_matmul_add,
         INPUTS(ANY(S2(1, 4)), ANY(S2(4, 5)), ANY(S1(5)))),
-    DUAL_ACT_ROW("tanh", LG_TANH, ANY(S2(4, 3))),
-    DUAL_ACT_ROW("sigmoid", LG_SIGMOID, ANY(S2(4, 3))),
-    DUAL_ACT_ROW("swish", LG_SWISH, ANY(S2(4, 3))),
-    DUAL_ACT_ROW("sine", LG_SINE, ANY(S2(4, 3))),
-    DUAL_ACT_ROW("identity", LG_IDENTITY, ANY(S2(4, 3))),
-    DUAL_ACT_ROW("relu", LG_RELU, APART(S2(4, 3))),
-    DUAL_ACT_ROW("leaky-relu", LG_LEAKY_RELU, APART(S2(4, 3))),
-    DUAL_DENSE_ROW("tanh", LG_TANH),
-    DUAL_DENSE_ROW("sigmoid", LG_SIGMOID),
-    DUAL_DENSE_ROW("identity", LG_IDENTITY),
-    DUAL_DENSE_ROW("swish", LG_SWISH),
-    DUAL_DENSE_ROW("sine", LG_SINE),
-    ROW("dual_dense tanh without bias", "dual_act", build_dual_dense, WITH(.i = {LG_TANH, 0}),
-        INPUTS(ANY(S2(4, 3)), ANY(S2(3, 5)))),
-    ROW("dual_mix", "dual_mix", build_dual_mix, WITH(.i = {2}),
-        INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)), ANY(S2(4, 3)))),
-    ROW("dual_mix with its gate", "dual_mix", build_dual_mix, WITH(.i = {0}),
-        INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),
     DENSE_ROW("identity", LG_IDENTITY, NULL),
     DENSE_ROW("tanh", LG_TANH, "act"),
     DENSE_ROW("sigmoid", LG_SIGMOID, "act"),

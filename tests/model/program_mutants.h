@@ -267,7 +267,7 @@ static const char *const odd_operations[] = {"leaf",          "",
                                              "pool_place",    "lie",
                                              "stumpff",       "dexpinv_coef",
                                              "act",           "act_derivative",
-                                             "dual_act",      "combine",
+                                             "mix",           "combine",
                                              "spd_solve",     "rowdot",
                                              "cross"};
 

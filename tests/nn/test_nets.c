@@ -330,57 +330,45 @@ TEST("shapes and offsets that do not fit are refused") {
 
 enum { N = 37 };
 
-static void take_pair(const float *pairs, size_t i, float *one) {
-    one[0] = pairs[i];
-    one[1] = pairs[N + i];
-}
-
 static void check_positions(const lg_kernels *k, const float *z, const float *u, const float *v,
                             const float *g) {
-    float y[2 * N], d[3][2 * N], some[2 * N], one[4][2], y1[2], d1[3][2];
+    float y[N], d[3][N], some[N], y1, d1[3];
     const void *in[3] = {z, u, v};
-    void *out[3] = {d[0], d[1], d[2]}, *only_v[3] = {NULL, NULL, some};
+    void *out[3] = {d[0], d[1], d[2]}, *only_v[3] = {NULL, NULL, some}, *out1[3] = {d1, d1 + 1, d1 + 2};
     const bool add[3] = {false, true, true};
-    k->dual_mix(N, z, u, v, y);
+    k->mix(N, z, u, v, y);
     memset(d, 0, sizeof d);
     memset(some, 0, sizeof some);
-    k->dual_mix_reverse(N, in, g, out, add);
-    k->dual_mix_reverse(N, in, g, only_v, add);
+    k->mix_reverse(N, in, g, out, add);
+    k->mix_reverse(N, in, g, only_v, add);
     assert_memory_equal(some, d[2], sizeof some);
     for (size_t i = 0; i < N; i++) {
-        const void *in1[3] = {one[0], one[1], one[2]};
-        void *out1[3] = {d1[0], d1[1], d1[2]};
-        take_pair(z, i, one[0]);
-        take_pair(u, i, one[1]);
-        take_pair(v, i, one[2]);
-        take_pair(g, i, one[3]);
+        const void *in1[3] = {z + i, u + i, v + i};
         memset(d1, 0, sizeof d1);
-        k->dual_mix(1, one[0], one[1], one[2], y1);
-        k->dual_mix_reverse(1, in1, one[3], out1, add);
-        assert_true(y1[0] == y[i] && y1[1] == y[N + i]);
-        for (int p = 0; p < 3; p++) assert_true(d1[p][0] == d[p][i] && d1[p][1] == d[p][N + i]);
+        k->mix(1, z + i, u + i, v + i, &y1);
+        k->mix_reverse(1, in1, g + i, out1, add);
+        assert_true(y1 == y[i] && d1[0] == d[0][i] && d1[1] == d[1][i] && d1[2] == d[2][i]);
     }
     for (int kind = 0; kind < (int)LG_K_ACTS; kind++) {
+        const bool reads_x = kind == LG_K_SWISH || kind == LG_K_SINE;
         memcpy(y, z, sizeof y);
-        k->dual_act((lg_k_act)kind, 1, N, u, NULL, y);
-        k->dual_act_reverse((lg_k_act)kind, N, z, NULL, y, g, d[0], false);
+        k->bias_act((lg_k_act)kind, 1, N, u, y);
+        k->act_reverse((lg_k_act)kind, 0, N, z, reads_x ? NULL : y, g, NULL, NULL, false, d[0], false);
         for (size_t i = 0; i < N; i++) {
-            take_pair(z, i, one[0]);
-            take_pair(z, i, y1);
-            take_pair(g, i, one[3]);
-            k->dual_act((lg_k_act)kind, 1, 1, u + i, NULL, y1);
-            k->dual_act_reverse((lg_k_act)kind, 1, one[0], NULL, y1, one[3], d1[0], false);
-            assert_true(y1[0] == y[i] && y1[1] == y[N + i]);
-            assert_true(d1[0][0] == d[0][i] && d1[0][1] == d[0][N + i]);
+            y1 = z[i];
+            k->bias_act((lg_k_act)kind, 1, 1, u + i, &y1);
+            k->act_reverse((lg_k_act)kind, 0, 1, z + i, reads_x ? NULL : &y1, g + i, NULL, NULL, false, d1,
+                           false);
+            assert_true(y1 == y[i] && d1[0] == d[0][i]);
         }
     }
 }
 
-TEST("results of the pair kernels do not depend on an element's position or on other requested results") {
-    float numbers[4][2 * N];
+TEST("results of the kernels do not depend on an element's position or on other requested results") {
+    float numbers[4][N];
     lg_rng rng = test_rng(5, 0);
     for (int p = 0; p < 4; p++)
-        for (size_t i = 0; i < 2 * N; i++) numbers[p][i] = (float)lg_rng_uniform_in(&rng, -1.5, 1.5);
+        for (size_t i = 0; i < N; i++) numbers[p][i] = (float)lg_rng_uniform_in(&rng, -1.5, 1.5);
     for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
         const lg_kernels *k = lg_kernels_of(LG_F32, (lg_isa)isa);
         if (k != NULL) check_positions(k, numbers[0], numbers[1], numbers[2], numbers[3]);

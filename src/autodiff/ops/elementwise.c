@@ -63,12 +63,16 @@ static void mix_vjp(lg_reverse *r) {
 
 static lg_var mix_jvp(const lg_forward *f) {
     lg_tape *t = f->tape;
-    lg_var from_z = LG_NONE, from_u = LG_NONE, from_v = LG_NONE;
-    if (!lg_is_none(f->tangents[0])) from_z = lg_mul(t, f->tangents[0], lg_sub(t, f->in[2], f->in[1]));
-    if (!lg_is_none(f->tangents[1]))
-        from_u = lg_mul(t, f->tangents[1], lg_add_scalar(t, lg_neg(t, f->in[0]), 1.0));
-    if (!lg_is_none(f->tangents[2])) from_v = lg_mul(t, f->tangents[2], f->in[0]);
-    return lg_add_or(t, from_z, lg_add_or(t, from_u, from_v));
+    const lg_var *d = f->tangents;
+    lg_var from_z = LG_NONE, rest = LG_NONE;
+    if (!lg_is_none(d[0])) from_z = lg_mul(t, d[0], lg_sub(t, f->in[2], f->in[1]));
+    if (!lg_is_none(d[1]) && !lg_is_none(d[2]))
+        rest = lg_lerp(t, f->in[0], d[1], d[2]);
+    else if (!lg_is_none(d[2]))
+        rest = lg_mul(t, d[2], f->in[0]);
+    else if (!lg_is_none(d[1]))
+        rest = lg_mul(t, d[1], lg_add_scalar(t, lg_neg(t, f->in[0]), 1.0));
+    return lg_add_or(t, from_z, rest);
 }
 
 static lg_scalar mix_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {

@@ -28,8 +28,6 @@
     X(stop_gradient)                                                                                         \
     X(act)                                                                                                   \
     X(act_derivative)                                                                                        \
-    X(dual_act)                                                                                              \
-    X(dual_mix)                                                                                              \
     X(matmul)                                                                                                \
     X(reduce)                                                                                                \
     X(repeat)                                                                                                \

@@ -286,10 +286,8 @@ static lg_status evaluate(lg_tape *tape, const lg_op *op, const lg_var *in, lg_e
     return status;
 }
 
-/* With `over`, the output takes the memory of the first input's value. `shape` is the requested output shape
- * for operations that need one (lg_op.given). */
-static lg_var record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
-                     lg_shape shape, bool over) {
+lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
+                        const lg_attr *attr, lg_shape shape) {
     static const lg_attr none;
     const lg_node *nodes[LG_MAX_INPUTS];
     const lg_shape *shapes[LG_MAX_INPUTS];
@@ -313,7 +311,7 @@ static lg_var record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t 
         append_node(tape, op, in, inputs, attr, &shape, count, tape, LG_NODE_NO_VALUE);
         return commit(tape, inputs);
     }
-    void *value = over ? nodes[0]->value : lg_value_allocate(tape, count);
+    void *value = lg_value_allocate(tape, count);
     if (value == NULL) return LG_NONE;
     const lg_crew crew = lg_tape_crew(tape);
     lg_evaluation e = {.k = tape->k,
@@ -333,22 +331,11 @@ static lg_var record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t 
     lg_node *node = append_node(tape, op, in, inputs, attr, &shape, count, value,
                                 tape->unrecorded ? (uint32_t)LG_NODE_POOLED : 0u);
     if (op->payload == LG_PAYLOAD_KEPT) node->attr.pointer = e.kept;
-    if (over) tape->nodes[in[0].index].flags |= LG_NODE_NO_VALUE;
     return commit(tape, inputs);
 }
 
 lg_var lg_record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
-    return record(tape, op, in, inputs, attr, lg_shape0(), false);
-}
-
-lg_var lg_record_over(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
-                      const lg_attr *attr) {
-    return record(tape, op, in, inputs, attr, lg_shape0(), true);
-}
-
-lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
-                        const lg_attr *attr, lg_shape shape) {
-    return record(tape, op, in, inputs, attr, shape, false);
+    return lg_record_shaped(tape, op, in, inputs, attr, lg_shape0());
 }
 
 /* ---- readers ---- */

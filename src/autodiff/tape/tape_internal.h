@@ -149,10 +149,6 @@ lg_var lg_record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inpu
  * forward. */
 lg_var lg_record_value(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                        lg_shape shape, void *value, uint32_t flags);
-/* Like lg_record, but the operation works in place: the output takes over the memory of the first input's
- * value. The first input must be the newest node, and its value must never be read again. Recorded mode
- * only. */
-lg_var lg_record_over(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr);
 /* Like lg_record, for operations whose output shape is chosen by the caller (lg_op.given). */
 lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
                         const lg_attr *attr, lg_shape shape);
