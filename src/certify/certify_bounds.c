@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "certify/certify.h"
-#include "control/portions.h"
+#include "core/portions.h"
 
 /* Memory of one task: boxes with all inputs, middles, and outputs of both. */
 typedef struct desk {

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "certify/certify.h"
-#include "control/portions.h"
+#include "core/portions.h"
 
 /* Boxes that are evaluated together, and the results of their flows */
 typedef struct held {

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "control/portions.h"
+#include "core/portions.h"
 #include "kernels/lapack.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"

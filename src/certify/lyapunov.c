@@ -7,6 +7,7 @@
 
 #include "certify/linear_program.h"
 #include "autodiff/program/program.h"
+#include "kernels/matrix.h"
 #include "liegrad/ops.h"
 
 enum { STATES = 6, DEGREE = 12, TERMS = 500 };
@@ -137,28 +138,44 @@ static void fill_rows(fitting *f) {
     }
 }
 
-/* LAPACK: A = L Q by Householder reflections; then the first m rows of Q of k reflections. */
-extern void dgelqf_(const int *m, const int *n, double *a, const int *lda, double *tau, double *work,
-                    const int *lwork, int *info);
-extern void dorglq_(const int *m, const int *n, const int *k, double *a, const int *lda, const double *tau,
-                    double *work, const int *lwork, int *info);
-
-/* A = Q R; A becomes Q. LAPACK sees A^T = R^T Q^T. With y = R x the program is min (R^-T c)^T y with Q y
- * >= b. memory has room for R (n, n), then tau and work. */
-static bool orthonormalise(const fitting *f, double *memory) {
-    const int n = (int)f->terms, rows = (int)f->rows, room = 2 * n * n - n;
-    double *tau = memory + n * n, *work = tau + n;
-    int info;
-    dgelqf_(&n, &rows, f->A, &n, tau, work, &room, &info);
-    memcpy(memory, f->A, f->terms * f->terms * sizeof *memory);
-    if (info == 0) dorglq_(&n, &rows, &n, f->A, &n, tau, work, &room, &info);
-    return info == 0;
+/* A = Q R by Cholesky's factor of A^T A, twice, which is as accurate as Householder's method for conditions
+ * up to 1e8. With y = R x the program is min (R^-T c)^T y with Q y >= b. R is collected in `total`, upper
+ * triangular. */
+static bool orthonormalise(fitting *f, double *gram, double *L, double *total) {
+    const size_t n = f->terms;
+    for (int round = 0; round < 2; round++) {
+        double largest = 0;
+        memset(gram, 0, n * n * sizeof *gram);
+        for (size_t i = 0; i < f->rows; i++)
+            for (size_t j = 0; j < n; j++)
+                for (size_t k = 0; k <= j; k++) gram[j * n + k] += f->A[i * n + j] * f->A[i * n + k];
+        for (size_t j = 0; j < n; j++)
+            for (size_t k = 0; k < j; k++) gram[k * n + j] = gram[j * n + k];
+        for (size_t j = 0; j < n; j++) largest = fmax(largest, gram[j * n + j]);
+        for (size_t j = 0; j < n; j++) gram[j * n + j] += 1e-15 * largest;
+        if (!lg_matrix_cholesky(n, gram, L)) return false;
+        for (size_t i = 0; i < f->rows; i++) /* rows of A L^-T */
+            for (size_t j = 0; j < n; j++) {
+                double rest = f->A[i * n + j];
+                for (size_t k = 0; k < j; k++) rest -= f->A[i * n + k] * L[j * n + k];
+                f->A[i * n + j] = rest / L[j * n + j];
+            }
+        for (size_t i = 0; i < n; i++) /* total = L^T total; total is 1 at first */
+            for (size_t j = 0; j < n; j++) {
+                double sum = 0;
+                for (size_t k = i; k < n; k++)
+                    sum += L[k * n + i] * (round == 0 ? (double)(k == j) : total[k * n + j]);
+                gram[i * n + j] = sum;
+            }
+        memcpy(total, gram, n * n * sizeof *total);
+    }
+    return true;
 }
 
 static lg_status solve(fitting *f, double *matrices) {
     const size_t n = f->terms;
-    double *R = matrices, y[TERMS];
-    if (!orthonormalise(f, R)) return LG_NO_CONVERGENCE;
+    double *R = matrices + 2 * n * n, y[TERMS];
+    if (!orthonormalise(f, matrices, matrices + n * n, R)) return LG_NO_CONVERGENCE;
     for (size_t j = 0; j < n; j++) { /* R^T c' = c */
         for (size_t k = 0; k < j; k++) f->c[j] -= R[k * n + j] * f->c[k];
         f->c[j] /= R[j * n + j];

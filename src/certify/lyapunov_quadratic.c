@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "certify/evolution.h"
-#include "control/portions.h"
+#include "core/portions.h"
 #include "kernels/lapack.h"
 #include "kernels/matrix.h"
 #include "liegrad/control.h"

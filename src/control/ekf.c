@@ -4,7 +4,7 @@
 
 #include "liegrad/control.h"
 
-#include "control/portions.h"
+#include "core/portions.h"
 #include "kernels/matrix.h"
 #include "model/internal.h"
 

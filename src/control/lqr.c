@@ -5,7 +5,7 @@
 #include "liegrad/control.h"
 
 #include "kernels/lapack.h"
-#include "control/portions.h"
+#include "core/portions.h"
 #include "kernels/matrix.h"
 #include "model/internal.h"
 

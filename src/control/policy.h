@@ -180,6 +180,7 @@ void lg_policy_plans_destroy(lg_policy_plans *plans);
 typedef struct lg_policy_body {
     double rest[3], mass[9], damping[9], map[3 * LG_POLICY_INPUTS];
 } lg_policy_body;
+lg_status lg_policy_needs_energy(const lg_policy *policy, lg_error *error); /* LG_UNSUPPORTED: another kind */
 /* Finds M, D and B of a policy of kind energy, whose machine has one coordinate, and compares them at
  * positions all around and at rates up to ten times the largest of the starts. */
 lg_status lg_policy_probe(const lg_policy *policy, lg_policy_body *out, lg_error *error);

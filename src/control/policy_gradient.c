@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "control/policy_gradient.h"
-#include "control/portions.h"
+#include "core/portions.h"
 
 enum { ROWS = LG_POLICY_ROWS };
 

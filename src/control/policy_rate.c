@@ -198,6 +198,7 @@ static lg_status record_slope(void *user, lg_tape *tape, const lg_var *theta, co
 
 static lg_status check_energy(const lg_policy *p, lg_error *error) {
     LG_TRY(check(p, error));
+    LG_TRY(lg_policy_needs_energy(p, error));
     if (p->task.coordinate_count != 1 || p->inputs != 1)
         return lg_fail(error, LG_UNSUPPORTED,
                        "the energy is certified for one coordinate and one input; the plant has %u and %u",

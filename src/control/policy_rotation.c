@@ -60,6 +60,13 @@ static void place(const lg_policy_coordinate *c, int k, lg_rng *rng, double *q) 
     }
 }
 
+lg_status lg_policy_needs_energy(const lg_policy *p, lg_error *error) {
+    LG_TRY(lg_policy_check_memory(p, true, error));
+    if (p->task.kind == LG_POLICY_ENERGY) return LG_OK;
+    return lg_fail(error, LG_UNSUPPORTED, "the controller is of kind %s; the energy needs kind energy",
+                   lg_policy_kind_name(p->task.kind));
+}
+
 lg_status lg_policy_probe(const lg_policy *p, lg_policy_body *first, lg_error *error) {
     static const double speeds[] = {1, -1, 0.1, -3, 10, -10}, inputs[] = {1, -1, 0.3, 0.1, -0.3, 0.5};
     const lg_policy_coordinate *c = &p->task.coordinate[0];
@@ -70,10 +77,6 @@ lg_status lg_policy_probe(const lg_policy *p, lg_policy_body *first, lg_error *e
     lg_policy_body other;
     lg_rng rng;
     size_t field;
-    LG_TRY(lg_policy_check_memory(p, true, error));
-    if (p->task.kind != LG_POLICY_ENERGY)
-        return lg_fail(error, LG_UNSUPPORTED, "the controller is of kind %s; the energy needs kind energy",
-                       lg_policy_kind_name(p->task.kind));
     if (lg_program_find(p->program, "field", &field, NULL) != LG_OK)
         return lg_fail(error, LG_NOT_FOUND, "the plant has no function field (x, u)");
     LG_TRY(look(p, c->goal, fast, 1, first, error));
@@ -105,6 +108,7 @@ lg_status lg_policy_probe(const lg_policy *p, lg_policy_body *first, lg_error *e
 }
 
 static lg_status check(const lg_policy *p, lg_error *error) {
+    LG_TRY(lg_policy_needs_energy(p, error));
     if (p->task.coordinate_count != 1 || p->task.coordinate[0].motion != LG_POLICY_ROTATION ||
         p->state != ROTATION + TURN)
         return lg_fail(error, LG_UNSUPPORTED,

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "control/policy.h"
-#include "control/portions.h"
+#include "core/portions.h"
 
 enum { ROWS = LG_POLICY_ROWS };
 

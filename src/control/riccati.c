@@ -18,7 +18,7 @@
 #include "liegrad/control.h"
 
 #include "kernels/lapack.h"
-#include "control/portions.h"
+#include "core/portions.h"
 #include "kernels/matrix.h"
 
 enum { MOST_ROWS = 10000, MOST_NEWTON = 8 };

@@ -28,11 +28,7 @@ typedef struct lg_rotor_run {
 } lg_rotor_run;
 
 typedef struct lg_rotor_file {
-    lg_rotor_run run;
-    size_t parameters, epochs_done;
-    double *theta, *history[LG_FIT_SERIES_COUNT];
-    lg_provenance provenance;
-    const lg_context *context;
+    LG_MODEL_FILE(lg_rotor_run);
 } lg_rotor_file;
 
 static const lg_field facts[] = {LG_FACT(lg_rotor_run, "run", "data_sha256", TEXT, data_sha256, .low = 0),

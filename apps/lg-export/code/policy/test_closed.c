@@ -61,7 +61,7 @@ static int outside(const real *u) {
 }
 
 static void run_loop(const real *x, real *y, int only, real *work) {
-    static double plant_work[NAME_plant_WORK_SIZE + 1];
+    static double moving[NAME_plant_WORK_SIZE + 1];
     double at[STATE], next[STATE], held[INPUT];
     real seen[GIVEN + VELOCITIES], u[INPUT];
     int i, k, p;
@@ -70,11 +70,11 @@ static void run_loop(const real *x, real *y, int only, real *work) {
         int wrong = 0;
         for (i = 0; i < STATE; i++) at[i] = (double)x[i];
         for (k = 0; k < SEGMENT; k++) {
-            see(at, seen, plant_work);
+            see(at, seen, moving);
             NAME_control(seen, u, work);
             wrong += outside(u);
             for (i = 0; i < INPUT; i++) held[i] = (double)u[i];
-            NAME_plant_period(at, held, next, plant_work);
+            NAME_plant_period(at, held, next, moving);
             memcpy(at, next, sizeof at);
         }
         for (i = 0; i < STATE; i++) y[i] = wrong > 0 ? (real)NAN : (real)at[i];

@@ -1,5 +1,5 @@
 /* Allocation in the caller's memory. */
-#include "control/portions.h"
+#include "core/portions.h"
 
 void *lg_portion(lg_portions *from, size_t count, size_t size) {
     void *at = from->base != NULL ? from->base + from->used : NULL;

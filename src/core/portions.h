@@ -1,6 +1,6 @@
 /* Allocation in the caller's memory. */
-#ifndef LG_CONTROL_PORTIONS_H
-#define LG_CONTROL_PORTIONS_H
+#ifndef LG_CORE_PORTIONS_H
+#define LG_CORE_PORTIONS_H
 
 #include "core/core.h"
 
