@@ -149,7 +149,8 @@ static const lg_gradcheck_case rows[] = {
     ROW("mix", "mix", build_mix, INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)), ANY(S2(4, 3)))),
     ROW("mix of () () ()", "mix", build_mix, INPUTS(ANY(S0), ANY(S0), ANY(S0))),
     /* No errors are planted in these: a wrong derivative with respect to the constant changes nothing. */
-    ROW_COMPOSED("mix with a constant end", build_mix_end, WITH(.i = {1}), INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),
+    ROW_COMPOSED("mix with a constant end", build_mix_end, WITH(.i = {1}),
+                 INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),
     ROW_COMPOSED("mix with a constant start", build_mix_end, WITH(.i = {2}),
                  INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),
     ROW("mix with its gate", "mix", build_mix_itself, INPUTS(ANY(S2(4, 3)), ANY(S2(4, 3)))),
