@@ -6,7 +6,7 @@
 
 /* Declares a variable that is destroyed where its block ends, by destroy(&variable). LG_AT(destroy, type)
  * defines destroy_at, which does this for a pointer to an object. */
-#define LG_CLEAN(destroy) __attribute__((cleanup(destroy)))
+#define LG_CLEAN(destroy) __attribute__((cleanup(destroy), unused))
 #define LG_AT(destroy, type)                                                                                 \
     static inline void destroy##_at(type **at) {                                                             \
         destroy(*at);                                                                                        \

@@ -98,7 +98,7 @@ static const char *refused(yaml_token_type_t type, int depth) {
 }
 
 static lg_status check_tokens(const char *path, const unsigned char *data, size_t bytes, lg_error *error) {
-    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser;
+    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser = {.error = YAML_NO_ERROR};
     int depth = 0;
     if (!yaml_parser_initialize(&parser))
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
@@ -143,7 +143,7 @@ lg_status lg_yaml_open_text(const lg_context *context, const char *path, const v
     LG_TRY(check_tokens(path, data, bytes, error));
     LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = lg_alloc(context, 1, sizeof *yaml);
     if (yaml != NULL) *yaml = (lg_yaml){.context = context, .path = path};
-    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser;
+    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser = {.error = YAML_NO_ERROR};
     if (!yaml_parser_initialize(&parser) || yaml == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     LG_TRY(load(yaml, &parser, data, bytes, error));
