@@ -98,13 +98,13 @@ static const char *refused(yaml_token_type_t type, int depth) {
 }
 
 static lg_status check_tokens(const char *path, const unsigned char *data, size_t bytes, lg_error *error) {
-    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser = {.error = YAML_NO_ERROR};
+    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser = {0};
     int depth = 0;
     if (!yaml_parser_initialize(&parser))
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     yaml_parser_set_input_string(&parser, data, bytes);
     for (bool more = true; more;) {
-        LG_CLEAN(yaml_token_delete) yaml_token_t token = {.type = YAML_NO_TOKEN};
+        LG_CLEAN(yaml_token_delete) yaml_token_t token = {0};
         if (!yaml_parser_scan(&parser, &token)) return parser_error(path, &parser, data, bytes, error);
         depth += steps_in(token.type);
         if (depth < 0) depth = 0;
@@ -120,7 +120,7 @@ static lg_status check_tokens(const char *path, const unsigned char *data, size_
 /* Loads a file that must contain exactly one document. */
 static lg_status load(lg_yaml *yaml, yaml_parser_t *parser, const unsigned char *data, size_t bytes,
                       lg_error *error) {
-    LG_CLEAN(yaml_document_delete) yaml_document_t next = {.nodes = {NULL, NULL, NULL}};
+    LG_CLEAN(yaml_document_delete) yaml_document_t next = {0};
     yaml_parser_set_input_string(parser, data, bytes);
     if (!yaml_parser_load(parser, &yaml->document))
         return parser_error(yaml->path, parser, data, bytes, error);
@@ -143,7 +143,7 @@ lg_status lg_yaml_open_text(const lg_context *context, const char *path, const v
     LG_TRY(check_tokens(path, data, bytes, error));
     LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = lg_alloc(context, 1, sizeof *yaml);
     if (yaml != NULL) *yaml = (lg_yaml){.context = context, .path = path};
-    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser = {.error = YAML_NO_ERROR};
+    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser = {0};
     if (!yaml_parser_initialize(&parser) || yaml == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     LG_TRY(load(yaml, &parser, data, bytes, error));
