@@ -141,7 +141,7 @@ static void write_both_forms(lg_fail_alloc *memory, const lg_program *program, l
 }
 
 TEST("a program with scalars, tensors, calls and loops is written completely or not at all") {
-    lg_fail_alloc memory;
+    static lg_fail_alloc memory; /* until the program is released, after the test */
     lg_context *context = lg_fail_alloc_context(&memory);
     assert_non_null(context);
     lg_test_owns(context, release_context);
@@ -182,7 +182,7 @@ static lg_status add_row(lg_program *program, const lg_gradcheck_function *f) {
 }
 
 TEST("every operation of the table is written completely or not at all") {
-    lg_fail_alloc memory;
+    static lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     assert_non_null(context);
     lg_test_owns(context, release_context);

@@ -1025,7 +1025,7 @@ static lg_program *spring(void) {
 }
 
 TEST("bounds and certificates refuse NULL") {
-    static const double P[4] = {2, 0.1, 0.1, 2}, low[2] = {-1, -1}, high[2] = {1, 1};
+    static const double P[4] = {2, 0.1, 0.1, 2}, low[3] = {-1, -1, -1}, high[3] = {1, 1, 1};
     lg_program *program = spring();
     const size_t first = 1;
     lg_interval *interval;
