@@ -491,7 +491,7 @@ enum { APP_PLOT_ANY = 1 };
 /* The values of --plot and --plot-kind of the command. */
 typedef struct app_plot_values {
     const char *plot;   /* NULL: nothing is drawn */
-    uint32_t plot_kind; /* 0: the default; otherwise number of the row + 1 */
+    uint32_t plot_kind; /* 0: the default; otherwise the row's index in the table, plus 1 */
 } app_plot_values;
 extern app_plot_values app_plot_given;
 /* The rows of these options; without --plot-kind where there is one plot. */

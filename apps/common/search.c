@@ -142,9 +142,9 @@ static lg_status check_method(const app *v, const train_task *task, const lg_sea
         const bool fixed = i < file->fixed_count;
         const size_t range = i - file->fixed_count;
         const char *name = fixed ? file->fixed_name[i] : space->ranges[range].name,
-                   *refuses = train_refuses(task, app_find_slot(v, name));
+                   *command = train_refuses(task, app_find_slot(v, name));
         *line = fixed ? file->fixed_line[i] : file->line[range];
-        if (refuses != NULL) return lg_fail(error, LG_FORMAT, "'%s' is not an option of %s", name, refuses);
+        if (command != NULL) return lg_fail(error, LG_FORMAT, "'%s' is not an option of %s", name, command);
     }
     return LG_OK;
 }

@@ -132,8 +132,8 @@ const char *train_refuses(const train_task *task, const app_slot *slot) {
 
 static void check_options(const app *self, const train_task *task) {
     for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++) {
-        const char *refuses = slot->given ? train_refuses(task, slot) : NULL;
-        if (refuses != NULL) app_stop_usage(self, "--%s: %s has no such option", slot->name, refuses);
+        const char *command = slot->given ? train_refuses(task, slot) : NULL;
+        if (command != NULL) app_stop_usage(self, "--%s: %s has no such option", slot->name, command);
     }
 }
 

@@ -105,7 +105,8 @@ void merge_classes(lg_series *series, const char *healthy);
 
 /* ---- judging (judge.c) ---- */
 
-/* Adds a vote to the last n (1 to 64) of *votes, in which bit 0 is the latest, and counts those for. */
+/* Appends a vote to *votes, whose bits are the last n (1 to 64) votes, the latest in bit 0. Returns how many
+ * of them are for. */
 uint32_t cast_vote(uint64_t *votes, uint32_t n, bool is_for);
 
 lg_status judge_windows(const app *app, const well_model *model, const lg_cut_series *from,

@@ -20,7 +20,7 @@ static size_t chosen(const lg_judgement *judged, size_t i) {
     return i * judged->count / shown(judged);
 }
 
-/* Computes the features of judged window `at`. x and work are memory for the window and for the features. */
+/* Computes the features of evaluated window `at`. x and work are memory for the window and its features. */
 static void features_of(const viewing *v, size_t at, float *x, double *f, void *work) {
     lg_windows_copy(&v->from->data.series, &v->from->windows, v->judged->window[at], x);
     app_must_file(app_running(), lg_features_compute(&v->model->classifier.features, x, f, work), NULL,

@@ -60,7 +60,7 @@ well_model trained_model(well_sort sort, const char *method);
 
 /* ---- plots of a model (plots.c) ---- */
 
-/* What is drawn: windows that were judged, and what is known while a model is trained. */
+/* The plots show the evaluated windows and, while a model is trained, its training. */
 typedef struct viewing {
     const well_model *model;
     const lg_cut_series *from;
@@ -68,7 +68,7 @@ typedef struct viewing {
     const lg_training *training; /* of a network; NULL: its training is over */
     const void *classical;       /* the training of a tree; NULL: it is over */
 } viewing;
-/* The plots of train; those of evaluate follow the first EVALUATE_PLOTS. */
+/* The plots of train. From row EVALUATE_PLOTS on they are also the plots of evaluate. */
 enum { EVALUATE_PLOTS = 2 };
 extern const app_plot_kind anomaly_plots[];
 /* The bits of the plots that a model has. */

@@ -77,8 +77,8 @@ enum { EXPORT_MOST_FILES = 16 };
 
 /* A function of a bundle that keeps a memory, its last input and its output. In C the memory stays in
  * place: a fragment of the function's name defines NAME_<function>, and calls the static
- * NAME_<function>_next. The golden vectors lie on a run: row by row of the other inputs, from the memory
- * `start` on. */
+ * NAME_<function>_next. The golden vectors come from one run: each row of `inputs` is one
+ * call, and the first call gets the memory `start`. */
 typedef struct export_memory {
     const char *function;
     double *inputs; /* (rows, numbers of the other inputs) */
@@ -100,7 +100,7 @@ typedef struct export_source {
     /* Of a bundle: fragments that follow the bundle's code; more code of the self-test, and its row of the
      * table of functions. All may be empty. */
     text further_code, further_test, further_row;
-    size_t further_size;                 /* Numbers of this row's output. */
+    size_t further_size;                 /* The number of values in this row's output. */
     export_memory run[EXPORT_MOST_RUNS]; /* Of functions with a memory. */
     size_t runs;
     bool scene; /* The program was made from a scene, a text file. */

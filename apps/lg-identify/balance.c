@@ -113,7 +113,8 @@ void identify_values(const app *self, const lg_learned_machine *model, size_t co
 
 typedef struct intervals {
     size_t count, *row; /* Rows of the log at which the intervals begin. */
-    /* A copy of the log with a further row in the middle of each interval: its row 2 r is row r. */
+    /* A copy of the log with a further row in the middle of each interval, which has the mean of the
+     * velocities at its ends (bristles follow them): row 2 r of the copy is row r. */
     identify_log finer;
     /* The model's run of each interval: (3 count, positions) and (3 count, velocities). */
     double *run_q, *run_v;
@@ -153,7 +154,8 @@ static void cut(const lg_machine *machine, const lg_machine_log *log, intervals 
                 const size_t at = 2 * row + k;
                 to->t[at] = log->t[row] + 0.5 * (double)k * (last ? 1 : log->t[row + 1] - log->t[row]);
                 memcpy(to->q + at * nq, log->q + row * nq, nq * sizeof *to->q);
-                memcpy(to->v + at * nv, log->v + row * nv, nv * sizeof *to->v);
+                const double *v = log->v + row * nv, *ahead = k == 0 || last ? v : v + nv;
+                for (size_t i = 0; i < nv; i++) to->v[at * nv + i] = 0.5 * v[i] + 0.5 * ahead[i];
                 if (m > 0) halve(log->u + row * 4 * m, m, 0.5 * (double)k, to->u + at * 4 * m);
             }
         }

@@ -175,7 +175,7 @@ typedef struct lg_number_map {
 } lg_number_map;
 lg_number_map lg_machine_entry_map(const lg_machine_entry *entry, double start, double unit, bool positive);
 double lg_number_at(const lg_number_map *map, double t, double *slope); /* slope may be NULL */
-/* x (1, count) from t (1, count); count <= LG_MACHINE_VALUES. */
+/* Records the values x (1, count) at the parameters t (1, count); count <= LG_MACHINE_VALUES. */
 lg_var lg_machine_record_maps(lg_tape *tape, const lg_number_map *maps, uint32_t count, lg_var t);
 /* (1, count): number i is factor[i] times value index[i] of the term; 0 if index[i] is UINT32_MAX. */
 lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t count,

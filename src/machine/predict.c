@@ -54,11 +54,10 @@ static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow,
     find_rows(r, step);
     const lg_var shown = lg_machine_record_shown(tape, flow->vars, r->log, r->at, (uint32_t)r->count, parts);
     LG_TRY(lg_read(tape, shown, r->count * nv, v));
+    for (size_t k = 0; k < r->count * (nq + nv) && r->to_end; k++) r->row[k] = mark(r->row[k]);
     for (size_t i = 0; i < r->count; i++) {
         lg_machine_unscale_row(machine, q + i * nq, v + i * nv);
         for (size_t k = 0; k < nv && machine->accelerations; k++) v[i * nv + k] /= machine->scales.time;
-        for (size_t k = 0; k < nq && r->to_end; k++) q[i * nq + k] = mark(q[i * nq + k]);
-        for (size_t k = 0; k < nv && r->to_end; k++) v[i * nv + k] = mark(v[i * nv + k]);
         const size_t at = r->run[i].out + step;
         if (r->positions != NULL) memcpy(r->positions + at * nq, q + i * nq, nq * sizeof *q);
         if (r->velocities != NULL) memcpy(r->velocities + at * nv, v + i * nv, nv * sizeof *v);
@@ -135,17 +134,8 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
     if (to_end) fill(positions, log->rows * machine->positions, (double)NAN);
     if (to_end) fill(velocities, log->rows * machine->velocities, (double)NAN);
     if (count == 0) return LG_OK;
-    runs r = {.machine = machine,
-              .theta = theta,
-              .scheme = scheme,
-              .substeps = substeps,
-              .log = log,
-              .count = count,
-              .steps = steps,
-              .dim = space.dim,
-              .to_end = to_end,
-              .positions = positions,
-              .velocities = velocities};
+    runs r = {machine, theta,     scheme,     substeps, log,  count, steps, space.dim,
+              to_end,  positions, velocities, NULL,     NULL, NULL,  NULL};
     r.state =
         lg_alloc(context, count * (space.dim + machine->positions + machine->velocities), sizeof *r.state);
     r.at = lg_alloc(context, count, sizeof *r.at);

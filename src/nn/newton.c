@@ -32,10 +32,9 @@ lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *problem
     const size_t n = problem->parameters, samples = problem->samples;
     if (n == 0 || n > LG_NEWTON_MAX_PARAMETERS || samples == 0 || samples > UINT32_MAX)
         return LG_INVALID_ARGUMENT;
-    LG_SCRATCH(uint32_t, all, context, samples);
-    LG_SCRATCH(double, x, context, n);
+    LG_TRY_SCRATCH(uint32_t, all, context, samples, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(double, x, context, n, LG_OUT_OF_MEMORY);
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
-    if (all == NULL || x == NULL) return LG_OUT_OF_MEMORY;
     LG_TRY(lg_tape_create(context, NULL, &tape));
     for (size_t i = 0; i < samples; i++) all[i] = (uint32_t)i;
     memcpy(x, theta, n * sizeof *x);

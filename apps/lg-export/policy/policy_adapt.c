@@ -1,6 +1,6 @@
 /* The adaptation of a controller: adapt (x, u, next, memory) -> kept as a function of the program,
  * recursive least squares for each velocity alone. The plant's force less the machine's, over a period, is
- * -damping v - coulomb sign(v) + offset - inertia v' The four numbers are bounded; `range` scales them to
+ * -damping v - coulomb sign(v) + offset - inertia v'. The four numbers are bounded; `range` scales them to
  * at most 1. The memory has, for each velocity, the scaled numbers (4), then their covariance (4, 4). */
 #include <math.h>
 #include <stdlib.h>
@@ -176,7 +176,7 @@ static void add_words(const adaptation *a) {
     lg_text_add(about, " a payload whose inertia depends on other coordinates is outside this form\n");
 }
 
-/* A run on a plant with more damping and an offset. */
+/* Adds the golden run of `adapt`: the plant has more damping than the model, and an offset. */
 static lg_status add_run(export_policy_job *j, const adaptation *a, lg_error *error) {
     export_path path;
     const size_t n = j->given, m = j->inputs, width = 4 * n + m;

@@ -1,6 +1,7 @@
 /* The observer of a controller: observe (seen, u, memory) -> kept as a function of the program, an
  * extended Kalman filter. The estimate (positions, then velocities) has the covariance L L^T; the memory
- * has the estimate, then L row by row. `seen` are positions, then 1 for each that is measured, else 0. */
+ * holds the estimate, then the rows of L. `seen` holds the positions, then a 1 for each position that was
+ * measured and a 0 for each that was not. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
