@@ -102,6 +102,10 @@ struct app {
     bool continues; /* The command continues an earlier run: it does not say that it replaces its results. */
 };
 
+/* The function that apps/main.c calls when the executable is started under the name of a program. */
+#define APP_PROGRAM(name)                                                                                    \
+    int name##_main(int argc, char **argv);                                                                  \
+    int name##_main(int argc, char **argv)
 /* Parses the command line, runs the command and flushes stdout. Returns the exit code, which main returns. */
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands);
 /* The program's app: from the parsing of the command line to the end of app_main. */
@@ -408,10 +412,10 @@ typedef struct app_demo_values {
     double t_end, seconds;
 } app_demo_values;
 extern app_demo_values app_demo_given;
-extern const app_named_text app_demo_texts[]; /* in each program with a folder demo */
-#define APP_DEMO(options)                                                                                    \
+extern const app_named_text lg_control_demo[], lg_hamiltonian_demo[], lg_identify_demo[];
+#define APP_DEMO(options, texts)                                                                             \
     .name = "demo", .settings = APP_SETTINGS(APP_GIVEN(options, app_demo_given)), .run = app_demo,           \
-    .row = app_demo_texts
+    .row = (texts)
 void app_demo(app *app);
 /* Prints that an earlier result is replaced. */
 void app_say_replaces(const app *app, const char *path);

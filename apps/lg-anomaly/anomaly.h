@@ -10,8 +10,8 @@
 #include "liegrad/classify.h"
 #include "liegrad/series.h"
 
-extern const app_command generate_command, feed_command, train_command, evaluate_command, search_command,
-    watch_command;
+extern const app_command anomaly_generate_command, anomaly_feed_command, anomaly_train_command,
+    anomaly_evaluate_command, anomaly_search_command, anomaly_watch_command;
 
 /* ---- the simulated well (generate.c) ---- */
 

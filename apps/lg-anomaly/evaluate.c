@@ -378,7 +378,7 @@ static void run(app *self) {
     for (size_t i = 0; i < count; i++) evaluation_destroy(&list[i]);
 }
 
-const app_command evaluate_command = {
+const app_command anomaly_evaluate_command = {
     .name = "evaluate",
     .arguments = "MODEL.h5 DATA.h5 ...",
     .summary = "Judge a detector on labelled windows",

@@ -263,7 +263,7 @@ static void run(app *self) {
     if (values.out != NULL) report(&feed, app_seconds() - begin);
 }
 
-const app_command feed_command = {
+const app_command anomaly_feed_command = {
     .name = "feed",
     .summary = "Simulate a feed of the well as CSV, with optional gaps and a crack",
     .details =

@@ -259,7 +259,7 @@ static void run(app *self) {
     report(self, &data, seconds);
 }
 
-const app_command generate_command = {
+const app_command anomaly_generate_command = {
     .name = "generate",
     .summary = "Simulate labelled windows of a subsea well, intact and broken",
     .details =

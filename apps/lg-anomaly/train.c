@@ -75,7 +75,7 @@ static void run_train(app *self) {
     lg_training_close(&network_recipe.training);
 }
 
-const app_command train_command = {
+const app_command anomaly_train_command = {
     .name = "train",
     .arguments = "DATA.h5",
     .summary = "Train a detector on labelled windows",

@@ -37,7 +37,7 @@ static void draw(const app *self, const lg_training *training) {
 static const char *const searched[] = {"cnn", "rocket", NULL};
 train_task network_recipe = {.recipe = &lg_recipe_detector,
                              .settings = train_settings,
-                             .command = &train_command,
+                             .command = &anomaly_train_command,
                              .searched = searched,
                              .trial = train_trial,
                              .state = &train_state,
@@ -45,7 +45,7 @@ train_task network_recipe = {.recipe = &lg_recipe_detector,
                              .has = has,
                              .draw = draw};
 
-const app_command search_command = {
+const app_command anomaly_search_command = {
     .name = "search",
     .arguments = "RANGES.yaml DATA.h5",
     .summary = "Random search over the options of train --method cnn or rocket",

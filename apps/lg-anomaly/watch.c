@@ -548,7 +548,7 @@ static void run(app *self) {
     if (app_interrupted()) self->code = APP_EXIT_INTERRUPTED;
 }
 
-const app_command watch_command = {
+const app_command anomaly_watch_command = {
     .name = "watch",
     .arguments = "MODEL.h5",
     .summary = "Judge a feed of samples window by window, in fixed memory",

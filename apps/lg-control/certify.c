@@ -730,7 +730,7 @@ static void run(app *self) {
     lg_policy_destroy(policy);
 }
 
-const app_command certify_command = {
+const app_command control_certify_command = {
     .name = "certify",
     .arguments = "POLICY.h5|TASK.yaml",
     .summary = "Prove from which states the closed loop goes to its goal",

@@ -7,7 +7,8 @@
 #include "liegrad/machine.h"
 #include "liegrad/policy.h"
 
-extern const app_command train_command, evaluate_command, certify_command, verify_command;
+extern const app_command control_train_command, control_evaluate_command, control_certify_command,
+    control_verify_command;
 
 /* The machine in a file (plant.c), of which plants are made. */
 typedef struct control_machine {

@@ -159,7 +159,7 @@ static void run(app *self) {
     lg_policy_destroy(policy);
 }
 
-const app_command evaluate_command = {
+const app_command control_evaluate_command = {
     .name = "evaluate",
     .arguments = "POLICY.h5",
     .summary = "Judge a policy by runs from random starts",

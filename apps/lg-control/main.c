@@ -8,14 +8,19 @@ static const lg_field demo_options[] = {
     LG_FIELD_END};
 
 static const app_command demo_command = {
-    APP_DEMO(demo_options), .summary = "From a log to a controller in C, by the commands that do it",
+    APP_DEMO(demo_options, lg_control_demo),
+    .summary = "From a log to a controller in C, by the commands that do it",
     .details = "Writes a machine and a task into the folder and runs there: "
                "lg-identify generate and fit, train, evaluate "
                "on the true machine, lg-export, and the self-test of the C."};
 
-int main(int argc, char **argv) {
-    const app_command commands[] = {train_command,  evaluate_command, certify_command,
-                                    verify_command, demo_command,     {.run = NULL}};
+APP_PROGRAM(lg_control) {
+    const app_command commands[] = {control_train_command,
+                                    control_evaluate_command,
+                                    control_certify_command,
+                                    control_verify_command,
+                                    demo_command,
+                                    {.run = NULL}};
     return app_main(
         argc, argv, "lg-control",
         "Controllers of machines: TASK.yaml names the machine, the goal, limits, cost and starts; train "

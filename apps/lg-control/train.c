@@ -256,7 +256,7 @@ static void run(app *self) {
     if (status == LG_CANCELLED) self->code = APP_EXIT_INTERRUPTED;
 }
 
-const app_command train_command = {
+const app_command control_train_command = {
     .name = "train",
     .arguments = "TASK.yaml",
     .summary = "Learn a policy through the machine",

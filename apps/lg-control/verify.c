@@ -112,7 +112,7 @@ static void run(app *self) {
     lg_certificate_destroy(&file);
 }
 
-const app_command verify_command = {
+const app_command control_verify_command = {
     .name = "verify",
     .arguments = "CERTIFICATE.json [POLICY.h5|TASK.yaml]",
     .summary = "Prove a certificate of certify again, from its file alone",

@@ -7,7 +7,8 @@
 #include "liegrad/elastica.h"
 #include "liegrad/settings.h"
 
-extern const app_command solve_command, generate_command, evaluate_command, predict_command;
+extern const app_command elastica_solve_command, elastica_generate_command, elastica_evaluate_command,
+    elastica_predict_command;
 
 /* ---- options for beams (boundary.c) ---- */
 

@@ -90,7 +90,7 @@ static void run(app *self) {
     report(self, &data, seconds);
 }
 
-const app_command generate_command = {
+const app_command elastica_generate_command = {
     .name = "generate",
     .summary = "Compute equilibria over a range of boundary conditions as training data",
     .details =

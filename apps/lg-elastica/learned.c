@@ -84,7 +84,7 @@ static void put_curves(app_plot *plot, const void *user) {
 static lg_surrogate_state state;
 static train_task task = {.recipe = &lg_recipe_surrogate, .state = &state};
 
-const app_command evaluate_command = {
+const app_command elastica_evaluate_command = {
     .name = "evaluate",
     .arguments = "MODEL.h5 DATA.h5",
     .summary = "Evaluate a network on curves",
@@ -284,7 +284,7 @@ static void run_predict(app *self) {
     lg_surrogate_file_destroy(&p.file);
 }
 
-const app_command predict_command = {
+const app_command elastica_predict_command = {
     .name = "predict",
     .arguments = "MODEL.h5",
     .summary = "Compute the learned curve for given boundary conditions",

@@ -24,9 +24,14 @@ static const app_command train_command = {
 static const app_command search_command = {SEARCH_COMMAND("DATA.h5"), VERB(search, task),
                                            .settings = APP_SETTINGS(SEARCH_SHARED)};
 
-int main(int argc, char **argv) {
-    app_command commands[7] = {solve_command,   generate_command, train_command, evaluate_command,
-                               predict_command, search_command,   {.run = NULL}};
+APP_PROGRAM(lg_elastica) {
+    app_command commands[7] = {elastica_solve_command,
+                               elastica_generate_command,
+                               train_command,
+                               elastica_evaluate_command,
+                               elastica_predict_command,
+                               search_command,
+                               {.run = NULL}};
     return app_main(
         argc, argv, "lg-elastica",
         "Euler's elastica: equilibria of a planar inextensible beam clamped at both ends, data sets of "

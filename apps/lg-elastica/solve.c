@@ -161,7 +161,7 @@ static void run(app *self) {
     (values.branches ? solve_branches : solve_curve)(self, &where, &options);
 }
 
-const app_command solve_command = {
+const app_command elastica_solve_command = {
     .name = "solve",
     .summary = "Solve for equilibria of a clamped beam",
     .details = "The solution is a minimum of the bending energy for the given ends, end angles and "

@@ -380,7 +380,7 @@ static void export_run(app *self) {
     free(j.name);
 }
 
-int main(int argc, char **argv) {
+APP_PROGRAM(lg_export) {
     const app_command commands[] = {
         {.name = NULL,
          .arguments = "MODEL.h5 | SCENE.yaml",

@@ -221,7 +221,7 @@ static const app_command predict_command = {
     .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
     .run = run_predict};
 
-int main(int argc, char **argv) {
+APP_PROGRAM(lg_fit) {
     const app_command commands[] = {
         train_command, evaluate_command, predict_command, search_command, {.run = NULL}};
     return app_main(

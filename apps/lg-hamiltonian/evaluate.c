@@ -160,7 +160,7 @@ static void run(app *self) {
     self->code = evaluate(self, &file, &test);
 }
 
-const app_command evaluate_command = {
+const app_command hamiltonian_evaluate_command = {
     .name = "evaluate",
     .arguments = "MODEL.h5 TEST.h5",
     .summary = "Measure a model's errors E1 and E2 on test trajectories",

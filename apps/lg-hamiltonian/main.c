@@ -38,12 +38,17 @@ static const lg_field demo_options[] = {
               .value = "100"),
     LG_FIELD_END};
 
-static const app_command demo_command = {APP_DEMO(demo_options),
+static const app_command demo_command = {APP_DEMO(demo_options, lg_hamiltonian_demo),
                                          .summary = "Learn, test and draw the spherical pendulum"};
 
-int main(int argc, char **argv) {
-    const app_command commands[] = {generate_command, train_command, evaluate_command, predict_command,
-                                    study_command,    demo_command,  {.run = NULL}};
+APP_PROGRAM(lg_hamiltonian) {
+    const app_command commands[] = {hamiltonian_generate_command,
+                                    train_command,
+                                    hamiltonian_evaluate_command,
+                                    hamiltonian_predict_command,
+                                    hamiltonian_study_command,
+                                    demo_command,
+                                    {.run = NULL}};
     APP_CLEAN(lg_text_destroy) lg_text text = app_text();
     lg_text_add(
         &text, "Learns the Hamiltonian of a mechanical system from sampled trajectories. The system's family "

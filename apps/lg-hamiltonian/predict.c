@@ -200,11 +200,12 @@ static void run(app *self) {
     report(self, &p);
 }
 
-const app_command predict_command = {.name = "predict",
-                                     .arguments = "MODEL.h5 [SCENE.yaml]",
-                                     .summary = "Integrate the learned flow from a start",
-                                     .details = "The start is --initial, or the scene's `initial`. With a "
-                                                "scene the true flow is integrated too, and the largest "
-                                                "difference is reported.",
-                                     .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
-                                     .run = run};
+const app_command hamiltonian_predict_command = {
+    .name = "predict",
+    .arguments = "MODEL.h5 [SCENE.yaml]",
+    .summary = "Integrate the learned flow from a start",
+    .details = "The start is --initial, or the scene's `initial`. With a "
+               "scene the true flow is integrated too, and the largest "
+               "difference is reported.",
+    .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
+    .run = run};

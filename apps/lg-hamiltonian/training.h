@@ -9,7 +9,8 @@
 #include "liegrad/integrators.h"
 #include "liegrad/mechanics.h"
 
-extern const app_command generate_command, evaluate_command, predict_command, study_command;
+extern const app_command hamiltonian_generate_command, hamiltonian_evaluate_command,
+    hamiltonian_predict_command, hamiltonian_study_command;
 
 /* ---- sampling (sample.c) ---- */
 

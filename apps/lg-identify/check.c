@@ -192,7 +192,7 @@ static void run(app *self) {
     report(self, &data);
 }
 
-const app_command check_command = {
+const app_command identify_check_command = {
     .name = "check",
     .arguments = "MACHINE.yaml LOG...",
     .summary = "Show what is in the logs, and check that the columns are what MACHINE.yaml says",

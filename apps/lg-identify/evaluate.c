@@ -396,7 +396,7 @@ static void run(app *self) {
     report(self, &given, &v);
 }
 
-const app_command evaluate_command = {
+const app_command identify_evaluate_command = {
     .name = "evaluate",
     .arguments = "MODEL.h5 LOG...",
     .summary = "Free runs of a model against logs",

@@ -83,7 +83,7 @@ static void run_fit(app *self) {
     train_main(self, &recipe);
 }
 
-const app_command fit_command = {
+const app_command identify_fit_command = {
     .name = "fit",
     .arguments = "MACHINE.yaml LOG...",
     .summary = "Learn the machine from logs",

@@ -453,7 +453,7 @@ static void run(app *self) {
     report(self, &m);
 }
 
-const app_command generate_command = {
+const app_command identify_generate_command = {
     .name = "generate",
     .arguments = "SCENE.yaml",
     .summary = "Make a log of a machine whose terms are all known",

@@ -6,8 +6,8 @@
 #include "common/app.h"
 #include "machine/files/recipe.h"
 
-extern const app_command check_command, fit_command, evaluate_command, predict_command, generate_command,
-    adapt_command;
+extern const app_command identify_check_command, identify_fit_command, identify_evaluate_command,
+    identify_predict_command, identify_generate_command, identify_adapt_command;
 
 /* ---- models and logs (data.c) ---- */
 

@@ -9,14 +9,21 @@ static const lg_field demo_options[] = {
     LG_FIELD_END};
 
 static const app_command demo_command = {
-    APP_DEMO(demo_options), .summary = "A driven, damped rigid body from its log to a controller",
+    APP_DEMO(demo_options, lg_identify_demo),
+    .summary = "A driven, damped rigid body from its log to a controller",
     .details =
         "Makes a log of a body whose masses, damping and potential are known, learns them from it, and "
         "controls the true body with the learned one. Every command is shown before it runs."};
 
-int main(int argc, char **argv) {
-    const app_command commands[] = {check_command, fit_command,      evaluate_command, predict_command,
-                                    adapt_command, generate_command, demo_command,     {.run = NULL}};
+APP_PROGRAM(lg_identify) {
+    const app_command commands[] = {identify_check_command,
+                                    identify_fit_command,
+                                    identify_evaluate_command,
+                                    identify_predict_command,
+                                    identify_adapt_command,
+                                    identify_generate_command,
+                                    demo_command,
+                                    {.run = NULL}};
     return app_main(argc, argv, "lg-identify",
                     "Learns forced, damped mechanical systems from logs. MACHINE.yaml says what the columns "
                     "are, what is known and what is to be learned; docs/machines.md is the guide.",

@@ -233,7 +233,7 @@ static void run(app *self) {
                      values.out);
 }
 
-const app_command predict_command = {
+const app_command identify_predict_command = {
     .name = "predict",
     .arguments = "MODEL.h5 LOG",
     .summary = "Run a model with the inputs of a log",

@@ -189,7 +189,7 @@ static void run_list(app *self) {
     app_result_rows_end(out);
 }
 
-int main(int argc, char **argv) {
+APP_PROGRAM(lg_learn) {
     choose_recipe(find_recipe(argc, argv));
     const app_command commands[] = {
         train_command,

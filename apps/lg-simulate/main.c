@@ -258,7 +258,7 @@ static char *describe_methods(void) {
     return text.data;
 }
 
-int main(int argc, char **argv) {
+APP_PROGRAM(lg_simulate) {
     if (argc > 1 && strcmp(argv[1], "merge") == 0) return merge_main(argc, argv);
     APP_FREE char *details = describe_methods();
     const app_command command[] = {
