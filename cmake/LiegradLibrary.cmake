@@ -10,14 +10,23 @@ function(liegrad_pc PC_NAME PC_DESCRIPTION requires private component)
   install(FILES ${file} DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT ${component})
 endfunction()
 
+# The SONAME of a shared library, "" for another file.
+function(liegrad_soname out library)
+  execute_process(COMMAND ${CMAKE_READELF} -d ${library} OUTPUT_VARIABLE dynamic ERROR_QUIET)
+  set(soname "")
+  if(dynamic MATCHES "SONAME[^[]*\\[([^]]+)")
+    set(soname ${CMAKE_MATCH_1})
+  endif()
+  set(${out} "${soname}" PARENT_SCOPE)
+endfunction()
+
 # The folders of shared libraries among these files (absolute names) which the system's loader does not search: those whose SONAME
 # none of its folders has.
 function(liegrad_foreign_folders out)
   set(folders)
   foreach(library IN LISTS ARGN)
-    execute_process(COMMAND ${CMAKE_READELF} -d ${library} OUTPUT_VARIABLE dynamic ERROR_QUIET)
-    if(dynamic MATCHES "SONAME[^[]*\\[([^]]+)")
-      set(soname ${CMAKE_MATCH_1})
+    liegrad_soname(soname ${library})
+    if(soname)
       get_filename_component(folder ${library} DIRECTORY)
       foreach(searched IN LISTS CMAKE_C_IMPLICIT_LINK_DIRECTORIES)
         if(EXISTS ${searched}/${soname})
@@ -136,8 +145,7 @@ endfunction()
 
 # Headers, the files that find_package(liegrad) reads, and the target `uninstall`.
 function(liegrad_install_package)
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/liegrad DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-    COMPONENT development FILES_MATCHING PATTERN "*.h")
+  install(FILES ${LIEGRAD_HEADERS} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/liegrad COMPONENT development)
   include(CMakePackageConfigHelpers)
   set(directory ${CMAKE_INSTALL_LIBDIR}/cmake/liegrad)
   set(LIEGRAD_SHARED_BY_DEFAULT OFF)

@@ -57,15 +57,18 @@ ${text}")
     set(CPACK_DEBIAN_${upper}_PACKAGE_${field} "${value}")
   endwhile()
 endmacro()
+# dpkg-shlibdeps does not see libsvm, which is loaded when it is needed.
+execute_process(COMMAND dpkg-query -S "*/${LIEGRAD_SVM_NAME}" OUTPUT_VARIABLE svm ERROR_QUIET)
+string(REGEX REPLACE "[:,\n].*" "" svm "${svm}")
 liegrad_package(runtime liegrad "programs"
 "This package has the shared libraries and the programs: lg-hamiltonian,
 lg-identify, lg-simulate and others."
-  RECOMMENDS gnuplot-nox)
+  DEPENDS "${svm}" RECOMMENDS gnuplot-nox)
 liegrad_package(development liegrad-dev "development files"
 "This package has the headers, which are the manual, archives for static
 linking, what CMake and pkg-config read, and examples."
   SECTION libdevel DEPENDS "${same}" SUGGESTS "liegrad-doc, liegrad-mpi"
-  RECOMMENDS "libopenblas-dev, libhdf5-dev, libyaml-dev, libseccomp-dev, libsvm-dev, pkg-config")
+  RECOMMENDS "libopenblas-dev, libhdf5-dev, libyaml-dev, libseccomp-dev, pkg-config")
 liegrad_package(tools liegrad-tools "checks and measurements"
 "This package has lg-gradcheck, which checks every derivative of the library,
 and lg-bench, which measures its speed."

@@ -1,5 +1,4 @@
 /* Processes started by mpirun: finds this process's rank, and loads liegrad_mpi only when it is needed. */
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <pthread.h>
 #include <sched.h>
@@ -79,20 +78,14 @@ static struct {
     bool over; /* no exchange between ranks follows */
 } mpi;
 
-static bool load_symbol(void *library, const char *name, void *function) {
-    void *symbol = dlsym(library, name);
-    memcpy(function, &symbol, sizeof symbol); /* C has no cast from an object pointer to a function pointer */
-    return symbol != NULL;
-}
-
 static bool load(void) {
     /* The library of the same major version, which is the part of lg_version() before the first point. */
     char name[64];
     (void)snprintf(name, sizeof name, "libliegrad_mpi.so.%.*s", (int)strcspn(lg_version(), "."),
                    lg_version());
-    void *library = dlopen(name, RTLD_NOW | RTLD_GLOBAL);
-    return library != NULL && load_symbol(library, "lg_mpi_begin", &mpi.begin) &&
-           load_symbol(library, "lg_mpi_end", &mpi.end) && load_symbol(library, "lg_mpi_abort", &mpi.abort);
+    const lg_plugin_function functions[] = {
+        {"lg_mpi_begin", &mpi.begin}, {"lg_mpi_end", &mpi.end}, {"lg_mpi_abort", &mpi.abort}};
+    return lg_plugin_load(name, LG_COUNT(functions), functions);
 }
 
 /* ---- limits of time ---- */

@@ -110,6 +110,14 @@ void lg_thread_pool_destroy(lg_thread_pool *pool);
 void lg_thread_pool_run(lg_thread_pool *pool, size_t count, void (*task)(void *user, size_t index),
                         void *user);
 
+/* Loads a shared library and finds functions in it: libraries that few runs need are not loaded at each start.
+ * `function` is the address of a function pointer. False: there is no such library, or a function is missing. */
+typedef struct lg_plugin_function {
+    const char *name;
+    void *function;
+} lg_plugin_function;
+bool lg_plugin_load(const char *library, size_t count, const lg_plugin_function *functions);
+
 /* Instruction sets: plain C, two sets of x86-64, one of arm64. The last one that a machine has is the
  * best. */
 typedef enum lg_isa { LG_ISA_BASELINE, LG_ISA_AVX2, LG_ISA_AVX512, LG_ISA_NEON, LG_ISA_COUNT } lg_isa;

@@ -4,6 +4,7 @@
 
 #include <libsvm/svm.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -25,6 +26,23 @@
 /* ---- training ---- */
 
 static void silent(const char *text) {
+}
+
+/* libsvm is loaded when support vectors are fitted. */
+static struct {
+    struct svm_model *(*train)(const struct svm_problem *problem, const struct svm_parameter *parameter);
+    void (*destroy)(struct svm_model **model);
+    void (*set_print)(void (*print)(const char *text));
+    bool loaded;
+} libsvm;
+static pthread_once_t libsvm_once = PTHREAD_ONCE_INIT;
+
+static void load_libsvm(void) {
+    const lg_plugin_function functions[] = {{"svm_train", &libsvm.train},
+                                            {"svm_free_and_destroy_model", &libsvm.destroy},
+                                            {"svm_set_print_string_function", &libsvm.set_print}};
+    libsvm.loaded = lg_plugin_load(LG_SVM_LIBRARY, LG_COUNT(functions), functions);
+    if (libsvm.loaded) libsvm.set_print(silent);
 }
 
 /* The rows are sorted by class, because libsvm numbers the classes in the order in which they first
@@ -137,8 +155,7 @@ static bool memory_is_there(const training *t) {
 
 static struct svm_model *run_libsvm(const training *t, size_t n, const struct svm_parameter *parameter) {
     const struct svm_problem problem = {(int)n, t->target, t->rows};
-    svm_set_print_string_function(silent);
-    return svm_train(&problem, parameter);
+    return libsvm.train(&problem, parameter);
 }
 
 /* Returns the fraction of support vectors in a rough solution on PILOT_ROWS equidistant rows. */
@@ -157,7 +174,7 @@ static double pilot(const training *t) {
     rough.eps = 0.1;
     struct svm_model *model = run_libsvm(&few, PILOT_ROWS, &rough);
     const double part = model != NULL ? (double)model->l / PILOT_ROWS : 0.0;
-    svm_free_and_destroy_model(&model);
+    libsvm.destroy(&model);
     return part;
 }
 
@@ -260,7 +277,7 @@ static lg_status train(training *t, const uint32_t *label, lg_svm *out) {
     if (table_pays(t)) LG_TRY(lay_table(t));
     struct svm_model *model = run_libsvm(t, t->n, &t->parameter);
     const lg_status status = model != NULL ? convert(t, model, out) : LG_OUT_OF_MEMORY;
-    svm_free_and_destroy_model(&model);
+    libsvm.destroy(&model);
     return status;
 }
 
@@ -275,6 +292,10 @@ static double default_gamma(const double *x, size_t count, uint32_t d) {
 
 static lg_status fit_model(training *t, const uint32_t *label, lg_svm *out, lg_error *error) {
     LG_TRY(lg_check_labels(label, t->n, t->classes, t->counts, error));
+    (void)pthread_once(&libsvm_once, load_libsvm);
+    if (!libsvm.loaded)
+        return lg_fail(error, LG_NOT_FOUND,
+                       "support vectors need the library " LG_SVM_LIBRARY ", which is not installed");
     if ((double)t->n * (double)t->d * sizeof(struct svm_node) > 0x1p36)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%zu rows of %u features are too many for support vectors: use principal components "
