@@ -1,4 +1,5 @@
 /* Processes started by mpirun: finds this process's rank, and loads liegrad_mpi only when it is needed. */
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <pthread.h>
 #include <sched.h>
