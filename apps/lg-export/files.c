@@ -1,6 +1,7 @@
 /* The exported files: what stands around the functions in NAME.h and NAME.c, the files of weights and of the
  * self-test, the Makefile; and how all files are written to the disk. */
 #include "lg-export/export.h"
+#include "files/temporary.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -407,17 +408,8 @@ static lg_status make_temporary(const app *self, place *at, lg_error *error) {
 static int write_whole(int folder, const char *name, const text *content) {
     const int fd = openat(folder, name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd < 0) return errno;
-    int code = 0;
-    for (size_t done = 0; done < content->length && code == 0;) {
-        const ssize_t n = write(fd, content->data + done, content->length - done);
-        if (n > 0)
-            done += (size_t)n;
-        else if (n == 0)
-            code = ENOSPC;
-        else if (errno != EINTR)
-            code = errno;
-    }
-    if (code == 0 && fsync(fd) != 0 && errno != EINVAL && errno != EROFS) code = errno;
+    int code = lg_write_all(fd, content->data, content->length);
+    if (code == 0) code = lg_sync(fd);
     if (close(fd) != 0 && code == 0 && errno != EINTR) code = errno;
     return code;
 }
