@@ -439,20 +439,10 @@ static lg_status rename_files(place *at, lg_error *error) {
     return code == 0 ? LG_OK : place_error(at, "cannot be written", code, error);
 }
 
-/* So that new names in the folder survive a loss of power, if the file system can sync folders. */
-static void sync_folder(const char *path) {
-    const int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0) return;
-    (void)fsync(fd);
-    (void)close(fd);
-}
-
 static lg_status rename_folder(place *at, lg_error *error) {
     struct stat old;
     if (stat(at->out, &old) == 0) (void)chmod(at->temporary, old.st_mode & 07777);
-    if (rename(at->temporary, at->out) != 0) return place_error(at, "cannot be written", errno, error);
-    sync_folder(at->parent);
-    return LG_OK;
+    return lg_temporary_publish(&at->holds, at->out, error);
 }
 
 static void remove_temporary(place *at) {

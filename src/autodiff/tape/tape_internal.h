@@ -223,8 +223,6 @@ bool lg_reverse_in_place(const lg_reverse *r);
 /* Only if lg_reverse_in_place: the memory of input k's adjoint. If *add is true it already holds numbers, and
  * the vjp must add to them; otherwise the vjp must write every element. NULL: error set. */
 void *lg_reverse_into(lg_reverse *r, uint32_t k, bool *add);
-/* Whether input k's adjoint may already hold contributions. */
-bool lg_reverse_started(const lg_reverse *r, uint32_t k);
 /* Only if lg_reverse_in_place: computes the cotangents of three inputs at once with a kernel that has the
  * signature of mix_reverse; `n` is passed on to the kernel. */
 typedef void (*lg_reverse_kernel)(size_t n, const void *const *in, const void *g, void *const *out,
