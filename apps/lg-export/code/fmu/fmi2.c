@@ -101,9 +101,9 @@ FMI(GetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real 
     gather(vr, n, ((instance *)c)->m.values, value);
     return fmi2OK;
 }
-NONE(Integer, fmi2Integer)
-NONE(Boolean, fmi2Boolean)
-NONE(String, fmi2String)
+UNUSED_TYPE(Integer, fmi2Integer)
+UNUSED_TYPE(Boolean, fmi2Boolean)
+UNUSED_TYPE(String, fmi2String)
 
 /* ---- model exchange ---- */
 

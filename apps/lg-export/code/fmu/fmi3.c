@@ -117,17 +117,17 @@ FMI(GetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Flo
     NEED(at == count);
     return fmi3OK;
 }
-NONE(Float32, float)
-NONE(Int8, int8_t)
-NONE(UInt8, uint8_t)
-NONE(Int16, int16_t)
-NONE(UInt16, uint16_t)
-NONE(Int32, int32_t)
-NONE(UInt32, uint32_t)
-NONE(Int64, int64_t)
-NONE(UInt64, uint64_t)
-NONE(Boolean, fmi3Boolean)
-NONE(String, fmi3String)
+UNUSED_TYPE(Float32, float)
+UNUSED_TYPE(Int8, int8_t)
+UNUSED_TYPE(UInt8, uint8_t)
+UNUSED_TYPE(Int16, int16_t)
+UNUSED_TYPE(UInt16, uint16_t)
+UNUSED_TYPE(Int32, int32_t)
+UNUSED_TYPE(UInt32, uint32_t)
+UNUSED_TYPE(Int64, int64_t)
+UNUSED_TYPE(UInt64, uint64_t)
+UNUSED_TYPE(Boolean, fmi3Boolean)
+UNUSED_TYPE(String, fmi3String)
 FMI(GetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, size_t sizes[], const fmi3Byte *v[],
     size_t k) {
     return n == 0 ? fmi3OK : fmi3Error;

@@ -284,7 +284,7 @@ static const char *advance(instance *i, double length) {
         return status;                                                                                       \
     }
 /* There are no variables of this type. */
-#define NONE(name, type)                                                                                     \
+#define UNUSED_TYPE(name, type)                                                                              \
     FMI(Get##name, void *c, const unsigned int vr[], size_t n, type v[] COUNT(count)) {                      \
         return c != NULL && n == 0 ? FMU_OK : FMU_ERROR;                                                     \
     }                                                                                                        \
