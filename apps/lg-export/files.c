@@ -1,6 +1,7 @@
 /* The exported files: what stands around the functions in NAME.h and NAME.c, the files of weights and of the
  * self-test, the Makefile; and how all files are written to the disk. */
 #include "lg-export/export.h"
+#include "files/temporary.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -407,17 +408,8 @@ static lg_status make_temporary(const app *self, place *at, lg_error *error) {
 static int write_whole(int folder, const char *name, const text *content) {
     const int fd = openat(folder, name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd < 0) return errno;
-    int code = 0;
-    for (size_t done = 0; done < content->length && code == 0;) {
-        const ssize_t n = write(fd, content->data + done, content->length - done);
-        if (n > 0)
-            done += (size_t)n;
-        else if (n == 0)
-            code = ENOSPC;
-        else if (errno != EINTR)
-            code = errno;
-    }
-    if (code == 0 && fsync(fd) != 0 && errno != EINVAL && errno != EROFS) code = errno;
+    int code = lg_write_all(fd, content->data, content->length);
+    if (code == 0) code = lg_sync(fd);
     if (close(fd) != 0 && code == 0 && errno != EINTR) code = errno;
     return code;
 }
@@ -447,20 +439,10 @@ static lg_status rename_files(place *at, lg_error *error) {
     return code == 0 ? LG_OK : place_error(at, "cannot be written", code, error);
 }
 
-/* So that new names in the folder survive a loss of power, if the file system can sync folders. */
-static void sync_folder(const char *path) {
-    const int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0) return;
-    (void)fsync(fd);
-    (void)close(fd);
-}
-
 static lg_status rename_folder(place *at, lg_error *error) {
     struct stat old;
     if (stat(at->out, &old) == 0) (void)chmod(at->temporary, old.st_mode & 07777);
-    if (rename(at->temporary, at->out) != 0) return place_error(at, "cannot be written", errno, error);
-    sync_folder(at->parent);
-    return LG_OK;
+    return lg_temporary_publish(&at->holds, at->out, error);
 }
 
 static void remove_temporary(place *at) {

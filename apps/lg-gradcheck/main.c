@@ -89,7 +89,7 @@ static lg_status check_row(void *user, const lg_gradcheck_case *row) {
     run *r = user;
     lg_gradcheck_result result;
     r->row = row->function.name;
-    lg_status status = lg_gradcheck_run(r->app->context, row, &r->options, &result);
+    lg_status status = lg_gradcheck_run(r->app->context, row, &r->options, NULL, &result);
     if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) return status;
     for (int order = 0; order < LG_GRADCHECK_ORDERS; order++)
         if (result.order[order].checked)
@@ -117,7 +117,7 @@ static lg_status check_program(void *user, const lg_gradcheck_case *row) {
     run *r = user;
     lg_gradcheck_program_result result;
     r->row = row->function.name;
-    const lg_status status = lg_gradcheck_program(r->app->context, row, &r->options, &result);
+    const lg_status status = lg_gradcheck_program(r->app->context, row, &r->options, NULL, &result);
     if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) return status;
     report_program(r->app->out, row->function.name, &result);
     r->programs += !result.refused;

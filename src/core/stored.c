@@ -4,7 +4,7 @@
 #include "core/stored.h"
 
 lg_status lg_as_format(lg_status status, lg_error *error) {
-    if (status != LG_NOT_FOUND && status != LG_SHAPE) return status;
+    if (status != LG_NOT_FOUND && status != LG_SHAPE && status != LG_INVALID_ARGUMENT) return status;
     if (error != NULL) error->status = LG_FORMAT;
     return LG_FORMAT;
 }

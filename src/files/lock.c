@@ -16,6 +16,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "files/h5.h"
 #include "files/temporary.h"
 
 enum { TRIES = 1000, WORDS = 400 };

@@ -9,6 +9,7 @@
  * The number is known only when the file exists. Until then its name holds the time of its creation, and only
  * an empty file that was created at this time is taken for ours. */
 #define _GNU_SOURCE /* flock, renameat2, O_PATH */
+#include "files/h5.h"
 #include "files/temporary.h"
 
 #include <dirent.h>

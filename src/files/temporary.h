@@ -3,7 +3,7 @@
 #ifndef LG_TEMPORARY_H
 #define LG_TEMPORARY_H
 
-#include "files/h5.h"
+#include "liegrad/files.h"
 
 enum { LG_OWN_NAME = 160 }; /* bytes for a name with its terminator */
 

@@ -8,6 +8,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "files/h5.h"
 #include "files/temporary.h"
 
 static lg_status file_error(lg_error *error, const char *path, const char *what, int code) {

@@ -4,7 +4,6 @@
 #include "gradcheck/cases.h"
 #include "test_support.h"
 
-#include "autodiff/check/internal.h"
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/ops/op_table.h"
 #include "support/fixtures.h"
@@ -15,7 +14,7 @@ TEST("every registered case passes") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         lg_gradcheck_result result;
-        lg_status status = lg_gradcheck_run(NULL, row, NULL, &result);
+        lg_status status = lg_gradcheck_run(NULL, row, NULL, NULL, &result);
         if (status != LG_OK)
             fail_msg("%s: %s: %s", row->function.name, lg_status_name(status), result.message);
         assert_true(result.passed);
@@ -33,7 +32,7 @@ TEST("every case passes as a program, or states why it cannot be one") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         lg_gradcheck_program_result result;
-        const lg_status status = lg_gradcheck_program(NULL, row, NULL, &result);
+        const lg_status status = lg_gradcheck_program(NULL, row, NULL, NULL, &result);
         if (status != LG_OK)
             fail_msg("%s: %s: %s", row->function.name, lg_status_name(status), result.message);
         assert_true(result.passed);
@@ -56,14 +55,14 @@ TEST("a case that cannot be a program must be refused for the stated reason") {
         lg_gradcheck_case wrong = *row;
         lg_gradcheck_program_result result;
         wrong.no_program = row->no_program != NULL ? NULL : "operation custom";
-        assert_status(lg_gradcheck_program(NULL, &wrong, NULL, &result), LG_CHECK_FAILED);
+        assert_status(lg_gradcheck_program(NULL, &wrong, NULL, NULL, &result), LG_CHECK_FAILED);
         assert_false(result.passed);
         assert_true(strlen(result.message) > 0);
         assert_int_equal(result.refused, row->no_program != NULL);
         both[row->no_program != NULL] = true;
         if (row->no_program == NULL) continue;
         wrong.no_program = "another reason";
-        assert_status(lg_gradcheck_program(NULL, &wrong, NULL, &result), LG_CHECK_FAILED);
+        assert_status(lg_gradcheck_program(NULL, &wrong, NULL, NULL, &result), LG_CHECK_FAILED);
     }
     assert_true(both[0] && both[1]);
 }
@@ -209,13 +208,15 @@ TEST("each part of the check by itself finds the error that it is for") {
         lg_gradcheck_plant plant = {parts[i].operation, parts[i].direction, LG_PLANT_FACTOR, 0};
         lg_gradcheck_options options;
         lg_gradcheck_options_init(&options);
-        options.plant = &plant;
         options.rounding_tolerance = parts[i].rounding;
         options.difference_tolerance = parts[i].difference;
+        lg_plant planted;
         lg_gradcheck_result result;
-        assert_status(lg_gradcheck_run(NULL, row_named(parts[i].row), &options, &result), LG_CHECK_FAILED);
+        assert_ok(lg_plant_open(&planted, &plant));
+        assert_status(lg_gradcheck_run(NULL, row_named(parts[i].row), &options, &planted, &result),
+                      LG_CHECK_FAILED);
         if (strstr(result.message, parts[i].says) == NULL) fail_msg("%s: %s", parts[i].row, result.message);
-        assert_true(result.plant_applied > 0 && result.plant_changed > 0);
+        assert_true(planted.applied > 0 && planted.changed > 0);
         assert_false(result.passed);
         assert_false(result.order[0].passed);
         if (strcmp(parts[i].says, "Taylor remainder") == 0)
@@ -334,10 +335,10 @@ TEST("a function that is declared to be zero must be zero") {
     lg_gradcheck_result result;
     lg_gradcheck_case row = {
         .function = {.name = "not zero", .inputs = 1, .arguments = three, .build = zero_claim}, .zero = true};
-    assert_status(lg_gradcheck_run(NULL, &row, NULL, &result), LG_CHECK_FAILED);
+    assert_status(lg_gradcheck_run(NULL, &row, NULL, NULL, &result), LG_CHECK_FAILED);
     assert_says(result.message, "identically zero");
     row.function.stops = true;
-    assert_status(lg_gradcheck_run(NULL, &row, NULL, &result), LG_CHECK_FAILED);
+    assert_status(lg_gradcheck_run(NULL, &row, NULL, NULL, &result), LG_CHECK_FAILED);
     assert_says(result.message, "not zero");
 }
 
@@ -390,16 +391,17 @@ TEST("invalid functions and options are refused") {
         assert_true(strlen(result.message) > 0 && !result.passed);
     }
 
-    lg_gradcheck_options options[4];
-    for (size_t i = 0; i < 4; i++) lg_gradcheck_options_init(&options[i]);
+    lg_gradcheck_options options[3];
+    for (size_t i = 0; i < 3; i++) lg_gradcheck_options_init(&options[i]);
     const lg_gradcheck_plant unknown = {"no such operation", LG_PLANT_VJP, LG_PLANT_SIGN, 0};
     options[0].size = 1;
     options[1].order = 3;
     options[2].directions = 0;
-    options[3].plant = &unknown;
-    for (size_t i = 0; i < 4; i++)
+    for (size_t i = 0; i < 3; i++)
         assert_status(lg_gradcheck(NULL, &good, &options[i], &result), LG_INVALID_ARGUMENT);
 
+    lg_plant planted;
+    assert_status(lg_plant_open(&planted, &unknown), LG_INVALID_ARGUMENT);
     lg_gradcheck_case row = {.function = good, .operations = {"no such operation"}};
     assert_status(lg_gradcheck_plant_all(NULL, &row, NULL, count_plant, NULL), LG_INVALID_ARGUMENT);
 }
@@ -419,7 +421,7 @@ TEST("every allocation may fail") {
     const lg_gradcheck_case *row = row_named("dense tanh");
     EVERY_ALLOCATION_FAILS(context, 6, {
         lg_gradcheck_result result;
-        status = lg_gradcheck_run(context, row, NULL, &result);
+        status = lg_gradcheck_run(context, row, NULL, NULL, &result);
         assert_int_equal(result.passed, status == LG_OK);
         assert_true(status == LG_OK || strlen(result.message) > 0);
     });

@@ -51,7 +51,6 @@ typedef struct check {
     lg_gradcheck_result *result;
     lg_gradcheck_order *report;
     lg_tape *tape;
-    lg_plant plant;
     lg_rng rng;
     int order;
     layout in, out;
@@ -469,15 +468,6 @@ bool lg_gradcheck_valid(const lg_gradcheck_function *f, const lg_gradcheck_optio
     return o->size == sizeof *o && o->order >= 1 && o->order <= LG_GRADCHECK_ORDERS && o->directions >= 1;
 }
 
-static lg_status open_check(check *k) {
-    const lg_gradcheck_plant *plant = k->options->plant;
-    LG_TRY(lg_tape_create(k->context, NULL, &k->tape));
-    if (plant == NULL) return LG_OK;
-    LG_TRY(lg_plant_open(&k->plant, plant));
-    k->tape->exchange = k->plant.exchange;
-    return LG_OK;
-}
-
 /* Refuses operations outside the table of operations, because they would not have checks of their own. */
 static lg_status in_table(check *k) {
     for (uint32_t i = 0; i < k->tape->count; i++) {
@@ -503,8 +493,9 @@ static lg_status learn_shape(check *k, lg_shape *shape) {
     return status;
 }
 
-lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *function,
-                       const lg_gradcheck_options *options, lg_gradcheck_result *result) {
+lg_status lg_gradcheck_exchanged(const lg_context *context, const lg_gradcheck_function *function,
+                                 const lg_gradcheck_options *options, lg_exchange exchange,
+                                 lg_gradcheck_result *result) {
     lg_gradcheck_options chosen;
     lg_gradcheck_options_init(&chosen);
     if (result == NULL) return LG_INVALID_ARGUMENT;
@@ -517,13 +508,12 @@ lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *f
     }
     check k = {.context = context, .f = function, .options = &chosen, .result = result};
     lg_shape shape = lg_shape0();
-    lg_status status = open_check(&k);
+    lg_status status = lg_tape_create(context, NULL, &k.tape);
+    if (status == LG_OK) k.tape->exchange = exchange;
     if (status == LG_OK) status = learn_shape(&k, &shape);
     if (status == LG_OK) status = check_order(&k, 1, shape);
     if (status == LG_OK && chosen.order == 2)
         status = function->first_order_only ? check_refusal(&k, shape) : check_order(&k, 2, shape);
-    result->plant_applied = k.plant.applied;
-    result->plant_changed = k.plant.changed;
     result->passed = status == LG_OK;
     if (status != LG_OK && result->message[0] == '\0')
         (void)snprintf(result->message, sizeof result->message, "%.80s: %s", function->name,
@@ -532,33 +522,7 @@ lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *f
     return status;
 }
 
-lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *test,
-                           const lg_gradcheck_options *options, lg_gradcheck_result *result) {
-    if (test == NULL || result == NULL) return LG_INVALID_ARGUMENT;
-    LG_TRY(lg_gradcheck(context, &test->function, options, result));
-    if (!test->zero || result->order[0].derivative == 0.0) return LG_OK;
-    result->passed = result->order[0].passed = false;
-    (void)lg_format(result->message, sizeof result->message,
-                    "%s, order 1: the derivative should be identically zero but is %.3g", test->function.name,
-                    result->order[0].derivative);
-    return LG_CHECK_FAILED;
-}
-
-lg_status lg_gradcheck_inputs_of(const lg_context *context, const lg_gradcheck_function *function,
-                                 const lg_gradcheck_options *options, const lg_op *op, uint32_t *inputs) {
-    lg_gradcheck_result result = {0};
-    if (!lg_gradcheck_valid(function, options)) return LG_INVALID_ARGUMENT;
-    check k = {.context = context, .f = function, .options = options, .result = &result};
-    lg_shape shape = lg_shape0();
-    lg_status status = open_check(&k);
-    if (status == LG_OK) status = learn_shape(&k, &shape);
-    if (status == LG_OK) status = prepare(&k, 1, shape);
-    if (status == LG_OK) status = draw_direction(&k);
-    if (status == LG_OK) status = derivatives(&k);
-    *inputs = 0;
-    for (uint32_t i = 0; status == LG_OK && i < k.tape->count; i++)
-        if (k.tape->nodes[i].op == op && k.tape->nodes[i].inputs > *inputs) *inputs = k.tape->nodes[i].inputs;
-    release(&k);
-    lg_tape_destroy(k.tape);
-    return status;
+lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *function,
+                       const lg_gradcheck_options *options, lg_gradcheck_result *result) {
+    return lg_gradcheck_exchanged(context, function, options, (lg_exchange){NULL, NULL}, result);
 }

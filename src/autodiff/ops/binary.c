@@ -160,12 +160,6 @@ static void mul_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = fold_product(r, 0, r->g, r->in[1]);
     if (r->need[1]) r->out[1] = fold_product(r, 1, r->g, r->in[0]);
 }
-static lg_var mul_jvp(const lg_forward *f) {
-    lg_var a = LG_NONE, b = LG_NONE;
-    if (!lg_is_none(f->tangents[0])) a = lg_mul(f->tape, f->tangents[0], f->in[1]);
-    if (!lg_is_none(f->tangents[1])) b = lg_mul(f->tape, f->in[0], f->tangents[1]);
-    return lg_add_or(f->tape, a, b);
-}
 static lg_scalar mul_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
     return lg_s_mul(s, x[0], x[1]);
 }
@@ -175,7 +169,7 @@ static lg_instead mul_instead(const lg_known *k) {
     if (k->filled(k->user, 0, 0.0) || k->filled(k->user, 1, 0.0)) return lg_instead_zeros();
     return lg_instead_nothing();
 }
-const lg_op lg_op_mul = {LG_OP("mul", 0, 2, 2, broadcast_shape, mul_forward, mul_vjp, mul_jvp),
+const lg_op lg_op_mul = {LG_OP("mul", 0, 2, 2, broadcast_shape, mul_forward, mul_vjp, lg_multilinear_jvp),
                          .element = mul_element, .instead = mul_instead};
 
 FORWARD(div, LG_K_DIV)

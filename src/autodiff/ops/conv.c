@@ -282,28 +282,10 @@ static void conv1d_input_vjp(lg_reverse *r) {
     if (r->need[1]) r->out[1] = conv_weight(r->tape, r->g, r->in[0], r->attr, kernel);
 }
 
-static lg_var conv1d_input_jvp(const lg_forward *f) {
-    lg_var g = LG_NONE, w = LG_NONE;
-    if (!lg_is_none(f->tangents[0]))
-        g = conv_input(f->tape, f->tangents[0], f->in[1], f->attr, f->attr->i[2]);
-    if (!lg_is_none(f->tangents[1]))
-        w = conv_input(f->tape, f->in[0], f->tangents[1], f->attr, f->attr->i[2]);
-    return lg_add_or(f->tape, g, w);
-}
-
 static void conv1d_weight_vjp(lg_reverse *r) {
     const uint32_t length = lg_node_at(r->tape, r->in[0])->shape.dims[1];
     if (r->need[0]) r->out[0] = conv_input(r->tape, r->in[1], r->g, r->attr, length);
     if (r->need[1]) r->out[1] = conv(r->tape, r->in[0], r->g, r->attr);
-}
-
-static lg_var conv1d_weight_jvp(const lg_forward *f) {
-    lg_var x = LG_NONE, g = LG_NONE;
-    if (!lg_is_none(f->tangents[0]))
-        x = conv_weight(f->tape, f->tangents[0], f->in[1], f->attr, f->attr->i[2]);
-    if (!lg_is_none(f->tangents[1]))
-        g = conv_weight(f->tape, f->in[0], f->tangents[1], f->attr, f->attr->i[2]);
-    return lg_add_or(f->tape, x, g);
 }
 
 /* lg_op.terms: number of elements of a window. */
@@ -323,14 +305,14 @@ const lg_op lg_op_conv1d = {LG_OP("conv1d", 0, 2, 3, conv1d_shape, conv1d_forwar
                             .scratch = conv1d_scratch, .write_c = conv1d_c, .rows = lg_rows_first,
                             .terms = conv1d_terms};
 const lg_op lg_op_conv1d_input = {LG_OP("conv1d_input", 0, 2, 2, conv1d_input_shape, conv1d_input_forward,
-                                        conv1d_input_vjp, conv1d_input_jvp),
+                                        conv1d_input_vjp, lg_multilinear_jvp),
                                   .scratch = conv1d_input_scratch,
                                   .transpose = conv1d_input_transpose,
                                   .write_c = conv1d_input_c,
                                   .rows = lg_rows_first,
                                   .terms = conv1d_input_terms};
 const lg_op lg_op_conv1d_weight = {LG_OP("conv1d_weight", 0, 2, 2, conv1d_weight_shape, conv1d_weight_forward,
-                                         conv1d_weight_vjp, conv1d_weight_jvp),
+                                         conv1d_weight_vjp, lg_multilinear_jvp),
                                    .scratch = conv1d_weight_scratch, .write_c = conv1d_weight_c,
                                    .terms = conv1d_weight_terms};
 

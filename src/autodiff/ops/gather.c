@@ -99,12 +99,6 @@ static lg_var record_indexed(lg_tape *tape, const lg_op *op, lg_var x, const lg_
     return lg_record(tape, op, &x, 1, attr);
 }
 
-static void gather_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
-    const uint32_t *indices = e->attr->pointer;
-    const size_t length = row_length(e->in[0]);
-    for (size_t i = 0; i < e->count; i++) y[i] = x[0][indices[i / length] * length + i % length];
-}
-
 static void scatter_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     const uint32_t *indices = e->attr->pointer;
     const size_t length = row_length(e->in[0]);
@@ -118,21 +112,15 @@ static void scatter_expand(lg_scalars *s, const lg_evaluation *e, const lg_scala
 static void gather_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = record_indexed(r->tape, &lg_op_scatter, r->g, r->attr);
 }
-static lg_var gather_jvp(const lg_forward *f) {
-    return record_indexed(f->tape, &lg_op_gather, f->tangents[0], f->attr);
-}
-const lg_op lg_op_gather = {LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, gather_jvp),
-                            .payload = LG_PAYLOAD_INDICES, .write_c = gather_c, .expand = gather_expand,
-                            .terms = lg_no_terms};
+const lg_op lg_op_gather = {
+    LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, lg_multilinear_jvp),
+    .payload = LG_PAYLOAD_INDICES, .write_c = gather_c, .expand = lg_moved_expand, .terms = lg_no_terms};
 
 static void scatter_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = record_indexed(r->tape, &lg_op_gather, r->g, r->attr);
 }
-static lg_var scatter_jvp(const lg_forward *f) {
-    return record_indexed(f->tape, &lg_op_scatter, f->tangents[0], f->attr);
-}
 const lg_op lg_op_scatter = {
-    LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, scatter_jvp),
+    LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, lg_multilinear_jvp),
     .payload = LG_PAYLOAD_INDICES, .write_c = scatter_c, .expand = scatter_expand,
     .scratch = scatter_scratch};
 

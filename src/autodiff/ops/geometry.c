@@ -46,20 +46,13 @@ static void rowdot_vjp(lg_reverse *r) {
     if (r->need[1]) r->out[1] = lg_mul(r->tape, r->g, r->in[0]);
 }
 
-static lg_var rowdot_jvp(const lg_forward *f) {
-    lg_var a = LG_NONE, b = LG_NONE;
-    if (!lg_is_none(f->tangents[0])) a = lg_rowdot(f->tape, f->tangents[0], f->in[1]);
-    if (!lg_is_none(f->tangents[1])) b = lg_rowdot(f->tape, f->in[0], f->tangents[1]);
-    return lg_add_or(f->tape, a, b);
-}
-
 static size_t rowdot_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
     return in[0]->dims[in[0]->rank - 1];
 }
 
-const lg_op lg_op_rowdot = {LG_OP("rowdot", 0, 2, 2, rowdot_shape, rowdot_forward, rowdot_vjp, rowdot_jvp),
-                            .expand = rowdot_expand, .write_c = rowdot_c, .rows = lg_rows_each,
-                            .terms = rowdot_terms};
+const lg_op lg_op_rowdot = {
+    LG_OP("rowdot", 0, 2, 2, rowdot_shape, rowdot_forward, rowdot_vjp, lg_multilinear_jvp),
+    .expand = rowdot_expand, .write_c = rowdot_c, .rows = lg_rows_each, .terms = rowdot_terms};
 
 lg_var lg_rowdot(lg_tape *tape, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
@@ -113,14 +106,7 @@ static void cross_vjp(lg_reverse *r) {
     if (r->need[1]) r->out[1] = lg_cross(r->tape, r->g, r->in[0]);
 }
 
-static lg_var cross_jvp(const lg_forward *f) {
-    lg_var a = LG_NONE, b = LG_NONE;
-    if (!lg_is_none(f->tangents[0])) a = lg_cross(f->tape, f->tangents[0], f->in[1]);
-    if (!lg_is_none(f->tangents[1])) b = lg_cross(f->tape, f->in[0], f->tangents[1]);
-    return lg_add_or(f->tape, a, b);
-}
-
-const lg_op lg_op_cross = {LG_OP("cross", 0, 2, 2, cross_shape, cross_forward, cross_vjp, cross_jvp),
+const lg_op lg_op_cross = {LG_OP("cross", 0, 2, 2, cross_shape, cross_forward, cross_vjp, lg_multilinear_jvp),
                            .expand = cross_expand, .write_c = cross_c, .rows = lg_rows_each};
 
 lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b) {

@@ -135,17 +135,8 @@ static void avg_pool1d_vjp(lg_reverse *r) {
     if (to != NULL) spread(r->tape->k, &x, r->attr, lg_node_at(r->tape, r->g)->value, to, add);
 }
 
-static lg_var avg_pool1d_jvp(const lg_forward *f) {
-    return lg_record_pool(f->tape, &lg_op_avg_pool1d, f->tangents[0], LG_NONE, f->attr, 0);
-}
-
 static void avg_pool1d_adjoint_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = lg_record_pool(r->tape, &lg_op_avg_pool1d, r->g, LG_NONE, r->attr, 0);
-}
-
-static lg_var avg_pool1d_adjoint_jvp(const lg_forward *f) {
-    return lg_record_pool(f->tape, &lg_op_avg_pool1d_adjoint, f->tangents[0], LG_NONE, f->attr,
-                          f->attr->i[2]);
 }
 
 static size_t pool_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
@@ -153,11 +144,11 @@ static size_t pool_terms(const lg_shape *const *in, const lg_attr *attr, const l
 }
 
 const lg_op lg_op_avg_pool1d = {
-    LG_OP("avg_pool1d", 0, 1, 1, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp, avg_pool1d_jvp),
+    LG_OP("avg_pool1d", 0, 1, 1, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp, lg_multilinear_jvp),
     .write_c = avg_pool1d_c, .rows = lg_rows_each, .terms = pool_terms};
 const lg_op lg_op_avg_pool1d_adjoint = {
     LG_OP("avg_pool1d_adjoint", 0, 1, 1, spread_shape, avg_pool1d_adjoint_forward, avg_pool1d_adjoint_vjp,
-          avg_pool1d_adjoint_jvp),
+          lg_multilinear_jvp),
     .write_c = avg_pool1d_adjoint_c, .rows = lg_rows_each, .terms = pool_terms};
 
 /* ---- maximum pooling ---- */
@@ -236,23 +227,15 @@ static void pool_pick_vjp(lg_reverse *r) {
     r->tape->k->window_place(&w, x->shape.dims[0], lg_node_at(r->tape, r->g)->value, x->value, to, add);
 }
 
-static lg_var pool_pick_jvp(const lg_forward *f) {
-    return lg_record_pool(f->tape, &lg_op_pool_pick, f->tangents[0], f->in[1], f->attr, 0);
-}
-
 static void pool_place_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = lg_record_pool(r->tape, &lg_op_pool_pick, r->g, r->in[1], r->attr, 0);
 }
 
-static lg_var pool_place_jvp(const lg_forward *f) {
-    return lg_record_pool(f->tape, &lg_op_pool_place, f->tangents[0], f->in[1], f->attr, 0);
-}
-
 const lg_op lg_op_pool_pick = {
-    LG_OP("pool_pick", 2u, 2, 2, pooled_shape, pool_pick_forward, pool_pick_vjp, pool_pick_jvp),
+    LG_OP("pool_pick", 2u, 2, 2, pooled_shape, pool_pick_forward, pool_pick_vjp, lg_multilinear_jvp),
     .write_c = pool_pick_c, .rows = lg_rows_each};
 const lg_op lg_op_pool_place = {
-    LG_OP("pool_place", 2u, 2, 2, place_shape, pool_place_forward, pool_place_vjp, pool_place_jvp),
+    LG_OP("pool_place", 2u, 2, 2, place_shape, pool_place_forward, pool_place_vjp, lg_multilinear_jvp),
     .write_c = pool_place_c, .rows = lg_rows_each};
 
 /* ---- public functions ---- */

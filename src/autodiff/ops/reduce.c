@@ -125,12 +125,6 @@ static void reduce_vjp(lg_reverse *r) {
                                  lg_node_at(r->tape, r->in[0])->shape);
 }
 
-static lg_var reduce_jvp(const lg_forward *f) {
-    const uint32_t *i = f->attr->i;
-    return record_sized(f->tape, &lg_op_reduce, f->tangents[0], i[0], i[1], i[2],
-                        lg_node_at(f->tape, f->y)->shape);
-}
-
 /* Row rule of sums and broadcasts: rows stay apart if they lie within the outer axis. */
 static lg_row_use outer_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
                              uint32_t copies, lg_attr *attr) {
@@ -147,13 +141,14 @@ static size_t length_terms(const lg_shape *const *in, const lg_attr *attr, const
     return attr->i[1];
 }
 
-const lg_op lg_op_reduce = {LG_OP("sum", 0, 1, 1, reduce_shape, reduce_forward, reduce_vjp, reduce_jvp),
-                            .given = true,
-                            .expand = reduce_expand,
-                            .write_c = reduce_c,
-                            .rows = outer_rows,
-                            .instead = single_instead,
-                            .terms = length_terms};
+const lg_op lg_op_reduce = {
+    LG_OP("sum", 0, 1, 1, reduce_shape, reduce_forward, reduce_vjp, lg_multilinear_jvp),
+    .given = true,
+    .expand = reduce_expand,
+    .write_c = reduce_c,
+    .rows = outer_rows,
+    .instead = single_instead,
+    .terms = length_terms};
 
 /* y[o, l] = x[o]: the case inner = 1, where single elements are repeated. */
 static void repeat_elements(size_t size, size_t outer, size_t length, const void *x, void *y) {
@@ -185,11 +180,6 @@ static lg_status repeat_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static void repeat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
-    const size_t length = e->attr->i[1], inner = e->attr->i[2];
-    for (size_t i = 0; i < e->count; i++) y[i] = x[0][i / (length * inner) * inner + i % inner];
-}
-
 static const lg_c_fragment c_repeat = {
     .comment = "y (outer, length, inner): x (outer, inner), repeated along the middle.",
     .text = LG_C(static NOINLINE void repeat(int outer, int length, int inner, const real *RESTRICT x,
@@ -211,19 +201,14 @@ static void repeat_vjp(lg_reverse *r) {
                                  lg_node_at(r->tape, r->in[0])->shape);
 }
 
-static lg_var repeat_jvp(const lg_forward *f) {
-    const uint32_t *i = f->attr->i;
-    return record_sized(f->tape, &lg_op_repeat, f->tangents[0], i[0], i[1], i[2],
-                        lg_node_at(f->tape, f->y)->shape);
-}
-
-const lg_op lg_op_repeat = {LG_OP("broadcast", 0, 1, 1, repeat_shape, repeat_forward, repeat_vjp, repeat_jvp),
-                            .given = true,
-                            .expand = repeat_expand,
-                            .write_c = repeat_c,
-                            .rows = outer_rows,
-                            .instead = single_instead,
-                            .terms = lg_no_terms};
+const lg_op lg_op_repeat = {
+    LG_OP("broadcast", 0, 1, 1, repeat_shape, repeat_forward, repeat_vjp, lg_multilinear_jvp),
+    .given = true,
+    .expand = lg_moved_expand,
+    .write_c = repeat_c,
+    .rows = outer_rows,
+    .instead = single_instead,
+    .terms = lg_no_terms};
 
 /* ---- chains: one primitive operation for each run of adjacent axes to be summed or repeated ---- */
 

@@ -43,16 +43,8 @@ static bool reshape_view(const lg_shape *const *in, const lg_attr *attr, size_t 
     return true;
 }
 
-static void reshape_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
-    for (size_t i = 0; i < e->count; i++) y[i] = x[0][i];
-}
-
 static void reshape_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = lg_reshape(r->tape, r->g, lg_node_at(r->tape, r->in[0])->shape);
-}
-
-static lg_var reshape_jvp(const lg_forward *f) {
-    return lg_reshape(f->tape, f->tangents[0], lg_node_at(f->tape, f->y)->shape);
 }
 
 static lg_instead reshape_instead(const lg_known *k) {
@@ -64,11 +56,11 @@ static lg_var reshape_again(lg_tape *tape, lg_var x, const lg_attr *attr, lg_sha
 }
 
 const lg_op lg_op_reshape = {
-    LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, reshape_jvp),
+    LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, lg_multilinear_jvp),
     .given = true,
     .view = reshape_view,
     .record = reshape_again,
-    .expand = reshape_expand,
+    .expand = lg_moved_expand,
     .write_c = reshape_c,
     .rows = lg_rows_each,
     .instead = reshape_instead,
@@ -142,16 +134,6 @@ static lg_status slice_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static void slice_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
-    const size_t start = e->attr->i[1], length = e->attr->i[2];
-    size_t outer, whole, inner;
-    lg_around(e->in[0], e->attr->i[0], &outer, &whole, &inner);
-    for (size_t i = 0; i < e->count; i++) {
-        const size_t o = i / (length * inner), l = i / inner % length;
-        y[i] = x[0][(o * whole + start + l) * inner + i % inner];
-    }
-}
-
 static void slice_c(lg_c *c, const lg_evaluation *e) {
     size_t outer, length, inner;
     lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
@@ -167,19 +149,15 @@ static void slice_vjp(lg_reverse *r) {
     r->out[0] = lg_pad(r->tape, r->g, (int)i[0], i[1], shape->dims[i[0]] - i[1] - i[2]);
 }
 
-static lg_var slice_jvp(const lg_forward *f) {
-    return lg_slice(f->tape, f->tangents[0], (int)f->attr->i[0], f->attr->i[1], f->attr->i[2]);
-}
-
 static lg_var slice_again(lg_tape *tape, lg_var x, const lg_attr *attr, lg_shape shape) {
     return lg_slice(tape, x, (int)attr->i[0], attr->i[1], attr->i[2]);
 }
 
-const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, slice_vjp, slice_jvp),
+const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, slice_vjp, lg_multilinear_jvp),
                            .view = slice_view,
                            .record = slice_again,
                            .follows = 1u << 3,
-                           .expand = slice_expand,
+                           .expand = lg_moved_expand,
                            .write_c = slice_c,
                            .rows = lg_rows_but_axis,
                            .instead = same_instead,
@@ -260,11 +238,7 @@ static void pad_vjp(lg_reverse *r) {
                              lg_node_at(r->tape, r->in[0])->shape.dims[axis]);
 }
 
-static lg_var pad_jvp(const lg_forward *f) {
-    return lg_pad(f->tape, f->tangents[0], (int)f->attr->i[0], f->attr->i[1], f->attr->i[2]);
-}
-
-const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, pad_jvp),
+const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, lg_multilinear_jvp),
                          .expand = pad_expand,
                          .write_c = pad_c,
                          .rows = lg_rows_but_axis,
@@ -315,17 +289,6 @@ static lg_status concat_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static void concat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
-    size_t outer, whole, inner, at = 0;
-    lg_around(e->shape, e->attr->i[0], &outer, &whole, &inner);
-    for (uint32_t p = 0; p < e->inputs; p++) {
-        const size_t run = e->in[p]->dims[e->attr->i[0]] * inner;
-        for (size_t o = 0; o < outer; o++)
-            for (size_t i = 0; i < run; i++) y[o * whole * inner + at + i] = x[p][o * run + i];
-        at += run;
-    }
-}
-
 static void concat_c(lg_c *c, const lg_evaluation *e) {
     size_t outer, whole, inner, at = 0;
     lg_around(e->shape, e->attr->i[0], &outer, &whole, &inner);
@@ -358,7 +321,7 @@ static lg_instead concat_instead(const lg_known *k) {
 }
 const lg_op lg_op_concat = {
     LG_OP("concat", 0, 1, LG_MAX_INPUTS, concat_shape, concat_forward, concat_vjp, concat_jvp),
-    .expand = concat_expand,
+    .expand = lg_moved_expand,
     .write_c = concat_c,
     .rows = lg_rows_but_axis,
     .instead = concat_instead,
@@ -435,16 +398,6 @@ static lg_status permute_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static void permute_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
-    for (size_t i = 0; i < e->count; i++) {
-        size_t index[LG_MAX_RANK] = {0, 0, 0, 0}, rest = i, at = 0;
-        for (uint32_t d = e->shape->rank; d-- > 0; rest /= e->shape->dims[d])
-            index[e->attr->i[d]] = rest % e->shape->dims[d];
-        for (uint32_t d = 0; d < e->shape->rank; d++) at = at * e->in[0]->dims[d] + index[d];
-        y[i] = x[0][at];
-    }
-}
-
 static const lg_c_fragment c_permute = {
     .comment = "y (d0, d1, d2, d3), in order, from x with these distances along each axis.",
     .text = LG_C(static NOINLINE void permute(int d0, int d1, int d2, int d3, int s0, int s1, int s2, int s3,
@@ -477,12 +430,6 @@ static void permute_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = lg_permute(r->tape, r->g, axes);
 }
 
-static lg_var permute_jvp(const lg_forward *f) {
-    int axes[LG_MAX_RANK];
-    for (uint32_t i = 0; i < LG_MAX_RANK; i++) axes[i] = (int)f->attr->i[i];
-    return lg_permute(f->tape, f->tangents[0], axes);
-}
-
 static lg_row_use permute_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
                                uint32_t copies, lg_attr *attr) {
     return attr->i[0] == 0 ? LG_ROWS_EACH : LG_ROWS_MEET;
@@ -500,8 +447,8 @@ static lg_instead permute_instead(const lg_known *k) {
 }
 
 const lg_op lg_op_permute = {
-    LG_OP("permute", 0, 1, 1, permute_shape, permute_forward, permute_vjp, permute_jvp),
-    .expand = permute_expand,
+    LG_OP("permute", 0, 1, 1, permute_shape, permute_forward, permute_vjp, lg_multilinear_jvp),
+    .expand = lg_moved_expand,
     .write_c = permute_c,
     .rows = permute_rows,
     .instead = permute_instead,

@@ -315,6 +315,15 @@ static void expand_elementwise(lg_scalars *s, const lg_op *op, const lg_evaluati
     }
 }
 
+_Static_assert(sizeof(lg_scalar) == sizeof(float), "instructions are moved as single numbers are");
+void lg_moved_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    lg_evaluation moving = *e;
+    moving.k = lg_kernels_for(LG_F32);
+    moving.x = (const void *const *)x;
+    moving.y = y;
+    (void)s->row->forward(&moving);
+}
+
 bool lg_scalars_expand(lg_scalars *s, const lg_op *op, const lg_evaluation *e, const lg_scalar *const *x,
                        lg_scalar *y) {
     s->row = op;

@@ -84,5 +84,7 @@ static inline lg_scalar lg_s_scale(lg_scalars *s, double c, lg_scalar a) {
  * with broadcasting) or `expand`. False: the row has neither, or the code failed. */
 bool lg_scalars_expand(lg_scalars *s, const lg_op *op, const lg_evaluation *e, const lg_scalar *const *x,
                        lg_scalar *y);
+/* The `expand` of an operation whose forward copies numbers and does nothing else with them. */
+void lg_moved_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y);
 
 #endif

@@ -206,13 +206,6 @@ void *lg_reverse_into(lg_reverse *r, uint32_t k, bool *add) {
     return block;
 }
 
-/* For a wanted variable or a view this returns true even before its first contribution: its block may lie in
- * memory that already holds other numbers. */
-bool lg_reverse_started(const lg_reverse *r, uint32_t k) {
-    const uint32_t i = r->in[k].index, at = i - r->sweep->range.lo;
-    return r->sweep->block[at] != NULL || inside_parent(r->sweep, &r->tape->nodes[i], at);
-}
-
 void lg_reverse_three(lg_reverse *r, lg_reverse_kernel kernel, size_t n) {
     const void *in[3];
     void *out[3] = {NULL, NULL, NULL};

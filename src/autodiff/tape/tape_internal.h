@@ -165,6 +165,9 @@ void *lg_repeated_leaf(lg_tape *tape, const lg_shape *shape);
 /* The vjp and jvp of operations that differentiation treats as constants. */
 void lg_no_vjp(lg_reverse *r);
 lg_var lg_zero_jvp(const lg_forward *f);
+/* Of an operation that is linear in each input that is not frozen: the sum over these inputs of the operation
+ * with the input replaced by its tangent. */
+lg_var lg_multilinear_jvp(const lg_forward *f);
 /* NULL when the handle is stale or belongs to another tape; the tape's error is then set. */
 lg_node *lg_node_of(lg_tape *tape, lg_var v, const char *operation);
 /* The node of a handle that is known to be valid; nothing is checked. */
@@ -220,8 +223,6 @@ bool lg_reverse_in_place(const lg_reverse *r);
 /* Only if lg_reverse_in_place: the memory of input k's adjoint. If *add is true it already holds numbers, and
  * the vjp must add to them; otherwise the vjp must write every element. NULL: error set. */
 void *lg_reverse_into(lg_reverse *r, uint32_t k, bool *add);
-/* Whether input k's adjoint may already hold contributions. */
-bool lg_reverse_started(const lg_reverse *r, uint32_t k);
 /* Only if lg_reverse_in_place: computes the cotangents of three inputs at once with a kernel that has the
  * signature of mix_reverse; `n` is passed on to the kernel. */
 typedef void (*lg_reverse_kernel)(size_t n, const void *const *in, const void *g, void *const *out,

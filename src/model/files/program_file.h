@@ -36,30 +36,7 @@ typedef struct lg_program_source {
 typedef double (*lg_program_word)(double x);
 lg_program_word lg_program_word_of(const char *place, const char **rest);
 
-/* A list of texts of at most 64 bytes, such as names or units. */
 typedef char lg_program_name[LG_PROGRAM_NAME];
-typedef struct lg_program_texts {
-    lg_program_name *text;
-    size_t count;
-    const lg_context *context;
-} lg_program_texts;
-
-typedef struct lg_program_reading {
-    lg_h5 *h5;
-    size_t left; /* bytes that may still be allocated */
-    lg_program *program;
-    lg_program_texts parameters, functions; /* names, in order */
-    lg_owned *values;                       /* of each parameter */
-    lg_error *error;
-} lg_program_reading;
-
-lg_status lg_program_bad(const lg_program_reading *r, const char *path, const char *what);
-/* Turns LG_NOT_FOUND, LG_SHAPE and LG_INVALID_ARGUMENT into LG_FORMAT. */
-lg_status lg_program_as_format(const lg_program_reading *r, lg_status status);
-/* Allocates memory, as far as r->left allows. */
-lg_status lg_program_take(lg_program_reading *r, const char *path, uint64_t count, size_t size, void **out);
-/* Adds the function `image` to the program; `path` is for the sentence of an error. */
-lg_status lg_program_add(lg_program_reading *r, const char *path, const lg_function_image *image);
 
 /* Write functions and their order, or parameters and their order. `places`: `count` places of the parameters
  * that are stored elsewhere; the places of a parameter are in order. */

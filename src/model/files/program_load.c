@@ -2,25 +2,36 @@
 #include "model/files/program_file.h"
 
 #include "core/text.h"
+#include "files/h5_internal.h"
 
 #include <stdio.h>
 #include <string.h>
 
 enum { TEXT = 4096 };
 
-lg_status lg_program_bad(const lg_program_reading *r, const char *path, const char *what) {
-    return lg_fail(r->error, LG_FORMAT, "%s: /%s: %s", lg_shown_path(r->h5->path), path, what);
+typedef struct texts {
+    lg_program_name *text;
+    size_t count;
+    const lg_context *context;
+} texts;
+
+typedef struct reading {
+    lg_h5 *h5;
+    size_t left; /* bytes that may still be allocated */
+    lg_program *program;
+    texts parameters, functions; /* names, in order */
+    lg_owned *values;            /* of each parameter */
+    lg_error *error;
+} reading;
+
+static lg_status bad(const reading *r, const char *path, const char *what) {
+    return lg_dataset_error(r->h5, path, what, r->error);
 }
 
-lg_status lg_program_as_format(const lg_program_reading *r, lg_status status) {
-    if (status != LG_NOT_FOUND && status != LG_SHAPE && status != LG_INVALID_ARGUMENT) return status;
-    if (r->error != NULL) r->error->status = LG_FORMAT;
-    return LG_FORMAT;
-}
-
-lg_status lg_program_take(lg_program_reading *r, const char *path, uint64_t count, size_t size, void **out) {
+/* Allocates memory, as far as r->left allows. */
+static lg_status take(reading *r, const char *path, uint64_t count, size_t size, void **out) {
     if (count > r->left / size)
-        return lg_program_bad(r, path, "declares more data than the file can hold or the limit allows");
+        return bad(r, path, "declares more data than the file can hold or the limit allows");
     r->left -= (size_t)count * size;
     *out = lg_alloc(r->h5->context, (size_t)count, size);
     return *out != NULL ? LG_OK : lg_h5_no_memory(r->h5, r->error);
@@ -29,16 +40,15 @@ lg_status lg_program_take(lg_program_reading *r, const char *path, uint64_t coun
 /* ---- texts ---- */
 
 typedef struct listing {
-    lg_program_reading *r;
+    reading *r;
     const char *path;
-    lg_program_texts *out;
+    texts *out;
 } listing;
 
 static lg_status keep_text(void *user, uint64_t index, const char *text, lg_error *error) {
     const listing *l = user;
-    (void)error;
-    if (index >= LG_PROGRAM_MOST_NAMES) return lg_program_bad(l->r, l->path, "has too many entries");
-    if (strlen(text) >= LG_PROGRAM_NAME) return lg_program_bad(l->r, l->path, "has a text that is too long");
+    if (index >= LG_PROGRAM_MOST_NAMES) return bad(l->r, l->path, "has too many entries");
+    if (strlen(text) >= LG_PROGRAM_NAME) return bad(l->r, l->path, "has a text that is too long");
     (void)snprintf(l->out->text[index], LG_PROGRAM_NAME, "%s", text);
     l->out->count = (size_t)index + 1;
     return LG_OK;
@@ -46,8 +56,7 @@ static lg_status keep_text(void *user, uint64_t index, const char *text, lg_erro
 
 /* Reads at most LG_PROGRAM_MOST_NAMES texts of this attribute of the group `path`. The caller frees
  * out->text, also after a failure. */
-static lg_status get_texts(lg_program_reading *r, const char *path, const char *attribute,
-                           lg_program_texts *out) {
+static lg_status get_texts(reading *r, const char *path, const char *attribute, texts *out) {
     listing l = {r, path, out};
     bool words = true;
     char what[LG_PROGRAM_NAME + 32];
@@ -56,78 +65,77 @@ static lg_status get_texts(lg_program_reading *r, const char *path, const char *
     const lg_status status =
         lg_h5_each_attribute_text(r->h5, path, attribute, &words, keep_text, &l, r->error);
     (void)snprintf(what, sizeof what, "has no attribute %s with names", attribute);
-    return lg_program_as_format(r, words ? status : lg_program_bad(r, path, what));
+    return lg_as_format(words ? status : bad(r, path, what), r->error);
 }
 
-static void free_texts(const lg_program_texts *texts) {
-    lg_free(texts->context, texts->text);
+static void free_texts(const texts *t) {
+    lg_free(t->context, t->text);
 }
 
 /* Reads the names of parameters or functions. A name becomes part of a path, so it must be a plain word that
  * cannot lead elsewhere in the file. */
-static lg_status get_names(lg_program_reading *r, const char *group, lg_program_texts *out) {
+static lg_status get_names(reading *r, const char *group, texts *out) {
     LG_TRY(get_texts(r, group, "order", out));
     for (size_t i = 0; i < out->count; i++)
         if (!lg_is_word(out->text[i]))
-            return lg_program_bad(
-                r, group, "an entry of the order is not a plain name (letters, digits and underscores)");
+            return bad(r, group,
+                       "an entry of the order is not a plain name (letters, digits and underscores)");
     return LG_OK;
 }
 
 /* ---- functions ---- */
 
-lg_status lg_program_add(lg_program_reading *r, const char *path, const lg_function_image *image) {
+/* Adds the function to the program; `path` is for the sentence of an error. */
+static lg_status add(reading *r, const char *path, const lg_function_image *image) {
     lg_error why = {LG_OK, ""};
     const lg_status status = lg_program_add_image(r->program, image, &why);
     if (status == LG_OK) return LG_OK;
     (void)lg_fail(r->error, status, "%s: /%s: %s", lg_shown_path(r->h5->path), path, why.message);
-    return lg_program_as_format(r, status);
+    return lg_as_format(status, r->error);
 }
 
-static lg_status unpack(lg_program_reading *r, const char *path, const char *name, const void *bytes,
-                        size_t size) {
+static lg_status unpack(reading *r, const char *path, const char *name, const void *bytes, size_t size) {
     LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
     lg_error why = {LG_OK, ""};
     const lg_status status = lg_function_unpack(r->h5->context, name, bytes, size, &r->left, &image, &why);
     if (status != LG_OK)
         return lg_fail(r->error, status, "%s: /%s: %s", lg_shown_path(r->h5->path), path, why.message);
-    return lg_program_add(r, path, image);
+    return add(r, path, image);
 }
 
-static lg_status get_function(lg_program_reading *r, const char *name) {
+static lg_status get_function(reading *r, const char *name) {
     const lg_program_key at = lg_program_below("functions", name);
     uint32_t rank;
     uint64_t dims[4];
     int64_t fitted = 0;
     LG_CLEAN(lg_owned_free) lg_owned bytes = {r->h5->context, NULL};
-    LG_TRY(lg_program_as_format(r, lg_h5_shape(r->h5, at.text, &rank, dims, NULL, r->error)));
-    if (rank != 1) return lg_program_bad(r, at.text, "is not a list of bytes");
-    LG_TRY(lg_program_take(r, at.text, dims[0], 1, &bytes.memory));
-    LG_TRY(
-        lg_program_as_format(r, lg_h5_get(r->h5, at.text, LG_ELEMENT_U8, 1, dims, bytes.memory, r->error)));
+    LG_TRY(lg_as_format(lg_h5_shape(r->h5, at.text, &rank, dims, NULL, r->error), r->error));
+    if (rank != 1) return bad(r, at.text, "is not a list of bytes");
+    LG_TRY(take(r, at.text, dims[0], 1, &bytes.memory));
+    LG_TRY(lg_as_format(lg_h5_get(r->h5, at.text, LG_ELEMENT_U8, 1, dims, bytes.memory, r->error), r->error));
     LG_TRY(unpack(r, at.text, name, bytes.memory, (size_t)dims[0]));
     if (lg_h5_has_attribute(r->h5, at.text, "fitted"))
-        LG_TRY(lg_program_as_format(
-            r, lg_h5_number(r->h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, r->error)));
+        LG_TRY(lg_as_format(lg_h5_number(r->h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, r->error),
+                            r->error));
     if (fitted == 0) return LG_OK;
     return lg_program_set_fitted(r->program, lg_program_functions(r->program) - 1, true);
 }
 
 /* ---- parameters ---- */
 
-static lg_status get_array(lg_program_reading *r, const char *path, lg_shape *shape, lg_owned *values) {
+static lg_status get_array(reading *r, const char *path, lg_shape *shape, lg_owned *values) {
     uint32_t rank;
     uint64_t dims[4], count = 1;
-    LG_TRY(lg_program_as_format(r, lg_h5_shape(r->h5, path, &rank, dims, NULL, r->error)));
+    LG_TRY(lg_as_format(lg_h5_shape(r->h5, path, &rank, dims, NULL, r->error), r->error));
     shape->rank = rank;
     for (uint32_t d = 0; d < rank; d++) {
-        if (dims[d] > UINT32_MAX) return lg_program_bad(r, path, "is too large");
+        if (dims[d] > UINT32_MAX) return bad(r, path, "is too large");
         shape->dims[d] = (uint32_t)dims[d];
         count *= dims[d];
     }
-    LG_TRY(lg_program_take(r, path, count, sizeof(double), &values->memory));
-    LG_TRY(lg_program_as_format(
-        r, lg_h5_get(r->h5, path, LG_ELEMENT_F64, rank, dims, values->memory, r->error)));
+    LG_TRY(take(r, path, count, sizeof(double), &values->memory));
+    LG_TRY(
+        lg_as_format(lg_h5_get(r->h5, path, LG_ELEMENT_F64, rank, dims, values->memory, r->error), r->error));
     return lg_check_finite(r->h5->path, path, rank, dims, values->memory, r->error);
 }
 
@@ -139,17 +147,17 @@ static bool is_path(const char *path) {
 }
 
 /* Appends the numbers of a place to `values`, which has *count numbers. */
-static lg_status get_place(lg_program_reading *r, const char *place, lg_owned *values, size_t *count) {
+static lg_status get_place(reading *r, const char *place, lg_owned *values, size_t *count) {
     const char *path;
     lg_shape shape;
     LG_CLEAN(lg_owned_free) lg_owned part = {r->h5->context, NULL}, longer = part;
     const lg_program_word word = lg_program_word_of(place, &path);
     if (!is_path(path))
-        return lg_program_bad(r, "parameters",
-                              "an entry is not a path of plain names (letters, digits and underscores)");
+        return bad(r, "parameters",
+                   "an entry is not a path of plain names (letters, digits and underscores)");
     LG_TRY(get_array(r, path, &shape, &part));
     const size_t more = lg_shape_count(shape);
-    LG_TRY(lg_program_take(r, path, *count + more, sizeof(double), &longer.memory));
+    LG_TRY(take(r, path, *count + more, sizeof(double), &longer.memory));
     double *all = longer.memory;
     if (*count > 0) memcpy(all, values->memory, *count * sizeof *all);
     for (size_t i = 0; i < more; i++) all[*count + i] = word(((double *)part.memory)[i]);
@@ -159,18 +167,17 @@ static lg_status get_place(lg_program_reading *r, const char *place, lg_owned *v
     return LG_OK;
 }
 
-static lg_status get_places(lg_program_reading *r, const char *name, lg_shape *shape, lg_owned *values) {
-    LG_CLEAN(free_texts) lg_program_texts places = {.context = r->h5->context};
+static lg_status get_places(reading *r, const char *name, lg_shape *shape, lg_owned *values) {
+    LG_CLEAN(free_texts) texts places = {.context = r->h5->context};
     size_t count = 0;
     LG_TRY(get_texts(r, "parameters", name, &places));
     for (size_t i = 0; i < places.count; i++) LG_TRY(get_place(r, places.text[i], values, &count));
-    if (count > UINT32_MAX) return lg_program_bad(r, "parameters", "is too large");
+    if (count > UINT32_MAX) return bad(r, "parameters", "is too large");
     *shape = lg_shape1((uint32_t)count);
     return LG_OK;
 }
 
-static lg_status get_parameter(lg_program_reading *r, const char *name, lg_parameter_spec *p,
-                               lg_owned *values) {
+static lg_status get_parameter(reading *r, const char *name, lg_parameter_spec *p, lg_owned *values) {
     const lg_program_key at = lg_program_below("parameters", name);
     const bool elsewhere = lg_h5_has(r->h5, "parameters") && lg_h5_has_attribute(r->h5, "parameters", name);
     p->name = name;
@@ -180,14 +187,14 @@ static lg_status get_parameter(lg_program_reading *r, const char *name, lg_param
     return status;
 }
 
-static lg_status get_description(lg_program_reading *r, char text[TEXT]) {
+static lg_status get_description(reading *r, char text[TEXT]) {
     text[0] = '\0';
     if (!lg_h5_has_attribute(r->h5, "", "description")) return LG_OK;
-    return lg_program_as_format(r, lg_h5_text(r->h5, "", "description", text, TEXT, r->error));
+    return lg_as_format(lg_h5_text(r->h5, "", "description", text, TEXT, r->error), r->error);
 }
 
 /* Makes the program with its parameters, without functions. */
-static lg_status get_parameters(lg_program_reading *r) {
+static lg_status get_parameters(reading *r) {
     const lg_context *context = r->h5->context;
     const size_t count = r->parameters.count;
     char description[TEXT];
@@ -207,8 +214,8 @@ static lg_status get_parameters(lg_program_reading *r) {
     spec.description = description[0] != '\0' ? description : NULL;
     const lg_status status = lg_program_begin(context, &spec, &r->program, &why);
     if (status == LG_OK) return LG_OK;
-    return lg_program_as_format(
-        r, lg_fail(r->error, status, "%s: /parameters: %s", lg_shown_path(r->h5->path), why.message));
+    return lg_as_format(
+        lg_fail(r->error, status, "%s: /parameters: %s", lg_shown_path(r->h5->path), why.message), r->error);
 }
 
 /* ---- the file ---- */
@@ -227,7 +234,7 @@ lg_status lg_program_check_version(lg_h5 *h5, lg_error *error) {
         LG_FORMAT_VERSION, lg_version());
 }
 
-static lg_status get_program(lg_program_reading *r) {
+static lg_status get_program(reading *r) {
     LG_TRY(lg_program_check_version(r->h5, r->error));
     LG_TRY(get_names(r, "parameters", &r->parameters));
     LG_TRY(get_names(r, "functions", &r->functions));
@@ -236,7 +243,7 @@ static lg_status get_program(lg_program_reading *r) {
     return LG_OK;
 }
 
-static void end_reading(lg_program_reading *r) {
+static void end_reading(reading *r) {
     for (size_t i = 0; r->values != NULL && i < r->parameters.count; i++) lg_owned_free(&r->values[i]);
     LG_FREE_ALL(r->h5->context, r->values, r->parameters.text, r->functions.text);
     lg_program_destroy(r->program);
@@ -244,8 +251,7 @@ static void end_reading(lg_program_reading *r) {
 
 lg_status lg_program_get(lg_h5 *h5, lg_program **out, lg_error *error) {
     LG_CLEAN(end_reading)
-    lg_program_reading r = {
-        .h5 = h5, .left = h5->max_size < SIZE_MAX ? (size_t)h5->max_size : SIZE_MAX, .error = error};
+    reading r = {.h5 = h5, .left = h5->max_size < SIZE_MAX ? (size_t)h5->max_size : SIZE_MAX, .error = error};
     LG_TRY(get_program(&r));
     *out = r.program;
     r.program = NULL;

@@ -26,22 +26,20 @@ typedef struct {
     fmi2Real nextEventTime;
 } fmi2EventInfo;
 
-#define FMI2(name, ...) EXPORT(fmi2Status fmi2##name(__VA_ARGS__))
-/* A function that returns `status`, whatever its arguments are. */
-#define FMI2_ALWAYS(status, name, ...)                                                                       \
-    FMI2(name, __VA_ARGS__) {                                                                                \
-        return status;                                                                                       \
-    }
-#define FMI(name, ...)  FMI2(name, __VA_ARGS__)
-#define FMU_OK          fmi2OK
-#define FMU_ERROR       fmi2Error
-#define GET_STATE       GetFMUstate
-#define SET_STATE       SetFMUstate
-#define FREE_STATE      FreeFMUstate
-#define STATE_SIZE      SerializedFMUstateSize
-#define WRITE_STATE     SerializeFMUstate
-#define READ_STATE      DeSerializeFMUstate
-#define GET_DERIVATIVES GetDerivatives
+#define FMI2(name, ...)   EXPORT(fmi2Status fmi2##name(__VA_ARGS__))
+#define FMI(name, ...)    FMI2(name, __VA_ARGS__) /* after the names below are replaced */
+#define COUNT(name)                               /* the references tell how many numbers there are */
+#define COUNT_OF(name, n) (n)
+#define FMU_OK            fmi2OK
+#define FMU_ERROR         fmi2Error
+#define GET_STATE         GetFMUstate
+#define SET_STATE         SetFMUstate
+#define FREE_STATE        FreeFMUstate
+#define STATE_SIZE        SerializedFMUstateSize
+#define WRITE_STATE       SerializeFMUstate
+#define READ_STATE        DeSerializeFMUstate
+#define GET_DERIVATIVES   GetDerivatives
+#define SET_VALUES        SetReal
 typedef fmi2Boolean fmuBoolean;
 typedef fmi2Byte fmuByte;
 
@@ -50,6 +48,11 @@ EXPORT(const char *fmi2GetTypesPlatform(void)) {
 }
 EXPORT(const char *fmi2GetVersion(void)) {
     return "2.0";
+}
+
+static int span(unsigned int vr, int *at) {
+    *at = (int)vr;
+    return vr < NUMBERS;
 }
 
 static fmi2Status refuse(fmi2Component c, const char *why) {
@@ -78,8 +81,8 @@ EXPORT(void fmi2FreeInstance(fmi2Component c)) {
     free(c);
 }
 
-FMI2(SetupExperiment, fmi2Component c, fmi2Boolean tolerance, fmi2Real t, fmi2Real start, fmi2Boolean stops,
-     fmi2Real stop) {
+FMI(SetupExperiment, fmi2Component c, fmi2Boolean tolerance, fmi2Real t, fmi2Real start, fmi2Boolean stops,
+    fmi2Real stop) {
     ALLOW(INSTANTIATED);
     NEED(is_finite(start));
     ((instance *)c)->m.time = start;
@@ -91,69 +94,22 @@ MODE(Terminate, RUNNING, TERMINATED)
 
 /* ---- values ---- */
 
-FMI2(GetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
-    instance *i = (instance *)c;
-    size_t k;
+FMI(GetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
     ALLOW(EVALUATED);
-    NEED(is_given(n, vr, value));
-    refresh(i);
-    for (k = 0; k < n; k++) {
-        NEED(vr[k] < NUMBERS);
-        value[k] = i->m.values[vr[k]];
-    }
+    NEED(is_given(n, vr, value) && fits(vr, n, 0, n));
+    refresh((instance *)c);
+    gather(vr, n, ((instance *)c)->m.values, value);
     return fmi2OK;
 }
-FMI2(SetReal, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
-    instance *i = (instance *)c;
-    size_t k;
-    ALLOW(INSTANTIATED | INITIALIZATION | RUNNING);
-    NEED(is_given(n, vr, value));
-    i->stale = 1;
-    for (k = 0; k < n; k++) {
-        NEED(vr[k] < NUMBERS && is_known((int)vr[k]));
-        i->m.values[vr[k]] = value[k];
-    }
-    return fmi2OK;
-}
-
-/* There are no variables of other types. */
-#define FMI2_NONE(name, type)                                                                                \
-    FMI2(Get##name, fmi2Component c, const fmi2ValueReference vr[], size_t n, type v[]) {                    \
-        return c != NULL && n == 0 ? fmi2OK : fmi2Error;                                                     \
-    }                                                                                                        \
-    FMI2(Set##name, fmi2Component c, const fmi2ValueReference vr[], size_t n, const type v[]) {              \
-        return c != NULL && n == 0 ? fmi2OK : fmi2Error;                                                     \
-    }
-FMI2_NONE(Integer, fmi2Integer)
-FMI2_NONE(Boolean, fmi2Boolean)
-FMI2_NONE(String, fmi2String)
-
-/* ---- derivatives ---- */
-
-FMI2(GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference unknown[], size_t unknowns,
-     const fmi2ValueReference known[], size_t knowns, const fmi2Real seed[], fmi2Real sensitivity[]) {
-    instance *i = (instance *)c;
-    size_t k;
-    ALLOW(EVALUATED);
-    NEED(is_given(knowns, known, seed) && is_given(unknowns, unknown, sensitivity));
-    memset(i->seeds, 0, sizeof i->seeds);
-    for (k = 0; k < knowns; k++) {
-        NEED(known[k] < NUMBERS && is_known((int)known[k]));
-        i->seeds[known[k]] = seed[k];
-    }
-    if (!forward(i->m.values, i->seeds, i->results, i->work)) return fmi2Error;
-    for (k = 0; k < unknowns; k++) {
-        NEED(unknown[k] < NUMBERS);
-        sensitivity[k] = i->results[unknown[k]];
-    }
-    return fmi2OK;
-}
+UNUSED_TYPE(Integer, fmi2Integer)
+UNUSED_TYPE(Boolean, fmi2Boolean)
+UNUSED_TYPE(String, fmi2String)
 
 /* ---- model exchange ---- */
 
 MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
 MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
-FMI2(NewDiscreteStates, fmi2Component c, fmi2EventInfo *info) {
+FMI(NewDiscreteStates, fmi2Component c, fmi2EventInfo *info) {
     ALLOW(EVENT);
     NEED(info != NULL);
     memset(info, 0, sizeof *info);
@@ -162,11 +118,11 @@ FMI2(NewDiscreteStates, fmi2Component c, fmi2EventInfo *info) {
 
 /* ---- co-simulation ---- */
 
-FMI2_ALWAYS(fmi2Error, SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
-            const fmi2Integer order[], const fmi2Real value[])
-FMI2_ALWAYS(fmi2Error, GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
-            const fmi2Integer order[], fmi2Real value[])
-FMI2(DoStep, fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean final) {
+ALWAYS(fmi2Error, SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
+       const fmi2Integer order[], const fmi2Real value[])
+ALWAYS(fmi2Error, GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
+       const fmi2Integer order[], fmi2Real value[])
+FMI(DoStep, fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean final) {
     instance *i = (instance *)c;
     const char *failure;
     ALLOW(STEP);
@@ -175,15 +131,15 @@ FMI2(DoStep, fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean final) {
     failure = advance(i, step);
     return failure == NULL ? fmi2OK : refuse(c, failure);
 }
-FMI2_ALWAYS(fmi2Error, CancelStep, fmi2Component c)
-FMI2_ALWAYS(fmi2Discard, GetStatus, fmi2Component c, fmi2StatusKind kind, fmi2Status *value)
-FMI2(GetRealStatus, fmi2Component c, fmi2StatusKind kind, fmi2Real *value) {
+ALWAYS(fmi2Error, CancelStep, fmi2Component c)
+ALWAYS(fmi2Discard, GetStatus, fmi2Component c, fmi2StatusKind kind, fmi2Status *value)
+FMI(GetRealStatus, fmi2Component c, fmi2StatusKind kind, fmi2Real *value) {
     ALLOW(STEP | TERMINATED);
     NEED(value != NULL);
     if (kind != 2) return fmi2Discard; /* fmi2LastSuccessfulTime */
     *value = ((instance *)c)->m.time;
     return fmi2OK;
 }
-FMI2_ALWAYS(fmi2Discard, GetIntegerStatus, fmi2Component c, fmi2StatusKind kind, fmi2Integer *value)
-FMI2_ALWAYS(fmi2Discard, GetBooleanStatus, fmi2Component c, fmi2StatusKind kind, fmi2Boolean *value)
-FMI2_ALWAYS(fmi2Discard, GetStringStatus, fmi2Component c, fmi2StatusKind kind, fmi2String *value)
+ALWAYS(fmi2Discard, GetIntegerStatus, fmi2Component c, fmi2StatusKind kind, fmi2Integer *value)
+ALWAYS(fmi2Discard, GetBooleanStatus, fmi2Component c, fmi2StatusKind kind, fmi2Boolean *value)
+ALWAYS(fmi2Discard, GetStringStatus, fmi2Component c, fmi2StatusKind kind, fmi2String *value)

@@ -14,27 +14,30 @@ typedef int fmi3DependencyKind, fmi3IntervalQualifier;
 typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3String, fmi3String);
 typedef void (*fmi3Callback)(void);
 
-#define FMI3(name, ...) EXPORT(fmi3Status fmi3##name(__VA_ARGS__))
-/* A function that returns `status`, whatever its arguments are. */
-#define FMI3_ALWAYS(status, name, ...)                                                                       \
-    FMI3(name, __VA_ARGS__) {                                                                                \
-        return status;                                                                                       \
-    }
-#define FMI(name, ...)  FMI3(name, __VA_ARGS__)
-#define FMU_OK          fmi3OK
-#define FMU_ERROR       fmi3Error
-#define GET_STATE       GetFMUState
-#define SET_STATE       SetFMUState
-#define FREE_STATE      FreeFMUState
-#define STATE_SIZE      SerializedFMUStateSize
-#define WRITE_STATE     SerializeFMUState
-#define READ_STATE      DeserializeFMUState
-#define GET_DERIVATIVES GetContinuousStateDerivatives
+#define FMI3(name, ...)   EXPORT(fmi3Status fmi3##name(__VA_ARGS__))
+#define FMI(name, ...)    FMI3(name, __VA_ARGS__) /* after the names below are replaced */
+#define COUNT(name)       , size_t name
+#define COUNT_OF(name, n) (name)
+#define FMU_OK            fmi3OK
+#define FMU_ERROR         fmi3Error
+#define GET_STATE         GetFMUState
+#define SET_STATE         SetFMUState
+#define FREE_STATE        FreeFMUState
+#define STATE_SIZE        SerializedFMUStateSize
+#define WRITE_STATE       SerializeFMUState
+#define READ_STATE        DeserializeFMUState
+#define GET_DERIVATIVES   GetContinuousStateDerivatives
+#define SET_VALUES        SetFloat64
 typedef fmi3Boolean fmuBoolean;
 typedef fmi3Byte fmuByte;
 
 EXPORT(const char *fmi3GetVersion(void)) {
     return "3.0";
+}
+
+static int span(unsigned int vr, int *at) {
+    *at = vr < PORTS ? ports[vr].at : 0;
+    return vr < PORTS ? ports[vr].count : 0;
 }
 
 static fmi3Status refuse(fmi3Instance c, const char *why) {
@@ -76,8 +79,8 @@ EXPORT(void fmi3FreeInstance(fmi3Instance c)) {
     free(c);
 }
 
-FMI3(EnterInitializationMode, fmi3Instance c, fmi3Boolean tolerance, fmi3Float64 t, fmi3Float64 start,
-     fmi3Boolean stops, fmi3Float64 stop) {
+FMI(EnterInitializationMode, fmi3Instance c, fmi3Boolean tolerance, fmi3Float64 t, fmi3Float64 start,
+    fmi3Boolean stops, fmi3Float64 stop) {
     ALLOW(INSTANTIATED);
     NEED(is_finite(start));
     ((instance *)c)->m.time = start;
@@ -92,14 +95,14 @@ MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
 MODE(EnterConfigurationMode, NEVER, ANY)
 MODE(ExitConfigurationMode, NEVER, ANY)
 MODE(EnterStepMode, NEVER, ANY)
-FMI3(EvaluateDiscreteStates, fmi3Instance c) {
+FMI(EvaluateDiscreteStates, fmi3Instance c) {
     ALLOW(INITIALIZATION | EVENT);
     return fmi3OK;
 }
 
 /* ---- values ---- */
 
-FMI3(GetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[], size_t count) {
+FMI(GetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[], size_t count) {
     instance *i = (instance *)c;
     size_t k, at = 0;
     ALLOW(EVALUATED);
@@ -114,138 +117,72 @@ FMI3(GetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Fl
     NEED(at == count);
     return fmi3OK;
 }
-FMI3(SetFloat64, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 value[],
-     size_t count) {
-    instance *i = (instance *)c;
-    size_t k, at = 0;
-    ALLOW(INSTANTIATED | INITIALIZATION | RUNNING);
-    NEED(is_given(n, vr, value));
-    i->stale = 1;
-    for (k = 0; k < n; k++) {
-        NEED(vr[k] < PORTS && is_known(ports[vr[k]].at) && (size_t)ports[vr[k]].count <= count - at);
-        memcpy(i->m.values + ports[vr[k]].at, value + at, (size_t)ports[vr[k]].count * sizeof *value);
-        at += (size_t)ports[vr[k]].count;
-    }
-    NEED(at == count);
-    return fmi3OK;
-}
-
-/* There are no variables of other types. */
-#define FMI3_NONE(name, type)                                                                                \
-    FMI3(Get##name, fmi3Instance c, const fmi3ValueReference vr[], size_t n, type v[], size_t count) {       \
-        return c != NULL && n == 0 ? fmi3OK : fmi3Error;                                                     \
-    }                                                                                                        \
-    FMI3(Set##name, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const type v[], size_t count) { \
-        return c != NULL && n == 0 ? fmi3OK : fmi3Error;                                                     \
-    }
-FMI3_NONE(Float32, float)
-FMI3_NONE(Int8, int8_t)
-FMI3_NONE(UInt8, uint8_t)
-FMI3_NONE(Int16, int16_t)
-FMI3_NONE(UInt16, uint16_t)
-FMI3_NONE(Int32, int32_t)
-FMI3_NONE(UInt32, uint32_t)
-FMI3_NONE(Int64, int64_t)
-FMI3_NONE(UInt64, uint64_t)
-FMI3_NONE(Boolean, fmi3Boolean)
-FMI3_NONE(String, fmi3String)
-FMI3(GetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, size_t sizes[], const fmi3Byte *v[],
-     size_t k) {
+UNUSED_TYPE(Float32, float)
+UNUSED_TYPE(Int8, int8_t)
+UNUSED_TYPE(UInt8, uint8_t)
+UNUSED_TYPE(Int16, int16_t)
+UNUSED_TYPE(UInt16, uint16_t)
+UNUSED_TYPE(Int32, int32_t)
+UNUSED_TYPE(UInt32, uint32_t)
+UNUSED_TYPE(Int64, int64_t)
+UNUSED_TYPE(UInt64, uint64_t)
+UNUSED_TYPE(Boolean, fmi3Boolean)
+UNUSED_TYPE(String, fmi3String)
+FMI(GetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, size_t sizes[], const fmi3Byte *v[],
+    size_t k) {
     return n == 0 ? fmi3OK : fmi3Error;
 }
-FMI3(SetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const size_t sizes[],
-     const fmi3Byte *const v[], size_t k) {
+FMI(SetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const size_t sizes[],
+    const fmi3Byte *const v[], size_t k) {
     return n == 0 ? fmi3OK : fmi3Error;
 }
-FMI3(GetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Boolean v[]) {
+FMI(GetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Boolean v[]) {
     return n == 0 ? fmi3OK : fmi3Error;
 }
-FMI3(SetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Boolean v[]) {
+FMI(SetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Boolean v[]) {
     return n == 0 ? fmi3OK : fmi3Error;
 }
 
-FMI3_ALWAYS(fmi3Error, GetNumberOfVariableDependencies, fmi3Instance c, fmi3ValueReference vr, size_t *n)
-FMI3_ALWAYS(fmi3Error, GetVariableDependencies, fmi3Instance c, fmi3ValueReference dependent, size_t at[],
-            fmi3ValueReference of[], size_t at_of[], fmi3DependencyKind kinds[], size_t n)
+ALWAYS(fmi3Error, GetNumberOfVariableDependencies, fmi3Instance c, fmi3ValueReference vr, size_t *n)
+ALWAYS(fmi3Error, GetVariableDependencies, fmi3Instance c, fmi3ValueReference dependent, size_t at[],
+       fmi3ValueReference of[], size_t at_of[], fmi3DependencyKind kinds[], size_t n)
 
 /* ---- derivatives ---- */
 
-/* Whether all references are ports. With `known`, they must be ports of states, inputs or parameters. */
-static int is_ports(const fmi3ValueReference vr[], size_t n, int known) {
-    size_t k;
-    for (k = 0; k < n; k++)
-        if (vr[k] >= PORTS || (known && !is_known(ports[vr[k]].at))) return 0;
-    return 1;
-}
-/* scatter copies the numbers of the ports to the places of the ports in `to`; gather copies them from these
- * places. Both return 0 if `count` is not the number of all these numbers. */
-static int scatter(const fmi3ValueReference vr[], size_t n, const double *from, size_t count, double *to) {
-    size_t k, at = 0;
-    memset(to, 0, NUMBERS * sizeof *to);
-    for (k = 0; k < n; k++) {
-        if ((size_t)ports[vr[k]].count > count - at) return 0;
-        memcpy(to + ports[vr[k]].at, from + at, (size_t)ports[vr[k]].count * sizeof *to);
-        at += (size_t)ports[vr[k]].count;
-    }
-    return at == count;
-}
-static int gather(const fmi3ValueReference vr[], size_t n, const double *from, double *to, size_t count) {
-    size_t k, at = 0;
-    for (k = 0; k < n; k++) {
-        if ((size_t)ports[vr[k]].count > count - at) return 0;
-        memcpy(to + at, from + ports[vr[k]].at, (size_t)ports[vr[k]].count * sizeof *to);
-        at += (size_t)ports[vr[k]].count;
-    }
-    return at == count;
-}
-FMI3(GetDirectionalDerivative, fmi3Instance c, const fmi3ValueReference unknown[], size_t unknowns,
-     const fmi3ValueReference known[], size_t knowns, const fmi3Float64 seed[], size_t seeds,
-     fmi3Float64 sensitivity[], size_t sensitivities) {
-    instance *i = (instance *)c;
-    ALLOW(EVALUATED);
-    NEED(is_given(knowns, known, seed) && is_given(unknowns, unknown, sensitivity));
-    NEED(is_ports(known, knowns, 1) && is_ports(unknown, unknowns, 0));
-    return scatter(known, knowns, seed, seeds, i->seeds) &&
-                   forward(i->m.values, i->seeds, i->results, i->work) &&
-                   gather(unknown, unknowns, i->results, sensitivity, sensitivities)
-               ? fmi3OK
-               : fmi3Error;
-}
-FMI3(GetAdjointDerivative, fmi3Instance c, const fmi3ValueReference unknown[], size_t unknowns,
-     const fmi3ValueReference known[], size_t knowns, const fmi3Float64 seed[], size_t seeds,
-     fmi3Float64 sensitivity[], size_t sensitivities) {
+FMI(GetAdjointDerivative, fmi3Instance c, const fmi3ValueReference unknown[], size_t unknowns,
+    const fmi3ValueReference known[], size_t knowns, const fmi3Float64 seed[], size_t seeds,
+    fmi3Float64 sensitivity[], size_t sensitivities) {
     instance *i = (instance *)c;
     ALLOW(EVALUATED);
     NEED(is_given(unknowns, unknown, seed) && is_given(knowns, known, sensitivity));
-    NEED(is_ports(known, knowns, 1) && is_ports(unknown, unknowns, 0));
-    return scatter(unknown, unknowns, seed, seeds, i->seeds) &&
-                   adjoint(i->m.values, i->seeds, i->results, i->room, i->work) &&
-                   gather(known, knowns, i->results, sensitivity, sensitivities)
-               ? fmi3OK
-               : fmi3Error;
+    NEED(fits(unknown, unknowns, 0, seeds) && fits(known, knowns, 1, sensitivities));
+    memset(i->seeds, 0, sizeof i->seeds);
+    scatter(unknown, unknowns, seed, i->seeds);
+    if (!adjoint(i->m.values, i->seeds, i->results, i->room, i->work)) return fmi3Error;
+    gather(known, knowns, i->results, sensitivity);
+    return fmi3OK;
 }
 
 /* ---- clocks, of which there are none ---- */
 
-FMI3_ALWAYS(fmi3Error, GetIntervalDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
-            fmi3Float64 v[], fmi3IntervalQualifier q[])
-FMI3_ALWAYS(fmi3Error, GetIntervalFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
-            uint64_t v[], uint64_t w[], fmi3IntervalQualifier q[])
-FMI3_ALWAYS(fmi3Error, GetShiftDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
-            fmi3Float64 v[])
-FMI3_ALWAYS(fmi3Error, GetShiftFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
-            uint64_t v[], uint64_t w[])
-FMI3_ALWAYS(fmi3Error, SetIntervalDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
-            const fmi3Float64 v[])
-FMI3_ALWAYS(fmi3Error, SetIntervalFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
-            const uint64_t v[], const uint64_t w[])
-FMI3_ALWAYS(fmi3Error, SetShiftDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
-            const fmi3Float64 v[])
-FMI3_ALWAYS(fmi3Error, SetShiftFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
-            const uint64_t v[], const uint64_t w[])
-FMI3_ALWAYS(fmi3Error, ActivateModelPartition, fmi3Instance c, fmi3ValueReference clock, fmi3Float64 time)
-FMI3(UpdateDiscreteStates, fmi3Instance c, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals,
-     fmi3Boolean *values, fmi3Boolean *event, fmi3Float64 *time) {
+ALWAYS(fmi3Error, GetIntervalDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+       fmi3Float64 v[], fmi3IntervalQualifier q[])
+ALWAYS(fmi3Error, GetIntervalFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n, uint64_t v[],
+       uint64_t w[], fmi3IntervalQualifier q[])
+ALWAYS(fmi3Error, GetShiftDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 v[])
+ALWAYS(fmi3Error, GetShiftFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n, uint64_t v[],
+       uint64_t w[])
+ALWAYS(fmi3Error, SetIntervalDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+       const fmi3Float64 v[])
+ALWAYS(fmi3Error, SetIntervalFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+       const uint64_t v[], const uint64_t w[])
+ALWAYS(fmi3Error, SetShiftDecimal, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+       const fmi3Float64 v[])
+ALWAYS(fmi3Error, SetShiftFraction, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+       const uint64_t v[], const uint64_t w[])
+ALWAYS(fmi3Error, ActivateModelPartition, fmi3Instance c, fmi3ValueReference clock, fmi3Float64 time)
+FMI(UpdateDiscreteStates, fmi3Instance c, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals,
+    fmi3Boolean *values, fmi3Boolean *event, fmi3Float64 *time) {
     ALLOW(EVENT);
     NEED(again != NULL && terminate != NULL && nominals != NULL && values != NULL && event != NULL);
     *again = *terminate = *nominals = *values = *event = false;
@@ -254,13 +191,13 @@ FMI3(UpdateDiscreteStates, fmi3Instance c, fmi3Boolean *again, fmi3Boolean *term
 
 /* ---- model exchange ---- */
 
-FMI3(GetNumberOfEventIndicators, fmi3Instance c, size_t *n) {
+FMI(GetNumberOfEventIndicators, fmi3Instance c, size_t *n) {
     ALLOW(ANY);
     NEED(n != NULL);
     *n = 0;
     return fmi3OK;
 }
-FMI3(GetNumberOfContinuousStates, fmi3Instance c, size_t *n) {
+FMI(GetNumberOfContinuousStates, fmi3Instance c, size_t *n) {
     ALLOW(ANY);
     NEED(n != NULL);
     *n = STATES;
@@ -269,10 +206,10 @@ FMI3(GetNumberOfContinuousStates, fmi3Instance c, size_t *n) {
 
 /* ---- co-simulation ---- */
 
-FMI3_ALWAYS(fmi3Error, GetOutputDerivatives, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
-            const int32_t order[], fmi3Float64 v[], size_t count)
-FMI3(DoStep, fmi3Instance c, fmi3Float64 now, fmi3Float64 step, fmi3Boolean final, fmi3Boolean *event,
-     fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last) {
+ALWAYS(fmi3Error, GetOutputDerivatives, fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+       const int32_t order[], fmi3Float64 v[], size_t count)
+FMI(DoStep, fmi3Instance c, fmi3Float64 now, fmi3Float64 step, fmi3Boolean final, fmi3Boolean *event,
+    fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last) {
     instance *i = (instance *)c;
     const char *failure;
     ALLOW(STEP);

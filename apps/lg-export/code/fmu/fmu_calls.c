@@ -11,6 +11,31 @@ FMI(Reset, void *c) {
     return FMU_OK;
 }
 
+/* ---- values and derivatives ---- */
+
+FMI(SET_VALUES, void *c, const unsigned int vr[], size_t n, const double value[] COUNT(count)) {
+    instance *i = (instance *)c;
+    ALLOW(INSTANTIATED | INITIALIZATION | RUNNING);
+    NEED(is_given(n, vr, value) && fits(vr, n, 1, COUNT_OF(count, n)));
+    scatter(vr, n, value, i->m.values);
+    i->stale = 1;
+    return FMU_OK;
+}
+FMI(GetDirectionalDerivative, void *c, const unsigned int unknown[], size_t unknowns,
+    const unsigned int known[], size_t knowns, const double seed[] COUNT(seeds),
+    double sensitivity[] COUNT(sensitivities)) {
+    instance *i = (instance *)c;
+    ALLOW(EVALUATED);
+    NEED(is_given(knowns, known, seed) && is_given(unknowns, unknown, sensitivity));
+    NEED(fits(known, knowns, 1, COUNT_OF(seeds, knowns)) &&
+         fits(unknown, unknowns, 0, COUNT_OF(sensitivities, unknowns)));
+    memset(i->seeds, 0, sizeof i->seeds);
+    scatter(known, knowns, seed, i->seeds);
+    if (!forward(i->m.values, i->seeds, i->results, i->work)) return FMU_ERROR;
+    gather(unknown, unknowns, i->results, sensitivity);
+    return FMU_OK;
+}
+
 /* ---- states of the instance ---- */
 
 FMI(GET_STATE, void *c, void **state) {

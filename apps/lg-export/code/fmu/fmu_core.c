@@ -112,6 +112,42 @@ static int is_given(size_t n, const void *a, const void *b) {
     return n == 0 || (a != NULL && b != NULL);
 }
 
+/* The count of the numbers of reference `vr`, and their place in the array; 0: there is no such variable. Each
+ * version defines it. */
+static int span(unsigned int vr, int *at);
+
+/* Whether the references have `count` numbers in all. With `known`, all must be states, inputs or parameters. */
+static int fits(const unsigned int vr[], size_t n, int known, size_t count) {
+    size_t k, sum = 0;
+    for (k = 0; k < n; k++) {
+        int at = 0;
+        const int size = span(vr[k], &at);
+        if (size == 0 || (known && !is_known(at))) return 0;
+        sum += (size_t)size;
+    }
+    return sum == count;
+}
+
+/* Copies numbers to the places of the references in `array`, or from these places. */
+static void scatter(const unsigned int vr[], size_t n, const double *from, double *array) {
+    size_t k;
+    for (k = 0; k < n; k++) {
+        int at = 0;
+        const int size = span(vr[k], &at);
+        memcpy(array + at, from, (size_t)size * sizeof *array);
+        from += size;
+    }
+}
+static void gather(const unsigned int vr[], size_t n, const double *array, double *to) {
+    size_t k;
+    for (k = 0; k < n; k++) {
+        int at = 0;
+        const int size = span(vr[k], &at);
+        memcpy(to, array + at, (size_t)size * sizeof *to);
+        to += size;
+    }
+}
+
 /* ---- the memory as bytes ---- */
 
 /* Whether `mode` is a single mode, and one that the instance can have. */
@@ -241,4 +277,17 @@ static const char *advance(instance *i, double length) {
 #define MODE(name, from, to)                                                                                 \
     FMI(name, void *c) {                                                                                     \
         return take_mode((instance *)c, from, to) ? FMU_OK : refuse(c, misplaced);                           \
+    }
+/* A function that returns `status`, whatever its arguments are. */
+#define ALWAYS(status, name, ...)                                                                            \
+    FMI(name, __VA_ARGS__) {                                                                                 \
+        return status;                                                                                       \
+    }
+/* There are no variables of this type. */
+#define UNUSED_TYPE(name, type)                                                                              \
+    FMI(Get##name, void *c, const unsigned int vr[], size_t n, type v[] COUNT(count)) {                      \
+        return c != NULL && n == 0 ? FMU_OK : FMU_ERROR;                                                     \
+    }                                                                                                        \
+    FMI(Set##name, void *c, const unsigned int vr[], size_t n, const type v[] COUNT(count)) {                \
+        return c != NULL && n == 0 ? FMU_OK : FMU_ERROR;                                                     \
     }

@@ -1,4 +1,5 @@
 /* Plants every possible error in a case and reports whether the gradient check catches it. */
+#include "gradcheck/cases.h"
 #include "autodiff/check/internal.h"
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/ops/op_table.h"
@@ -24,12 +25,12 @@ static lg_status plant_one(const lg_context *context, const lg_gradcheck_case *t
         report(user, test, plant, LG_PLANT_EXCLUDED, why);
         return LG_OK;
     }
-    lg_gradcheck_options planted = *options;
+    lg_plant planted;
     lg_gradcheck_result result;
-    planted.plant = plant;
-    lg_status status = lg_gradcheck_run(context, test, &planted, &result);
+    LG_TRY(lg_plant_open(&planted, plant));
+    lg_status status = lg_gradcheck_run(context, test, options, &planted, &result);
     if (status != LG_OK && status != LG_CHECK_FAILED) return status;
-    if (plant->mutation == LG_PLANT_TRANSPOSE && result.plant_changed == 0)
+    if (plant->mutation == LG_PLANT_TRANSPOSE && planted.changed == 0)
         report(user, test, plant, LG_PLANT_EXCLUDED, "the transposed derivative has the same numbers");
     else
         report(user, test, plant, status == LG_OK ? LG_PLANT_MISSED : LG_PLANT_CAUGHT, result.message);
@@ -52,20 +53,73 @@ static lg_status plant_operation(const lg_context *context, const lg_gradcheck_c
     return LG_OK;
 }
 
+/* ---- checks of cases ---- */
+
+lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *test,
+                           const lg_gradcheck_options *options, lg_plant *plant,
+                           lg_gradcheck_result *result) {
+    const lg_exchange none = {NULL, NULL};
+    if (test == NULL || result == NULL) return LG_INVALID_ARGUMENT;
+    LG_TRY(lg_gradcheck_exchanged(context, &test->function, options, plant != NULL ? plant->exchange : none,
+                                  result));
+    if (!test->zero || result->order[0].derivative == 0.0) return LG_OK;
+    result->passed = result->order[0].passed = false;
+    (void)lg_format(result->message, sizeof result->message,
+                    "%s, order 1: the derivative should be identically zero but is %.3g", test->function.name,
+                    result->order[0].derivative);
+    return LG_CHECK_FAILED;
+}
+
+static lg_var drawn(lg_tape *tape, lg_rng *rng, const lg_gradcheck_argument *a) {
+    const bool plain = a->low == 0.0 && a->high == 0.0;
+    void *numbers = NULL;
+    if (a->values != NULL) return lg_input_f64(tape, a->shape, a->values);
+    const lg_var x = lg_input_buffer(tape, a->shape, &numbers);
+    for (size_t i = 0; numbers != NULL && i < lg_shape_count(a->shape); i++)
+        ((double *)numbers)[i] = lg_rng_uniform_in(rng, plain ? -1.0 : a->low, plain ? 1.0 : a->high);
+    return x;
+}
+
+/* Records the function at a random point, its vjp and its jvp. */
+static lg_status record_all(lg_tape *tape, const lg_gradcheck_function *f, uint64_t seed) {
+    lg_var x[LG_GRADCHECK_MAX_INPUTS], found[LG_GRADCHECK_MAX_INPUTS], y, c;
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, 1);
+    for (uint32_t i = 0; i < f->inputs; i++) x[i] = drawn(tape, &rng, &f->arguments[i]);
+    y = f->build(f->user, tape, x);
+    LG_TRY(lg_tape_status(tape));
+    c = drawn(tape, &rng, &(const lg_gradcheck_argument){.shape = lg_var_shape(tape, y)});
+    LG_TRY(lg_vjp(tape, &y, &c, 1, x, f->inputs, found));
+    return lg_jvp(tape, &y, 1, x, x, f->inputs, found);
+}
+
+lg_status lg_gradcheck_inputs_of(const lg_context *context, const lg_gradcheck_function *function,
+                                 const lg_gradcheck_options *options, const lg_op *op, uint32_t *inputs) {
+    lg_tape *tape;
+    if (!lg_gradcheck_valid(function, options)) return LG_INVALID_ARGUMENT;
+    LG_TRY(lg_tape_create(context, NULL, &tape));
+    const lg_status status = record_all(tape, function, options->seed);
+    *inputs = 0;
+    for (uint32_t i = 0; status == LG_OK && i < tape->count; i++)
+        if (tape->nodes[i].op == op && tape->nodes[i].inputs > *inputs) *inputs = tape->nodes[i].inputs;
+    lg_tape_destroy(tape);
+    return status;
+}
+
 /* ---- programs ---- */
 
 static lg_status plant_in_program(const lg_context *context, const lg_gradcheck_case *test,
                                   const lg_gradcheck_options *options, const lg_gradcheck_plant *plant,
                                   lg_plant_report_fn report, void *user) {
-    lg_gradcheck_options planted = *options;
+    lg_plant planted;
     lg_gradcheck_program_result result;
-    planted.plant = plant;
-    const lg_status status = lg_gradcheck_program(context, test, &planted, &result);
+    LG_TRY(lg_plant_open(&planted, plant));
+    const lg_status status = lg_gradcheck_program(context, test, options, &planted, &result);
     if (status != LG_OK && status != LG_CHECK_FAILED) return status;
-    if (result.plant_changed == 0)
+    if (planted.changed == 0)
         report(user, test, plant, LG_PLANT_EXCLUDED,
-               result.plant_applied > 0 ? "the planted error changes no number"
-                                        : "no plan contains this operation");
+               planted.applied > 0 ? "the planted error changes no number"
+                                   : "no plan contains this operation");
     else
         report(user, test, plant, status == LG_OK ? LG_PLANT_MISSED : LG_PLANT_CAUGHT, result.message);
     return LG_OK;

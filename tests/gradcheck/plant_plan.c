@@ -1,5 +1,5 @@
 /* Planted errors in finished plans: one step of a plan is changed. */
-#include "autodiff/check/internal.h"
+#include "gradcheck/cases.h"
 #include "autodiff/ops/op_rows.h"
 #include <string.h>
 

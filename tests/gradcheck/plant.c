@@ -1,6 +1,6 @@
 /* Planted errors in operations: they change what the vjp or jvp of an operation returns, or its scalar
  * code. */
-#include "autodiff/check/internal.h"
+#include "gradcheck/cases.h"
 #include "autodiff/ops/op_table.h"
 #include "autodiff/program/scalars.h"
 
@@ -85,7 +85,10 @@ static void planted_scalars(lg_scalars *s, const lg_evaluation *e, const lg_scal
 }
 
 lg_status lg_plant_open(lg_plant *plant, const lg_gradcheck_plant *chosen) {
-    *plant = (lg_plant){.direction = chosen->direction, .mutation = chosen->mutation, .input = chosen->input};
+    *plant = (lg_plant){.operation = chosen->operation,
+                        .direction = chosen->direction,
+                        .mutation = chosen->mutation,
+                        .input = chosen->input};
     if (chosen->direction == LG_PLANT_PLAN) return LG_OK;
     const lg_op *row = lg_op_named(chosen->operation);
     if (row == NULL) return LG_INVALID_ARGUMENT;

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "gradcheck/cases.h"
 #include "autodiff/check/internal.h"
 #include "autodiff/program/plan.h"
 #include "autodiff/program/program.h"
@@ -26,7 +27,7 @@ typedef struct check {
     lg_program *program;
     lg_tape *tape;
     lg_plan *plan[FUNCTIONS], *planted[FUNCTIONS];
-    lg_plant plant;
+    lg_plant *planting; /* NULL: none */
     lg_rng rng;
     lg_shape shape; /* shape of the output */
     /* Offsets of the inputs in x and d; elements of the output; elements of each function's result. */
@@ -248,10 +249,10 @@ static lg_status check_point(check *k) {
         return failed(k, "the result of lg_program_record has other bits than the original recording",
                       "recording", lg_largest(k->got, all), lg_largest(k->truth, all));
     LG_TRY(run_plans(k, k->plan, k->got));
-    if (k->options->plant == NULL) return compare(k, k->got);
+    if (k->planting == NULL) return compare(k, k->got);
     LG_TRY(run_plans(k, k->planted, k->other));
     for (size_t i = 0; i < all; i++)
-        k->plant.changed += !(fabs(k->got[i] - k->other[i]) <= ROUNDING * lg_largest(k->truth, all));
+        k->planting->changed += !(fabs(k->got[i] - k->other[i]) <= ROUNDING * lg_largest(k->truth, all));
     return compare(k, k->other);
 }
 
@@ -280,16 +281,14 @@ static lg_status make_memory(check *k) {
 
 /* Makes plans with the planted error, in addition to the right plans. */
 static lg_status make_planted(check *k, lg_error *error) {
-    const lg_gradcheck_plant *plant = k->options->plant;
-    const bool scalars = plant->direction == LG_PLANT_SCALARS;
+    lg_plant *plant = k->planting;
     if (plant->direction < LG_PLANT_SCALARS) return LG_INVALID_ARGUMENT;
-    LG_TRY(lg_plant_open(&k->plant, plant));
-    k->program->exchange = k->plant.exchange;
+    k->program->exchange = plant->exchange;
     const lg_status status = make_plans(k, k->planted, error);
     k->program->exchange = (lg_exchange){NULL, NULL};
-    for (size_t f = 0; status == LG_OK && !scalars && f < FUNCTIONS; f++)
-        if (strcmp(labels[f], plant->operation) == 0) (void)lg_plant_plan(&k->plant, k->planted[f]);
-    k->plant.changed = 0;
+    for (size_t f = 0; status == LG_OK && plant->direction == LG_PLANT_PLAN && f < FUNCTIONS; f++)
+        if (strcmp(labels[f], plant->operation) == 0) (void)lg_plant_plan(plant, k->planted[f]);
+    plant->changed = 0;
     return status;
 }
 
@@ -313,7 +312,7 @@ static lg_status run(check *k, const lg_gradcheck_case *test) {
     if (test->no_program != NULL) return check_refusal(k, test, status, &error);
     if (status == LG_OK) status = derive(k, &error);
     if (status == LG_OK) status = make_plans(k, k->plan, &error);
-    if (status == LG_OK && k->options->plant != NULL) status = make_planted(k, &error);
+    if (status == LG_OK && k->planting != NULL) status = make_planted(k, &error);
     if (status != LG_OK) {
         k->result->refused = status == LG_UNSUPPORTED;
         (void)snprintf(k->result->message, sizeof k->result->message, "%.80s, program: %.220s", k->f->name,
@@ -327,19 +326,19 @@ static lg_status run(check *k, const lg_gradcheck_case *test) {
 }
 
 lg_status lg_gradcheck_program(const lg_context *context, const lg_gradcheck_case *test,
-                               const lg_gradcheck_options *options, lg_gradcheck_program_result *result) {
+                               const lg_gradcheck_options *options, lg_plant *plant,
+                               lg_gradcheck_program_result *result) {
     lg_gradcheck_options chosen;
     lg_gradcheck_options_init(&chosen);
     if (test == NULL || result == NULL) return LG_INVALID_ARGUMENT;
     *result = (lg_gradcheck_program_result){0};
     if (options != NULL) chosen = *options;
     if (!lg_gradcheck_valid(&test->function, &chosen)) return LG_INVALID_ARGUMENT;
-    check k = {.context = context, .f = &test->function, .options = &chosen, .result = result};
+    check k = {
+        .context = context, .f = &test->function, .options = &chosen, .planting = plant, .result = result};
     lg_rng_seed(&k.rng, chosen.seed, 3);
     const lg_status status = run(&k, test);
     result->passed = status == LG_OK;
-    result->plant_applied = k.plant.applied;
-    result->plant_changed = k.plant.changed;
     if (status != LG_OK && result->message[0] == '\0')
         (void)snprintf(result->message, sizeof result->message, "%.80s, program: %s", test->function.name,
                        lg_status_sentence(status));
