@@ -84,8 +84,9 @@ static inline lg_bounds lg_bounds_take(lg_portions *from, size_t boxes, size_t w
     double *low = lg_portion(from, boxes * width, sizeof *low);
     return (lg_bounds){low, lg_portion(from, boxes * width, sizeof *low), width};
 }
-/* lg_interval_eval with inputs and outputs in parts, one after the other; outputs behind the last part are not
- * stored. Where a number of an input has no finite bounds, it counts as 0, and its box becomes `unbounded`. */
+/* lg_interval_eval with inputs and outputs in parts, one after the other; outputs behind the last part are
+ * not stored. Where a number of an input has no finite bounds, it counts as 0, and its box becomes
+ * `unbounded`. */
 void lg_interval_bound(const lg_interval *f, size_t boxes, const lg_bounds *const *in, size_t ins,
                        const lg_bounds *const *out, size_t outs, uint8_t *flags, bool *unbounded, void *work);
 #define LG_INTERVAL_BOUND(f, boxes, in, out, ...)                                                            \
