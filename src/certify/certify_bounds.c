@@ -219,8 +219,5 @@ static void task(void *user, size_t number) {
 
 void lg_certify_bounds(lg_certify *c) {
     const size_t tasks = (c->batched + LG_CERTIFY_TASK - 1) / LG_CERTIFY_TASK;
-    if (c->pool != NULL)
-        lg_thread_pool_run(c->pool, tasks, task, c);
-    else
-        for (size_t i = 0; i < tasks; i++) task(c, i);
+    lg_thread_pool_run(c->pool, tasks, task, c);
 }

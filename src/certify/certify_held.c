@@ -53,8 +53,7 @@ lg_status lg_certify_held_local(const lg_certify *c, const double *from, const d
     uint8_t flag;
     double at[LG_CERTIFY_STATES], X[2 * LG_CERTIFY_STATES];
     bool unbounded, no_tube;
-    void *work = lg_alloc(c->context, lg_flow_work_size(c->flow), 1);
-    if (work == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(char, work, c->context, lg_flow_work_size(c->flow), LG_OUT_OF_MEMORY);
     for (size_t i = 0; i < n; i++) at[i] = 0.5 * from[i] + 0.5 * to[i];
     memset(low, 0, (2 * n + 2 * n * n) * sizeof *low);
     memset(high, 0, (2 * n + 2 * n * n) * sizeof *high);
@@ -74,6 +73,5 @@ lg_status lg_certify_held_local(const lg_certify *c, const double *from, const d
         if (!no_tube) break;
     }
     *slopes = !unbounded;
-    lg_free(c->context, work);
     return LG_OK;
 }

@@ -136,14 +136,12 @@ static lg_status bound(lg_certify *c, const double *size, double *low, double *h
         from[i] = -to[i];
     }
     if (c->flow != NULL) return lg_certify_held_local(c, from, to, low, high, slopes);
-    void *work = lg_alloc(c->context, lg_interval_work_size(c->local), 1);
-    if (work == NULL) return LG_OUT_OF_MEMORY;
-    const lg_status status = lg_interval_eval(c->local, 1, from, to, low, high, flags, work, NULL);
-    lg_free(c->context, work);
+    LG_TRY_SCRATCH(char, work, c->context, lg_interval_work_size(c->local), LG_OUT_OF_MEMORY);
+    LG_TRY(lg_interval_eval(c->local, 1, from, to, low, high, flags, work, NULL));
     *slopes = true;
-    for (size_t j = 0; status == LG_OK && j < lg_interval_outputs(c->local); j++)
+    for (size_t j = 0; j < lg_interval_outputs(c->local); j++)
         *slopes = *slopes && flags[j] >= (j < 2 * c->n ? LG_INTERVAL_LIPSCHITZ : LG_INTERVAL_DEFINED);
-    return status;
+    return LG_OK;
 }
 
 /* M with V' = y^T M y (steps, with a quadratic V: V(F(x)) - V(x) = y^T M y), from the bounds of `local`

@@ -24,6 +24,9 @@ enum {
 /* Evaluators, and the number of numbers of each of their inputs */
 enum { START, START_CHORDS, TUBE, VALUES, CHORDS, REST, REST_SLOPES, RATE_SLOPES, ADVANCE, EVALUATORS };
 
+LG_AT(lg_interval_destroy, lg_interval)
+LG_AT(lg_flow_destroy, lg_flow)
+
 struct lg_flow {
     const lg_context *context;
     size_t n, m;
@@ -175,7 +178,7 @@ static lg_status evaluators(lg_flow *w, lg_error *error) {
                   {REST_SLOPES, STEEP, STEEP, true, false, 1},
                   {RATE_SLOPES, 1, 1, true, false, 1}};
     static const size_t rate = 1;
-    lg_interval *f = NULL;
+    LG_CLEAN(lg_interval_destroy_at) lg_interval *f = NULL;
     for (size_t i = 0; i < LG_COUNT(plain); i++)
         LG_TRY(lg_interval_create(w->program, &plain[i].function, 1, NULL, &w->f[plain[i].place], error));
     for (size_t i = 0; i < LG_COUNT(taylor); i++) {
@@ -192,7 +195,6 @@ static lg_status evaluators(lg_flow *w, lg_error *error) {
     w->odd = true;
     for (size_t i = 0; i < w->n; i++) w->odd = w->odd && lg_interval_parity(f, i) == -1;
     for (size_t i = 0; i < w->n + w->m; i++) w->odd = w->odd && lg_interval_parity(w->f[START], i) == -1;
-    lg_interval_destroy(f);
     return LG_OK;
 }
 
@@ -477,8 +479,7 @@ static lg_status choose_steps(lg_flow *w) {
     enum { MOST_STEPS = 64, STATES = 16 };
     const size_t n = w->n, all = n + w->m;
     size_t used;
-    void *work = lg_alloc(w->context, lg_flow_work_size(w), 1);
-    if (work == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(char, work, w->context, lg_flow_work_size(w), LG_OUT_OF_MEMORY);
     desk d = desk_of(w, work, &used);
     bool unbounded = false;
     uint8_t flag = LG_INTERVAL_DIFFERENTIABLE;
@@ -493,7 +494,6 @@ static lg_status choose_steps(lg_flow *w) {
     }
     const double fast = radius(n, A) * w->period;
     for (w->steps = 1; fast / w->steps > longest && w->steps < MOST_STEPS;) w->steps *= 2;
-    lg_free(w->context, work);
     return LG_OK;
 }
 
@@ -524,15 +524,11 @@ static lg_status begin(lg_flow *w, const lg_flow_spec *spec, lg_error *error) {
 
 lg_status lg_flow_create(const lg_context *context, const lg_flow_spec *spec, lg_flow **out,
                          lg_error *error) {
-    lg_flow *w = lg_alloc(context, 1, sizeof *w);
+    LG_CLEAN(lg_flow_destroy_at) lg_flow *w = lg_alloc(context, 1, sizeof *w);
     if (w == NULL) return LG_OUT_OF_MEMORY;
     w->context = context;
-    const lg_status status = begin(w, spec, error);
-    if (status == LG_OK)
-        *out = w;
-    else
-        lg_flow_destroy(w);
-    return status;
+    LG_TRY(begin(w, spec, error));
+    return LG_MOVE(out, w);
 }
 
 void lg_flow_destroy(lg_flow *w) {

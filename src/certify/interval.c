@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+LG_AT(lg_interval_destroy, lg_interval)
+
 void lg_interval_options_init(lg_interval_options *options) {
     if (options != NULL) *options = (lg_interval_options){.size = sizeof *options};
 }
@@ -13,12 +15,12 @@ void lg_interval_options_init(lg_interval_options *options) {
 static lg_status create(const lg_program *program, const size_t *functions, size_t count,
                         const lg_interval_taylor_spec *what, size_t states,
                         const lg_interval_options *options, lg_interval **out, lg_error *error) {
-    lg_expansion expansion;
+    LG_CLEAN(lg_expansion_destroy) lg_expansion expansion = {.results = 0};
     if (count == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "there are no functions to evaluate");
     if (options != NULL && options->size != sizeof *options)
         return lg_fail(error, LG_INVALID_ARGUMENT, "lg_interval_options.size is not the size of the struct");
-    lg_interval *made = lg_alloc(program->context, 1, sizeof *made);
-    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for an interval evaluator");
+    LG_CLEAN(lg_interval_destroy_at) lg_interval *made = lg_alloc(program->context, 1, sizeof *made);
+    if (made == NULL) return lg_no_memory(error);
     made->context = program->context;
     made->run = lg_interval_kernel(lg_isa_in_use());
     lg_status status = lg_expand(program, functions, count, &expansion, error);
@@ -31,13 +33,8 @@ static lg_status create(const lg_program *program, const size_t *functions, size
         status = made->parity != NULL ? lg_expansion_parity(&expansion, made->parity) : LG_OUT_OF_MEMORY;
     }
     if (status == LG_OK) status = lg_interval_choose(&expansion, options != NULL && options->widen, made);
-    lg_expansion_destroy(&expansion);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_interval_destroy(made);
-    return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "no memory for an interval evaluator")
-                                      : status;
+    if (status == LG_OUT_OF_MEMORY) return lg_no_memory(error);
+    return status == LG_OK ? LG_MOVE(out, made) : status;
 }
 
 lg_status lg_interval_create(const lg_program *program, const size_t *functions, size_t count,

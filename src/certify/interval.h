@@ -4,6 +4,7 @@
 
 #include "autodiff/program/program_call.h"
 #include "autodiff/program/scalars.h"
+#include "core/clean.h"
 #include "core/portions.h"
 #include "kernels/kernels.h"
 #include "liegrad/interval.h"

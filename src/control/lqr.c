@@ -49,9 +49,9 @@ static void add_to_diagonal(size_t n, double *x) {
     for (size_t i = 0; i < n; i++) x[i * (n + 1)] += 1.0;
 }
 
-/* X <- exp(M): Taylor's polynomial of exp(M/2^k) - 1, then k times X <- X X + 2 X, where small parts of M keep
- * their digits although a large part makes k large. Where all n states have decayed to less than a half, 1 + X
- * itself is squared. */
+/* X <- exp(M): Taylor's polynomial of exp(M/2^k) - 1, then k times X <- X X + 2 X, where small parts of M
+ * keep their digits although a large part makes k large. Where all n states have decayed to less than a half,
+ * 1 + X itself is squared. */
 static void exponential(const hold *s, size_t n) {
     enum { TERMS = 13 };
     const size_t N = s->rows;

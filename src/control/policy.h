@@ -2,10 +2,12 @@
 #ifndef LG_CONTROL_POLICY_H
 #define LG_CONTROL_POLICY_H
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/networks.h"
 #include "liegrad/policy.h"
 #include "liegrad/tape.h"
+
+LG_AT(lg_policy_destroy, lg_policy)
 
 /* ---- coordinates (policy_errors.c) ---- */
 

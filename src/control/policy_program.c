@@ -7,7 +7,7 @@
 #include "control/policy.h"
 #include "liegrad/ops.h"
 
-enum { MOST_PORTS = 4 };
+LG_AT(lg_function_image_destroy, lg_function_image)
 
 /* Whether the functions of a policy begin here, in a program that is a policy's. */
 static bool is_own(const lg_program *program, const char *name) {
@@ -20,17 +20,14 @@ static bool is_own(const lg_program *program, const char *name) {
 
 /* Copies the plant's functions; `plant` may be the program of a policy. */
 static lg_status copy_functions(const lg_policy *policy, const lg_program *plant, lg_error *error) {
-    lg_status status = LG_OK;
-    for (size_t f = 0; f < lg_program_functions(plant) && status == LG_OK; f++) {
-        lg_function_image *image;
+    for (size_t f = 0; f < lg_program_functions(plant); f++) {
+        LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
         if (is_own(plant, lg_program_function_name(plant, f))) break;
-        status = lg_function_image_create(plant, f, &image);
-        if (status != LG_OK) return lg_fail(error, status, "no memory for a copy of the plant's functions");
+        if (lg_function_image_create(plant, f, &image) != LG_OK) return lg_no_memory(error);
         image->name = lg_policy_plant_name(policy, image->name);
-        status = lg_program_add_image(policy->program, image, error);
-        lg_function_image_destroy(image);
+        LG_TRY(lg_program_add_image(policy->program, image, error));
     }
-    return status;
+    return LG_OK;
 }
 
 /* ---- recordings: `user` is the policy ---- */
@@ -422,9 +419,8 @@ lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *
     const size_t own = policy->parameters > 0 ? 1 : 0;
     size_t count = lg_program_parameters(plant) + own;
     if (own && count > 1 && strcmp(lg_program_parameter(plant, count - 2).name, "policy") == 0) count--;
-    lg_parameter_spec *parameters = lg_alloc(policy->context, count, sizeof *parameters);
     lg_program_spec spec;
-    if (parameters == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
+    LG_TRY_SCRATCH(lg_parameter_spec, parameters, policy->context, count, lg_no_memory(error));
     for (size_t i = 0; i + own < count; i++) parameters[i] = lg_program_parameter(plant, i);
     if (own)
         parameters[count - 1] = (lg_parameter_spec){"policy", lg_shape1((uint32_t)policy->parameters), NULL};
@@ -432,11 +428,9 @@ lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *
     spec.parameters = parameters;
     spec.parameter_count = count;
     spec.description = "a machine with its controller";
-    lg_status status = lg_program_begin(policy->context, &spec, &policy->program, error);
-    if (status == LG_OK) status = copy_functions(policy, plant, error);
-    lg_free(policy->context, parameters);
-    if (status == LG_OK) status = lg_policy_add_memory(policy, error);
-    if (status != LG_OK) return status;
+    LG_TRY(lg_program_begin(policy->context, &spec, &policy->program, error));
+    LG_TRY(copy_functions(policy, plant, error));
+    LG_TRY(lg_policy_add_memory(policy, error));
     const ports port = ports_of(policy);
     return add(policy, "retract", record_retract, &port.z, 1, OUTS("x"), error);
 }
