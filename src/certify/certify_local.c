@@ -96,14 +96,8 @@ lg_status lg_certify_whiten(lg_certify *c, lg_error *error) {
     exactly(n, c->P, &P);
     if (!is_definite(n, &P, 1) || !lg_matrix_cholesky(n, c->P, L))
         return lg_fail(error, LG_INVALID_ARGUMENT, "P is not positive definite");
-    memset(c->T, 0, sizeof c->T);
+    lg_matrix_invert_transposed(n, L, c->T);
     c->determinant = 1;
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1, upper triangular */
-            double rest = i == j ? 1 : 0;
-            for (size_t k = i + 1; k <= j; k++) rest -= L[k * n + i] * c->T[k * n + j];
-            c->T[i * n + j] = rest / L[i * (n + 1)];
-        }
     for (size_t i = 0; i < n; i++) c->determinant /= L[i * n + i];
     return lg_certify_check_coordinates(c, error);
 }

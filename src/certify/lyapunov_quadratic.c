@@ -85,12 +85,7 @@ static bool read_form(const searching *s, const double *theta, form *f) {
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
             for (size_t k = 0; k < n; k++) f->P[i * n + j] += f->L[i * n + k] * f->L[j * n + k];
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1, upper triangular */
-            double rest = i == j ? 1 : 0;
-            for (size_t k = i + 1; k <= j; k++) rest -= f->L[k * n + i] * f->T[k * n + j];
-            f->T[i * n + j] = rest / f->L[i * (n + 1)];
-        }
+    lg_matrix_invert_transposed(n, f->L, f->T);
     f->top = (double)INFINITY;
     for (size_t i = 0; i < n; i++) {
         double row = 0;

@@ -177,11 +177,6 @@ static lg_status check_plant(lg_policy *p, const lg_program *plant, lg_error *er
     return LG_OK;
 }
 
-static bool has(const lg_policy *p, const char *function) {
-    size_t number;
-    return lg_program_find(p->program, function, &number, NULL) == LG_OK;
-}
-
 /* ---- steps of the integrator ---- */
 
 enum { TRIALS = 32, MOST_STEPS = 64 };
@@ -240,7 +235,8 @@ static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_
                    "%d steps of the integrator in a period of %g s leave an error of %.1e: take a shorter "
                    "period, or give `substeps`%s",
                    MOST_STEPS, p->task.period, off,
-                   has(p, "lag") ? ", or leave out a lag that is much shorter than the period" : "");
+                   lg_policy_has(p, "lag") ? ", or leave out a lag that is much shorter than the period"
+                                           : "");
 }
 
 /* ---- the object ---- */
@@ -452,7 +448,8 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
     if (memcmp(p->memory.line, p->memory.known, sizeof p->memory.line) != 0)
         return lg_fail(error, LG_FORMAT, "the past inputs of the policy do not fit its dead times");
     LG_TRY(check_plant(p, p->program, error));
-    if (!has(p, "period")) return lg_fail(error, LG_FORMAT, "the policy's program has no function period");
+    if (!lg_policy_has(p, "period"))
+        return lg_fail(error, LG_FORMAT, "the policy's program has no function period");
     if (p->parameters == 0) return compare_functions(p, error);
     const size_t last = lg_program_parameters(p->program);
     lg_parameter_spec stored = {.name = ""};
@@ -517,8 +514,9 @@ lg_status lg_policy_disturb(lg_policy *policy, const lg_policy_task *by, lg_erro
     changed.delay = by->delay, changed.draws = by->draws, changed.spread = by->spread;
     LG_TRY(check_task(&changed, error));
     policy->task = changed;
-    if (!lg_policy_is_disturbed(&changed) || has(policy, "disturbed")) return LG_OK;
-    if (!has(policy, "disturbed_regulator")) LG_TRY(lg_policy_add_disturbed_regulator(policy, error));
+    if (!lg_policy_is_disturbed(&changed) || lg_policy_has(policy, "disturbed")) return LG_OK;
+    if (!lg_policy_has(policy, "disturbed_regulator"))
+        LG_TRY(lg_policy_add_disturbed_regulator(policy, error));
     return lg_policy_add_disturbed(policy, error);
 }
 

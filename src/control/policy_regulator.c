@@ -331,12 +331,10 @@ static lg_status find_failures(const design *d, const double *K, double *out) {
     const lg_policy *p = d->policy;
     const lg_policy_trial trial = {
         .gain = K, .disturbed = lg_policy_is_disturbed(&p->task), .seed = d->seed, .threads = 1};
-    lg_policy_runs runs = {
-        .count = SAMPLES, .steps = lg_policy_periods(p, p->task.within), .x = d->x, .succeeded = d->held};
-    *out = 0.0;
-    if (p->task.kind != LG_POLICY_LQR) return LG_OK;
-    LG_TRY(lg_policy_run(p, &trial, &runs, d->error));
-    for (size_t s = 0; s < SAMPLES; s++) *out += d->held[s] ? 0.0 : 100.0 / SAMPLES;
+    lg_policy_outcome found = {.succeeded = SAMPLES};
+    if (p->task.kind == LG_POLICY_LQR)
+        LG_TRY(lg_policy_try(p, &trial, d->x, SAMPLES, &found, NULL, d->error));
+    *out = 100.0 * (double)(SAMPLES - found.succeeded) / SAMPLES;
     return LG_OK;
 }
 
@@ -346,7 +344,7 @@ static lg_status distance(const design *d, const double *K, const double *P, dou
     lg_rng rng;
     double V[SAMPLES];
     lg_rng_seed(&rng, d->seed, 6);
-    for (size_t s = 0; s < SAMPLES; s++) lg_policy_draw(&p->task, &p->layout, &rng, d->z + s * d->n);
+    for (size_t s = 0; s < SAMPLES; s++) lg_policy_draw(p, &rng, d->z + s * d->n);
     LG_TRY(measure(d, P, V));
     LG_TRY(find_failures(d, K, out));
     for (size_t s = 0; s < SAMPLES; s++) *out += log(1e-6 + V[s] / c) / SAMPLES;

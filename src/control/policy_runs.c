@@ -31,7 +31,7 @@ lg_status lg_policy_starts(const lg_policy *p, lg_rng *rng, size_t count, double
                            lg_error *error) {
     LG_TRY_SCRATCH(double, z, p->context, count * p->layout.errors, lg_no_memory(error));
     for (size_t i = 0; i < count; i++) {
-        lg_policy_draw(&p->task, &p->layout, rng, z + i * p->layout.errors);
+        lg_policy_draw(p, rng, z + i * p->layout.errors);
         for (uint32_t l = 0; u != NULL && l < p->inputs; l++)
             *u++ = lg_rng_uniform_in(rng, p->task.input[l].low, p->task.input[l].high);
     }
@@ -124,7 +124,7 @@ static void note(const running *r, const piece *w, size_t first, size_t count, s
     for (size_t i = 0; i < count; i++) {
         if (runs->path != NULL)
             memcpy(runs->path + (k * runs->count + first + i) * n, w->z + i * n, n * sizeof *w->z);
-        if (k + r->hold > runs->steps && !lg_policy_inside(&p->task, &p->layout, w->z + i * n))
+        if (k + r->hold > runs->steps && !lg_policy_inside(p, w->z + i * n))
             runs->succeeded[first + i] = false;
     }
 }

@@ -73,25 +73,13 @@ static lg_status draw_starts(const training *t, uint64_t stream, size_t count, d
 
 static lg_status judge(const training *t, const double *theta, judged *out) {
     const lg_policy *p = t->policy;
-    bool held[VALIDATION];
-    double cost[VALIDATION];
     const lg_policy_trial trial = {.theta = theta,
                                    .disturbed = lg_policy_is_disturbed(&p->task),
                                    .seed = t->options.seed,
                                    .threads = t->options.threads};
-    LG_TRY_SCRATCH(double, x, p->context, VALIDATION * p->state, lg_no_memory(t->error));
-    memcpy(x, t->validation, VALIDATION * p->state * sizeof *x);
-    lg_policy_runs runs = {.count = VALIDATION,
-                           .steps = lg_policy_periods(p, p->task.within),
-                           .x = x,
-                           .cost = cost,
-                           .succeeded = held};
-    LG_TRY(lg_policy_run(p, &trial, &runs, t->error));
-    *out = (judged){0, 0};
-    for (size_t i = 0; i < VALIDATION; i++) {
-        out->success += (held[i] ? 1.0 : 0.0) / VALIDATION;
-        out->cost += cost[i] / VALIDATION;
-    }
+    lg_policy_outcome found;
+    LG_TRY(lg_policy_try(p, &trial, t->validation, VALIDATION, &found, NULL, t->error));
+    *out = (judged){(double)found.succeeded / VALIDATION, found.cost_mean};
     return LG_OK;
 }
 
