@@ -76,8 +76,9 @@ typedef struct control_runs {
     const lg_policy *policy;
     const lg_policy_task *task;
     lg_policy_runs runs; /* path; of whole runs also motion, input, costs, succeeded */
-    size_t numbers;      /* positions, then velocities, as the program of the plant has them */
-    double *state;       /* (steps + 1, starts, numbers), after control_find_states */
+    /* After control_find_states: positions and velocities (steps + 1, starts, numbers) */
+    size_t numbers[2];
+    double *seen[2];
 } control_runs;
 void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, control_runs *out);
 void control_find_states(const app *self, control_runs *runs);
@@ -87,7 +88,7 @@ typedef struct control_quantity {
     char name[LG_POLICY_NAME + 16];
     lg_policy_motion motion;
     bool velocity;
-    uint32_t first, count;  /* of the row (positions, velocities): index of the first number, how many */
+    uint32_t first, count;  /* of the positions or velocities: index of the first number, how many */
     uint32_t error, errors; /* in z: of the whole position or velocity */
     double goal[9];
     double start[2]; /* range of the starts, from the goal */

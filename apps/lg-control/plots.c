@@ -40,7 +40,8 @@ static bool wraps(const control_quantity *q) {
  * numbers the angle from the goal, or the speed. */
 static double shown(const drawing *d, size_t axis, size_t k, size_t start) {
     const control_quantity *q = &d->axis[axis];
-    const double *x = d->from->state + (k * d->runs->count + start) * d->from->numbers + q->first;
+    const double *x =
+        d->from->seen[q->velocity] + (k * d->runs->count + start) * d->from->numbers[q->velocity] + q->first;
     if (axis == d->axes) return (double)k * d->task->period;
     if (axis > d->axes)
         return d->runs->input[(k * d->runs->count + start) * d->task->input_count + axis - d->axes - 1];

@@ -10,7 +10,7 @@
 size_t control_list_quantities(const lg_policy_task *task, control_quantity *out) {
     size_t n = 0;
     uint32_t first = 0, error = 0;
-    for (int velocity = 0; velocity < 2; velocity++)
+    for (int velocity = 0; velocity < 2; velocity++, first = 0)
         for (uint32_t i = 0; i < task->coordinate_count; i++) {
             const lg_policy_coordinate *c = &task->coordinate[i];
             const lg_policy_motion_row *row = lg_policy_row_of(c);
@@ -47,35 +47,19 @@ void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, co
     out->runs.succeeded = app_keep(starts, sizeof(bool));
 }
 
-/* Writes what `function` gives for each state behind the `at` numbers that each row of runs->state has. */
-static void add_states(const app *self, const control_runs *runs, const char *function, size_t at,
-                       size_t count) {
-    const size_t rows = (runs->runs.steps + 1) * runs->runs.count;
-    APP_FREE double *part = app_alloc(rows * count, sizeof *part);
-    APP_MUST(self,
-             lg_program_eval(self->context, lg_policy_program(runs->policy), function, rows,
-                             (const double *const[]){runs->runs.motion}, (double *const[]){part}, &error));
-    for (size_t i = 0; i < rows; i++)
-        memcpy(runs->state + i * runs->numbers + at, part + i * count, count * sizeof *part);
-}
-
 void control_find_states(const app *self, control_runs *runs) {
+    static const char *const names[2] = {"positions", "velocities"};
     const size_t rows = (runs->runs.steps + 1) * runs->runs.count;
     control_quantity quantity[2 * LG_POLICY_COORDINATES];
     const size_t count = control_list_quantities(runs->task, quantity);
-    size_t positions = 0;
-    runs->numbers = 0;
-    for (size_t i = 0; i < count; i++) {
-        runs->numbers += quantity[i].count;
-        if (!quantity[i].velocity) positions += quantity[i].count;
+    for (size_t i = 0; i < count; i++) runs->numbers[quantity[i].velocity] += quantity[i].count;
+    runs->seen[0] = runs->runs.motion; /* a plant without velocities: its state is the positions */
+    for (int k = 0; k < 2 && runs->numbers[1] > 0; k++) {
+        runs->seen[k] = app_keep(rows * runs->numbers[k], sizeof(double));
+        APP_MUST(self, lg_program_eval(self->context, lg_policy_program(runs->policy), names[k], rows,
+                                       (const double *const[]){runs->runs.motion},
+                                       (double *const[]){runs->seen[k]}, &error));
     }
-    runs->state = app_keep(rows * runs->numbers, sizeof *runs->state);
-    if (runs->numbers == positions) { /* a plant without velocities: its state is the positions */
-        memcpy(runs->state, runs->runs.motion, rows * positions * sizeof *runs->state);
-        return;
-    }
-    add_states(self, runs, "positions", 0, positions);
-    add_states(self, runs, "velocities", positions, runs->numbers - positions);
 }
 
 /* ---- the file ---- */
@@ -114,7 +98,8 @@ void control_write_runs(const app *self, const control_runs *runs, const char *p
             const size_t row = k * r->count + i;
             const bool moved = k < r->steps;
             (void)fprintf(file.stream, "%zu,%.17g", i, (double)k * runs->task->period);
-            put_numbers(file.stream, runs->state + row * runs->numbers, runs->numbers);
+            for (int part = 0; part < 2; part++)
+                put_numbers(file.stream, runs->seen[part] + row * runs->numbers[part], runs->numbers[part]);
             put_numbers(file.stream, moved ? r->input + row * m : NULL, m);
             put_numbers(file.stream, moved ? r->costs + row : NULL, 1);
             (void)fputc('\n', file.stream);

@@ -85,9 +85,9 @@ LG_API lg_status lg_dare(const lg_riccati *equation, double *P, double *K, doubl
 
 /* Discretises a system whose input is held: x' = A x + B u with constant u gives x+ = Ad x + Bd u after h
  * seconds, where (Ad, Bd; 0, 1) = exp((A, B; 0, 0) h). Ad (n, n) and Bd (n, m) may be A and B.
- * lg_zero_order_hold_work_size returns the bytes of work memory; 0: sizes out of range. Method: Pade's
- * approximation [13/13] with scaling and squaring (Al-Mohy & Higham, SIAM J. Matrix Anal. Appl. 31, 2009)
- * of the matrix after balancing by powers of 2. The relative errors of Ad and Bd are about
+ * lg_zero_order_hold_work_size returns the bytes of work memory; 0: sizes out of range. Method: after
+ * balancing by powers of 2, Taylor's polynomial of exp(M/2^k) - 1 and k squarings (1 + X)^2 - 1 = X X + 2 X,
+ * which lose no small part of the matrix however large k is. The relative errors of Ad and Bd are about
  * 1e-15 max(1, c), where c is the condition number of the exponential: at least |A| h, and far larger
  * where exp(A h) is much smaller than exp(|A| h). Errors: LG_INVALID_ARGUMENT (sizes as for lg_riccati,
  * NULL, memory), LG_NOT_FINITE (A, B, h or the result). */

@@ -9,6 +9,9 @@
 #include "certify/interval.h"
 #include "liegrad/ops.h"
 
+LG_AT(lg_program_destroy, lg_program)
+LG_AT(lg_certify_destroy, lg_certify)
+
 enum { LARGEST_STUMPFF = 8 };
 
 _Static_assert((int)LG_CERTIFICATE_STATES == (int)LG_CERTIFY_STATES &&
@@ -42,22 +45,22 @@ static void take_line(const lg_scalar_code *c, const uint32_t *number, lg_certif
 static lg_status take_code(const lg_context *context, const lg_expansion *x, size_t outputs,
                            lg_certificate_code *out) {
     const lg_scalars *s = &x->s;
-    uint32_t *number = lg_alloc(context, s->count + 1, sizeof *number), lines = 0;
-    uint8_t *needed = lg_alloc(context, s->count + 1, 1);
+    uint32_t lines = 0;
+    LG_SCRATCH(uint32_t, number, context, s->count + 1);
+    LG_SCRATCH(uint8_t, needed, context, s->count + 1);
     *out = (lg_certificate_code){.inputs = (uint32_t)x->inputs, .outputs = (uint32_t)outputs};
     out->line = lg_alloc(context, s->count + 1, sizeof *out->line);
     out->output = lg_alloc(context, outputs, sizeof *out->output);
-    const bool memory = number != NULL && needed != NULL && out->line != NULL && out->output != NULL;
-    if (memory) lg_scalars_mark(s, x->result, outputs, needed);
-    for (uint32_t i = 0; i < s->count && memory; i++) {
+    if (number == NULL || needed == NULL || out->line == NULL || out->output == NULL) return LG_OUT_OF_MEMORY;
+    lg_scalars_mark(s, x->result, outputs, needed);
+    for (uint32_t i = 0; i < s->count; i++) {
         if (needed[i] == 0) continue;
         number[i] = lines++;
         take_line(&s->code[i], number, &out->line[number[i]]);
     }
-    for (size_t j = 0; j < outputs && memory; j++) out->output[j] = number[x->result[j]];
+    for (size_t j = 0; j < outputs; j++) out->output[j] = number[x->result[j]];
     out->lines = lines;
-    LG_FREE_ALL(context, number, needed);
-    return memory ? LG_OK : LG_OUT_OF_MEMORY;
+    return LG_OK;
 }
 
 static lg_status take_function(const lg_context *context, const lg_program *program, const char *name,
@@ -65,15 +68,13 @@ static lg_status take_function(const lg_context *context, const lg_program *prog
     size_t function, count;
     LG_TRY(lg_program_find(program, name, &function, error));
     const size_t outputs = lg_shape_count(lg_program_outputs(program, function, &count)->shape);
-    lg_expansion x;
+    LG_CLEAN(lg_expansion_destroy) lg_expansion x;
     lg_status status = lg_expand(program, &function, 1, &x, error);
     if (status == LG_OK) status = take_code(context, &x, outputs, out);
-    lg_expansion_destroy(&x);
-    if (status == LG_OK && out->lines > LG_CERTIFICATE_LINES)
-        status =
-            lg_fail(error, LG_UNSUPPORTED, "the function '%s' has %u operations, a certificate at most %d",
-                    name, out->lines, LG_CERTIFICATE_LINES);
-    return status == LG_OUT_OF_MEMORY ? lg_no_memory(error) : status;
+    if (status == LG_OUT_OF_MEMORY) return lg_no_memory(error);
+    if (status != LG_OK || out->lines <= LG_CERTIFICATE_LINES) return status;
+    return lg_fail(error, LG_UNSUPPORTED, "the function '%s' has %u operations, a certificate at most %d",
+                   name, out->lines, LG_CERTIFICATE_LINES);
 }
 
 /* ---- the loop: to a program ---- */
@@ -122,8 +123,7 @@ static lg_var record_line(lg_tape *tape, const lg_certificate_line *l, uint32_t 
 static lg_status record_code(const lg_certificate *f, const lg_certificate_code *code, lg_tape *tape,
                              const lg_var *in, lg_var *out) {
     const uint32_t n = f->states, rows = lg_var_shape(tape, in[0]).dims[0];
-    lg_var *of = lg_alloc(f->context, code->lines + code->outputs, sizeof *of);
-    if (of == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(lg_var, of, f->context, code->lines + code->outputs, LG_OUT_OF_MEMORY);
     lg_var *to = of + code->lines;
     for (size_t i = 0; i < code->lines; i++) {
         const lg_certificate_line *l = &code->line[i];
@@ -134,7 +134,6 @@ static lg_status record_code(const lg_certificate *f, const lg_certificate_code 
     }
     for (size_t j = 0; j < code->outputs; j++) to[j] = of[code->output[j]];
     out[0] = code->outputs == 1 ? to[0] : lg_concat(tape, to, code->outputs, 1);
-    lg_free(f->context, of);
     return lg_tape_status(tape);
 }
 
@@ -172,7 +171,7 @@ static lg_status make_program(const lg_certificate *f, lg_program **out, lg_erro
 
 static lg_status open_for(const lg_context *context, const lg_certificate *f, lg_certificate *made,
                           int threads, lg_certify **out, lg_error *error) {
-    lg_program *program = NULL;
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
     lg_certify_spec spec;
     lg_certify_spec_init(&spec);
     const bool held = f->period > 0;
@@ -184,9 +183,7 @@ static lg_status open_for(const lg_context *context, const lg_certificate *f, lg
     spec.threads = threads;
     LG_TRY(make_program(f, &program, error));
     spec.program = program;
-    const lg_status status = lg_certify_create_for(context, &spec, f, made, out, error);
-    lg_program_destroy(program);
-    return status;
+    return lg_certify_create_for(context, &spec, f, made, out, error);
 }
 
 /* Whether each line is an operation on earlier lines. */
@@ -263,20 +260,19 @@ static lg_status fill(const lg_certify_spec *spec, const lg_certify_result *prov
 
 static lg_status make(const lg_certify_spec *spec, const lg_certify_result *proved, double seconds,
                       lg_certificate *f, lg_error *error) {
-    lg_certify *certify = NULL;
+    LG_CLEAN(lg_certify_destroy_at) lg_certify *certify = NULL;
     lg_certify_result r;
     LG_TRY(take_function(f->context, spec->program, spec->rate, &f->rate, error));
     if (spec->control != NULL)
         LG_TRY(take_function(f->context, spec->program, spec->control, &f->control, error));
     LG_TRY(fill(spec, proved, f, error));
     LG_TRY(open_for(f->context, f, f, spec->threads, &certify, error));
-    lg_status status = lg_certify_run(certify, SIZE_MAX, seconds, &r, error);
-    if (status == LG_OK && !r.verified)
-        status = lg_fail(error, LG_CHECK_FAILED, "the certificate could not be written: %s",
-                         r.finished ? r.reason : "the time ended");
-    if (status == LG_OK) (void)snprintf(f->claim, sizeof f->claim, "%s", r.claim);
-    lg_certify_destroy(certify);
-    return status;
+    LG_TRY(lg_certify_run(certify, SIZE_MAX, seconds, &r, error));
+    if (!r.verified)
+        return lg_fail(error, LG_CHECK_FAILED, "the certificate could not be written: %s",
+                       r.finished ? r.reason : "the time ended");
+    (void)snprintf(f->claim, sizeof f->claim, "%s", r.claim);
+    return LG_OK;
 }
 
 lg_status lg_certificate_make(const lg_context *context, const lg_certify_spec *spec,
@@ -307,13 +303,10 @@ lg_status lg_certificate_compare(const lg_certificate *f, const lg_program *prog
                                  const char *control, bool *same_plant, bool *same_controller,
                                  lg_error *error) {
     LG_NEEDS(error, f, program, rate, control, same_plant, same_controller);
-    lg_certificate now = {.context = f->context};
-    lg_status status = take_function(now.context, program, rate, &now.rate, error);
-    if (status == LG_OK) status = take_function(now.context, program, control, &now.control, error);
-    if (status == LG_OK) {
-        *same_plant = same_code(&now.rate, &f->rate);
-        *same_controller = same_code(&now.control, &f->control);
-    }
-    lg_certificate_destroy(&now);
-    return status;
+    LG_CLEAN(lg_certificate_destroy) lg_certificate now = {.context = f->context};
+    LG_TRY(take_function(now.context, program, rate, &now.rate, error));
+    LG_TRY(take_function(now.context, program, control, &now.control, error));
+    *same_plant = same_code(&now.rate, &f->rate);
+    *same_controller = same_code(&now.control, &f->control);
+    return LG_OK;
 }

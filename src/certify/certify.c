@@ -15,9 +15,11 @@ void lg_certify_spec_init(lg_certify_spec *spec) {
 void lg_certify_destroy(lg_certify *c) {
     if (c == NULL) return;
     lg_certify_forget(c);
-    if (c->pool != NULL) lg_thread_pool_destroy(c->pool);
+    lg_thread_pool_destroy(c->pool);
     LG_FREE_ALL(c->context, c->stack, c->work, c->batch, c->found, c);
 }
+
+LG_AT(lg_certify_destroy, lg_certify)
 
 static lg_status check_spec(const lg_certify_spec *spec, lg_error *error) {
     if (spec->size != sizeof *spec)
@@ -114,7 +116,7 @@ static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *err
         LG_TRY(lg_certify_record(c, spec, error));
         LG_TRY(lg_certify_round(c, spec, error));
     }
-    if (spec->threads > 1) LG_TRY(lg_thread_pool_create(c->context, spec->threads, &c->pool));
+    LG_TRY(lg_thread_pool_create(c->context, spec->threads, &c->pool));
     LG_TRY(lg_certify_memory(c));
     return c->quadratic ? begin_quadratic(c, error) : lg_certify_begin(c, LG_CERTIFY_FACES);
 }
@@ -130,17 +132,14 @@ lg_status lg_certify_create_for(const lg_context *context, const lg_certify_spec
     LG_NEEDS(error, spec, out);
     LG_NEEDS(error, spec->program, spec->rate, spec->low, spec->high);
     LG_TRY(check_spec(spec, error));
-    lg_certify *c = lg_alloc(context, 1, sizeof *c);
-    if (c == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a certificate");
+    LG_CLEAN(lg_certify_destroy_at) lg_certify *c = lg_alloc(context, 1, sizeof *c);
+    if (c == NULL) return lg_no_memory(error);
     c->context = context;
     c->file = file;
     c->made = made;
     const lg_status status = begin(c, spec, error);
-    if (status == LG_OK)
-        *out = c;
-    else
-        lg_certify_destroy(c);
-    return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "no memory for a certificate") : status;
+    if (status == LG_OUT_OF_MEMORY) return lg_no_memory(error);
+    return status == LG_OK ? LG_MOVE(out, c) : status;
 }
 
 /* ---- the sentence ---- */

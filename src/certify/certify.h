@@ -92,21 +92,22 @@ lg_status lg_certify_near(lg_certify *c);
 /* certify_bounds.c: bounds of the boxes of the batch. */
 lg_status lg_certify_memory(lg_certify *c);
 void lg_certify_bounds(lg_certify *c);
-/* certify_held.c: bounds of `local` over a box about 0; and what certify_bounds.c needs of boxes: outputs of
- * `point`, inputs of `full`, gains, and whether there are no bounds, or no tube. */
+/* certify_held.c: bounds of `local` over a box about 0; and F, S, X of the boxes of a desk, with periods of
+ * 2^doublings times as many steps. */
 lg_status lg_certify_held_local(const lg_certify *c, const double *from, const double *to, double *low,
                                 double *high, bool *slopes);
-typedef struct lg_certify_held_boxes {
-    size_t count;
-    const size_t *index;    /* places of the boxes in `box` (2, n) */
-    const double *box, *at; /* the middles, (count, n) */
-    uint32_t doublings;     /* of the flow's steps */
-    double *low, *high, *at_low, *at_high, *gain;
+/* Memory of one task: boxes y, their middles `at` and half sides r (count, n); at the middles V and V'
+ * (`value`), the gradient G and the rate F; of held loops the next state X and its slopes S; the outputs of
+ * `full` with their flags. gain, base, t: of the phase BETWEEN. */
+typedef struct lg_certify_desk {
+    const lg_certify *c;
+    lg_bounds y, at, value, G, F, X, S, t, out;
+    double *r, *gain, *base;
     bool *unbounded, *no_tube;
-    uint8_t *flag; /* of the rate and the input */
-} lg_certify_held_boxes;
-size_t lg_certify_held_work_size(const lg_certify *c);
-void lg_certify_held(const lg_certify *c, const lg_certify_held_boxes *boxes, void *work);
+    uint8_t *flag, *flags; /* flag: of the rate and the input of a held loop */
+    void *work, *flow;     /* of evaluators; of the flow */
+} lg_certify_desk;
+void lg_certify_held(lg_certify_desk *d, size_t count, uint32_t doublings);
 /* Rounded up by more than the errors of sums of at most 300 terms. */
 static inline double lg_certify_up(double x) {
     return x == x ? x + fabs(x) * 1e-13 + DBL_MIN : (double)INFINITY;

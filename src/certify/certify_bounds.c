@@ -8,27 +8,32 @@
 #include "certify/certify.h"
 #include "core/portions.h"
 
-/* Memory of one task: boxes with all inputs, middles, and outputs of both. */
-typedef struct desk {
-    double *low, *high, *at, *out_low, *out_high, *at_low, *at_high;
-    uint8_t *flags; /* of out_low and out_high */
-    void *work;
-} desk;
+typedef lg_certify_desk desk;
 
 static desk desk_of(const lg_certify *c, size_t task, size_t *bytes) {
+    const size_t n = c->n, boxes = LG_CERTIFY_TASK, outputs = lg_interval_outputs(c->full),
+                 held = c->flow != NULL,
+                 work[3] = {lg_interval_work_size(c->full), lg_interval_work_size(c->point),
+                            lg_interval_work_size(c->part)};
     lg_portions from = {c->work == NULL ? NULL : (char *)c->work + task * c->piece, 0};
-    const size_t boxes = LG_CERTIFY_TASK,
-                 work[2] = {lg_interval_work_size(c->full),
-                            c->flow != NULL ? lg_certify_held_work_size(c) : lg_interval_work_size(c->point)};
-    const size_t all = lg_interval_outputs(c->full), few = lg_interval_outputs(c->point);
-    const size_t wide = lg_interval_inputs(c->full),
-                 sizes[8] = {wide, wide, c->n, all, all, few, few, (all + 7) / 8};
-    double *parts[8];
-    void *evaluation = lg_portion(&from, work[0] > work[1] ? work[0] : work[1], 1);
-    for (size_t i = 0; i < 8; i++) parts[i] = lg_portion(&from, boxes * sizes[i], sizeof(double));
+    desk d = {.c = c};
+    const struct {
+        lg_bounds *to;
+        size_t width;
+    } all[] = {{&d.y, n},        {&d.at, n},           {&d.value, 2}, {&d.G, n},        {&d.F, n},
+               {&d.X, held * n}, {&d.S, held * n * n}, {&d.t, held},  {&d.out, outputs}};
+    size_t most = 0;
+    for (size_t i = 0; i < LG_COUNT(work); i++) most = work[i] > most ? work[i] : most;
+    for (size_t i = 0; i < LG_COUNT(all); i++) *all[i].to = lg_bounds_take(&from, boxes, all[i].width);
+    d.work = lg_portion(&from, most, 1);
+    d.flow = held ? lg_portion(&from, lg_flow_work_size(c->flow), 1) : NULL;
+    d.r = lg_portion(&from, boxes * (n + 2), sizeof *d.r);
+    d.gain = d.r + boxes * n, d.base = d.gain + boxes;
+    d.flags = lg_portion(&from, boxes * (outputs + 3), 1);
+    d.flag = d.flags + boxes * outputs;
+    d.unbounded = (bool *)(d.flag + boxes), d.no_tube = d.unbounded + boxes;
     *bytes = from.used;
-    return (desk){parts[0],  parts[1], parts[2], parts[3], parts[4], parts[5], parts[6], (uint8_t *)parts[7],
-                  evaluation};
+    return d;
 }
 
 lg_status lg_certify_memory(lg_certify *c) {
@@ -39,16 +44,10 @@ lg_status lg_certify_memory(lg_certify *c) {
     return c->work != NULL && c->batch != NULL && c->found != NULL ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* Bounds at a point that are not finite become so large that nothing can be proved with them: the products
- * are then not finite either, or V' at the point, which is a bound itself, is not. */
-static double finite(double x) {
-    return x < -DBL_MAX ? -DBL_MAX : x > DBL_MAX ? DBL_MAX : x;
-}
-
 /* The least level of V, its gradient and the rate over the box. Where one of their Jacobians may not be
  * defined, nothing holds. */
-static uint8_t least_flag(const lg_certify *c, const uint8_t *flags) {
-    const size_t all = lg_interval_outputs(c->full), few = 1 + 2 * c->n;
+static uint8_t least_flag(const desk *d, const uint8_t *flags) {
+    const size_t all = d->out.width, few = 1 + 2 * d->c->n;
     uint8_t least = LG_INTERVAL_DIFFERENTIABLE;
     for (size_t j = 0; j < all; j++)
         if (flags[j] < least && (j < few || flags[j] == LG_INTERVAL_UNDEFINED)) least = flags[j];
@@ -57,11 +56,10 @@ static uint8_t least_flag(const lg_certify *c, const uint8_t *flags) {
 
 /* V over the box, in y: for a quadratic V, T^T P T differs from 1 by at most 1e-7. The gradient of another V
  * bounds its changes only if V is Lipschitz continuous on all of the box. */
-static void bound_value(const lg_certify *c, const desk *d, size_t i, const double *r, lg_certify_box *f) {
-    const size_t wide = lg_interval_inputs(c->full);
-    const double *low = d->low + i * wide, *high = d->high + i * wide;
-    const double *l = d->out_low + i * lg_interval_outputs(c->full),
-                 *h = d->out_high + i * lg_interval_outputs(c->full);
+static void bound_value(const desk *d, size_t i, const double *r, lg_certify_box *f) {
+    const lg_certify *c = d->c;
+    const double *low = d->y.low + i * c->n, *high = d->y.high + i * c->n;
+    const double *l = d->out.low + i * d->out.width, *h = d->out.high + i * d->out.width;
     double least = 0, most = 0;
     for (size_t k = 0; k < c->n; k++) {
         const double far = fmax(-low[k], high[k]), near = fmax(fmax(low[k], -high[k]), 0.0);
@@ -74,7 +72,7 @@ static void bound_value(const lg_certify *c, const desk *d, size_t i, const doub
         return;
     }
     double change = 0;
-    const uint8_t flag = d->flags[i * lg_interval_outputs(c->full)];
+    const uint8_t flag = d->flags[i * d->out.width];
     for (size_t k = 0; k < c->n; k++)
         change = lg_certify_up(change + lg_certify_size(l[1 + k], h[1 + k]) * r[k]);
     if (flag < LG_INTERVAL_LIPSCHITZ) {
@@ -116,35 +114,35 @@ static void bound_inside(const lg_certify *c, const double *at, const double *l,
     memcpy(part, inside, n * sizeof *part);
 }
 
-/* most: the flag of what the inputs of `full` were computed from */
-static void combine(const lg_certify *c, const desk *d, size_t i, uint8_t most, lg_certify_box *f) {
-    const size_t n = c->n, outputs = lg_interval_outputs(c->full), few = lg_interval_outputs(c->point);
-    const size_t wide = lg_interval_inputs(c->full);
-    const double *low = d->low + i * wide, *high = d->high + i * wide, *at = d->at + i * n;
-    const double *lever_l = d->out_low + i * outputs + 1, *lever_h = d->out_high + i * outputs + 1;
+static void combine(const desk *d, size_t i, lg_certify_box *f) {
+    const lg_certify *c = d->c;
+    const size_t n = c->n, outputs = d->out.width;
+    const double *low = d->y.low + i * n, *high = d->y.high + i * n, *at = d->at.low + i * n,
+                 *r = d->r + i * n;
+    const double *lever_l = d->out.low + i * outputs + 1, *lever_h = d->out.high + i * outputs + 1;
     const double *l = lever_l + 2 * n, *h = lever_h + 2 * n; /* g, M + M^T */
-    const double *at_l = d->at_low + i * few, *at_h = d->at_high + i * few;
-    double r[LG_CERTIFY_STATES] = {0}, part[LG_CERTIFY_STATES], rise = at_h[1], force = 0, at_force = 0;
+    const double *at_l = d->value.low + 2 * i, *at_h = d->value.high + 2 * i, *G_l = d->G.low + i * n,
+                 *G_h = d->G.high + i * n;
+    double part[LG_CERTIFY_STATES], rise = at_h[1], force = 0, at_force = 0;
     memcpy(f->at, at, n * sizeof *at);
     f->at_v_low = at_l[0];
     f->at_v_high = at_h[0];
-    for (size_t k = 0; k < n; k++) r[k] = fmax(high[k] - at[k], at[k] - low[k]) * (1 + 1e-15);
     rise = lg_certify_up(rise + lg_certify_form(n, l, h, r, part));
-    bound_value(c, d, i, r, f);
+    bound_value(d, i, r, f);
     double inside = rise;
     if (c->quadratic && c->phase == LG_CERTIFY_FALL && f->v_low <= c->level && f->v_high > c->level)
         bound_inside(c, at, l, h, r, at_h[1], &inside, part);
     for (size_t k = 0; k < n && c->errors; k++) {
         force = lg_certify_up(force + lg_certify_size(lever_l[k], lever_h[k]) * c->error[k]);
-        at_force += fmax(fmax(at_l[2 + k], -at_h[2 + k]), 0.0) * c->error[k] * (1 - 1e-12);
+        at_force += fmax(fmax(G_l[k], -G_h[k]), 0.0) * c->error[k] * (1 - 1e-12);
         for (size_t j = 0; j < n && c->step; j++)
             force = lg_certify_up(force + fabs(c->P[k * n + j]) * c->error[k] * c->error[j]);
     }
     f->rise_high = lg_certify_up(rise + force);
     f->rise_inside = lg_certify_up(inside + force);
     f->at_rise_low = at_l[1] + (c->step ? 0 : at_force);
-    f->flag = least_flag(c, d->flags + i * outputs);
-    if (most < f->flag) f->flag = most;
+    f->flag = least_flag(d, d->flags + i * outputs);
+    if (d->flag[i] < f->flag) f->flag = d->flag[i];
     double widest = -1;
     for (size_t k = 0; k < n; k++) {
         const double side = (high[k] - low[k]) / (c->to[k] - c->from[k]);
@@ -156,88 +154,70 @@ static void combine(const lg_certify *c, const desk *d, size_t i, uint8_t most, 
     }
 }
 
-/* Whether more steps in the period may prove it: only the bounds at the middle are too wide. */
-static bool needs_steps(const lg_certify *c, const desk *d, size_t i, const lg_certify_box *f) {
-    const size_t few = lg_interval_outputs(c->point);
-    const double low = d->at_low[i * few + 1], high = d->at_high[i * few + 1];
-    return c->phase == LG_CERTIFY_FALL && f->rise_inside >= 0.0 && f->rise_inside - (high - low) < 0.0;
+/* Whether more steps in the period of a held loop may prove it: only the bounds at the middle are too wide.
+ * Boxes over which V changes by more than `wide` of the level are halved where they have no tube. */
+static bool needs_steps(const desk *d, size_t i, const lg_certify_box *f) {
+    static const double wide = 0.2;
+    const double spread = d->value.high[2 * i + 1] - d->value.low[2 * i + 1];
+    if (d->no_tube[i]) return f->v_high - f->v_low <= wide * d->c->level;
+    return !d->unbounded[i] && d->c->phase == LG_CERTIFY_FALL && f->rise_inside >= 0.0 &&
+           f->rise_inside - spread < 0.0;
 }
 
-/* Boxes over which V changes by more than this part of the level are halved where they have no tube; others
- * have more steps first. */
-static const double wide = 0.2;
+/* Takes boxes of the batch. */
+static void take(desk *d, size_t first, const size_t *index, size_t count) {
+    const size_t n = d->c->n;
+    for (size_t i = 0; i < count * n; i++) {
+        const double *box = d->c->batch + (first + index[i / n]) * 2 * n, l = box[i % n], h = box[n + i % n];
+        const double at = 0.5 * l + 0.5 * h;
+        d->y.low[i] = l, d->y.high[i] = h;
+        d->at.low[i] = d->at.high[i] = at;
+        d->r[i] = fmax(h - at, at - l) * (1 + 1e-15);
+    }
+    memset(d->gain, 0, count * sizeof *d->gain);
+    memset(d->flag, LG_INTERVAL_DIFFERENTIABLE, count);
+    memset(d->unbounded, 0, count * sizeof *d->unbounded);
+    memset(d->no_tube, 0, count * sizeof *d->no_tube);
+}
 
-static void held_task(const lg_certify *c, desk *d, size_t first, size_t boxes) {
-    const size_t n = c->n;
-    double gain[LG_CERTIFY_TASK];
-    bool unbounded[LG_CERTIFY_TASK], no_tube[LG_CERTIFY_TASK];
-    uint8_t flag[LG_CERTIFY_TASK];
-    size_t index[LG_CERTIFY_TASK], left = boxes;
-    for (size_t i = 0; i < boxes; i++) index[i] = i;
+/* Bounds of `point` and `full`. A box without bounds at its middle or of a period has none. */
+static void evaluate(desk *d, size_t count) {
+    const lg_certify *c = d->c;
+    const bool held = c->flow != NULL;
+    const lg_bounds *const at[] = {&d->at, &d->F}, *const found[] = {&d->value, &d->G, &d->F},
+                           *const in[] = {&d->y, &d->G, &d->F, &d->X, &d->S}, *const out[] = {&d->out};
+    lg_interval_bound(c->point, count, at, held ? 2 : 1, found, held ? 2 : 3, NULL, d->unbounded, d->work);
+    lg_interval_bound(c->full, count, in, held ? 5 : 3, out, 1, d->flags, d->unbounded, d->work);
+}
+
+static void task(void *user, size_t number) {
+    const lg_certify *c = user;
+    const size_t first = number * LG_CERTIFY_TASK;
+    size_t bytes, index[LG_CERTIFY_TASK], left = c->batched - first;
+    desk d = desk_of(c, number, &bytes);
+    if (left > LG_CERTIFY_TASK) left = LG_CERTIFY_TASK;
+    for (size_t i = 0; i < left; i++) index[i] = i;
     for (uint32_t k = 0; k < LG_FLOW_DOUBLINGS && left > 0; k++) {
         size_t more = 0;
-        const lg_certify_held_boxes all = {left,    index,     c->batch + first * 2 * n,
-                                           d->at,   k,         d->low,
-                                           d->high, d->at_low, d->at_high,
-                                           gain,    unbounded, no_tube,
-                                           flag};
-        lg_certify_held(c, &all, d->work);
-        (void)lg_interval_eval(c->full, left, d->low, d->high, d->out_low, d->out_high, d->flags, d->work,
-                               NULL);
+        take(&d, first, index, left);
+        if (c->flow != NULL) lg_certify_held(&d, left, k);
+        evaluate(&d, left);
         for (size_t i = 0; i < left; i++) {
             lg_certify_box *f = &c->found[first + index[i]];
-            combine(c, d, i, flag[i], f);
-            f->gain = gain[i];
+            combine(&d, i, f);
+            f->gain = d.gain[i];
             f->doublings = k;
-            if (unbounded[i]) {
+            if (d.unbounded[i]) {
                 f->rise_high = f->rise_inside = f->gain = (double)INFINITY;
                 f->at_rise_low = -(double)INFINITY;
             }
-            if (no_tube[i] ? f->v_high - f->v_low > wide * c->level
-                           : unbounded[i] || !needs_steps(c, d, i, f))
-                continue;
-            memmove(d->at + more * n, d->at + i * n, n * sizeof *d->at);
-            index[more++] = index[i];
+            if (c->flow != NULL && needs_steps(&d, i, f)) index[more++] = index[i];
         }
         left = more;
     }
 }
 
-static void task(void *user, size_t number) {
-    const lg_certify *c = user;
-    const size_t first = number * LG_CERTIFY_TASK, n = c->n, few = lg_interval_outputs(c->point);
-    const size_t boxes = c->batched - first < LG_CERTIFY_TASK ? c->batched - first : LG_CERTIFY_TASK;
-    size_t bytes;
-    desk d = desk_of(c, number, &bytes);
-    for (size_t i = 0; i < boxes; i++)
-        for (size_t k = 0; k < n; k++) {
-            const double *box = c->batch + (first + i) * 2 * n;
-            d.at[i * n + k] = 0.5 * box[k] + 0.5 * box[n + k];
-        }
-    if (c->flow != NULL) {
-        held_task(c, &d, first, boxes);
-        return;
-    }
-    (void)lg_interval_eval(c->point, boxes, d.at, d.at, d.at_low, d.at_high, NULL, d.work, NULL);
-    for (size_t i = 0; i < boxes; i++)
-        for (size_t k = 0; k < n; k++) {
-            const double *box = c->batch + (first + i) * 2 * n;
-            double *low = d.low + i * 3 * n, *high = d.high + i * 3 * n;
-            low[k] = box[k];
-            high[k] = box[n + k];
-            for (size_t p = 0; p < 2; p++) { /* gradient and rate at the middle */
-                low[(1 + p) * n + k] = finite(d.at_low[i * few + 2 + p * n + k]);
-                high[(1 + p) * n + k] = finite(d.at_high[i * few + 2 + p * n + k]);
-            }
-        }
-    (void)lg_interval_eval(c->full, boxes, d.low, d.high, d.out_low, d.out_high, d.flags, d.work, NULL);
-    for (size_t i = 0; i < boxes; i++) combine(c, &d, i, LG_INTERVAL_DIFFERENTIABLE, &c->found[first + i]);
-}
-
 void lg_certify_bounds(lg_certify *c) {
     const size_t tasks = (c->batched + LG_CERTIFY_TASK - 1) / LG_CERTIFY_TASK;
-    if (c->pool != NULL)
-        lg_thread_pool_run(c->pool, tasks, task, c);
-    else
-        for (size_t i = 0; i < tasks; i++) task(c, i);
+    lg_thread_pool_run(c->pool, tasks, task, c);
 }

@@ -4,8 +4,12 @@
 #include <stdio.h>
 
 #include "autodiff/program/program.h"
+#include "core/clean.h"
 #include "liegrad/certify.h"
 #include "liegrad/interval.h"
+
+LG_AT(lg_program_destroy, lg_program)
+LG_AT(lg_interval_destroy, lg_interval)
 
 void lg_certify_energy_spec_init(lg_certify_energy_spec *spec) {
     if (spec != NULL) *spec = (lg_certify_energy_spec){.size = sizeof *spec, .period = 6.283185307179586};
@@ -155,23 +159,17 @@ static lg_status prepare(const lg_context *context, const lg_certify_energy_spec
 lg_status lg_certify_energy(const lg_context *context, const lg_certify_energy_spec *spec,
                             lg_certify_energy_result *result, lg_error *error) {
     lg_certify_energy_result r = {.verified = false};
-    lg_program *program = NULL;
-    checking c = {.r = &r};
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
+    LG_CLEAN(lg_interval_destroy_at) lg_interval *g = NULL;
     LG_NEEDS(error, spec, result);
     LG_NEEDS(error, spec->program, spec->slope);
     LG_TRY(check(spec, error));
-    lg_status status = prepare(context, spec, &program, &c.g, error);
-    if (status == LG_OK) c.work = lg_alloc(context, lg_interval_work_size(c.g), 1);
-    if (status == LG_OK && c.work == NULL)
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a certificate");
-    if (status == LG_OK) {
-        r.verified = check_side(&c, spec, 1) && check_side(&c, spec, -1);
-        if (!r.verified) r.margin = 0;
-        say(spec, &r);
-        *result = r;
-    }
-    lg_free(context, c.work);
-    lg_interval_destroy(c.g);
-    lg_program_destroy(program);
-    return status;
+    LG_TRY(prepare(context, spec, &program, &g, error));
+    LG_TRY_SCRATCH(char, work, context, lg_interval_work_size(g), lg_no_memory(error));
+    checking c = {g, work, &r, 1};
+    r.verified = check_side(&c, spec, 1) && check_side(&c, spec, -1);
+    if (!r.verified) r.margin = 0;
+    say(spec, &r);
+    *result = r;
+    return LG_OK;
 }

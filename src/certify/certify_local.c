@@ -96,14 +96,8 @@ lg_status lg_certify_whiten(lg_certify *c, lg_error *error) {
     exactly(n, c->P, &P);
     if (!is_definite(n, &P, 1) || !lg_matrix_cholesky(n, c->P, L))
         return lg_fail(error, LG_INVALID_ARGUMENT, "P is not positive definite");
-    memset(c->T, 0, sizeof c->T);
+    lg_matrix_invert_transposed(n, L, c->T);
     c->determinant = 1;
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1, upper triangular */
-            double rest = i == j ? 1 : 0;
-            for (size_t k = i + 1; k <= j; k++) rest -= L[k * n + i] * c->T[k * n + j];
-            c->T[i * n + j] = rest / L[i * (n + 1)];
-        }
     for (size_t i = 0; i < n; i++) c->determinant /= L[i * n + i];
     return lg_certify_check_coordinates(c, error);
 }
@@ -136,14 +130,12 @@ static lg_status bound(lg_certify *c, const double *size, double *low, double *h
         from[i] = -to[i];
     }
     if (c->flow != NULL) return lg_certify_held_local(c, from, to, low, high, slopes);
-    void *work = lg_alloc(c->context, lg_interval_work_size(c->local), 1);
-    if (work == NULL) return LG_OUT_OF_MEMORY;
-    const lg_status status = lg_interval_eval(c->local, 1, from, to, low, high, flags, work, NULL);
-    lg_free(c->context, work);
+    LG_TRY_SCRATCH(char, work, c->context, lg_interval_work_size(c->local), LG_OUT_OF_MEMORY);
+    LG_TRY(lg_interval_eval(c->local, 1, from, to, low, high, flags, work, NULL));
     *slopes = true;
-    for (size_t j = 0; status == LG_OK && j < lg_interval_outputs(c->local); j++)
+    for (size_t j = 0; j < lg_interval_outputs(c->local); j++)
         *slopes = *slopes && flags[j] >= (j < 2 * c->n ? LG_INTERVAL_LIPSCHITZ : LG_INTERVAL_DEFINED);
-    return status;
+    return LG_OK;
 }
 
 /* M with V' = y^T M y (steps, with a quadratic V: V(F(x)) - V(x) = y^T M y), from the bounds of `local`

@@ -24,6 +24,9 @@ enum {
 /* Evaluators, and the number of numbers of each of their inputs */
 enum { START, START_CHORDS, TUBE, VALUES, CHORDS, REST, REST_SLOPES, RATE_SLOPES, ADVANCE, EVALUATORS };
 
+LG_AT(lg_interval_destroy, lg_interval)
+LG_AT(lg_flow_destroy, lg_flow)
+
 struct lg_flow {
     const lg_context *context;
     size_t n, m;
@@ -175,7 +178,7 @@ static lg_status evaluators(lg_flow *w, lg_error *error) {
                   {REST_SLOPES, STEEP, STEEP, true, false, 1},
                   {RATE_SLOPES, 1, 1, true, false, 1}};
     static const size_t rate = 1;
-    lg_interval *f = NULL;
+    LG_CLEAN(lg_interval_destroy_at) lg_interval *f = NULL;
     for (size_t i = 0; i < LG_COUNT(plain); i++)
         LG_TRY(lg_interval_create(w->program, &plain[i].function, 1, NULL, &w->f[plain[i].place], error));
     for (size_t i = 0; i < LG_COUNT(taylor); i++) {
@@ -192,7 +195,6 @@ static lg_status evaluators(lg_flow *w, lg_error *error) {
     w->odd = true;
     for (size_t i = 0; i < w->n; i++) w->odd = w->odd && lg_interval_parity(f, i) == -1;
     for (size_t i = 0; i < w->n + w->m; i++) w->odd = w->odd && lg_interval_parity(w->f[START], i) == -1;
-    lg_interval_destroy(f);
     return LG_OK;
 }
 
@@ -214,55 +216,33 @@ static double radius(size_t n, double *A) {
 typedef struct desk {
     const lg_flow *w;
     const lg_flow_boxes *b;
-    lg_bounds packed, out, z, u, zm, um, Z, Zm, c, r, skip, A, dr, fx, W, S, K, k, t, h, D, Q, next;
+    lg_bounds z, u, zm, um, Z, Zm, c, r, skip, A, dr, fx, W, S, K, k, t, h, D, Q, next;
     void *evaluation;
-    uint8_t *flags; /* of `out` */
+    uint8_t *flags; /* of the outputs of an evaluator */
     uint8_t least[LG_FLOW_BOXES];
 } desk;
 
-static lg_bounds take(lg_portions *from, size_t width) {
-    double *low = lg_portion(from, LG_FLOW_BOXES * width, sizeof *low);
-    return (lg_bounds){low, lg_portion(from, LG_FLOW_BOXES * width, sizeof *low), width};
-}
-
 static desk desk_of(const lg_flow *w, void *base, size_t *used) {
     const size_t n = w->n, m = w->m, all = n * (n + m);
-    size_t most[3] = {0}; /* bytes, inputs, outputs */
+    size_t bytes = 0, outputs = 0; /* of the largest evaluators */
     for (size_t i = 0; i < EVALUATORS; i++) {
-        const size_t sizes[3] = {lg_interval_work_size(w->f[i]), lg_interval_inputs(w->f[i]),
-                                 lg_interval_outputs(w->f[i])};
-        for (size_t k = 0; k < 3; k++) most[k] = sizes[k] > most[k] ? sizes[k] : most[k];
+        const size_t own = lg_interval_work_size(w->f[i]), results = lg_interval_outputs(w->f[i]);
+        bytes = own > bytes ? own : bytes;
+        outputs = results > outputs ? results : outputs;
     }
     lg_portions from = {base, 0};
-    desk d = {.w = w, .evaluation = lg_portion(&from, most[0], 1)};
+    desk d = {.w = w, .evaluation = lg_portion(&from, bytes, 1)};
     const struct {
         lg_bounds *to;
         size_t width;
-    } all_of[] = {{&d.packed, most[1]},
-                  {&d.out, most[2]},
-                  {&d.z, n},
-                  {&d.u, m},
-                  {&d.zm, n},
-                  {&d.um, m},
-                  {&d.Z, n},
-                  {&d.Zm, n},
-                  {&d.c, LOW * n},
-                  {&d.r, n},
-                  {&d.skip, FLAT * n},
-                  {&d.A, FLAT * all},
-                  {&d.dr, all},
-                  {&d.fx, all},
-                  {&d.W, all},
-                  {&d.S, n * n},
-                  {&d.K, m * n},
-                  {&d.k, n},
-                  {&d.t, 1},
-                  {&d.h, 1},
-                  {&d.D, n},
-                  {&d.Q, n * n},
+    } all_of[] = {{&d.z, n},    {&d.u, m},       {&d.zm, n},  {&d.um, m},          {&d.Z, n},
+                  {&d.Zm, n},   {&d.c, LOW * n}, {&d.r, n},   {&d.skip, FLAT * n}, {&d.A, FLAT * all},
+                  {&d.dr, all}, {&d.fx, all},    {&d.W, all}, {&d.S, n * n},       {&d.K, m * n},
+                  {&d.k, n},    {&d.t, 1},       {&d.h, 1},   {&d.D, n},           {&d.Q, n * n},
                   {&d.next, n}};
-    for (size_t i = 0; i < LG_COUNT(all_of); i++) *all_of[i].to = take(&from, all_of[i].width);
-    d.flags = lg_portion(&from, LG_FLOW_BOXES * most[2], 1);
+    for (size_t i = 0; i < LG_COUNT(all_of); i++)
+        *all_of[i].to = lg_bounds_take(&from, LG_FLOW_BOXES, all_of[i].width);
+    d.flags = lg_portion(&from, LG_FLOW_BOXES * outputs, 1);
     *used = from.used;
     return d;
 }
@@ -279,43 +259,24 @@ static void limit(const desk *d, size_t i, uint8_t flag) {
     if (flag < d->b->flag[i]) d->b->flag[i] = flag;
 }
 
-/* Evaluates f of the columns of `in`, one after the other, into the columns of `out`. A box with a bound that
- * is not finite has none from then on; nor has one on which a result may be undefined. The input as a
- * function of the state must be Lipschitz continuous; so must the rate on tubes (find_tube). A coefficient
- * over which a kink is not decided is either a hull or undefined (interval_taylor.c). */
-static void evaluate(desk *d, int which, const lg_bounds *const *in, size_t ins, lg_bounds *const *out,
+/* Evaluates f of the columns of `in`, one after the other, into the columns of `out`. A box on which a result
+ * may be undefined has no bounds from then on. The input as a function of the state must be Lipschitz
+ * continuous; so must the rate on tubes (find_tube). A coefficient over which a kink is not decided is either
+ * a hull or undefined (interval_taylor.c). */
+static void evaluate(desk *d, int which, const lg_bounds *const *in, size_t ins, const lg_bounds *const *out,
                      size_t outs) {
     const lg_interval *f = d->w->f[which];
-    const size_t boxes = d->b->count, width = lg_interval_inputs(f), results = lg_interval_outputs(f);
-    for (size_t i = 0; i < boxes; i++) {
-        double *low = d->packed.low + i * width, *high = d->packed.high + i * width;
-        for (size_t p = 0; p < ins; p++)
-            for (size_t j = 0; j < in[p]->width; j++) {
-                const double l = in[p]->low[i * in[p]->width + j], h = in[p]->high[i * in[p]->width + j];
-                if (!(l >= -DBL_MAX && l <= h && h <= DBL_MAX)) d->b->unbounded[i] = true;
-                *low++ = l;
-                *high++ = h;
-            }
-        if (!d->b->unbounded[i]) continue;
-        memset(d->packed.low + i * width, 0, width * sizeof *low);
-        memset(d->packed.high + i * width, 0, width * sizeof *high);
-    }
-    if (lg_interval_eval(f, boxes, d->packed.low, d->packed.high, d->out.low, d->out.high, d->flags,
-                         d->evaluation, NULL) != LG_OK)
-        memset(d->b->unbounded, 1, boxes * sizeof *d->b->unbounded);
-    for (size_t i = 0; i < boxes; i++) {
+    const size_t results = lg_interval_outputs(f);
+    lg_interval_bound(f, d->b->count, in, ins, out, outs, d->flags, d->b->unbounded, d->evaluation);
+    for (size_t i = 0; i < d->b->count; i++) {
         d->least[i] = LG_INTERVAL_DIFFERENTIABLE;
         for (size_t j = i * results; j < (i + 1) * results; j++)
             if (d->flags[j] < d->least[i]) d->least[i] = d->flags[j];
-        if (d->least[i] < (which == START ? LG_INTERVAL_LIPSCHITZ : LG_INTERVAL_DEFINED) && which != TUBE) {
-            limit(d, i, d->least[i]);
-            d->b->unbounded[i] = true;
-        }
-        for (size_t p = 0, at = i * results; p < outs; at += out[p++]->width) {
-            const size_t to = i * out[p]->width, bytes = out[p]->width * sizeof(double);
-            memcpy(out[p]->low + to, d->out.low + at, bytes);
-            memcpy(out[p]->high + to, d->out.high + at, bytes);
-        }
+        if (d->least[i] >= (which == START ? LG_INTERVAL_LIPSCHITZ : LG_INTERVAL_DEFINED) || which == TUBE ||
+            d->b->unbounded[i])
+            continue;
+        limit(d, i, d->least[i]);
+        d->b->unbounded[i] = true;
     }
 }
 
@@ -338,7 +299,7 @@ static void copy(const lg_bounds *to, const lg_bounds *from, size_t boxes) {
 static void find_tube(desk *d, const lg_bounds *z, const lg_bounds *u, const lg_bounds *Z) {
     const size_t n = d->w->n;
     const lg_bounds *const in[4] = {z, u, Z, &d->h};
-    lg_bounds *const out[1] = {(lg_bounds *)&d->next};
+    const lg_bounds *const out[1] = {&d->next};
     uint8_t flag[LG_FLOW_BOXES];
     bool found[LG_FLOW_BOXES] = {false}, before[LG_FLOW_BOXES], all = false;
     memcpy(before, d->b->unbounded, d->b->count * sizeof *before);
@@ -365,7 +326,7 @@ static void find_tube(desk *d, const lg_bounds *z, const lg_bounds *u, const lg_
         }
     }
     for (size_t i = 0; i < d->b->count; i++) {
-        if (found[i]) limit(d, i, flag[i]);
+        if (found[i] && !before[i]) limit(d, i, flag[i]);
         if (!before[i] && (!found[i] || flag[i] < LG_INTERVAL_LIPSCHITZ || d->b->unbounded[i]))
             d->b->no_tube[i] = d->b->unbounded[i] = true;
     }
@@ -421,7 +382,7 @@ static void report_parts(desk *d, double h) {
     const lg_flow_boxes *b = d->b;
     const lg_bounds *const in[INPUTS] = {&d->zm, &d->c, &d->r, &d->A, &d->dr, &d->fx,
                                          &d->W,  &d->S, &d->K, &d->k, &d->t,  &d->h};
-    lg_bounds *const out[2] = {&d->D, &d->Q};
+    const lg_bounds *const out[2] = {&d->D, &d->Q};
     const uint32_t steps = d->w->steps << b->doublings, parts = steps < PARTS ? PARTS / steps : 1;
     for (uint32_t p = 0; p < parts; p++) {
         set(&d->t, b->count, p * h / parts, (p + 1) * h / parts);
@@ -437,16 +398,16 @@ static void step(desk *d, double h) {
     find_tube(d, &d->z, &d->u, &d->Z);
     if (b->tube.low != NULL) copy(&b->tube, &d->Z, b->count);
     EVALUATE(d, CHORDS, ((const lg_bounds *[]){&d->z, &d->u, &d->zm, &d->um}),
-             ((lg_bounds *[]){&d->skip, &d->A}));
-    EVALUATE(d, VALUES, ((const lg_bounds *[]){&d->zm, &d->um}), ((lg_bounds *[]){&d->c}));
-    EVALUATE(d, REST, ((const lg_bounds *[]){&d->Zm, &d->um}), ((lg_bounds *[]){&d->r}));
-    EVALUATE(d, REST_SLOPES, ((const lg_bounds *[]){&d->Z, &d->u}), ((lg_bounds *[]){&d->dr}));
-    EVALUATE(d, RATE_SLOPES, ((const lg_bounds *[]){&d->Z, &d->u}), ((lg_bounds *[]){&d->fx}));
+             ((const lg_bounds *[]){&d->skip, &d->A}));
+    EVALUATE(d, VALUES, ((const lg_bounds *[]){&d->zm, &d->um}), ((const lg_bounds *[]){&d->c}));
+    EVALUATE(d, REST, ((const lg_bounds *[]){&d->Zm, &d->um}), ((const lg_bounds *[]){&d->r}));
+    EVALUATE(d, REST_SLOPES, ((const lg_bounds *[]){&d->Z, &d->u}), ((const lg_bounds *[]){&d->dr}));
+    EVALUATE(d, RATE_SLOPES, ((const lg_bounds *[]){&d->Z, &d->u}), ((const lg_bounds *[]){&d->fx}));
     find_widths(d, h);
     if (b->part != NULL) report_parts(d, h);
     const lg_bounds *const in[INPUTS] = {&d->zm, &d->c, &d->r, &d->A, &d->dr, &d->fx,
                                          &d->W,  &d->S, &d->K, &d->k, &d->t,  &d->h};
-    lg_bounds *const out[5] = {&d->D, &d->Q, (lg_bounds *)&b->F, (lg_bounds *)&b->S, &d->z};
+    const lg_bounds *const out[5] = {&d->D, &d->Q, &b->F, &b->S, &d->z};
     set(&d->t, b->count, h, h);
     EVALUATE(d, ADVANCE, in, out);
     if (b->part != NULL) b->part(b->user, b->count, &d->zm, &d->S, &d->D, &d->Q, h, h);
@@ -479,9 +440,9 @@ void lg_flow_eval(const lg_flow *w, const lg_flow_boxes *b, void *work) {
     memset(b->unbounded, 0, b->count * sizeof *b->unbounded);
     memset(b->no_tube, 0, b->count * sizeof *b->no_tube);
     memset(b->flag, LG_INTERVAL_DIFFERENTIABLE, b->count);
-    EVALUATE(&d, START, ((const lg_bounds *[]){&box}), ((lg_bounds *[]){&d.z, &d.u}));
+    EVALUATE(&d, START, ((const lg_bounds *[]){&box}), ((const lg_bounds *[]){&d.z, &d.u}));
     EVALUATE(&d, START_CHORDS, ((const lg_bounds *[]){&box, &at}),
-             ((lg_bounds *[]){&d.zm, &d.um, &d.S, &d.K}));
+             ((const lg_bounds *[]){&d.zm, &d.um, &d.S, &d.K}));
     add_error(w, &d.u, b->count);
     add_error(w, &d.um, b->count);
     for (size_t i = 0; i < b->count * n; i++) {
@@ -518,23 +479,21 @@ static lg_status choose_steps(lg_flow *w) {
     enum { MOST_STEPS = 64, STATES = 16 };
     const size_t n = w->n, all = n + w->m;
     size_t used;
-    void *work = lg_alloc(w->context, lg_flow_work_size(w), 1);
-    if (work == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(char, work, w->context, lg_flow_work_size(w), LG_OUT_OF_MEMORY);
     desk d = desk_of(w, work, &used);
     bool unbounded = false;
     uint8_t flag = LG_INTERVAL_DIFFERENTIABLE;
     d.b = &(lg_flow_boxes){.count = 1, .unbounded = &unbounded, .flag = &flag};
     double A[STATES * STATES];
     set(&d.k, 1, 0, 0);
-    EVALUATE(&d, START, ((const lg_bounds *[]){&d.k}), ((lg_bounds *[]){&d.z, &d.u}));
-    EVALUATE(&d, RATE_SLOPES, ((const lg_bounds *[]){&d.z, &d.u}), ((lg_bounds *[]){&d.fx}));
+    EVALUATE(&d, START, ((const lg_bounds *[]){&d.k}), ((const lg_bounds *[]){&d.z, &d.u}));
+    EVALUATE(&d, RATE_SLOPES, ((const lg_bounds *[]){&d.z, &d.u}), ((const lg_bounds *[]){&d.fx}));
     for (size_t i = 0; i < n * n; i++) {
         const size_t from = i / n * all + i % n;
         A[i] = 0.5 * d.fx.low[from] + 0.5 * d.fx.high[from];
     }
     const double fast = radius(n, A) * w->period;
     for (w->steps = 1; fast / w->steps > longest && w->steps < MOST_STEPS;) w->steps *= 2;
-    lg_free(w->context, work);
     return LG_OK;
 }
 
@@ -565,15 +524,11 @@ static lg_status begin(lg_flow *w, const lg_flow_spec *spec, lg_error *error) {
 
 lg_status lg_flow_create(const lg_context *context, const lg_flow_spec *spec, lg_flow **out,
                          lg_error *error) {
-    lg_flow *w = lg_alloc(context, 1, sizeof *w);
+    LG_CLEAN(lg_flow_destroy_at) lg_flow *w = lg_alloc(context, 1, sizeof *w);
     if (w == NULL) return LG_OUT_OF_MEMORY;
     w->context = context;
-    const lg_status status = begin(w, spec, error);
-    if (status == LG_OK)
-        *out = w;
-    else
-        lg_flow_destroy(w);
-    return status;
+    LG_TRY(begin(w, spec, error));
+    return LG_MOVE(out, w);
 }
 
 void lg_flow_destroy(lg_flow *w) {

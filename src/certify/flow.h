@@ -13,15 +13,9 @@
 #define LG_CERTIFY_FLOW_H
 
 #include "core/core.h"
-#include "liegrad/interval.h"
+#include "certify/interval.h"
 
 typedef struct lg_flow lg_flow;
-
-/* Bounds for each box, (boxes, width) */
-typedef struct lg_bounds {
-    double *low, *high;
-    size_t width;
-} lg_bounds;
 
 typedef struct lg_flow_spec {
     const lg_program *program;

@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+LG_AT(lg_interval_destroy, lg_interval)
+
 void lg_interval_options_init(lg_interval_options *options) {
     if (options != NULL) *options = (lg_interval_options){.size = sizeof *options};
 }
@@ -13,12 +15,12 @@ void lg_interval_options_init(lg_interval_options *options) {
 static lg_status create(const lg_program *program, const size_t *functions, size_t count,
                         const lg_interval_taylor_spec *what, size_t states,
                         const lg_interval_options *options, lg_interval **out, lg_error *error) {
-    lg_expansion expansion;
+    LG_CLEAN(lg_expansion_destroy) lg_expansion expansion = {.results = 0};
     if (count == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "there are no functions to evaluate");
     if (options != NULL && options->size != sizeof *options)
         return lg_fail(error, LG_INVALID_ARGUMENT, "lg_interval_options.size is not the size of the struct");
-    lg_interval *made = lg_alloc(program->context, 1, sizeof *made);
-    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for an interval evaluator");
+    LG_CLEAN(lg_interval_destroy_at) lg_interval *made = lg_alloc(program->context, 1, sizeof *made);
+    if (made == NULL) return lg_no_memory(error);
     made->context = program->context;
     made->run = lg_interval_kernel(lg_isa_in_use());
     lg_status status = lg_expand(program, functions, count, &expansion, error);
@@ -31,13 +33,8 @@ static lg_status create(const lg_program *program, const size_t *functions, size
         status = made->parity != NULL ? lg_expansion_parity(&expansion, made->parity) : LG_OUT_OF_MEMORY;
     }
     if (status == LG_OK) status = lg_interval_choose(&expansion, options != NULL && options->widen, made);
-    lg_expansion_destroy(&expansion);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_interval_destroy(made);
-    return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "no memory for an interval evaluator")
-                                      : status;
+    if (status == LG_OUT_OF_MEMORY) return lg_no_memory(error);
+    return status == LG_OK ? LG_MOVE(out, made) : status;
 }
 
 lg_status lg_interval_create(const lg_program *program, const size_t *functions, size_t count,
@@ -116,21 +113,30 @@ static lg_status check(const lg_interval *f, size_t boxes, const double *lower, 
 }
 
 /* Lanes without a box repeat the last box. */
-static void load(const lg_interval *f, size_t boxes, const double *lower, const double *upper, double *r) {
-    for (size_t j = 0; j < f->inputs; j++, r += APART)
+static void load(size_t at, size_t now, const lg_bounds *in, bool *unbounded, double *r) {
+    for (size_t j = 0; j < in->width; j++, r += APART)
         for (size_t i = 0; i < IB; i++) {
-            const size_t box = i < boxes ? i : boxes - 1;
-            r[i] = lower[box * f->inputs + j];
-            r[IB + i] = upper[box * f->inputs + j];
+            const size_t box = at + (i < now ? i : now - 1);
+            const double l = in->low[box * in->width + j], h = in->high[box * in->width + j];
+            const bool bounded = l >= -DBL_MAX && l <= h && h <= DBL_MAX;
+            r[i] = bounded ? l : 0;
+            r[IB + i] = bounded ? h : 0;
+            if (!bounded) unbounded[box] = true;
         }
 }
 
-lg_status lg_interval_eval(const lg_interval *f, size_t boxes, const double *lower, const double *upper,
-                           double *out_lower, double *out_upper, uint8_t *flags, void *work,
-                           lg_error *error) {
+static void store(size_t at, size_t now, const uint32_t *from, const double *r, const lg_bounds *out) {
+    for (size_t i = 0; i < now; i++)
+        for (size_t j = 0; j < out->width; j++) {
+            out->low[(at + i) * out->width + j] = r[from[j] * APART + i];
+            out->high[(at + i) * out->width + j] = r[from[j] * APART + IB + i];
+        }
+}
+
+void lg_interval_bound(const lg_interval *f, size_t boxes, const lg_bounds *const *in, size_t ins,
+                       const lg_bounds *const *out, size_t outs, uint8_t *flags, bool *unbounded,
+                       void *work) {
     double *r = work;
-    LG_NEEDS(error, f, lower, upper, out_lower, out_upper, work);
-    LG_TRY(check(f, boxes, lower, upper, error));
     uint8_t *level = (uint8_t *)(r + f->registers * APART);
     for (size_t c = 0; c < f->constants; c++) {
         for (size_t i = 0; i < APART; i++) r[c * APART + i] = f->constant[2 * c + (i >= IB)];
@@ -139,14 +145,23 @@ lg_status lg_interval_eval(const lg_interval *f, size_t boxes, const double *low
     memset(level + f->constants * IB, LG_INTERVAL_DIFFERENTIABLE, f->inputs * IB);
     for (size_t at = 0; at < boxes; at += IB) {
         const size_t now = boxes - at < IB ? boxes - at : IB;
-        load(f, now, lower + at * f->inputs, upper + at * f->inputs, r + f->constants * APART);
+        for (size_t p = 0, j = f->constants; p < ins; j += in[p++]->width)
+            load(at, now, in[p], unbounded, r + j * APART);
         f->run(f->count, f->code, r, flags == NULL ? NULL : level);
-        for (size_t i = 0; i < now; i++)
-            for (size_t j = 0; j < f->outputs; j++) {
-                out_lower[(at + i) * f->outputs + j] = r[f->stored[j] * APART + i];
-                out_upper[(at + i) * f->outputs + j] = r[f->stored[j] * APART + IB + i];
-                if (flags != NULL) flags[(at + i) * f->outputs + j] = level[f->stored[j] * IB + i];
-            }
+        for (size_t p = 0, j = 0; p < outs; j += out[p++]->width) store(at, now, f->stored + j, r, out[p]);
+        for (size_t i = 0; i < now * f->outputs && flags != NULL; i++)
+            flags[at * f->outputs + i] = level[f->stored[i % f->outputs] * IB + i / f->outputs];
     }
+}
+
+lg_status lg_interval_eval(const lg_interval *f, size_t boxes, const double *lower, const double *upper,
+                           double *out_lower, double *out_upper, uint8_t *flags, void *work,
+                           lg_error *error) {
+    LG_NEEDS(error, f, lower, upper, out_lower, out_upper, work);
+    LG_TRY(check(f, boxes, lower, upper, error));
+    const lg_bounds *const in[] = {&(lg_bounds){(double *)(uintptr_t)lower, (double *)(uintptr_t)upper,
+                                                f->inputs}},
+                           *const out[] = {&(lg_bounds){out_lower, out_upper, f->outputs}};
+    LG_INTERVAL_BOUND(f, boxes, in, out, flags, NULL, work);
     return LG_OK;
 }

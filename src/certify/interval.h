@@ -4,6 +4,8 @@
 
 #include "autodiff/program/program_call.h"
 #include "autodiff/program/scalars.h"
+#include "core/clean.h"
+#include "core/portions.h"
 #include "kernels/kernels.h"
 #include "liegrad/interval.h"
 
@@ -73,6 +75,23 @@ struct lg_interval {
     uint32_t *stored; /* for each output: its register */
     int8_t *parity;   /* for each output */
 };
+
+/* Bounds for each box, (boxes, width) */
+typedef struct lg_bounds {
+    double *low, *high;
+    size_t width;
+} lg_bounds;
+static inline lg_bounds lg_bounds_take(lg_portions *from, size_t boxes, size_t width) {
+    double *low = lg_portion(from, boxes * width, sizeof *low);
+    return (lg_bounds){low, lg_portion(from, boxes * width, sizeof *low), width};
+}
+/* lg_interval_eval with inputs and outputs in parts, one after the other; outputs behind the last part are
+ * not stored. Where a number of an input has no finite bounds, it counts as 0, and its box becomes
+ * `unbounded`. */
+void lg_interval_bound(const lg_interval *f, size_t boxes, const lg_bounds *const *in, size_t ins,
+                       const lg_bounds *const *out, size_t outs, uint8_t *flags, bool *unbounded, void *work);
+#define LG_INTERVAL_BOUND(f, boxes, in, out, ...)                                                            \
+    lg_interval_bound(f, boxes, in, LG_COUNT(in), out, LG_COUNT(out), __VA_ARGS__)
 
 /* interval_code.c: chooses instructions and registers. */
 lg_status lg_interval_choose(const lg_expansion *expansion, bool widen, lg_interval *out);

@@ -158,7 +158,7 @@ static void other_registers(choosing *c) {
 }
 
 lg_status lg_interval_choose(const lg_expansion *from, bool widen, lg_interval *out) {
-    lg_heap heap = {.context = out->context};
+    LG_CLEAN(lg_heap_destroy) lg_heap heap = {.context = out->context};
     const size_t n = (size_t)from->s.count + 1;
     choosing c = {.s = &from->s,
                   .widen = widen,
@@ -169,18 +169,16 @@ lg_status lg_interval_choose(const lg_expansion *from, bool widen, lg_interval *
                   .reg = lg_heap_take(&heap, n, sizeof(uint32_t)),
                   .idle = lg_heap_take(&heap, n, sizeof(uint32_t)),
                   .to = out};
-    lg_status status = LG_OUT_OF_MEMORY;
     out->stored = lg_alloc(out->context, from->results + 1, sizeof *out->stored);
-    if (c.live != NULL && c.varies != NULL && c.value != NULL && c.uses != NULL && c.reg != NULL &&
-        c.idle != NULL && out->stored != NULL) {
-        mark(&c, from->result, from->results);
-        evaluate_constants(&c);
-        status = choose_all(&c, from->result, from->results);
-        if (status == LG_OK) status = fixed_registers(&c);
-        if (status == LG_OK) other_registers(&c);
-        for (size_t j = 0; status == LG_OK && j < from->results; j++) out->stored[j] = c.reg[from->result[j]];
-    }
+    if (c.live == NULL || c.varies == NULL || c.value == NULL || c.uses == NULL || c.reg == NULL ||
+        c.idle == NULL || out->stored == NULL)
+        return LG_OUT_OF_MEMORY;
+    mark(&c, from->result, from->results);
+    evaluate_constants(&c);
+    LG_TRY(choose_all(&c, from->result, from->results));
+    LG_TRY(fixed_registers(&c));
+    other_registers(&c);
+    for (size_t j = 0; j < from->results; j++) out->stored[j] = c.reg[from->result[j]];
     out->registers = c.top;
-    lg_heap_destroy(&heap);
-    return status;
+    return LG_OK;
 }

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/ops/op_rows.h"
+#include "autodiff/program/plan_graph.h"
 #include "certify/interval.h"
 
 _Static_assert((int)LG_INTERVAL_DEFINED == LG_S_DEFINED && (int)LG_INTERVAL_LIPSCHITZ == LG_S_LIPSCHITZ,
@@ -27,11 +27,6 @@ uint8_t lg_interval_level(const lg_scalars *s, const lg_scalar_code *c) {
 typedef struct expanding {
     lg_expansion *to;
     const lg_program *program;
-    const lg_function *f;
-    const lg_scalar *const *input; /* elements of each input of f */
-    lg_scalar **parameter;         /* for each parameter of the program: its elements, once they are used */
-    lg_scalar **of;                /* for each node of f: its elements */
-    uint8_t *needed;
     lg_error *error;
 } expanding;
 
@@ -39,35 +34,7 @@ static lg_scalar *elements(expanding *x, size_t count) {
     return lg_heap_take(&x->to->heap, count + 1, sizeof(lg_scalar));
 }
 
-static lg_status constants(expanding *x, const double *values, size_t count, size_t period, lg_scalar **out) {
-    if ((*out = elements(x, count)) == NULL) return LG_OUT_OF_MEMORY;
-    for (size_t i = 0; i < count; i++) (*out)[i] = lg_s_constant(&x->to->s, values[i % period]);
-    return LG_OK;
-}
-
-static lg_status leaf(expanding *x, uint32_t i, size_t count) {
-    const lg_program_node *n = &x->f->node[i];
-    if (n->leaf == LG_LEAF_CONSTANT)
-        return constants(x, x->f->reals + n->payload, count, n->payload_count, &x->of[i]);
-    if (n->leaf == LG_LEAF_PARAMETER) {
-        lg_scalar **own = &x->parameter[n->number];
-        if (*own == NULL) LG_TRY(constants(x, x->program->parameter[n->number].values, count, count, own));
-        x->of[i] = *own;
-        return LG_OK;
-    }
-    if ((x->of[i] = elements(x, count)) == NULL) return LG_OUT_OF_MEMORY;
-    memcpy(x->of[i], x->input[n->number], count * sizeof(lg_scalar));
-    return LG_OK;
-}
-
 static lg_status function(expanding *x, size_t number, const lg_scalar *const *input, lg_scalar **output);
-
-static lg_status call(expanding *x, const lg_program_node *n, const lg_scalar *const *in, lg_scalar **out) {
-    lg_scalar *output[LG_PROGRAM_MAX_PORTS];
-    LG_TRY(function(x, lg_called(n), in, output));
-    *out = output[lg_called_output(n)];
-    return LG_OK;
-}
 
 /* Why scalar code failed: no memory, or too many instructions. */
 static lg_status out_of_room(const lg_scalars *s, const char *name, lg_error *error) {
@@ -76,55 +43,32 @@ static lg_status out_of_room(const lg_scalars *s, const char *name, lg_error *er
                    LG_SCALARS_MOST);
 }
 
-static lg_status operation(expanding *x, uint32_t i, const lg_shape *shape, size_t count) {
-    const lg_function *f = x->f;
-    const lg_program_node *n = &f->node[i];
-    const lg_scalar *in[LG_MAX_INPUTS];
-    lg_shape shapes[LG_MAX_INPUTS];
-    const lg_shape *pointers[LG_MAX_INPUTS];
-    lg_attr attr;
-    for (uint32_t k = 0; k < n->inputs; k++) {
-        const uint32_t edge = f->edges[n->first + k];
-        in[k] = x->of[edge];
-        pointers[k] = &shapes[k];
-        if (!lg_node_shape_at(&f->node[edge], 1, &shapes[k])) return LG_SHAPE;
+/* of: for each node of g, the graph of f, its elements */
+static lg_status node(expanding *x, const lg_function *f, const lg_graph *g, uint32_t i,
+                      const lg_scalar *const *input, lg_scalar **of) {
+    const lg_graph_node *n = &g->node[i];
+    const lg_scalar *in[LG_MAX_INPUTS] = {NULL};
+    const lg_shape *shapes[LG_MAX_INPUTS];
+    lg_scalar *output[LG_PROGRAM_MAX_PORTS];
+    if ((of[i] = elements(x, n->count)) == NULL) return LG_OUT_OF_MEMORY;
+    for (size_t k = 0; k < n->count && n->sort == LG_GRAPH_CONSTANT; k++)
+        of[i][k] = lg_s_constant(&x->to->s, n->value[k]);
+    if (n->sort == LG_GRAPH_INPUT) memcpy(of[i], input[n->number], n->count * sizeof(lg_scalar));
+    if (n->sort != LG_GRAPH_OPERATION) return LG_OK;
+    for (uint32_t k = 0; k < n->inputs; k++)
+        if (n->in[k] != LG_GRAPH_NONE) in[k] = of[n->in[k]];
+    if (lg_is_call(n->op)) {
+        LG_TRY(function(x, (size_t)n->attr.i[0], in, output));
+        of[i] = output[n->attr.i[1]];
+        return LG_OK;
     }
-    if (lg_is_call(n->op)) return call(x, n, in, &x->of[i]);
-    if (!lg_node_attr_at(f, n, 1, &attr))
-        return lg_fail(x->error, LG_SHAPE, "function '%s': an attribute of '%s' is out of range", f->name,
-                       n->op->name);
+    lg_graph_shapes(g, n, shapes);
     const lg_evaluation e = {
-        .attr = &attr, .inputs = n->inputs, .in = pointers, .shape = shape, .count = count};
-    if ((x->of[i] = elements(x, count)) == NULL) return LG_OUT_OF_MEMORY;
-    if (lg_scalars_expand(&x->to->s, n->op, &e, in, x->of[i])) return LG_OK;
+        .attr = &n->attr, .inputs = n->inputs, .in = shapes, .shape = &n->shape, .count = n->count};
+    if (lg_scalars_expand(&x->to->s, n->op, &e, in, of[i])) return LG_OK;
     if (x->to->s.failed) return out_of_room(&x->to->s, f->name, x->error);
     return lg_fail(x->error, LG_UNSUPPORTED, "function '%s': the operation '%s' has no interval form",
                    f->name, n->op->name);
-}
-
-static uint32_t unread(const lg_function *f, const lg_program_node *n) {
-    lg_attr attr;
-    return n->op->unread == NULL || !lg_node_attr_at(f, n, 1, &attr) ? 0 : n->op->unread(&attr, n->inputs);
-}
-
-/* Needed nodes only: what no result needs may have no interval form. */
-static lg_status nodes(expanding *x) {
-    const lg_function *f = x->f;
-    for (size_t j = 0; j < f->outputs; j++) x->needed[f->result[j]] = 1;
-    for (uint32_t i = f->nodes; i-- > 0;) {
-        if (!x->needed[i]) continue;
-        const uint32_t not = unread(f, &f->node[i]);
-        for (uint32_t k = 0; k < f->node[i].inputs; k++)
-            if (k >= 32 || !(not >> k & 1u)) x->needed[f->edges[f->node[i].first + k]] = 1;
-    }
-    for (uint32_t i = 0; i < f->nodes; i++) {
-        lg_shape shape;
-        if (!x->needed[i]) continue;
-        if (!lg_node_shape_at(&f->node[i], 1, &shape)) return LG_SHAPE;
-        const size_t count = lg_shape_count(shape);
-        LG_TRY(f->node[i].op == &lg_op_leaf ? leaf(x, i, count) : operation(x, i, &shape, count));
-    }
-    return LG_OK;
 }
 
 /* A loop: the called function again and again. A path is what the calls gave, one after the other. */
@@ -150,17 +94,19 @@ static lg_status loop(expanding *x, const lg_function *f, const lg_scalar *const
 
 static lg_status function(expanding *x, size_t number, const lg_scalar *const *input, lg_scalar **output) {
     const lg_function *f = &x->program->function[number];
-    expanding inner = *x;
+    LG_CLEAN(lg_heap_destroy) lg_heap own = {.context = x->program->context};
+    lg_plan_options options;
+    lg_graph g;
     if (x->to->s.failed) return out_of_room(&x->to->s, f->name, x->error);
     if (f->times > 0) return loop(x, f, input, output);
-    inner.f = f;
-    inner.input = input;
-    inner.of = lg_heap_take(&x->to->heap, f->nodes + 1, sizeof *inner.of);
-    inner.needed = lg_heap_take(&x->to->heap, f->nodes + 1, 1);
-    if (inner.of == NULL || inner.needed == NULL) return LG_OUT_OF_MEMORY;
-    const lg_status status = nodes(&inner);
-    for (size_t j = 0; j < f->outputs; j++) output[j] = inner.of[f->result[j]];
-    return status;
+    lg_plan_options_init(&options);
+    options.calls = true;
+    LG_TRY(lg_graph_make(&own, x->program, f, &options, true, &g, x->error));
+    lg_scalar **of = lg_heap_take(&own, g.count + 1, sizeof *of);
+    if (of == NULL) return LG_OUT_OF_MEMORY;
+    for (uint32_t i = 0; i < g.count; i++) LG_TRY(node(x, f, &g, i, input, of));
+    for (size_t j = 0; j < f->outputs; j++) output[j] = of[g.result[j]];
+    return LG_OK;
 }
 
 static lg_status check(const lg_program *p, const size_t *functions, size_t count, lg_error *error) {
@@ -174,16 +120,6 @@ static lg_status check(const lg_program *p, const size_t *functions, size_t coun
         if (!same)
             return lg_fail(error, LG_INVALID_ARGUMENT, "the functions '%s' and '%s' differ in their inputs",
                            first->name, f->name);
-    }
-    return LG_OK;
-}
-
-static lg_status collect(expanding *x, size_t number, lg_scalar *const *output, lg_scalar *to, size_t *at) {
-    const lg_function *f = &x->program->function[number];
-    for (size_t j = 0; j < f->outputs; j++) {
-        const size_t n = lg_shape_count(f->output[j].shape);
-        memcpy(to + *at, output[j], n * sizeof *to);
-        *at += n;
     }
     return LG_OK;
 }
@@ -209,12 +145,16 @@ lg_status lg_expand(const lg_program *program, const size_t *functions, size_t c
         for (size_t j = 0; j < f->outputs; j++) out->results += lg_shape_count(f->output[j].shape);
     }
     out->result = elements(&x, out->results);
-    x.parameter = lg_heap_take(&out->heap, program->parameters + 1, sizeof *x.parameter);
-    if (out->result == NULL || x.parameter == NULL) return LG_OUT_OF_MEMORY;
+    if (out->result == NULL) return LG_OUT_OF_MEMORY;
     for (size_t i = 0, at = 0; i < count; i++) {
         lg_scalar *output[LG_PROGRAM_MAX_PORTS];
         LG_TRY(function(&x, functions[i], input, output));
-        LG_TRY(collect(&x, functions[i], output, out->result, &at));
+        const lg_function *f = &program->function[functions[i]];
+        for (size_t j = 0; j < f->outputs; j++) {
+            const size_t n = lg_shape_count(f->output[j].shape);
+            memcpy(out->result + at, output[j], n * sizeof *out->result);
+            at += n;
+        }
     }
     return out->s.failed ? out_of_room(&out->s, first->name, error) : LG_OK;
 }

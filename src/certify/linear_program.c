@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/clean.h"
 #include "kernels/matrix.h"
 
 /* Slacks s = A x - b > 0 and multipliers z > 0 with A^T z = c; optimal where all s z are 0. Residuals: p = A
@@ -106,9 +107,9 @@ static lg_status iterate(const solving *v) {
 lg_status lg_linear_program(const lg_context *context, size_t m, size_t n, const double *A, const double *b,
                             const double *c, double *x) {
     const size_t all = 7 * m + 3 * n + m * n + 2 * n * n;
-    double *memory = lg_alloc(context, all, sizeof *memory), *at = memory;
+    LG_TRY_SCRATCH(double, memory, context, all, LG_OUT_OF_MEMORY);
+    double *at = memory;
     solving v = {.m = m, .n = n, .A = A, .b = b, .c = c, .x = x};
-    if (memory == NULL) return LG_OUT_OF_MEMORY;
     double **const long_ones[] = {&v.s, &v.z, &v.p, &v.ds, &v.dz, &v.t, &v.right};
     for (size_t i = 0; i < LG_COUNT(long_ones); i++, at += m) *long_ones[i] = at;
     v.d = at;
@@ -118,7 +119,5 @@ lg_status lg_linear_program(const lg_context *context, size_t m, size_t n, const
     v.L = v.H + n * n;
     memset(x, 0, n * sizeof *x);
     for (size_t i = 0; i < m; i++) v.s[i] = v.z[i] = 1;
-    const lg_status status = iterate(&v);
-    lg_free(context, memory);
-    return status;
+    return iterate(&v);
 }

@@ -7,8 +7,11 @@
 
 #include "certify/linear_program.h"
 #include "autodiff/program/program.h"
+#include "core/clean.h"
 #include "kernels/matrix.h"
 #include "liegrad/ops.h"
+
+LG_AT(lg_program_destroy, lg_program)
 
 enum { STATES = 6, DEGREE = 12, TERMS = 500 };
 
@@ -102,18 +105,17 @@ static lg_status sample_points(fitting *f, lg_error *error) {
     const lg_port in = {.name = "x", .shape = lg_shape1((uint32_t)f->n)},
                   out[2] = {{.name = "q"}, {.name = "dq"}};
     const lg_function_spec function = {"sample", &in, 1, out, 2, sample, f};
-    lg_program *program = NULL;
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
     draw_points(f);
     LG_TRY(lg_program_of(f->context, &function, 1, &program, error));
-    const lg_status status = lg_program_eval(f->context, program, "sample", f->points,
-                                             (const double *[]){f->x}, (double *[]){f->q, f->dq}, error);
-    lg_program_destroy(program);
-    for (size_t i = 0; i < f->points * f->n && status == LG_OK; i++) {
+    LG_TRY(lg_program_eval(f->context, program, "sample", f->points, (const double *[]){f->x},
+                           (double *[]){f->q, f->dq}, error));
+    for (size_t i = 0; i < f->points * f->n; i++) {
         if (!isfinite(f->q[i]) || !isfinite(f->dq[i]))
             return lg_fail(error, LG_NOT_FINITE, "the closed loop is not finite at a point of the box");
         f->scale[i % f->n] = fmax(f->scale[i % f->n], fabs(f->q[i]));
     }
-    return status;
+    return LG_OK;
 }
 
 /* ---- the linear program ---- */
@@ -235,26 +237,21 @@ static lg_status fit(fitting *f, lg_error *error) {
     const lg_port in = {.name = "x", .shape = lg_shape1((uint32_t)f->n)}, out = {.name = "v"};
     const lg_function_spec function = {f->spec->name, &in, 1, &out, 1, polynomial, f};
     const size_t n = f->terms, numbers = 3 * f->points * f->n + f->rows * (n + 1) + n + 3 * n * n;
-    double *memory = lg_alloc(f->context, numbers, sizeof *memory);
-    if (memory == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a linear program");
+    LG_TRY_SCRATCH(double, memory, f->context, numbers, lg_no_memory(error));
     f->x = memory;
     f->q = f->x + f->points * f->n;
     f->dq = f->q + f->points * f->n;
     f->A = f->dq + f->points * f->n;
     f->b = f->A + f->rows * n;
     f->c = f->b + f->rows;
-    lg_status status = sample_points(f, error);
-    if (status == LG_OK) {
-        fill_rows(f);
-        status = solve(f, f->c + n);
-        if (status == LG_NO_CONVERGENCE)
-            (void)lg_fail(
-                error, status,
-                "no polynomial of degree %d falls at all %zu points of the box: take a smaller box or a "
-                "higher degree",
-                f->spec->degree, f->points);
-    }
-    lg_free(f->context, memory);
+    LG_TRY(sample_points(f, error));
+    fill_rows(f);
+    const lg_status status = solve(f, f->c + n);
+    if (status == LG_NO_CONVERGENCE)
+        return lg_fail(error, status,
+                       "no polynomial of degree %d falls at all %zu points of the box: take a smaller box or "
+                       "a higher degree",
+                       f->spec->degree, f->points);
     return status == LG_OK ? lg_program_add_function(f->program, &function, error) : status;
 }
 
@@ -265,17 +262,13 @@ lg_status lg_lyapunov_polynomial(lg_program *program, const lg_lyapunov_spec *sp
         spec->points < 100 || spec->points > 1000000 || !(spec->decay > 0))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the degree must be even, 2 to %d, the points 100 to 1e6, the decay positive", DEGREE);
-    fitting *f = lg_alloc(program->context, 1, sizeof *f);
-    if (f == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a linear program");
+    LG_TRY_SCRATCH(fitting, f, program->context, 1, lg_no_memory(error));
     *f = (fitting){.context = program->context, .program = program, .spec = spec, .points = spec->points};
     f->rows = f->points;
-    lg_status status = check_function(f, spec->rate, &f->rate, error);
-    if (status == LG_OK && spec->map != NULL) status = check_function(f, spec->map, &f->map, error);
-    bool fits = status == LG_OK;
-    for (int degree = 2; fits && degree <= spec->degree; degree++)
-        fits = list_terms(f, (uint8_t[STATES]){0}, 0, degree);
-    if (status == LG_OK)
-        status = fits ? fit(f, error) : lg_fail(error, LG_INVALID_ARGUMENT, "more than %d monomials", TERMS);
-    lg_free(program->context, f);
-    return status;
+    LG_TRY(check_function(f, spec->rate, &f->rate, error));
+    if (spec->map != NULL) LG_TRY(check_function(f, spec->map, &f->map, error));
+    for (int degree = 2; degree <= spec->degree; degree++)
+        if (!list_terms(f, (uint8_t[STATES]){0}, 0, degree))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d monomials", TERMS);
+    return fit(f, error);
 }

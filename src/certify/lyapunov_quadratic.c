@@ -8,11 +8,14 @@
 
 #include "certify/evolution.h"
 #include "core/portions.h"
+#include "core/clean.h"
 #include "kernels/lapack.h"
 #include "kernels/matrix.h"
 #include "liegrad/control.h"
 #include "liegrad/lyapunov.h"
 #include "liegrad/program.h"
+
+LG_AT(lg_thread_pool_destroy, lg_thread_pool)
 
 enum { STATES = 16, INPUTS = 16, MOST = STATES * (STATES + 1) / 2 + STATES * INPUTS, ROWS = 128, POOL = 512 };
 
@@ -82,12 +85,7 @@ static bool read_form(const searching *s, const double *theta, form *f) {
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
             for (size_t k = 0; k < n; k++) f->P[i * n + j] += f->L[i * n + k] * f->L[j * n + k];
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1, upper triangular */
-            double rest = i == j ? 1 : 0;
-            for (size_t k = i + 1; k <= j; k++) rest -= f->L[k * n + i] * f->T[k * n + j];
-            f->T[i * n + j] = rest / f->L[i * (n + 1)];
-        }
+    lg_matrix_invert_transposed(n, f->L, f->T);
     f->top = (double)INFINITY;
     for (size_t i = 0; i < n; i++) {
         double row = 0;
@@ -327,10 +325,9 @@ static lg_status fails_everywhere(lg_error *error) {
 
 static lg_status first_proposals(searching *s, best *b, lg_error *error) {
     const size_t bytes = lg_riccati_work_size(s->n, s->m > 0 ? s->m : 1);
-    void *work = lg_alloc(s->context, bytes, 1);
+    LG_TRY_SCRATCH(char, work, s->context, bytes, LG_OUT_OF_MEMORY);
     const desk d = desk_of(s, 0, NULL);
     lg_rng rng;
-    if (work == NULL) return LG_OUT_OF_MEMORY;
     lg_rng_seed(&rng, s->spec->seed, 12);
     size_t stable = 0;
     for (size_t i = 0; i < CLIMBS; i++) b[i].value = -INFINITY;
@@ -341,7 +338,6 @@ static lg_status first_proposals(searching *s, best *b, lg_error *error) {
         const double value = worth(s, theta, &d, &level);
         if (value == value) sort_in(b, theta, s->numbers, value, level);
     }
-    lg_free(s->context, work);
     if (b[0].value > -INFINITY) return LG_OK;
     if (stable > 0) return fails_everywhere(error);
     return lg_fail(error, LG_CHECK_FAILED,
@@ -456,10 +452,7 @@ static lg_status climb(searching *s, lg_thread_pool *pool, size_t generations, u
     for (size_t g = 0; g < generations && status == LG_OK; g++) {
         if (lg_cancelled(s->context)) status = LG_CANCELLED;
         lg_evolution_ask(&s->evolution);
-        if (pool != NULL)
-            lg_thread_pool_run(pool, members, task, s);
-        else
-            for (size_t i = 0; i < members; i++) task(s, i);
+        lg_thread_pool_run(pool, members, task, s);
         for (size_t i = 0; i < members; i++)
             if (s->values[i] > b->value) {
                 b->value = s->values[i];
@@ -477,26 +470,21 @@ static lg_status climb(searching *s, lg_thread_pool *pool, size_t generations, u
 }
 
 static lg_status run(searching *s, best *b, lg_error *error) {
-    lg_thread_pool *pool = NULL;
+    LG_CLEAN(lg_thread_pool_destroy_at) lg_thread_pool *pool = NULL;
+    size_t lead = 0;
     if (linearise(s) != LG_OK)
         return lg_fail(error, LG_CHECK_FAILED, "the closed loop is not finite near the goal");
     LG_TRY(first_proposals(s, b, error));
-    if (s->spec->threads > 1) LG_TRY(lg_thread_pool_create(s->context, s->spec->threads, &pool));
-    lg_status status = LG_OK;
-    size_t lead = 0;
-    for (size_t i = 0; i < CLIMBS && status == LG_OK; i++) {
-        if (b[i].value == -INFINITY) continue;
-        status = climb(s, pool, s->generations / 6, i, &b[i]);
-    }
-    for (size_t i = 0; i < CLIMBS && status == LG_OK; i++) {
+    LG_TRY(lg_thread_pool_create(s->context, s->spec->threads, &pool));
+    for (size_t i = 0; i < CLIMBS; i++)
+        if (b[i].value > -INFINITY) LG_TRY(climb(s, pool, s->generations / 6, i, &b[i]));
+    for (size_t i = 0; i < CLIMBS; i++) {
         if (b[i].value > -INFINITY) judge(s, b[i].theta, &b[i]);
         if (b[i].value > b[lead].value) lead = i;
     }
     if (lead != 0) b[0] = b[lead];
-    if (status == LG_OK) status = climb(s, pool, s->generations / 2, CLIMBS, &b[0]);
-    if (status == LG_OK && b[0].value == -DBL_MAX) status = fails_everywhere(error);
-    if (pool != NULL) lg_thread_pool_destroy(pool);
-    return status;
+    LG_TRY(climb(s, pool, s->generations / 2, CLIMBS, &b[0]));
+    return b[0].value == -DBL_MAX ? fails_everywhere(error) : LG_OK;
 }
 
 static void write_out(const searching *s, const best *b, double *P, double *K, double *volume) {

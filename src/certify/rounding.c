@@ -159,16 +159,14 @@ lg_status lg_expansion_rounding(lg_expansion *x, const double *low, const double
 
 lg_status lg_interval_rounding(const lg_program *program, size_t function, const double *low,
                                const double *high, double unit, double *out, lg_error *error) {
-    lg_expansion expansion;
     LG_NEEDS(error, program, low, high, out);
     if (unit != 0x1p-53 && unit != 0x1p-24)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the unit of rounding must be 2^-53 or 2^-24");
-    lg_status status = lg_expand(program, &function, 1, &expansion, error);
-    for (size_t i = 0; status == LG_OK && i < expansion.inputs; i++)
+    LG_CLEAN(lg_expansion_destroy) lg_expansion expansion;
+    LG_TRY(lg_expand(program, &function, 1, &expansion, error));
+    for (size_t i = 0; i < expansion.inputs; i++)
         if (!(low[i] <= high[i] && low[i] >= -DBL_MAX && high[i] <= DBL_MAX))
-            status = lg_fail(error, LG_INVALID_ARGUMENT, "input %zu: [%g, %g] is empty or not finite", i,
-                             low[i], high[i]);
-    if (status == LG_OK) status = lg_expansion_rounding(&expansion, low, high, unit, out);
-    lg_expansion_destroy(&expansion);
-    return status;
+            return lg_fail(error, LG_INVALID_ARGUMENT, "input %zu: [%g, %g] is empty or not finite", i,
+                           low[i], high[i]);
+    return lg_expansion_rounding(&expansion, low, high, unit, out);
 }

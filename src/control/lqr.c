@@ -11,22 +11,18 @@
 
 /* ---- zero-order hold ---- */
 
-enum { BLOCKS = 8 };
-
 typedef struct hold {
-    size_t rows; /* n + m */
-    /* (rows, rows) each: M, M^2, M^4, M^6; numerator and denominator of the approximation; next and sum are
-     * scratch. unit (rows): the scales of `balance`. */
-    double *M, *M2, *M4, *M6, *over, *under, *next, *sum, *unit;
-    int *pivots;
+    size_t rows;          /* n + m */
+    double *M, *X, *next; /* (rows, rows) each; next is scratch */
+    double *unit;         /* (rows): the scales of `balance` */
 } hold;
 
 static size_t plan_hold(hold *s, void *memory) {
     lg_portions from = {memory, 0};
-    double **const square[BLOCKS] = {&s->M, &s->M2, &s->M4, &s->M6, &s->over, &s->under, &s->next, &s->sum};
-    for (size_t i = 0; i < BLOCKS; i++) *square[i] = lg_portion(&from, s->rows * s->rows, sizeof(double));
+    double **const square[] = {&s->M, &s->X, &s->next};
+    for (size_t i = 0; i < LG_COUNT(square); i++)
+        *square[i] = lg_portion(&from, s->rows * s->rows, sizeof(double));
     s->unit = lg_portion(&from, s->rows, sizeof(double));
-    s->pivots = lg_portion(&from, s->rows, sizeof(int));
     return from.used;
 }
 
@@ -49,93 +45,32 @@ static double largest_row(size_t n, const double *x) {
     return most;
 }
 
-/* The largest row sum of the power of (|M_ij|), computed by repeated products with a vector of ones. */
-static double largest_row_of_power(const hold *s, int power) {
-    const size_t n = s->rows;
-    double *x = s->next, *y = x + n, most = 0.0;
-    for (size_t i = 0; i < n; i++) x[i] = 1.0;
-    for (int k = 0; k < power; k++) {
-        most = 0.0;
-        for (size_t i = 0; i < n; i++) {
-            y[i] = 0.0;
-            for (size_t j = 0; j < n; j++) y[i] += fabs(s->M[i * n + j]) * x[j];
-            most = fmax(most, y[i]);
-        }
-        memcpy(x, y, n * sizeof *x);
+static void add_to_diagonal(size_t n, double *x) {
+    for (size_t i = 0; i < n; i++) x[i * (n + 1)] += 1.0;
+}
+
+/* X <- exp(M): Taylor's polynomial of exp(M/2^k) - 1, then k times X <- X X + 2 X, where small parts of M
+ * keep their digits although a large part makes k large. Where all n states have decayed to less than a half,
+ * 1 + X itself is squared. */
+static void exponential(const hold *s, size_t n) {
+    enum { TERMS = 13 };
+    const size_t N = s->rows;
+    const double norm = largest_row(N, s->M);
+    const int squarings = isfinite(norm) && norm > 0.25 ? (int)ceil(log2(norm)) + 2 : 0;
+    bool decayed = false;
+    for (size_t i = 0; i < N * N; i++) s->M[i] = ldexp(s->M[i], -squarings), s->X[i] = 0.0;
+    for (int k = TERMS; k > 0; k--) {
+        lg_matrix_multiply(N, N, N, s->M, s->X, s->next);
+        for (size_t i = 0; i < N * N; i++) s->X[i] = (s->M[i] + s->next[i]) / k;
     }
-    return most;
-}
-
-/* The number k for which M / 2^k is small enough for Pade's approximation [13/13] (Al-Mohy & Higham, SIAM J.
- * Matrix Anal. Appl. 31 (2009), algorithm 5.1). It follows from norms of powers of M, which may be far
- * smaller than the powers of the norm of M. */
-static int squarings_of(const hold *s) {
-    static const double theta = 4.25, first_error = 8.8299e-36; /* 1/(C(26, 13) 27!) */
-    const size_t n = s->rows;
-    const double norm = largest_row(n, s->M);
-    const double d6 = pow(largest_row(n, s->M6), 1.0 / 6.0);
-    lg_matrix_multiply(n, n, n, s->M4, s->M4, s->next);
-    const double d8 = pow(largest_row(n, s->next), 1.0 / 8.0);
-    lg_matrix_multiply(n, n, n, s->M4, s->M6, s->next);
-    const double d10 = pow(largest_row(n, s->next), 1.0 / 10.0);
-    const double size = fmin(fmax(d6, d8), fmax(d8, d10));
-    if (!(norm > 0.0) || !isfinite(norm) || !isfinite(size)) return 0;
-    int squarings = size > theta ? (int)ceil(log2(size / theta)) : 0;
-    /* Bound of the approximation's relative error, from the 27th power of the matrix of all |M_ij| / 2^k. */
-    const double left = first_error * largest_row_of_power(s, 27) / norm;
-    const double excess = isfinite(left) && left > 0.0 ? log2(left) - 26.0 * squarings + 53.0 : 0.0;
-    if (excess > 0.0) squarings += (int)ceil(excess / 26.0);
-    return squarings;
-}
-
-/* y = c2 M2 + c4 M4 + c6 M6 */
-static void combine(const hold *s, double c2, double c4, double c6, double *y) {
-    const size_t count = s->rows * s->rows;
-    for (size_t i = 0; i < count; i++) y[i] = c2 * s->M2[i] + c4 * s->M4[i] + c6 * s->M6[i];
-}
-
-static void set_powers(hold *s, int halvings) {
-    const size_t n = s->rows;
-    for (size_t i = 0; i < n * n; i++) s->M[i] = ldexp(s->M[i], -halvings);
-    lg_matrix_multiply(n, n, n, s->M, s->M, s->M2);
-    lg_matrix_multiply(n, n, n, s->M2, s->M2, s->M4);
-    lg_matrix_multiply(n, n, n, s->M2, s->M4, s->M6);
-}
-
-/* M <- exp(M): Pade's approximation of exp(M / 2^k), squared k times. LAPACK sees row-major matrices as their
- * transposes; that is no problem here, because numerator and denominator commute. */
-static void exponential(hold *s) {
-    double b[14] = {1.0}; /* (26 - k)! 13!/(26! k! (13 - k)!) */
-    for (int k = 1; k < 14; k++) b[k] = b[k - 1] * (14 - k) / (k * (27 - k));
-    const size_t n = s->rows;
-    const int size = (int)n;
-    const double norm = largest_row(n, s->M);
-    /* Powers of a huge M would overflow, so M is made smaller before their norms are computed. */
-    const int before = isfinite(norm) && norm > 0x1p80 ? (int)ceil(log2(norm)) - 80 : 0;
-    int info;
-    set_powers(s, before);
-    const int rest = squarings_of(s), squarings = before + rest;
-    if (rest > 0) set_powers(s, rest);
-    combine(s, b[9], b[11], b[13], s->over); /* sum = the terms with odd powers of M */
-    lg_matrix_multiply(n, n, n, s->M6, s->over, s->next);
-    combine(s, b[3], b[5], b[7], s->over);
-    for (size_t i = 0; i < n * n; i++) s->next[i] += s->over[i] + (i % (n + 1) == 0 ? b[1] : 0.0);
-    lg_matrix_multiply(n, n, n, s->M, s->next, s->sum);
-    combine(s, b[8], b[10], b[12], s->over); /* next + over = the terms with even powers */
-    lg_matrix_multiply(n, n, n, s->M6, s->over, s->next);
-    combine(s, b[2], b[4], b[6], s->over);
-    for (size_t i = 0; i < n * n; i++) {
-        const double even = s->next[i] + s->over[i] + (i % (n + 1) == 0 ? b[0] : 0.0);
-        s->over[i] = even + s->sum[i];
-        s->under[i] = even - s->sum[i];
-    }
-    dgetrf_(&size, &size, s->under, &size, s->pivots, &info);
-    dgetrs_("N", &size, &size, s->under, &size, s->pivots, s->over, &size, &info);
     for (int k = 0; k < squarings; k++) {
-        lg_matrix_multiply(n, n, n, s->over, s->over, s->next);
-        memcpy(s->over, s->next, n * n * sizeof *s->next);
+        double most = 0.0;
+        for (size_t i = 0; i < n && !decayed; i++) most = fmax(most, fabs(1.0 + s->X[i * (N + 1)]));
+        if (!decayed && most < 0.5) add_to_diagonal(N, s->X), decayed = true;
+        lg_matrix_multiply(N, N, N, s->X, s->X, s->next);
+        for (size_t i = 0; i < N * N; i++) s->X[i] = s->next[i] + (decayed ? 0.0 : 2.0 * s->X[i]);
     }
-    memcpy(s->M, s->over, n * n * sizeof *s->M);
+    if (!decayed) add_to_diagonal(N, s->X);
 }
 
 /* M <- D^-1 M D, where the diagonal matrix D (s->unit) has powers of 2. Rows and columns of A become about
@@ -178,12 +113,12 @@ lg_status lg_zero_order_hold(size_t n, size_t m, const double *A, const double *
         for (size_t j = 0; j < m; j++) s.M[i * N + n + j] = h * B[i * m + j];
     }
     balance(&s, n);
-    exponential(&s);
-    if (!k->all_finite(N * N, s.M))
+    exponential(&s, n);
+    if (!k->all_finite(N * N, s.X))
         return lg_fail(error, LG_NOT_FINITE, "the exponential over %g s is not finite", h);
     for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j < n; j++) Ad[i * n + j] = s.M[i * N + j] * (s.unit[i] / s.unit[j]);
-        for (size_t j = 0; j < m; j++) Bd[i * m + j] = s.M[i * N + n + j] * (s.unit[i] / s.unit[n + j]);
+        for (size_t j = 0; j < n; j++) Ad[i * n + j] = s.X[i * N + j] * (s.unit[i] / s.unit[j]);
+        for (size_t j = 0; j < m; j++) Bd[i * m + j] = s.X[i * N + n + j] * (s.unit[i] / s.unit[n + j]);
     }
     return LG_OK;
 }

@@ -3,7 +3,12 @@
 #include <string.h>
 
 #include "control/policy.h"
+#include "core/widen.h"
 #include "kernels/kernels.h"
+
+LG_AT(lg_plan_destroy, lg_plan)
+LG_AT(lg_program_destroy, lg_program)
+LG_AT(lg_function_image_destroy, lg_function_image)
 
 const char *lg_policy_kind_name(lg_policy_kind kind) {
     static const char *const names[LG_POLICY_KIND_COUNT] = {"lqr", "network", "energy"};
@@ -209,40 +214,29 @@ static const double training_error = 1e-4, judging_error = 1e-6;
  * its change. */
 static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_error *error) {
     const size_t x = (size_t)TRIALS * p->state;
-    lg_plan *step = NULL;
+    LG_CLEAN(lg_plan_destroy_at) lg_plan *step = NULL;
     lg_rng rng;
     LG_TRY(lg_policy_plan(p, "step", LG_F64, TRIALS, &step, error));
-    double *start = lg_alloc(p->context, 4 * x + TRIALS * (p->inputs + 1), sizeof *start);
-    void *work = lg_alloc(p->context, lg_plan_work_size(step), 1);
-    lg_status status =
-        start != NULL && work != NULL ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for steps");
-    if (status == LG_OK) {
-        double *coarse = start + x, *fine = coarse + x, *next = fine + x, *u = next + x,
-               *h = u + TRIALS * p->inputs;
-        lg_rng_seed(&rng, seed, 5);
-        status = lg_policy_starts(p, &rng, TRIALS, start, u, error);
-        double off = INFINITY;
-        size_t lag;
-        const bool lagged = lg_program_find(p->program, "lag", &lag, NULL) == LG_OK;
-        for (p->task.substeps = 1; status == LG_OK && p->task.substeps <= MOST_STEPS; p->task.substeps *= 2) {
-            memcpy(coarse, start, x * sizeof *coarse);
-            memcpy(fine, start, x * sizeof *fine);
-            advance(p, step, p->task.substeps, u, coarse, next, h, work);
-            advance(p, step, 2 * p->task.substeps, u, fine, next, h, work);
-            off = largest_difference(p, start, coarse, fine);
-            if (off <= wanted) break;
-        }
-        if (status == LG_OK && !(off <= wanted))
-            status = lg_fail(
-                error, LG_CHECK_FAILED,
-                "%d steps of the integrator in a period of %g s leave an error of %.1e: take a shorter "
-                "period, or give `substeps`%s",
-                MOST_STEPS, p->task.period, off,
-                lagged ? ", or leave out a lag that is much shorter than the period" : "");
+    LG_TRY_SCRATCH(double, start, p->context, 4 * x + TRIALS * (p->inputs + 1), lg_no_memory(error));
+    LG_TRY_SCRATCH(char, work, p->context, lg_plan_work_size(step), lg_no_memory(error));
+    double *coarse = start + x, *fine = coarse + x, *next = fine + x, *u = next + x,
+           *h = u + TRIALS * p->inputs, off = INFINITY;
+    lg_rng_seed(&rng, seed, 5);
+    LG_TRY(lg_policy_starts(p, &rng, TRIALS, start, u, error));
+    for (p->task.substeps = 1; p->task.substeps <= MOST_STEPS; p->task.substeps *= 2) {
+        memcpy(coarse, start, x * sizeof *coarse);
+        memcpy(fine, start, x * sizeof *fine);
+        advance(p, step, p->task.substeps, u, coarse, next, h, work);
+        advance(p, step, 2 * p->task.substeps, u, fine, next, h, work);
+        off = largest_difference(p, start, coarse, fine);
+        if (off <= wanted) return LG_OK;
     }
-    LG_FREE_ALL(p->context, start, work);
-    lg_plan_destroy(step);
-    return status;
+    return lg_fail(error, LG_CHECK_FAILED,
+                   "%d steps of the integrator in a period of %g s leave an error of %.1e: take a shorter "
+                   "period, or give `substeps`%s",
+                   MOST_STEPS, p->task.period, off,
+                   lg_policy_has(p, "lag") ? ", or leave out a lag that is much shorter than the period"
+                                           : "");
 }
 
 /* ---- the object ---- */
@@ -314,13 +308,10 @@ static bool set_goals(lg_policy *p) {
 
 /* Finds the regulator, or, if `rest`, only u0, the input that holds the machine at the goal. */
 static lg_status design(lg_policy *p, bool rest, uint64_t seed, lg_error *error) {
-    lg_policy *sliding;
+    LG_CLEAN(lg_policy_destroy_at) lg_policy *sliding = NULL;
     p->regulator.errors = p->layout.errors, p->regulator.inputs = p->inputs;
     LG_TRY(lg_policy_make_soft(p, NULL, true, &sliding, error));
-    const lg_status status =
-        rest ? lg_policy_find_rest(p, sliding, error) : lg_policy_find_regulator(p, sliding, seed, error);
-    lg_policy_destroy(sliding);
-    return status;
+    return rest ? lg_policy_find_rest(p, sliding, error) : lg_policy_find_regulator(p, sliding, seed, error);
 }
 
 /* The functions of motion contain the goals, so they are recorded again once these are known. */
@@ -371,11 +362,6 @@ static lg_status build(lg_policy *p, const lg_context *context, const lg_policy_
     return status;
 }
 
-static bool has(const lg_policy *p, const char *function) {
-    size_t number;
-    return lg_program_find(p->program, function, &number, NULL) == LG_OK;
-}
-
 /* What a policy on another plant is for: runs of training; evaluation, where the integrator takes finer steps
  * and the controller keeps what it believes; training on soft friction; the design of the regulator. */
 typedef enum purpose { DRAWN, JUDGED, WARM, DESIGN } purpose;
@@ -412,61 +398,44 @@ static lg_status rebuild(lg_policy *p, const lg_policy *policy, const lg_program
 
 static lg_status transplant(const lg_policy *policy, const lg_program *plant, const double *dead_time,
                             purpose is, lg_policy **out, lg_error *error) {
-    lg_policy *p = lg_alloc(policy->context, 1, sizeof *p);
-    const lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy")
-                                       : rebuild(p, policy, plant, dead_time, is, error);
-    if (status == LG_OK)
-        *out = p;
-    else
-        lg_policy_destroy(p);
-    return status;
+    LG_CLEAN(lg_policy_destroy_at) lg_policy *p = lg_alloc(policy->context, 1, sizeof *p);
+    if (p == NULL) return lg_no_memory(error);
+    LG_TRY(rebuild(p, policy, plant, dead_time, is, error));
+    return LG_MOVE(out, p);
 }
 
 /* ---- policies of files ---- */
 
-/* The recording of a function, as files have it; freed with lg_free. */
-static lg_status pack(const lg_policy *p, size_t function, unsigned char **bytes, size_t *size,
-                      lg_error *error) {
-    lg_function_image *image = NULL;
-    *bytes = NULL;
-    lg_status status = lg_function_image_create(p->program, function, &image);
-    if (status == LG_OK) status = lg_function_pack(image, NULL, size, error);
-    if (status == LG_OK) *bytes = lg_alloc(p->context, *size, 1);
-    if (status == LG_OK)
-        status = *bytes != NULL ? lg_function_pack(image, *bytes, size, error) : LG_OUT_OF_MEMORY;
-    lg_function_image_destroy(image);
-    if (status == LG_OUT_OF_MEMORY) return lg_fail(error, status, "no memory for a comparison of functions");
-    return status;
-}
-
 static lg_status compare_function(const lg_policy *p, const lg_policy *again, size_t function,
                                   lg_error *error) {
     const char *name = lg_program_function_name(again->program, function);
-    unsigned char *bytes[2] = {NULL, NULL};
+    LG_CLEAN(lg_function_image_destroy_at) lg_function_image *is = NULL, *expected = NULL;
     size_t size[2], stored;
     if (lg_program_find(p->program, name, &stored, NULL) != LG_OK)
         return lg_fail(error, LG_FORMAT, "the policy's program has no function %s", name);
-    lg_status status = pack(p, stored, &bytes[0], &size[0], error);
-    if (status == LG_OK) status = pack(again, function, &bytes[1], &size[1], error);
-    if (status == LG_OK && (size[0] != size[1] || memcmp(bytes[0], bytes[1], size[0]) != 0))
-        status = lg_fail(
-            error, LG_FORMAT,
-            "the functions control, policy, closed and period of the file are not of one policy: one of "
-            "them was changed. Train the policy again");
-    for (int i = 0; i < 2; i++) lg_free(p->context, bytes[i]);
-    return status;
+    if (lg_function_image_create(p->program, stored, &is) != LG_OK ||
+        lg_function_image_create(again->program, function, &expected) != LG_OK)
+        return lg_no_memory(error);
+    LG_TRY(lg_function_pack(is, NULL, &size[0], error));
+    LG_TRY(lg_function_pack(expected, NULL, &size[1], error));
+    LG_TRY_SCRATCH(char, bytes, p->context, size[0] + size[1], lg_no_memory(error));
+    LG_TRY(lg_function_pack(is, bytes, &size[0], error));
+    LG_TRY(lg_function_pack(expected, bytes + size[0], &size[1], error));
+    if (size[0] == size[1] && memcmp(bytes, bytes + size[0], size[0]) == 0) return LG_OK;
+    return lg_fail(
+        error, LG_FORMAT,
+        "the functions control, policy, closed and period of the file are not of one policy: one of "
+        "them was changed. Train the policy again");
 }
 
 /* Evaluations run `closed` and `regulated`, exported C calls `control`, and its self-test also `policy` and
  * `period`. All of them must be what the task, the plant and the regulator give. */
 static lg_status compare_functions(const lg_policy *p, lg_error *error) {
-    lg_policy *again;
+    LG_CLEAN(lg_policy_destroy_at) lg_policy *again = NULL;
     LG_TRY(transplant(p, p->program, NULL, DRAWN, &again, error));
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < lg_program_functions(again->program) && status == LG_OK; i++)
-        status = compare_function(p, again, i, error);
-    lg_policy_destroy(again);
-    return status;
+    for (size_t i = 0; i < lg_program_functions(again->program); i++)
+        LG_TRY(compare_function(p, again, i, error));
+    return LG_OK;
 }
 
 lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
@@ -479,7 +448,8 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
     if (memcmp(p->memory.line, p->memory.known, sizeof p->memory.line) != 0)
         return lg_fail(error, LG_FORMAT, "the past inputs of the policy do not fit its dead times");
     LG_TRY(check_plant(p, p->program, error));
-    if (!has(p, "period")) return lg_fail(error, LG_FORMAT, "the policy's program has no function period");
+    if (!lg_policy_has(p, "period"))
+        return lg_fail(error, LG_FORMAT, "the policy's program has no function period");
     if (p->parameters == 0) return compare_functions(p, error);
     const size_t last = lg_program_parameters(p->program);
     lg_parameter_spec stored = {.name = ""};
@@ -493,14 +463,11 @@ lg_status lg_policy_adopt(lg_policy *p, lg_error *error) {
 
 lg_status lg_policy_make_soft(const lg_policy *policy, const double *speed, bool motion, lg_policy **out,
                               lg_error *error) {
-    lg_program *plant = NULL;
+    LG_CLEAN(lg_program_destroy_at) lg_program *plant = NULL;
     *out = NULL;
     if (policy->task.soften == NULL) return LG_OK;
     LG_TRY(policy->task.soften(policy->task.soften_user, speed, &plant, error));
-    if (plant == NULL) return LG_OK;
-    const lg_status status = transplant(policy, plant, NULL, motion ? DESIGN : WARM, out, error);
-    lg_program_destroy(plant);
-    return status;
+    return plant == NULL ? LG_OK : transplant(policy, plant, NULL, motion ? DESIGN : WARM, out, error);
 }
 
 lg_status lg_policy_refine(const lg_policy *policy, lg_policy **out, lg_error *error) {
@@ -514,35 +481,24 @@ lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_po
 
 lg_status lg_policy_transplant_late(const lg_policy *policy, lg_program *plant, const double *dead_time,
                                     lg_policy **out, lg_error *error) {
-    const lg_status status =
-        policy != NULL && plant != NULL && out != NULL
-            ? transplant(policy, plant, dead_time, JUDGED, out, error)
-            : lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: policy, plant, out");
-    lg_program_destroy(plant);
-    return status;
+    LG_CLEAN(lg_program_destroy_at) lg_program *own = plant;
+    LG_NEEDS(error, policy, plant, out);
+    return transplant(policy, plant, dead_time, JUDGED, out, error);
 }
 
 lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *error) {
-    lg_policy *drawn = NULL;
-    if (policy == NULL || plant == NULL || !lg_policy_is_disturbed(&policy->task)) {
-        lg_program_destroy(plant);
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       policy == NULL || plant == NULL ? "one of these arguments is NULL: policy, plant"
-                                                       : "the policy's task has no disturbances");
-    }
-    const lg_status status = transplant(policy, plant, NULL, DRAWN, &drawn, error);
-    lg_program_destroy(plant);
-    if (status != LG_OK) return status;
-    lg_policy **draws = lg_alloc(policy->context, policy->draw_count + 1, sizeof *draws);
-    if (draws == NULL) {
-        lg_policy_destroy(drawn);
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
-    }
-    if (policy->draw_count > 0) memcpy(draws, policy->draws, policy->draw_count * sizeof *draws);
-    draws[policy->draw_count++] = drawn;
-    lg_free(policy->context, policy->draws);
+    LG_CLEAN(lg_program_destroy_at) lg_program *own = plant;
+    LG_CLEAN(lg_policy_destroy_at) lg_policy *drawn = NULL;
+    LG_NEEDS(error, policy, plant);
+    if (!lg_policy_is_disturbed(&policy->task))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the policy's task has no disturbances");
+    LG_TRY(transplant(policy, plant, NULL, DRAWN, &drawn, error));
+    const size_t count = policy->draw_count;
+    lg_policy **draws = lg_widen(policy->context, policy->draws, count, count + 1, sizeof *draws);
+    if (draws == NULL) return lg_no_memory(error);
     policy->draws = draws;
-    return LG_OK;
+    policy->draw_count++;
+    return LG_MOVE(&draws[count], drawn);
 }
 
 lg_status lg_policy_disturb(lg_policy *policy, const lg_policy_task *by, lg_error *error) {
@@ -558,26 +514,20 @@ lg_status lg_policy_disturb(lg_policy *policy, const lg_policy_task *by, lg_erro
     changed.delay = by->delay, changed.draws = by->draws, changed.spread = by->spread;
     LG_TRY(check_task(&changed, error));
     policy->task = changed;
-    if (!lg_policy_is_disturbed(&changed) || has(policy, "disturbed")) return LG_OK;
-    if (!has(policy, "disturbed_regulator")) LG_TRY(lg_policy_add_disturbed_regulator(policy, error));
+    if (!lg_policy_is_disturbed(&changed) || lg_policy_has(policy, "disturbed")) return LG_OK;
+    if (!lg_policy_has(policy, "disturbed_regulator"))
+        LG_TRY(lg_policy_add_disturbed_regulator(policy, error));
     return lg_policy_add_disturbed(policy, error);
 }
 
 lg_status lg_policy_create(const lg_context *context, const lg_policy_task *task, lg_program *plant,
                            uint64_t seed, lg_policy **out, lg_error *error) {
-    if (plant == NULL || task == NULL || out == NULL) {
-        lg_program_destroy(plant);
-        return lg_fail(error, LG_INVALID_ARGUMENT, "one of these arguments is NULL: task, plant, out");
-    }
-    lg_policy *p = lg_alloc(context, 1, sizeof *p);
-    const lg_status status = p == NULL ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy")
-                                       : build(p, context, task, plant, seed, error);
-    lg_program_destroy(plant);
-    if (status == LG_OK)
-        *out = p;
-    else
-        lg_policy_destroy(p);
-    return status;
+    LG_CLEAN(lg_program_destroy_at) lg_program *own = plant;
+    LG_NEEDS(error, task, plant, out);
+    LG_CLEAN(lg_policy_destroy_at) lg_policy *p = lg_alloc(context, 1, sizeof *p);
+    if (p == NULL) return lg_no_memory(error);
+    LG_TRY(build(p, context, task, plant, seed, error));
+    return LG_MOVE(out, p);
 }
 
 void lg_policy_destroy(lg_policy *p) {

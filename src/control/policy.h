@@ -2,10 +2,12 @@
 #ifndef LG_CONTROL_POLICY_H
 #define LG_CONTROL_POLICY_H
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/networks.h"
 #include "liegrad/policy.h"
 #include "liegrad/tape.h"
+
+LG_AT(lg_policy_destroy, lg_policy)
 
 /* ---- coordinates (policy_errors.c) ---- */
 
@@ -25,33 +27,31 @@ void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out);
 typedef struct lg_policy_seen { /* positions and velocities, (B, ...); v LG_NONE: no velocities */
     lg_var q, v;
 } lg_policy_seen;
-/* Record the errors z (B, errors), the sum of the costs of positions and velocities (B, 1), the features of
- * a network (B, lg_policy_features), and positions from positions as controllers get them. */
-lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
-/* The same with q - goal for an angle: it is counted on the real line. */
-lg_var lg_policy_record_counted(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
+/* Record the errors z (B, errors; `counted`: with q - goal for an angle, on the real line), the sum of the
+ * costs of positions and velocities (B, 1), the features of a network (B, lg_policy_features), and positions
+ * from positions as controllers get them. */
+lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy *p, bool counted, lg_policy_seen seen);
 /* The sum over turning coordinates of factors[i] (4 sin^2(a/2) - |z_i|^2), (B, 1): what the errors lose
  * near the opposite side. LG_NONE: no coordinate turns. */
-lg_var lg_policy_record_lost(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen, lg_var z,
+lg_var lg_policy_record_lost(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z,
                              const double *factors);
-lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen);
+lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy *p, lg_policy_seen seen);
 uint32_t lg_policy_features(const lg_policy_task *task);
-lg_var lg_policy_record_features(lg_tape *tape, const lg_policy_task *task, const double *scales,
+lg_var lg_policy_record_features(lg_tape *tape, const lg_policy *p, const double *scales,
                                  lg_policy_seen seen);
-lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_var given);
+lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy *p, lg_var given);
 /* Record the position and velocity at the errors z from the goal: a rotation turns by the vector z. */
-lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy_task *task, lg_var z);
+lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy *p, lg_var z);
 /* Sensors' noise. noise (B, n) has numbers for the positions, then for the velocities, 3 for a direction or
  * rotation: it turns by that vector, to first order. The standard deviations go to `sizes` (NULL: only n is
  * wanted). */
 enum { LG_POLICY_NOISE = 6 * LG_POLICY_COORDINATES };
 uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes);
-lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen,
-                                      lg_var noise);
+lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var noise);
 /* Draws the errors of a start. */
-void lg_policy_draw(const lg_policy_task *task, const lg_policy_layout *layout, lg_rng *rng, double *z);
+void lg_policy_draw(const lg_policy *p, lg_rng *rng, double *z);
 /* The angle or distance from the goal, and whether errors are inside the bounds of success. */
-bool lg_policy_inside(const lg_policy_task *task, const lg_policy_layout *layout, const double *z);
+bool lg_policy_inside(const lg_policy *p, const double *z);
 
 /* ---- the policy ---- */
 
@@ -88,6 +88,10 @@ struct lg_policy {
     size_t draw_count;
 };
 
+static inline bool lg_policy_has(const lg_policy *p, const char *function) {
+    size_t number;
+    return lg_program_find(p->program, function, &number, NULL) == LG_OK;
+}
 /* Checks the task and sets sizes, with room for theta. lg_policy_adopt checks the program that the policy
  * was loaded with, takes its parameters, and sets the goals of lagged inputs from the regulator. */
 LG_API lg_status lg_policy_prepare(lg_policy *policy, lg_error *error);
@@ -212,6 +216,10 @@ typedef struct lg_policy_trial {
 } lg_policy_trial;
 lg_status lg_policy_run(const lg_policy *policy, const lg_policy_trial *trial, lg_policy_runs *runs,
                         lg_error *error);
+/* Runs over task.within from the states x (n, state), and what they show; `wanted` as in
+ * lg_policy_evaluate. */
+lg_status lg_policy_try(const lg_policy *policy, const lg_policy_trial *trial, const double *x, size_t n,
+                        lg_policy_outcome *out, lg_policy_runs *wanted, lg_error *error);
 /* The machine of piece `piece` of disturbed runs: the policy or one of its draws. */
 const lg_policy *lg_policy_drawn(const lg_policy *policy, uint64_t piece);
 /* The noise of `periods` periods (periods, LG_POLICY_ROWS, n) and which of the runs of a piece are late

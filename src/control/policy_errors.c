@@ -264,39 +264,28 @@ static lg_var half_cosine(lg_tape *tape, lg_var cosine) {
     return lg_sqrt(tape, lg_add_scalar(tape, lg_scale(tape, cosine, 0.5), 0.5 + 1e-6));
 }
 
-/* `counted`: angles are differences on the real line. */
-static lg_var errors_of(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen, bool counted) {
-    lg_policy_layout layout;
+lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy *p, bool counted, lg_policy_seen seen) {
     lg_var parts[2 * LG_POLICY_COORDINATES];
     uint32_t n = 0;
-    lg_policy_lay_out(task, &layout);
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
         const motion *m = counted && c->motion == LG_POLICY_ANGLE ? &motions[LG_POLICY_LINE] : motion_of(c);
         if (!held(c)) continue;
-        const lg_var q = lg_columns(tape, seen.q, layout.at[i].position, m->sizes.position);
-        parts[n] = m->sine(tape, c->goal, layout.basis[i], q);
+        const lg_var q = lg_columns(tape, seen.q, p->layout.at[i].position, m->sizes.position);
+        parts[n] = m->sine(tape, c->goal, p->layout.basis[i], q);
         if (m->cosine != NULL)
             parts[n] = lg_div(tape, parts[n], half_cosine(tape, m->cosine(tape, c->goal, q)));
         n++;
     }
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
         if (!moves(c)) continue;
-        parts[n] = lg_columns(tape, seen.v, layout.at[i].velocity, lg_policy_row_of(c)->velocity);
+        parts[n] = lg_columns(tape, seen.v, p->layout.at[i].velocity, lg_policy_row_of(c)->velocity);
         if (c->motion == LG_POLICY_DIRECTION)
-            parts[n] = direction_sine(tape, c->goal, layout.basis[i], parts[n]);
+            parts[n] = direction_sine(tape, c->goal, p->layout.basis[i], parts[n]);
         n++;
     }
     return lg_joined(tape, parts, n);
-}
-
-lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {
-    return errors_of(tape, task, seen, false);
-}
-
-lg_var lg_policy_record_counted(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {
-    return errors_of(tape, task, seen, true);
 }
 
 static lg_var position_cost(lg_tape *tape, const lg_policy_coordinate *c, lg_var q) {
@@ -306,43 +295,40 @@ static lg_var position_cost(lg_tape *tape, const lg_policy_coordinate *c, lg_var
 }
 
 /* Exactly opposite to the goal an error has no direction and is 0. */
-lg_var lg_policy_record_lost(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen, lg_var z,
+lg_var lg_policy_record_lost(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z,
                              const double *factors) {
-    lg_policy_layout layout;
     lg_var terms[2 * LG_POLICY_COORDINATES];
     double weights[2 * LG_POLICY_COORDINATES];
     uint32_t n = 0;
-    lg_policy_lay_out(task, &layout);
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
         const motion *m = motion_of(c);
         if (m->cosine == NULL) continue;
         weights[n] = factors[i];
         terms[n++] =
-            position_cost(tape, c, lg_columns(tape, seen.q, layout.at[i].position, m->sizes.position));
+            position_cost(tape, c, lg_columns(tape, seen.q, p->layout.at[i].position, m->sizes.position));
         weights[n] = -factors[i];
-        terms[n++] = lg_rownorm2(tape, lg_columns(tape, z, layout.at[i].error, m->sizes.errors));
+        terms[n++] = lg_rownorm2(tape, lg_columns(tape, z, p->layout.at[i].error, m->sizes.errors));
     }
     return n == 0 ? LG_NONE : lg_linear_combination(tape, terms, weights, n);
 }
 
-lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen) {
-    lg_policy_layout layout;
+lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy *p, lg_policy_seen seen) {
     lg_var terms[2 * LG_POLICY_COORDINATES];
     double weights[2 * LG_POLICY_COORDINATES];
     uint32_t n = 0;
-    lg_policy_lay_out(task, &layout);
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
         if (c->weight > 0.0) {
             weights[n] = c->weight;
             terms[n++] =
-                position_cost(tape, c, lg_columns(tape, seen.q, layout.at[i].position, sizes->position));
+                position_cost(tape, c, lg_columns(tape, seen.q, p->layout.at[i].position, sizes->position));
         }
         if (c->weight_velocity > 0.0 && moves(c)) {
             weights[n] = c->weight_velocity;
-            terms[n++] = lg_rownorm2(tape, lg_columns(tape, seen.v, layout.at[i].velocity, sizes->velocity));
+            terms[n++] =
+                lg_rownorm2(tape, lg_columns(tape, seen.v, p->layout.at[i].velocity, sizes->velocity));
         }
     }
     return lg_linear_combination(tape, terms, weights, n);
@@ -358,16 +344,14 @@ uint32_t lg_policy_features(const lg_policy_task *task) {
 }
 
 /* `scales`: of each error; a line's position and all velocities are divided by theirs. */
-lg_var lg_policy_record_features(lg_tape *tape, const lg_policy_task *task, const double *scales,
+lg_var lg_policy_record_features(lg_tape *tape, const lg_policy *p, const double *scales,
                                  lg_policy_seen seen) {
-    lg_policy_layout layout;
     lg_var parts[2 * LG_POLICY_COORDINATES];
     uint32_t n = 0;
-    lg_policy_lay_out(task, &layout);
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
         const motion *m = motion_of(c);
-        const lg_policy_place *at = &layout.at[i];
+        const lg_policy_place *at = &p->layout.at[i];
         if (held(c)) {
             parts[n] =
                 m->features_of(tape, c->goal, lg_columns(tape, seen.q, at->position, m->sizes.position));
@@ -392,55 +376,49 @@ uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes) {
     return n;
 }
 
-lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy_task *task, lg_policy_seen seen,
-                                      lg_var noise) {
-    lg_policy_layout layout;
+lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var noise) {
     lg_var parts[LG_POLICY_COORDINATES];
     uint32_t at = 0;
-    lg_policy_lay_out(task, &layout);
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const motion *m = motion_of(&task->coordinate[i]);
-        parts[i] = m->noisy(tape, lg_columns(tape, seen.q, layout.at[i].position, m->sizes.position),
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const motion *m = motion_of(&p->task.coordinate[i]);
+        parts[i] = m->noisy(tape, lg_columns(tape, seen.q, p->layout.at[i].position, m->sizes.position),
                             lg_columns(tape, noise, at, m->sizes.velocity));
         at += m->sizes.velocity;
     }
-    seen.q = lg_joined(tape, parts, task->coordinate_count);
-    if (layout.velocities > 0) seen.v = lg_add(tape, seen.v, lg_columns(tape, noise, at, layout.velocities));
+    seen.q = lg_joined(tape, parts, p->task.coordinate_count);
+    if (p->layout.velocities > 0)
+        seen.v = lg_add(tape, seen.v, lg_columns(tape, noise, at, p->layout.velocities));
     return seen;
 }
 
-lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy_task *task, lg_var z) {
-    lg_policy_layout layout;
+lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy *p, lg_var z) {
     lg_var q[LG_POLICY_COORDINATES], v[LG_POLICY_COORDINATES];
     uint32_t n = 0;
-    lg_policy_lay_out(task, &layout);
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
-        const lg_var own = held(c) ? lg_columns(tape, z, layout.at[i].error, sizes->errors) : z;
-        q[i] = motion_of(c)->place(tape, c->goal, layout.basis[i], own);
+        const lg_var own = held(c) ? lg_columns(tape, z, p->layout.at[i].error, sizes->errors) : z;
+        q[i] = motion_of(c)->place(tape, c->goal, p->layout.basis[i], own);
         if (!moves(c)) continue;
-        v[n] = lg_columns(tape, z, layout.at[i].rate, sizes->rates);
+        v[n] = lg_columns(tape, z, p->layout.at[i].rate, sizes->rates);
         if (c->motion == LG_POLICY_DIRECTION) { /* omega stays across q */
-            v[n] = along(tape, layout.basis[i], v[n]);
+            v[n] = along(tape, p->layout.basis[i], v[n]);
             v[n] = lg_sub(tape, v[n], lg_mul(tape, q[i], lg_rowdot(tape, v[n], q[i])));
         }
         n++;
     }
-    return (lg_policy_seen){lg_joined(tape, q, task->coordinate_count),
+    return (lg_policy_seen){lg_joined(tape, q, p->task.coordinate_count),
                             n > 0 ? lg_joined(tape, v, n) : LG_NONE};
 }
 
-lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy_task *task, lg_var given) {
-    lg_policy_layout layout;
+lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy *p, lg_var given) {
     lg_var parts[LG_POLICY_COORDINATES];
-    lg_policy_lay_out(task, &layout);
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const motion *m = motion_of(&task->coordinate[i]);
-        parts[i] = lg_columns(tape, given, layout.at[i].given, m->sizes.given);
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const motion *m = motion_of(&p->task.coordinate[i]);
+        parts[i] = lg_columns(tape, given, p->layout.at[i].given, m->sizes.given);
         if (m->given != NULL) parts[i] = m->given(tape, parts[i]);
     }
-    return lg_joined(tape, parts, task->coordinate_count);
+    return lg_joined(tape, parts, p->task.coordinate_count);
 }
 
 static void draw_axis(lg_rng *rng, uint32_t n, double length, double *z) {
@@ -449,27 +427,28 @@ static void draw_axis(lg_rng *rng, uint32_t n, double length, double *z) {
     for (uint32_t i = 0; i < n; i++) z[i] = length * x[i] / sqrt(fmax(sum, 1e-300));
 }
 
-void lg_policy_draw(const lg_policy_task *task, const lg_policy_layout *layout, lg_rng *rng, double *z) {
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
+void lg_policy_draw(const lg_policy *p, lg_rng *rng, double *z) {
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
         const double far = held(c) ? lg_rng_uniform_in(rng, c->start[0], c->start[1]) : 0.0;
         if (sizes->errors == 1)
-            z[layout->at[i].error] = far;
+            z[p->layout.at[i].error] = far;
         else if (sizes->errors > 1)
-            draw_axis(rng, sizes->errors, far, z + layout->at[i].error);
+            draw_axis(rng, sizes->errors, far, z + p->layout.at[i].error);
         for (uint32_t k = 0; moves(c) && k < sizes->rates; k++)
-            z[layout->at[i].rate + k] = lg_rng_uniform_in(rng, c->start_velocity[0], c->start_velocity[1]);
+            z[p->layout.at[i].rate + k] = lg_rng_uniform_in(rng, c->start_velocity[0], c->start_velocity[1]);
     }
 }
 
-bool lg_policy_inside(const lg_policy_task *task, const lg_policy_layout *layout, const double *z) {
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
+bool lg_policy_inside(const lg_policy *p, const double *z) {
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
         double far = 0.0, fast = 0.0;
-        for (uint32_t k = 0; k < sizes->errors; k++) far = hypot(far, z[layout->at[i].error + k]);
-        for (uint32_t k = 0; moves(c) && k < sizes->rates; k++) fast = hypot(fast, z[layout->at[i].rate + k]);
+        for (uint32_t k = 0; k < sizes->errors; k++) far = hypot(far, z[p->layout.at[i].error + k]);
+        for (uint32_t k = 0; moves(c) && k < sizes->rates; k++)
+            fast = hypot(fast, z[p->layout.at[i].rate + k]);
         if (motion_of(c)->cosine != NULL) far = 2.0 * asin(fmin(far / 2.0, 1.0));
         if (!(far < c->success) || !(fast < c->success_velocity)) return false;
     }

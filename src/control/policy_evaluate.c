@@ -29,6 +29,25 @@ static void summarise(const lg_policy_runs *runs, double *sorted, lg_policy_outc
     interval(out->succeeded, n, &out->success_low, &out->success_high);
 }
 
+lg_status lg_policy_try(const lg_policy *p, const lg_policy_trial *trial, const double *x, size_t n,
+                        lg_policy_outcome *out, lg_policy_runs *wanted, lg_error *error) {
+    LG_TRY_SCRATCH(double, memory, p->context, n *(p->state + 3), lg_no_memory(error));
+    LG_TRY_SCRATCH(bool, held, p->context, n, lg_no_memory(error));
+    lg_policy_runs runs = wanted != NULL ? *wanted : (lg_policy_runs){.count = 0};
+    runs.count = n, runs.steps = lg_policy_periods(p, p->task.within);
+    runs.x = memcpy(memory, x, n * p->state * sizeof *x);
+    runs.cost = runs.x + n * p->state, runs.saturated = runs.cost + n;
+    runs.succeeded = held;
+    LG_TRY(lg_policy_run(p, trial, &runs, error));
+    summarise(&runs, runs.saturated + n, out);
+    if (wanted == NULL) return LG_OK;
+    wanted->count = n, wanted->steps = runs.steps;
+    if (wanted->cost != NULL) memcpy(wanted->cost, runs.cost, n * sizeof *runs.cost);
+    if (wanted->succeeded != NULL) memcpy(wanted->succeeded, held, n * sizeof *held);
+    if (wanted->x != NULL) memcpy(wanted->x, runs.x, n * p->state * sizeof *runs.x);
+    return LG_OK;
+}
+
 lg_status lg_policy_evaluate(const lg_policy *p, lg_policy_test test, uint64_t starts, uint64_t seed,
                              int threads, lg_policy_outcome *out, lg_policy_runs *wanted, lg_error *error) {
     if (p == NULL || out == NULL || starts == 0 || starts > 10000000)
@@ -40,32 +59,9 @@ lg_status lg_policy_evaluate(const lg_policy *p, lg_policy_test test, uint64_t s
                                    .disturbed = test == LG_POLICY_DISTURBED,
                                    .seed = seed,
                                    .threads = threads};
-    const size_t n = (size_t)starts;
-    double *memory = lg_alloc(p->context, n * (p->state + 3), sizeof *memory);
-    bool *held = lg_alloc(p->context, n, sizeof *held);
-    lg_policy_runs runs = {.count = n, .steps = lg_policy_periods(p, p->task.within)};
-    lg_status status = LG_OK;
-    if (memory == NULL || held == NULL)
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu runs", n);
-    if (status == LG_OK) {
-        double *sorted = memory + n * p->state + 2 * n;
-        lg_rng rng;
-        if (wanted != NULL)
-            runs.path = wanted->path, runs.input = wanted->input, runs.costs = wanted->costs,
-            runs.motion = wanted->motion;
-        runs.x = memory, runs.cost = runs.x + n * p->state, runs.saturated = runs.cost + n;
-        runs.succeeded = held;
-        lg_rng_seed(&rng, seed, 0);
-        status = lg_policy_starts(p, &rng, n, runs.x, NULL, error);
-        if (status == LG_OK) status = lg_policy_run(p, &trial, &runs, error);
-        if (status == LG_OK) summarise(&runs, sorted, out);
-        if (status == LG_OK && wanted != NULL) {
-            wanted->count = n, wanted->steps = runs.steps;
-            if (wanted->cost != NULL) memcpy(wanted->cost, runs.cost, n * sizeof *runs.cost);
-            if (wanted->succeeded != NULL) memcpy(wanted->succeeded, held, n * sizeof *held);
-            if (wanted->x != NULL) memcpy(wanted->x, runs.x, n * p->state * sizeof *runs.x);
-        }
-    }
-    LG_FREE_ALL(p->context, memory, held);
-    return status;
+    lg_rng rng;
+    LG_TRY_SCRATCH(double, x, p->context, (size_t)starts * p->state, lg_no_memory(error));
+    lg_rng_seed(&rng, seed, 0);
+    LG_TRY(lg_policy_starts(p, &rng, (size_t)starts, x, NULL, error));
+    return lg_policy_try(p, &trial, x, (size_t)starts, out, wanted, error);
 }

@@ -172,6 +172,12 @@ static lg_status allocate(search *s, lg_error *error) {
     return LG_OK;
 }
 
+static void end(search *s) {
+    lg_policy_plans_destroy(&s->plans);
+    for (size_t r = 0; s->minimiser != NULL && r < s->rows; r++) lg_minimiser_destroy(s->minimiser[r]);
+    LG_FREE_ALL(s->policy->context, s->minimiser, s->work, s->z);
+}
+
 static void fill(const search *s, lg_policy_gap *out, bool *complete) {
     const size_t n = s->policy->layout.errors;
     for (size_t i = 0; i < s->starts; i++) {
@@ -188,17 +194,12 @@ lg_status lg_policy_find_gaps(lg_policy *p, size_t starts, uint64_t seed, double
     if (starts == 0 || starts > 1000 || !(seconds >= 0.0))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a search of inputs needs 1 to 1000 starts and a time >= 0");
-    search s = {.policy = p, .starts = starts, .rows = starts * GUESSES};
+    LG_CLEAN(end) search s = {.policy = p, .starts = starts, .rows = starts * GUESSES};
     s.steps = lg_policy_periods(p, p->task.horizon), s.n = s.steps * p->inputs;
     s.end = seconds > 0.0 ? lg_seconds() + seconds : INFINITY;
-    size_t at;
-    const bool has = lg_program_find(p->program, "adj1_planned", &at, NULL) == LG_OK;
-    lg_status status = has ? LG_OK : lg_policy_add_planned(p, error);
-    if (status == LG_OK) status = allocate(&s, error);
-    if (status == LG_OK) status = search_all(&s, seed, error);
-    if (status == LG_OK) fill(&s, out, complete);
-    lg_policy_plans_destroy(&s.plans);
-    for (size_t r = 0; s.minimiser != NULL && r < s.rows; r++) lg_minimiser_destroy(s.minimiser[r]);
-    LG_FREE_ALL(p->context, s.minimiser, s.work, s.z);
-    return status;
+    if (!lg_policy_has(p, "adj1_planned")) LG_TRY(lg_policy_add_planned(p, error));
+    LG_TRY(allocate(&s, error));
+    LG_TRY(search_all(&s, seed, error));
+    fill(&s, out, complete);
+    return LG_OK;
 }

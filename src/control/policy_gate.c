@@ -48,15 +48,10 @@ lg_status lg_policy_bound_gate(const lg_policy *p, const double *P, double level
     LG_NEEDS(error, p, P, ratio);
     LG_TRY(check(p, &angles, error));
     const size_t n = p->layout.errors;
-    double L[MOST * MOST], T[MOST * MOST] = {0}, D[MOST], least[ANGLES], most = 0;
+    double L[MOST * MOST], T[MOST * MOST], D[MOST], least[ANGLES], most = 0;
     if (!lg_matrix_cholesky(n, P, L) || !(level > 0))
         return lg_fail(error, LG_INVALID_ARGUMENT, "P is not positive definite, or the level is not above 0");
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j + 1; i-- > 0;) { /* L^T T = 1, upper triangular */
-            double rest = i == j ? 1 : 0;
-            for (size_t k = i + 1; k <= j; k++) rest -= L[k * n + i] * T[k * n + j];
-            T[i * n + j] = rest / L[i * (n + 1)];
-        }
+    lg_matrix_invert_transposed(n, L, T);
     angles = 0;
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         if (!turns(&p->task.coordinate[i])) continue;

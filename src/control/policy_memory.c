@@ -347,11 +347,11 @@ static lg_status record_remember(void *user, lg_tape *tape, const lg_var *theta,
             lags_after(tape, p, lg_columns(tape, in[0], given - behind - m->lags, m->lags), x, in[1]);
     n += move_lines(tape, p, true, x, in[1], parts + n);
     if (m->integrals > 0) {
-        lg_policy_seen seen = {lg_policy_record_positions(tape, &p->task, lg_columns(tape, in[0], 0, given)),
+        lg_policy_seen seen = {lg_policy_record_positions(tape, p, lg_columns(tape, in[0], 0, given)),
                                LG_NONE};
         if (p->layout.velocities > 0) seen.v = lg_columns(tape, in[0], given, p->layout.velocities);
         parts[n++] = integrals_after(tape, p, lg_columns(tape, kept, m->lines, m->integrals),
-                                     lg_policy_record_errors(tape, &p->task, seen), in[1]);
+                                     lg_policy_record_errors(tape, p, false, seen), in[1]);
     }
     out[0] = lg_joined(tape, parts, n);
     return lg_tape_status(tape);
@@ -402,7 +402,7 @@ lg_var lg_policy_record_acting(lg_tape *tape, const lg_policy *p, lg_var x, lg_p
     lg_var parts[2 * LG_POLICY_INPUTS + 1];
     if (m->count == 0) return u;
     const lg_var before = lg_columns(tape, x, m->plant, m->count),
-                 z = lg_policy_record_errors(tape, &p->task, seen);
+                 z = lg_policy_record_errors(tape, p, false, seen);
     uint32_t n = move_lines(tape, p, false, x, u, parts);
     if (m->integrals > 0)
         parts[n++] = integrals_after(tape, p, lg_columns(tape, before, m->lines, m->integrals), z, u);

@@ -7,7 +7,7 @@
 #include "control/policy.h"
 #include "liegrad/ops.h"
 
-enum { MOST_PORTS = 4 };
+LG_AT(lg_function_image_destroy, lg_function_image)
 
 /* Whether the functions of a policy begin here, in a program that is a policy's. */
 static bool is_own(const lg_program *program, const char *name) {
@@ -20,17 +20,14 @@ static bool is_own(const lg_program *program, const char *name) {
 
 /* Copies the plant's functions; `plant` may be the program of a policy. */
 static lg_status copy_functions(const lg_policy *policy, const lg_program *plant, lg_error *error) {
-    lg_status status = LG_OK;
-    for (size_t f = 0; f < lg_program_functions(plant) && status == LG_OK; f++) {
-        lg_function_image *image;
+    for (size_t f = 0; f < lg_program_functions(plant); f++) {
+        LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
         if (is_own(plant, lg_program_function_name(plant, f))) break;
-        status = lg_function_image_create(plant, f, &image);
-        if (status != LG_OK) return lg_fail(error, status, "no memory for a copy of the plant's functions");
+        if (lg_function_image_create(plant, f, &image) != LG_OK) return lg_no_memory(error);
         image->name = lg_policy_plant_name(policy, image->name);
-        status = lg_program_add_image(policy->program, image, error);
-        lg_function_image_destroy(image);
+        LG_TRY(lg_program_add_image(policy->program, image, error));
     }
-    return status;
+    return LG_OK;
 }
 
 /* ---- recordings: `user` is the policy ---- */
@@ -58,14 +55,14 @@ static lg_status record_period(void *user, lg_tape *tape, const lg_var *theta, c
 static lg_status record_errors(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                lg_var *out) {
     const lg_policy *p = user;
-    out[0] = lg_policy_record_errors(tape, &p->task, seen_of(p, tape, in[0]));
+    out[0] = lg_policy_record_errors(tape, p, false, seen_of(p, tape, in[0]));
     return lg_tape_status(tape);
 }
 
 static lg_status record_retract(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                 lg_var *out) {
     const lg_policy *p = user;
-    const lg_policy_seen at = lg_policy_record_place(tape, &p->task, in[0]);
+    const lg_policy_seen at = lg_policy_record_place(tape, p, in[0]);
     out[0] = moves(p) ? lg_program_call(tape, "momenta", 0, (const lg_var[]){at.q, at.v}) : at.q;
     return lg_tape_status(tape);
 }
@@ -126,7 +123,7 @@ static lg_var level_of(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, l
     }
     const lg_var P = lg_input_f64(tape, lg_shape2(n, n), p->regulator.P);
     lg_var V = lg_rowdot(tape, lg_matmul(tape, z, P), z);
-    const lg_var lost = lg_policy_record_lost(tape, &p->task, seen, z, factors);
+    const lg_var lost = lg_policy_record_lost(tape, p, seen, z, factors);
     if (!lg_is_none(lost)) V = lg_add(tape, V, lost);
     return lg_scale(tape, V, 1.0 / p->regulator.c);
 }
@@ -149,7 +146,7 @@ static lg_var limited(lg_tape *tape, const lg_policy *p, lg_var y) {
 static lg_var record_network(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z,
                              lg_var weights) {
     static const double steepness = 4.5;
-    const lg_var features = lg_policy_record_features(tape, &p->task, p->scale, seen);
+    const lg_var features = lg_policy_record_features(tape, p, p->scale, seen);
     const lg_var u = limited(tape, p, lg_mlp_record(tape, &p->net, weights, 0, features));
     if (!p->task.gate) return u;
     const lg_var by = lg_add_scalar(tape, lg_scale(tape, level_of(tape, p, seen, z), -steepness), steepness);
@@ -193,8 +190,7 @@ static lg_status record_policy(void *user, lg_tape *tape, const lg_var *theta, c
                                lg_var *out) {
     const lg_policy *p = user;
     const lg_policy_seen seen = {in[0], moves(p) ? in[1] : LG_NONE};
-    const lg_var z = p->task.kind == LG_POLICY_ENERGY ? lg_policy_record_counted(tape, &p->task, seen)
-                                                      : lg_policy_record_errors(tape, &p->task, seen);
+    const lg_var z = lg_policy_record_errors(tape, p, p->task.kind == LG_POLICY_ENERGY, seen);
     out[0] = kinds[p->task.kind](tape, p, seen, z, p->parameters > 0 ? in[moves(p) ? 2 : 1] : LG_NONE);
     return lg_tape_status(tape);
 }
@@ -211,7 +207,7 @@ static lg_status record_control(void *user, lg_tape *tape, const lg_var *theta, 
                                 lg_var *out) {
     const lg_policy *p = user;
     const lg_policy_layout *l = &p->layout;
-    lg_policy_seen seen = {lg_policy_record_positions(tape, &p->task, lg_slice(tape, in[0], 1, 0, l->given)),
+    lg_policy_seen seen = {lg_policy_record_positions(tape, p, lg_slice(tape, in[0], 1, 0, l->given)),
                            LG_NONE};
     if (moves(p)) seen.v = lg_slice(tape, in[0], 1, l->given, l->velocities);
     out[0] = call_policy(tape, p, seen,
@@ -250,7 +246,7 @@ static lg_var record_cost(lg_tape *tape, const lg_policy *p, lg_policy_seen seen
     const lg_var from = lg_sub(tape, u, row_of(tape, p->regulator.u0, p->inputs));
     const lg_var effort =
         lg_matmul(tape, lg_square(tape, from), lg_input_f64(tape, lg_shape2(p->inputs, 1), weight));
-    return lg_scale(tape, lg_add(tape, lg_policy_record_stage(tape, &p->task, seen), effort), p->task.period);
+    return lg_scale(tape, lg_add(tape, lg_policy_record_stage(tape, p, seen), effort), p->task.period);
 }
 
 /* Outputs of a period under u: next, cost, u. */
@@ -276,7 +272,7 @@ static lg_status record_planned(void *user, lg_tape *tape, const lg_var *theta, 
                  own =
                      call_policy(tape, p, seen,
                                  p->parameters > 0 ? theta[lg_program_parameters(p->program) - 1] : LG_NONE),
-                 held = feedback(tape, p, lg_policy_record_errors(tape, &p->task, seen), K),
+                 held = feedback(tape, p, lg_policy_record_errors(tape, p, false, seen), K),
                  back = lg_add(tape, lg_mul(tape, own, by[0]), lg_mul(tape, held, by[1])),
                  r = lg_add(tape, lg_mul(tape, in[1], size), back), within = saturated(tape, p, r),
                  over = lg_sub(tape, r, within), parts = lg_div(tape, over, size);
@@ -291,7 +287,7 @@ static lg_status record_terminal(void *user, lg_tape *tape, const lg_var *theta,
     static const double end = 13.0; /* V_end/c */
     const lg_policy *p = user;
     const lg_policy_seen seen = seen_of(p, tape, in[0]);
-    const lg_var z = lg_policy_record_errors(tape, &p->task, seen);
+    const lg_var z = lg_policy_record_errors(tape, p, false, seen);
     const lg_var from = lg_add_scalar(tape, lg_scale(tape, level_of(tape, p, seen, z), 1.0 / end), 1.0);
     out[0] = lg_scale(tape, lg_log(tape, from), p->terminal);
     return lg_tape_status(tape);
@@ -321,7 +317,7 @@ static lg_status close_late_loop(lg_tape *tape, const lg_policy *p, lg_var s, lg
 
 /* What noisy sensors see. */
 static lg_policy_seen sense(lg_tape *tape, const lg_policy *p, lg_var s, lg_var noise) {
-    return lg_policy_record_noise(tape, &p->task, seen_of(p, tape, plant_state(tape, p, s)), noise);
+    return lg_policy_record_noise(tape, p, seen_of(p, tape, plant_state(tape, p, s)), noise);
 }
 
 /* A period of runs of the policy or of the saturated regulator of the gain in[1]. Inputs: the state, the
@@ -330,7 +326,7 @@ static lg_status run_period(lg_tape *tape, const lg_policy *p, bool disturbed, b
                             const lg_var *in, lg_var *out) {
     const size_t own = regulated || p->parameters > 0 ? 1 : 0;
     const lg_policy_seen seen = disturbed ? sense(tape, p, in[0], in[1 + own]) : seen_of(p, tape, in[0]);
-    const lg_var u = regulated ? feedback(tape, p, lg_policy_record_errors(tape, &p->task, seen), in[1])
+    const lg_var u = regulated ? feedback(tape, p, lg_policy_record_errors(tape, p, false, seen), in[1])
                                : call_policy(tape, p, seen, own > 0 ? in[1] : LG_NONE);
     return disturbed ? close_late_loop(tape, p, in[0], u, in[2 + own], out)
                      : close_loop(tape, p, in[0], seen, u, out);
@@ -422,9 +418,8 @@ lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *
     const size_t own = policy->parameters > 0 ? 1 : 0;
     size_t count = lg_program_parameters(plant) + own;
     if (own && count > 1 && strcmp(lg_program_parameter(plant, count - 2).name, "policy") == 0) count--;
-    lg_parameter_spec *parameters = lg_alloc(policy->context, count, sizeof *parameters);
     lg_program_spec spec;
-    if (parameters == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
+    LG_TRY_SCRATCH(lg_parameter_spec, parameters, policy->context, count, lg_no_memory(error));
     for (size_t i = 0; i + own < count; i++) parameters[i] = lg_program_parameter(plant, i);
     if (own)
         parameters[count - 1] = (lg_parameter_spec){"policy", lg_shape1((uint32_t)policy->parameters), NULL};
@@ -432,11 +427,9 @@ lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *
     spec.parameters = parameters;
     spec.parameter_count = count;
     spec.description = "a machine with its controller";
-    lg_status status = lg_program_begin(policy->context, &spec, &policy->program, error);
-    if (status == LG_OK) status = copy_functions(policy, plant, error);
-    lg_free(policy->context, parameters);
-    if (status == LG_OK) status = lg_policy_add_memory(policy, error);
-    if (status != LG_OK) return status;
+    LG_TRY(lg_program_begin(policy->context, &spec, &policy->program, error));
+    LG_TRY(copy_functions(policy, plant, error));
+    LG_TRY(lg_policy_add_memory(policy, error));
     const ports port = ports_of(policy);
     return add(policy, "retract", record_retract, &port.z, 1, OUTS("x"), error);
 }

@@ -129,8 +129,7 @@ typedef enum second { NONE, GAINS, INPUT } second;
 
 static lg_status add(lg_policy *p, const char *name, uint32_t numbers, second with, lg_record_function record,
                      const char *output, lg_error *error) {
-    size_t found;
-    if (lg_program_find(p->program, name, &found, NULL) == LG_OK) return LG_OK;
+    if (lg_policy_has(p, name)) return LG_OK;
     const lg_port others[] = {
         [GAINS] = {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true},
         [INPUT] = {.name = "u", .shape = lg_shape1(p->inputs + p->memory.count)}};
@@ -140,7 +139,6 @@ static lg_status add(lg_policy *p, const char *name, uint32_t numbers, second wi
 }
 
 static lg_status check(const lg_policy *p, lg_error *error) {
-    size_t field;
     LG_TRY(lg_policy_check_memory(p, false, error));
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
@@ -154,7 +152,7 @@ static lg_status check(const lg_policy *p, lg_error *error) {
                        "besides positions and velocities the plant has %u more states (bristles, or inputs "
                        "that act later than the controller knows), which a certificate does not cover",
                        p->state - p->layout.positions - p->layout.velocities);
-    if (lg_program_find(p->program, "field", &field, NULL) != LG_OK)
+    if (!lg_policy_has(p, "field"))
         return lg_fail(error, LG_NOT_FOUND, "the plant has no function field (x, u)");
     return LG_OK;
 }
@@ -174,8 +172,7 @@ lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error
                      {"advance", NONE, record_advance, "next_z"},
                      {"rate_by_gains", GAINS, record_rate_by_gains, "dz"},
                      {"advance_by_gains", GAINS, record_advance_by_gains, "next_z"}};
-    size_t regulated;
-    const bool gains = lg_program_find(p->program, "regulated", &regulated, NULL) == LG_OK;
+    const bool gains = lg_policy_has(p, "regulated");
     for (size_t i = 0; i < LG_COUNT(functions); i++)
         if (gains || functions[i].with != GAINS)
             LG_TRY(add(p, functions[i].name, p->layout.errors, functions[i].with, functions[i].record,

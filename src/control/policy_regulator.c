@@ -209,28 +209,24 @@ static lg_status solve(const design *d, const weights *w, double *K, double *P, 
     lg_policy *p = d->policy;
     const uint32_t n = d->n, m = d->m;
     const size_t bytes = lg_riccati_work_size(n, m);
-    double *A = lg_alloc(p->context, 2 * n * n + n * m + m * m, sizeof *A), *B = A + n * n, *Q = B + n * m,
-           *R = Q + n * n;
-    void *work = lg_alloc(p->context, bytes, 1);
-    lg_riccati_result result = {0};
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (A != NULL && work != NULL) {
-        for (uint32_t i = 0; i < n; i++) {
-            for (uint32_t j = 0; j < n; j++) A[i * n + j] = d->A[i * n + j] * d->size[j] / d->size[i];
-            for (uint32_t l = 0; l < m; l++)
-                B[i * m + l] = d->B[i * m + l] * half_range(d->policy, l) / d->size[i];
-        }
-        fill_weights(d, w, Q, R);
-        const lg_riccati equation = {sizeof equation, n, m, A, B, Q, R, NULL};
-        status = lg_dare(&equation, P, K, NULL, &result, work, bytes, error);
+    lg_riccati_result result;
+    LG_TRY_SCRATCH(double, A, p->context, 2 * n * n + n * m + m * m, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(char, work, p->context, bytes, LG_OUT_OF_MEMORY);
+    double *B = A + n * n, *Q = B + n * m, *R = Q + n * n;
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t j = 0; j < n; j++) A[i * n + j] = d->A[i * n + j] * d->size[j] / d->size[i];
+        for (uint32_t l = 0; l < m; l++)
+            B[i * m + l] = d->B[i * m + l] * half_range(d->policy, l) / d->size[i];
     }
-    for (uint32_t i = 0; i < n && status == LG_OK; i++) {
+    fill_weights(d, w, Q, R);
+    const lg_riccati equation = {sizeof equation, n, m, A, B, Q, R, NULL};
+    LG_TRY(lg_dare(&equation, P, K, NULL, &result, work, bytes, error));
+    for (uint32_t i = 0; i < n; i++) {
         for (uint32_t l = 0; l < m; l++) K[l * n + i] *= half_range(d->policy, l) / d->size[i];
         for (uint32_t j = 0; j < n; j++) P[i * n + j] /= d->size[i] * d->size[j];
     }
     *radius = 1.0 - result.margin;
-    LG_FREE_ALL(p->context, A, work);
-    return status;
+    return LG_OK;
 }
 
 /* Upper triangular C with P = C^T C. */
@@ -335,12 +331,10 @@ static lg_status find_failures(const design *d, const double *K, double *out) {
     const lg_policy *p = d->policy;
     const lg_policy_trial trial = {
         .gain = K, .disturbed = lg_policy_is_disturbed(&p->task), .seed = d->seed, .threads = 1};
-    lg_policy_runs runs = {
-        .count = SAMPLES, .steps = lg_policy_periods(p, p->task.within), .x = d->x, .succeeded = d->held};
-    *out = 0.0;
-    if (p->task.kind != LG_POLICY_LQR) return LG_OK;
-    LG_TRY(lg_policy_run(p, &trial, &runs, d->error));
-    for (size_t s = 0; s < SAMPLES; s++) *out += d->held[s] ? 0.0 : 100.0 / SAMPLES;
+    lg_policy_outcome found = {.succeeded = SAMPLES};
+    if (p->task.kind == LG_POLICY_LQR)
+        LG_TRY(lg_policy_try(p, &trial, d->x, SAMPLES, &found, NULL, d->error));
+    *out = 100.0 * (double)(SAMPLES - found.succeeded) / SAMPLES;
     return LG_OK;
 }
 
@@ -350,7 +344,7 @@ static lg_status distance(const design *d, const double *K, const double *P, dou
     lg_rng rng;
     double V[SAMPLES];
     lg_rng_seed(&rng, d->seed, 6);
-    for (size_t s = 0; s < SAMPLES; s++) lg_policy_draw(&p->task, &p->layout, &rng, d->z + s * d->n);
+    for (size_t s = 0; s < SAMPLES; s++) lg_policy_draw(p, &rng, d->z + s * d->n);
     LG_TRY(measure(d, P, V));
     LG_TRY(find_failures(d, K, out));
     for (size_t s = 0; s < SAMPLES; s++) *out += log(1e-6 + V[s] / c) / SAMPLES;
@@ -493,21 +487,17 @@ static lg_status learn_from_unforced(design *d) {
     const lg_policy *p = d->policy;
     const double zero[LG_POLICY_INPUTS * LG_POLICY_ERRORS] = {0};
     const size_t steps = lg_policy_periods(p, p->task.horizon), count = (steps + 1) * SAMPLES;
-    double cost[SAMPLES], *path = lg_alloc(p->context, count * (d->n + 1), sizeof *path);
+    double cost[SAMPLES];
     lg_rng rng;
-    if (path == NULL) return lg_fail(d->error, LG_OUT_OF_MEMORY, "no memory for the unforced motion");
+    LG_TRY_SCRATCH(double, path, p->context, count *(d->n + 1), lg_no_memory(d->error));
     lg_rng_seed(&rng, d->seed, 8);
     lg_policy_runs runs = {
         .count = SAMPLES, .steps = steps, .x = d->x, .cost = cost, .path = path, .succeeded = d->held};
-    lg_status status = lg_policy_starts(p, &rng, SAMPLES, d->x, NULL, d->error);
-    if (status == LG_OK)
-        status = lg_policy_run(p, &(lg_policy_trial){.gain = zero, .threads = 1}, &runs, d->error);
-    if (status == LG_OK) {
-        widen_scales(d, path, count, path + count * d->n);
-        set_terminal(d, cost);
-    }
-    lg_free(p->context, path);
-    return status;
+    LG_TRY(lg_policy_starts(p, &rng, SAMPLES, d->x, NULL, d->error));
+    LG_TRY(lg_policy_run(p, &(lg_policy_trial){.gain = zero, .threads = 1}, &runs, d->error));
+    widen_scales(d, path, count, path + count * d->n);
+    set_terminal(d, cost);
+    return LG_OK;
 }
 
 /* Rates of the errors of velocity by the inputs of plant p, at the goal at rest: what inputs at half their
@@ -516,8 +506,8 @@ static lg_status learn_from_unforced(design *d) {
 static lg_status input_rates(const design *d, const lg_policy *p, double *out) {
     const uint32_t n = d->n, rows = d->m + 1;
     const double step = 1e-6 * p->task.period;
-    double *z = lg_alloc(p->context, (size_t)rows * (2 * n + 2 * p->state + d->m + 1), sizeof *z);
-    if (z == NULL) return lg_fail(d->error, LG_OUT_OF_MEMORY, "no memory for the map of inputs");
+    LG_TRY_SCRATCH(double, z, p->context, (size_t)rows *(2 * n + 2 * p->state + d->m + 1),
+                   lg_no_memory(d->error));
     double *after = z + (size_t)rows * n, *x = after + (size_t)rows * n, *next = x + (size_t)rows * p->state;
     double *u = next + (size_t)rows * p->state, *h = u + (size_t)rows * d->m;
     for (uint32_t r = 0; r < rows; r++) {
@@ -528,18 +518,15 @@ static lg_status input_rates(const design *d, const lg_policy *p, double *out) {
             if (r > 0 && p->task.coordinate[i].follows == r)
                 z[r * n + p->layout.at[i].error] = half_range(p, r - 1);
     }
-    lg_status status = lg_policy_states(p, z, rows, x, d->error);
-    if (status == LG_OK)
-        status = lg_program_eval(p->context, p->program, "step", rows, (const double *const[]){x, u, h},
-                                 (double *const[]){next}, d->error);
-    if (status == LG_OK)
-        status = lg_program_eval(p->context, p->program, "errors", rows, (const double *const[]){next},
-                                 (double *const[]){after}, d->error);
-    for (uint32_t i = 0; i < n && status == LG_OK; i++)
+    LG_TRY(lg_policy_states(p, z, rows, x, d->error));
+    LG_TRY(lg_program_eval(p->context, p->program, "step", rows, (const double *const[]){x, u, h},
+                           (double *const[]){next}, d->error));
+    LG_TRY(lg_program_eval(p->context, p->program, "errors", rows, (const double *const[]){next},
+                           (double *const[]){after}, d->error));
+    for (uint32_t i = 0; i < n; i++)
         for (uint32_t l = 0; l < d->m; l++)
             out[i * d->m + l] = (after[(l + 1) * n + i] - after[i]) / (half_range(d->policy, l) * step);
-    lg_free(p->context, z);
-    return status;
+    return LG_OK;
 }
 
 /* G = M B: B from input_rates, and the mass matrix M from differences of the energy, which is quadratic in
@@ -547,34 +534,31 @@ static lg_status input_rates(const design *d, const lg_policy *p, double *out) {
 static lg_status set_map(design *d) {
     lg_policy *p = d->policy;
     const uint32_t first = p->layout.at[0].rate, k = d->n - first, rows = 2 * k * k;
-    double *z =
-        lg_alloc(p->context, (size_t)rows * (d->n + p->state + 1) + k * k + (size_t)d->n * d->m, sizeof *z);
-    if (z == NULL) return lg_fail(d->error, LG_OUT_OF_MEMORY, "no memory for the map of inputs");
+    LG_TRY_SCRATCH(double, z, p->context, (size_t)rows *(d->n + p->state + 1) + k * k + (size_t)d->n * d->m,
+                   lg_no_memory(d->error));
     double *x = z + (size_t)rows * d->n, *H = x + (size_t)rows * p->state, *M = H + rows, *B = M + k * k;
     for (uint32_t r = 0; r < rows; r++) {
         const uint32_t i = r / (2 * k), j = r / 2 % k;
         z[(size_t)r * d->n + first + i] += d->size[first + i];
         z[(size_t)r * d->n + first + j] += (r % 2 == 0 ? 1.0 : -1.0) * d->size[first + j];
     }
-    lg_status status = lg_policy_states(p, z, rows, x, d->error);
-    if (status == LG_OK)
-        status = lg_program_eval(p->context, p->program, "value", rows, (const double *const[]){x},
-                                 (double *const[]){H}, d->error);
-    if (status == LG_OK) status = input_rates(d, p, B);
-    for (uint32_t i = 0; i < k * k && status == LG_OK; i++)
+    LG_TRY(lg_policy_states(p, z, rows, x, d->error));
+    LG_TRY(lg_program_eval(p->context, p->program, "value", rows, (const double *const[]){x},
+                           (double *const[]){H}, d->error));
+    LG_TRY(input_rates(d, p, B));
+    for (uint32_t i = 0; i < k * k; i++)
         M[i] = (H[2 * i] - H[2 * i + 1]) / (2.0 * d->size[first + i / k] * d->size[first + i % k]);
-    for (uint32_t l = 0; l < d->m && status == LG_OK; l++)
+    for (uint32_t l = 0; l < d->m; l++)
         for (uint32_t i = 0; i < k; i++) {
             double sum = 0.0;
             for (uint32_t j = 0; j < k; j++) sum += M[i * k + j] * B[(first + j) * d->m + l];
             p->G[l * d->n + first + i] = sum;
         }
-    for (uint32_t i = 0; i < p->task.coordinate_count && status == LG_OK; i++)
+    for (uint32_t i = 0; i < p->task.coordinate_count; i++)
         for (uint32_t l = 0; p->task.coordinate[i].velocity[0] != '\0' && l < d->m; l++)
             memcpy(p->G + l * d->n + p->layout.at[i].error, p->G + l * d->n + p->layout.at[i].rate,
                    lg_policy_row_of(&p->task.coordinate[i])->errors * sizeof *p->G);
-    lg_free(p->context, z);
-    return status;
+    return LG_OK;
 }
 
 /* Compensation begins with k = the input that dry friction takes at the goal: h (1 - a/s), where an input
@@ -583,11 +567,11 @@ static lg_status set_map(design *d) {
 static lg_status begin_compensation(const design *d) {
     lg_policy *p = d->policy;
     const uint32_t n = d->n, m = d->m, rates = p->layout.at[0].rate;
-    double *a = lg_alloc(p->context, 2 * (size_t)n * m, sizeof *a), *s = a + (size_t)n * m;
-    if (a == NULL) return lg_fail(d->error, LG_OUT_OF_MEMORY, "no memory for a regulator");
-    lg_status status = input_rates(d, p, a);
-    if (status == LG_OK) status = input_rates(d, d->sliding != NULL ? d->sliding : p, s);
-    for (uint32_t l = 0; l < m && status == LG_OK; l++) {
+    LG_TRY_SCRATCH(double, a, p->context, 2 * (size_t)n * m, lg_no_memory(d->error));
+    double *s = a + (size_t)n * m;
+    LG_TRY(input_rates(d, p, a));
+    LG_TRY(input_rates(d, d->sliding != NULL ? d->sliding : p, s));
+    for (uint32_t l = 0; l < m; l++) {
         uint32_t most = rates;
         for (uint32_t i = rates; i < n; i++)
             if (fabs(s[i * m + l]) / d->size[i] > fabs(s[most * m + l]) / d->size[most]) most = i;
@@ -601,8 +585,7 @@ static lg_status begin_compensation(const design *d) {
         p->first[l] = log(half * fmin(fmax(part, 1e-3), 1.0));
         p->first[m + l] = log(fmin(fmax(0.5 * sqrt(square), 1e-3 * half), half));
     }
-    lg_free(p->context, a);
-    return status;
+    return LG_OK;
 }
 
 /* ---- */
@@ -623,21 +606,17 @@ static void end(design *d) {
 }
 
 lg_status lg_policy_find_rest(lg_policy *p, lg_policy *sliding, lg_error *error) {
-    design d;
-    const lg_status status = begin(&d, p, sliding, 0, error);
-    end(&d);
-    return status;
+    LG_CLEAN(end) design d;
+    return begin(&d, p, sliding, 0, error);
 }
 
 lg_status lg_policy_find_regulator(lg_policy *p, lg_policy *sliding, uint64_t seed, lg_error *error) {
-    design d;
-    lg_status status = begin(&d, p, sliding, seed, error);
-    if (status == LG_OK) status = lg_policy_add_regulated(p, error);
-    if (status == LG_OK) status = choose_regulator(&d);
-    if (status == LG_OK) set_scales(&d);
-    if (status == LG_OK && p->task.search) status = learn_from_unforced(&d);
-    if (status == LG_OK && p->task.kind == LG_POLICY_ENERGY) status = set_map(&d);
-    if (status == LG_OK && p->task.compensate) status = begin_compensation(&d);
-    end(&d);
-    return status;
+    LG_CLEAN(end) design d;
+    LG_TRY(begin(&d, p, sliding, seed, error));
+    LG_TRY(lg_policy_add_regulated(p, error));
+    LG_TRY(choose_regulator(&d));
+    set_scales(&d);
+    if (p->task.search) LG_TRY(learn_from_unforced(&d));
+    if (p->task.kind == LG_POLICY_ENERGY) LG_TRY(set_map(&d));
+    return p->task.compensate ? begin_compensation(&d) : LG_OK;
 }

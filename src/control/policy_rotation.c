@@ -76,8 +76,7 @@ lg_status lg_policy_probe(const lg_policy *p, lg_policy_body *first, lg_error *e
     double q[ROTATION];
     lg_policy_body other;
     lg_rng rng;
-    size_t field;
-    if (lg_program_find(p->program, "field", &field, NULL) != LG_OK)
+    if (!lg_policy_has(p, "field"))
         return lg_fail(error, LG_NOT_FOUND, "the plant has no function field (x, u)");
     LG_TRY(look(p, c->goal, fast, 1, first, error));
     lg_rng_seed(&rng, 1, 14);

@@ -6,6 +6,7 @@
 #include "core/portions.h"
 
 enum { ROWS = LG_POLICY_ROWS };
+LG_AT(lg_thread_pool_destroy, lg_thread_pool)
 
 size_t lg_policy_periods(const lg_policy *policy, double seconds) {
     const double n = floor(seconds / policy->task.period + 0.5);
@@ -28,16 +29,13 @@ lg_status lg_policy_states(const lg_policy *p, const double *z, size_t count, do
 
 lg_status lg_policy_starts(const lg_policy *p, lg_rng *rng, size_t count, double *x, double *u,
                            lg_error *error) {
-    double *z = lg_alloc(p->context, count * p->layout.errors, sizeof *z);
-    if (z == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for starts");
+    LG_TRY_SCRATCH(double, z, p->context, count * p->layout.errors, lg_no_memory(error));
     for (size_t i = 0; i < count; i++) {
-        lg_policy_draw(&p->task, &p->layout, rng, z + i * p->layout.errors);
+        lg_policy_draw(p, rng, z + i * p->layout.errors);
         for (uint32_t l = 0; u != NULL && l < p->inputs; l++)
             *u++ = lg_rng_uniform_in(rng, p->task.input[l].low, p->task.input[l].high);
     }
-    const lg_status status = lg_policy_states(p, z, count, x, error);
-    lg_free(p->context, z);
-    return status;
+    return lg_policy_states(p, z, count, x, error);
 }
 
 const lg_policy *lg_policy_drawn(const lg_policy *p, uint64_t piece) {
@@ -126,7 +124,7 @@ static void note(const running *r, const piece *w, size_t first, size_t count, s
     for (size_t i = 0; i < count; i++) {
         if (runs->path != NULL)
             memcpy(runs->path + (k * runs->count + first + i) * n, w->z + i * n, n * sizeof *w->z);
-        if (k + r->hold > runs->steps && !lg_policy_inside(&p->task, &p->layout, w->z + i * n))
+        if (k + r->hold > runs->steps && !lg_policy_inside(p, w->z + i * n))
             runs->succeeded[first + i] = false;
     }
 }
@@ -221,21 +219,17 @@ lg_status lg_policy_run(const lg_policy *p, const lg_policy_trial *trial, lg_pol
     static const char *const steps[2][2] = {{"closed", "regulated"}, {"disturbed", "disturbed_regulator"}};
     const char *const names[PLANS] = {steps[trial->disturbed][trial->gain != NULL], "errors"};
     running r = {.policy = p, .trial = trial, .runs = runs, .width = p->state};
-    lg_thread_pool *pool = NULL;
+    LG_CLEAN(lg_policy_plans_destroy) lg_policy_plans plans;
+    LG_CLEAN(lg_thread_pool_destroy_at) lg_thread_pool *pool = NULL;
     if (trial->disturbed) r.width += p->inputs, r.noise = lg_policy_noise_sizes(&p->task, NULL);
-    lg_status status =
-        lg_policy_plans_create(p, trial->disturbed, names, PLANS, LG_F64, ROWS, &r.plans, error);
-    if (status == LG_OK) status = lg_thread_pool_create(p->context, trial->threads, &pool);
-    if (status == LG_OK) {
-        r.pieces = (runs->count + ROWS - 1) / ROWS;
-        r.hold = lg_policy_periods(p, p->task.hold);
-        r.piece_bytes = lay_out(&r, NULL, &(piece){0});
-        r.memory = lg_alloc(p->context, r.pieces, r.piece_bytes);
-        if (r.memory == NULL) status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for runs");
-    }
-    if (status == LG_OK) run_all(&r, pool);
-    lg_free(p->context, r.memory);
-    lg_thread_pool_destroy(pool);
-    lg_policy_plans_destroy(&r.plans);
-    return status;
+    LG_TRY(lg_policy_plans_create(p, trial->disturbed, names, PLANS, LG_F64, ROWS, &plans, error));
+    LG_TRY(lg_thread_pool_create(p->context, trial->threads, &pool));
+    r.plans = plans;
+    r.pieces = (runs->count + ROWS - 1) / ROWS;
+    r.hold = lg_policy_periods(p, p->task.hold);
+    r.piece_bytes = lay_out(&r, NULL, &(piece){0});
+    LG_TRY_SCRATCH(char, memory, p->context, r.pieces *r.piece_bytes, lg_no_memory(error));
+    r.memory = memory;
+    run_all(&r, pool);
+    return LG_OK;
 }

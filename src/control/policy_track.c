@@ -100,21 +100,19 @@ lg_status lg_policy_check_shifts(const lg_policy *p, bool tracked, uint64_t seed
     lg_rng rng;
     for (uint32_t k = 0; k < task->coordinate_count; k++) any = any || shifted(&task->coordinate[k], tracked);
     if (!any) return LG_OK;
-    double *x = lg_alloc(p->context, TRIALS * (2 * p->state + KEPT * (nq + nv) + p->inputs), sizeof *x);
-    if (x == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a comparison of motions");
+    LG_TRY_SCRATCH(double, x, p->context, TRIALS *(2 * p->state + KEPT * (nq + nv) + p->inputs),
+                   lg_no_memory(error));
     double *at = x + (size_t)2 * TRIALS * p->state;
     for (int i = 0; i < KEPT; i++, at += TRIALS * (nq + nv)) all[i] = (trial){.q = at, .v = at + TRIALS * nq};
     all[0].u = at;
     lg_rng_seed(&rng, seed, 9);
-    lg_status status = lg_policy_starts(p, &rng, TRIALS, x, all[0].u, error);
-    if (status == LG_OK) status = see(p, x, &all[0], error);
-    for (uint32_t k = 0; k < task->coordinate_count && status == LG_OK;
-         k++) /* free positions from their range */
+    LG_TRY(lg_policy_starts(p, &rng, TRIALS, x, all[0].u, error));
+    LG_TRY(see(p, x, &all[0], error));
+    for (uint32_t k = 0; k < task->coordinate_count; k++) /* free positions from their range */
         for (size_t i = p->layout.at[k].position; task->coordinate[k].free && i < TRIALS * nq; i += nq)
             all[0].q[i] +=
                 lg_rng_uniform_in(&rng, task->coordinate[k].start[0], task->coordinate[k].start[1]);
-    for (uint32_t k = 0; k < task->coordinate_count && status == LG_OK; k++)
-        if (shifted(&task->coordinate[k], tracked)) status = compare(p, k, &all[0], x, all + 1, error);
-    lg_free(p->context, x);
-    return status;
+    for (uint32_t k = 0; k < task->coordinate_count; k++)
+        if (shifted(&task->coordinate[k], tracked)) LG_TRY(compare(p, k, &all[0], x, all + 1, error));
+    return LG_OK;
 }

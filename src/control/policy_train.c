@@ -40,6 +40,7 @@ struct lg_policy_trainer {
     lg_error *error;
 };
 typedef struct lg_policy_trainer training;
+LG_AT(lg_policy_trainer_destroy, training)
 
 void lg_policy_train_options_init(lg_policy_train_options *options) {
     *options = (lg_policy_train_options){.size = sizeof *options,
@@ -72,28 +73,14 @@ static lg_status draw_starts(const training *t, uint64_t stream, size_t count, d
 
 static lg_status judge(const training *t, const double *theta, judged *out) {
     const lg_policy *p = t->policy;
-    bool held[VALIDATION];
-    double cost[VALIDATION];
     const lg_policy_trial trial = {.theta = theta,
                                    .disturbed = lg_policy_is_disturbed(&p->task),
                                    .seed = t->options.seed,
                                    .threads = t->options.threads};
-    double *x = lg_alloc(p->context, VALIDATION * p->state, sizeof *x);
-    if (x == NULL) return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for validation");
-    memcpy(x, t->validation, VALIDATION * p->state * sizeof *x);
-    lg_policy_runs runs = {.count = VALIDATION,
-                           .steps = lg_policy_periods(p, p->task.within),
-                           .x = x,
-                           .cost = cost,
-                           .succeeded = held};
-    const lg_status status = lg_policy_run(p, &trial, &runs, t->error);
-    *out = (judged){0, 0};
-    for (size_t i = 0; i < VALIDATION && status == LG_OK; i++) {
-        out->success += (held[i] ? 1.0 : 0.0) / VALIDATION;
-        out->cost += cost[i] / VALIDATION;
-    }
-    lg_free(p->context, x);
-    return status;
+    lg_policy_outcome found;
+    LG_TRY(lg_policy_try(p, &trial, t->validation, VALIDATION, &found, NULL, t->error));
+    *out = (judged){(double)found.succeeded / VALIDATION, found.cost_mean};
+    return LG_OK;
 }
 
 static bool better(judged a, judged b) {
@@ -235,15 +222,11 @@ static void order_racers(training *t, judged *found) {
 }
 
 static lg_status judge_racers(training *t) {
-    judged *found = lg_alloc(t->policy->context, t->racers, sizeof *found);
-    if (found == NULL) return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for a race");
-    lg_status status = LG_OK;
-    for (uint32_t k = 0; k < t->racers && status == LG_OK; k++)
-        status = look(t, t->theta + k * t->n, &found[k]);
-    if (status == LG_OK) order_racers(t, found);
+    LG_TRY_SCRATCH(judged, found, t->policy->context, t->racers, lg_no_memory(t->error));
+    for (uint32_t k = 0; k < t->racers; k++) LG_TRY(look(t, t->theta + k * t->n, &found[k]));
+    order_racers(t, found);
     t->leader = (uint32_t)t->number[0];
-    lg_free(t->policy->context, found);
-    return status;
+    return LG_OK;
 }
 
 /* After a third and after two thirds of the race the worse half leaves it. */
@@ -377,8 +360,7 @@ static lg_status begin(training *t) {
                         sizeof *t->theta);
     t->gradients = lg_alloc(p->context, seeds, sizeof *t->gradients);
     t->number = lg_alloc(p->context, seeds, sizeof *t->number);
-    if (t->theta == NULL || t->gradients == NULL || t->number == NULL)
-        return lg_fail(t->error, LG_OUT_OF_MEMORY, "no memory for training");
+    if (t->theta == NULL || t->gradients == NULL || t->number == NULL) return lg_no_memory(t->error);
     t->m = t->theta + seeds * n, t->v = t->m + seeds * n, t->gradient = t->v + seeds * n;
     t->best = t->gradient + seeds * n;
     t->x = t->best + n;
@@ -397,21 +379,17 @@ static lg_status begin(training *t) {
 lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
                                    lg_policy_trainer **out, lg_error *error) {
     LG_NEEDS(error, policy, out);
-    training *t = lg_alloc(policy->context, 1, sizeof *t);
-    if (t == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for training");
+    LG_CLEAN(lg_policy_trainer_destroy_at) training *t = lg_alloc(policy->context, 1, sizeof *t);
+    if (t == NULL) return lg_no_memory(error);
     t->policy = policy, t->error = error;
     lg_policy_train_options_init(&t->options);
     if (options != NULL) t->options = *options;
     t->n = policy->parameters;
     t->seeds = policy->task.kind == LG_POLICY_NETWORK ? t->options.seeds : 1;
-    lg_status status = check_options(&t->options, error);
-    if (status == LG_OK) status = begin(t);
+    LG_TRY(check_options(&t->options, error));
+    LG_TRY(begin(t));
     if (t->n == 0) t->phase = DONE;
-    if (status == LG_OK)
-        *out = t;
-    else
-        lg_policy_trainer_destroy(t);
-    return status;
+    return LG_MOVE(out, t);
 }
 
 void lg_policy_trainer_destroy(lg_policy_trainer *t) {

@@ -62,6 +62,16 @@ bool lg_matrix_cholesky(size_t n, const double *a, double *L) {
     return lg_kernels_for(LG_F64)->spd_factor(1, n, a, L) == 0;
 }
 
+void lg_matrix_invert_transposed(size_t n, const double *L, double *T) {
+    memset(T, 0, n * n * sizeof *T);
+    for (size_t j = 0; j < n; j++)
+        for (size_t i = j + 1; i-- > 0;) {
+            double rest = i == j ? 1.0 : 0.0;
+            for (size_t k = i + 1; k <= j; k++) rest -= L[k * n + i] * T[k * n + j];
+            T[i * n + j] = rest / L[i * (n + 1)];
+        }
+}
+
 bool lg_matrix_root(size_t n, const double *a, double *L) {
     memset(L, 0, n * n * sizeof *L);
     for (size_t j = 0; j < n; j++) {

@@ -28,6 +28,8 @@ double lg_matrix_norm(size_t count, const double *x);
 /* L becomes the lower triangular matrix with L L^T = (a + a^T)/2. Returns false if (a + a^T)/2 is not
  * positive definite. a and L do not overlap. */
 bool lg_matrix_cholesky(size_t n, const double *a, double *L);
+/* T (n, n) = L^-T, upper triangular, for a lower triangular L */
+void lg_matrix_invert_transposed(size_t n, const double *L, double *T);
 /* L becomes lower triangular with L L^T = a for a positive semidefinite a. Returns false if a is not positive
  * semidefinite to 1e-8. */
 bool lg_matrix_root(size_t n, const double *a, double *L);

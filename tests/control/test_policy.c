@@ -18,13 +18,13 @@ RELEASES(release_batch, lg_policy_batch_destroy)
 
 /* Errors of the position and velocity at z from the goal. */
 static void errors_of(const lg_policy_task *task, const double *z, double *out) {
-    lg_policy_layout layout;
+    lg_policy p = {.task = *task};
     lg_tape *tape;
-    lg_policy_lay_out(task, &layout);
+    lg_policy_lay_out(task, &p.layout);
     assert_ok(lg_tape_create(NULL, NULL, &tape));
     const lg_policy_seen seen =
-        lg_policy_record_place(tape, task, lg_input_f64(tape, lg_shape2(1, layout.errors), z));
-    assert_ok(lg_read(tape, lg_policy_record_errors(tape, task, seen), layout.errors, out));
+        lg_policy_record_place(tape, &p, lg_input_f64(tape, lg_shape2(1, p.layout.errors), z));
+    assert_ok(lg_read(tape, lg_policy_record_errors(tape, &p, false, seen), p.layout.errors, out));
     lg_tape_destroy(tape);
 }
 
@@ -357,8 +357,7 @@ static void check_gradient(const lg_policy_task *task, const char *machine, doub
     double *g = TEST_ARRAY(double, n), *other = TEST_ARRAY(double, n), cost;
     assert_ok(lg_policy_batch_create(policy, LG_F64, 1, count, 1, batch, NULL));
     lg_test_owns(batch, release_batch);
-    for (size_t i = 0; i < count; i++)
-        lg_policy_draw(task, &policy->layout, &rng, z + i * policy->layout.errors);
+    for (size_t i = 0; i < count; i++) lg_policy_draw(policy, &rng, z + i * policy->layout.errors);
     assert_ok(lg_policy_states(policy, z, count, x, NULL));
     batch->starts[0] = x, batch->theta[0] = policy->theta, batch->cut = cut, batch->steps[0] = 10;
     lg_policy_batch_run(batch, &cost, &g);
@@ -389,8 +388,7 @@ TEST("runs of each point of a batch are as long as asked, whatever the other poi
     double *const g[2] = {TEST_ARRAY(double, n), TEST_ARRAY(double, n)}, *alone = TEST_ARRAY(double, n),
                   cost[2], one;
     lg_rng rng = test_rng(8, 0);
-    for (size_t i = 0; i < N; i++)
-        lg_policy_draw(&task, &policy->layout, &rng, z + i * policy->layout.errors);
+    for (size_t i = 0; i < N; i++) lg_policy_draw(policy, &rng, z + i * policy->layout.errors);
     assert_ok(lg_policy_states(policy, z, N, x, NULL));
     assert_ok(lg_policy_batch_create(policy, LG_F64, 2, N, 1, both, NULL));
     lg_test_owns(both, release_batch);

@@ -30,7 +30,7 @@ static starts draw(const lg_policy *policy, size_t count, uint64_t seed) {
     lg_rng rng = test_rng(seed, 0);
     const size_t n = policy->layout.errors;
     const starts s = {TEST_ARRAY(double, count *n), TEST_ARRAY(double, count * policy->state)};
-    for (size_t i = 0; i < count; i++) lg_policy_draw(&policy->task, &policy->layout, &rng, s.z + i * n);
+    for (size_t i = 0; i < count; i++) lg_policy_draw(policy, &rng, s.z + i * n);
     assert_ok(lg_policy_states(policy, s.z, count, s.x, NULL));
     return s;
 }
@@ -116,11 +116,13 @@ TEST("noise of a rotation turns it by a small vector in the body, of a direction
     memcpy(q, R, sizeof R);
     const double d[3] = {0.6, 0.0, 0.8}, v[6] = {0};
     memcpy(q + 9, d, sizeof d);
+    lg_policy p = {.task = task};
+    lg_policy_lay_out(&task, &p.layout);
     assert_ok(lg_tape_create(NULL, NULL, &tape));
     const lg_policy_seen seen = {lg_input_f64(tape, lg_shape2(1, 12), q),
                                  lg_input_f64(tape, lg_shape2(1, 6), v)};
     const lg_policy_seen sensed =
-        lg_policy_record_noise(tape, &task, seen, lg_input_f64(tape, lg_shape2(1, 12), n));
+        lg_policy_record_noise(tape, &p, seen, lg_input_f64(tape, lg_shape2(1, 12), n));
     assert_ok(lg_read(tape, sensed.q, 12, noisy));
     lg_tape_destroy(tape);
     double by[9], moved[3];

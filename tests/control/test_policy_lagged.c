@@ -98,7 +98,7 @@ TEST("a regulator that knows the lagged input holds where one that does not know
     double x[200 * 3], z[200 * 3], cost[200];
     bool held[200];
     lg_rng rng = test_rng(3, 0);
-    for (int i = 0; i < 200; i++) lg_policy_draw(&p->task, &p->layout, &rng, z + 3 * i);
+    for (int i = 0; i < 200; i++) lg_policy_draw(p, &rng, z + 3 * i);
     assert_ok(lg_policy_states(p, z, 200, x, NULL));
     runs = (lg_policy_runs){.count = 200, .steps = 80, .x = x, .cost = cost, .succeeded = held};
     assert_ok(lg_policy_run(p, &(lg_policy_trial){.gain = K, .threads = 1}, &runs, NULL));

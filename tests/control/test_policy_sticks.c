@@ -117,7 +117,7 @@ static void compare(const lg_policy *p, double late, double *claimed, double *tr
         assert_ok(lg_plan_create(p->program, at, NULL, &plan[i], NULL));
         assert_true(lg_plan_work_size(plan[i]) <= 4096 * sizeof(double));
     }
-    for (int i = 0; i < STARTS; i++) lg_policy_draw(&p->task, &p->layout, &rng, z + i * n);
+    for (int i = 0; i < STARTS; i++) lg_policy_draw(p, &rng, z + i * n);
     assert_ok(lg_policy_states(p, z, STARTS, x, NULL));
     lg_policy_runs runs = {.count = STARTS, .steps = lg_policy_steps(p), .x = x, .succeeded = held};
     assert_ok(lg_policy_run(p, &(lg_policy_trial){.theta = p->theta, .threads = 1}, &runs, NULL));

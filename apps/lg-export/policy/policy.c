@@ -82,10 +82,9 @@ static void tell(const export_policy_job *j) {
 
 /* ---- opening ---- */
 
-static lg_status open_policy(const app *self, const char *path, export_source *source, export_policy_job *out,
-                             lg_error *error) {
+static void open_policy(const app *self, const char *path, export_source *source, export_policy_job *out) {
     *out = (export_policy_job){.self = self, .source = source, .declarations = app_text()};
-    LG_TRY(lg_policy_load(self->context, path, NULL, &out->policy, &out->text, error));
+    APP_MUST_FILE(self, path, lg_policy_load(self->context, path, NULL, &out->policy, &out->text, &error));
     out->task = lg_policy_task_of(out->policy);
     out->inputs = out->task->input_count;
     for (uint32_t i = 0; i < out->task->coordinate_count; i++) {
@@ -95,7 +94,6 @@ static lg_status open_policy(const app *self, const char *path, export_source *s
         out->given += row->given;
         out->velocities += c->velocity[0] != '\0' ? row->velocity : 0;
     }
-    return LG_OK;
 }
 
 static void close_policy(export_policy_job *j) {
@@ -107,8 +105,7 @@ static void close_policy(export_policy_job *j) {
 
 void export_policy_words(const app *self, const char *path, export_source *source) {
     export_policy_job j;
-    lg_error error = {LG_OK, ""};
-    app_must_file(self, open_policy(self, path, source, &j, &error), &error, path);
+    open_policy(self, path, source, &j);
     source->maps = true;
     tell(&j);
     close_policy(&j);
@@ -173,15 +170,14 @@ lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *j, lg_var x
 
 /* ---- C ---- */
 
-static lg_status load_program(export_policy_job *j, const char *path, lg_error *error) {
+static void load_program(export_policy_job *j, const char *path) {
     size_t count;
-    LG_TRY(lg_program_load(j->self->context, path, NULL, &j->program, error));
+    APP_MUST_FILE(j->self, path, lg_program_load(j->self->context, path, NULL, &j->program, &error));
     j->state = lg_shape_count(export_ports(j->program, "period", false, &count)[0].shape);
     /* export_whole rounds again, and counts what is lost. */
     const size_t lost = j->source->lost;
-    const lg_status status = export_round_parameters(j->source, j->program);
+    APP_MUST(j->self, export_round_parameters(j->source, j->program));
     j->source->lost = lost;
-    return status;
 }
 
 static bool is_named(const char *list, const char *name) {
@@ -226,10 +222,8 @@ static void write_policy(export_policy_job *j, const char *path) {
 
 void export_policy(const app *self, const char *path, export_source *source) {
     export_policy_job j;
-    lg_error error = {LG_OK, ""};
-    lg_status status = open_policy(self, path, source, &j, &error);
-    if (status == LG_OK) status = load_program(&j, path, &error);
-    app_must_file(self, status, &error, path);
+    open_policy(self, path, source, &j);
+    load_program(&j, path);
     write_policy(&j, path);
     close_policy(&j);
 }

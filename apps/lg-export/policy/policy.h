@@ -18,6 +18,9 @@ typedef struct export_policy_job {
     text declarations; /* Of functions that are not in the program, for NAME.h. */
 } export_policy_job;
 
+/* Ends the command if the call fails; the message names the policy's file. */
+#define EXPORT_POLICY_MUST(job, call) APP_MUST_FILE((job)->self, (job)->source->options->file, call)
+
 /* ---- runs of the library (policy_loop.c) ---- */
 
 /* A run of the library: what the controller sees (periods + 1, given + velocities), its inputs (periods,
@@ -27,10 +30,9 @@ typedef struct export_path {
     size_t periods; /* at least 1 */
 } export_path;
 /* `noise` (given): of the positions that are seen; `more` (2 velocities): the plant has 0.3 of this offset
- * and of this damping more than the machine, as impulses once a period; NULL: none. On failure too,
- * export_path_destroy must be called. */
-lg_status export_loop_run(const export_policy_job *job, uint64_t stream, const double *noise,
-                          const double *more, export_path *path, lg_error *error);
+ * and of this damping more than the machine, as impulses once a period; NULL: none. */
+export_path export_loop_run(const export_policy_job *job, uint64_t stream, const double *noise,
+                            const double *more);
 void export_path_destroy(export_path *path);
 
 /* Adds the closed loop to the self-test. */

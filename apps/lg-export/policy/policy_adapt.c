@@ -93,7 +93,7 @@ static lg_status record_adapt(void *user, lg_tape *tape, const lg_var *theta, co
     return lg_tape_status(tape);
 }
 
-static lg_status add_function(const adaptation *a, lg_error *error) {
+static void add_function(const adaptation *a) {
     const export_policy_job *j = a->job;
     size_t count;
     const lg_port *control = export_ports(j->program, "control", false, &count);
@@ -105,14 +105,13 @@ static lg_status add_function(const adaptation *a, lg_error *error) {
     in[2].name = "next";
     const lg_function_spec adapt = {
         "adapt", in, 4, &(lg_port){.name = "kept"}, 1, record_adapt, (void *)(uintptr_t)a};
-    return lg_program_add_function(j->program, &adapt, error);
+    EXPORT_POLICY_MUST(j, lg_program_add_function(j->program, &adapt, &error));
 }
 
 /* ---- ranges, from a run of the library ---- */
 
 /* Root mean squares over the run of forces (changes of momenta), velocities and accelerations. */
-static lg_status find_ranges(const export_policy_job *j, adaptation *a, const export_path *path,
-                             lg_error *error) {
+static void find_ranges(const export_policy_job *j, adaptation *a, const export_path *path) {
     const size_t n = j->given, rows = path->periods + 1;
     const double period = j->task->period;
     APP_FREE double *q = app_alloc(rows * n, sizeof *q), *v = app_alloc(rows * n, sizeof *v),
@@ -121,9 +120,9 @@ static lg_status find_ranges(const export_policy_job *j, adaptation *a, const ex
         memcpy(q + k * n, path->seen + k * 2 * n, n * sizeof *q);
         memcpy(v + k * n, path->seen + k * 2 * n + n, n * sizeof *v);
     }
-    const lg_status status = lg_program_eval(j->self->context, j->program, "momenta", rows,
-                                             (const double *const[]){q, v}, (double *const[]){p}, error);
-    for (size_t i = 0; i < n && status == LG_OK; i++) {
+    EXPORT_POLICY_MUST(j, lg_program_eval(j->self->context, j->program, "momenta", rows,
+                                          (const double *const[]){q, v}, (double *const[]){p}, &error));
+    for (size_t i = 0; i < n; i++) {
         double force = 0, speed = 0, rate = 0;
         for (size_t k = 0; k < path->periods; k++) {
             force += pow((p[(k + 1) * 2 * n + n + i] - p[k * 2 * n + n + i]) / period, 2);
@@ -140,7 +139,6 @@ static lg_status find_ranges(const export_policy_job *j, adaptation *a, const ex
         for (int k = 0; k < NUMBERS; k++)
             a->range[NUMBERS * i + (size_t)k] = export_round(j->source->options, range[k]);
     }
-    return status;
 }
 
 /* ---- texts ---- */
@@ -177,13 +175,12 @@ static void add_words(const adaptation *a) {
 }
 
 /* Adds the golden run of `adapt`: the plant has more damping than the model, and an offset. */
-static lg_status add_run(export_policy_job *j, const adaptation *a, lg_error *error) {
-    export_path path;
+static void add_run(export_policy_job *j, const adaptation *a) {
     const size_t n = j->given, m = j->inputs, width = 4 * n + m;
     double more[2 * MOST];
     export_memory *run = export_policy_keep(j, "adapt", declarations, MEMORY * n);
     for (size_t i = 0; i < n; i++) more[i] = a->range[NUMBERS * i + 2], more[n + i] = a->range[NUMBERS * i];
-    const lg_status status = export_loop_run(j, ADAPT_STREAM, NULL, more, &path, error);
+    export_path path = export_loop_run(j, ADAPT_STREAM, NULL, more);
     run->rows = path.periods;
     run->inputs = app_alloc(path.periods * width, sizeof *run->inputs);
     for (size_t k = 0; k < path.periods; k++) {
@@ -198,20 +195,16 @@ static lg_status add_run(export_policy_job *j, const adaptation *a, lg_error *er
     export_size(j->source, "ADAPT_SIZE", run->numbers, "numbers of memory of the adaptation");
     export_path_destroy(&path);
     export_size(j->source, "FOUND", NUMBERS * n, "numbers that the adaptation finds");
-    return status;
 }
 
 void export_policy_adapt(export_policy_job *j) {
     adaptation a = {.job = j};
-    export_path path;
-    lg_error error = {LG_OK, ""};
     export_policy_simple(j, "adapt");
     a.keep = export_round(j->source->options, exp(-j->task->period / j->source->options->forget));
-    lg_status status = export_loop_run(j, ADAPT_STREAM, NULL, NULL, &path, &error);
-    if (status == LG_OK) status = find_ranges(j, &a, &path, &error);
+    export_path path = export_loop_run(j, ADAPT_STREAM, NULL, NULL);
+    find_ranges(j, &a, &path);
     export_path_destroy(&path);
-    if (status == LG_OK) status = add_function(&a, &error);
-    if (status == LG_OK) status = add_run(j, &a, &error);
-    if (status == LG_OK) add_words(&a);
-    app_must_file(j->self, status, &error, j->source->options->file);
+    add_function(&a);
+    add_run(j, &a);
+    add_words(&a);
 }

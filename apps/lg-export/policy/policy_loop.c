@@ -20,14 +20,14 @@ typedef struct export_loop {
     const export_policy_job *job;
 } export_loop;
 
-static lg_status open_function(const export_policy_job *j, const char *name, lg_dtype dtype,
-                               export_evaluation *out, lg_error *error) {
+static void open_function(const export_policy_job *j, const char *name, lg_dtype dtype,
+                          export_evaluation *out) {
     size_t at;
-    LG_TRY(lg_program_find(j->program, name, &at, error));
-    return export_evaluation_open(j->program, at, dtype, 0, out, error);
+    EXPORT_POLICY_MUST(j, lg_program_find(j->program, name, &at, &error));
+    EXPORT_POLICY_MUST(j, export_evaluation_open(j->program, at, dtype, 0, out, &error));
 }
 
-static lg_status open_loop(const export_policy_job *j, export_loop *l, lg_error *error) {
+static void open_loop(const export_policy_job *j, export_loop *l) {
     const size_t seen = j->positions + j->velocities, n = lg_program_parameters(j->program);
     const size_t weights = lg_policy_parameters(j->policy);
     *l = (export_loop){.job = j, .moves = j->velocities > 0};
@@ -36,11 +36,11 @@ static lg_status open_loop(const export_policy_job *j, export_loop *l, lg_error 
     l->row = app_alloc(j->state + j->inputs + seen, sizeof *l->row);
     if (weights > 0)
         memcpy(l->seen + seen, lg_program_parameter(j->program, n - 1).values, weights * sizeof *l->seen);
-    LG_TRY(open_function(j, "period", LG_F64, &l->period, error));
-    LG_TRY(open_function(j, "policy", LG_F64, &l->policy, error));
-    LG_TRY(open_function(j, "policy", LG_F32, &l->narrow, error));
-    if (l->moves) LG_TRY(open_function(j, "positions", LG_F64, &l->positions, error));
-    return l->moves ? open_function(j, "velocities", LG_F64, &l->velocities, error) : LG_OK;
+    open_function(j, "period", LG_F64, &l->period);
+    open_function(j, "policy", LG_F64, &l->policy);
+    open_function(j, "policy", LG_F32, &l->narrow);
+    if (l->moves) open_function(j, "positions", LG_F64, &l->positions);
+    if (l->moves) open_function(j, "velocities", LG_F64, &l->velocities);
 }
 
 static void close_loop(export_loop *l) {
@@ -68,34 +68,39 @@ static void step(export_loop *l, bool single, double *x, double *u) {
     memcpy(x, l->row, j->state * sizeof *x);
 }
 
-lg_status export_loop_run(const export_policy_job *j, uint64_t stream, const double *noise,
-                          const double *more, export_path *out, lg_error *error) {
+/* Ends the command if the starts cannot be drawn. */
+static void draw_starts(const export_policy_job *j, uint64_t stream, size_t count, lg_rng *rng, double *x) {
+    lg_rng_seed(rng, j->source->options->seed, stream);
+    EXPORT_POLICY_MUST(j, lg_policy_starts(j->policy, rng, count, x, NULL, &error));
+}
+
+export_path export_loop_run(const export_policy_job *j, uint64_t stream, const double *noise,
+                            const double *more) {
     const size_t n = j->given, steps = lg_policy_steps(j->policy),
                  periods = steps < PERIODS ? steps : PERIODS;
     const export_options *options = j->source->options;
     export_loop l;
     lg_rng rng;
     APP_FREE double *x = app_alloc(j->state, sizeof *x);
-    *out = (export_path){app_alloc((periods + 1) * 2 * n, sizeof *out->seen),
-                         app_alloc(periods * j->inputs, sizeof *out->held), periods};
-    lg_rng_seed(&rng, options->seed, stream);
-    lg_status status = open_loop(j, &l, error);
-    if (status == LG_OK) status = lg_policy_starts(j->policy, &rng, 1, x, NULL, error);
-    for (size_t k = 0; status == LG_OK && k <= out->periods; k++) {
+    export_path out = {app_alloc((periods + 1) * 2 * n, sizeof *out.seen),
+                       app_alloc(periods * j->inputs, sizeof *out.held), periods};
+    open_loop(j, &l);
+    draw_starts(j, stream, 1, &rng, x);
+    for (size_t k = 0; k <= out.periods; k++) {
         double u[LG_POLICY_INPUTS];
         step(&l, false, x, u);
         for (size_t i = 0; i < 2 * n; i++) {
             const double by = noise != NULL && i < n ? noise[i] * lg_rng_normal(&rng) : 0;
-            out->seen[k * 2 * n + i] = export_round(options, l.seen[i] + by);
+            out.seen[k * 2 * n + i] = export_round(options, l.seen[i] + by);
         }
-        for (size_t i = 0; i < j->inputs && k < out->periods; i++)
-            out->held[k * j->inputs + i] = export_round(options, u[i]);
+        for (size_t i = 0; i < j->inputs && k < out.periods; i++)
+            out.held[k * j->inputs + i] = export_round(options, u[i]);
         for (size_t i = 0; more != NULL && i < n; i++)
             x[n + i] += 0.3 * j->task->period * (more[i] - more[n + i] * l.seen[n + i]);
-        if (!(export_norm(x, NULL, j->state) < 1e6) && k < out->periods) out->periods = k > 0 ? k : 1;
+        if (!(export_norm(x, NULL, j->state) < 1e6) && k < out.periods) out.periods = k > 0 ? k : 1;
     }
     close_loop(&l);
-    return status;
+    return out;
 }
 
 void export_path_destroy(export_path *path) {
@@ -116,19 +121,17 @@ static void move(export_loop *l, bool single, size_t periods, double *x) {
 }
 
 /* States of the exported type, at different times of runs from random starts. */
-static lg_status draw_states(export_loop *l, golden *g, lg_error *error) {
+static void draw_states(export_loop *l, golden *g) {
     const export_policy_job *j = l->job;
     const size_t n = j->state, steps = lg_policy_steps(j->policy);
     lg_rng rng;
-    lg_rng_seed(&rng, j->source->options->seed, LOOP_STREAM);
-    LG_TRY(lg_policy_starts(j->policy, &rng, g->count, g->x, NULL, error));
+    draw_starts(j, LOOP_STREAM, g->count, &rng, g->x);
     for (size_t i = 0; i < g->count; i++) {
         memcpy(g->y, g->x + i * n, n * sizeof *g->y);
         move(l, false, i % SEGMENTS * steps / SEGMENTS, g->y);
         if (export_norm(g->y, NULL, n) < 1e6) memcpy(g->x + i * n, g->y, n * sizeof *g->y);
     }
     for (size_t i = 0; i < g->count * n; i++) g->x[i] = export_round(j->source->options, g->x[i]);
-    return LG_OK;
 }
 
 /* Computes the ends of the segments. Returns the largest error at an end when the policy computes in single
@@ -191,7 +194,7 @@ static void warn_opposite(export_loop *l) {
 /* ---- the self-test ---- */
 
 /* The plant in double precision, as static functions that begin with NAME_plant_. */
-static lg_status add_plant(const export_policy_job *j, text *to, lg_error *error) {
+static void add_plant(const export_policy_job *j, text *to) {
     static const char *const names[] = {"period", "positions", "velocities"};
     static const bool hidden[LG_COUNT(names)] = {true, true, true};
     size_t functions[LG_COUNT(names)];
@@ -206,16 +209,13 @@ static lg_status add_plant(const export_policy_job *j, text *to, lg_error *error
     how.compact = true;
     for (size_t i = 0; i < how.function_count; i++)
         (void)lg_program_find(j->program, names[i], &functions[i], NULL);
-    const lg_status status = lg_program_write_c(j->program, &how, &c, error);
-    if (status == LG_OK) {
-        lg_text_add(to, "/* ---- the plant, for the closed loop: always in double precision ---- */\n\n%s\n",
-                    c->sizes);
-        /* The code calls its type of numbers `real`, which is the controller's type here. */
-        lg_text_add(to, "#define real double_of_plant\n%s\n%s\n%s\n#undef real\n\n", c->arrays, c->weights,
-                    c->code);
-        lg_c_source_destroy(c);
-    }
-    return status;
+    EXPORT_POLICY_MUST(j, lg_program_write_c(j->program, &how, &c, &error));
+    lg_text_add(to, "/* ---- the plant, for the closed loop: always in double precision ---- */\n\n%s\n",
+                c->sizes);
+    /* The code calls its type of numbers `real`, which is the controller's type here. */
+    lg_text_add(to, "#define real double_of_plant\n%s\n%s\n%s\n#undef real\n\n", c->arrays, c->weights,
+                c->code);
+    lg_c_source_destroy(c);
 }
 
 static void add_numbers(const export_policy_job *j, const char *type, const char *name, const double *values,
@@ -248,15 +248,15 @@ static void add_sizes(const export_policy_job *j, const golden *g, text *to) {
     add_numbers(j, "double", "golden_limits", limits, 2 * j->inputs);
 }
 
-static lg_status add_loop(export_loop *l, golden *g, lg_error *error) {
+static void add_loop(export_loop *l, golden *g) {
     const export_policy_job *j = l->job;
     export_source *source = j->source;
     const size_t n = g->count * j->state;
     text *to = &source->further_test;
-    LG_TRY(draw_states(l, g, error));
+    draw_states(l, g);
     choose_stride(l, g);
     warn_opposite(l);
-    LG_TRY(add_plant(j, to, error));
+    add_plant(j, to);
     add_sizes(j, g, to);
     add_numbers(j, "real", "loop_golden_x", g->x, n);
     add_numbers(j, "real", "loop_golden_y", g->y, n);
@@ -268,17 +268,14 @@ static lg_status add_loop(export_loop *l, golden *g, lg_error *error) {
                 "outputs_of_loop},\n",
                 source->further_size, source->further_size,
                 g->tolerance / (20 * export_eps(source->options)));
-    return LG_OK;
 }
 
 void export_policy_loop(export_policy_job *j) {
     golden g = {.count = PATHS * (size_t)j->source->options->golden};
     export_loop l;
-    lg_error error = {LG_OK, ""};
     APP_FREE double *x = app_alloc(2 * g.count * j->state, sizeof *x);
     g.x = x, g.y = x + g.count * j->state;
-    lg_status status = open_loop(j, &l, &error);
-    if (status == LG_OK) status = add_loop(&l, &g, &error);
+    open_loop(j, &l);
+    add_loop(&l, &g);
     close_loop(&l);
-    app_must_file(j->self, status, &error, j->source->options->file);
 }

@@ -90,7 +90,7 @@ static lg_status record_observe(void *user, lg_tape *tape, const lg_var *theta, 
     return lg_tape_status(tape);
 }
 
-static lg_status add_functions(const filter *f, lg_error *error) {
+static void add_functions(const filter *f) {
     const export_policy_job *j = f->job;
     size_t count;
     const lg_port *control = export_ports(j->program, "control", false, &count);
@@ -102,9 +102,9 @@ static lg_status add_functions(const filter *f, lg_error *error) {
     const lg_function_spec step = {"observe_step",      in, 2, &(lg_port){.name = "next"}, 1, record_step,
                                    (void *)(uintptr_t)j},
                            observe = {"observe", seen, 3, &out, 1, record_observe, (void *)(uintptr_t)f};
-    LG_TRY(lg_program_add_function(j->program, &step, error));
+    EXPORT_POLICY_MUST(j, lg_program_add_function(j->program, &step, &error));
     free(export_derive(j->self, j->program, LG_DERIVATIVE_JACOBIAN, "observe_step"));
-    return lg_program_add_function(j->program, &observe, error);
+    EXPORT_POLICY_MUST(j, lg_program_add_function(j->program, &observe, &error));
 }
 
 /* ---- the filter's numbers ---- */
@@ -159,11 +159,10 @@ static const char declarations[] =
     "*work);\n";
 
 /* Measurements with noise along a run of the library. */
-static lg_status add_run(export_policy_job *j, const filter *f, lg_error *error) {
-    export_path path;
+static void add_run(export_policy_job *j, const filter *f) {
     const size_t n = j->given, all = f->estimate, m = j->inputs;
     export_memory *run = export_policy_keep(j, "observe", declarations, all * (all + 1));
-    lg_status status = export_loop_run(j, OBSERVE_STREAM, f->sensor, NULL, &path, error);
+    export_path path = export_loop_run(j, OBSERVE_STREAM, f->sensor, NULL);
     run->rows = path.periods;
     run->work += 2 * n;
     run->inputs = app_alloc(path.periods * (all + m), sizeof *run->inputs);
@@ -177,15 +176,12 @@ static lg_status add_run(export_policy_job *j, const filter *f, lg_error *error)
     export_size(j->source, "OBSERVE_SIZE", run->numbers, "numbers of memory of the observer");
     for (size_t i = 0; i < n; i++) run->start[i] = path.seen[i];
     export_path_destroy(&path);
-    return status;
 }
 
 void export_policy_observe(export_policy_job *j) {
-    lg_error error = {LG_OK, ""};
     export_policy_simple(j, "observe");
     const filter f = filter_of(j);
-    lg_status status = add_functions(&f, &error);
-    if (status == LG_OK) status = add_run(j, &f, &error);
-    if (status == LG_OK) add_words(&f);
-    app_must_file(j->self, status, &error, j->source->options->file);
+    add_functions(&f);
+    add_run(j, &f);
+    add_words(&f);
 }

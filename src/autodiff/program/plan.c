@@ -147,7 +147,7 @@ static lg_status count_ports(lg_planning *p, const lg_function *f, size_t rows) 
 
 static lg_status plan_nodes(lg_planning *p, const lg_program *program, const lg_function *f,
                             const lg_plan_options *options) {
-    LG_TRY(lg_graph_make(&p->temporary, program, f, options, &p->g, p->error));
+    LG_TRY(lg_graph_make(&p->temporary, program, f, options, false, &p->g, p->error));
     p->item = lg_planning_take(p, p->g.count, sizeof *p->item);
     if (p->failed) return LG_OUT_OF_MEMORY;
     LG_TRY(plan_calls(p, program, options));

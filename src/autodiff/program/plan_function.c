@@ -13,6 +13,7 @@ typedef struct making {
     size_t rows;
     lg_dtype dtype;
     bool calls;      /* whether calls stay calls; otherwise they are inlined */
+    bool exact;      /* operations stay as they are */
     uint8_t *needed; /* for each node of f: whether the results need it */
     uint32_t *of;    /* for each node of f: its node in the graph */
     const double **parameter;
@@ -126,7 +127,7 @@ static lg_status node(making *m, uint32_t i, lg_error *error) {
                        f->name, i, op->name, m->rows);
     made.count = lg_shape_count(stated);
     tidy(&made.attr, made.op);
-    m->of[i] = lg_graph_joined(m->g, &made, pointers);
+    m->of[i] = m->exact ? lg_graph_add(m->g, &made) : lg_graph_joined(m->g, &made, pointers);
     if (m->of[i] == LG_GRAPH_NONE) m->of[i] = lg_graph_operation(m->g, &made, pointers);
     if (m->g->work > m->g->most_work)
         return lg_fail(error, LG_UNSUPPORTED,
@@ -165,14 +166,15 @@ static bool drop_unused(making *m) {
 }
 
 lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *f,
-                        const lg_plan_options *options, lg_graph *out, lg_error *error) {
+                        const lg_plan_options *options, bool exact, lg_graph *out, lg_error *error) {
     lg_graph g = {.heap = heap, .rows = (uint32_t)options->rows, .most_work = options->most_work};
     making m = {.g = &g,
                 .program = program,
                 .f = f,
                 .rows = options->rows,
                 .dtype = options->dtype,
-                .calls = options->calls};
+                .calls = options->calls,
+                .exact = exact};
     m.needed = lg_graph_take(&g, f->nodes, 1);
     m.of = lg_graph_take(&g, f->nodes, sizeof *m.of);
     m.parameter = lg_graph_take(&g, program->parameters + 1, sizeof *m.parameter);

@@ -37,10 +37,11 @@ typedef struct lg_graph {
     bool failed;            /* out of memory */
 } lg_graph;
 
-/* Makes the graph. Of the options it uses rows, dtype, calls and most_work. LG_UNSUPPORTED: folding constants
- * takes more than most_work operations. */
+/* Makes the graph. Of the options it uses rows, dtype, calls and most_work. `exact`: no operation is replaced
+ * by another or computed, so nothing is rounded. LG_UNSUPPORTED: folding constants takes more than most_work
+ * operations. */
 lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *function,
-                        const lg_plan_options *options, lg_graph *out, lg_error *error);
+                        const lg_plan_options *options, bool exact, lg_graph *out, lg_error *error);
 
 /* Memory from the graph's heap. NULL: out of memory, and `failed` is set. */
 void *lg_graph_take(lg_graph *graph, size_t count, size_t size);

@@ -104,7 +104,7 @@ static lg_status spread(spreading *s, uint32_t node) {
 static lg_status find(spreading *s, const lg_program *program, const lg_function *f, size_t output,
                       size_t input, unsigned char *pattern, lg_error *error) {
     const lg_plan_options options = {.rows = 1, .dtype = LG_F64, .most_work = INFINITY};
-    LG_TRY(lg_graph_make(&s->heap, program, f, &options, &s->g, error));
+    LG_TRY(lg_graph_make(&s->heap, program, f, &options, false, &s->g, error));
     const size_t elements = lg_shape_count(f->input[input].shape);
     s->words = (elements + 63) / 64;
     s->set = lg_heap_take(&s->heap, s->g.count, sizeof *s->set);

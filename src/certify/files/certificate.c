@@ -461,18 +461,16 @@ static lg_status read_values(reading *r, const unsigned char *data, size_t bytes
 lg_status lg_certificate_load(const lg_context *context, const char *path, lg_certificate *out,
                               lg_error *error) {
     LG_NEEDS(error, path, out);
-    unsigned char *data = NULL;
+    LG_CLEAN(lg_owned_free) lg_owned data = {context, NULL};
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
+    unsigned char *text;
     size_t bytes = 0;
     values to = {.f = {.context = context}};
-    reading r = {.to = &to, .error = error};
-    LG_TRY(lg_yaml_bytes(context, path, &data, &bytes, error));
-    lg_status status = lg_yaml_open_text(context, path, data, bytes, &r.yaml, error);
-    if (status == LG_OK) {
-        r.document = lg_yaml_document(r.yaml);
-        status = read_values(&r, data, bytes);
-        lg_yaml_close(r.yaml);
-    }
-    lg_free(context, data);
+    LG_TRY(lg_yaml_bytes(context, path, &text, &bytes, error));
+    data.memory = text;
+    LG_TRY(lg_yaml_open_text(context, path, text, bytes, &yaml, error));
+    reading r = {.to = &to, .error = error, .yaml = yaml, .document = lg_yaml_document(yaml)};
+    const lg_status status = read_values(&r, text, bytes);
     if (status == LG_OK)
         *out = to.f;
     else

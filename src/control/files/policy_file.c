@@ -155,17 +155,11 @@ static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
 lg_status lg_policy_load(const lg_context *context, const char *path, const lg_read_options *options,
                          lg_policy **out, char **text, lg_error *error) {
     LG_NEEDS(error, path, out);
-    loading l = {.policy = lg_alloc(context, 1, sizeof *l.policy)};
-    if (l.policy == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
-    l.policy->context = context;
-    lg_status status = lg_h5_read(context, path, options, load, &l, error);
-    if (status == LG_OK && text != NULL) {
-        *text = lg_strdup(context, l.text);
-        if (*text == NULL) status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a policy");
-    }
-    if (status == LG_OK)
-        *out = l.policy;
-    else
-        lg_policy_destroy(l.policy);
-    return status;
+    LG_CLEAN(lg_policy_destroy_at) lg_policy *policy = lg_alloc(context, 1, sizeof *policy);
+    if (policy == NULL) return lg_no_memory(error);
+    policy->context = context;
+    loading l = {.policy = policy};
+    LG_TRY(lg_h5_read(context, path, options, load, &l, error));
+    if (text != NULL && (*text = lg_strdup(context, l.text)) == NULL) return lg_no_memory(error);
+    return LG_MOVE(out, policy);
 }

@@ -355,11 +355,9 @@ static lg_status read_task(reading *r) {
 lg_status lg_policy_task_parse(const lg_context *context, const char *path, const char *text,
                                lg_policy_task *task, lg_error *error) {
     LG_NEEDS(error, path, text, task);
-    reading r = {.task = task, .error = error};
-    LG_TRY(lg_yaml_open_text(context, path, text, strlen(text), &r.yaml, error));
-    const lg_status status = read_task(&r);
-    lg_yaml_close(r.yaml);
-    return status;
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
+    LG_TRY(lg_yaml_open_text(context, path, text, strlen(text), &yaml, error));
+    return read_task(&(reading){yaml, task, error});
 }
 
 /* ---- before the plant is known ---- */
@@ -407,19 +405,14 @@ static lg_status read_head(reading *r, char *plant, size_t size) {
 lg_status lg_policy_task_read(const lg_context *context, const char *path, lg_policy_task *task, char *plant,
                               size_t size, char **text, lg_error *error) {
     LG_NEEDS(error, path, task, plant, text);
-    reading r = {.task = task, .error = error};
-    unsigned char *bytes;
+    LG_CLEAN(lg_owned_free) lg_owned bytes = {context, NULL};
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
+    unsigned char *read;
     size_t count;
     lg_policy_task_init(task);
-    LG_TRY(lg_yaml_bytes(context, path, &bytes, &count, error));
-    lg_status status = lg_yaml_open_text(context, path, bytes, count, &r.yaml, error);
-    if (status == LG_OK) {
-        status = read_head(&r, plant, size);
-        lg_yaml_close(r.yaml);
-    }
-    if (status == LG_OK)
-        *text = (char *)bytes;
-    else
-        lg_free(context, bytes);
-    return status;
+    LG_TRY(lg_yaml_bytes(context, path, &read, &count, error));
+    bytes.memory = read;
+    LG_TRY(lg_yaml_open_text(context, path, read, count, &yaml, error));
+    LG_TRY(read_head(&(reading){yaml, task, error}, plant, size));
+    return LG_MOVE(text, bytes.memory);
 }
