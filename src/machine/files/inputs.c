@@ -61,43 +61,35 @@ static bool is_same(uint32_t count, const uint32_t *values) {
 }
 
 /* Writes one value, or a list by input where they differ: names[value], or without names the number. */
-static void put_values(uint32_t count, const uint32_t *values, const char *const *names, lg_text *to) {
+static void put_values(const char *key, uint32_t count, const uint32_t *values, const char *const *names,
+                       lg_text *to) {
     const bool same = is_same(count, values);
+    lg_text_add(to, "%s: %s", key, same ? "" : "[");
     for (uint32_t i = 0; i < (same ? 1 : count); i++) {
-        lg_text_add(to, "%s", same ? "" : i == 0 ? "[" : ", ");
+        if (i > 0) lg_text_add(to, ", ");
         if (names != NULL)
             lg_text_add(to, "%s", names[values[i]]);
         else
             lg_text_add(to, "%u", values[i]);
     }
-    if (!same) lg_text_add(to, "]");
+    lg_text_add(to, same ? "" : "]");
 }
 
-/* The machine's file with a hold and a delay of the inputs that the grid varies. */
-static lg_status write_text(void *user, size_t index, char **out, lg_error *error) {
+/* Writes a hold and a delay of the inputs that the grid varies. */
+static void write_change(const void *user, size_t index, lg_text *out) {
     const grid *g = user;
     const lg_machine_data *data = &((const lg_machine_state *)g->self->state)->data;
-    const lg_machine_file *file = &data->file;
-    const uint32_t n = file->machine.input_count;
-    uint32_t each[2][LG_MACHINE_INPUTS];
-    lg_text text[2] = {{.context = file->context}, {.context = file->context}};
-    lg_yaml_edit edits[2];
-    size_t count = 0;
+    const uint32_t n = data->file.machine.input_count;
+    uint32_t hold[LG_MACHINE_INPUTS], delay[LG_MACHINE_INPUTS];
     for (uint32_t i = 0; i < n; i++) {
-        each[0][i] = g->hold[i] ? (uint32_t)index % g->holds : (uint32_t)file->inputs[i].hold;
-        each[1][i] = g->delay[i] ? (uint32_t)index / g->holds : data->logs.delay[i];
+        hold[i] = g->hold[i] ? (uint32_t)index % g->holds : (uint32_t)data->file.inputs[i].hold;
+        delay[i] = g->delay[i] ? (uint32_t)index / g->holds : data->logs.delay[i];
     }
-    put_values(n, each[0], lg_input_holds, &text[0]);
-    put_values(n, each[1], NULL, &text[1]);
-    if (g->holds > 1) edits[count++] = (lg_yaml_edit){LG_YAML_SET, "inputs.hold", NULL, text[0].data};
-    if (g->delays > 1) edits[count++] = (lg_yaml_edit){LG_YAML_SET, "inputs.delay", NULL, text[1].data};
-    const lg_status status =
-        text[0].failed || text[1].failed
-            ? lg_no_memory(error)
-            : lg_yaml_change(file->context, g->self->paths[0], file->text, edits, count, out, error);
-    lg_text_destroy(&text[0]);
-    lg_text_destroy(&text[1]);
-    return status;
+    lg_text_add(out, "inputs: {");
+    if (g->holds > 1) put_values("hold", n, hold, lg_input_holds, out);
+    if (g->holds > 1 && g->delays > 1) lg_text_add(out, ", ");
+    if (g->delays > 1) put_values("delay", n, delay, NULL, out);
+    lg_text_add(out, "}\n");
 }
 
 static lg_machine_comparison compare_on(size_t count, size_t rows, const double *one, const double *other) {
@@ -199,7 +191,6 @@ static lg_status take(lg_training *self, const lg_choosing *c, grid *g, size_t w
     lg_machine_state *s = self->state;
     const uint32_t hold = (uint32_t)winner % g->holds, delay = (uint32_t)winner / g->holds;
     const lg_machine_trial *chosen = &g->trial[winner];
-    char *text = NULL;
     for (uint32_t i = 0; i < s->data.file.machine.input_count; i++) {
         for (uint32_t h = 0; h < g->holds && g->hold[i]; h++)
             s->inputs[i].hold[h] = compare(c, trial_at(g, h, delay), chosen).ratio;
@@ -210,10 +201,9 @@ static lg_status take(lg_training *self, const lg_choosing *c, grid *g, size_t w
         find_changes(c, g, hold, delay, &s->changes);
         tell_choice(c, g, hold, delay);
     }
-    LG_TRY(write_text(g, winner, &text, error));
-    const lg_status status = lg_machine_reread(self, text, error);
-    lg_free(self->context, text);
-    return status;
+    LG_CLEAN(lg_text_destroy) lg_text text = lg_machine_changed(self->context, s->data.file.text);
+    write_change(g, winner, &text);
+    return lg_machine_reread(self, &text, error);
 }
 
 /* Tries the combinations of a grid, and takes the best one: the one with the least error, or the first one
@@ -223,7 +213,7 @@ static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) 
     enum { MOST_WINDOWS = 200 };
     static const double part = 0.2;
     const lg_machine_state *s = self->state;
-    const lg_machine_contest contest = {g->holds * g->delays, true, write_text, compare, g};
+    const lg_machine_contest contest = {g->holds * g->delays, true, write_change, compare, g};
     lg_choosing c;
     size_t winner = 0;
     lg_status status = lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, error);
