@@ -23,12 +23,6 @@ const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machi
     return NULL;
 }
 
-double lg_machine_drag_number(const lg_machine *machine, const lg_machine_term *term, const double *theta,
-                              uint32_t k, int power) {
-    if (term->value_count > 0) return lg_machine_value(machine, term, theta + term->offset, k);
-    return theta[term->offset + k] * theta[term->offset + k] * lg_machine_drag_unit(machine, k, k, power);
-}
-
 /* Whether the term has coefficients of its own. */
 static bool is_whole(const lg_machine *machine, const lg_machine_term *term) {
     return lg_machine_base(machine, term) == NULL;
@@ -110,6 +104,31 @@ static lg_var coefficients(const rubbing *r, int power) {
                                       lg_shape2(1, r->n)));
 }
 
+/* What the numbers of a kind are: names of its blocks, the coefficients first, and block `index`, (1, n), in
+ * scaled units; `unit` (n) becomes their units. */
+typedef struct amounts {
+    const char *const *names;
+    lg_var (*at)(const rubbing *r, uint32_t index, double *unit);
+} amounts;
+
+static void put_amounts(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                        const amounts *of) {
+    double x[LG_MACHINE_VELOCITIES], unit[LG_MACHINE_VELOCITIES] = {0.0};
+    char name[48], by[64] = "";
+    const rubbing r = begin(l->tape, &l->vars, (uint32_t)(term - machine->terms));
+    const uint32_t count = blocks_of(machine, term);
+    for (uint32_t b = r.whole ? 0 : 1; b <= count; b++) {
+        const bool features = term->of_count > 0 && b > 0 && count > 1;
+        lg_numbers_read(l, l->status == LG_OK ? of->at(&r, b, unit) : LG_NONE, r.n, x);
+        if (features) lg_machine_feature_name(machine, term, b - 1, by, sizeof by);
+        for (uint32_t k = 0; k < r.n; k++) {
+            lg_machine_velocity_name(machine, k, name, sizeof name);
+            lg_numbers_put(l, x[k] * unit[k], "%s.%s%s%s", of->names[term->of_count > 0 && b > 1 ? 1 : b],
+                           name, features ? "." : "", by);
+        }
+    }
+}
+
 /* ---- functions of the velocity ---- */
 
 static void widths(const rubbing *r, double *out) {
@@ -187,32 +206,28 @@ static lg_var speed_size(const rubbing *r, const lg_machine_seen *seen) {
     return lg_sub(r->tape, size, row_of(r, w));
 }
 
+/* b, d */
+static lg_var asymmetric_at(const rubbing *r, uint32_t index, double *unit) {
+    units(r, 1, unit);
+    const lg_var b = coefficients(r, 1);
+    if (index == 0) return b;
+    return r->term->value_count > 0 ? known(r, 1, unit)
+                                    : lg_mul(r->tape, b, lg_act(r->tape, block(r, 0), LG_TANH));
+}
+
 static lg_var asymmetric(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                          const lg_machine_seen *seen) {
     const rubbing r = begin(tape, vars, term);
     double unit[LG_MACHINE_VELOCITIES];
-    units(&r, 1, unit);
-    const lg_var b = coefficients(&r, 1);
-    const lg_var d =
-        r.term->value_count > 0 ? known(&r, 1, unit) : lg_mul(tape, b, lg_act(tape, block(&r, 0), LG_TANH));
-    lg_var f = lg_mul(tape, d, speed_size(&r, seen));
-    if (r.whole) f = lg_add(tape, f, lg_mul(tape, b, seen->v));
+    lg_var f = lg_mul(tape, asymmetric_at(&r, 1, unit), speed_size(&r, seen));
+    if (r.whole) f = lg_add(tape, f, lg_mul(tape, coefficients(&r, 1), seen->v));
     return lg_neg(tape, f);
 }
 
 static void asymmetric_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                                const double *theta) {
-    const uint32_t n = machine->velocities;
-    const lg_machine_term *base = lg_machine_base(machine, term);
-    const double *own = base == NULL ? theta + n : theta;
-    if (base == NULL) lg_numbers_drag(l, machine, "damping", 1, theta);
-    for (uint32_t k = 0; k < n; k++) {
-        char name[48];
-        lg_machine_velocity_name(machine, k, name, sizeof name);
-        const double b = base == NULL ? exp(theta[k]) * unit_of(machine, k, 1)
-                                      : lg_machine_drag_number(machine, base, theta - term->offset, k, 1);
-        lg_numbers_put(l, b * tanh(own[k]), "asymmetric.%s", name);
-    }
+    static const char *const names[] = {"damping", "asymmetric"};
+    put_amounts(l, machine, term, &(amounts){names, asymmetric_at});
 }
 
 /* ---- stribeck: -(c + (cs - c) e^(-(v/vs)^2)) S, cs = c (1 + 2/(1 + e^-y)) ---- */
@@ -258,31 +273,6 @@ static lg_var stribeck_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_
     const lg_var c = coefficients(&r, 0);
     const lg_var size = lg_mul(tape, breakaway(&r, c), fading(tape, seen->v, stribeck_speed(&r)));
     return r.whole ? lg_add(tape, size, c) : size;
-}
-
-static double sigmoid(double x) {
-    return 1.0 / (1.0 + exp(-x));
-}
-
-static void stribeck_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                             const double *theta) {
-    const uint32_t n = machine->velocities;
-    const lg_machine_term *base = lg_machine_base(machine, term);
-    const double *own = base == NULL ? theta + n : theta;
-    char name[48];
-    if (base == NULL) lg_numbers_drag(l, machine, "coulomb", 0, theta);
-    for (uint32_t k = 0; k < n; k++) {
-        const double c = base == NULL ? exp(theta[k]) * unit_of(machine, k, 0)
-                                      : lg_machine_drag_number(machine, base, theta - term->offset, k, 0);
-        lg_machine_velocity_name(machine, k, name, sizeof name);
-        lg_numbers_put(l, c * (1.0 + 2.0 * sigmoid(own[k])), "breakaway.%s", name);
-    }
-    for (uint32_t k = 0; k < n; k++) {
-        double low, high;
-        speed_range(machine, term, k, &low, &high);
-        lg_machine_velocity_name(machine, k, name, sizeof name);
-        lg_numbers_put(l, low * pow(high / low, sigmoid(own[n + k])), "stribeck_speed.%s", name);
-    }
 }
 
 /* ---- lugre: -(s0 z + s1 z'), z' = v - s0 |v| z/g, g as for stribeck, s0 = c/d ---- */
@@ -373,19 +363,26 @@ static lg_var lugre(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, c
                                lg_mul(tape, rate, vars->bristles[DAMPER])));
 }
 
-static void lugre_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                          const double *theta) {
-    const uint32_t n = machine->velocities;
-    stribeck_numbers(l, machine, term, theta);
-    for (uint32_t k = 0; k < n; k++) {
-        char name[48];
-        lg_machine_velocity_name(machine, k, name, sizeof name);
-        lg_numbers_put(l,
-                       exp(theta[k] + deflections * sigmoid(theta[3 * n + k])) * unit_of(machine, k, 0) /
-                           most_deflection(machine, k),
-                       "bristle_stiffness.%s", name);
-    }
-    lg_numbers_drag(l, machine, "bristle_damping", 1, theta + (size_t)4 * n);
+/* c, cs, vs, and of LuGre friction s0, s1 */
+static lg_var stribeck_at(const rubbing *r, uint32_t index, double *unit) {
+    const lg_var c = coefficients(r, 0);
+    units(r, index == 4 ? 1 : 0, unit);
+    for (uint32_t k = 0; k < r->n; k++)
+        unit[k] = index == 2   ? speed_of(r->machine, k)
+                  : index == 3 ? unit[k] / r->machine->scales.velocity[k]
+                               : unit[k];
+    return index == 0   ? c
+           : index == 1 ? lg_add(r->tape, c, breakaway(r, c))
+           : index == 2 ? stribeck_speed(r)
+           : index == 3 ? stiffness(r)
+                        : r->vars->bristles[DAMPER];
+}
+
+static void stribeck_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                             const double *theta) {
+    static const char *const names[] = {"coulomb", "breakaway", "stribeck_speed", "bristle_stiffness",
+                                        "bristle_damping"};
+    put_amounts(l, machine, term, &(amounts){names, stribeck_at});
 }
 
 bool lg_machine_set_bristles(const lg_machine *machine, double part, double *theta) {
@@ -471,37 +468,31 @@ static lg_var position_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_
     return scaled_limit(&r, positive_part(tape, weighted(&r, x, itself)));
 }
 
-static double same(double x) {
-    return x;
+/* c, then k of each feature. */
+static lg_var factor_at(const rubbing *r, uint32_t index, double *unit) {
+    double scales[LG_MACHINE_FEATURE_NUMBERS];
+    units(r, 0, unit);
+    if (index == 0) return coefficients(r, 0);
+    if (r->term->of_count > 0) (void)lg_machine_feature_scales(r->machine, r->term, scales);
+    for (uint32_t k = 0; k < r->n; k++) unit[k] = 1.0 / feature_unit(r, scales, index - 1, k);
+    return block(r, index - 1);
 }
 
-static void factor_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                           const double *theta, const char *what, double (*shaped)(double)) {
-    const uint32_t n = machine->velocities, count = blocks_of(machine, term);
-    const bool whole = is_whole(machine, term);
-    const double *own = whole ? theta + n : theta;
-    double scales[LG_MACHINE_FEATURE_NUMBERS];
-    const rubbing r = {.machine = machine, .term = term, .n = n};
-    if (whole) lg_numbers_drag(l, machine, "coulomb", 0, theta);
-    if (term->of_count > 0) (void)lg_machine_feature_scales(machine, term, scales);
-    for (uint32_t f = 0; f < count; f++)
-        for (uint32_t k = 0; k < n; k++) {
-            char name[48], by[64] = "";
-            lg_machine_velocity_name(machine, k, name, sizeof name);
-            if (count > 1) lg_machine_feature_name(machine, term, f, by, sizeof by);
-            lg_numbers_put(l, shaped(own[f * n + k]) / feature_unit(&r, scales, f, k), "%s.%s%s%s", what,
-                           name, count > 1 ? "." : "", by);
-        }
+static lg_var load_at(const rubbing *r, uint32_t index, double *unit) {
+    const lg_var x = factor_at(r, index, unit);
+    return index == 0 ? x : lg_exp(r->tape, x);
 }
 
 static void load_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                          const double *theta) {
-    factor_numbers(l, machine, term, theta, "load", exp);
+    static const char *const names[] = {"coulomb", "load"};
+    put_amounts(l, machine, term, &(amounts){names, load_at});
 }
 
 static void position_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                              const double *theta) {
-    factor_numbers(l, machine, term, theta, "position", same);
+    static const char *const names[] = {"coulomb", "position"};
+    put_amounts(l, machine, term, &(amounts){names, factor_at});
 }
 
 /* ---- starts, and the direction of scale ---- */
@@ -630,7 +621,7 @@ const lg_term_kind lg_machine_friction_kinds[] = {
      .blocks = 4,
      .initialise = start_lugre,
      .record = lugre,
-     .numbers = lugre_numbers,
+     .numbers = stribeck_numbers,
      .fault = lugre_fault,
      .bristles = true,
      .part = LG_MACHINE_DAMPING,
