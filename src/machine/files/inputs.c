@@ -318,68 +318,43 @@ lg_status lg_machine_widen(lg_training *self, const double *theta, size_t count,
 
 /* ---- results ---- */
 
-/* What was chosen for each input, and the ratios of what was tried. */
-typedef struct chosen {
-    const char *key, *const *names;
-    size_t count; /* of names */
-    bool numbers; /* values are told as numbers */
-    uint32_t value[LG_MACHINE_INPUTS];
-    const double *ratios[LG_MACHINE_INPUTS]; /* (count) each */
-} chosen;
-
-static void tell_value(lg_training *self, const chosen *of, const char *key, uint32_t input) {
-    if (of->numbers)
-        lg_result_whole(self, key, of->value[input], NULL);
-    else
-        lg_result_text(self, key, of->names[of->value[input]], NULL);
-}
-
-static void tell_ratios(lg_training *self, const chosen *of, const char *key, uint32_t input) {
-    lg_result_open(self, key, '{');
-    for (size_t i = 0; i < of->count; i++)
-        if (i != of->value[input] && of->ratios[input][i] > 0)
-            lg_result_real(self, of->names[i], of->ratios[input][i], NULL);
-    lg_result_close(self, '}');
-}
-
-/* Writes `key` with what `tell` writes: once if it is the same for all inputs, else a list by input. */
-static void tell_each(lg_training *self, const chosen *of, const char *key, uint32_t inputs, bool same,
-                      void (*tell)(lg_training *self, const chosen *of, const char *key, uint32_t input)) {
-    if (same) {
-        tell(self, of, key, 0);
-        return;
-    }
-    lg_result_open(self, key, '[');
-    for (uint32_t i = 0; i < inputs; i++) tell(self, of, NULL, i);
-    lg_result_close(self, ']');
-}
-
-/* Writes {"chosen": ..., "ratios": {...}}. */
-static void tell_chosen(lg_training *self, const chosen *of, uint32_t inputs) {
-    const bool same = is_same(inputs, of->value);
+/* Writes {"chosen": ..., "ratios": {...}}, each once if it is the same for all inputs, else as a list by input.
+ * ratios (names): of the first input, those of the others follow at the distance of an lg_input_choice. */
+static void tell(lg_training *self, const char *key, const char *const *names, size_t count,
+                 const uint32_t *value, const double *ratios) {
+    enum { NEXT = sizeof(lg_input_choice) / sizeof(double) };
+    const uint32_t n = ((const lg_machine_state *)self->state)->data.file.machine.input_count;
+    const bool same = is_same(n, value);
     bool alike = same;
-    for (uint32_t i = 0; i < inputs; i++)
-        alike = alike && memcmp(of->ratios[i], of->ratios[0], of->count * sizeof(double)) == 0;
-    lg_result_open(self, of->key, '{');
-    tell_each(self, of, "chosen", inputs, same, tell_value);
-    tell_each(self, of, "ratios", inputs, alike, tell_ratios);
+    for (uint32_t i = 0; i < n; i++)
+        alike = alike && memcmp(ratios + i * NEXT, ratios, count * sizeof *ratios) == 0;
+    lg_result_open(self, key, '{');
+    if (!same) lg_result_open(self, "chosen", '[');
+    for (uint32_t i = 0; i < (same ? 1 : n); i++)
+        if (names == lg_input_holds)
+            lg_result_text(self, same ? "chosen" : NULL, names[value[i]], NULL);
+        else
+            lg_result_whole(self, same ? "chosen" : NULL, value[i], NULL);
+    if (!same) lg_result_close(self, ']');
+    if (!alike) lg_result_open(self, "ratios", '[');
+    for (uint32_t i = 0; i < (alike ? 1 : n); i++) {
+        lg_result_open(self, alike ? "ratios" : NULL, '{');
+        for (size_t k = 0; k < count; k++)
+            if (k != value[i] && ratios[i * NEXT + k] > 0)
+                lg_result_real(self, names[k], ratios[i * NEXT + k], NULL);
+        lg_result_close(self, '}');
+    }
+    if (!alike) lg_result_close(self, ']');
     lg_result_close(self, '}');
 }
 
 void lg_machine_tell_inputs(lg_training *self) {
     static const char *const delays[LG_MACHINE_DELAYS] = {"0", "1", "2", "3", "4", "5"};
     const lg_machine_state *s = self->state;
-    const lg_machine_file *file = &s->data.file;
-    const uint32_t n = file->machine.input_count;
-    chosen hold = {.key = "hold", .names = lg_input_holds, .count = LG_INPUT_HOLD_COUNT},
-           delay = {.key = "delay", .names = delays, .count = LG_MACHINE_DELAYS, .numbers = true};
-    for (uint32_t i = 0; i < n; i++) {
-        hold.value[i] = (uint32_t)file->inputs[i].hold;
-        delay.value[i] = s->data.logs.delay[i];
-        hold.ratios[i] = s->inputs[i].hold;
-        delay.ratios[i] = s->inputs[i].delay;
-    }
-    if (n == 0) return;
-    tell_chosen(self, &hold, n);
-    tell_chosen(self, &delay, n);
+    uint32_t hold[LG_MACHINE_INPUTS];
+    for (uint32_t i = 0; i < s->data.file.machine.input_count; i++)
+        hold[i] = (uint32_t)s->data.file.inputs[i].hold;
+    if (s->data.file.machine.input_count == 0) return;
+    tell(self, "hold", lg_input_holds, LG_INPUT_HOLD_COUNT, hold, s->inputs[0].hold);
+    tell(self, "delay", delays, LG_MACHINE_DELAYS, s->data.logs.delay, s->inputs[0].delay);
 }
