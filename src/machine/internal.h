@@ -103,6 +103,7 @@ struct lg_term_kind {
      * numbers per velocity it has besides coefficients. */
     const char *base;
     uint32_t blocks;
+    const struct lg_friction *friction;
     /* Friction with the force -c S, S the sign of the velocity or tanh(v/w): c (B or 1, velocities). Of a
      * term that changes its base, what it adds to the c of the base. NULL: the force has another form. */
     lg_var (*limit)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen);
