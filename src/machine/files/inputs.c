@@ -318,8 +318,8 @@ lg_status lg_machine_widen(lg_training *self, const double *theta, size_t count,
 
 /* ---- results ---- */
 
-/* Writes {"chosen": ..., "ratios": {...}}, each once if it is the same for all inputs, else as a list by input.
- * ratios (names): of the first input, those of the others follow at the distance of an lg_input_choice. */
+/* Writes {"chosen": ..., "ratios": {...}}, each once if it is the same for all inputs, else as a list by
+ * input. ratios (count): of the first input; those of the next one follow an lg_input_choice behind. */
 static void tell(lg_training *self, const char *key, const char *const *names, size_t count,
                  const uint32_t *value, const double *ratios) {
     enum { NEXT = sizeof(lg_input_choice) / sizeof(double) };
