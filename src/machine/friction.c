@@ -215,21 +215,26 @@ static lg_var speed_size(const rubbing *r, const lg_machine_seen *seen) {
     return lg_sub(r->tape, size, row_of(r, w));
 }
 
-/* b, d */
-static lg_var asymmetric_at(const rubbing *r, uint32_t index, double *unit) {
+static lg_var difference(const rubbing *r, lg_var b) {
+    double unit[LG_MACHINE_VELOCITIES];
     units(r, 1, unit);
-    const lg_var b = coefficients(r, 1);
-    if (index == 0) return b;
     return r->term->value_count > 0 ? known(r, 1, unit)
                                     : lg_mul(r->tape, b, lg_act(r->tape, block(r, 0), LG_TANH));
+}
+
+/* b, d */
+static lg_var asymmetric_at(const rubbing *r, uint32_t index, double *unit) {
+    const lg_var b = coefficients(r, 1);
+    units(r, 1, unit);
+    return index == 0 ? b : difference(r, b);
 }
 
 static lg_var asymmetric(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                          const lg_machine_seen *seen) {
     const rubbing r = begin(tape, vars, term);
-    double unit[LG_MACHINE_VELOCITIES];
-    lg_var f = lg_mul(tape, asymmetric_at(&r, 1, unit), speed_size(&r, seen));
-    if (r.whole) f = lg_add(tape, f, lg_mul(tape, coefficients(&r, 1), seen->v));
+    const lg_var b = coefficients(&r, 1);
+    lg_var f = lg_mul(tape, difference(&r, b), speed_size(&r, seen));
+    if (r.whole) f = lg_add(tape, f, lg_mul(tape, b, seen->v));
     return lg_neg(tape, f);
 }
 
