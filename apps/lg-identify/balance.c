@@ -282,14 +282,11 @@ static void whiteness_of(const lg_machine_data *data, const size_t *row, const s
     const lg_machine_log *log = &data->logs.log;
     const size_t nq = file->machine.positions, nv = file->machine.velocities;
     APP_FREE double *x = app_alloc(count * file->column_count + 1, sizeof *x);
-    double logged[LG_LOG_COLUMNS], predicted[LG_LOG_COLUMNS];
+    double error[LG_LOG_COLUMNS];
     for (size_t i = 0; i < count; i++) {
-        identify_to_columns(file, log->q + (row[i] + 1) * nq, lg_log_shown(log) + (row[i] + 1) * nv, NULL,
-                            logged);
-        identify_to_columns(file, q + at[i] * nq, v + at[i] * nv, logged, predicted);
-        for (uint32_t c = 0; c < file->column_count; c++)
-            if (identify_is_state(&file->columns[c]))
-                x[c * count + i] = identify_column_error(file, c, predicted, logged);
+        identify_errors(file, q + at[i] * nq, v + at[i] * nv, log->q + (row[i] + 1) * nq,
+                        lg_log_shown(log) + (row[i] + 1) * nv, error);
+        for (uint32_t c = 0; c < file->column_count; c++) x[c * count + i] = error[c];
     }
     for (uint32_t c = 0; c < file->column_count; c++) judge_whiteness(x + c * count, row, count, &out[c]);
 }

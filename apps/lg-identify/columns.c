@@ -85,30 +85,33 @@ void identify_put_names(FILE *stream, const lg_machine_file *file) {
 
 /* ---- errors ---- */
 
-double identify_column_error(const lg_machine_file *file, uint32_t column, const double *predicted,
-                             const double *logged) {
-    const double error = predicted[column] - logged[column];
-    return is_angle(file, column) ? lg_machine_wrap(error) : error;
+void identify_errors(const lg_machine_file *file, const double *q, const double *v, const double *logged_q,
+                     const double *logged_v, double *out) {
+    double logged[LG_LOG_COLUMNS], predicted[LG_LOG_COLUMNS];
+    identify_to_columns(file, logged_q, logged_v, NULL, logged);
+    identify_to_columns(file, q, v, logged, predicted);
+    for (uint32_t c = 0; c < file->column_count; c++) {
+        const bool given = identify_is_state(&file->columns[c]) && !isnan(logged[c]);
+        const double error = given ? predicted[c] - logged[c] : (double)NAN;
+        out[c] = !given              ? error
+                 : !isfinite(error)  ? INFINITY
+                 : is_angle(file, c) ? lg_machine_wrap(error)
+                                     : error;
+    }
 }
 
 void identify_column_errors(const identify_given *given, const double *q, const double *v, double *out) {
     const lg_machine_file *file = &given->data.file;
     const lg_machine_log *log = &given->data.logs.log;
-    const lg_machine *machine = &file->machine;
-    double logged[LG_LOG_COLUMNS], predicted[LG_LOG_COLUMNS], sum[LG_LOG_COLUMNS] = {0};
+    const size_t nq = file->machine.positions, nv = file->machine.velocities;
+    double error[LG_LOG_COLUMNS], sum[LG_LOG_COLUMNS] = {0};
     size_t count[LG_LOG_COLUMNS] = {0};
     for (size_t row = 0; row < log->rows; row++) {
-        const double *at = q + row * machine->positions;
-        if (isnan(at[0]) && isnan(v[row * machine->velocities])) continue;
-        identify_to_columns(file, log->q + row * machine->positions,
-                            lg_log_shown(log) + row * machine->velocities, NULL, logged);
-        identify_to_columns(file, at, v + row * machine->velocities, logged, predicted);
-        for (uint32_t c = 0; c < file->column_count; c++) {
-            if (!identify_is_state(&file->columns[c]) || isnan(logged[c])) continue;
-            const double wrapped = identify_column_error(file, c, predicted, logged);
-            sum[c] += isfinite(wrapped) ? wrapped * wrapped : INFINITY;
-            count[c]++;
-        }
+        if (isnan(q[row * nq]) && isnan(v[row * nv])) continue;
+        identify_errors(file, q + row * nq, v + row * nv, log->q + row * nq, lg_log_shown(log) + row * nv,
+                        error);
+        for (uint32_t c = 0; c < file->column_count; c++)
+            if (!isnan(error[c])) sum[c] += error[c] * error[c], count[c]++;
     }
     for (uint32_t c = 0; c < file->column_count; c++)
         out[c] = count[c] > 0 ? sqrt(sum[c] / (double)count[c]) : (double)NAN;

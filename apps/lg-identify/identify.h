@@ -47,9 +47,10 @@ void identify_to_columns(const lg_machine_file *file, const double *q, const dou
 void identify_put_columns(FILE *stream, const lg_machine_file *file, const double *columns);
 void identify_put_names(FILE *stream, const lg_machine_file *file);
 void identify_put_number(FILE *stream, double value); /* Writes nothing if the number is not finite. */
-/* predicted - logged of one column; the difference of two angles is wrapped to (-pi, pi]. */
-double identify_column_error(const lg_machine_file *file, uint32_t column, const double *predicted,
-                             const double *logged);
+/* Predicted minus logged of each column of the file; the difference of two angles is wrapped to (-pi, pi].
+ * NaN: the column is no state, or the log has no number. Infinite: the prediction is not finite. */
+void identify_errors(const lg_machine_file *file, const double *q, const double *v, const double *logged_q,
+                     const double *logged_v, double *out);
 bool identify_is_state(const lg_log_column *column); /* Whether the column is a position or a velocity. */
 /* Returns whether a term of the part (LG_MACHINE_PART_COUNT: of any part) depends on the position of the
  * coordinate. */

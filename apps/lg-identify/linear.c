@@ -89,7 +89,7 @@ static void advance(const identify_linear *linear, const lg_machine_log *log, si
     project(machine, q);
 }
 
-lg_status identify_linear_run(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+lg_status identify_linear_run(const void *user, const lg_machine_log *log, const size_t *start, size_t count,
                               size_t steps, double *q, double *v, lg_error *error) {
     const identify_linear *linear = user;
     (void)error;

@@ -55,15 +55,11 @@ static void add_squares(const lg_machine_data *data, const double *q, const doub
                         const double *other_v, double *out) {
     const lg_machine_file *file = &data->file;
     const size_t nq = file->machine.positions, nv = file->machine.velocities;
-    double columns[LG_LOG_COLUMNS], other[LG_LOG_COLUMNS];
+    double error[LG_LOG_COLUMNS];
     for (size_t row = 0; row < data->logs.log.rows; row++) {
-        identify_to_columns(file, q + row * nq, v + row * nv, NULL, columns);
-        identify_to_columns(file, other_q + row * nq, other_v + row * nv, columns, other);
-        for (uint32_t c = 0; c < file->column_count; c++) {
-            if (!identify_is_state(&file->columns[c])) continue;
-            const double wrapped = identify_column_error(file, c, other, columns);
-            out[row * file->column_count + c] += wrapped * wrapped;
-        }
+        identify_errors(file, other_q + row * nq, other_v + row * nv, q + row * nq, v + row * nv, error);
+        for (uint32_t c = 0; c < file->column_count; c++)
+            out[row * file->column_count + c] += error[c] * error[c];
     }
 }
 

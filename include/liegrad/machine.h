@@ -821,8 +821,9 @@ typedef struct lg_machine_file {
     const lg_context *context;
 } lg_machine_file;
 
-/* Reads a machine file; lg_machine_file_destroy frees `out`. Errors: LG_NOT_FOUND (no such file), LG_FILE,
- * LG_FORMAT (with the line; also for a machine that lg_machine_init refuses), LG_OUT_OF_MEMORY. */
+/* Reads a machine file; lg_machine_file_destroy frees `out`. YAML documents behind the first one are changes
+ * of the machine. Errors: LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT (with the line; also for a machine
+ * that lg_machine_init refuses), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_machine_file_read(const lg_context *context, const char *path, lg_machine_file *out,
                                       lg_error *error);
 /* The same from text in memory; `name` stands for the file in messages. */

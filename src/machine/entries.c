@@ -85,17 +85,6 @@ lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uin
     return lg_add(tape, all, lg_input_f64(tape, row, known));
 }
 
-double lg_machine_value(const lg_machine *machine, const lg_machine_term *term, const double *theta,
-                        uint32_t index) {
-    lg_entry_about about;
-    for (uint32_t k = 0; k < term->entry_count; k++) {
-        if (term->entries[k].index != index) continue;
-        const lg_number_map map = map_of(machine, term, k, &about);
-        return lg_number_at(&map, theta[k], NULL);
-    }
-    return term->values[index];
-}
-
 void lg_numbers_entries(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                         const double *theta) {
     lg_entry_about about;

@@ -23,12 +23,6 @@ const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machi
     return NULL;
 }
 
-double lg_machine_drag_number(const lg_machine *machine, const lg_machine_term *term, const double *theta,
-                              uint32_t k, int power) {
-    if (term->value_count > 0) return lg_machine_value(machine, term, theta + term->offset, k);
-    return theta[term->offset + k] * theta[term->offset + k] * lg_machine_drag_unit(machine, k, k, power);
-}
-
 /* Whether the term has coefficients of its own. */
 static bool is_whole(const lg_machine *machine, const lg_machine_term *term) {
     return lg_machine_base(machine, term) == NULL;
@@ -110,6 +104,40 @@ static lg_var coefficients(const rubbing *r, int power) {
                                       lg_shape2(1, r->n)));
 }
 
+/* What the blocks of a kind are, the coefficients first. Where blocks belong to features, the second one
+ * stands for all of them. */
+struct lg_friction {
+    const char *names[5];
+    double start[5];   /* of the parameters */
+    const char *rules; /* of the values, a letter for each block; see fault_of */
+    const char *fault; /* the sentence about values that break a rule */
+    /* Block `index` in scaled units, (1, n); `unit` (n) becomes their units. */
+    lg_var (*at)(const rubbing *r, uint32_t index, double *unit);
+};
+
+static uint32_t block_row(const lg_machine_term *term, uint32_t block) {
+    return term->kind->blocks == 0 && block > 1 ? 1 : block;
+}
+
+static void put_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                        const double *theta) {
+    const struct lg_friction *of = term->kind->friction;
+    double x[LG_MACHINE_VELOCITIES], unit[LG_MACHINE_VELOCITIES] = {0.0};
+    char name[48], by[64] = "";
+    const rubbing r = begin(l->tape, &l->vars, (uint32_t)(term - machine->terms));
+    const uint32_t count = blocks_of(machine, term);
+    for (uint32_t b = r.whole ? 0 : 1; b <= count; b++) {
+        const bool features = term->of_count > 0 && b > 0 && count > 1;
+        lg_numbers_read(l, l->status == LG_OK ? of->at(&r, b, unit) : LG_NONE, r.n, x);
+        if (features) lg_machine_feature_name(machine, term, b - 1, by, sizeof by);
+        for (uint32_t k = 0; k < r.n; k++) {
+            lg_machine_velocity_name(machine, k, name, sizeof name);
+            lg_numbers_put(l, x[k] * unit[k], "%s.%s%s%s", of->names[block_row(term, b)], name,
+                           features ? "." : "", by);
+        }
+    }
+}
+
 /* ---- functions of the velocity ---- */
 
 static void widths(const rubbing *r, double *out) {
@@ -187,32 +215,27 @@ static lg_var speed_size(const rubbing *r, const lg_machine_seen *seen) {
     return lg_sub(r->tape, size, row_of(r, w));
 }
 
+static lg_var difference(const rubbing *r, lg_var b) {
+    double unit[LG_MACHINE_VELOCITIES];
+    units(r, 1, unit);
+    return r->term->value_count > 0 ? known(r, 1, unit)
+                                    : lg_mul(r->tape, b, lg_act(r->tape, block(r, 0), LG_TANH));
+}
+
+/* b, d */
+static lg_var asymmetric_at(const rubbing *r, uint32_t index, double *unit) {
+    const lg_var b = coefficients(r, 1);
+    units(r, 1, unit);
+    return index == 0 ? b : difference(r, b);
+}
+
 static lg_var asymmetric(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                          const lg_machine_seen *seen) {
     const rubbing r = begin(tape, vars, term);
-    double unit[LG_MACHINE_VELOCITIES];
-    units(&r, 1, unit);
     const lg_var b = coefficients(&r, 1);
-    const lg_var d =
-        r.term->value_count > 0 ? known(&r, 1, unit) : lg_mul(tape, b, lg_act(tape, block(&r, 0), LG_TANH));
-    lg_var f = lg_mul(tape, d, speed_size(&r, seen));
+    lg_var f = lg_mul(tape, difference(&r, b), speed_size(&r, seen));
     if (r.whole) f = lg_add(tape, f, lg_mul(tape, b, seen->v));
     return lg_neg(tape, f);
-}
-
-static void asymmetric_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                               const double *theta) {
-    const uint32_t n = machine->velocities;
-    const lg_machine_term *base = lg_machine_base(machine, term);
-    const double *own = base == NULL ? theta + n : theta;
-    if (base == NULL) lg_numbers_drag(l, machine, "damping", 1, theta);
-    for (uint32_t k = 0; k < n; k++) {
-        char name[48];
-        lg_machine_velocity_name(machine, k, name, sizeof name);
-        const double b = base == NULL ? exp(theta[k]) * unit_of(machine, k, 1)
-                                      : lg_machine_drag_number(machine, base, theta - term->offset, k, 1);
-        lg_numbers_put(l, b * tanh(own[k]), "asymmetric.%s", name);
-    }
 }
 
 /* ---- stribeck: -(c + (cs - c) e^(-(v/vs)^2)) S, cs = c (1 + 2/(1 + e^-y)) ---- */
@@ -258,31 +281,6 @@ static lg_var stribeck_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_
     const lg_var c = coefficients(&r, 0);
     const lg_var size = lg_mul(tape, breakaway(&r, c), fading(tape, seen->v, stribeck_speed(&r)));
     return r.whole ? lg_add(tape, size, c) : size;
-}
-
-static double sigmoid(double x) {
-    return 1.0 / (1.0 + exp(-x));
-}
-
-static void stribeck_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                             const double *theta) {
-    const uint32_t n = machine->velocities;
-    const lg_machine_term *base = lg_machine_base(machine, term);
-    const double *own = base == NULL ? theta + n : theta;
-    char name[48];
-    if (base == NULL) lg_numbers_drag(l, machine, "coulomb", 0, theta);
-    for (uint32_t k = 0; k < n; k++) {
-        const double c = base == NULL ? exp(theta[k]) * unit_of(machine, k, 0)
-                                      : lg_machine_drag_number(machine, base, theta - term->offset, k, 0);
-        lg_machine_velocity_name(machine, k, name, sizeof name);
-        lg_numbers_put(l, c * (1.0 + 2.0 * sigmoid(own[k])), "breakaway.%s", name);
-    }
-    for (uint32_t k = 0; k < n; k++) {
-        double low, high;
-        speed_range(machine, term, k, &low, &high);
-        lg_machine_velocity_name(machine, k, name, sizeof name);
-        lg_numbers_put(l, low * pow(high / low, sigmoid(own[n + k])), "stribeck_speed.%s", name);
-    }
 }
 
 /* ---- lugre: -(s0 z + s1 z'), z' = v - s0 |v| z/g, g as for stribeck, s0 = c/d ---- */
@@ -373,19 +371,19 @@ static lg_var lugre(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, c
                                lg_mul(tape, rate, vars->bristles[DAMPER])));
 }
 
-static void lugre_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                          const double *theta) {
-    const uint32_t n = machine->velocities;
-    stribeck_numbers(l, machine, term, theta);
-    for (uint32_t k = 0; k < n; k++) {
-        char name[48];
-        lg_machine_velocity_name(machine, k, name, sizeof name);
-        lg_numbers_put(l,
-                       exp(theta[k] + deflections * sigmoid(theta[3 * n + k])) * unit_of(machine, k, 0) /
-                           most_deflection(machine, k),
-                       "bristle_stiffness.%s", name);
-    }
-    lg_numbers_drag(l, machine, "bristle_damping", 1, theta + (size_t)4 * n);
+/* c, cs, vs, and of LuGre friction s0, s1 */
+static lg_var stribeck_at(const rubbing *r, uint32_t index, double *unit) {
+    const lg_var c = coefficients(r, 0);
+    units(r, index == DAMPER ? 1 : 0, unit);
+    for (uint32_t k = 0; k < r->n; k++)
+        unit[k] = index == SPEED    ? speed_of(r->machine, k)
+                  : index == SPRING ? unit[k] / r->machine->scales.velocity[k]
+                                    : unit[k];
+    return index == SLIDING  ? c
+           : index == MORE   ? lg_add(r->tape, c, breakaway(r, c))
+           : index == SPEED  ? stribeck_speed(r)
+           : index == SPRING ? stiffness(r)
+                             : r->vars->bristles[DAMPER];
 }
 
 bool lg_machine_set_bristles(const lg_machine *machine, double part, double *theta) {
@@ -430,24 +428,33 @@ static double feature_unit(const rubbing *r, const double *scales, uint32_t feat
     return r->term->of_count > 0 ? scales[feature] : unit_of(r->machine, k, 0);
 }
 
+/* c, then k of each feature. */
+static lg_var factor_at(const rubbing *r, uint32_t index, double *unit) {
+    double scales[LG_MACHINE_FEATURE_NUMBERS];
+    units(r, 0, unit);
+    if (index == 0) return coefficients(r, 0);
+    if (r->term->of_count > 0) (void)lg_machine_feature_scales(r->machine, r->term, scales);
+    for (uint32_t k = 0; k < r->n; k++) unit[k] = 1.0 / feature_unit(r, scales, index - 1, k);
+    return r->term->value_count > 0 ? known(r, index, unit) : block(r, index - 1);
+}
+
+static lg_var load_at(const rubbing *r, uint32_t index, double *unit) {
+    const lg_var x = factor_at(r, index, unit);
+    return index == 0 || r->term->value_count > 0 ? x : lg_exp(r->tape, x);
+}
+
 /* sum_f k_f x_f, (B, n), of the features x (B, F); for the potential's force k_k x_k. */
-static lg_var weighted(const rubbing *r, lg_var x, lg_var (*shaped)(lg_tape *, lg_var)) {
-    double scales[LG_MACHINE_FEATURE_NUMBERS], unit[LG_MACHINE_VELOCITIES];
+static lg_var weighted(const rubbing *r, lg_var x) {
+    double unit[LG_MACHINE_VELOCITIES];
     const uint32_t count = blocks_of(r->machine, r->term);
     lg_var sum = LG_NONE;
-    if (r->term->of_count > 0) (void)lg_machine_feature_scales(r->machine, r->term, scales);
     for (uint32_t f = 0; f < count; f++) {
-        for (uint32_t k = 0; k < r->n; k++) unit[k] = 1.0 / feature_unit(r, scales, f, k);
-        const lg_var factor = r->term->value_count > 0 ? known(r, f + 1, unit) : shaped(r->tape, block(r, f));
+        const lg_var factor = r->term->kind->friction->at(r, f + 1, unit);
         const lg_var each = r->term->of_count > 0 ? lg_machine_columns(r->tape, x, f, 1) : x;
         const lg_var more = lg_mul(r->tape, each, factor);
         sum = lg_is_none(sum) ? more : lg_add(r->tape, sum, more);
     }
     return sum;
-}
-
-static lg_var itself(lg_tape *tape, lg_var x) {
-    return x;
 }
 
 /* c g of a whole term, else c (g - 1). */
@@ -461,197 +468,126 @@ static lg_var load_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t te
     const rubbing r = begin(tape, vars, term);
     const lg_var loads = loads_of(&r, seen);
     const lg_var none = lg_full(tape, lg_shape2(1, r.n), 1.0);
-    return scaled_limit(&r, lg_is_none(loads) ? none : lg_add_scalar(tape, weighted(&r, loads, lg_exp), 1.0));
+    return scaled_limit(&r, lg_is_none(loads) ? none : lg_add_scalar(tape, weighted(&r, loads), 1.0));
 }
 
 static lg_var position_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                              const lg_machine_seen *seen) {
     const rubbing r = begin(tape, vars, term);
     const lg_var x = lg_machine_record_features(tape, r.machine, r.term, seen);
-    return scaled_limit(&r, positive_part(tape, weighted(&r, x, itself)));
-}
-
-static double same(double x) {
-    return x;
-}
-
-static void factor_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                           const double *theta, const char *what, double (*shaped)(double)) {
-    const uint32_t n = machine->velocities, count = blocks_of(machine, term);
-    const bool whole = is_whole(machine, term);
-    const double *own = whole ? theta + n : theta;
-    double scales[LG_MACHINE_FEATURE_NUMBERS];
-    const rubbing r = {.machine = machine, .term = term, .n = n};
-    if (whole) lg_numbers_drag(l, machine, "coulomb", 0, theta);
-    if (term->of_count > 0) (void)lg_machine_feature_scales(machine, term, scales);
-    for (uint32_t f = 0; f < count; f++)
-        for (uint32_t k = 0; k < n; k++) {
-            char name[48], by[64] = "";
-            lg_machine_velocity_name(machine, k, name, sizeof name);
-            if (count > 1) lg_machine_feature_name(machine, term, f, by, sizeof by);
-            lg_numbers_put(l, shaped(own[f * n + k]) / feature_unit(&r, scales, f, k), "%s.%s%s%s", what,
-                           name, count > 1 ? "." : "", by);
-        }
-}
-
-static void load_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                         const double *theta) {
-    factor_numbers(l, machine, term, theta, "load", exp);
-}
-
-static void position_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                             const double *theta) {
-    factor_numbers(l, machine, term, theta, "position", same);
+    return scaled_limit(&r, positive_part(tape, weighted(&r, x)));
 }
 
 /* ---- starts, and the direction of scale ---- */
 
-/* Coefficients start at 0.01 in scaled units, as those of the other kinds; `rest` fills all other numbers. */
-static void start_at(const lg_machine *machine, const lg_machine_term *term, double *theta, double rest) {
-    static const double own = -4.605170185988091;
-    for (size_t i = 0; i < term->parameters; i++)
-        theta[i] = is_whole(machine, term) && i < machine->velocities ? own : rest;
+static void start(const lg_machine *machine, const lg_machine_term *term, double *theta) {
+    const uint32_t first = is_whole(machine, term) ? 0 : 1;
+    for (uint32_t i = 0; i < term->parameters; i++)
+        theta[i] = term->kind->friction->start[block_row(term, first + i / machine->velocities)];
 }
 
-static void start_still(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    start_at(machine, term, theta, 0.0);
-}
-
-/* Breakaway at 1.5 times the friction of sliding; the speed at a tenth of the largest one, three quarters
- * of its range: from a smaller one fits see too few rows. */
-static void start_stribeck(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    const size_t n = machine->velocities;
-    start_at(machine, term, theta, 0.0);
-    for (size_t k = 0; k < n; k++) {
-        theta[term->parameters - 2 * n + k] = -1.0986122886681098;
-        theta[term->parameters - n + k] = 1.27;
+/* The deflection of bristles does not change, so that s0 z is scaled as c is. */
+static void scale(const lg_machine *machine, const lg_machine_term *term, const double *theta,
+                  double *direction) {
+    const uint32_t first = is_whole(machine, term) ? 0 : 1;
+    for (uint32_t i = 0; i < term->parameters; i++) {
+        const uint32_t b = block_row(term, first + i / machine->velocities);
+        direction[i] = b == SLIDING || b == DAMPER ? 1.0 : 0.0;
     }
-}
-
-static void start_load(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    start_at(machine, term, theta, -2.302585092994046);
-}
-
-/* Sliding bends the bristles by a hundredth of the most; coefficients as above. */
-static void start_lugre(const lg_machine *machine, const lg_machine_term *term, double *theta) {
-    const size_t n = machine->velocities;
-    start_at(machine, term, theta, 0.0);
-    for (size_t k = 0; k < n; k++) {
-        theta[n + k] = -1.0986122886681098;
-        theta[2 * n + k] = 1.27;
-        theta[3 * n + k] = -0.4054651081081644;
-        theta[4 * n + k] = theta[k];
-    }
-}
-
-static void scale_own(const lg_machine *machine, const lg_machine_term *term, const double *theta,
-                      double *direction) {
-    for (size_t i = 0; i < term->parameters; i++)
-        direction[i] = is_whole(machine, term) && i < machine->velocities ? 1.0 : 0.0;
-}
-
-/* d does not change, so that s0 z is scaled as c is. */
-static void scale_lugre(const lg_machine *machine, const lg_machine_term *term, const double *theta,
-                        double *direction) {
-    scale_own(machine, term, theta, direction);
-    for (size_t i = 4 * (size_t)machine->velocities; i < term->parameters; i++) direction[i] = 1.0;
 }
 
 /* ---- values ---- */
 
-/* The reason why known friction could give energy, or NULL. */
-static const char *asymmetric_fault(const lg_machine *machine, const lg_machine_term *term) {
-    for (uint32_t k = 0; k < machine->velocities; k++)
-        if (!(fabs(term->values[machine->velocities + k]) <= term->values[k]))
-            return "the difference must not exceed the viscous friction: friction would give energy";
-    return NULL;
-}
-
-static const char *stribeck_fault(const lg_machine *machine, const lg_machine_term *term) {
-    const uint32_t n = machine->velocities;
-    for (uint32_t k = 0; k < n; k++)
-        if (!(term->values[k] >= 0.0 && term->values[n + k] >= term->values[k] &&
-              term->values[2 * n + k] > 0.0))
-            return "the values are three rows: friction of sliding (not below 0), friction at rest (not "
-                   "below "
-                   "that), and the speed between them (above 0)";
-    return NULL;
-}
-
-static const char *lugre_fault(const lg_machine *machine, const lg_machine_term *term) {
-    const uint32_t n = machine->velocities;
-    for (uint32_t k = 0; k < n; k++) {
-        const double *x = term->values + k;
-        if (!(x[0] > 0.0 && x[n] >= x[0] && x[2 * n] > 0.0 && x[3 * n] > 0.0 && x[4 * n] >= 0.0))
-            return "the values are five rows: friction of sliding (above 0), friction at rest (not below "
-                   "that), the speed between them, the stiffness of the bristles (above 0) and their damping "
-                   "(not below 0)";
+/* Rules: 0 not below 0; + above 0; > not below the coefficient; | not larger than it in size; * any. */
+static const char *fault_of(const lg_machine *machine, const lg_machine_term *term) {
+    const struct lg_friction *of = term->kind->friction;
+    for (uint32_t i = 0; i < term->value_count; i++) {
+        const double x = term->values[i], c = term->values[i % machine->velocities];
+        const char rule = of->rules[block_row(term, i / machine->velocities)];
+        const bool good = rule == '0'   ? x >= 0.0
+                          : rule == '+' ? x > 0.0
+                          : rule == '>' ? x >= c
+                          : rule == '|' ? fabs(x) <= c
+                                        : true;
+        if (!good) return of->fault;
     }
-    return NULL;
-}
-
-static const char *load_fault(const lg_machine *machine, const lg_machine_term *term) {
-    for (uint32_t k = 0; k < term->value_count; k++)
-        if (!(term->values[k] >= 0.0)) return "friction and its factors must not be below 0";
-    return NULL;
-}
-
-static const char *position_fault(const lg_machine *machine, const lg_machine_term *term) {
-    for (uint32_t k = 0; k < machine->velocities; k++)
-        if (!(term->values[k] >= 0.0)) return "friction must not be below 0";
     return NULL;
 }
 
 /* ---- the table ---- */
 
-#define FRICTION .part = LG_MACHINE_DAMPING, .parameters = count_parameters, .scaling = scale_own
+/* Coefficients start at 0.01 in scaled units, as those of the other kinds; breakaway at 1.5 times the
+ * friction of sliding; its speed at a tenth of the largest one, three quarters of its range, because from a
+ * smaller one fits see too few rows. At first, sliding bends the bristles by a hundredth of the most. */
+#define OWN      (-4.605170185988091)
+#define SLIPS    OWN, -1.0986122886681098, 1.27
+#define STRIBECK "coulomb", "breakaway", "stribeck_speed"
+static const struct lg_friction
+    as_asymmetric = {.names = {"damping", "asymmetric"},
+                     .start = {OWN, 0.0},
+                     .rules = "*|",
+                     .fault =
+                         "the difference must not exceed the viscous friction: friction would give energy",
+                     .at = asymmetric_at},
+    as_stribeck = {.names = {STRIBECK},
+                   .start = {SLIPS},
+                   .rules = "0>+",
+                   .fault =
+                       "the values are three rows: friction of sliding (not below 0), friction at rest (not "
+                       "below that), and the speed between them (above 0)",
+                   .at = stribeck_at},
+    as_lugre = {.names = {STRIBECK, "bristle_stiffness", "bristle_damping"},
+                .start = {SLIPS, -0.4054651081081644, OWN},
+                .rules = "+>++0",
+                .fault =
+                    "the values are five rows: friction of sliding (above 0), friction at rest (not below "
+                    "that), the speed between them, the stiffness of the bristles (above 0) and their "
+                    "damping (not below 0)",
+                .at = stribeck_at},
+    as_load = {.names = {"coulomb", "load"},
+               .start = {OWN, -2.302585092994046},
+               .rules = "00",
+               .fault = "friction and its factors must not be below 0",
+               .at = load_at},
+    as_position = {.names = {"coulomb", "position"},
+                   .start = {OWN, 0.0},
+                   .rules = "0*",
+                   .fault = "friction must not be below 0",
+                   .at = factor_at};
+
+#define FRICTION(what)                                                                                       \
+    .part = LG_MACHINE_DAMPING, .parameters = count_parameters, .scaling = scale, .initialise = start,       \
+    .numbers = put_numbers, .fault = fault_of, .friction = &(what)
 const lg_term_kind lg_machine_friction_kinds[] = {
     {.name = "asymmetric",
      .options = LG_TERM_WIDTH | LG_TERM_VALUES,
      .base = "diagonal",
      .blocks = 1,
-     .initialise = start_still,
      .record = asymmetric,
-     .numbers = asymmetric_numbers,
-     .fault = asymmetric_fault,
-     FRICTION},
+     FRICTION(as_asymmetric)},
     {.name = "stribeck",
      .options = LG_TERM_WIDTH | LG_TERM_VALUES,
      .base = "coulomb",
      .blocks = 2,
-     .initialise = start_stribeck,
      .limit = stribeck_limit,
      .record = lg_machine_record_rubbing,
-     .numbers = stribeck_numbers,
-     .fault = stribeck_fault,
-     FRICTION},
+     FRICTION(as_stribeck)},
     {.name = "lugre",
      .options = LG_TERM_VALUES,
      .blocks = 4,
-     .initialise = start_lugre,
      .record = lugre,
-     .numbers = lugre_numbers,
-     .fault = lugre_fault,
      .bristles = true,
-     .part = LG_MACHINE_DAMPING,
-     .parameters = count_parameters,
-     .scaling = scale_lugre},
+     FRICTION(as_lugre)},
     {.name = "load",
      .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_SOME | LG_TERM_INPUTS,
      .base = "coulomb",
-     .initialise = start_load,
      .limit = load_limit,
      .record = lg_machine_record_rubbing,
-     .numbers = load_numbers,
-     .fault = load_fault,
-     FRICTION},
+     FRICTION(as_load)},
     {.name = "position",
      .options = LG_TERM_WIDTH | LG_TERM_VALUES | LG_TERM_OF,
      .base = "coulomb",
-     .initialise = start_still,
      .limit = position_limit,
      .record = lg_machine_record_rubbing,
-     .numbers = position_numbers,
-     .fault = position_fault,
-     FRICTION},
+     FRICTION(as_position)},
     {.name = NULL}};

@@ -389,20 +389,13 @@ void lg_numbers_grey(lg_number_list *list, const lg_machine *machine, const lg_m
                      const double *theta) {
     const lg_machine_grey *grey = &machine->grey;
     double values[LG_MACHINE_PARAMETERS];
-    lg_tape *tape = NULL;
     if (term->parameters == 0) return;
-    lg_status status = lg_tape_create(NULL, NULL, &tape);
-    if (status == LG_OK) {
-        const lg_var own = lg_input_f64(tape, lg_shape1((uint32_t)term->parameters), theta);
-        status = lg_read(tape, lg_grey_record(tape, machine, own), grey->count, values);
-    }
-    lg_tape_destroy(tape);
-    if (status != LG_OK) list->status = status;
+    lg_numbers_read(list, list->vars.grey, grey->count, values);
     for (uint32_t i = 0; i < grey->count; i++) {
         char label[LG_PARAMETER_LABEL];
         if (!grey->unknown[i]) continue;
         lg_parameter_label(lg_grey_system_parameters(grey->system), links_of(machine), i, label);
-        lg_numbers_put(list, status == LG_OK ? values[i] : (double)NAN, "%s", label);
+        lg_numbers_put(list, values[i], "%s", label);
     }
 }
 

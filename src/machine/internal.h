@@ -39,22 +39,22 @@ typedef struct lg_entry_about {
 typedef struct lg_number_list {
     size_t count, room;
     lg_identified *out;
-    lg_status status; /* LG_OK, or why the numbers that need a tape are NaN */
+    lg_status status; /* LG_OK, or why the numbers that need the tape are NaN */
+    lg_tape *tape;    /* has the machine's parameters */
+    lg_machine_vars vars;
 } lg_number_list;
 typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, const lg_machine_term *term,
                              const double *theta);
-lg_term_numbers lg_numbers_diagonal_mass, lg_numbers_constant_mass, lg_numbers_each,
-    lg_numbers_constant_damping, lg_numbers_bias, lg_numbers_grey, lg_numbers_lag;
+lg_term_numbers lg_numbers_mass, lg_numbers_each, lg_numbers_constant_damping, lg_numbers_bias,
+    lg_numbers_grey, lg_numbers_lag;
 /* lg_term_kind.entry of potentials that are sums of monomials. */
 void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
                                 lg_entry_about *out);
 /* Appends a number to the list. */
 void __attribute__((format(printf, 3, 4)))
 lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
-
-/* Appends coefficients of drag e^theta_k, in scaled units a force divided by a speed to the power. */
-void lg_numbers_drag(lg_number_list *list, const lg_machine *machine, const char *name, int power,
-                     const double *theta);
+/* Reads a variable of the list's tape; NaN after a failure. */
+void lg_numbers_read(lg_number_list *list, lg_var x, size_t count, double *out);
 /* Name of velocity k: "x", or "body.2" where its coordinate has several velocities. */
 void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size);
 /* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */
@@ -103,6 +103,7 @@ struct lg_term_kind {
      * numbers per velocity it has besides coefficients. */
     const char *base;
     uint32_t blocks;
+    const struct lg_friction *friction;
     /* Friction with the force -c S, S the sign of the velocity or tanh(v/w): c (B or 1, velocities). Of a
      * term that changes its base, what it adds to the c of the base. NULL: the force has another form. */
     lg_var (*limit)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen);
@@ -180,9 +181,6 @@ lg_var lg_machine_record_maps(lg_tape *tape, const lg_number_map *maps, uint32_t
 /* (1, count): number i is factor[i] times value index[i] of the term; 0 if index[i] is UINT32_MAX. */
 lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t count,
                                  const uint32_t *index, const double *factor);
-/* A value of the term, known or not; theta is the term's slice. */
-double lg_machine_value(const lg_machine *machine, const lg_machine_term *term, const double *theta,
-                        uint32_t index);
 lg_term_numbers lg_numbers_entries;
 /* lg_term_kind.scaling of the unknown entries. */
 void lg_machine_scale_entries(const lg_machine *machine, const lg_machine_term *term, const double *theta,
@@ -210,9 +208,6 @@ double lg_machine_prior_weight(const lg_machine_problem *problem, size_t batch);
 /* Damping coefficients (1, velocities) of a term of kind diagonal, coulomb, quadratic or cubic, in scaled
  * units: a force divided by a speed to the given power. */
 lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power);
-/* Coefficient k of such a term in the units of the log; theta has all parameters. */
-double lg_machine_drag_number(const lg_machine *machine, const lg_machine_term *term, const double *theta,
-                              uint32_t k, int power);
 /* Unit of a force on velocity i, divided by the unit of velocity j to the given power. */
 double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power);
 

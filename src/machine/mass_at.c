@@ -98,35 +98,18 @@ bool lg_machine_mass_learned(const lg_machine *machine) {
     return false;
 }
 
-/* Evaluates M (momenta, momenta), the sum of all terms of the mass, at rest at `positions`; writes it to
- * `m` in scaled units. */
-static lg_status moving_mass(lg_tape *tape, const lg_machine *machine, const double *theta,
-                             const double *positions, double *m) {
-    lg_machine_vars vars;
-    lg_var parts[LG_TAPED_MAX_PARTS];
-    const lg_var parameters = lg_parameter(tape, lg_shape1((uint32_t)machine->parameters), theta);
-    LG_TRY(lg_machine_bind(tape, machine, parameters, &vars));
-    LG_TRY(lg_machine_record_rest(tape, &vars, positions, parts));
-    return lg_read(tape, lg_machine_record_mass(tape, &vars, parts),
-                   (size_t)machine->momenta * machine->momenta, m);
-}
-
-static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const double *theta,
-                            const double *positions) {
+/* The sum of all terms of the mass, at rest at `positions`. */
+static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const double *positions) {
     uint32_t at[LG_MACHINE_VELOCITIES];
-    double m[LG_MACHINE_VALUES] = {0.0};
-    lg_tape *tape = NULL;
+    double m[LG_MACHINE_VALUES];
+    lg_var parts[LG_TAPED_MAX_PARTS], M = LG_NONE;
     const uint32_t n = lg_machine_mass_velocities(machine, false, at);
-    lg_status status = lg_tape_create(NULL, NULL, &tape);
-    if (status == LG_OK) status = moving_mass(tape, machine, theta, positions, m);
-    lg_tape_destroy(tape);
-    if (status != LG_OK) l->status = status;
+    if (l->status == LG_OK) l->status = lg_machine_record_rest(l->tape, &l->vars, positions, parts);
+    if (l->status == LG_OK) M = lg_machine_record_mass(l->tape, &l->vars, parts);
+    lg_numbers_read(l, M, (size_t)n * n, m);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < n; j++)
-            lg_numbers_put(l,
-                           status == LG_OK
-                               ? m[i * n + j] * (1.0 / lg_machine_unit_mass(machine, at[i], at[j]))
-                               : (double)NAN,
+            lg_numbers_put(l, m[i * n + j] * (1.0 / lg_machine_unit_mass(machine, at[i], at[j])),
                            "mass.%u.%u", at[i] + 1, at[j] + 1);
 }
 
@@ -134,9 +117,12 @@ static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const 
  * numbers of a system (lg_grey_mass_kind). */
 size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
                              size_t room, lg_identified *out, lg_status *status) {
-    lg_number_list l = {0, room, out, LG_OK};
+    lg_number_list l = {.room = room, .out = out, .vars = {.machine = machine}};
     const bool network = lg_machine_mass_learned(machine);
-    if (network && theta != NULL) put_moving_mass(&l, machine, theta, positions);
+    l.status = lg_tape_create(NULL, NULL, &l.tape);
+    if (l.status == LG_OK)
+        l.status = lg_machine_bind(l.tape, machine, lg_machine_parameter(l.tape, machine, theta), &l.vars);
+    if (network && theta != NULL) put_moving_mass(&l, machine, positions);
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
         if (network && term->part == LG_MACHINE_MASS && term->kind != &lg_grey_mass_kind) continue;
@@ -144,6 +130,7 @@ size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, con
         lg_term_numbers *own = term->kind->each != LG_PARAMETER_OTHER ? lg_numbers_each : term->kind->numbers;
         if (term->value_count == 0 && own != NULL) own(&l, machine, term, theta + term->offset);
     }
+    lg_tape_destroy(l.tape);
     if (status != NULL && l.status != LG_OK) *status = l.status;
     return l.count;
 }

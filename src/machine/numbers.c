@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {
@@ -18,6 +19,11 @@ void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {
         each->error = (double)NAN;
     }
     l->count++;
+}
+
+void lg_numbers_read(lg_number_list *l, lg_var x, size_t count, double *out) {
+    if (l->status == LG_OK) l->status = lg_read(l->tape, x, count, out);
+    for (size_t i = 0; i < count && l->status != LG_OK; i++) out[i] = (double)NAN;
 }
 
 void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size) {
@@ -57,66 +63,26 @@ void lg_numbers_bias(lg_number_list *l, const lg_machine *machine, const lg_mach
 
 /* ---- mass ---- */
 
-static double mass_unit(const lg_machine *machine, uint32_t i, uint32_t j) {
-    return 1.0 / lg_machine_unit_mass(machine, i, j);
-}
-
-/* Number `index` of a diagonal or constant mass; in a normalised machine the number scales.held is 0 and not
- * in theta. */
-static double mass_number(const lg_machine *machine, const double *theta, uint32_t index) {
-    const uint32_t held = (uint32_t)machine->scales.held - 1;
-    if (!machine->normalised || index < held) return theta[index];
-    return index == held ? 0.0 : theta[index - 1];
-}
-
-static void direction_masses(lg_number_list *l, const lg_machine *machine, const double *theta,
-                             uint32_t first) {
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        if (lg_coordinate_row_of(machine->coordinates[i].kind)->directions == 0) continue;
-        const uint32_t k = lg_machine_offsets_of(machine, i).velocity;
-        lg_numbers_put(l, exp(mass_number(machine, theta, first++)) * mass_unit(machine, k, k), "mass.%u.%u",
-                       k + 1, k + 1);
-    }
-}
-
-void lg_numbers_diagonal_mass(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                              const double *theta) {
+/* The elements of a mass, of a diagonal one those on the diagonal, then the masses of the directions. */
+void lg_numbers_mass(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                     const double *theta) {
     uint32_t at[LG_MACHINE_VELOCITIES];
-    const uint32_t n = lg_machine_mass_velocities(machine, false, at);
+    double m[LG_MACHINE_VALUES];
+    const uint32_t index = (uint32_t)(term - machine->terms);
+    const bool good = l->status == LG_OK, diagonal = (term->kind->options & LG_TERM_VALUES) != 0;
+    uint32_t n = lg_machine_mass_velocities(machine, false, at);
+    if (n > 0)
+        lg_numbers_read(l, good ? term->kind->record(l->tape, &l->vars, index, NULL) : LG_NONE, (size_t)n * n,
+                        m);
     for (uint32_t i = 0; i < n; i++)
-        lg_numbers_put(l, exp(mass_number(machine, theta, i)) * mass_unit(machine, at[i], at[i]),
-                       "mass.%u.%u", at[i] + 1, at[i] + 1);
-    direction_masses(l, machine, theta, n);
-}
-
-/* Unpacks the lower triangle L (n, n). If `positive`, its diagonal is exp of the packed numbers. */
-static void unpack(const double *packed, uint32_t n, bool positive, double *L) {
-    uint32_t k = n;
-    memset(L, 0, (size_t)n * n * sizeof *L);
-    for (uint32_t i = 0; i < n; i++) {
-        L[i * n + i] = positive ? exp(packed[i]) : packed[i];
-        for (uint32_t j = 0; j < i; j++) L[i * n + j] = packed[k++];
-    }
-}
-
-static double product(const double *L, uint32_t n, uint32_t i, uint32_t j) {
-    double sum = 0.0;
-    for (uint32_t k = 0; k < n; k++) sum += L[i * n + k] * L[j * n + k];
-    return sum;
-}
-
-void lg_numbers_constant_mass(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                              const double *theta) {
-    uint32_t at[LG_MACHINE_VELOCITIES];
-    double packed[LG_MACHINE_VALUES] = {0.0}, L[LG_MACHINE_VALUES];
-    const uint32_t n = lg_machine_mass_velocities(machine, false, at);
-    for (uint32_t i = 0; i < lg_triangle(n); i++) packed[i] = mass_number(machine, theta, i);
-    unpack(packed, n, true, L);
+        for (uint32_t j = i; j < (diagonal ? i + 1 : n); j++)
+            lg_numbers_put(l, m[i * n + j] * (1.0 / lg_machine_unit_mass(machine, at[i], at[j])),
+                           "mass.%u.%u", at[i] + 1, at[j] + 1);
+    n = lg_machine_mass_velocities(machine, true, at);
+    if (n > 0) lg_numbers_read(l, good ? term->kind->directions(l->tape, &l->vars, index) : LG_NONE, n, m);
     for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = i; j < n; j++)
-            lg_numbers_put(l, product(L, n, i, j) * mass_unit(machine, at[i], at[j]), "mass.%u.%u", at[i] + 1,
-                           at[j] + 1);
-    direction_masses(l, machine, theta, lg_triangle(n));
+        lg_numbers_put(l, m[i] * (1.0 / lg_machine_unit_mass(machine, at[i], at[i])), "mass.%u.%u", at[i] + 1,
+                       at[i] + 1);
 }
 
 /* ---- potentials ---- */
@@ -186,15 +152,6 @@ double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, i
     return unit;
 }
 
-void lg_numbers_drag(lg_number_list *l, const lg_machine *machine, const char *name, int power,
-                     const double *theta) {
-    for (uint32_t i = 0; i < machine->velocities; i++) {
-        char of[48];
-        lg_machine_velocity_name(machine, i, of, sizeof of);
-        lg_numbers_put(l, exp(theta[i]) * lg_machine_drag_unit(machine, i, i, power), "%s.%s", name, of);
-    }
-}
-
 void lg_numbers_each(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                      const double *theta) {
     lg_entry_about about;
@@ -205,13 +162,20 @@ void lg_numbers_each(lg_number_list *l, const lg_machine *machine, const lg_mach
     }
 }
 
+/* The forces at unit velocities are the rows of -D. */
 void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                                  const double *theta) {
-    double L[LG_MACHINE_VALUES];
+    double D[LG_MACHINE_VALUES];
     const uint32_t n = machine->velocities;
-    unpack(theta, n, false, L);
+    lg_machine_seen seen = {.rows = n};
+    lg_var f = LG_NONE;
+    if (l->status == LG_OK) {
+        seen.v = lg_reshape(l->tape, lg_machine_unit_matrix(l->tape, n), lg_shape2(n, n));
+        f = term->kind->record(l->tape, &l->vars, (uint32_t)(term - machine->terms), &seen);
+    }
+    lg_numbers_read(l, f, (size_t)n * n, D);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < n; j++)
-            lg_numbers_put(l, product(L, n, i, j) * lg_machine_drag_unit(machine, i, j, 1), "damping.%u.%u",
-                           i + 1, j + 1);
+            lg_numbers_put(l, -D[i * n + j] * lg_machine_drag_unit(machine, i, j, 1), "damping.%u.%u", i + 1,
+                           j + 1);
 }

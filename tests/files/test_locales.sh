@@ -30,7 +30,7 @@ core test_core
 files test_numbers_and_hashes
 files test_other_machines
 settings test_hyperparameters
-settings test_yaml_edit
+settings test_yaml
 settings test_search_files the table of trials*
 datasets test_tables
 mechanics test_scene_files the files in scenes/*

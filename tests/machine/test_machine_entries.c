@@ -83,13 +83,7 @@ TEST("identified numbers, given as known values, make the same machine, for any 
         lg_identified numbers[7];
         double a[2], b[2];
         (void)lg_machine_numbers(&open, theta, 7, numbers);
-        for (size_t i = 0; i < 7; i++) {
-            const lg_machine_term *term = &open.terms[of[i][0]];
-            known.terms[of[i][0]].values[of[i][1]] = numbers[i].value;
-            assert_close(lg_machine_value(&open, term, theta + term->offset, of[i][1]), numbers[i].value, 0,
-                         0);
-        }
-        assert_close(lg_machine_value(&open, &open.terms[0], theta, 0), 2, 0, 0); /* a known mass */
+        for (size_t i = 0; i < 7; i++) known.terms[of[i][0]].values[of[i][1]] = numbers[i].value;
         assert_machine(&known);
         rates_of(&known, NULL, a);
         rates_of(&open, theta, b);

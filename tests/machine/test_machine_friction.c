@@ -217,6 +217,34 @@ TEST("the direction of scale of every kind multiplies all friction by 1 + x to f
     scaled_along(&machine);
 }
 
+TEST("the numbers of every learned friction, given as known values, make the same friction") {
+    enum { MOST = 16 };
+    static const double q[2] = {0.3, -0.8};
+    const lg_term_kind *kind;
+    for (size_t i = 0; (kind = lg_term_kind_at(LG_MACHINE_DAMPING, i)) != NULL; i++) {
+        const uint32_t options = lg_term_kind_options(kind);
+        if ((options & LG_TERM_VALUES) == 0 || (options & LG_TERM_KNOWN) != 0) continue;
+        for (uint64_t seed = 0; seed < 5; seed++) {
+            lg_machine learned = plain(), known;
+            lg_machine_term *term = add_term(&learned, LG_MACHINE_DAMPING, lg_term_kind_name(kind));
+            if ((options & LG_TERM_OF) != 0) add_feature(term, LG_FEATURE_POSITION, 0);
+            if ((options & LG_TERM_INPUTS) != 0) add_feature(term, LG_FEATURE_INPUT, 0);
+            known = learned;
+            assert_machine(&learned);
+            const double *theta = machine_theta(&learned, seed), v[2] = {0.7 * (double)seed - 1.5, 0.4};
+            lg_identified numbers[MOST];
+            const size_t count = lg_machine_numbers(&learned, theta, MOST, numbers);
+            double values[MOST], f[2], g[2];
+            for (size_t k = 0; k < count; k++) values[k] = numbers[k].value;
+            add_values(&known.terms[known.term_count - 1], (uint32_t)count, values);
+            assert_machine(&known);
+            force_at(&learned, LG_MACHINE_DAMPING, theta, q, v, -1.2, f);
+            force_at(&known, LG_MACHINE_DAMPING, NULL, q, v, -1.2, g);
+            assert_all_close(g, f, 2, 1e-12, 1e-14);
+        }
+    }
+}
+
 /* ---- offsets ---- */
 
 TEST("an offset is a constant force on the velocities of its coordinates, and its number is in the log's "

@@ -6,72 +6,54 @@
 
 /* ---- the state ---- */
 
-/* Adds the name of number k of `count` to the list of the state's numbers. */
-static void add_number(text *list, const char *name, const char *part, const char *letters, uint32_t k,
-                       uint32_t count) {
-    lg_text_add(list, "%s%s", name, part);
-    if (count == 9)
-        lg_text_add(list, "%u%u", k / 3 + 1, k % 3 + 1);
-    else if (count > 1 && letters != NULL)
-        lg_text_add(list, ".%c", letters[k % 3]);
-    else if (count > 1)
-        lg_text_add(list, " %u", k + 1);
-    lg_text_add(list, "\n");
-}
-
+/* Adds the names of `count` numbers to the list of the state's numbers. */
 static void add_numbers(text *list, const char *name, const char *part, const char *letters, uint32_t count) {
-    for (uint32_t k = 0; k < count; k++) add_number(list, name, part, letters, k, count);
+    for (uint32_t k = 0; k < count; k++) {
+        lg_text_add(list, "%s%s", name, part);
+        if (count == 9)
+            lg_text_add(list, "%u%u", k / 3 + 1, k % 3 + 1);
+        else if (count > 1 && letters != NULL)
+            lg_text_add(list, ".%c", letters[k % 3]);
+        else if (count > 1)
+            lg_text_add(list, " %u", k + 1);
+        lg_text_add(list, "\n");
+    }
 }
 
-typedef void (*tell_coordinate)(export_source *source, const lg_machine_coordinate *c,
-                                const lg_coordinate_row *row);
+enum { PLACES, DIRECTIONS, ROTATIONS, MOMENTA, GROUPS };
 
-static void tell_places(export_source *source, const lg_machine_coordinate *c, const lg_coordinate_row *row) {
-    for (uint32_t k = 0; k < row->places; k++)
-        if (row->places == 1)
-            lg_text_add(&source->state, "%s ", c->name);
-        else
-            lg_text_add(&source->state, "%s.%c ", c->name, "xyz"[k % 3]);
-    add_numbers(&source->places, c->name, "", "xyz", row->places);
-}
-
-static void tell_direction(export_source *source, const lg_machine_coordinate *c,
-                           const lg_coordinate_row *row) {
-    if (row->directions == 0) return;
-    lg_text_add(&source->state, "%s.q (3) %s.p (3) ", c->name, c->name);
-    add_numbers(&source->places, c->name, ".q", "xyz", 3);
-    add_numbers(&source->places, c->name, ".p", "xyz", 3);
-}
-
-static void tell_rotation(export_source *source, const lg_machine_coordinate *c,
-                          const lg_coordinate_row *row) {
-    if (row->rotations == 0) return;
-    lg_text_add(&source->state, "%s.R (9, rows) ", c->name);
-    add_numbers(&source->places, c->name, ".R", NULL, 9);
-}
-
-static void tell_momenta(export_source *source, const lg_machine_coordinate *c,
-                         const lg_coordinate_row *row) {
-    if (row->directions > 0) return;
-    lg_text_add(&source->state, " %s (%u)", c->name, row->velocities);
-    APP_FREE char *name = app_format("momentum of %s", c->name);
-    add_numbers(&source->places, name, "", NULL, row->velocities);
-}
-
-static void tell_each(export_source *source, const lg_machine *machine, tell_coordinate tell) {
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_coordinate *c = &machine->coordinates[i];
-        tell(source, c, lg_coordinate_row_of(c->kind));
+/* Describes the numbers that a coordinate has in a group of the state. */
+static void tell_group(export_source *source, const lg_machine_coordinate *c, int group) {
+    const lg_coordinate_row *row = lg_coordinate_row_of(c->kind);
+    text *state = &source->state, *list = &source->places;
+    if (group == PLACES) {
+        for (uint32_t k = 0; k < row->places; k++)
+            if (row->places == 1)
+                lg_text_add(state, "%s ", c->name);
+            else
+                lg_text_add(state, "%s.%c ", c->name, "xyz"[k % 3]);
+        add_numbers(list, c->name, "", "xyz", row->places);
+    } else if (group == DIRECTIONS && row->directions > 0) {
+        lg_text_add(state, "%s.q (3) %s.p (3) ", c->name, c->name);
+        add_numbers(list, c->name, ".q", "xyz", 3);
+        add_numbers(list, c->name, ".p", "xyz", 3);
+    } else if (group == ROTATIONS && row->rotations > 0) {
+        lg_text_add(state, "%s.R (9, rows) ", c->name);
+        add_numbers(list, c->name, ".R", NULL, 9);
+    } else if (group == MOMENTA && row->directions == 0) {
+        lg_text_add(state, " %s (%u)", c->name, row->velocities);
+        APP_FREE char *name = app_format("momentum of %s", c->name);
+        add_numbers(list, name, "", NULL, row->velocities);
     }
 }
 
 /* Describes the state: "x theta rod.q (3) rod.p (3) body.R (9, rows) momenta x (1) theta (1) body (3)". */
 static void tell_state(export_source *source, const lg_machine *machine) {
-    tell_each(source, machine, tell_places);
-    tell_each(source, machine, tell_direction);
-    tell_each(source, machine, tell_rotation);
-    if (machine->momenta > 0) lg_text_add(&source->state, "momenta");
-    tell_each(source, machine, tell_momenta);
+    for (int group = 0; group < GROUPS; group++) {
+        if (group == MOMENTA && machine->momenta > 0) lg_text_add(&source->state, "momenta");
+        for (uint32_t i = 0; i < machine->coordinate_count; i++)
+            tell_group(source, &machine->coordinates[i], group);
+    }
     if (machine->bristles > 0) {
         lg_text_add(&source->state, " bristles (%u)", machine->bristles);
         add_numbers(&source->places, "bristle", "", NULL, machine->bristles);

@@ -56,7 +56,7 @@ static lg_status read_delay(reading *r, const yaml_node_t *node, uint32_t input)
 }
 
 lg_status lg_machine_read_timing(reading *r, const lg_key_value *hold, const lg_key_value *delay) {
-    r->out->hold_given = hold->line != 0;
+    r->out->hold_given = r->out->hold_given || hold->line != 0;
     LG_TRY(read_each(r, "inputs.hold", hold, read_hold));
     return read_each(r, "inputs.delay", delay, read_delay);
 }

@@ -145,14 +145,12 @@ lg_status lg_adapt_check(const char *names, lg_error *error) {
 
 /* ---- the machine's text with an offset ---- */
 
-/* Adds `offset: unknown`: before the last bracket of a text in brackets, else as a line. */
 static lg_status add_offset(char text[LG_MACHINE_TEXT], lg_error *error) {
-    size_t end = strlen(text);
-    while (strchr(" \n\r\t", text[end - 1]) != NULL) end--; /* the text describes a machine */
-    const bool brackets = text[strspn(text, " \n\r\t")] == '{' && text[end - 1] == '}';
-    const int more = brackets ? snprintf(text + end - 1, LG_MACHINE_TEXT - end + 1, ", offset: unknown}\n")
-                              : snprintf(text + end, LG_MACHINE_TEXT - end, "\noffset: unknown\n");
-    if (end + (size_t)more < LG_MACHINE_TEXT) return LG_OK;
+    static const char change[] = "\n---\noffset: unknown\n";
+    if (strlen(text) + sizeof change <= LG_MACHINE_TEXT) {
+        lg_append(text, LG_MACHINE_TEXT, "%s", change);
+        return LG_OK;
+    }
     return lg_fail(error, LG_FORMAT,
                    "the machine's text is too long for a further line: write "
                    "`offset: unknown` in the machine's file and fit it");

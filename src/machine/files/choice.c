@@ -155,16 +155,23 @@ static void begin_trial(const lg_choosing *c, const lg_machine_trial *from, tria
     if (from != NULL && from->learned.theta != NULL) t->state.warm = &from->learned;
 }
 
-lg_status lg_machine_try(const lg_choosing *c, const char *text, const lg_machine_trial *from,
+lg_text lg_machine_changed(const lg_context *context, const char *text) {
+    lg_text out = {.context = context};
+    lg_text_add(&out, "%s\n---\n", text);
+    return out;
+}
+
+lg_status lg_machine_try(const lg_choosing *c, lg_text *text, const lg_machine_trial *from,
                          lg_machine_trial *out, lg_error *error) {
-    *out = (lg_machine_trial){.text = lg_strdup(c->quiet, text)};
+    *out = (lg_machine_trial){.text = *text};
+    *text = (lg_text){.context = c->quiet};
     trial_training *t = lg_alloc(c->quiet, 1, sizeof *t);
-    if (out->text == NULL || t == NULL) {
+    if (out->text.failed || t == NULL) {
         lg_free(c->quiet, t);
         return lg_no_memory(error);
     }
     begin_trial(c, from, t);
-    out->status = read_trial(c, text, t, &out->why);
+    out->status = read_trial(c, out->text.data, t, &out->why);
     if (out->status == LG_OK) out->status = learn(t, out, &out->why);
     if (out->status == LG_OK) out->status = judge(t, out, &out->why);
     lg_training_close(&t->training);
@@ -175,8 +182,9 @@ lg_status lg_machine_try(const lg_choosing *c, const char *text, const lg_machin
 }
 
 void lg_machine_trial_destroy(const lg_choosing *c, lg_machine_trial *trial) {
-    LG_FREE_ALL(c->quiet, trial->text, trial->learned.theta, trial->square, trial->left);
-    *trial = (lg_machine_trial){.text = NULL};
+    lg_text_destroy(&trial->text);
+    LG_FREE_ALL(c->quiet, trial->learned.theta, trial->square, trial->left);
+    *trial = (lg_machine_trial){.square = NULL};
 }
 
 /* ---- the machine that is chosen ---- */
@@ -193,11 +201,11 @@ lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest 
                                  lg_machine_trial *trials, size_t *winner, lg_error *error) {
     const lg_machine_trial *from = NULL, *best = NULL;
     for (size_t i = 0; i < contest->count; i++) {
-        char *text = NULL;
-        LG_TRY(contest->write(contest->user, i, &text, error));
-        const lg_status status = lg_machine_try(c, text, contest->follows ? from : NULL, &trials[i], error);
-        lg_free(c->self->context, text);
-        if (status != LG_OK) return status;
+        LG_CLEAN(lg_text_destroy)
+        lg_text text =
+            lg_machine_changed(c->quiet, ((const lg_machine_state *)c->self->state)->data.file.text);
+        contest->write(contest->user, i, &text);
+        LG_TRY(lg_machine_try(c, &text, contest->follows ? from : NULL, &trials[i], error));
         if (loss_of(&trials[i]) < loss_of(from)) from = &trials[i];
         if (trials[i].square != NULL && (best == NULL || contest->compare(c, &trials[i], best).ratio < 1))
             best = &trials[i];
@@ -209,10 +217,11 @@ lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest 
     return LG_OK;
 }
 
-lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error) {
+lg_status lg_machine_reread(lg_training *self, const lg_text *text, lg_error *error) {
     lg_machine_state *s = self->state;
     lg_machine_data data = {.failed = NULL};
-    const lg_status status = read_again(self->context, self, text, false, &data, error);
+    if (text->failed) return lg_no_memory(error);
+    const lg_status status = read_again(self->context, self, text->data, false, &data, error);
     if (status == LG_OK) {
         const lg_machine_data before = s->data;
         s->data = data;

@@ -1,11 +1,12 @@
-/* Choices by data: candidates are machine files that differ in one place. Each one is learned, and judged by
- * free runs over windows of the log that are not trained on. */
+/* Choices by data: candidates are machine files with different changes behind them. Each one is learned, and
+ * judged by free runs over windows of the log that are not trained on. */
 #ifndef LG_MACHINE_CHOICE_H
 #define LG_MACHINE_CHOICE_H
 
+#include "core/clean.h"
+#include "core/text.h"
 #include "machine/files/recipe.h"
 #include "model/files/training.h"
-#include "settings/files/yaml_edit.h"
 
 /* ---- windows that are held out (held_out.c) ---- */
 
@@ -61,7 +62,7 @@ struct lg_machine_warm {
 };
 
 typedef struct lg_machine_trial {
-    char *text;       /* the machine's file; owned */
+    lg_text text;     /* the machine's file; owned */
     lg_status status; /* other than LG_OK: it could not be read or learned, `sentence` says why */
     lg_error why;
     struct lg_machine_warm learned; /* theta is owned */
@@ -85,9 +86,11 @@ typedef struct lg_choosing {
 lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, size_t windows,
                             lg_error *error);
 void lg_choosing_end(lg_choosing *choosing);
-/* Learns the machine `text`, which is copied, from the parameters of `from` (may be NULL), and judges it.
- * Fails only without memory or if cancelled; a machine that cannot be learned has a status. */
-lg_status lg_machine_try(const lg_choosing *choosing, const char *text, const lg_machine_trial *from,
+/* The text of a machine's file, and the beginning of a change behind it, to which the caller adds lines. */
+lg_text lg_machine_changed(const lg_context *context, const char *text);
+/* Learns the machine `text`, which the trial takes over, from the parameters of `from` (may be NULL), and
+ * judges it. Fails only without memory or if cancelled; a machine that cannot be learned has a status. */
+lg_status lg_machine_try(const lg_choosing *choosing, lg_text *text, const lg_machine_trial *from,
                          lg_machine_trial *out, lg_error *error);
 void lg_machine_trial_destroy(const lg_choosing *choosing, lg_machine_trial *trial);
 /* How two trials that were learned compare: the error of the first one divided by the error of the other one,
@@ -97,15 +100,15 @@ typedef struct lg_machine_comparison {
     bool beats;
     size_t rows;
 } lg_machine_comparison;
-/* What a choice is made of: `write` makes the file of machine i, `compare` compares two machines. If each
+/* What a choice is made of: `write` adds the change of machine i, `compare` compares two machines. If each
  * `follows`, it begins from the parameters of the one before it that left the least of its own windows. */
 typedef struct lg_machine_contest {
     size_t count;
     bool follows;
-    lg_status (*write)(void *user, size_t i, char **text, lg_error *error);
+    void (*write)(const void *user, size_t i, lg_text *change);
     lg_machine_comparison (*compare)(const lg_choosing *c, const lg_machine_trial *one,
                                      const lg_machine_trial *other);
-    void *user;
+    const void *user;
 } lg_machine_contest;
 /* Learns all machines, from simple ones to others. *winner: the first one that the one with the least error
  * does not beat; its `square` is NULL if none was learned. trials (count) are the caller's. */
@@ -113,7 +116,7 @@ lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest 
                                  lg_machine_trial *trials, size_t *winner, lg_error *error);
 
 /* Reads the machine's file again from `text`, and the logs as this file says. */
-lg_status lg_machine_reread(lg_training *self, const char *text, lg_error *error);
+lg_status lg_machine_reread(lg_training *self, const lg_text *text, lg_error *error);
 
 /* ---- hold and delay of the inputs (inputs.c) ---- */
 
@@ -138,11 +141,11 @@ lg_status lg_machine_tell_lags(lg_training *self, const lg_machine_verdict *what
 
 /* ---- terms (suggest.c) ---- */
 
-/* A candidate: one change of a machine's file. In its name, fragment and sentence %P stands for the name of a
+/* A candidate: one change of a machine's file. In its name, change and sentence %P stands for the name of a
  * line, %V for the velocities of all coordinates. */
 typedef struct lg_candidate {
-    const char *name;
-    lg_yaml_edit edit;
+    const char *name, *change;
+    const char *value; /* of a key of the inputs, for `applies` */
     /* No term of `part` may be of a kind in `unless`, names with blanks between; with `each` only terms of
      * this line count. unless NULL: there is no such condition. */
     lg_machine_part part;

@@ -22,8 +22,8 @@ typedef struct runs {
 } runs;
 typedef void judge(void *user, const runs *r);
 
-static lg_status judge_runs(const lg_context *context, lg_runner *runner, void *model, runs *r, judge *look,
-                            void *user, lg_error *error) {
+static lg_status judge_runs(const lg_context *context, lg_runner *runner, const void *model, runs *r,
+                            judge *look, void *user, lg_error *error) {
     const size_t points = r->count * (r->steps + 1), nq = r->machine->positions;
     r->q = lg_alloc(context, points * (nq + r->machine->velocities), sizeof *r->q);
     if (r->q == NULL) return lg_no_memory(error);
@@ -32,11 +32,6 @@ static lg_status judge_runs(const lg_context *context, lg_runner *runner, void *
     if (status == LG_OK) look(user, r);
     lg_free(context, r->q);
     return status;
-}
-
-static lg_status run_model(void *user, const lg_machine_log *log, const size_t *start, size_t count,
-                           size_t steps, double *q, double *v, lg_error *error) {
-    return lg_machine_run(user, log, start, count, steps, q, v, error);
 }
 
 static lg_status free_run(const lg_learned_machine *m, const lg_machine_log *log, const size_t *start,
@@ -169,9 +164,10 @@ static void judge_horizon(void *user, const runs *r) {
     }
 }
 
-lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
-                        size_t start_rows, const lg_machine_log *from, const lg_machine_log *log,
-                        double seconds, size_t every, lg_horizon *out, lg_error *error) {
+lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner,
+                        const void *user, size_t start_rows, const lg_machine_log *from,
+                        const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
+                        lg_error *error) {
     *out = (lg_horizon){.seconds = seconds};
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
@@ -236,8 +232,9 @@ static void keep_ends(const double *all, size_t count, size_t before, size_t ste
                (steps + 1) * n * sizeof *out);
 }
 
-lg_status lg_machine_run(const lg_learned_machine *model, const lg_machine_log *log, const size_t *start,
-                         size_t count, size_t steps, double *q, double *v, lg_error *error) {
+lg_status lg_machine_run(const void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                         size_t steps, double *q, double *v, lg_error *error) {
+    const lg_learned_machine *model = user;
     const lg_context *context = model->context;
     const lg_machine *m = model->machine;
     const size_t nq = m->positions, before = model->start_rows > 0 ? model->start_rows - 1 : 0,
@@ -262,8 +259,7 @@ lg_status lg_machine_run(const lg_learned_machine *model, const lg_machine_log *
 
 lg_status lg_machine_horizon(const lg_learned_machine *model, const lg_machine_log *log, double seconds,
                              size_t every, lg_horizon *out, lg_error *error) {
-    lg_learned_machine own = *model;
-    return lg_horizon_of(model->context, model->machine, run_model, &own, model->start_rows, log, log,
+    return lg_horizon_of(model->context, model->machine, lg_machine_run, model, model->start_rows, log, log,
                          seconds, every, out, error);
 }
 
@@ -336,7 +332,7 @@ lg_status lg_machine_choose_start_rows(lg_learned_machine *model, const lg_machi
         double score = 0;
         tried.start_rows = (uint32_t)(parts[i] * (double)usual + 0.5);
         if (tried.start_rows > most && parts[i] > 1) continue;
-        status = judge_runs(context, run_model, &tried, &r, judge_rows, &score, error);
+        status = judge_runs(context, lg_machine_run, &tried, &r, judge_rows, &score, error);
         if (status != LG_OK || !(score < best - clear)) continue;
         best = score;
         model->start_rows = tried.start_rows;
@@ -425,16 +421,16 @@ static void judge_windows(void *user, const runs *r) {
 
 lg_status lg_machine_window_loss(const lg_learned_machine *model, const lg_machine_log *log, uint32_t window,
                                  double *out, lg_error *error) {
-    lg_learned_machine own = *model;
-    size_t *start = lg_alloc(own.context, log->rows, sizeof *start);
+    size_t *start = lg_alloc(model->context, log->rows, sizeof *start);
     *out = (double)NAN;
     if (start == NULL) return lg_no_memory(error);
     runs r = {.machine = model->machine, .log = log, .from = log, .steps = window - 1, .start = start};
     if (!model->machine->accelerations)
         r.count = lg_machine_windows(model->machine, log, window, 1, false, start);
     const lg_status status =
-        r.count > 0 ? judge_runs(own.context, run_model, &own, &r, judge_windows, out, error) : LG_OK;
-    lg_free(own.context, start);
+        r.count > 0 ? judge_runs(model->context, lg_machine_run, model, &r, judge_windows, out, error)
+                    : LG_OK;
+    lg_free(model->context, start);
     return status;
 }
 
@@ -473,12 +469,11 @@ static void judge_residuals(void *user, const runs *r) {
 
 lg_status lg_machine_residuals(const lg_learned_machine *model, const lg_machine_problem *problem,
                                lg_machine_noise *out, lg_error *error) {
-    lg_learned_machine own = *model;
     runs r = {.machine = model->machine,
               .log = &problem->log,
               .from = &problem->log,
               .steps = problem->window - 1,
               .count = problem->windows - problem->validation,
               .start = problem->start};
-    return judge_runs(own.context, run_model, &own, &r, judge_residuals, out, error);
+    return judge_runs(model->context, lg_machine_run, model, &r, judge_residuals, out, error);
 }

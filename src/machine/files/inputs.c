@@ -61,43 +61,35 @@ static bool is_same(uint32_t count, const uint32_t *values) {
 }
 
 /* Writes one value, or a list by input where they differ: names[value], or without names the number. */
-static void put_values(uint32_t count, const uint32_t *values, const char *const *names, lg_text *to) {
+static void put_values(const char *key, uint32_t count, const uint32_t *values, const char *const *names,
+                       lg_text *to) {
     const bool same = is_same(count, values);
+    lg_text_add(to, "%s: %s", key, same ? "" : "[");
     for (uint32_t i = 0; i < (same ? 1 : count); i++) {
-        lg_text_add(to, "%s", same ? "" : i == 0 ? "[" : ", ");
+        if (i > 0) lg_text_add(to, ", ");
         if (names != NULL)
             lg_text_add(to, "%s", names[values[i]]);
         else
             lg_text_add(to, "%u", values[i]);
     }
-    if (!same) lg_text_add(to, "]");
+    lg_text_add(to, same ? "" : "]");
 }
 
-/* The machine's file with a hold and a delay of the inputs that the grid varies. */
-static lg_status write_text(void *user, size_t index, char **out, lg_error *error) {
+/* Writes a hold and a delay of the inputs that the grid varies. */
+static void write_change(const void *user, size_t index, lg_text *out) {
     const grid *g = user;
     const lg_machine_data *data = &((const lg_machine_state *)g->self->state)->data;
-    const lg_machine_file *file = &data->file;
-    const uint32_t n = file->machine.input_count;
-    uint32_t each[2][LG_MACHINE_INPUTS];
-    lg_text text[2] = {{.context = file->context}, {.context = file->context}};
-    lg_yaml_edit edits[2];
-    size_t count = 0;
+    const uint32_t n = data->file.machine.input_count;
+    uint32_t hold[LG_MACHINE_INPUTS], delay[LG_MACHINE_INPUTS];
     for (uint32_t i = 0; i < n; i++) {
-        each[0][i] = g->hold[i] ? (uint32_t)index % g->holds : (uint32_t)file->inputs[i].hold;
-        each[1][i] = g->delay[i] ? (uint32_t)index / g->holds : data->logs.delay[i];
+        hold[i] = g->hold[i] ? (uint32_t)index % g->holds : (uint32_t)data->file.inputs[i].hold;
+        delay[i] = g->delay[i] ? (uint32_t)index / g->holds : data->logs.delay[i];
     }
-    put_values(n, each[0], lg_input_holds, &text[0]);
-    put_values(n, each[1], NULL, &text[1]);
-    if (g->holds > 1) edits[count++] = (lg_yaml_edit){LG_YAML_SET, "inputs.hold", NULL, text[0].data};
-    if (g->delays > 1) edits[count++] = (lg_yaml_edit){LG_YAML_SET, "inputs.delay", NULL, text[1].data};
-    const lg_status status =
-        text[0].failed || text[1].failed
-            ? lg_no_memory(error)
-            : lg_yaml_change(file->context, g->self->paths[0], file->text, edits, count, out, error);
-    lg_text_destroy(&text[0]);
-    lg_text_destroy(&text[1]);
-    return status;
+    lg_text_add(out, "inputs: {");
+    if (g->holds > 1) put_values("hold", n, hold, lg_input_holds, out);
+    if (g->holds > 1 && g->delays > 1) lg_text_add(out, ", ");
+    if (g->delays > 1) put_values("delay", n, delay, NULL, out);
+    lg_text_add(out, "}\n");
 }
 
 static lg_machine_comparison compare_on(size_t count, size_t rows, const double *one, const double *other) {
@@ -199,7 +191,6 @@ static lg_status take(lg_training *self, const lg_choosing *c, grid *g, size_t w
     lg_machine_state *s = self->state;
     const uint32_t hold = (uint32_t)winner % g->holds, delay = (uint32_t)winner / g->holds;
     const lg_machine_trial *chosen = &g->trial[winner];
-    char *text = NULL;
     for (uint32_t i = 0; i < s->data.file.machine.input_count; i++) {
         for (uint32_t h = 0; h < g->holds && g->hold[i]; h++)
             s->inputs[i].hold[h] = compare(c, trial_at(g, h, delay), chosen).ratio;
@@ -210,10 +201,9 @@ static lg_status take(lg_training *self, const lg_choosing *c, grid *g, size_t w
         find_changes(c, g, hold, delay, &s->changes);
         tell_choice(c, g, hold, delay);
     }
-    LG_TRY(write_text(g, winner, &text, error));
-    const lg_status status = lg_machine_reread(self, text, error);
-    lg_free(self->context, text);
-    return status;
+    LG_CLEAN(lg_text_destroy) lg_text text = lg_machine_changed(self->context, s->data.file.text);
+    write_change(g, winner, &text);
+    return lg_machine_reread(self, &text, error);
 }
 
 /* Tries the combinations of a grid, and takes the best one: the one with the least error, or the first one
@@ -223,7 +213,7 @@ static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) 
     enum { MOST_WINDOWS = 200 };
     static const double part = 0.2;
     const lg_machine_state *s = self->state;
-    const lg_machine_contest contest = {g->holds * g->delays, true, write_text, compare, g};
+    const lg_machine_contest contest = {g->holds * g->delays, true, write_change, compare, g};
     lg_choosing c;
     size_t winner = 0;
     lg_status status = lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, error);
@@ -328,68 +318,43 @@ lg_status lg_machine_widen(lg_training *self, const double *theta, size_t count,
 
 /* ---- results ---- */
 
-/* What was chosen for each input, and the ratios of what was tried. */
-typedef struct chosen {
-    const char *key, *const *names;
-    size_t count; /* of names */
-    bool numbers; /* values are told as numbers */
-    uint32_t value[LG_MACHINE_INPUTS];
-    const double *ratios[LG_MACHINE_INPUTS]; /* (count) each */
-} chosen;
-
-static void tell_value(lg_training *self, const chosen *of, const char *key, uint32_t input) {
-    if (of->numbers)
-        lg_result_whole(self, key, of->value[input], NULL);
-    else
-        lg_result_text(self, key, of->names[of->value[input]], NULL);
-}
-
-static void tell_ratios(lg_training *self, const chosen *of, const char *key, uint32_t input) {
-    lg_result_open(self, key, '{');
-    for (size_t i = 0; i < of->count; i++)
-        if (i != of->value[input] && of->ratios[input][i] > 0)
-            lg_result_real(self, of->names[i], of->ratios[input][i], NULL);
-    lg_result_close(self, '}');
-}
-
-/* Writes `key` with what `tell` writes: once if it is the same for all inputs, else a list by input. */
-static void tell_each(lg_training *self, const chosen *of, const char *key, uint32_t inputs, bool same,
-                      void (*tell)(lg_training *self, const chosen *of, const char *key, uint32_t input)) {
-    if (same) {
-        tell(self, of, key, 0);
-        return;
-    }
-    lg_result_open(self, key, '[');
-    for (uint32_t i = 0; i < inputs; i++) tell(self, of, NULL, i);
-    lg_result_close(self, ']');
-}
-
-/* Writes {"chosen": ..., "ratios": {...}}. */
-static void tell_chosen(lg_training *self, const chosen *of, uint32_t inputs) {
-    const bool same = is_same(inputs, of->value);
+/* Writes {"chosen": ..., "ratios": {...}}, each once if it is the same for all inputs, else as a list by
+ * input. ratios (count): of the first input; those of the next one follow an lg_input_choice behind. */
+static void tell(lg_training *self, const char *key, const char *const *names, size_t count,
+                 const uint32_t *value, const double *ratios) {
+    enum { NEXT = sizeof(lg_input_choice) / sizeof(double) };
+    const uint32_t n = ((const lg_machine_state *)self->state)->data.file.machine.input_count;
+    const bool same = is_same(n, value);
     bool alike = same;
-    for (uint32_t i = 0; i < inputs; i++)
-        alike = alike && memcmp(of->ratios[i], of->ratios[0], of->count * sizeof(double)) == 0;
-    lg_result_open(self, of->key, '{');
-    tell_each(self, of, "chosen", inputs, same, tell_value);
-    tell_each(self, of, "ratios", inputs, alike, tell_ratios);
+    for (uint32_t i = 0; i < n; i++)
+        alike = alike && memcmp(ratios + i * NEXT, ratios, count * sizeof *ratios) == 0;
+    lg_result_open(self, key, '{');
+    if (!same) lg_result_open(self, "chosen", '[');
+    for (uint32_t i = 0; i < (same ? 1 : n); i++)
+        if (names == lg_input_holds)
+            lg_result_text(self, same ? "chosen" : NULL, names[value[i]], NULL);
+        else
+            lg_result_whole(self, same ? "chosen" : NULL, value[i], NULL);
+    if (!same) lg_result_close(self, ']');
+    if (!alike) lg_result_open(self, "ratios", '[');
+    for (uint32_t i = 0; i < (alike ? 1 : n); i++) {
+        lg_result_open(self, alike ? "ratios" : NULL, '{');
+        for (size_t k = 0; k < count; k++)
+            if (k != value[i] && ratios[i * NEXT + k] > 0)
+                lg_result_real(self, names[k], ratios[i * NEXT + k], NULL);
+        lg_result_close(self, '}');
+    }
+    if (!alike) lg_result_close(self, ']');
     lg_result_close(self, '}');
 }
 
 void lg_machine_tell_inputs(lg_training *self) {
     static const char *const delays[LG_MACHINE_DELAYS] = {"0", "1", "2", "3", "4", "5"};
     const lg_machine_state *s = self->state;
-    const lg_machine_file *file = &s->data.file;
-    const uint32_t n = file->machine.input_count;
-    chosen hold = {.key = "hold", .names = lg_input_holds, .count = LG_INPUT_HOLD_COUNT},
-           delay = {.key = "delay", .names = delays, .count = LG_MACHINE_DELAYS, .numbers = true};
-    for (uint32_t i = 0; i < n; i++) {
-        hold.value[i] = (uint32_t)file->inputs[i].hold;
-        delay.value[i] = s->data.logs.delay[i];
-        hold.ratios[i] = s->inputs[i].hold;
-        delay.ratios[i] = s->inputs[i].delay;
-    }
-    if (n == 0) return;
-    tell_chosen(self, &hold, n);
-    tell_chosen(self, &delay, n);
+    uint32_t hold[LG_MACHINE_INPUTS];
+    for (uint32_t i = 0; i < s->data.file.machine.input_count; i++)
+        hold[i] = (uint32_t)s->data.file.inputs[i].hold;
+    if (s->data.file.machine.input_count == 0) return;
+    tell(self, "hold", lg_input_holds, LG_INPUT_HOLD_COUNT, hold, s->inputs[0].hold);
+    tell(self, "delay", delays, LG_MACHINE_DELAYS, s->data.logs.delay, s->inputs[0].delay);
 }

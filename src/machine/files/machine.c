@@ -45,7 +45,8 @@ enum {
     KEY_FORM,
     KEY_PARAMETERS,
     KEY_PARTS, /* one key per part, in the order of lg_machine_part, but actuators, which `inputs` has */
-    KEY_COUNT = KEY_PARTS + LG_MACHINE_ACTUATOR
+    KEY_HIDDEN = KEY_PARTS + LG_MACHINE_ACTUATOR,
+    KEY_COUNT
 };
 
 static const lg_field keys[KEY_COUNT] = {
@@ -75,6 +76,8 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_PARTS + LG_MACHINE_RESIDUAL] = {.name = "residual", .type = LG_FIELD_NODE},
     [KEY_PARTS + LG_MACHINE_BIAS] = {.name = "bias", .type = LG_FIELD_NODE},
     [KEY_PARTS + LG_MACHINE_OFFSET] = {.name = "offset", .type = LG_FIELD_NODE},
+    [KEY_HIDDEN] =
+        {.name = "hidden", .type = LG_FIELD_WHOLES, .low = 1, .high = 4096, .most = LG_MACHINE_HIDDEN},
 };
 
 enum {
@@ -381,11 +384,11 @@ static lg_status finish_machine(reading *r) {
 }
 
 static lg_status read_machine(reading *r, lg_key_value *values) {
-    const lg_key_set set = {keys, KEY_COUNT, values};
+    const lg_key_set set = {keys, KEY_HIDDEN, values};
     lg_machine_file *out = r->out;
     LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "", r->error));
     out->unwrap = true;
-    LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, out, r->error));
+    LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_HIDDEN, out, r->error));
     out->machine.accelerations = out->measured == LG_MEASURED_ACCELERATIONS;
     LG_TRY(add_named(r, &values[KEY_TIME], "t", LG_LOG_TIME));
     if (values[KEY_RUN].line != 0) LG_TRY(add_named(r, &values[KEY_RUN], "", LG_LOG_RUN));
@@ -397,7 +400,36 @@ static lg_status read_machine(reading *r, lg_key_value *values) {
     LG_TRY(lg_machine_read_system(r, &values[KEY_SYSTEM], &values[KEY_FORM], &values[KEY_PARAMETERS]));
     for (int part = 0; part < LG_MACHINE_ACTUATOR; part++)
         LG_TRY(lg_machine_read_terms(r, (lg_machine_part)part, &values[KEY_PARTS + part]));
-    LG_TRY(lg_machine_read_actuators(r, &values[KEY_LAG], &values[KEY_CURVE]));
+    return lg_machine_read_actuators(r, &values[KEY_LAG], &values[KEY_CURVE]);
+}
+
+/* Reads a document behind the first one: how inputs act, further terms, and the widths of all networks. */
+static lg_status read_change(reading *r, lg_key_value *values) {
+    const lg_key_set sets[] = {{keys + KEY_INPUTS, 1, values + KEY_INPUTS},
+                               {keys + KEY_HOLD, KEY_CURVE + 1 - KEY_HOLD, values + KEY_HOLD},
+                               {keys + KEY_PARTS, KEY_COUNT - KEY_PARTS, values + KEY_PARTS}};
+    lg_machine *machine = &r->out->machine;
+    const uint32_t before = machine->term_count;
+    LG_TRY(lg_yaml_read(r->yaml, sets, LG_COUNT(sets), NULL, "", r->error));
+    LG_TRY(lg_machine_read_timing(r, &values[KEY_HOLD], &values[KEY_DELAY]));
+    for (int part = 0; part < LG_MACHINE_ACTUATOR; part++)
+        if (values[KEY_PARTS + part].line != 0)
+            LG_TRY(lg_machine_read_terms(r, (lg_machine_part)part, &values[KEY_PARTS + part]));
+    lg_machine_settle_terms(r, before);
+    lg_machine_drop_actuators(r, values[KEY_LAG].line != 0, values[KEY_CURVE].line != 0);
+    for (uint32_t i = 0; i < machine->term_count && values[KEY_HIDDEN].line != 0; i++)
+        lg_machine_set_widths(&values[KEY_HIDDEN], &machine->terms[i]);
+    return lg_machine_read_actuators(r, &values[KEY_LAG], &values[KEY_CURVE]);
+}
+
+static lg_status read_documents(reading *r, lg_key_value *values) {
+    bool more;
+    LG_TRY(read_machine(r, values));
+    for (;;) {
+        LG_TRY(lg_yaml_next(r->yaml, &more, r->error));
+        if (!more) break;
+        LG_TRY(read_change(r, values));
+    }
     LG_TRY(lg_machine_refuse_positions(r));
     return finish_machine(r);
 }
@@ -407,14 +439,14 @@ lg_status lg_machine_file_parse(const lg_context *context, const char *name, con
     if (name == NULL || text == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the name, the text or the place for the machine is NULL");
     lg_yaml *yaml = NULL;
-    LG_TRY(lg_yaml_open_text(context, name, text, bytes, &yaml, error));
+    LG_TRY(lg_yaml_open_several(context, name, text, bytes, &yaml, error));
     lg_machine_file *made = lg_alloc(context, 1, sizeof *made);
     lg_key_value *values = lg_alloc(context, KEY_COUNT, sizeof *values);
     char *copy = lg_alloc(context, bytes + 1, 1);
     reading r = {.yaml = yaml, .out = made, .error = error};
     const bool room = made != NULL && values != NULL && copy != NULL;
     const lg_status status = room
-                                 ? read_machine(&r, values)
+                                 ? read_documents(&r, values)
                                  : lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(name));
     if (status == LG_OK) {
         *out = *made;

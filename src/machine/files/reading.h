@@ -65,6 +65,13 @@ lg_status lg_machine_read_entries(lg_machine_reading *r, const lg_field *key, co
 
 /* Reads the terms of one part. The file does not have the key if the line of `value` is 0. */
 lg_status lg_machine_read_terms(lg_machine_reading *r, lg_machine_part part, const lg_key_value *value);
+/* Moves terms before, before + 1, ..., which a change has added, behind the other terms of their part. A sum
+ * of monomials takes the place of a term of the same coordinates whose monomials it has. */
+void lg_machine_settle_terms(lg_machine_reading *r, uint32_t before);
+/* Removes the lags, or all other actuators, which a change gives anew. */
+void lg_machine_drop_actuators(lg_machine_reading *r, bool lags, bool curves);
+/* Sets the widths of a network's hidden layers; does nothing if the term is no network. */
+void lg_machine_set_widths(const lg_key_value *hidden, lg_machine_term *term);
 
 /* Reads the keys `system`, `form` and `parameters`. A key with line 0 is not in the file. */
 lg_status lg_machine_read_system(lg_machine_reading *r, const lg_key_value *system, const lg_key_value *form,

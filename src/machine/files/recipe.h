@@ -180,17 +180,17 @@ typedef struct lg_horizon {
 
 /* Predicts runs of `steps` intervals from rows start[0..count-1]: q (count, steps + 1, positions), v (count,
  * steps + 1, velocities). */
-typedef lg_status lg_runner(void *user, const lg_machine_log *log, const size_t *start, size_t count,
+typedef lg_status lg_runner(const void *user, const lg_machine_log *log, const size_t *start, size_t count,
                             size_t steps, double *q, double *v, lg_error *error);
-/* As an lg_runner. If model->start_rows is not 0, the state at a start is estimated from as many rows, of
- * which the start is the last. */
-lg_status lg_machine_run(const lg_learned_machine *model, const lg_machine_log *log, const size_t *start,
-                         size_t count, size_t steps, double *q, double *v, lg_error *error);
+/* The runner of an lg_learned_machine. If its start_rows is not 0, the state at a start is estimated from as
+ * many rows, of which the start is the last. */
+lg_runner lg_machine_run;
 /* Errors of runs that begin at complete rows of `from`, or at rows that have start_rows rows up to them,
  * `every` rows apart in each part. `from` is `log`, or has its rows with other states (lg_machine_states). */
-lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner, void *user,
-                        size_t start_rows, const lg_machine_log *from, const lg_machine_log *log,
-                        double seconds, size_t every, lg_horizon *out, lg_error *error);
+lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner,
+                        const void *user, size_t start_rows, const lg_machine_log *from,
+                        const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
+                        lg_error *error);
 /* As lg_horizon_of for the runs of lg_machine_run. */
 lg_status lg_machine_horizon(const lg_learned_machine *model, const lg_machine_log *log, double seconds,
                              size_t every, lg_horizon *out, lg_error *error);

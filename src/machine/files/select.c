@@ -1,7 +1,6 @@
 /* `fit --select free-run`: free runs over windows that are held out choose the widths of networks, and the
  * epoch whose parameters are the result. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "machine/files/choice.h"
@@ -105,25 +104,9 @@ void lg_machine_tell_selection(lg_training *self) {
 
 /* ---- widths of networks ---- */
 
-/* The machine's file with networks of these widths in every part that has one. */
-static lg_status write_text(const lg_training *self, const char *width, char **out, lg_error *error) {
-    const lg_machine_file *file = &((const lg_machine_state *)self->state)->data.file;
-    lg_yaml_edit edits[LG_MACHINE_PART_COUNT];
-    char fragment[64];
-    size_t count = 0;
-    (void)snprintf(fragment, sizeof fragment, "{kind: network, hidden: [%s]}", width);
-    for (int part = 0; part < LG_MACHINE_PART_COUNT; part++)
-        for (uint32_t i = 0; i < file->machine.term_count; i++)
-            if ((int)file->machine.terms[i].part == part && lg_term_is_network(&file->machine.terms[i])) {
-                edits[count++] = (lg_yaml_edit){LG_YAML_REPLACE, lg_machine_part_name((lg_machine_part)part),
-                                                "network", fragment};
-                break;
-            }
-    return lg_yaml_change(self->context, self->paths[0], file->text, edits, count, out, error);
-}
-
-static lg_status write_widths(void *self, size_t index, char **out, lg_error *error) {
-    return write_text(self, widths[index], out, error);
+static void write_width(const void *user, size_t index, lg_text *out) {
+    (void)user;
+    lg_text_add(out, "hidden: [%s]\n", widths[index]);
 }
 
 static lg_machine_comparison compare(const lg_choosing *c, const lg_machine_trial *one,
@@ -144,10 +127,11 @@ static void tell_race(const lg_training *self, const lg_choosing *c, const lg_ma
                    widths[winner], text);
 }
 
-static lg_status choose_widths(lg_training *self, double part, char **text, lg_error *error) {
+/* *width: what was taken. */
+static lg_status choose_widths(lg_training *self, double part, const char **width, lg_error *error) {
     enum { MOST_WINDOWS = 200 };
-    const lg_machine_contest contest = {LG_COUNT(widths), false, write_widths, compare, self};
-    lg_machine_trial trials[LG_COUNT(widths)] = {{.text = NULL}};
+    const lg_machine_contest contest = {LG_COUNT(widths), false, write_width, compare, NULL};
+    lg_machine_trial trials[LG_COUNT(widths)] = {{.square = NULL}};
     lg_choosing c;
     size_t winner = 0;
     lg_status status = lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, error);
@@ -158,8 +142,7 @@ static lg_status choose_widths(lg_training *self, double part, char **text, lg_e
             status = lg_fail(error, trials[0].status, "%s", trials[0].why.message);
         if (status == LG_OK) tell_race(self, &c, trials, winner);
     }
-    ((lg_machine_state *)self->state)->width = widths[winner];
-    if (status == LG_OK) status = write_widths(self, winner, text, error);
+    *width = widths[winner];
     for (size_t i = 0; i < LG_COUNT(widths); i++) lg_machine_trial_destroy(&c, &trials[i]);
     lg_choosing_end(&c);
     return status;
@@ -168,18 +151,21 @@ static lg_status choose_widths(lg_training *self, double part, char **text, lg_e
 /* ---- before training ---- */
 
 static lg_status set_widths(lg_training *self, double part, lg_error *error) {
-    const lg_machine_state *state = self->state;
-    const lg_machine *machine = &state->data.file.machine;
+    lg_machine_state *state = self->state;
+    const lg_machine_file *file = &state->data.file;
+    const char *width = state->size;
     bool any = false;
-    char *text = NULL;
-    if (state->size == NULL) return LG_OK;
-    for (uint32_t i = 0; i < machine->term_count; i++) any = any || lg_term_is_network(&machine->terms[i]);
+    if (width == NULL) return LG_OK;
+    for (uint32_t i = 0; i < file->machine.term_count; i++)
+        any = any || lg_term_is_network(&file->machine.terms[i]);
     if (!any) return lg_fail(error, LG_INVALID_ARGUMENT, "--size: this machine has no network");
-    LG_TRY(strcmp(state->size, "auto") == 0 ? choose_widths(self, part, &text, error)
-                                            : write_text(self, state->size, &text, error));
-    const lg_status status = lg_machine_reread(self, text, error);
-    lg_free(self->context, text);
-    return status;
+    if (strcmp(width, "auto") == 0) {
+        LG_TRY(choose_widths(self, part, &width, error));
+        state->width = width;
+    }
+    LG_CLEAN(lg_text_destroy) lg_text text = lg_machine_changed(self->context, file->text);
+    lg_text_add(&text, "hidden: [%s]\n", width);
+    return lg_machine_reread(self, &text, error);
 }
 
 lg_status lg_machine_select(lg_training *self, lg_error *error) {

@@ -29,7 +29,7 @@ static bool lags_are_open(const lg_machine_file *file, const lg_candidate *self)
 static bool holds_otherwise(const lg_machine_file *file, const lg_candidate *self) {
     bool other = false;
     for (uint32_t i = 0; i < file->machine.input_count; i++)
-        other = other || strcmp(lg_input_holds[file->inputs[i].hold], self->edit.fragment) != 0;
+        other = other || strcmp(lg_input_holds[file->inputs[i].hold], self->value) != 0;
     return other;
 }
 
@@ -37,36 +37,25 @@ static bool holds_otherwise(const lg_machine_file *file, const lg_candidate *sel
 static bool delays_less(const lg_machine_file *file, const lg_candidate *self) {
     bool less = file->machine.input_count > 0;
     for (uint32_t i = 0; i < file->machine.input_count; i++)
-        less = less && (int)file->inputs[i].delay < atoi(self->edit.fragment);
+        less = less && (int)file->inputs[i].delay < atoi(self->value);
     return less;
 }
 
-#define TERM(name_, key_, part_, fragment_, unless_, asks_, ...)                                             \
+#define TERM(name_, key_, part_, term_, unless_, asks_, ...)                                                 \
     {                                                                                                        \
-        .name = name_, .edit = {LG_YAML_APPEND, key_, NULL, fragment_}, .part = LG_MACHINE_##part_,          \
-        .unless = unless_, .asks = asks_, __VA_ARGS__                                                        \
+        .name = name_, .change = key_ ": " term_, .part = LG_MACHINE_##part_, .unless = unless_,             \
+        .asks = asks_, __VA_ARGS__                                                                           \
     }
 #define FRICTION(name_, kind_, unless_, asks_, ...)                                                          \
     TERM(name_, "damping", DAMPING, "{kind: " kind_ "}", unless_, asks_, __VA_ARGS__)
-#define INPUTS(name_, key_, fragment_, unless_, applies_, asks_)                                             \
-    {                                                                                                        \
-        .name = name_, .edit = {LG_YAML_SET, "inputs." key_, NULL, fragment_}, .part = LG_MACHINE_ACTUATOR,  \
-        .unless = unless_, .applies = applies_, .asks = asks_                                                \
-    }
-#define SPRING(name_, degree_, asks_)                                                                        \
-    {                                                                                                        \
-        .name = name_ " spring of %P",                                                                       \
-        .edit = {LG_YAML_REPLACE, "potential", "quadratic",                                                  \
-                 "{kind: polynomial, of: %P, degree: " degree_ "}"},                                         \
-        .part = LG_MACHINE_POTENTIAL, .unless = "polynomial network", .each = true,                          \
-        .asks = "a spring of %P whose force has a " asks_ " part"                                            \
-    }
+#define INPUTS(name_, key_, value_, unless_, applies_, asks_)                                                \
+    TERM(name_, "inputs", ACTUATOR, "{" key_ ": " value_ "}", unless_, asks_, .value = value_,               \
+         .applies = applies_)
+#define SPRING(name_, kind_, unless_, asks_)                                                                 \
+    TERM(name_ "spring of %P", "potential", POTENTIAL, "{kind: " kind_ ", of: %P}", unless_,                 \
+         "a spring of %P" asks_, .each = true)
 const lg_candidate lg_candidates[] = {
-    {.name = "offset",
-     .edit = {LG_YAML_SET, "offset", NULL, "unknown"},
-     .part = LG_MACHINE_OFFSET,
-     .unless = "unknown known",
-     .asks = "a constant force (an offset)"},
+    TERM("offset", "offset", OFFSET, "unknown", "unknown known", "a constant force (an offset)"),
     FRICTION("viscous", "diagonal", "diagonal constant known network asymmetric", "viscous friction"),
     FRICTION("coulomb", "coulomb", "coulomb stribeck load position network", "Coulomb friction"),
     FRICTION("asymmetric", "asymmetric", "asymmetric network", "viscous friction that differs by direction",
@@ -88,10 +77,9 @@ const lg_candidate lg_candidates[] = {
            "an actuator with a dead zone"),
     INPUTS("curve", "curve", "{degree: 2}", "dead_zone curve", has_inputs,
            "an actuator whose force also grows with the square of the input"),
-    TERM("spring of %P", "potential", POTENTIAL, "{kind: quadratic, of: %P}", "quadratic polynomial network",
-         "a spring of %P", .each = true),
-    SPRING("quadratic", "3", "quadratic"),
-    SPRING("cubic", "4", "cubic"),
+    SPRING("", "quadratic", "quadratic polynomial network", ""),
+    SPRING("quadratic ", "polynomial, degree: 3", "polynomial network", " whose force has a quadratic part"),
+    SPRING("cubic ", "polynomial, degree: 4", "polynomial network", " whose force has a cubic part"),
     TERM("network of the velocities", "residual", RESIDUAL, "{kind: network, of: [%V], hidden: [8]}",
          "network", "a force of the velocities that no other candidate has (a network)", .last = true),
     {.name = NULL}};
@@ -101,7 +89,7 @@ const lg_candidate lg_candidates[] = {
 /* A candidate with its names filled in. */
 typedef struct candidate {
     const lg_candidate *row;
-    char fragment[LG_MACHINE_COORDINATES * (LG_MACHINE_NAME + 16)], asks[128];
+    char change[LG_MACHINE_COORDINATES * (LG_MACHINE_NAME + 16) + 64], asks[128];
     lg_machine_trial trial;
     lg_suggested told; /* its row of the suggestion */
     bool offset;       /* the machine gets an offset too */
@@ -167,7 +155,7 @@ static void add_candidate(const lg_machine *machine, const lg_candidate *row, ui
                      .offset = row->offset && !lg_machine_has_part(machine, LG_MACHINE_OFFSET),
                      .why = ", because at any single speed the two are the same"};
     fill_in(machine, row->name, line, c->told.name, sizeof c->told.name);
-    fill_in(machine, row->edit.fragment, line, c->fragment, sizeof c->fragment);
+    fill_in(machine, row->change, line, c->change, sizeof c->change);
     fill_in(machine, row->asks, line, c->asks, sizeof c->asks);
 }
 
@@ -199,13 +187,9 @@ typedef struct search {
 
 static lg_status try_candidate(search *s, candidate *c, lg_error *error) {
     c->told.round = s->round, c->told.chance = true;
-    lg_yaml_edit edits[] = {c->row->edit, {LG_YAML_SET, "offset", NULL, "unknown"}};
-    char *text = NULL;
-    edits[0].fragment = c->fragment;
-    LG_TRY(lg_yaml_change(s->choosing.quiet, s->self->paths[0], s->present.text, edits, c->offset ? 2 : 1,
-                          &text, error));
-    const lg_status status = lg_machine_try(&s->choosing, text, &s->present, &c->trial, error);
-    lg_free(s->choosing.quiet, text);
+    LG_CLEAN(lg_text_destroy) lg_text text = lg_machine_changed(s->choosing.quiet, s->present.text.data);
+    lg_text_add(&text, "%s\n%s", c->change, c->offset ? "offset: unknown\n" : "");
+    const lg_status status = lg_machine_try(&s->choosing, &text, &s->present, &c->trial, error);
     c->told.parameters = c->trial.learned.machine.parameters;
     if (status != LG_OK || c->trial.square == NULL) return status;
     const lg_held_out_ratio found =
@@ -286,7 +270,7 @@ static void add_with_offset(search *s, const lg_machine *machine) {
             continue;
         candidate *c = &s->list[s->count++];
         *c = *from;
-        c->offset = true, c->why = "", c->told.ratio = 0, c->trial = (lg_machine_trial){.text = NULL};
+        c->offset = true, c->why = "", c->told.ratio = 0, c->trial = (lg_machine_trial){.square = NULL};
         lg_append(c->told.name, sizeof c->told.name, " with an offset");
     }
 }
@@ -324,8 +308,8 @@ static lg_status play_round(search *s, bool *more, lg_error *error) {
     lg_machine_file file;
     candidate *taken = NULL;
     s->first = ((const lg_machine_state *)s->self->state)->suggestion.count;
-    LG_TRY(lg_machine_file_parse(s->choosing.quiet, s->self->paths[0], s->present.text,
-                                 strlen(s->present.text), &file, error));
+    LG_TRY(lg_machine_file_parse(s->choosing.quiet, s->self->paths[0], s->present.text.data,
+                                 s->present.text.length, &file, error));
     lg_status status = try_all(s, &file, false, &taken, error);
     if (status == LG_OK && taken == NULL && goes_off(s)) {
         drop_round(s);
@@ -342,14 +326,16 @@ static lg_status play_round(search *s, bool *more, lg_error *error) {
         (double)s->choosing.held.steps * ((const lg_machine_state *)s->self->state)->data.logs.dt_median);
     lg_machine_trial_destroy(&s->choosing, &s->present);
     s->present = taken->trial;
-    taken->trial = (lg_machine_trial){.text = NULL};
+    taken->trial = (lg_machine_trial){.square = NULL};
     return LG_OK;
 }
 
 static lg_status search_all(search *s, lg_error *error) {
     const lg_machine_state *state = s->self->state;
     bool more = true;
-    LG_TRY(lg_machine_try(&s->choosing, state->data.file.text, NULL, &s->present, error));
+    LG_CLEAN(lg_text_destroy) lg_text text = {.context = s->choosing.quiet};
+    lg_text_append(&text, state->data.file.text, state->data.file.text_bytes);
+    LG_TRY(lg_machine_try(&s->choosing, &text, NULL, &s->present, error));
     if (s->present.square == NULL) return lg_fail(error, s->present.status, "%s", s->present.why.message);
     for (s->round = 1; s->round <= LG_SUGGEST_ROUNDS && more; s->round++) {
         const lg_status status = play_round(s, &more, error);
@@ -397,7 +383,7 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
         status = lg_fail(error, LG_FORMAT, "%s: the log is too short to hold out windows for --suggest",
                          lg_shown_path(state->data.paths[0]));
     if (status == LG_OK) status = search_all(s, error);
-    if (status == LG_OK) status = lg_machine_reread(self, s->present.text, error);
+    if (status == LG_OK) status = lg_machine_reread(self, &s->present.text, error);
     if (status == LG_OK) status = write_machine(self, error);
     lg_machine_trial_destroy(&s->choosing, &s->present);
     lg_choosing_end(&s->choosing);

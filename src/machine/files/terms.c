@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "machine/files/reading.h"
+#include "machine/internal.h"
 #include "settings/names.h"
 
 typedef lg_machine_reading reading;
@@ -230,15 +231,17 @@ static double width_of(const lg_key_value *values) {
     return values[KEY_COULOMB_WIDTH].line != 0 ? values[KEY_COULOMB_WIDTH].real[0] : 0.0;
 }
 
+void lg_machine_set_widths(const lg_key_value *hidden, lg_machine_term *term) {
+    if ((lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) == 0) return;
+    term->hidden_layers = hidden->count;
+    for (uint32_t i = 0; i < hidden->count; i++) term->hidden[i] = (uint32_t)hidden->real[i];
+}
+
 static lg_status fill_term(reading *r, lg_machine_part part, lg_machine_term *term,
                            const lg_key_value *values) {
     term_reading t = {term, part, values};
     if (values[KEY_OF].line != 0) LG_TRY(lg_machine_texts(r, values[KEY_OF].node, "of", add_feature, &t));
-    if (values[KEY_HIDDEN].line != 0) {
-        term->hidden_layers = values[KEY_HIDDEN].count;
-        for (uint32_t i = 0; i < term->hidden_layers; i++)
-            term->hidden[i] = (uint32_t)values[KEY_HIDDEN].real[i];
-    }
+    if (values[KEY_HIDDEN].line != 0) lg_machine_set_widths(&values[KEY_HIDDEN], term);
     LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, term, r->error));
     if ((lg_term_kind_options(term->kind) & LG_TERM_WIDTH) != 0) term->width = width_of(values);
     return read_values(r, &values[KEY_VALUES], term);
@@ -330,4 +333,50 @@ lg_status lg_machine_read_terms(reading *r, lg_machine_part part, const lg_key_v
         return LG_FAULT(r, value->line, "%s: the list is empty", lg_machine_part_name(part));
     for (size_t i = 0; i < lg_node_items(node); i++) LG_TRY(read_one(r, part, lg_node_item(r, node, i)));
     return LG_OK;
+}
+
+/* ---- terms of changes ---- */
+
+static void drop_term(reading *r, uint32_t at) {
+    lg_machine *m = &r->out->machine;
+    const size_t after = --m->term_count - at;
+    memmove(&m->terms[at], &m->terms[at + 1], after * sizeof *m->terms);
+    memmove(&r->lines[at], &r->lines[at + 1], after * sizeof *r->lines);
+}
+
+/* Moves a term to an index before its own. */
+static void move_term(reading *r, uint32_t from, uint32_t to) {
+    lg_machine *m = &r->out->machine;
+    const lg_machine_term term = m->terms[from];
+    const uint32_t line = r->lines[from];
+    memmove(&m->terms[to + 1], &m->terms[to], (from - to) * sizeof term);
+    memmove(&r->lines[to + 1], &r->lines[to], (from - to) * sizeof line);
+    m->terms[to] = term;
+    r->lines[to] = line;
+}
+
+/* Whether `term` has the monomials of the learned term `old`, of the same coordinates. */
+static bool contains(const lg_machine_term *term, const lg_machine_term *old) {
+    return old->part == term->part && old->kind->most > 0 && old->value_count == 0 && term->of_count > 0 &&
+           term->kind->least <= old->kind->least && term->degree >= old->kind->most &&
+           old->of_count == term->of_count &&
+           memcmp(old->of, term->of, term->of_count * sizeof *term->of) == 0;
+}
+
+void lg_machine_settle_terms(reading *r, uint32_t before) {
+    const lg_machine *m = &r->out->machine;
+    for (uint32_t i = before; i < m->term_count; i++) {
+        uint32_t old = 0, to = i;
+        while (to > 0 && m->terms[to - 1].part > m->terms[i].part) to--;
+        while (old < i && !contains(&m->terms[i], &m->terms[old])) old++;
+        move_term(r, i, old < i ? old : to);
+        if (old < i) drop_term(r, old + 1), i--;
+    }
+}
+
+void lg_machine_drop_actuators(reading *r, bool lags, bool curves) {
+    const lg_machine *m = &r->out->machine;
+    for (uint32_t i = m->term_count; i-- > 0;)
+        if (m->terms[i].part == LG_MACHINE_ACTUATOR && (m->terms[i].kind->lag != NULL ? lags : curves))
+            drop_term(r, i);
 }

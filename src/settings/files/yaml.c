@@ -14,8 +14,11 @@
 struct lg_yaml {
     const lg_context *context;
     const char *path; /* owned by the caller */
+    yaml_parser_t parser;
+    const unsigned char *data; /* (bytes): what the parser reads; owned by the caller */
+    size_t bytes;
     yaml_document_t document;
-    yaml_node_t *root;
+    yaml_node_t *root; /* NULL: there are no more documents */
 };
 
 const char *lg_yaml_path(const lg_yaml *yaml) {
@@ -117,37 +120,47 @@ static lg_status check_tokens(const char *path, const unsigned char *data, size_
     return LG_OK;
 }
 
-/* Loads a file that must contain exactly one document. */
-static lg_status load(lg_yaml *yaml, yaml_parser_t *parser, const unsigned char *data, size_t bytes,
-                      lg_error *error) {
-    LG_CLEAN(yaml_document_delete) yaml_document_t next = {0};
-    yaml_parser_set_input_string(parser, data, bytes);
-    if (!yaml_parser_load(parser, &yaml->document))
-        return parser_error(yaml->path, parser, data, bytes, error);
-    yaml->root = yaml_document_get_root_node(&yaml->document);
-    if (yaml->root == NULL)
-        return lg_fail(error, LG_FORMAT, "%s: line 1: holds no keys and values", lg_shown_path(yaml->path));
-    if (yaml->root->type != YAML_MAPPING_NODE)
-        return lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "keys and values are expected");
-    if (!yaml_parser_load(parser, &next)) return parser_error(yaml->path, parser, data, bytes, error);
-    const yaml_node_t *second = yaml_document_get_root_node(&next);
-    if (second == NULL) return LG_OK;
-    return lg_yaml_fail(yaml, line_of(second), LG_FORMAT, error,
-                        "a second document begins here, but a file can have only one");
+static lg_status load(lg_yaml *yaml, yaml_document_t *out, lg_error *error) {
+    return yaml_parser_load(&yaml->parser, out)
+               ? LG_OK
+               : parser_error(yaml->path, &yaml->parser, yaml->data, yaml->bytes, error);
 }
 
-lg_status lg_yaml_open_text(const lg_context *context, const char *path, const void *data, size_t bytes,
-                            lg_yaml **out, lg_error *error) {
+lg_status lg_yaml_next(lg_yaml *yaml, bool *more, lg_error *error) {
+    yaml_document_delete(&yaml->document);
+    LG_TRY(load(yaml, &yaml->document, error));
+    yaml->root = yaml_document_get_root_node(&yaml->document);
+    *more = yaml->root != NULL;
+    if (!*more || yaml->root->type == YAML_MAPPING_NODE) return LG_OK;
+    return lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "keys and values are expected");
+}
+
+lg_status lg_yaml_open_several(const lg_context *context, const char *path, const void *data, size_t bytes,
+                               lg_yaml **out, lg_error *error) {
     if (bytes > MAX_BYTES)
         return lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", lg_shown_path(path), MAX_BYTES);
     LG_TRY(check_tokens(path, data, bytes, error));
     LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = lg_alloc(context, 1, sizeof *yaml);
-    if (yaml != NULL) *yaml = (lg_yaml){.context = context, .path = path};
-    LG_CLEAN(yaml_parser_delete) yaml_parser_t parser = {0};
-    if (!yaml_parser_initialize(&parser) || yaml == NULL)
+    if (yaml != NULL) *yaml = (lg_yaml){.context = context, .path = path, .data = data, .bytes = bytes};
+    if (yaml == NULL || !yaml_parser_initialize(&yaml->parser))
         return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    LG_TRY(load(yaml, &parser, data, bytes, error));
+    yaml_parser_set_input_string(&yaml->parser, data, bytes);
+    bool any;
+    LG_TRY(lg_yaml_next(yaml, &any, error));
+    if (!any) return lg_fail(error, LG_FORMAT, "%s: line 1: holds no keys and values", lg_shown_path(path));
     return LG_MOVE(out, yaml);
+}
+
+lg_status lg_yaml_open_text(const lg_context *context, const char *path, const void *data, size_t bytes,
+                            lg_yaml **out, lg_error *error) {
+    LG_CLEAN(yaml_document_delete) yaml_document_t next = {0};
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
+    LG_TRY(lg_yaml_open_several(context, path, data, bytes, &yaml, error));
+    LG_TRY(load(yaml, &next, error));
+    const yaml_node_t *second = yaml_document_get_root_node(&next);
+    if (second == NULL) return LG_MOVE(out, yaml);
+    return lg_yaml_fail(yaml, line_of(second), LG_FORMAT, error,
+                        "a second document begins here, but a file can have only one");
 }
 
 lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error) {
@@ -162,6 +175,7 @@ lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **ou
 void lg_yaml_close(lg_yaml *yaml) {
     if (yaml == NULL) return;
     yaml_document_delete(&yaml->document);
+    yaml_parser_delete(&yaml->parser);
     lg_free(yaml->context, yaml);
 }
 

@@ -34,6 +34,12 @@ lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **ou
  * The path must stay valid until lg_yaml_close; the text need not. */
 lg_status lg_yaml_open_text(const lg_context *context, const char *path, const void *data, size_t bytes,
                             lg_yaml **out, lg_error *error);
+/* As lg_yaml_open_text, for a text that may have several documents, which must stay valid until
+ * lg_yaml_close. The first one is open; lg_yaml_next opens the next one, and *more is false behind the last.
+ */
+lg_status lg_yaml_open_several(const lg_context *context, const char *path, const void *data, size_t bytes,
+                               lg_yaml **out, lg_error *error);
+lg_status lg_yaml_next(lg_yaml *yaml, bool *more, lg_error *error);
 /* Reads the bytes of a file that may be YAML, into memory that the caller frees with lg_free. A zero byte
  * follows them. */
 lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned char **out, size_t *bytes,
