@@ -206,7 +206,7 @@ static lg_status find_start(lg_training *self, lg_error *error) {
     if (given != 0 && given != slices)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "--decay: has %u numbers, but the model has %u arrays of parameters", given, slices);
-    return lg_table_first_parameters(self, &self->theta, error);
+    return lg_table_first_parameters(self, &run->model, &self->theta, error);
 }
 
 /* Sets the decay of each parameter to the decay of its slice. The list of decays is empty, or it has a number

@@ -97,7 +97,8 @@ enum { LG_TABLE_MOST_LM = 1500 };
 double lg_table_work(const lg_table *model, double rows);
 uint32_t lg_table_slices(const lg_table *model); /* number of arrays of parameters */
 /* Draws parameters with the run's seed. */
-lg_status lg_table_first_parameters(lg_training *self, double **theta, lg_error *error);
+lg_status lg_table_first_parameters(lg_training *self, const lg_table *model, double **theta,
+                                    lg_error *error);
 /* Only for a regression: gives the run priors and, with `any_width`, one hidden layer of the width with the
  * highest evidence; self->theta gets the parameters to start from. The effort is bounded by work, not by a
  * clock. Errors: from lg_table_init and lg_table_evidence. */
