@@ -10,6 +10,7 @@
 #include "core/median.h"
 #include "files/h5.h"
 #include "machine/files/log_table.h"
+#include "machine/files/recipe.h"
 #include "liegrad/geometry.h"
 
 enum { SHORT_SPAN = 32, FEWEST = 8, MANY_SPANS = 12, MOST_COMPARED = 100000 };
@@ -528,6 +529,56 @@ static void find_lags(const check *where, lg_logs *out) {
     }
 }
 
+/* ---- lines and angles from row to row ---- */
+
+/* The change of the position to the next row, wrapped if it is an angle; *way: the integral of the velocity. */
+static double change_after(const check *c, bool angle, size_t row, double *way) {
+    const double *a = lg_log_row(c->table, row), *b = lg_log_row(c->table, row + 1);
+    const double moved = b[c->position] - a[c->position];
+    *way =
+        (lg_log_time(c->table, row + 1) - lg_log_time(c->table, row)) * (a[c->velocity] + b[c->velocity]) / 2;
+    return angle ? lg_machine_wrap(moved) : moved;
+}
+
+/* A position stands still if it keeps its value while the velocity goes `far` usual changes: coarsely rounded
+ * positions stand still only until they have moved by one rounding step. */
+static void look_at_rows(const check *c, bool angle, double *noise, lg_standstill *worst) {
+    static const double far = 6.0;
+    const size_t *first = c->table->first, stride = c->table->rows / LG_LOG_SAMPLES + 1;
+    double sum = 0.0, way;
+    size_t count = 0, products = 0;
+    for (size_t p = 0; p < c->table->parts; p++)
+        for (size_t row = first[p]; row + 1 < first[p + 1]; row += stride) {
+            const double size = fabs(change_after(c, angle, row, &way));
+            if (size > 0.0) c->sorted[count++] = size;
+        }
+    const double usual = lg_median(c->sorted, count);
+    for (size_t p = 0; p < c->table->parts; p++) {
+        double gone = 0.0, before = (double)NAN;
+        size_t since = first[p];
+        for (size_t row = since; row + 1 < first[p + 1]; row++) {
+            const double moved = change_after(c, angle, row, &way), off = moved - way;
+            if (isfinite(off * before)) sum += off * before, products++;
+            before = off;
+            if (moved != 0.0)
+                since = row + 1, gone = 0.0;
+            else if (fabs(gone += way) > far * usual && row + 2 - since > worst->rows)
+                *worst = (lg_standstill){since, row + 2 - since, lg_log_row(c->table, row)[c->position]};
+        }
+    }
+    *noise = products > 0 && sum < 0.0 ? sqrt(-sum / (double)products) : 0.0;
+}
+
+static void look_at_coordinates(const check *where) {
+    const lg_machine *machine = &where->table->machine->machine;
+    lg_logs *out = where->table->out;
+    check of[2];
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        if (list_checks(where, i, of) > 0 && of[0].positions == 1)
+            look_at_rows(of, machine->coordinates[i].kind == LG_COORDINATE_ANGLE, &out->position_noise[i],
+                         &out->stuck[i]);
+}
+
 /* Checks each file alone, so that the message names the file at fault, then all files together. */
 static lg_status check_files(check where) {
     const lg_log_table *table = where.table;
@@ -551,6 +602,7 @@ lg_status lg_log_check(lg_log_table *table) {
     lg_status status = where.sorted != NULL && where.left_out != NULL ? LG_OK : lg_log_no_memory(table);
     if (status == LG_OK) status = check_files(where);
     where.end = table->parts;
+    if (status == LG_OK) look_at_coordinates(&where);
     if (status == LG_OK && table->options->clocks) find_lags(&where, table->out);
     LG_FREE_ALL(table->context, where.sorted, where.left_out);
     return status;
