@@ -76,12 +76,6 @@ lg_status lg_table_class_parse(const char *text, lg_table_text out, lg_error *er
                    LG_TABLE_NAME - 1);
 }
 
-void lg_table_names_list(const lg_table_names *names, lg_text *to) {
-    char quoted[LG_CSV_QUOTED];
-    for (uint32_t i = 0; i < names->count; i++)
-        lg_text_add(to, "%s%s", i > 0 ? "," : "", lg_csv_quote(names->name[i], quoted));
-}
-
 /* ---- roles of columns ---- */
 
 /* Whether a column is an output or the column with the classes. */

@@ -24,8 +24,6 @@ lg_status lg_table_choose(lg_training *self, lg_error *error);
  * names), LG_OUT_OF_MEMORY. The caller must destroy `out` even after an error. */
 lg_status lg_table_names_parse(const lg_context *context, const char *option, const char *text,
                                lg_table_names *out, lg_error *error);
-/* Writes names as a list that lg_table_names_parse reads. */
-void lg_table_names_list(const lg_table_names *names, lg_text *to);
 /* Reads one name, with or without quotes. */
 lg_status lg_table_class_parse(const char *text, lg_table_text out, lg_error *error);
 

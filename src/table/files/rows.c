@@ -109,30 +109,22 @@ static bool is_readable(const lg_training *self, const lg_table_names *inputs) {
     return status == LG_OK;
 }
 
-/* Finds the inputs that cannot be read as numbers, if all other columns can be read. */
-static lg_status find_unreadable(lg_training *self, lg_table_names *bad, lg_error *error) {
-    enum { MOST_TRIED = 100 }; /* each try reads the file again */
-    const lg_table_names *inputs = &((lg_table_state *)self->state)->inputs;
-    *bad = (lg_table_names){.count = 0};
-    if (inputs->count > MOST_TRIED || !is_readable(self, bad)) return LG_OK;
-    LG_TRAINING_ARRAY(self, bad->name, inputs->count, error);
-    for (uint32_t i = 0; i < inputs->count; i++) {
-        const lg_table_names one = {.count = 1, .name = inputs->name + i};
-        if (!is_readable(self, &one)) memcpy(bad->name[bad->count++], one.name, sizeof *bad->name);
-    }
-    return LG_OK;
-}
-
-/* If inputs were not named and some columns are not numbers, adds to the message how to leave them out. */
+/* If inputs were not named and some of them are not numbers, but all other columns can be read, adds to the
+ * message how to leave these inputs out. */
 static lg_status fail_columns(lg_training *self, lg_error *error) {
-    enum { MOST_SHOWN = 200 };
+    enum { MOST_SHOWN = 200, MOST_TRIED = 100 /* each try reads the file again */ };
+    const lg_table_state *s = self->state;
     const lg_error was = *error;
-    lg_table_names bad = {.count = 0};
+    const lg_table_names none = {.count = 0};
     lg_text list = {.context = self->context}, word = list;
-    if (was.status != LG_FORMAT || ((lg_table_state *)self->state)->given.inputs != NULL) return was.status;
-    LG_TRY(find_unreadable(self, &bad, error));
-    *error = was;
-    lg_table_names_list(&bad, &list);
+    char quoted[LG_CSV_QUOTED];
+    if (was.status != LG_FORMAT || s->given.inputs != NULL) return was.status;
+    const bool tried = s->inputs.count <= MOST_TRIED && is_readable(self, &none);
+    for (uint32_t i = 0; tried && i < s->inputs.count; i++) {
+        const lg_table_names one = {.count = 1, .name = s->inputs.name + i};
+        if (!is_readable(self, &one))
+            lg_text_add(&list, "%s%s", list.length > 0 ? "," : "", lg_csv_quote(one.name[0], quoted));
+    }
     if (list.data != NULL) lg_text_add_word(&word, list.data);
     const char *empty = strstr(was.message, LG_CSV_EMPTY);
     if (word.data != NULL)
