@@ -33,8 +33,8 @@ static size_t fill(const lg_machine *machine, const lg_machine_log *log, bool li
     return used;
 }
 
-/* Numbers x, 1 and, unless `linear`, products of two numbers, and accelerations y of the interval after `row`.
- * False: a number is missing. */
+/* Numbers x, 1 and, unless `linear`, products of two numbers, and accelerations y of the interval after
+ * `row`. False: a number is missing. */
 static bool interval(const lg_machine *machine, const lg_machine_log *log, bool linear, size_t row, double *x,
                      double *y) {
     const size_t nv = machine->velocities, numbers = fill(machine, log, linear, row, x);

@@ -252,22 +252,13 @@ static double tidy_scale(double scale) {
     return fabs(scale / tidy - 1.0) < 0.01 ? tidy : scale;
 }
 
-/* Other scales that would mend the slope, as text: " or {x: 0.001}" for the position of a line or angle, and
- * for the time if all coordinates are alike. */
-static void other_scale(const check *c, const fit *f, char *text, size_t size) {
-    const lg_log_column *q = &c->table->machine->columns[c->position];
-    const lg_log_column *t = &c->table->machine->columns[c->table->machine->time];
-    text[0] = '\0';
-    if (c->positions == 1) lg_append(text, size, " or {%s: %.6g}", q->name, tidy_scale(q->scale / f->slope));
-    if (f->slope > 0)
-        lg_append(text, size, "; if all coordinates show this: {%s: %.6g}", t->name,
-                  tidy_scale(f->slope * t->scale));
-}
-
+/* Proposes the scales that would mend the slope: of the velocities; of the position of a line or angle; of
+ * the time if all coordinates are alike. */
 static lg_status wrong_slope(const check *c, const fit *f) {
-    const lg_log_column *column = &c->table->machine->columns[c->velocity];
+    const lg_log_column *columns = c->table->machine->columns, *at = &columns[c->position],
+                        *time = &columns[c->table->machine->time];
     lg_name_list q, v;
-    char scale[200] = "", other[2 * LG_LOG_NAME + 96];
+    char scale[3 * LG_LOG_NAME + 300] = "";
     lg_log_names_of(c->table, c->position, c->positions, &q);
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     if (is_degrees(c, f))
@@ -275,15 +266,20 @@ static lg_status wrong_slope(const check *c, const fit *f) {
                        "%s: column %s: it moves %.4g times as fast as column %s says: if it is in degrees, "
                        "set scale: {%s: %.6g}",
                        path_of(c), q.text, f->slope, v.text, q.text,
-                       (f->slope < 0 ? -DEGREE : DEGREE) * c->table->machine->columns[c->position].scale);
-    for (uint32_t i = 0; i < c->velocities; i++)
-        lg_append(scale, sizeof scale, "%s%s: %.6g", i > 0 ? ", " : "", column[i].name,
-                  tidy_scale(f->slope * column[i].scale));
-    other_scale(c, f, other, sizeof other);
+                       (f->slope < 0 ? -DEGREE : DEGREE) * at->scale);
+    for (uint32_t i = c->velocity; i < c->velocity + c->velocities; i++)
+        lg_append(scale, sizeof scale, "%s%s: %.6g", i > c->velocity ? ", " : "{", columns[i].name,
+                  tidy_scale(f->slope * columns[i].scale));
+    lg_append(scale, sizeof scale, "}");
+    if (c->positions == 1)
+        lg_append(scale, sizeof scale, " or {%s: %.6g}", at->name, tidy_scale(at->scale / f->slope));
+    if (f->slope > 0)
+        lg_append(scale, sizeof scale, "; if all coordinates show this: {%s: %.6g}", time->name,
+                  tidy_scale(f->slope * time->scale));
     return lg_fail(c->table->error, LG_FORMAT,
-                   "%s: column%s %s: the rate of %s is %.4g times %s: if the %s is wrong, set scale: {%s}%s",
+                   "%s: column%s %s: the rate of %s is %.4g times %s: if the %s is wrong, set scale: %s",
                    path_of(c), c->velocities > 1 ? "s" : "", v.text, q.text, f->slope, v.text,
-                   f->slope < 0 ? "sign" : "unit", scale, other);
+                   f->slope < 0 ? "sign" : "unit", scale);
 }
 
 /* ---- failing sensors ---- */
@@ -531,7 +527,7 @@ static void find_lags(const check *where, lg_logs *out) {
 
 /* ---- lines and angles from row to row ---- */
 
-/* The change of the position to the next row, wrapped if it is an angle; *way: the integral of the velocity. */
+/* The change of the position to the next row, wrapped if it is an angle; *way: the velocity's integral. */
 static double change_after(const check *c, bool angle, size_t row, double *way) {
     const double *a = lg_log_row(c->table, row), *b = lg_log_row(c->table, row + 1);
     const double moved = b[c->position] - a[c->position];
