@@ -97,8 +97,7 @@ static void warn_of_clocks(const app *self, const lg_machine_data *data) {
 
 static void warn_of_stuck(const app *self, const lg_machine_data *data) {
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
-        lg_standstill at;
-        APP_MUST(self, lg_machine_stuck(self->context, data, i, &at, &error));
+        const lg_standstill at = data->logs.stuck[i];
         if (at.rows > 0)
             app_warn(self,
                      "column %s: stands at %.6g for %zu rows from %.6g s on while %s moves: if the sensor is "

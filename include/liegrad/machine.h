@@ -856,6 +856,12 @@ typedef struct lg_log_statistics {
     bool noise_at_most; /* The column is smooth: `noise` is only an upper bound. */
 } lg_log_statistics;
 
+/* A run of rows in which a position stays as it is. */
+typedef struct lg_standstill {
+    size_t row, rows; /* rows 0: there is none */
+    double value;
+} lg_standstill;
+
 #define LG_LOG_SENTENCE 400 /* Bytes of a warning, with its terminator. */
 typedef struct lg_logs {
     lg_machine_log log; /* Views of the arrays below. */
@@ -875,6 +881,12 @@ typedef struct lg_logs {
      * same rows leave, else 0; and what they leave at this lag, if it is not 0. */
     double motion[LG_MACHINE_COORDINATES], left[LG_MACHINE_COORDINATES];
     int lag[LG_MACHINE_COORDINATES];
+    /* For each line or angle whose velocity is measured: the noise of its position, from the differences
+     * between its changes and the integrated velocity (noise gives neighbouring differences opposite signs,
+     * curvature does not; 0: no noise); the longest run of rows in which it keeps its position although the
+     * integrated velocity says that it moves. */
+    double position_noise[LG_MACHINE_COORDINATES];
+    lg_standstill stuck[LG_MACHINE_COORDINATES];
     uint32_t warning_count;
     char (*warnings)[LG_LOG_SENTENCE];
     /* Owned arrays. */

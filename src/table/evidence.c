@@ -15,6 +15,13 @@ enum { CHUNK = 128, MOST_SLICES = 2 * NET_MAX_DENSE + 1, BURN_IN = 8, REFUSALS =
  * row. The search ends after QUIET steps in a row that lower |r|^2 + penalty by less than the part STILL. */
 static const double START = 1e-4, LEAST = 1e-12, MOST = 1e6, FLOOR = 1e-10, FACTOR = 4.0, STILL = 1e-5;
 
+/* Parameters, and there J^T r, J^T J and |r|^2. */
+typedef struct point {
+    double *theta, *g; /* (n) */
+    double *A;         /* (n, n) */
+    double squares;
+} point;
+
 typedef struct evidence {
     const lg_context *context;
     const lg_table_problem *problem;
@@ -25,13 +32,12 @@ typedef struct evidence {
     lg_slice_info slice[MOST_SLICES];
     uint32_t *chosen; /* (rows): indices of these rows */
     double *memory;
-    double *theta, *trial, *step;  /* (n) */
-    double *g, *trial_g;           /* (n): J^T r at theta and at trial */
-    double *A, *trial_A, *H;       /* (n, n): J^T J at theta and at trial; the factor */
-    double *jacobian, *r;          /* of one chunk of rows */
-    double ratio[MOST_SLICES];     /* alpha/beta of each slice */
-    double variance;               /* 1/beta */
-    double squares, trial_squares; /* |r|^2 at theta and at trial */
+    double *step; /* (n) */
+    double *H;    /* (n, n): the factor */
+    point at, trial;
+    double *jacobian, *r;      /* of one chunk of rows */
+    double ratio[MOST_SLICES]; /* alpha/beta of each slice */
+    double variance;           /* 1/beta */
     double gamma[MOST_SLICES], effective;
     uint32_t evaluations;
     bool settled;
@@ -39,37 +45,39 @@ typedef struct evidence {
 
 /* ---- sums over the rows ---- */
 
-/* Computes |r|^2, J^T r and the upper triangle of J^T J (row-major) at theta. */
-static lg_status look(evidence *e, const double *theta, double *squares, double *g, double *A) {
+/* Fills the point; of J^T J (row-major) the upper triangle. */
+static lg_status look(evidence *e, point *p) {
     const uint32_t outputs = e->problem->model->net.outputs;
     const size_t n = e->n;
     enum { WIDTH = 96 };
-    memset(g, 0, n * sizeof *g);
-    memset(A, 0, n * n * sizeof *A);
-    *squares = 0;
+    memset(p->g, 0, n * sizeof *p->g);
+    memset(p->A, 0, n * n * sizeof *p->A);
+    p->squares = 0;
     e->evaluations++;
     for (size_t at = 0; at < e->rows; at += CHUNK) {
         const size_t count = e->rows - at < CHUNK ? e->rows - at : CHUNK, m = count * outputs;
         if (lg_cancelled(e->context)) return LG_CANCELLED;
-        LG_TRY(lg_table_linearise(e->problem, e->tape, theta, e->chosen + at, count, 1.0, e->r, e->jacobian));
-        *squares += e->k->dot(m, e->r, e->r);
-        for (size_t row = 0; row < m; row++) e->k->axpy(n, e->r[row], e->jacobian + row * n, g);
+        LG_TRY(
+            lg_table_linearise(e->problem, e->tape, p->theta, e->chosen + at, count, 1.0, e->r, e->jacobian));
+        p->squares += e->k->dot(m, e->r, e->r);
+        for (size_t row = 0; row < m; row++) e->k->axpy(n, e->r[row], e->jacobian + row * n, p->g);
         for (size_t c = 0; c < n; c += WIDTH)
             e->k->gemm(n - c < WIDTH ? n - c : WIDTH, n - c, m, e->jacobian + c, 1, n, e->jacobian + c, n,
-                       A + c * n + c, n, true);
+                       p->A + c * n + c, n, true);
     }
     return LG_OK;
 }
 
 /* ---- priors ---- */
 
-static double penalty(const evidence *e, const double *theta) {
+/* |r|^2 and the penalty of the priors. */
+static double loss(const evidence *e, const point *p) {
     double sum = 0;
     for (uint32_t s = 0; s < e->slices; s++) {
-        const double *w = theta + e->slice[s].offset;
+        const double *w = p->theta + e->slice[s].offset;
         sum += e->ratio[s] * e->k->dot(e->slice[s].count, w, w);
     }
-    return sum;
+    return p->squares + sum;
 }
 
 /* Factors H/beta = J^T J + diag(ratio), with damping times its diagonal added. The upper triangle of a
@@ -77,7 +85,7 @@ static double penalty(const evidence *e, const double *theta) {
 static bool factor(evidence *e, double damping) {
     const int n = (int)e->n;
     int info = 0;
-    memcpy(e->H, e->A, e->n * e->n * sizeof *e->H);
+    memcpy(e->H, e->at.A, e->n * e->n * sizeof *e->H);
     for (uint32_t s = 0; s < e->slices; s++)
         for (size_t i = e->slice[s].offset; i < e->slice[s].offset + e->slice[s].count; i++) {
             double *at = e->H + i * e->n + i;
@@ -109,9 +117,9 @@ static void estimate(evidence *e) {
     const double data = (double)e->data;
     if (!count_parameters(e)) return;
     const double rest = fmax(data - e->effective, 0.02 * data);
-    e->variance = fmax(e->squares / rest, FLOOR * FLOOR);
+    e->variance = fmax(e->at.squares / rest, FLOOR * FLOOR);
     for (uint32_t s = 0; s < e->slices; s++) {
-        const double *w = e->theta + e->slice[s].offset;
+        const double *w = e->at.theta + e->slice[s].offset;
         const double size = e->k->dot(e->slice[s].count, w, w);
         const double ratio = e->variance * (e->gamma[s] + 1e-3) / fmax(size, 1e-300);
         e->ratio[s] = fmin(fmax(ratio, LEAST), MOST * data);
@@ -121,8 +129,7 @@ static void estimate(evidence *e) {
 /* Logarithm of the probability of the data with these alpha and beta, without terms that depend on the data
  * alone. */
 static double log_evidence(evidence *e) {
-    double sum =
-        -0.5 * (e->squares + penalty(e, e->theta)) / e->variance - 0.5 * (double)e->data * log(e->variance);
+    double sum = -0.5 * loss(e, &e->at) / e->variance - 0.5 * (double)e->data * log(e->variance);
     if (!factor(e, 0.0)) return (double)NAN;
     for (size_t i = 0; i < e->n; i++) sum -= log(e->H[i * (e->n + 1)]);
     for (uint32_t s = 0; s < e->slices; s++) sum += 0.5 * (double)e->slice[s].count * log(e->ratio[s]);
@@ -137,32 +144,25 @@ static bool solve(evidence *e, double damping) {
     if (!factor(e, damping)) return false;
     for (uint32_t s = 0; s < e->slices; s++)
         for (size_t i = e->slice[s].offset; i < e->slice[s].offset + e->slice[s].count; i++)
-            e->step[i] = -e->g[i] - e->ratio[s] * e->theta[i];
+            e->step[i] = -e->at.g[i] - e->ratio[s] * e->at.theta[i];
     dpotrs_("L", &n, &one, e->H, &n, e->step, &n, &info);
     return e->k->all_finite(e->n, e->step);
-}
-
-static void swap(double **a, double **b) {
-    double *kept = *a;
-    *a = *b;
-    *b = kept;
 }
 
 /* Takes a step that lowers |r|^2 + penalty. *fall: relative decrease. LG_NO_CONVERGENCE: no step lowers
  * it. */
 static lg_status advance(evidence *e, double *damping, double *fall) {
-    const double before = e->squares + penalty(e, e->theta);
+    const double before = loss(e, &e->at);
     for (uint32_t refused = 0; refused < REFUSALS; refused++, *damping *= FACTOR) {
         if (!solve(e, *damping)) continue;
-        for (size_t i = 0; i < e->n; i++) e->trial[i] = e->theta[i] + e->step[i];
-        LG_TRY(look(e, e->trial, &e->trial_squares, e->trial_g, e->trial_A));
-        const double after = e->trial_squares + penalty(e, e->trial);
+        for (size_t i = 0; i < e->n; i++) e->trial.theta[i] = e->at.theta[i] + e->step[i];
+        LG_TRY(look(e, &e->trial));
+        const double after = loss(e, &e->trial);
         if (!(after < before)) continue;
         *fall = (before - after) / before;
-        swap(&e->theta, &e->trial);
-        swap(&e->g, &e->trial_g);
-        swap(&e->A, &e->trial_A);
-        e->squares = e->trial_squares;
+        const point kept = e->at;
+        e->at = e->trial;
+        e->trial = kept;
         *damping = fmax(*damping / (FACTOR * FACTOR), 1e-10);
         return LG_OK;
     }
@@ -172,8 +172,8 @@ static lg_status advance(evidence *e, double *damping, double *fall) {
 static lg_status search(evidence *e, const lg_table_evidence_options *o) {
     double damping = 1e-2, fall = 1.0, effective = 0;
     uint32_t quiet = 0;
-    LG_TRY(look(e, e->theta, &e->squares, e->g, e->A));
-    if (!isfinite(e->squares)) return LG_NOT_FINITE;
+    LG_TRY(look(e, &e->at));
+    if (!isfinite(e->at.squares)) return LG_NOT_FINITE;
     for (uint32_t i = 0; e->evaluations < o->evaluations && quiet < QUIET; i++) {
         const lg_status status = advance(e, &damping, &fall);
         if (status == LG_NO_CONVERGENCE && i < BURN_IN) damping = 1e-2;
@@ -206,14 +206,11 @@ static lg_status make_room(evidence *e) {
     if (n > 20000) return LG_OUT_OF_MEMORY;
     e->memory = lg_alloc(e->context, 5 * n + 3 * n * n + chunk * (n + 1), sizeof *e->memory);
     if (e->chosen == NULL || e->memory == NULL) return LG_OUT_OF_MEMORY;
-    e->theta = e->memory;
-    e->trial = e->theta + n;
-    e->step = e->trial + n;
-    e->g = e->step + n;
-    e->trial_g = e->g + n;
-    e->A = e->trial_g + n;
-    e->trial_A = e->A + n * n;
-    e->H = e->trial_A + n * n;
+    double *next = e->memory + 5 * n;
+    e->step = e->memory;
+    e->at = (point){.theta = e->memory + n, .g = e->memory + 2 * n, .A = next};
+    e->trial = (point){.theta = e->memory + 3 * n, .g = e->memory + 4 * n, .A = next + n * n};
+    e->H = next + 2 * n * n;
     e->jacobian = e->H + n * n;
     e->r = e->jacobian + chunk * n;
     return LG_OK;
@@ -227,12 +224,12 @@ static lg_status run(evidence *e, const lg_table_evidence_options *o, double *th
                      lg_table_evidence_result *result) {
     LG_TRY(make_room(e));
     choose_rows(e);
-    memcpy(e->theta, theta, e->n * sizeof *theta);
+    memcpy(e->at.theta, theta, e->n * sizeof *theta);
     const size_t outputs = e->problem->model->net.outputs, all = e->problem->samples->training * outputs;
     for (uint32_t s = 0; s < e->slices; s++)
         e->ratio[s] = o->go_on ? 0.5 * decay[s] * (double)all : START * (double)e->data;
     LG_TRY(search(e, o));
-    memcpy(theta, e->theta, e->n * sizeof *theta);
+    memcpy(theta, e->at.theta, e->n * sizeof *theta);
     /* The loss of lg_table_problem divides |r|^2 by the number of all training outputs. */
     for (uint32_t s = 0; s < e->slices; s++) decay[s] = 2.0 * e->ratio[s] / (double)all;
     if (result != NULL)

@@ -1,31 +1,10 @@
 /* Finds cells of a table that lie far from the other cells of their column. */
 #include <math.h>
-#include <stddef.h>
+#include <stdlib.h>
 
 #include "core/core.h"
+#include "core/median.h"
 #include "liegrad/table.h"
-
-/* The element that would stand at index k if x (n) were sorted; changes the order of x. Hoare's FIND (Comm.
- * ACM 4 (1961) 321). */
-static double element_of(double *x, size_t n, size_t k) {
-    ptrdiff_t low = 0, high = (ptrdiff_t)n - 1;
-    const ptrdiff_t at = (ptrdiff_t)k;
-    while (low < high) {
-        const double pivot = x[at];
-        ptrdiff_t i = low, j = high;
-        while (i <= j) {
-            while (x[i] < pivot) i++;
-            while (x[j] > pivot) j--;
-            if (i > j) break;
-            const double kept = x[i];
-            x[i++] = x[j];
-            x[j--] = kept;
-        }
-        if (j < at) low = i;
-        if (i > at) high = j;
-    }
-    return x[k];
-}
 
 /* Half of the distance, because the distance itself may overflow. */
 static double half_distance(double x, double median) {
@@ -36,10 +15,16 @@ bool lg_table_is_far(const lg_table_far *far, double x) {
     return half_distance(x, far->median) > far->limit;
 }
 
+static size_t count_beyond(const double *distance, size_t rows, double limit) {
+    size_t beyond = 0;
+    while (beyond < rows && distance[rows - 1 - beyond] > limit) beyond++;
+    return beyond;
+}
+
 /* Raises the limit such that few cells are beyond it, unless these are a code such as -9999: most of them
  * equal, and at most a tenth of the cells. Returns the part of the sum of squares that far cells must have. x
- * (rows): work space. */
-static double raise_limit(const double *values, size_t stride, size_t rows, double *x, lg_table_far *far) {
+ * and distance (rows) are sorted. */
+static double raise_limit(const double *x, const double *distance, size_t rows, lg_table_far *far) {
     enum { PERCENT = 100, LEAST = 2, MOST = 5, PER_MILLE = 1000, CODE = 10 };
     static const double USUAL = 0.5, RAISED = 0.8;
     const size_t percent = rows / PERCENT, per_mille = rows / PER_MILLE;
@@ -47,34 +32,29 @@ static double raise_limit(const double *values, size_t stride, size_t rows, doub
                        : percent > MOST  ? MOST
                        : percent > LEAST ? percent
                                          : LEAST;
-    size_t beyond = 0, equal = 0;
-    for (size_t i = 0; i < rows; i++)
-        if (lg_table_is_far(far, values[i * stride])) x[beyond++] = values[i * stride];
+    const size_t beyond = count_beyond(distance, rows, far->limit), middle = beyond / 2;
+    size_t equal = 0;
     far->single = beyond <= few;
     if (far->single) return USUAL;
-    const double code = element_of(x, beyond, beyond / 2);
-    for (size_t i = 0; i < beyond; i++) equal += x[i] == code;
+    /* The median of the cells beyond the limit, which are the first and the last ones. */
+    const bool low = x[middle] < far->median && lg_table_is_far(far, x[middle]);
+    const double code = x[low ? middle : rows - beyond + middle];
+    for (size_t i = 0; i < rows; i++) equal += x[i] == code;
     if (2 * equal > beyond && beyond <= rows / CODE) return USUAL;
-    for (size_t i = 0; i < rows; i++) x[i] = half_distance(values[i * stride], far->median);
-    far->limit = element_of(x, rows, rows - 1 - few);
+    far->limit = distance[rows - 1 - few];
     return RAISED;
 }
 
 /* Cells beyond the limit count as far only if they have more than this part of the sum of squared
  * distances. */
-static void count_far(const double *values, size_t stride, size_t rows, double part_of_all,
-                      lg_table_far *far) {
-    double largest = 0.0, all = 0.0, beyond = 0.0;
-    for (size_t i = 0; i < rows; i++) {
-        const double distance = half_distance(values[i * stride], far->median);
-        if (distance > largest) largest = distance, far->farthest = i;
-    }
-    for (size_t i = 0; i < rows && largest > far->limit; i++) {
-        const double part = half_distance(values[i * stride], far->median) / largest;
+static void count_far(const double *distance, size_t rows, double part_of_all, lg_table_far *far) {
+    const double largest = distance[rows - 1];
+    double all = 0.0, beyond = 0.0;
+    far->count = count_beyond(distance, rows, far->limit);
+    for (size_t i = 0; i < rows && far->count > 0; i++) {
+        const double part = distance[i] / largest;
         all += part * part;
-        if (!lg_table_is_far(far, values[i * stride])) continue;
-        beyond += part * part;
-        far->count++;
+        if (i >= rows - far->count) beyond += part * part;
     }
     if (beyond > part_of_all * all) return;
     far->count = 0;
@@ -85,18 +65,19 @@ lg_status lg_table_find_far(const lg_context *context, const double *values, siz
                             lg_table_far *out) {
     static const double TIMES = 30.0;
     if (values == NULL || out == NULL || stride == 0 || rows == 0) return LG_INVALID_ARGUMENT;
-    double *x = lg_alloc(context, rows, sizeof *x);
+    double *x = lg_alloc(context, 2 * rows, sizeof *x), *distance = x + rows;
     if (x == NULL) return LG_OUT_OF_MEMORY;
     lg_table_far made = {.limit = INFINITY};
-    size_t moved = 0;
+    size_t still = 0;
     for (size_t i = 0; i < rows; i++) x[i] = values[i * stride];
-    made.median = element_of(x, rows, rows / 2);
-    for (size_t i = 0; i < rows; i++) {
-        const double distance = half_distance(x[i], made.median);
-        if (distance > 0.0) x[moved++] = distance;
-    }
-    if (moved > 0) made.limit = TIMES * element_of(x, moved, moved / 2);
-    count_far(values, stride, rows, raise_limit(values, stride, rows, x, &made), &made);
+    qsort(x, rows, sizeof *x, lg_compare_doubles);
+    made.median = x[rows / 2];
+    for (size_t i = 0; i < rows; i++) distance[i] = half_distance(x[i], made.median);
+    qsort(distance, rows, sizeof *distance, lg_compare_doubles);
+    while (still < rows && distance[still] == 0.0) still++;
+    if (still < rows) made.limit = TIMES * distance[still + (rows - still) / 2];
+    count_far(distance, rows, raise_limit(x, distance, rows, &made), &made);
+    while (half_distance(values[made.farthest * stride], made.median) < distance[rows - 1]) made.farthest++;
     lg_free(context, x);
     *out = made;
     return LG_OK;

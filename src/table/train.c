@@ -5,41 +5,36 @@
 #include "liegrad/ops.h"
 
 #include "core/core.h"
+#include "kernels/kernels.h"
+#include "model/record.h"
 #include "table/internal.h"
 
 /* Samples that are recorded on a tape at once. */
 enum { CHUNK = 256 };
 
-static void put(lg_dtype dtype, void *to, size_t at, const double *from, size_t n) {
-    for (size_t i = 0; i < n; i++)
-        if (dtype == LG_F64)
-            ((double *)to)[at + i] = from[i];
-        else
-            ((float *)to)[at + i] = (float)from[i];
-}
-
 /* Rows `samples` of values (.., columns) as a variable (count, columns). */
 static lg_var put_rows(lg_tape *tape, const double *values, uint32_t columns, const uint32_t *samples,
                        size_t count) {
+    const lg_kernels *k = lg_kernels_for(lg_tape_dtype(tape));
     void *to;
     const lg_var x = lg_input_buffer(tape, lg_shape2((uint32_t)count, columns), &to);
-    if (lg_is_none(x)) return x;
-    for (size_t i = 0; i < count; i++)
-        put(lg_tape_dtype(tape), to, i * columns, values + (size_t)samples[i] * columns, columns);
+    for (size_t i = 0; i < count && !lg_is_none(x); i++)
+        k->convert_in(columns, values + (size_t)samples[i] * columns, (char *)to + i * columns * k->size);
     return x;
 }
 
 static lg_var put_classes(lg_tape *tape, const lg_table_problem *problem, const uint32_t *samples,
                           size_t count) {
     const uint32_t classes = problem->model->net.outputs;
-    static const double one = 1.0, zero = 0.0;
+    const lg_kernels *k = lg_kernels_for(lg_tape_dtype(tape));
     void *to;
     const lg_var t = lg_input_buffer(tape, lg_shape2((uint32_t)count, classes), &to);
     if (lg_is_none(t)) return t;
-    for (size_t i = 0; i < count; i++)
-        for (uint32_t c = 0; c < classes; c++)
-            put(lg_tape_dtype(tape), to, i * classes + c,
-                problem->samples->label[samples[i]] == c ? &one : &zero, 1);
+    k->fill(count * classes, 0.0, to);
+    for (size_t i = 0; i < count; i++) {
+        const size_t label = problem->samples->label[samples[i]];
+        if (label < classes) k->fill(1, 1.0, (char *)to + (i * classes + label) * k->size);
+    }
     return t;
 }
 
@@ -115,12 +110,8 @@ static lg_status fill_output(lg_tape *tape, const lg_table *model, const net_lay
     const uint32_t outputs = model->net.outputs;
     const size_t stride = lg_table_parameters(model) * outputs;
     lg_var given[NET_MAX_DENSE], by[NET_MAX_DENSE];
-    void *units;
     const lg_mark mark = lg_tape_mark(tape);
-    const lg_var g = lg_input_buffer(tape, lg_shape2((uint32_t)count, outputs), &units);
-    if (lg_is_none(g)) return lg_tape_status(tape);
-    memset(units, 0, count * outputs * sizeof(double));
-    for (size_t i = 0; i < count; i++) ((double *)units)[i * outputs + output] = 1.0;
+    const lg_var g = lg_record_units(tape, (uint32_t)count, &output, 1, outputs);
     for (uint32_t i = 0; i < layout->all.count; i++) given[i] = taps[i].output;
     LG_TRY(lg_vjp(tape, &f, &g, 1, given, layout->all.count, by));
     for (uint32_t i = 0; i < layout->all.count; i++) {

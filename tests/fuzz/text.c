@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "control/policy.h"
+#include "files/csv.h"
 #include "files/frame.h"
 #include "fuzz.h"
 #include "liegrad/anomaly.h"
@@ -310,7 +311,9 @@ static void names(const char *text) {
     lg_table_text label;
     lg_text list = {.context = NULL};
     if (lg_table_names_parse(NULL, "inputs", text, &read, NULL) == LG_OK) {
-        lg_table_names_list(&read, &list);
+        char quoted[LG_CSV_QUOTED];
+        for (uint32_t i = 0; i < read.count; i++)
+            lg_text_add(&list, "%s%s", i > 0 ? "," : "", lg_csv_quote(read.name[i], quoted));
         if (lg_table_names_parse(NULL, "inputs", list.data, &again, NULL) != LG_OK ||
             again.count != read.count)
             abort();

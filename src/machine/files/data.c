@@ -131,7 +131,7 @@ static bool is_confirmed(const lg_machine_data *data, uint32_t coordinate) {
     const lg_log_statistics *found = &data->logs.columns[data->file.coordinates[coordinate].place];
     if (data->file.coordinates[coordinate].places == 0) return false;
     return !found->noise_at_most && found->noise > 0.0 &&
-           lg_machine_position_noise(data, coordinate) > 0.5 * found->noise;
+           data->logs.position_noise[coordinate] > 0.5 * found->noise;
 }
 
 static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool confirmed, double least,
@@ -166,7 +166,7 @@ void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out) 
     for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
         find_noise(data, i, false, 0.0, out);
         if (data->file.coordinates[i].attitudes == 0 && data->file.measured == LG_MEASURED_VELOCITIES)
-            out->position[i] = fmin(out->position[i], lg_machine_position_noise(data, i));
+            out->position[i] = fmin(out->position[i], data->logs.position_noise[i]);
     }
 }
 

@@ -33,27 +33,17 @@ static size_t fill(const lg_machine *machine, const lg_machine_log *log, bool li
     return used;
 }
 
-/* Writes 1, z_i and z_i z_j to x; returns how many. */
-static size_t square(const double *z, size_t count, double *x) {
-    size_t used = 0;
-    x[used++] = 1.0;
-    for (size_t i = 0; i < count; i++) {
-        x[used++] = z[i];
-        for (size_t j = 0; j <= i; j++) x[used++] = z[i] * z[j];
-    }
-    return used;
-}
-
-/* Monomials x, or the numbers and 1, and accelerations y of the interval after `row`. False: a number is
- * missing. */
+/* Numbers x, 1 and, unless `linear`, products of two numbers, and accelerations y of the interval after
+ * `row`. False: a number is missing. */
 static bool interval(const lg_machine *machine, const lg_machine_log *log, bool linear, size_t row, double *x,
                      double *y) {
-    double z[MOST_NUMBERS];
-    const size_t nv = machine->velocities, numbers = fill(machine, log, linear, row, linear ? x : z),
-                 n = linear ? numbers + 1 : square(z, numbers, x);
-    if (linear) x[numbers] = 1;
+    const size_t nv = machine->velocities, numbers = fill(machine, log, linear, row, x);
     const double *v = log->v + row * nv, h = log->t[row + 1] - log->t[row];
+    size_t n = numbers;
     bool finite = true;
+    x[n++] = 1;
+    for (size_t i = 0; i < numbers && !linear; i++)
+        for (size_t j = 0; j <= i; j++) x[n++] = x[i] * x[j];
     for (size_t i = 0; i < n; i++) finite = finite && isfinite(x[i]);
     for (size_t k = 0; k < nv; k++) {
         y[k] = (v[nv + k] - v[k]) / h;

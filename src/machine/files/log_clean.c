@@ -25,12 +25,6 @@ typedef struct cleaning {
 
 /* ---- attitudes ---- */
 
-static double norm_of(const double *x, uint32_t n) {
-    double squares = 0;
-    for (uint32_t i = 0; i < n; i++) squares += x[i] * x[i];
-    return sqrt(squares);
-}
-
 void lg_log_rotation(const double *q, uint32_t count, double R[9]) {
     if (count == 9) {
         memcpy(R, q, 9 * sizeof *R);
@@ -42,36 +36,33 @@ void lg_log_rotation(const double *q, uint32_t count, double R[9]) {
     R[6] = 2 * (x * z - w * y), R[7] = 2 * (y * z + w * x), R[8] = w * w - x * x - y * y + z * z;
 }
 
-/* Scales a vector to length 1; returns by how much its length was off. */
-static double normalise(double *x, uint32_t n) {
-    const double norm = norm_of(x, n);
-    for (uint32_t i = 0; i < n && norm > 0; i++) x[i] /= norm;
-    return fabs(norm - 1);
-}
-
 static double determinant(const double R[9]) {
     double cross[3];
     lg_cross3(R, R + 3, cross);
     return lg_dot3(cross, R + 6);
 }
 
-static double project(double *R) {
-    double P[9], off[9];
-    memcpy(P, R, sizeof P);
-    lg_so3_project(P);
-    for (int i = 0; i < 9; i++) off[i] = R[i] - P[i];
-    memcpy(R, P, sizeof P);
-    return norm_of(off, 9);
+/* Makes x the nearest rotation or unit vector; returns the distance to it. */
+static double mend(double *x, uint32_t count, double length) {
+    double was[9], squares = 0;
+    memcpy(was, x, count * sizeof *x);
+    if (count == 9) lg_so3_project(x);
+    for (uint32_t i = 0; i < count; i++) {
+        if (count < 9) x[i] = length > 0 ? x[i] / length : i == 0;
+        squares += (was[i] - x[i]) * (was[i] - x[i]);
+    }
+    return sqrt(squares);
 }
 
 static lg_status mend_attitude(cleaning *c, size_t row, double *x) {
     const uint32_t count = c->where->attitudes;
     static const char *const whats[] = {[3] = "direction", [4] = "quaternion", [9] = "rotation matrix"};
     lg_name_list names;
+    double squares = 0;
+    for (uint32_t i = 0; i < count; i++) squares += x[i] * x[i];
+    const double length = sqrt(squares);
     const bool reflection = count == 9 && determinant(x) < 0;
-    const double before = norm_of(x, count);
-    double off = INFINITY;
-    if (!reflection) off = count == 9 ? project(x) : normalise(x, count);
+    const double off = reflection ? INFINITY : mend(x, count, length);
     if (off <= MOST_OFF) {
         c->mended += off > NOTABLE_OFF;
         if (off > c->worst) c->worst = off;
@@ -88,7 +79,7 @@ static lg_status mend_attitude(cleaning *c, size_t row, double *x) {
                            "columns %s: not a rotation matrix: it differs from the nearest one by %.3g",
                            names.text, off);
     return lg_log_fail(c->table, row, "columns %s: not a %s: length %.6g instead of 1", names.text,
-                       whats[count], before);
+                       whats[count], length);
 }
 
 static bool any_nan(const double *x, uint32_t n) {

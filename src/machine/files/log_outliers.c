@@ -13,6 +13,7 @@
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/median.h"
 #include "files/h5.h"
@@ -174,20 +175,18 @@ static size_t find_outliers(const trace *x) {
     return count;
 }
 
-static bool keeps(const trace *x, size_t row, uint32_t column) {
-    return lg_log_row(x->table, row)[column] == lg_log_row(x->table, row - 1)[column];
-}
-
 /* Marks rows next to a change of an input that mostly keeps its value. */
 static void mark_steps(const trace *x) {
-    for (size_t i = x->begin; i < x->end; i++) x->stepped[i - x->begin] = false;
-    for (uint32_t c = 0; c < x->table->columns; c++) {
+    const size_t width = x->table->columns, rows = x->end - x->begin;
+    memset(x->stepped, 0, rows * sizeof *x->stepped);
+    for (uint32_t c = 0; c < width; c++) {
+        const double *u = lg_log_row(x->table, x->begin) + c;
         size_t still = 0;
         if (x->table->machine->columns[c].role != LG_LOG_INPUT) continue;
-        for (size_t i = x->begin + 1; i < x->end; i++) still += keeps(x, i, c);
-        for (size_t i = x->begin + 1; i < x->end && 2 * still >= x->end - x->begin; i++)
-            for (size_t k = i - 1; k < x->end && k <= i + AROUND && !keeps(x, i, c); k++)
-                x->stepped[k - x->begin] = true;
+        for (size_t i = 1; i < rows; i++) still += u[i * width] == u[(i - 1) * width];
+        for (size_t i = 1; i < rows && 2 * still >= rows; i++)
+            for (size_t k = i - 1; k < rows && k <= i + AROUND && u[i * width] != u[(i - 1) * width]; k++)
+                x->stepped[k] = true;
     }
 }
 

@@ -58,14 +58,6 @@ void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, 
 
 /* ---- reading ---- */
 
-typedef struct file_reading {
-    lg_log_table *table;
-    uint32_t file;
-    lg_frame frame;
-    lg_frame_want want[LG_LOG_COLUMNS]; /* (columns) in the order of the machine's file */
-    lg_frame_text run;                  /* of the previous row */
-} file_reading;
-
 /* Makes room for the rows of a file. */
 static lg_status grow(lg_log_table *table, size_t rows) {
     if (rows <= table->room - table->rows) return LG_OK;
@@ -79,85 +71,67 @@ static lg_status grow(lg_log_table *table, size_t rows) {
     return data != NULL && origin != NULL ? LG_OK : lg_log_no_memory(table);
 }
 
-/* Counts the row's run if it is a new one. */
-static lg_status count_run(file_reading *r, size_t row) {
-    lg_log_table *table = r->table;
-    const lg_machine_file *machine = table->machine;
-    const bool begins = row == 0 && r->frame.before == 0, named = machine->run < table->columns;
-    const char *run = named ? lg_frame_text_of(&r->frame, row, &r->want[machine->run]) : "";
-    if (named && *run == '\0')
-        return lg_frame_fail(&r->frame, row, machine->columns[machine->run].name, table->error,
-                             "the row names no run");
-    table->runs += begins || strcmp(run, r->run) != 0;
-    memcpy(r->run, run, strlen(run) + 1);
-    return LG_OK;
-}
-
-/* Appends a row. A row without a time is counted in rows_read only. */
-static lg_status append_row(file_reading *r, size_t row) {
-    lg_log_table *table = r->table;
-    const lg_log_column *columns = table->machine->columns;
-    const double *values = r->frame.value + row * r->frame.width;
-    LG_TRY(count_run(r, row));
-    table->rows_read++;
-    if (isnan(values[r->want[table->machine->time].first])) return LG_OK;
-    table->origin[table->rows] = (lg_log_origin){r->frame.line[row], r->file, table->runs - 1};
-    double *to = lg_log_row(table, table->rows);
-    for (uint32_t i = 0; i < table->columns; i++) {
-        to[i] = i == table->machine->run ? 0 : values[r->want[i].first] * columns[i].scale;
-        if (isinf(to[i]))
-            return lg_frame_fail(&r->frame, row, columns[i].name, table->error,
-                                 "the value is infinite when it is multiplied by its scale");
-    }
-    table->rows++;
-    return LG_OK;
-}
-
-static lg_status read_rows(file_reading *r) {
-    lg_frame *f = &r->frame;
-    lg_log_table *t = r->table;
-    LG_TRY(lg_frame_open(f, t->error));
-    t->place[r->file] = f->place;
-    LG_TRY(lg_frame_next(f, SIZE_MAX, t->error));
+/* Appends the rows that have a time; the others are counted in rows_read only. */
+static lg_status append_rows(lg_log_table *t, uint32_t file, const lg_frame *f) {
+    const lg_log_column *columns = t->machine->columns;
+    const uint32_t time = t->machine->time, run = t->machine->run;
+    const char *before = NULL;
     LG_TRY(grow(t, f->rows));
-    for (size_t row = 0; row < f->rows; row++) LG_TRY(append_row(r, row));
-    if (f->cut) lg_log_warn(t, "%s: the last line was cut off and left out", f->shown);
-    return LG_OK;
-}
-
-static lg_status read_file(lg_log_table *table, uint32_t file) {
-    const lg_machine_file *machine = table->machine;
-    file_reading *r = lg_alloc(table->context, 1, sizeof *r);
-    if (r == NULL) return lg_log_no_memory(table);
-    r->table = table;
-    r->file = file;
-    r->frame = (lg_frame){.context = table->context,
-                          .path = table->paths[file],
-                          .what = "log",
-                          .options = &table->options->read,
-                          .want = r->want,
-                          .wants = table->columns};
-    for (uint32_t i = 0; i < table->columns; i++)
-        r->want[i] = (lg_frame_want){.name = machine->columns[i].name,
-                                     .as = i == machine->run    ? LG_FRAME_TEXT
-                                           : i == machine->time ? LG_FRAME_ROUNDED
-                                                                : LG_FRAME_NUMBER};
-    const lg_status status = read_rows(r);
-    lg_frame_close(&r->frame);
-    lg_free(table->context, r);
-    return status;
-}
-
-lg_status lg_log_read_files(lg_log_table *table) {
-    for (uint32_t file = 0; file < table->files; file++) {
-        const size_t before = table->rows, read = table->rows_read;
-        LG_TRY(read_file(table, file));
-        const size_t timeless = table->rows_read - read - (table->rows - before);
-        const char *shown = lg_shown_path(table->paths[file]);
-        if (table->rows == before)
-            return lg_fail(table->error, LG_FORMAT, "%s: has no row with a time (column %s)", shown,
-                           table->machine->columns[table->machine->time].name);
-        if (timeless > 0) lg_log_warn(table, "%s: %zu rows without a time were left out", shown, timeless);
+    for (size_t row = 0; row < f->rows; row++) {
+        const double *values = f->value + row * f->width;
+        double *to = lg_log_row(t, t->rows);
+        const char *name = run < t->columns ? lg_frame_text_of(f, row, &f->want[run]) : "";
+        if (run < t->columns && *name == '\0')
+            return lg_frame_fail(f, row, columns[run].name, t->error, "the row names no run");
+        t->runs += before == NULL || strcmp(name, before) != 0;
+        before = name;
+        t->rows_read++;
+        if (isnan(values[f->want[time].first])) continue;
+        t->origin[t->rows] = (lg_log_origin){f->line[row], file, t->runs - 1};
+        for (uint32_t i = 0; i < t->columns; i++) {
+            to[i] = i == run ? 0 : values[f->want[i].first] * columns[i].scale;
+            if (isinf(to[i]))
+                return lg_frame_fail(f, row, columns[i].name, t->error,
+                                     "the value is infinite when it is multiplied by its scale");
+        }
+        t->rows++;
     }
     return LG_OK;
+}
+
+static lg_status read_file(lg_log_table *t, uint32_t file, lg_frame *f) {
+    const size_t before = t->rows, read = t->rows_read;
+    LG_TRY(lg_frame_open(f, t->error));
+    t->place[file] = f->place;
+    LG_TRY(lg_frame_next(f, SIZE_MAX, t->error));
+    LG_TRY(append_rows(t, file, f));
+    if (f->cut) lg_log_warn(t, "%s: the last line was cut off and left out", f->shown);
+    const size_t timeless = t->rows_read - read - (t->rows - before);
+    if (t->rows == before)
+        return lg_fail(t->error, LG_FORMAT, "%s: has no row with a time (column %s)", f->shown,
+                       t->machine->columns[t->machine->time].name);
+    if (timeless > 0) lg_log_warn(t, "%s: %zu rows without a time were left out", f->shown, timeless);
+    return LG_OK;
+}
+
+lg_status lg_log_read_files(lg_log_table *t) {
+    lg_frame_want *want = lg_alloc(t->context, t->columns, sizeof *want);
+    lg_status status = want != NULL ? LG_OK : lg_log_no_memory(t);
+    for (uint32_t file = 0; file < t->files && status == LG_OK; file++) {
+        lg_frame f = {.context = t->context,
+                      .path = t->paths[file],
+                      .what = "log",
+                      .options = &t->options->read,
+                      .want = want,
+                      .wants = t->columns};
+        for (uint32_t i = 0; i < t->columns; i++)
+            want[i] = (lg_frame_want){.name = t->machine->columns[i].name,
+                                      .as = i == t->machine->run    ? LG_FRAME_TEXT
+                                            : i == t->machine->time ? LG_FRAME_ROUNDED
+                                                                    : LG_FRAME_NUMBER};
+        status = read_file(t, file, &f);
+        lg_frame_close(&f);
+    }
+    lg_free(t->context, want);
+    return status;
 }

@@ -3,6 +3,8 @@
 #ifndef LG_MACHINE_RECIPE_H
 #define LG_MACHINE_RECIPE_H
 
+#include <math.h>
+
 #include "core/core.h"
 #include "liegrad/machine.h"
 
@@ -44,7 +46,7 @@ lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *pat
 
 /* Standard deviations of the noise of each coordinate: as given in the machine's file, else estimated,
  * however small; 0: smooth columns. If velocities are measured, the position noise of a line or angle is
- * at most lg_machine_position_noise. */
+ * at most lg_logs.position_noise. */
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out);
 
 /* Whether a mass or force of the machine depends on the position of a coordinate (speeds.c). */
@@ -86,21 +88,11 @@ size_t lg_log_longest_part(const lg_machine_log *log); /* in rows (recipe.c) */
  * (short_fits.c). */
 double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32_t coordinate);
 
-/* ---- positions against velocities (kinematics.c) ---- */
-
-double lg_machine_wrap(double angle); /* wraps to [-pi, pi] */
-/* Noise of the position of a line or angle, from the differences between its changes and the integrated
- * velocity: noise gives neighbouring differences opposite signs, curvature does not. 0: no noise, or
- * another kind of coordinate. */
-double lg_machine_position_noise(const lg_machine_data *data, uint32_t coordinate);
-/* The longest run of rows in which a line or angle keeps its position although the integrated velocity says
- * that it moves. */
-typedef struct lg_standstill {
-    size_t row, rows; /* rows 0: there is none */
-    double value;
-} lg_standstill;
-lg_status lg_machine_stuck(const lg_context *context, const lg_machine_data *data, uint32_t coordinate,
-                           lg_standstill *out, lg_error *error);
+/* Wraps to [-pi, pi]. */
+static inline double lg_machine_wrap(double angle) {
+    const double turn = 6.283185307179586;
+    return angle - turn * round(angle / turn);
+}
 
 /* ---- runs of a learned machine, and their errors (horizons.c) ---- */
 

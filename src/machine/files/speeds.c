@@ -25,16 +25,6 @@ static bool uses(const lg_machine *machine, const lg_machine_term *term, uint32_
            !is_constant_force(machine, term, of.index);
 }
 
-/* Index of the first term that depends on a position, or the number of terms if no term does. */
-static uint32_t first_use(const lg_machine *machine, uint32_t *coordinate) {
-    for (uint32_t t = 0; t < machine->term_count; t++)
-        for (uint32_t k = 0; k < machine->terms[t].of_count; k++) {
-            *coordinate = machine->terms[t].of[k].index;
-            if (uses(machine, &machine->terms[t], k)) return t;
-        }
-    return machine->term_count;
-}
-
 bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate) {
     for (uint32_t t = 0; t < machine->term_count; t++)
         for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
@@ -45,7 +35,6 @@ bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate) {
 
 lg_status lg_machine_refuse_positions(lg_machine_reading *r) {
     const lg_machine *machine = &r->out->machine;
-    uint32_t coordinate;
     if (r->out->measured != LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
     for (uint32_t i = 0; i < machine->coordinate_count; i++)
         if (machine->coordinates[i].kind > LG_COORDINATE_ANGLE)
@@ -57,12 +46,16 @@ lg_status lg_machine_refuse_positions(lg_machine_reading *r) {
                         "system: %s depends on positions, but the log has velocities alone: log the "
                         "positions too",
                         lg_grey_system_name(system));
-    const uint32_t term = first_use(machine, &coordinate);
-    if (term == machine->term_count) return LG_OK;
-    return LG_FAULT(r, r->lines[term],
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
+            if (uses(machine, &machine->terms[t], k))
+                return LG_FAULT(
+                    r, r->lines[t],
                     "%s: depends on the position of %s, but the log has velocities alone: log the "
                     "position too, or leave this out",
-                    lg_machine_part_name(machine->terms[term].part), machine->coordinates[coordinate].name);
+                    lg_machine_part_name(machine->terms[t].part),
+                    machine->coordinates[machine->terms[t].of[k].index].name);
+    return LG_OK;
 }
 
 /* out (rows, velocities): integrals of x from 0 at the start of each part; a missing number is the one

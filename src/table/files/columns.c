@@ -76,12 +76,6 @@ lg_status lg_table_class_parse(const char *text, lg_table_text out, lg_error *er
                    LG_TABLE_NAME - 1);
 }
 
-void lg_table_names_list(const lg_table_names *names, lg_text *to) {
-    char quoted[LG_CSV_QUOTED];
-    for (uint32_t i = 0; i < names->count; i++)
-        lg_text_add(to, "%s%s", i > 0 ? "," : "", lg_csv_quote(names->name[i], quoted));
-}
-
 /* ---- roles of columns ---- */
 
 /* Whether a column is an output or the column with the classes. */
@@ -103,16 +97,12 @@ static lg_status default_inputs(lg_training *self, const lg_table_names *all, lg
     return LG_OK;
 }
 
-static bool may_be_used(const lg_table_state *s, const char *name) {
-    return name[0] != '\0' && !has_name(&s->without, name);
-}
-
 /* Makes an output of the last column that has a name and is not left out. */
 static lg_status default_outputs(lg_training *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
     char quoted[LG_CSV_QUOTED];
     uint32_t last = all->count;
-    while (last > 0 && !may_be_used(s, all->name[last - 1])) last--;
+    while (last > 0 && (*all->name[last - 1] == '\0' || has_name(&s->without, all->name[last - 1]))) last--;
     if (last == 0) return lg_fail(error, LG_FORMAT, "%s: there is no column with a name", self->paths[0]);
     LG_TRY(make_names(self->context, 1, &s->outputs, error));
     add_name(&s->outputs, all->name[last - 1]);

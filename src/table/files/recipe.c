@@ -92,24 +92,6 @@ static lg_status describe(lg_training *self, lg_error *error) {
 
 /* ---- the scaling ---- */
 
-/* Scales input c without far cells. `column` and `chosen` are work space for the training rows. */
-static lg_status fit_without_far(const lg_context *context, lg_table_state *s, uint32_t c, double *column,
-                                 uint32_t *chosen) {
-    lg_table_far far;
-    lg_scaler one;
-    uint32_t kept = 0;
-    for (size_t i = 0; i < s->trained; i++) column[i] = lg_table_sheet_row(&s->table, s->order[i])[c];
-    LG_TRY(lg_table_find_far(context, column, 1, s->trained, &far));
-    if (far.count == 0) return LG_OK;
-    for (uint32_t i = 0; i < s->trained; i++)
-        if (!lg_table_is_far(&far, column[i])) chosen[kept++] = i;
-    LG_TRY(lg_table_scaler_fit(context, column, 1, chosen, kept, &one));
-    s->scaler.mean[c] = one.mean[0];
-    s->scaler.scale[c] = one.scale[0];
-    lg_scaler_destroy(&one);
-    return LG_OK;
-}
-
 /* Inputs are scaled without far cells, which would make the differences between all other cells vanish.
  * Outputs are scaled with all cells, because the loss contains all of them. */
 static lg_status fit_scaler(lg_training *self, lg_error *error) {
@@ -119,11 +101,24 @@ static lg_status fit_scaler(lg_training *self, lg_error *error) {
     uint32_t *chosen;
     LG_TRAINING_ARRAY(self, column, s->trained, error);
     LG_TRAINING_ARRAY(self, chosen, s->trained, error);
-    lg_status status =
-        lg_table_scaler_fit(self->context, data->values, data->columns, s->order, s->trained, &s->scaler);
-    for (uint32_t c = 0; c < s->inputs.count && status == LG_OK; c++)
-        status = fit_without_far(self->context, s, c, column, chosen);
-    return status == LG_OK ? LG_OK : lg_fail(error, status, "the columns cannot be scaled");
+    LG_TRAINING_ARRAY(self, s->scaler.mean, data->columns, error);
+    LG_TRAINING_ARRAY(self, s->scaler.scale, data->columns, error);
+    for (uint32_t c = 0; c < data->columns; c++) {
+        lg_table_far far = {.limit = INFINITY};
+        lg_scaler one = {0};
+        uint32_t kept = 0;
+        for (size_t i = 0; i < s->trained; i++) column[i] = lg_table_sheet_row(&s->table, s->order[i])[c];
+        lg_status status =
+            c < s->inputs.count ? lg_table_find_far(self->context, column, 1, s->trained, &far) : LG_OK;
+        for (uint32_t i = 0; i < s->trained; i++)
+            if (!lg_table_is_far(&far, column[i])) chosen[kept++] = i;
+        if (status == LG_OK) status = lg_table_scaler_fit(self->context, column, 1, chosen, kept, &one);
+        if (status != LG_OK) return lg_fail(error, status, "the columns cannot be scaled");
+        s->scaler.mean[c] = one.mean[0];
+        s->scaler.scale[c] = one.scale[0];
+        lg_scaler_destroy(&one);
+    }
+    return LG_OK;
 }
 
 /* `count` columns of the scaler from `first` on; borrows its arrays. */
@@ -211,7 +206,7 @@ static lg_status find_start(lg_training *self, lg_error *error) {
     if (given != 0 && given != slices)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "--decay: has %u numbers, but the model has %u arrays of parameters", given, slices);
-    return lg_table_first_parameters(self, &self->theta, error);
+    return lg_table_first_parameters(self, &run->model, &self->theta, error);
 }
 
 /* Sets the decay of each parameter to the decay of its slice. The list of decays is empty, or it has a number
@@ -259,25 +254,9 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
     return LG_OK;
 }
 
-static void release(lg_training *self) {
-    lg_scaler_destroy(&((lg_table_state *)self->state)->scaler);
-}
-
 /* ---- the model ---- */
 
-/* Finds the minimum and the maximum of each input over all training rows. Far cells count as well. */
-static void find_ranges(const lg_table_state *s, double *low, double *high) {
-    for (uint32_t c = 0; c < s->inputs.count; c++) {
-        low[c] = INFINITY, high[c] = -INFINITY;
-        for (size_t i = 0; i < s->trained; i++) {
-            const double value = lg_table_sheet_row(&s->table, s->order[i])[c];
-            low[c] = fmin(low[c], value);
-            high[c] = fmax(high[c], value);
-        }
-    }
-}
-
-/* The file's number of rows is the number of training rows. */
+/* The file's number of rows is the number of training rows. Ranges have far cells, too. */
 static lg_status make_file(lg_training *self, double *theta, lg_error *error) {
     lg_table_state *s = self->state;
     const uint32_t inputs = s->inputs.count, outputs = s->outputs.count;
@@ -292,7 +271,13 @@ static lg_status make_file(lg_training *self, double *theta, lg_error *error) {
     memcpy(file.class_column, s->class_name, sizeof file.class_column);
     LG_TRAINING_ARRAY(self, file.low, inputs, error);
     LG_TRAINING_ARRAY(self, file.high, inputs, error);
-    find_ranges(s, file.low, file.high);
+    for (uint32_t c = 0; c < inputs; c++) {
+        file.low[c] = INFINITY, file.high[c] = -INFINITY;
+        for (size_t i = 0; i < s->trained; i++) {
+            const double value = lg_table_sheet_row(&s->table, s->order[i])[c];
+            file.low[c] = fmin(file.low[c], value), file.high[c] = fmax(file.high[c], value);
+        }
+    }
     s->file = file;
     return LG_OK;
 }
@@ -476,5 +461,4 @@ const lg_trainer lg_table_learner = {.data = "TABLE",
                                      .judge = judge,
                                      .save = save,
                                      .evaluate = evaluate,
-                                     .release = release,
                                      .close = close_data};

@@ -24,8 +24,6 @@ lg_status lg_table_choose(lg_training *self, lg_error *error);
  * names), LG_OUT_OF_MEMORY. The caller must destroy `out` even after an error. */
 lg_status lg_table_names_parse(const lg_context *context, const char *option, const char *text,
                                lg_table_names *out, lg_error *error);
-/* Writes names as a list that lg_table_names_parse reads. */
-void lg_table_names_list(const lg_table_names *names, lg_text *to);
 /* Reads one name, with or without quotes. */
 lg_status lg_table_class_parse(const char *text, lg_table_text out, lg_error *error);
 
@@ -97,7 +95,8 @@ enum { LG_TABLE_MOST_LM = 1500 };
 double lg_table_work(const lg_table *model, double rows);
 uint32_t lg_table_slices(const lg_table *model); /* number of arrays of parameters */
 /* Draws parameters with the run's seed. */
-lg_status lg_table_first_parameters(lg_training *self, double **theta, lg_error *error);
+lg_status lg_table_first_parameters(lg_training *self, const lg_table *model, double **theta,
+                                    lg_error *error);
 /* Only for a regression: gives the run priors and, with `any_width`, one hidden layer of the width with the
  * highest evidence; self->theta gets the parameters to start from. The effort is bounded by work, not by a
  * clock. Errors: from lg_table_init and lg_table_evidence. */

@@ -109,30 +109,22 @@ static bool is_readable(const lg_training *self, const lg_table_names *inputs) {
     return status == LG_OK;
 }
 
-/* Finds the inputs that cannot be read as numbers, if all other columns can be read. */
-static lg_status find_unreadable(lg_training *self, lg_table_names *bad, lg_error *error) {
-    enum { MOST_TRIED = 100 }; /* each try reads the file again */
-    const lg_table_names *inputs = &((lg_table_state *)self->state)->inputs;
-    *bad = (lg_table_names){.count = 0};
-    if (inputs->count > MOST_TRIED || !is_readable(self, bad)) return LG_OK;
-    LG_TRAINING_ARRAY(self, bad->name, inputs->count, error);
-    for (uint32_t i = 0; i < inputs->count; i++) {
-        const lg_table_names one = {.count = 1, .name = inputs->name + i};
-        if (!is_readable(self, &one)) memcpy(bad->name[bad->count++], one.name, sizeof *bad->name);
-    }
-    return LG_OK;
-}
-
-/* If inputs were not named and some columns are not numbers, adds to the message how to leave them out. */
+/* If inputs were not named and some of them are not numbers, but all other columns can be read, adds to the
+ * message how to leave these inputs out. */
 static lg_status fail_columns(lg_training *self, lg_error *error) {
-    enum { MOST_SHOWN = 200 };
+    enum { MOST_SHOWN = 200, MOST_TRIED = 100 /* each try reads the file again */ };
+    const lg_table_state *s = self->state;
     const lg_error was = *error;
-    lg_table_names bad = {.count = 0};
+    const lg_table_names none = {.count = 0};
     lg_text list = {.context = self->context}, word = list;
-    if (was.status != LG_FORMAT || ((lg_table_state *)self->state)->given.inputs != NULL) return was.status;
-    LG_TRY(find_unreadable(self, &bad, error));
-    *error = was;
-    lg_table_names_list(&bad, &list);
+    char quoted[LG_CSV_QUOTED];
+    if (was.status != LG_FORMAT || s->given.inputs != NULL) return was.status;
+    const bool tried = s->inputs.count <= MOST_TRIED && is_readable(self, &none);
+    for (uint32_t i = 0; tried && i < s->inputs.count; i++) {
+        const lg_table_names one = {.count = 1, .name = s->inputs.name + i};
+        if (!is_readable(self, &one))
+            lg_text_add(&list, "%s%s", list.length > 0 ? "," : "", lg_csv_quote(one.name[0], quoted));
+    }
     if (list.data != NULL) lg_text_add_word(&word, list.data);
     const char *empty = strstr(was.message, LG_CSV_EMPTY);
     if (word.data != NULL)
@@ -144,18 +136,7 @@ static lg_status fail_columns(lg_training *self, lg_error *error) {
     return was.status;
 }
 
-/* ---- constant columns ---- */
-
-static const char *column_name(const lg_table_state *s, uint32_t column) {
-    const uint32_t inputs = s->inputs.count;
-    return column < inputs ? s->inputs.name[column] : s->outputs.name[column - inputs];
-}
-
-static bool is_constant(const lg_table_data *data, uint32_t column) {
-    size_t same = 1;
-    while (same < data->rows && data->values[same * data->columns + column] == data->values[column]) same++;
-    return same == data->rows;
-}
+/* ---- columns that cannot be learned from ---- */
 
 /* Keeps the columns with keep[c] true. All outputs must be kept. */
 static void keep_columns(lg_table_state *s, const bool *keep) {
@@ -171,56 +152,53 @@ static void keep_columns(lg_table_state *s, const bool *keep) {
     s->inputs.count = s->table.inputs = inputs;
 }
 
-/* Leaves constant inputs out as if they had not been named: they would change the width and the priors. */
-static lg_status leave_constant(lg_training *self, lg_error *error) {
-    lg_table_state *s = self->state;
+/* Warns of a constant column, and of one whose values differ only by rounding. Refuses a column whose values
+ * differ by so little (below the smallest normal number) that they cannot be scaled. *keep: not a constant
+ * input. */
+static lg_status check_column(lg_training *self, uint32_t column, bool *keep, lg_error *error) {
+    const lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
-    char quoted[LG_CSV_QUOTED];
-    bool *keep;
-    LG_TRAINING_ARRAY(self, keep, data->columns, error);
-    for (uint32_t c = 0; c < data->columns; c++) {
-        const bool input = c < s->inputs.count, constant = is_constant(data, c);
-        keep[c] = !input || !constant;
-        if (constant)
-            LG_WARN(
-                self, "%s: column %s is constant: %s", s->table.path, lg_csv_quote(column_name(s, c), quoted),
-                input ? "it carries no information and is left out" : "there is nothing to learn about it");
+    const double *values = data->values + column;
+    const bool input = column < s->inputs.count;
+    size_t low = 0, high = 0;
+    char name[LG_CSV_QUOTED];
+    for (size_t i = 1; i < data->rows; i++) {
+        if (values[i * data->columns] < values[low * data->columns]) low = i;
+        if (values[i * data->columns] > values[high * data->columns]) high = i;
     }
+    const double least = values[low * data->columns], largest = values[high * data->columns];
+    (void)lg_csv_quote(input ? s->inputs.name[column] : s->outputs.name[column - s->inputs.count], name);
+    *keep = !input || largest > least;
+    if (largest == least)
+        LG_WARN(self, "%s: column %s is constant: %s", s->table.path, name,
+                input ? "it carries no information and is left out" : "there is nothing to learn about it");
+    else if (lg_is_rounding(0.5 * largest - 0.5 * least, 0.5 * fmax(fabs(least), fabs(largest))))
+        LG_WARN(
+            self,
+            "%s: column %s: its values, near %.17g, differ only in their last digits, which are rounded: the "
+            "column is used as a constant; subtract its mean before the table is written",
+            s->table.path, name, least);
+    if (largest == least || largest - least >= DBL_MIN * sqrt(2.0 * (double)data->rows)) return LG_OK;
+    return lg_fail(error, LG_FORMAT,
+                   "%s: column %s: its values, from %.3g in %s %zu to %.3g in %s %zu, differ by too little "
+                   "to be scaled: give the column in a smaller unit",
+                   s->table.path, name, least, data->place, data->line[low], largest, data->place,
+                   data->line[high]);
+}
+
+/* Leaves constant inputs out as if they had not been named: they would change the width and the priors. */
+static lg_status check_columns(lg_training *self, lg_error *error) {
+    lg_table_state *s = self->state;
+    bool *keep;
+    LG_TRAINING_ARRAY(self, keep, s->table.data.columns, error);
+    for (uint32_t c = 0; c < s->table.data.columns; c++) LG_TRY(check_column(self, c, &keep[c], error));
     keep_columns(s, keep);
     if (s->inputs.count > 0) return LG_OK;
     return lg_fail(error, LG_FORMAT, "%s: all inputs are constant: there is nothing to learn from",
                    s->table.path);
 }
 
-/* ---- cells out of range ---- */
-
-/* Refuses a column whose values differ by so little (below the smallest normal number) that they cannot be
- * scaled, and warns of one whose values differ only by rounding. */
-static lg_status check_spread(lg_training *self, uint32_t column, lg_error *error) {
-    const lg_table_state *s = self->state;
-    const lg_table_data *data = &s->table.data;
-    const double *values = data->values + column;
-    size_t low = 0, high = 0;
-    char quoted[LG_CSV_QUOTED];
-    for (size_t i = 1; i < data->rows; i++) {
-        if (values[i * data->columns] < values[low * data->columns]) low = i;
-        if (values[i * data->columns] > values[high * data->columns]) high = i;
-    }
-    const double least = values[low * data->columns], largest = values[high * data->columns];
-    if (largest > least &&
-        lg_is_rounding(0.5 * largest - 0.5 * least, 0.5 * fmax(fabs(least), fabs(largest))))
-        LG_WARN(
-            self,
-            "%s: column %s: its values, near %.17g, differ only in their last digits, which are rounded: the "
-            "column is used as a constant; subtract its mean before the table is written",
-            s->table.path, lg_csv_quote(column_name(s, column), quoted), least);
-    if (largest == least || largest - least >= DBL_MIN * sqrt(2.0 * (double)data->rows)) return LG_OK;
-    return lg_fail(error, LG_FORMAT,
-                   "%s: column %s: its values, from %.3g in %s %zu to %.3g in %s %zu, differ by too little "
-                   "to be scaled: give the column in a smaller unit",
-                   s->table.path, lg_csv_quote(column_name(s, column), quoted), least, data->place,
-                   data->line[low], largest, data->place, data->line[high]);
-}
+/* ---- cells far from all others ---- */
 
 lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *sheet, uint32_t first,
                             const lg_table_text *name, uint32_t count, const char *follows, lg_error *error) {
@@ -245,18 +223,6 @@ lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *she
         lg_log_message(context, LG_LOG_WARNING, "%s: %u more columns have cells far from all others",
                        sheet->path, told - MOST_TOLD);
     return LG_OK;
-}
-
-/* Checks all cells of the inputs and outputs. */
-static lg_status check_cells(lg_training *self, lg_error *error) {
-    const lg_table_state *s = self->state;
-    const lg_table_sheet *sheet = &s->table;
-    for (uint32_t c = 0; c < sheet->data.columns; c++) LG_TRY(check_spread(self, c, error));
-    LG_TRY(lg_table_warn_far(self->context, sheet, 0, s->inputs.name, s->inputs.count,
-                             "the column is scaled without these cells, but the fit has to follow them",
-                             error));
-    return lg_table_warn_far(self->context, sheet, s->inputs.count, s->outputs.name, sheet->outputs,
-                             "the fit follows these cells, and most of its error comes from them", error);
 }
 
 /* ---- classes ---- */
@@ -304,8 +270,12 @@ static lg_status read_learned(lg_training *self, lg_error *error) {
     LG_TRY(leave_incomplete(self, sheet, error));
     if (sheet->data.rows < 2)
         return lg_fail(error, LG_FORMAT, "%s: has 1 complete row; at least two are needed", sheet->path);
-    LG_TRY(leave_constant(self, error));
-    LG_TRY(check_cells(self, error));
+    LG_TRY(check_columns(self, error));
+    LG_TRY(lg_table_warn_far(self->context, sheet, 0, s->inputs.name, s->inputs.count,
+                             "the column is scaled without these cells, but the fit has to follow them",
+                             error));
+    LG_TRY(lg_table_warn_far(self->context, sheet, s->inputs.count, s->outputs.name, sheet->outputs,
+                             "the fit follows these cells, and most of its error comes from them", error));
     return lg_table_is_regression(s) ? LG_OK : take_classes(self, error);
 }
 

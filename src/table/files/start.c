@@ -4,18 +4,18 @@
 #include <math.h>
 #include <string.h>
 
-enum { STREAM_WEIGHTS = 1, RACE_EVALUATIONS = 60 };
+enum { STREAM_WEIGHTS = 1, RACE_EVALUATIONS = 60, MOST_EVALUATIONS = 200 };
 /* Bounds on work, in units of lg_table_work. A search with a given width may take some ten seconds. */
 static const double RACE_WORK = 8e9, EVIDENCE_WORK = 3e9, GIVEN_WORK = 7e11;
 
 /* ---- parameters ---- */
 
-lg_status lg_table_first_parameters(lg_training *self, double **theta, lg_error *error) {
-    const lg_table_run *run = self->run;
+lg_status lg_table_first_parameters(lg_training *self, const lg_table *model, double **theta,
+                                    lg_error *error) {
     lg_rng rng;
-    LG_TRAINING_ARRAY(self, *theta, lg_table_parameters(&run->model), error);
-    lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
-    lg_table_initialise(&run->model, &rng, *theta);
+    LG_TRAINING_ARRAY(self, *theta, lg_table_parameters(model), error);
+    lg_rng_seed(&rng, lg_training_settings(self)->seed, STREAM_WEIGHTS);
+    lg_table_initialise(model, &rng, *theta);
     return LG_OK;
 }
 
@@ -50,98 +50,90 @@ double lg_table_work(const lg_table *model, double rows) {
     return rows * m * n * (0.5 * n + BESIDE) + n * n * n + AT_LEAST;
 }
 
-/* Gives the model one hidden layer of this width. */
-static lg_status set_width(lg_table *model, uint32_t width, lg_error *error) {
-    lg_table_options options = model->options;
-    options.hidden_count = 1;
-    options.hidden[0] = width;
-    return lg_table_init(model, &options, model->net.inputs, model->net.outputs, error);
+/* ---- candidates ---- */
+
+/* A network, its priors and parameters, and how well it explains the rows. */
+typedef struct candidate {
+    lg_table_run run;
+    double *theta; /* NULL: there is none yet */
+    lg_table_evidence_result found;
+} candidate;
+
+/* Gives the candidate `layers` hidden layers of this width and draws its parameters. */
+static lg_status draw(lg_training *self, uint32_t layers, uint32_t width, candidate *c, lg_error *error) {
+    lg_table_options options = c->run.model.options;
+    options.hidden_count = layers;
+    for (uint32_t i = 0; i < layers; i++) options.hidden[i] = width;
+    LG_TRY(lg_table_init(&c->run.model, &options, c->run.model.net.inputs, c->run.model.net.outputs, error));
+    return lg_table_first_parameters(self, &c->run.model, &c->theta, error);
 }
 
-/* Work of one lane of the race: one search with a width. */
-static double lane_work(const lg_table_run *run, uint32_t width, double rows) {
-    lg_table model = run->model;
-    (void)set_width(&model, width, NULL);
-    return RACE_EVALUATIONS * lg_table_work(&model, rows);
+/* Searches the priors and parameters of highest evidence. */
+static lg_status search(lg_training *self, size_t rows, uint32_t evaluations, bool go_on, candidate *c,
+                        lg_error *error) {
+    lg_table_state *s = self->state;
+    lg_table_evidence_options effort;
+    const lg_table_problem problem = {.model = &c->run.model, .samples = &s->samples};
+    lg_table_evidence_options_init(&effort);
+    effort.go_on = go_on;
+    effort.rows = rows;
+    effort.evaluations = evaluations;
+    c->run.decay.count = lg_table_slices(&c->run.model);
+    c->found = (lg_table_evidence_result){0};
+    const lg_status status =
+        lg_table_evidence(self->context, &problem, &effort, c->theta, c->run.decay.value, &c->found, error);
+    s->evidence.evaluations += c->found.evaluations;
+    return status;
 }
 
 /* ---- the race of widths ---- */
 
 typedef struct race {
-    lg_table_run best;
-    double *theta; /* parameters of the best model; NULL: none yet */
-    double high, work;
+    candidate best;
+    double work;
     size_t rows;
     bool better; /* whether the last width was clearly better */
 } race;
 
-/* Searches priors and parameters with one width. Fills *theta, the priors of the run, and *found with the
- * evidence. */
-static lg_status try_width(lg_training *self, uint32_t width, bool grown, race *r, double **theta,
-                           lg_table_evidence_result *found, lg_error *error) {
-    const lg_table_state *s = self->state;
-    lg_table_run *run = self->run;
-    lg_table_evidence_options effort;
-    LG_TRY(set_width(&run->model, width, error));
-    LG_TRY(lg_table_first_parameters(self, theta, error));
-    if (grown) grow_parameters(&run->model, &r->best.model, r->theta, *theta);
-    run->decay.count = lg_table_slices(&run->model);
-    lg_table_evidence_options_init(&effort);
-    effort.go_on = grown;
-    effort.rows = r->rows;
-    effort.evaluations = RACE_EVALUATIONS;
-    const lg_status status =
-        lg_table_evidence(self->context, &s->problem, &effort, *theta, run->decay.value, found, error);
-    r->work += found->evaluations * lg_table_work(&run->model, (double)r->rows);
-    return status;
-}
-
-/* Runs a lane: one width, from parameters as they are drawn, or grown from the best narrower model. */
-static lg_status run_lane(lg_training *self, uint32_t width, bool grown, race *r, lg_error *error) {
+/* Runs a lane of the race. */
+static lg_status run_lane(lg_training *self, candidate *c, bool grown, race *r, lg_error *error) {
     static const double CLEARLY = 2.0; /* in log evidence: e^2, about 7 times as probable */
-    lg_table_run *run = self->run;
-    double *theta = NULL;
-    lg_table_evidence_result result = {0};
-    *run = r->best;
-    const lg_status status = try_width(self, width, grown, r, &theta, &result, error);
-    ((lg_table_state *)self->state)->evidence.evaluations += result.evaluations;
-    if (status == LG_OK && (r->theta == NULL || result.evidence > r->high + CLEARLY)) {
-        r->best = *run, r->high = result.evidence, r->theta = theta;
+    const lg_status status = search(self, r->rows, RACE_EVALUATIONS, grown, c, error);
+    const bool first = r->best.theta == NULL;
+    r->work += c->found.evaluations * lg_table_work(&c->run.model, (double)r->rows);
+    if (status == LG_OK && (first || c->found.evidence > r->best.found.evidence + CLEARLY)) {
+        r->best = *c;
         r->better = true;
     }
     return status == LG_NOT_FINITE ? LG_OK : status;
 }
 
-/* Runs both lanes of a width, first from grown and then from drawn parameters; the drawn lane alone if the
- * work for both is too much. */
-static lg_status run_lanes(lg_training *self, uint32_t width, double lane, race *r, lg_error *error) {
-    lg_status status = LG_OK;
-    r->better = false;
-    if (r->theta != NULL && r->work + 2.0 * lane <= RACE_WORK) status = run_lane(self, width, true, r, error);
-    return status == LG_OK ? run_lane(self, width, false, r, error) : status;
-}
-
 /* Chooses the width with the highest evidence. Tries widths from small to large, until three in a row are not
- * clearly better or RACE_WORK is used up. The run gets the best model and its priors, self->theta its
- * parameters. */
-static lg_status choose_width(lg_training *self, size_t rows, lg_error *error) {
+ * clearly better or RACE_WORK is used up. A width has two lanes, first from grown and then from drawn
+ * parameters; the drawn lane alone if the work for both is too much. */
+static lg_status choose_width(lg_training *self, size_t rows, candidate *best, lg_error *error) {
     static const uint32_t widths[] = {1, 2, 4, 6, 8, 12, 16, 24, 32, 48};
     enum { WORSE = 3 };
-    lg_table_run *run = self->run;
-    race r = {.best = *run, .high = -INFINITY, .rows = rows};
-    const double columns = (double)r.best.model.net.inputs + r.best.model.net.outputs + 1.0;
-    size_t i = 4.0 * columns > (double)rows * run->model.net.outputs ? 0 : 1;
-    lg_status status = LG_OK;
-    for (uint32_t worse = 0; i < LG_COUNT(widths) && worse < WORSE && status == LG_OK; i++) {
-        const double lane = lane_work(run, widths[i], (double)rows);
-        if (r.theta != NULL && r.work + lane > RACE_WORK) break;
-        status = run_lanes(self, widths[i], lane, &r, error);
+    race r = {.best = *best, .rows = rows};
+    const lg_net *net = &best->run.model.net;
+    const double columns = (double)net->inputs + net->outputs + 1.0;
+    size_t i = 4.0 * columns > (double)rows * net->outputs ? 0 : 1;
+    for (uint32_t worse = 0; i < LG_COUNT(widths) && worse < WORSE; i++) {
+        candidate drawn = r.best, grown = r.best;
+        LG_TRY(draw(self, 1, widths[i], &drawn, error));
+        const double lane = RACE_EVALUATIONS * lg_table_work(&drawn.run.model, (double)rows);
+        if (r.best.theta != NULL && r.work + lane > RACE_WORK) break;
+        r.better = false;
+        if (r.best.theta != NULL && r.work + 2.0 * lane <= RACE_WORK) {
+            LG_TRY(draw(self, 1, widths[i], &grown, error));
+            grow_parameters(&grown.run.model, &r.best.run.model, r.best.theta, grown.theta);
+            LG_TRY(run_lane(self, &grown, true, &r, error));
+        }
+        LG_TRY(run_lane(self, &drawn, false, &r, error));
         worse = r.better ? 0 : worse + 1;
     }
-    *run = r.best;
-    self->theta = r.theta;
-    if (status != LG_OK) return status;
-    return r.theta != NULL
+    *best = r.best;
+    return best->theta != NULL
                ? LG_OK
                : lg_fail(error, LG_NOT_FINITE, "the residuals are not finite at any width of the network");
 }
@@ -155,74 +147,58 @@ static size_t rows_for(const lg_table_run *run, size_t least, size_t trained) {
     return (size_t)fmin(fmax(FOR_WEIGHTS * weights / run->model.net.outputs, (double)least), (double)trained);
 }
 
-/* Finds the priors of the run's model. */
-static lg_status find_priors(lg_training *self, bool go_on, size_t least_rows, lg_error *error) {
-    lg_table_state *s = self->state;
-    lg_table_run *run = self->run;
-    lg_table_evidence_options options;
-    const uint32_t before = s->evidence.evaluations;
-    run->decay.count = lg_table_slices(&run->model);
-    lg_table_evidence_options_init(&options);
-    options.rows = rows_for(run, least_rows, s->trained);
-    const double work = go_on ? EVIDENCE_WORK : GIVEN_WORK, most = options.evaluations;
-    options.evaluations =
-        (uint32_t)fmin(fmax(work / lg_table_work(&run->model, (double)options.rows), 12.0), most);
-    options.go_on = go_on;
-    const lg_status status = lg_table_evidence(self->context, &s->problem, &options, self->theta,
-                                               run->decay.value, &s->evidence, error);
-    if (status == LG_OK && !go_on && !s->evidence.settled && 2 * options.evaluations < most)
+/* Finds the priors of the candidate. */
+static lg_status find_priors(lg_training *self, bool go_on, size_t least_rows, candidate *c,
+                             lg_error *error) {
+    const size_t rows = rows_for(&c->run, least_rows, ((lg_table_state *)self->state)->trained);
+    const double work = go_on ? EVIDENCE_WORK : GIVEN_WORK, each = lg_table_work(&c->run.model, (double)rows);
+    const uint32_t evaluations = (uint32_t)fmin(fmax(work / each, 12.0), MOST_EVALUATIONS);
+    LG_TRY(search(self, rows, evaluations, go_on, c, error));
+    if (!go_on && !c->found.settled && 2 * evaluations < MOST_EVALUATIONS)
         LG_WARN(self,
                 "the search for weight decays ended after %u evaluations, before it settled: the network may "
                 "not follow the data closely enough; take a narrower network (--hidden), or --method "
                 "ssbroyden --weight-decay 0",
-                s->evidence.evaluations);
-    s->evidence.evaluations += before;
-    return status;
+                c->found.evaluations);
+    return LG_OK;
 }
 
 /* Tries two hidden layers of WIDTH units if the data determine nearly all parameters of the model, since they
  * may determine more. The rows must be more than the parameters, and the work limited. Keeps the two layers
  * if their evidence, on the same rows, is higher. */
-static lg_status widen(lg_training *self, size_t least_rows, lg_error *error) {
-    enum { WIDTH = 16, EVALUATIONS = 200, MOST_ROWS = 5000 };
+static lg_status widen(lg_training *self, size_t least_rows, candidate *best, lg_error *error) {
+    enum { WIDTH = 16, MOST_ROWS = 5000 };
     static const double NEARLY_ALL = 0.8, WORK = 8e10;
-    lg_table_state *s = self->state;
-    lg_table_run *run = self->run;
-    const size_t numbers = lg_table_parameters(&run->model);
-    if (s->trained > MOST_ROWS || s->evidence.effective < NEARLY_ALL * (double)numbers) return LG_OK;
-    const lg_table_run narrow = *run;
-    const lg_table_evidence_result kept = s->evidence;
-    lg_table_run wide = *run;
-    double *theta;
-    lg_table_options two = run->model.options;
-    two.hidden_count = 2;
-    two.hidden[0] = two.hidden[1] = WIDTH;
-    LG_TRY(lg_table_init(&wide.model, &two, run->model.net.inputs, run->model.net.outputs, error));
-    const size_t rows = rows_for(&wide, least_rows, s->trained);
-    if (rows * run->model.net.outputs <= lg_table_parameters(&wide.model) ||
-        EVALUATIONS * lg_table_work(&wide.model, (double)rows) > WORK)
+    const size_t trained = ((lg_table_state *)self->state)->trained,
+                 numbers = lg_table_parameters(&best->run.model);
+    candidate narrow = *best, wide = *best;
+    if (trained > MOST_ROWS || best->found.effective < NEARLY_ALL * (double)numbers) return LG_OK;
+    LG_TRY(draw(self, 2, WIDTH, &wide, error));
+    const size_t rows = rows_for(&wide.run, least_rows, trained);
+    if (rows * wide.run.model.net.outputs <= lg_table_parameters(&wide.run.model) ||
+        MOST_EVALUATIONS * lg_table_work(&wide.run.model, (double)rows) > WORK)
         return LG_OK;
-    LG_TRAINING_ARRAY(self, theta, numbers, error);
-    memcpy(theta, self->theta, numbers * sizeof *theta);
-    LG_TRY(find_priors(self, true, rows, error)); /* the evidence of the narrow model on these rows */
-    const double least = s->evidence.evidence;
-    *run = wide;
-    LG_TRY(lg_table_first_parameters(self, &self->theta, error));
-    const lg_status status = find_priors(self, false, rows, error);
-    if (status == LG_OK && s->evidence.evidence > least) return LG_OK;
-    const uint32_t evaluations = s->evidence.evaluations;
-    *run = narrow;
-    self->theta = theta;
-    s->evidence = kept;
-    s->evidence.evaluations = evaluations;
+    LG_TRAINING_ARRAY(self, narrow.theta, numbers, error);
+    memcpy(narrow.theta, best->theta, numbers * sizeof *narrow.theta);
+    LG_TRY(find_priors(self, true, rows, &narrow, error)); /* its evidence on these rows */
+    const lg_status status = find_priors(self, false, rows, &wide, error);
+    if (status == LG_OK && wide.found.evidence > narrow.found.evidence) *best = wide;
     return status == LG_NOT_FINITE ? LG_OK : status;
 }
 
 lg_status lg_table_find_start(lg_training *self, bool any_width, lg_error *error) {
     enum { LEAST_ROWS = 1000 };
-    const size_t trained = ((lg_table_state *)self->state)->trained;
-    LG_TRY(any_width ? choose_width(self, trained < LEAST_ROWS ? trained : LEAST_ROWS, error)
-                     : lg_table_first_parameters(self, &self->theta, error));
-    LG_TRY(find_priors(self, any_width, LEAST_ROWS, error));
-    return any_width ? widen(self, LEAST_ROWS, error) : LG_OK;
+    lg_table_state *s = self->state;
+    lg_table_run *run = self->run;
+    candidate best = {.run = *run};
+    LG_TRY(any_width ? choose_width(self, s->trained < LEAST_ROWS ? s->trained : LEAST_ROWS, &best, error)
+                     : lg_table_first_parameters(self, &run->model, &best.theta, error));
+    LG_TRY(find_priors(self, any_width, LEAST_ROWS, &best, error));
+    if (any_width) LG_TRY(widen(self, LEAST_ROWS, &best, error));
+    const uint32_t evaluations = s->evidence.evaluations;
+    *run = best.run;
+    self->theta = best.theta;
+    s->evidence = best.found;
+    s->evidence.evaluations = evaluations;
+    return LG_OK;
 }
