@@ -169,7 +169,7 @@ static void put_tree(app_plot *plot, const void *view) {
     const viewing *v = view;
     const lg_tree *tree = &v->model->classifier.tree;
     double leaves = 0;
-    app_plot_text(plot, "%u\t%u", lg_tree_depth(tree), tree->count);
+    app_plot_text(plot, "%u\t%u", tree->depth, tree->count);
     (void)put_node(plot, v, 0, 0, &leaves);
 }
 

@@ -188,8 +188,8 @@ typedef struct lg_pca {
     const lg_context *context; /* in whose memory the arrays are */
 } lg_pca;
 /* Fits standardisation and components to x (n, d). components (k) is 0..min(n, d). For components > 0 the
- * smaller of n and d must be at most 8192. For d > n the eigenvectors are computed from the Gram matrix Z
- * Z^T. Free *out with lg_pca_destroy. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_NO_CONVERGENCE,
+ * smaller of n and d must be at most 8192. For d > n they are singular vectors
+ * of Z. Free *out with lg_pca_destroy. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_NO_CONVERGENCE,
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint32_t d,
                             uint32_t components, lg_pca *out, lg_error *error);
@@ -271,7 +271,7 @@ typedef struct lg_tree_node {
 } lg_tree_node;
 typedef struct lg_tree {
     /* count is the number of nodes. Node 0 is the root; children follow their parents. */
-    uint32_t inputs, classes, count;
+    uint32_t inputs, classes, count, depth; /* depth: 0 if the root is a leaf */
     lg_tree_criterion criterion;
     lg_tree_node *node;        /* (count) */
     uint32_t *counts;          /* (count, classes) number of training samples of each class in each node */
@@ -290,9 +290,6 @@ LG_API lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *o
                              const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
                              lg_error *error);
 LG_API void lg_tree_destroy(lg_tree *tree);
-/* Depth of the tree; 0 if the root is a leaf. The samples of the children of a node must add up to the
- * samples of the node. */
-LG_API uint32_t lg_tree_depth(const lg_tree *tree);
 /* Computes probability (n, classes) of the rows of x (n, d): the fractions of the classes in the leaf of each
  * row. */
 LG_API void lg_tree_predict(const lg_tree *tree, const double *x, size_t n, double *probability);
@@ -302,7 +299,7 @@ LG_API void lg_tree_predict(const lg_tree *tree, const double *x, size_t n, doub
  * several consecutive alphas are equal, their branches are removed together. */
 typedef struct lg_pruning_step {
     double alpha, impurity; /* impurity: sum over the leaves of (n_t/n) impurity_t */
-    uint32_t nodes, depth;  /* of the pruned tree */
+    uint32_t nodes;         /* of the pruned tree */
 } lg_pruning_step;
 /* Writes the first steps of the sequence to steps (room); *count becomes the length of the whole sequence.
  * steps may be NULL if room is 0. The work is O(nodes (depth + log nodes)). Errors: LG_INVALID_ARGUMENT (an

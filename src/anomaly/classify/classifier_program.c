@@ -157,7 +157,7 @@ static lg_var reached(lg_tape *t, const lg_tree *tree, lg_var edges, uint32_t *i
         parent[node->left] = parent[node->right] = i;
     }
     lg_var taken = lg_gather(t, edges, edge, count);
-    for (uint32_t length = 1, depth = lg_tree_depth(tree); length < depth; length *= 2) {
+    for (uint32_t length = 1, depth = tree->depth; length < depth; length *= 2) {
         taken = lg_mul(t, taken, lg_gather(t, taken, parent, count));
         for (uint32_t i = 0; i < count; i++) edge[i] = parent[parent[i]];
         memcpy(parent, edge, count * sizeof *parent);

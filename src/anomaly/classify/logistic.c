@@ -60,29 +60,9 @@ typedef struct problem {
 
 /* ---- the objective ---- */
 
-/* Sum of log(1 + e) for many e >= 0. It is computed as the logarithm of a product, so that one logarithm
- * serves many terms. */
-typedef struct log_sum {
-    double sum, product;
-    int count;
-} log_sum;
-
-static inline void log_sum_add(log_sum *s, double e) {
-    if (e < 1e-5) {
-        s->sum += e * (1.0 - e * (0.5 - e / 3.0));
-        return;
-    }
-    s->product *= 1.0 + e;
-    if (++s->count < 512) return;
-    s->sum += log(s->product);
-    s->product = 1.0;
-    s->count = 0;
-}
-
 /* Loss of two classes with one logit. Small probabilities are computed without cancellation. */
 static double binary_loss(problem *p) {
-    log_sum logs = {0.0, 1.0, 0};
-    double linear = 0.0;
+    double loss = 0.0;
     for (size_t i = 0; i < p->n; i++) {
         const double s = p->score[i], e = exp(-fabs(s)), small = e / (1.0 + e), large = 1.0 / (1.0 + e);
         /* Whether the more probable class is the true one. */
@@ -90,10 +70,9 @@ static double binary_loss(problem *p) {
         const double miss = right ? small : large; /* probability of the wrong class */
         p->residual[i] = p->label[i] == 1 ? -miss : miss;
         p->weight[i] = small * large;
-        if (!right) linear += fabs(s);
-        log_sum_add(&logs, e);
+        loss += log1p(e) + (right ? 0.0 : fabs(s));
     }
-    return linear + logs.sum + log(logs.product);
+    return loss;
 }
 
 static double softmax_loss(problem *p) {

@@ -17,20 +17,22 @@
 /* ---- copies and depth of trees ---- */
 
 typedef struct visit {
-    uint32_t from, parent; /* node in the original, parent in the copy */
+    uint32_t from, parent, depth; /* node in the original, parent in the copy, depth there */
     bool right;
 } visit;
 
-/* Copies the nodes and sets their number. */
+/* Copies the nodes, and sets their number and the depth. */
 static void copy_kept(const lg_tree *tree, const bool *cut, visit *stack, lg_tree *out) {
     const size_t row = tree->classes * sizeof *out->counts;
     size_t used = 0;
     uint32_t count = 0;
-    stack[used++] = (visit){0, 0, false};
+    stack[used++] = (visit){0, 0, 0, false};
+    out->depth = 0;
     while (used > 0) {
         const visit v = stack[--used];
         lg_tree_node *node = &out->node[count];
         *node = tree->node[v.from];
+        if (v.depth > out->depth) out->depth = v.depth;
         memcpy(&out->counts[(size_t)count * tree->classes], &tree->counts[(size_t)v.from * tree->classes],
                row);
         if (count > 0 && v.right) out->node[v.parent].right = count;
@@ -39,8 +41,8 @@ static void copy_kept(const lg_tree *tree, const bool *cut, visit *stack, lg_tre
             node->left = node->right = node->feature = 0;
             node->threshold = 0.0;
         } else {
-            stack[used++] = (visit){node->right, count, true};
-            stack[used++] = (visit){node->left, count, false};
+            stack[used++] = (visit){node->right, count, v.depth + 1, true};
+            stack[used++] = (visit){node->left, count, v.depth + 1, false};
         }
         count++;
     }
@@ -65,45 +67,17 @@ lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const 
     return all ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* Computes the depth without allocation. Of two children it visits the one with fewer samples first; the
- * other one waits on the stack. So each node on the stack means that the number of samples has at least
- * halved on the way to the current node. 32 places are enough if the samples of children add up to their
- * parent's. */
-uint32_t lg_tree_depth(const lg_tree *tree) {
-    struct {
-        uint32_t node, depth;
-    } waiting[32];
-    uint32_t used = 0, node = 0, depth = 0, deepest = 0;
-    for (;;) {
-        const lg_tree_node *t = &tree->node[node];
-        if (depth > deepest) deepest = depth;
-        if (t->left != 0) {
-            const bool left_first = tree->node[t->left].samples <= tree->node[t->right].samples;
-            depth++;
-            if (used < LG_COUNT(waiting)) {
-                waiting[used].node = left_first ? t->right : t->left;
-                waiting[used++].depth = depth;
-            }
-            node = left_first ? t->left : t->right;
-        } else {
-            if (used == 0) return deepest;
-            node = waiting[--used].node;
-            depth = waiting[used].depth;
-        }
-    }
-}
-
 /* ---- the weakest links ---- */
 
 typedef struct pruner {
     const lg_context *context;
     const lg_tree *tree; /* points to `ordered` */
     lg_tree ordered;
-    uint32_t nodes, depth; /* number of nodes and depth of the current (pruned) tree */
-    uint32_t base;         /* number of leaves of the tournament tree, a power of two */
-    uint32_t *parent, *leaves, *level, *at_depth; /* (count) */
-    uint32_t *end;                                /* (count): the nodes below t are t + 1 .. end[t] - 1 */
-    double *own, *branch;                         /* R(t) and R(T_t) */
+    uint32_t nodes;            /* number of nodes of the current (pruned) tree */
+    uint32_t base;             /* number of leaves of the tournament tree, a power of two */
+    uint32_t *parent, *leaves; /* (count) */
+    uint32_t *end;             /* (count): the nodes below t are t + 1 .. end[t] - 1 */
+    double *own, *branch;      /* R(t) and R(T_t) */
     /* (2 base): the tournament tree. Entry base + t is g(t); entry i < base is the smaller of entries 2 i and
      * 2 i + 1. */
     double *link;
@@ -112,8 +86,7 @@ typedef struct pruner {
 } pruner;
 
 static void pruner_free(pruner *p) {
-    void *const owned[] = {p->parent, p->leaves, p->level, p->at_depth, p->end,
-                           p->own,    p->branch, p->link,  p->cut};
+    void *const owned[] = {p->parent, p->leaves, p->end, p->own, p->branch, p->link, p->cut};
     for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(p->context, owned[i]);
     lg_tree_destroy(&p->ordered);
 }
@@ -142,16 +115,13 @@ static lg_status pruner_allocate(pruner *p) {
     const size_t count = p->tree->count;
     p->parent = lg_alloc(p->context, count, sizeof *p->parent);
     p->leaves = lg_alloc(p->context, count, sizeof *p->leaves);
-    p->level = lg_alloc(p->context, count, sizeof *p->level);
-    p->at_depth = lg_alloc(p->context, count, sizeof *p->at_depth);
     p->end = lg_alloc(p->context, count, sizeof *p->end);
     p->own = lg_alloc(p->context, count, sizeof *p->own);
     p->branch = lg_alloc(p->context, count, sizeof *p->branch);
     p->cut = lg_alloc(p->context, count, sizeof *p->cut);
     p->link = lg_alloc(p->context, 2 * (size_t)p->base, sizeof *p->link);
-    const bool all = p->parent != NULL && p->leaves != NULL && p->level != NULL && p->at_depth != NULL &&
-                     p->end != NULL && p->own != NULL && p->branch != NULL && p->cut != NULL &&
-                     p->link != NULL;
+    const bool all = p->parent != NULL && p->leaves != NULL && p->end != NULL && p->own != NULL &&
+                     p->branch != NULL && p->cut != NULL && p->link != NULL;
     return all ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
@@ -168,11 +138,8 @@ static lg_status pruner_create(pruner *p, const lg_tree *tree) {
     p->parent[0] = NO_NODE;
     for (uint32_t t = 0; t < p->nodes; t++) {
         p->own[t] = (double)node[t].samples * node[t].impurity / (double)node[0].samples;
-        p->at_depth[p->level[t]]++;
-        if (p->level[t] > p->depth) p->depth = p->level[t];
         if (node[t].left == 0) continue;
         p->parent[node[t].left] = p->parent[node[t].right] = t;
-        p->level[node[t].left] = p->level[node[t].right] = p->level[t] + 1;
     }
     for (uint32_t t = p->nodes; t-- > 0;) {
         if (node[t].left == 0) {
@@ -195,11 +162,9 @@ static lg_status pruner_create(pruner *p, const lg_tree *tree) {
 static void remove_below(pruner *p, uint32_t t) {
     for (uint32_t i = t + 1; i < p->end[t]; i = p->cut[i] ? p->end[i] : i + 1) {
         p->nodes--;
-        p->at_depth[p->level[i]]--;
         p->leaves[i] = 0;
         play(p, i);
     }
-    while (p->at_depth[p->depth] == 0) p->depth--;
 }
 
 /* Cuts the weakest link if its alpha is at most `limit`, and returns whether it did. The alphas of successive
@@ -232,7 +197,7 @@ lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, s
     if (status == LG_OK) {
         size_t done = 0;
         do {
-            if (done < room) steps[done] = (lg_pruning_step){p.alpha, p.branch[0], p.nodes, p.depth};
+            if (done < room) steps[done] = (lg_pruning_step){p.alpha, p.branch[0], p.nodes};
             done++;
         } while (cut_weakest(&p, (double)INFINITY));
         *count = done;
