@@ -220,8 +220,6 @@ typedef struct lg_logistic {
 LG_API lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint32_t *label, size_t n,
                                  uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error);
 LG_API void lg_logistic_destroy(lg_logistic *model);
-/* Computes probability (n, classes) of the rows of x (n, d). */
-LG_API void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability);
 
 /* ---- ridge regression on classes ---- */
 
@@ -236,9 +234,6 @@ LG_API void lg_logistic_predict(const lg_logistic *model, const double *x, size_
  * one are tried. Free *out with lg_logistic_destroy. Errors: the errors of lg_logistic_fit. */
 LG_API lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *label, size_t n,
                               uint32_t d, uint32_t classes, int threads, lg_logistic *out, lg_error *error);
-/* Computes score (n, classes) of the rows of x (n, d); the answer is the class with the largest score. With
- * two classes the scores are -s and s. */
-LG_API void lg_ridge_predict(const lg_logistic *model, const double *x, size_t n, double *score);
 
 /* ---- decision trees: CART (Breiman et al. 1984) ---- */
 
@@ -342,14 +337,6 @@ LG_API void lg_svm_destroy(lg_svm *svm);
 /* For a linear kernel and two classes: computes w (d) and b so that w.x + b is positive for class 1. Errors:
  * LG_UNSUPPORTED (another kernel, or more classes). */
 LG_API lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b);
-/* Computes score (n, classes) of the rows of x (n, d); the answer is the class with the largest score. With
- * two classes the score of class 0 is the decision of the pair (0, 1), and the score of class 1 is minus this
- * decision. With more classes the score is the number of pairs that the class wins, plus a number between
- * -1/3 and 1/3 that rises with its decisions and orders classes with equal numbers of wins. libsvm answers
- * with the first class that has the most wins. If the score of this class is not the largest, it is raised to
- * the next number above the largest, so that the answer is the same. `work` has lg_svm_work_size bytes. */
-LG_API size_t lg_svm_work_size(const lg_svm *svm);
-LG_API void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double *score, double *work);
 
 /* ---- the whole chain ---- */
 
@@ -388,6 +375,7 @@ typedef struct lg_classifier {
     lg_logistic logistic;
     lg_tree tree;
     lg_svm svm;
+    lg_plan *scores; /* of lg_classifier_program; made by lg_classifier_fit and _load, NULL for a tree */
 } lg_classifier;
 
 /* Fits standardisation, components and model to rows of a table x (.., d) with labels label (..): to the rows
@@ -409,8 +397,13 @@ LG_API lg_status lg_classifier_largest(const lg_context *context, const lg_class
                                        size_t groups, size_t count, uint32_t *index, lg_error *error);
 /* Bytes of work memory for the two functions below. */
 LG_API size_t lg_classifier_work_size(const lg_classifier *classifier);
-/* Computes score (classes) from the features f (d) of a window: probabilities, or for an SVM the scores of
- * lg_svm_predict, for a ridge regression the scores of lg_ridge_predict. */
+/* Computes score (classes) from the features f (d) of a window; the answer is the class with the largest
+ * score. The scores of logistic regressions and trees are probabilities; for a ridge regression of two
+ * classes they are -s and s. With two classes an SVM's score of class 0 is the decision of the pair (0, 1),
+ * and the score of class 1 is minus this decision. With more classes its score is the number of pairs that
+ * the class wins, plus a number between -1/3 and 1/3 that rises with its decisions and orders classes with
+ * equal numbers of wins. libsvm answers with the first class that has the most wins. If the score of this
+ * class is not the largest, it is raised just above the largest, so that the answer is the same. */
 LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f, double *score,
                                 double *work);
 /* Computes score (classes) from a window x (channels, length). Errors: LG_INVALID_ARGUMENT (the classifier

@@ -298,12 +298,13 @@ lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader 
                        .tree = {.context = context},
                        .svm = {.context = context}};
     double *nodes = NULL;
-    const lg_status status = read_classifier(context, reader, &c, &nodes, error);
+    lg_status status = read_classifier(context, reader, &c, &nodes, error);
     lg_free(context, nodes);
-    if (status == LG_OK)
+    if (status == LG_OK) {
         forget_others(&c);
-    else
-        lg_classifier_destroy(&c);
+        status = lg_classifier_ready(context, &c, error);
+    }
+    if (status != LG_OK) lg_classifier_destroy(&c);
     *out = c;
     return status;
 }

@@ -51,8 +51,8 @@ const char *lg_rocket_check(const lg_features *features);
 /* Number of features for the kind, channels and window length in *features. */
 uint64_t lg_features_count(const lg_features *features);
 
-/* Computes the scores b_c + w_c.x: one number for two classes, otherwise one number per class. */
-void lg_logistic_scores(const lg_logistic *model, const double *x, double *score);
+/* Makes classifier->scores, the plan of its program. */
+lg_status lg_classifier_ready(const lg_context *context, lg_classifier *classifier, lg_error *error);
 
 /* Index in the table of the r-th chosen row. chosen = NULL means that all rows are chosen. */
 static inline size_t lg_chosen_row(const uint32_t *chosen, size_t r) {

@@ -511,32 +511,3 @@ void lg_logistic_destroy(lg_logistic *model) {
     LG_FREE_ALL(model->context, model->weight, model->intercept);
     *model = (lg_logistic){0};
 }
-
-/* ---- prediction ---- */
-
-static void softmax(double *s, size_t k) {
-    double largest = s[0], sum = 0.0;
-    for (size_t a = 1; a < k; a++) largest = fmax(largest, s[a]);
-    for (size_t a = 0; a < k; a++) sum += s[a] = exp(s[a] - largest);
-    for (size_t a = 0; a < k; a++) s[a] /= sum;
-}
-
-void lg_logistic_scores(const lg_logistic *model, const double *x, double *score) {
-    const size_t d = model->inputs, rows = model->classes == 2 ? 1 : model->classes;
-    for (size_t a = 0; a < rows; a++) score[a] = model->intercept[a] + lg_dot(model->weight + a * d, x, d);
-}
-
-void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability) {
-    const size_t d = model->inputs, k = model->classes;
-    for (size_t i = 0; i < n; i++) {
-        double *p = probability + i * k;
-        lg_logistic_scores(model, x + i * d, p);
-        if (k > 2) {
-            softmax(p, k);
-            continue;
-        }
-        const double s = p[0], e = exp(-fabs(s));
-        p[0] = s >= 0.0 ? e / (1.0 + e) : 1.0 / (1.0 + e);
-        p[1] = s >= 0.0 ? 1.0 / (1.0 + e) : e / (1.0 + e);
-    }
-}
