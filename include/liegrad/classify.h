@@ -297,8 +297,8 @@ typedef struct lg_pruning_step {
     uint32_t nodes;         /* of the pruned tree */
 } lg_pruning_step;
 /* Writes the first steps of the sequence to steps (room); *count becomes the length of the whole sequence.
- * steps may be NULL if room is 0. The work is O(nodes (depth + log nodes)). Errors: LG_INVALID_ARGUMENT (an
- * empty tree), LG_OUT_OF_MEMORY. */
+ * steps may be NULL if room is 0. The work is O(nodes^2). Errors: LG_INVALID_ARGUMENT (an empty tree),
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, size_t room,
                                       lg_pruning_step *steps, size_t *count);
 /* Computes the smallest subtree that minimises R_alpha, up to rounding. For an alpha of the pruning path this
