@@ -367,8 +367,10 @@ TEST("folds are assigned to whole units, stratum by stratum") {
     static const uint32_t unit[] = {9, 4, 4, 2, 2, 2, 7, 7, 3, 3, 3, 5, 6, 8, 8, 9};
     static const uint32_t label[] = {0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 1, 1, 1, 1, 0};
     static const uint32_t wanted[] = {0, 1, 1, 0, 0, 0, 0, 0, 1, 1, 1, 0, 1, 0, 0, 0};
-    static const uint32_t same[16] = {0};
+    static const uint32_t same[16] = {0}, few[] = {1, 0, 2, 1, 2, 2, 4, 4};
     uint32_t fold[16], more[16], rarest;
+    assert_ok(lg_series_folds(NULL, few, NULL, 8, 2, fold, &rarest));
+    assert_int_equal(rarest, 1); /* class 0; class 3 does not occur */
     assert_ok(lg_series_folds(NULL, label, NULL, 16, 2, fold, &rarest));
     assert_int_equal(rarest, 7); /* items of class 1 */
     assert_ok(lg_series_folds(NULL, label, unit, 16, 2, fold, &rarest));
