@@ -169,24 +169,8 @@ static void put_tree(app_plot *plot, const void *view) {
     const viewing *v = view;
     const lg_tree *tree = &v->model->classifier.tree;
     double leaves = 0;
-    app_plot_text(plot, "%u\t%u", lg_tree_depth(tree), tree->count);
+    app_plot_text(plot, "%u\t%u", tree->depth, tree->count);
     (void)put_node(plot, v, 0, 0, &leaves);
-}
-
-/* Returns the standard deviation of segment s of a window in the first channel of the pair, scaled as in the
- * features. */
-static double segment_deviation(const lg_features *features, const float *x, uint32_t s) {
-    const uint32_t channel = features->pair[0], segments = features->segments, length = features->length;
-    const uint32_t begin = (uint32_t)((uint64_t)s * length / segments),
-                   end = (uint32_t)((uint64_t)(s + 1) * length / segments);
-    double sum = 0, squares = 0;
-    for (uint32_t t = begin; t < end; t++) sum += (double)x[(size_t)channel * length + t];
-    const double mean = sum / (end - begin);
-    for (uint32_t t = begin; t < end; t++) {
-        const double d = (double)x[(size_t)channel * length + t] - mean;
-        squares += d * d;
-    }
-    return sqrt(squares / (end - begin)) / features->scale[channel];
 }
 
 /* Writes the regression line of each window and the range of the accelerations of its segments. */
@@ -197,6 +181,8 @@ static void put_regressions(app_plot *plot, const void *view) {
     APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
     APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
     APP_FREE size_t *of_class = app_alloc(v->model->names.classes, sizeof *of_class);
+    /* Where features_baseline.c leaves those of the segments of the first acceleration. */
+    const double *deviation = work + ((size_t)features->channels + 1) * features->length;
     const size_t every = shown(v->judged) / ((size_t)SHOWN_LINES * v->model->names.classes) + 1;
     app_plot_text(plot, "%u", v->model->names.classes);
     for (uint32_t c = 0; c < v->model->names.classes; c++)
@@ -207,8 +193,8 @@ static void put_regressions(app_plot *plot, const void *view) {
         if (of_class[class]++ >= SHOWN_LINES) continue;
         features_of(v, at, x, f, work);
         for (uint32_t s = 0; s < features->segments; s++) {
-            least = fmin(least, segment_deviation(features, x, s));
-            most = fmax(most, segment_deviation(features, x, s));
+            least = fmin(least, deviation[s]);
+            most = fmax(most, deviation[s]);
         }
         APP_PLOT_ROW(plot, 9, (double)class + 1, f[0], f[1], least, most);
     }

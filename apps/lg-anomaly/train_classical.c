@@ -288,7 +288,7 @@ void put_pruning(app_plot *plot, const void *view) {
         APP_PLOT_ROW(plot, 9, steps[i].alpha,
                      accuracy_of(self, &model, &state->all, &state->train, self->table),
                      accuracy_of(self, &model, lg_detector_tested(state), &state->tested, self->tested_table),
-                     pruned->count, lg_tree_depth(pruned));
+                     pruned->count, pruned->depth);
         lg_tree_destroy(pruned);
     }
 }
@@ -325,7 +325,7 @@ static void put_choice(app_json *out, const choice *chosen) {
 
 static void put_method(app_json *out, const lg_classifier *model, const lg_classifier_options *option) {
     if (model->method == LG_METHOD_TREE) {
-        app_result_size(out, "depth", lg_tree_depth(&model->tree), NULL);
+        app_result_size(out, "depth", model->tree.depth, NULL);
         app_result_size(out, "nodes", model->tree.count, NULL);
         app_json_text(out, "criterion", lg_tree_criterion_name(option->tree.criterion));
         app_json_real(out, "ccp_alpha", option->tree.ccp_alpha);

@@ -490,12 +490,9 @@ LG_API extern const lg_field lg_detector_fields[];
 typedef struct lg_detector_file {
     LG_MODEL_FILE(lg_detector_run);
     lg_scaler scaler;
-    char (*class_name)[LG_SERIES_NAME];   /* (classes) */
-    char (*class_label)[LG_SERIES_NAME];  /* (classes) or NULL; as in lg_series */
-    char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL */
-    double rate;                          /* Hz; 0 if unknown */
-    lg_novelty novelty;                   /* fitted to the training windows; all zero if there is none */
-    double accuracy, f1, test_mse;        /* on the test part; NaN if unknown */
+    lg_series names;               /* names of classes and channels, and the rate; no windows */
+    lg_novelty novelty;            /* fitted to the training windows; all zero if there is none */
+    double accuracy, f1, test_mse; /* on the test part; NaN if unknown */
 } lg_detector_file;
 
 /* Saves a model file of kind "detector": the weights /model/conv1/weight, ... with the names of lg_cnn_slice,

@@ -188,8 +188,8 @@ typedef struct lg_pca {
     const lg_context *context; /* in whose memory the arrays are */
 } lg_pca;
 /* Fits standardisation and components to x (n, d). components (k) is 0..min(n, d). For components > 0 the
- * smaller of n and d must be at most 8192. For d > n the eigenvectors are computed from the Gram matrix Z
- * Z^T. Free *out with lg_pca_destroy. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_NO_CONVERGENCE,
+ * smaller of n and d must be at most 8192. For d > n they are singular vectors
+ * of Z. Free *out with lg_pca_destroy. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_NO_CONVERGENCE,
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint32_t d,
                             uint32_t components, lg_pca *out, lg_error *error);
@@ -220,8 +220,6 @@ typedef struct lg_logistic {
 LG_API lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint32_t *label, size_t n,
                                  uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error);
 LG_API void lg_logistic_destroy(lg_logistic *model);
-/* Computes probability (n, classes) of the rows of x (n, d). */
-LG_API void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability);
 
 /* ---- ridge regression on classes ---- */
 
@@ -236,9 +234,6 @@ LG_API void lg_logistic_predict(const lg_logistic *model, const double *x, size_
  * one are tried. Free *out with lg_logistic_destroy. Errors: the errors of lg_logistic_fit. */
 LG_API lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *label, size_t n,
                               uint32_t d, uint32_t classes, int threads, lg_logistic *out, lg_error *error);
-/* Computes score (n, classes) of the rows of x (n, d); the answer is the class with the largest score. With
- * two classes the scores are -s and s. */
-LG_API void lg_ridge_predict(const lg_logistic *model, const double *x, size_t n, double *score);
 
 /* ---- decision trees: CART (Breiman et al. 1984) ---- */
 
@@ -271,7 +266,7 @@ typedef struct lg_tree_node {
 } lg_tree_node;
 typedef struct lg_tree {
     /* count is the number of nodes. Node 0 is the root; children follow their parents. */
-    uint32_t inputs, classes, count;
+    uint32_t inputs, classes, count, depth; /* depth: 0 if the root is a leaf */
     lg_tree_criterion criterion;
     lg_tree_node *node;        /* (count) */
     uint32_t *counts;          /* (count, classes) number of training samples of each class in each node */
@@ -290,9 +285,6 @@ LG_API lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *o
                              const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
                              lg_error *error);
 LG_API void lg_tree_destroy(lg_tree *tree);
-/* Depth of the tree; 0 if the root is a leaf. The samples of the children of a node must add up to the
- * samples of the node. */
-LG_API uint32_t lg_tree_depth(const lg_tree *tree);
 /* Computes probability (n, classes) of the rows of x (n, d): the fractions of the classes in the leaf of each
  * row. */
 LG_API void lg_tree_predict(const lg_tree *tree, const double *x, size_t n, double *probability);
@@ -302,11 +294,11 @@ LG_API void lg_tree_predict(const lg_tree *tree, const double *x, size_t n, doub
  * several consecutive alphas are equal, their branches are removed together. */
 typedef struct lg_pruning_step {
     double alpha, impurity; /* impurity: sum over the leaves of (n_t/n) impurity_t */
-    uint32_t nodes, depth;  /* of the pruned tree */
+    uint32_t nodes;         /* of the pruned tree */
 } lg_pruning_step;
 /* Writes the first steps of the sequence to steps (room); *count becomes the length of the whole sequence.
- * steps may be NULL if room is 0. The work is O(nodes (depth + log nodes)). Errors: LG_INVALID_ARGUMENT (an
- * empty tree), LG_OUT_OF_MEMORY. */
+ * steps may be NULL if room is 0. The work is O(nodes^2). Errors: LG_INVALID_ARGUMENT (an empty tree),
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, size_t room,
                                       lg_pruning_step *steps, size_t *count);
 /* Computes the smallest subtree that minimises R_alpha, up to rounding. For an alpha of the pruning path this
@@ -345,14 +337,6 @@ LG_API void lg_svm_destroy(lg_svm *svm);
 /* For a linear kernel and two classes: computes w (d) and b so that w.x + b is positive for class 1. Errors:
  * LG_UNSUPPORTED (another kernel, or more classes). */
 LG_API lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b);
-/* Computes score (n, classes) of the rows of x (n, d); the answer is the class with the largest score. With
- * two classes the score of class 0 is the decision of the pair (0, 1), and the score of class 1 is minus this
- * decision. With more classes the score is the number of pairs that the class wins, plus a number between
- * -1/3 and 1/3 that rises with its decisions and orders classes with equal numbers of wins. libsvm answers
- * with the first class that has the most wins. If the score of this class is not the largest, it is raised to
- * the next number above the largest, so that the answer is the same. `work` has lg_svm_work_size bytes. */
-LG_API size_t lg_svm_work_size(const lg_svm *svm);
-LG_API void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double *score, double *work);
 
 /* ---- the whole chain ---- */
 
@@ -391,6 +375,7 @@ typedef struct lg_classifier {
     lg_logistic logistic;
     lg_tree tree;
     lg_svm svm;
+    lg_plan *scores; /* of lg_classifier_program; made by lg_classifier_fit and _load, NULL for a tree */
 } lg_classifier;
 
 /* Fits standardisation, components and model to rows of a table x (.., d) with labels label (..): to the rows
@@ -412,8 +397,13 @@ LG_API lg_status lg_classifier_largest(const lg_context *context, const lg_class
                                        size_t groups, size_t count, uint32_t *index, lg_error *error);
 /* Bytes of work memory for the two functions below. */
 LG_API size_t lg_classifier_work_size(const lg_classifier *classifier);
-/* Computes score (classes) from the features f (d) of a window: probabilities, or for an SVM the scores of
- * lg_svm_predict, for a ridge regression the scores of lg_ridge_predict. */
+/* Computes score (classes) from the features f (d) of a window; the answer is the class with the largest
+ * score. The scores of logistic regressions and trees are probabilities; for a ridge regression of two
+ * classes they are -s and s. With two classes an SVM's score of class 0 is the decision of the pair (0, 1),
+ * and the score of class 1 is minus this decision. With more classes its score is the number of pairs that
+ * the class wins, plus a number between -1/3 and 1/3 that rises with its decisions and orders classes with
+ * equal numbers of wins. libsvm answers with the first class that has the most wins. If the score of this
+ * class is not the largest, it is raised just above the largest, so that the answer is the same. */
 LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f, double *score,
                                 double *work);
 /* Computes score (classes) from a window x (channels, length). Errors: LG_INVALID_ARGUMENT (the classifier

@@ -119,10 +119,11 @@ LG_API lg_status lg_series_split(const lg_context *context, const lg_series *ser
  * items with the same unit number go to the same fold. Units with the same set of classes form a stratum. The
  * units of a stratum, sorted by number, are dealt to the folds one after the other. The dealing of a stratum
  * begins at the fold that so far holds the smallest share of the units with its classes; of equal folds at
- * the first one. With more folds than units some folds stay empty. folds = 0 counts as 1. Memory: folds
+ * the first one. With more folds than units some folds stay empty. folds = 0 counts as 1. *rarest, if it is
+ * not NULL, becomes the number of units (without units: items) of the rarest class that occurs. Memory: folds
  * (largest label + 1) doubles and 60 bytes per item. Errors: LG_OUT_OF_MEMORY; fold is then untouched. */
 LG_API lg_status lg_series_folds(const lg_context *context, const uint32_t *label, const uint32_t *unit,
-                                 size_t count, uint32_t folds, uint32_t *fold);
+                                 size_t count, uint32_t folds, uint32_t *fold, uint32_t *rarest);
 
 /* ---- scaling ---- */
 

@@ -203,7 +203,7 @@ static lg_status deal(const fitting *f, lg_error *error) {
     for (size_t u = 0; u < LG_COUNT(units) && status == LG_OK && !dealt; u++) {
         for (size_t i = 0; i < f->rows; i++)
             unit[i] = units[u] != NULL ? units[u][f->windows->first[f->window[i]]] : (uint32_t)i;
-        status = lg_series_folds(f->context, f->label, unit, f->rows, f->options->folds, f->fold);
+        status = lg_series_folds(f->context, f->label, unit, f->rows, f->options->folds, f->fold, NULL);
         for (size_t i = 1; i < f->rows && units[u] != NULL && !dealt; i++) dealt = f->fold[i] != f->fold[0];
     }
     lg_free(f->context, unit);

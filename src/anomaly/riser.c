@@ -14,45 +14,61 @@ const char *lg_riser_channel(uint32_t index) {
 
 /* ---- parameters ---- */
 
+typedef enum limit { POSITIVE, NOT_NEGATIVE, ANY } limit;
+
+/* The standard values of the parameters, and their ranges. */
+static const struct range {
+    const char *name;
+    size_t offset;
+    double value;
+    limit limit;
+} ranges[] = {
+#define ROW(member, value, range)                                                                            \
+    { #member, offsetof(lg_riser_parameters, member), value, range }
+    ROW(depth, 100.0, POSITIVE),
+    ROW(rho, 1025.0, NOT_NEGATIVE),
+    ROW(gravity, 9.81, POSITIVE),
+    ROW(bop_mass, 200e3, POSITIVE),
+    ROW(bop_added_mass, 120e3, NOT_NEGATIVE),
+    ROW(bop_height, 10.0, POSITIVE),
+    ROW(bop_centre, 5.0, NOT_NEGATIVE),
+    ROW(bop_weight, 1.6e6, ANY),
+    ROW(bop_diameter, 4.5, NOT_NEGATIVE),
+    ROW(bop_drag, 1.8, NOT_NEGATIVE),
+    ROW(bop_volume, 60.0, NOT_NEGATIVE),
+    ROW(riser_mass, 550.0, POSITIVE),
+    ROW(hydro_diameter, 0.9, NOT_NEGATIVE),
+    ROW(drag, 1.1, NOT_NEGATIVE),
+    ROW(added_mass, 1.0, NOT_NEGATIVE),
+    ROW(bending_stiffness, 2.7e8, NOT_NEGATIVE),
+    ROW(submerged_weight, 1.5e3, ANY),
+    ROW(flex_joint, 2.3e6, NOT_NEGATIVE),
+    ROW(top_tension, 1.4e6, POSITIVE),
+    ROW(housing_stiffness, 150e6, POSITIVE),
+    ROW(housing_factor, 2.0, POSITIVE),
+    ROW(housing_gap, 60e3, NOT_NEGATIVE),
+    ROW(softening, 0.03, POSITIVE),
+    ROW(soil_stiffness, 1.2e8, POSITIVE),
+    ROW(soil_strength, 3e6, POSITIVE),
+    ROW(damping_rotation, 0.04, NOT_NEGATIVE),
+    ROW(damping_offset, 0.08, NOT_NEGATIVE),
+    ROW(damping_riser, 0.01, NOT_NEGATIVE),
+    ROW(sensor_moment, 1.0, ANY),
+    ROW(sensor_lower, 9.0, ANY),
+    ROW(sensor_upper, 2.0, ANY),
+    ROW(noise_acceleration, 3e-4, NOT_NEGATIVE),
+    ROW(noise_moment, 500.0, NOT_NEGATIVE),
+    ROW(current, 0.35, ANY),
+    ROW(severity, 1.0, POSITIVE),
+    ROW(relief_stiffness, 0.0, NOT_NEGATIVE),
+    ROW(relief_height, 8.0, NOT_NEGATIVE),
+#undef ROW
+};
+
 void lg_riser_parameters_init(lg_riser_parameters *out) {
-    *out = (lg_riser_parameters){.size = sizeof(*out),
-                                 .depth = 100.0,
-                                 .rho = 1025.0,
-                                 .gravity = 9.81,
-                                 .bop_mass = 200e3,
-                                 .bop_added_mass = 120e3,
-                                 .bop_height = 10.0,
-                                 .bop_centre = 5.0,
-                                 .bop_weight = 1.6e6,
-                                 .bop_diameter = 4.5,
-                                 .bop_drag = 1.8,
-                                 .bop_volume = 60.0,
-                                 .riser_mass = 550.0,
-                                 .hydro_diameter = 0.9,
-                                 .drag = 1.1,
-                                 .added_mass = 1.0,
-                                 .bending_stiffness = 2.7e8,
-                                 .submerged_weight = 1.5e3,
-                                 .flex_joint = 2.3e6,
-                                 .top_tension = 1.4e6,
-                                 .housing_stiffness = 150e6,
-                                 .housing_factor = 2.0,
-                                 .housing_gap = 60e3,
-                                 .softening = 0.03,
-                                 .soil_stiffness = 1.2e8,
-                                 .soil_strength = 3e6,
-                                 .damping_rotation = 0.04,
-                                 .damping_offset = 0.08,
-                                 .damping_riser = 0.01,
-                                 .sensor_moment = 1.0,
-                                 .sensor_lower = 9.0,
-                                 .sensor_upper = 2.0,
-                                 .noise_acceleration = 3e-4,
-                                 .noise_moment = 500.0,
-                                 .current = 0.35,
-                                 .housing = LG_HOUSING_SLACK,
-                                 .severity = 1.0,
-                                 .relief_height = 8.0};
+    *out = (lg_riser_parameters){.size = sizeof(*out), .housing = LG_HOUSING_SLACK};
+    for (size_t i = 0; i < LG_COUNT(ranges); i++)
+        memcpy((char *)out + ranges[i].offset, &ranges[i].value, sizeof ranges[i].value);
 }
 
 void lg_riser_complete(lg_riser_parameters *p) {
@@ -70,55 +86,6 @@ void lg_riser_complete(lg_riser_parameters *p) {
     p->riser_mass -= lighter;
     p->submerged_weight -= lighter * p->gravity;
 }
-
-typedef enum limit { POSITIVE, NOT_NEGATIVE, ANY } limit;
-
-static const struct range {
-    const char *name;
-    size_t offset;
-    limit limit;
-} ranges[] = {
-#define ROW(member, range)                                                                                   \
-    { #member, offsetof(lg_riser_parameters, member), range }
-    ROW(depth, POSITIVE),
-    ROW(rho, NOT_NEGATIVE),
-    ROW(gravity, POSITIVE),
-    ROW(bop_mass, POSITIVE),
-    ROW(bop_added_mass, NOT_NEGATIVE),
-    ROW(bop_height, POSITIVE),
-    ROW(bop_centre, NOT_NEGATIVE),
-    ROW(bop_weight, ANY),
-    ROW(bop_diameter, NOT_NEGATIVE),
-    ROW(bop_drag, NOT_NEGATIVE),
-    ROW(bop_volume, NOT_NEGATIVE),
-    ROW(riser_mass, POSITIVE),
-    ROW(hydro_diameter, NOT_NEGATIVE),
-    ROW(drag, NOT_NEGATIVE),
-    ROW(added_mass, NOT_NEGATIVE),
-    ROW(bending_stiffness, NOT_NEGATIVE),
-    ROW(submerged_weight, ANY),
-    ROW(flex_joint, NOT_NEGATIVE),
-    ROW(top_tension, POSITIVE),
-    ROW(housing_stiffness, POSITIVE),
-    ROW(housing_factor, POSITIVE),
-    ROW(housing_gap, NOT_NEGATIVE),
-    ROW(softening, POSITIVE),
-    ROW(soil_stiffness, POSITIVE),
-    ROW(soil_strength, POSITIVE),
-    ROW(damping_rotation, NOT_NEGATIVE),
-    ROW(damping_offset, NOT_NEGATIVE),
-    ROW(damping_riser, NOT_NEGATIVE),
-    ROW(sensor_moment, ANY),
-    ROW(sensor_lower, ANY),
-    ROW(sensor_upper, ANY),
-    ROW(noise_acceleration, NOT_NEGATIVE),
-    ROW(noise_moment, NOT_NEGATIVE),
-    ROW(current, ANY),
-    ROW(severity, POSITIVE),
-    ROW(relief_stiffness, NOT_NEGATIVE),
-    ROW(relief_height, NOT_NEGATIVE),
-#undef ROW
-};
 
 static bool within(double x, limit kind) {
     return isfinite(x) && (kind == ANY || x > 0.0 || (kind == NOT_NEGATIVE && x == 0.0));
@@ -193,35 +160,20 @@ void lg_riser_matrices_make(const lg_riser_parameters *p, lg_riser_matrices *out
     add_square(p->relief_stiffness, (const double[N]){1.0, p->relief_height}, out->stiffness);
 }
 
-/* Cholesky factor, in place in the lower triangle. Returns false if the matrix is not positive definite. */
-static bool factor(double *a) {
-    enum { N = LG_RISER_DOF };
-    for (size_t j = 0; j < N; j++) {
-        for (size_t i = j; i < N; i++) {
-            double sum = a[i * N + j];
-            for (size_t k = 0; k < j; k++) sum -= a[i * N + k] * a[j * N + k];
-            if (i == j && !(sum > 0.0 && isfinite(sum))) return false;
-            a[i * N + j] = i == j ? sqrt(sum) : sum / a[j * N + j];
-        }
-    }
-    return true;
-}
-
-static void add_springs(const lg_riser_parameters *p, double wellhead, double *stiffness) {
-    stiffness[0] += p->soil_stiffness;
-    stiffness[LG_RISER_DOF + 1] += wellhead;
-}
-
 /* ---- check ---- */
 
 /* Whether mass and stiffness are positive definite with the housing at its stiffest, beyond its gap. */
 static bool stands(const lg_riser_parameters *p) {
+    const lg_kernels *k = lg_kernels_for(LG_F64);
+    double l[LG_RISER_MATRIX];
     lg_riser_matrices m;
     lg_wellhead w;
     lg_riser_matrices_make(p, &m);
     lg_wellhead_make(p, &w);
-    add_springs(p, w.outer, m.stiffness);
-    return factor(m.mass) && factor(m.stiffness);
+    m.stiffness[0] += p->soil_stiffness;
+    m.stiffness[LG_RISER_DOF + 1] += w.outer;
+    return k->spd_factor(1, LG_RISER_DOF, m.mass, l) == 0 &&
+           k->spd_factor(1, LG_RISER_DOF, m.stiffness, l) == 0;
 }
 
 lg_status lg_riser_parameters_check(const lg_riser_parameters *p, lg_error *error) {

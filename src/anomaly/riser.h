@@ -127,16 +127,4 @@ void lg_riser_motion_start(lg_riser_motion *motion, const double *water);
 /* Advances the motion by one step dt; `water` is the water at the end of the step. */
 void lg_riser_motion_step(lg_riser_motion *motion, const double *water);
 
-/* ---- streams ---- */
-
-/* The simulation of lg_riser_simulate, piece by piece: it gives any number of samples in constant memory. The
- * size of the pieces does not change the samples. */
-typedef struct lg_riser_stream lg_riser_stream;
-lg_status lg_riser_stream_create(const lg_context *context, const lg_riser_parameters *parameters,
-                                 const lg_riser_run *run, lg_riser_stream **out, lg_error *error);
-void lg_riser_stream_destroy(lg_riser_stream *stream); /* NULL is allowed */
-/* Writes the next `count` samples (count, LG_RISER_CHANNELS). Allocates nothing. After LG_NOT_FINITE or
- * LG_CANCELLED only some of the samples are written, and the stream may only be destroyed. */
-lg_status lg_riser_stream_next(lg_riser_stream *stream, size_t count, float *samples, lg_error *error);
-
 #endif

@@ -208,16 +208,6 @@ void lg_riser_motion_step(lg_riser_motion *m, const double *water) {
     }
 }
 
-static lg_status too_large_a_step(lg_error *error, double dt, double time) {
-    return lg_fail(error, LG_NOT_FINITE,
-                   "riser: the motion grew without bound by %g s: dt = %g s is too large", time, dt);
-}
-
-static lg_status not_stable(lg_error *error) {
-    return lg_fail(error, LG_INVALID_ARGUMENT,
-                   "riser: with these parameters the structure does not stand (its stiffness is negative)");
-}
-
 /* ---- runs ---- */
 
 #define STREAM_NOISE 2
@@ -261,39 +251,23 @@ static const char *run_fault(const lg_riser_run *r) {
     return NULL;
 }
 
-struct lg_riser_stream {
+typedef struct simulation {
     lg_riser_motion motion;
     lg_water water;
-    lg_riser_parameters parameters; /* parameters after the crack */
     const lg_context *context;
+    const lg_riser_parameters *parameters; /* after the crack */
+    const lg_riser_run *run;
     lg_rng noise;
-    double sigma[LG_RISER_CHANNELS];
-    size_t step;   /* number of the current step */
-    size_t sample; /* number of the next sample */
-    size_t discarded, steps;
+    size_t step, discarded,
+        steps; /* number of the current step; steps before the first sample, and for one */
     /* Number of the first sample after the crack. SIZE_MAX if the crack never comes or is there from the
      * start. */
     size_t crack;
-};
+} simulation;
 
 static size_t crack_sample(const lg_riser_run *run) {
     const double at = ceil(run->crack_time * run->rate - 1e-6);
     return run->crack_time == 0.0 || !(at < 1e18) ? SIZE_MAX : (size_t)at;
-}
-
-static lg_status stream_init(lg_riser_stream *s, const lg_riser_parameters *p, const lg_riser_run *run) {
-    lg_riser_parameters before = *p;
-    s->parameters = *p;
-    s->discarded = (size_t)llround(run->discard / run->dt);
-    s->steps = (size_t)llround(1.0 / (run->rate * run->dt));
-    s->crack = crack_sample(run);
-    lg_rng_seed(&s->noise, run->noise_seed, STREAM_NOISE);
-    for (size_t c = 0; c < LG_RISER_CHANNELS; c++)
-        s->sigma[c] = run->noise * (c < 4 ? p->noise_acceleration : p->noise_moment);
-    if (run->crack_time > 0.0) before.severity = 1.0;
-    LG_TRY(lg_riser_motion_init(&before, run->dt, true, run->drag_scale, &s->motion));
-    lg_riser_motion_start(&s->motion, lg_water_at(&s->water, 0));
-    return LG_OK;
 }
 
 static lg_status no_water(lg_error *error, lg_status status, const lg_riser_parameters *p,
@@ -305,36 +279,24 @@ static lg_status no_water(lg_error *error, lg_status status, const lg_riser_para
         run->sea.height, run->sea.period, p->depth);
 }
 
-lg_status lg_riser_stream_create(const lg_context *context, const lg_riser_parameters *p,
-                                 const lg_riser_run *run, lg_riser_stream **out, lg_error *error) {
-    if (!out) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
-    LG_TRY(lg_riser_parameters_check(p, error));
-    const char *fault = run_fault(run);
-    if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "riser: %s", fault);
-    lg_riser_stream *s = lg_alloc(context, 1, sizeof *s);
-    const lg_status made = s ? lg_water_create(context, p, run, &s->water) : LG_OUT_OF_MEMORY;
-    if (made != LG_OK) {
-        lg_free(context, s);
-        return no_water(error, made, p, run);
-    }
-    s->context = context;
-    if (stream_init(s, p, run) != LG_OK) {
-        lg_riser_stream_destroy(s);
-        return not_stable(error);
-    }
-    *out = s;
-    return lg_fail(error, LG_OK, "%s", "");
-}
-
-void lg_riser_stream_destroy(lg_riser_stream *s) {
-    if (!s) return;
-    lg_water_destroy(s->context, &s->water);
-    lg_free(s->context, s);
+static lg_status begin(simulation *s, lg_error *error) {
+    const lg_riser_run *run = s->run;
+    lg_riser_parameters before = *s->parameters;
+    const lg_status status = lg_water_create(s->context, s->parameters, run, &s->water);
+    if (status != LG_OK) return no_water(error, status, s->parameters, run);
+    s->discarded = (size_t)llround(run->discard / run->dt);
+    s->steps = (size_t)llround(1.0 / (run->rate * run->dt));
+    s->crack = crack_sample(run);
+    lg_rng_seed(&s->noise, run->noise_seed, STREAM_NOISE);
+    if (run->crack_time > 0.0) before.severity = 1.0;
+    LG_TRY(lg_riser_motion_init(&before, run->dt, true, run->drag_scale, &s->motion));
+    lg_riser_motion_start(&s->motion, lg_water_at(&s->water, 0));
+    return LG_OK;
 }
 
 /* Computes the measurements without noise. */
-static void measure(const lg_riser_stream *s, double out[LG_RISER_CHANNELS]) {
-    const lg_riser_parameters *p = &s->parameters;
+static void measure(const simulation *s, double out[LG_RISER_CHANNELS]) {
+    const lg_riser_parameters *p = s->parameters;
     const lg_riser_motion *m = &s->motion;
     const double l = lg_riser_segment(p);
     const double soil = lg_soil_secant(p->soil_stiffness, p->soil_strength, radius(m->q, 0));
@@ -349,7 +311,7 @@ static void measure(const lg_riser_stream *s, double out[LG_RISER_CHANNELS]) {
     }
 }
 
-static lg_status advance(lg_riser_stream *s, size_t to) {
+static lg_status advance(simulation *s, size_t to) {
     while (s->step < to) {
         const double *water = lg_water_at(&s->water, s->step + 1);
         if (s->step % LG_WATER_BLOCK == 0 && lg_cancelled(s->context)) return LG_CANCELLED;
@@ -359,43 +321,48 @@ static lg_status advance(lg_riser_stream *s, size_t to) {
     return LG_OK;
 }
 
-static lg_status next_sample(lg_riser_stream *s, float *sample) {
+static lg_status take_sample(simulation *s, size_t number, float *sample) {
+    const lg_riser_parameters *p = s->parameters;
     double clean[LG_RISER_CHANNELS];
-    LG_TRY(advance(s, s->discarded + s->sample * s->steps));
-    if (s->sample == s->crack) {
-        LG_TRY(lg_riser_motion_change(&s->motion, &s->parameters, true));
+    LG_TRY(advance(s, s->discarded + number * s->steps));
+    if (number == s->crack) {
+        LG_TRY(lg_riser_motion_change(&s->motion, p, true));
         lg_riser_motion_start(&s->motion, lg_water_at(&s->water, s->step));
     }
     measure(s, clean);
     for (size_t c = 0; c < LG_RISER_CHANNELS; c++) {
+        const double sigma = s->run->noise * (c < 4 ? p->noise_acceleration : p->noise_moment);
         if (!(fabs(clean[c]) < 1e30)) return LG_NOT_FINITE;
-        sample[c] = (float)(s->sigma[c] > 0.0 ? clean[c] + s->sigma[c] * lg_rng_normal(&s->noise) : clean[c]);
+        sample[c] = (float)(sigma > 0.0 ? clean[c] + sigma * lg_rng_normal(&s->noise) : clean[c]);
     }
-    s->sample++;
     return LG_OK;
 }
 
-lg_status lg_riser_stream_next(lg_riser_stream *s, size_t count, float *samples, lg_error *error) {
-    if (!s || !samples) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+static lg_status take_samples(simulation *s, size_t count, float *samples, lg_error *error) {
+    LG_TRY(begin(s, error));
     for (size_t i = 0; i < count; i++) {
-        const lg_status status = next_sample(s, samples + i * LG_RISER_CHANNELS);
+        const lg_status status = take_sample(s, i, samples + i * LG_RISER_CHANNELS);
         if (status == LG_NOT_FINITE)
-            return too_large_a_step(error, s->motion.dt, (double)s->step * s->motion.dt);
+            return lg_fail(error, status,
+                           "riser: the motion grew without bound by %g s: dt = %g s is too large",
+                           (double)s->step * s->motion.dt, s->motion.dt);
         if (status != LG_OK) return lg_fail(error, status, "riser: %s", lg_status_sentence(status));
     }
-    return lg_fail(error, LG_OK, "%s", "");
+    return LG_OK;
 }
 
 lg_status lg_riser_simulate(const lg_context *context, const lg_riser_parameters *parameters,
                             const lg_riser_run *run, size_t count, float *samples, lg_error *error) {
-    lg_riser_stream *stream = NULL;
+    simulation s = {.context = context, .parameters = parameters, .run = run};
     if (!samples) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
-    LG_TRY(lg_riser_stream_create(context, parameters, run, &stream, error));
+    LG_TRY(lg_riser_parameters_check(parameters, error));
+    const char *fault = run_fault(run);
+    if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "riser: %s", fault);
     float *kept = lg_alloc(context, count, LG_RISER_CHANNELS * sizeof *kept);
-    lg_status status = kept ? lg_riser_stream_next(stream, count, kept, error)
-                            : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu samples", count);
+    if (!kept) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu samples", count);
+    const lg_status status = take_samples(&s, count, kept, error);
     if (status == LG_OK) memcpy(samples, kept, count * LG_RISER_CHANNELS * sizeof *samples);
     lg_free(context, kept);
-    lg_riser_stream_destroy(stream);
+    lg_water_destroy(context, &s.water);
     return status;
 }

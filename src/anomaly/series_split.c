@@ -285,7 +285,7 @@ static void deal_folds(fold_task *t) {
 }
 
 lg_status lg_series_folds(const lg_context *context, const uint32_t *label, const uint32_t *number,
-                          size_t count, uint32_t folds, uint32_t *fold) {
+                          size_t count, uint32_t folds, uint32_t *fold, uint32_t *rarest) {
     LG_NEEDS(NULL, label, fold);
     fold_task t = {.folds = folds > 0 ? folds : 1, .classes = 1};
     for (size_t i = 0; i < count; i++)
@@ -300,6 +300,10 @@ lg_status lg_series_folds(const lg_context *context, const uint32_t *label, cons
         deal_folds(&t);
         for (size_t i = 0; i < count; i++)
             fold[i] = find_unit(&t.set, number != NULL ? number[i] : (uint32_t)i)->part;
+        double fewest = UINT32_MAX;
+        for (size_t c = 0; c < t.classes; c++)
+            if (t.total[c] > 0) fewest = fmin(fewest, t.total[c]);
+        if (rarest != NULL) *rarest = (uint32_t)fewest;
         status = LG_OK;
     }
     free_units(context, &t.set);

@@ -27,6 +27,38 @@ OWNED(lg_features, lg_features_destroy)
 OWNED(lg_windows, lg_windows_destroy)
 OWNED(lg_classifier, lg_classifier_destroy)
 
+/* Scores (n, classes) of the rows of x (n, d) by a model alone, without standardisation. */
+static inline void scores_alone(const lg_classifier *model, const double *x, size_t n, uint32_t d,
+                                double *score) {
+    lg_classifier c = *model;
+    lg_program *program;
+    lg_plan *plan;
+    lg_plan_options options;
+    size_t at;
+    c.pca = (lg_pca){.inputs = d, .mean = TEST_ARRAY(double, d), .scale = TEST_ARRAY(double, d)};
+    for (uint32_t j = 0; j < d; j++) c.pca.scale[j] = 1;
+    assert_ok(lg_classifier_program(NULL, &c, &program, NULL));
+    assert_ok(lg_program_find(program, "scores", &at, NULL));
+    lg_plan_options_init(&options);
+    options.rows = n;
+    assert_ok(lg_plan_create(program, at, &options, &plan, NULL));
+    void *work = aligned_alloc(64, (lg_plan_work_size(plan) + 64) / 64 * 64);
+    lg_plan_eval(plan, (const void *const[]){x}, (void *const[]){score}, work);
+    free(work);
+    lg_plan_destroy(plan);
+    lg_program_destroy(program);
+}
+static inline void logistic_scores(const lg_logistic *m, const double *x, size_t n, double *score) {
+    const lg_classifier c = {.method = LG_METHOD_LOGISTIC, .classes = m->classes, .logistic = *m};
+    scores_alone(&c, x, n, m->inputs, score);
+}
+static inline void svm_scores(const lg_svm *m, const double *x, size_t n, double *score) {
+    const bool rbf = m->kernel == LG_KERNEL_RBF;
+    const lg_classifier c = {
+        .method = rbf ? LG_METHOD_SVM_RBF : LG_METHOD_SVM_LINEAR, .classes = m->classes, .svm = *m};
+    scores_alone(&c, x, n, m->inputs, score);
+}
+
 static inline lg_features features_of(lg_feature_kind kind, bool directions_x, const lg_series *series,
                                       uint32_t length, const lg_scaler *scaler) {
     lg_features f;

@@ -447,7 +447,7 @@ TEST("the choice by cross-validation agrees with one computed by hand") {
     size_t best = 99, again;
     assert_ok(
         lg_classifier_search(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, 1, rates, &best, NULL));
-    assert_ok(lg_series_folds(NULL, own, NULL, N, FOLDS, fold));
+    assert_ok(lg_series_folds(NULL, own, NULL, N, FOLDS, fold, NULL));
     for (uint32_t f = 0; f < FOLDS; f++) { /* The rate of option 2, computed by hand. */
         uint32_t rows[N], count = 0, tested = 0;
         double right = 0, score[2], *work;

@@ -38,7 +38,7 @@ static double largest_gradient(const lg_logistic *m, const double *x, const uint
                                double c) {
     const uint32_t d = m->inputs, k = m->classes, rows = k == 2 ? 1 : k;
     double *p = TEST_ARRAY(double, n *k), largest = 0;
-    lg_logistic_predict(m, x, n, p);
+    logistic_scores(m, x, n, p);
     for (uint32_t a = 0; a < rows; a++)
         for (uint32_t j = 0; j <= d; j++) {
             const uint32_t of = k == 2 ? 1 : a;
@@ -114,13 +114,13 @@ TEST("the minimum is found for contradictory, scaled and incomplete tables") {
         x = clouds(40, 2, 2, 1.0, 6, label);
         for (int i = 0; i < 80; i++) x[i] *= factors[f];
         m = fit(x, label, 40, 2, 2, 1.0);
-        lg_logistic_predict(m, x, 40, p);
+        logistic_scores(m, x, 40, p);
         for (int i = 0; i < 80; i++) assert_true(p[i] >= 0.0 && p[i] <= 1.0);
         assert_close(largest_gradient(m, x, label, 40, 1.0) / factors[f], 0.0, 0, f == 0 ? 1e3 : 1e-4);
     }
     for (int i = 0; i < 40; i++) label[i] = i % 2 == 0 ? 0 : 2; /* class 1 does not occur */
     m = fit(x, label, 40, 2, 3, 1.0);
-    lg_logistic_predict(m, x, 40, p);
+    logistic_scores(m, x, 40, p);
     for (int i = 0; i < 40; i++) {
         assert_close(p[3 * i + 1], 0.0, 0, 0);
         assert_close(p[3 * i] + p[3 * i + 2], 1.0, 1e-14, 0);

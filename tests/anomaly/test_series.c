@@ -352,11 +352,11 @@ TEST("folds are assigned class by class") {
     static const uint32_t label[] = {0, 0, 1, 0, 2, 1, 0, 0, 1, 1, 5};
     static const uint32_t wanted[] = {0, 1, 0, 2, 0, 1, 0, 1, 2, 0, 0};
     uint32_t fold[11];
-    assert_ok(lg_series_folds(NULL, label, NULL, 11, 3, fold));
+    assert_ok(lg_series_folds(NULL, label, NULL, 11, 3, fold, NULL));
     for (size_t i = 0; i < 11; i++) assert_int_equal(fold[i], wanted[i]);
-    assert_ok(lg_series_folds(NULL, label, NULL, 11, 1, fold));
+    assert_ok(lg_series_folds(NULL, label, NULL, 11, 1, fold, NULL));
     for (size_t i = 0; i < 11; i++) assert_int_equal(fold[i], 0);
-    assert_ok(lg_series_folds(NULL, label, NULL, 11, 0, fold));
+    assert_ok(lg_series_folds(NULL, label, NULL, 11, 0, fold, NULL));
     for (size_t i = 0; i < 11; i++) assert_int_equal(fold[i], 0);
 }
 
@@ -367,18 +367,23 @@ TEST("folds are assigned to whole units, stratum by stratum") {
     static const uint32_t unit[] = {9, 4, 4, 2, 2, 2, 7, 7, 3, 3, 3, 5, 6, 8, 8, 9};
     static const uint32_t label[] = {0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 1, 1, 1, 1, 0};
     static const uint32_t wanted[] = {0, 1, 1, 0, 0, 0, 0, 0, 1, 1, 1, 0, 1, 0, 0, 0};
-    static const uint32_t same[16] = {0};
-    uint32_t fold[16], more[16];
-    assert_ok(lg_series_folds(NULL, label, unit, 16, 2, fold));
+    static const uint32_t same[16] = {0}, few[] = {1, 0, 2, 1, 2, 2, 4, 4};
+    uint32_t fold[16], more[16], rarest;
+    assert_ok(lg_series_folds(NULL, few, NULL, 8, 2, fold, &rarest));
+    assert_int_equal(rarest, 1); /* class 0; class 3 does not occur */
+    assert_ok(lg_series_folds(NULL, label, NULL, 16, 2, fold, &rarest));
+    assert_int_equal(rarest, 7); /* items of class 1 */
+    assert_ok(lg_series_folds(NULL, label, unit, 16, 2, fold, &rarest));
+    assert_int_equal(rarest, 5); /* units with class 0, and with class 1 */
     for (size_t i = 0; i < 16; i++) assert_int_equal(fold[i], wanted[i]);
     /* with more folds than units, no two units of a class share a fold */
-    assert_ok(lg_series_folds(NULL, label, unit, 16, 100, more));
+    assert_ok(lg_series_folds(NULL, label, unit, 16, 100, more, NULL));
     for (size_t i = 0; i < 16; i++)
         for (size_t j = 0; j < 16; j++)
             if (label[i] == label[j]) assert_true((more[i] == more[j]) == (unit[i] == unit[j]));
-    assert_ok(lg_series_folds(NULL, label, same, 16, 5, fold));
+    assert_ok(lg_series_folds(NULL, label, same, 16, 5, fold, NULL));
     for (size_t i = 0; i < 16; i++) assert_int_equal(fold[i], 0);
-    assert_ok(lg_series_folds(NULL, label, unit, 16, 0, fold));
+    assert_ok(lg_series_folds(NULL, label, unit, 16, 0, fold, NULL));
     for (size_t i = 0; i < 16; i++) assert_int_equal(fold[i], 0);
 }
 
@@ -394,7 +399,7 @@ TEST("units are never split and are balanced in their strata; two classes both t
             label[i] = kind[unit[i]] < classes ? kind[unit[i]] : (uint32_t)lg_rng_below(&rng, classes);
             holds[unit[i]][label[i]] = 1;
         }
-        assert_ok(lg_series_folds(NULL, label, unit, N, folds, fold));
+        assert_ok(lg_series_folds(NULL, label, unit, N, folds, fold, NULL));
         for (size_t i = 0; i < units; i++) of[i] = fold[i];
         for (size_t i = 0; i < N; i++) assert_true(fold[i] < folds && fold[i] == of[unit[i]]);
         /* the numbers of units of u's stratum in two folds differ by at most one */
@@ -419,8 +424,8 @@ TEST("units are never split and are balanced in their strata; two classes both t
         }
         uint32_t alone[N], none[N];
         for (uint32_t i = 0; i < N; i++) unit[i] = i;
-        assert_ok(lg_series_folds(NULL, label, unit, N, folds, alone));
-        assert_ok(lg_series_folds(NULL, label, NULL, N, folds, none));
+        assert_ok(lg_series_folds(NULL, label, unit, N, folds, alone, NULL));
+        assert_ok(lg_series_folds(NULL, label, NULL, N, folds, none, NULL));
         assert_memory_equal(alone, none, sizeof alone);
     }
 }
@@ -500,7 +505,7 @@ static lg_status all_at_once(const lg_context *context) {
     for (size_t i = 0; status == LG_OK && i < 8; i++) s.label[i] = (uint32_t)(i % 2);
     if (status == LG_OK) status = lg_windows_create(context, &s, 0, 0, &w, NULL);
     if (status == LG_OK) status = lg_series_split(context, &s, &w, LG_SPLIT_RANDOM, 0.3, 0, 1, parts, NULL);
-    if (status == LG_OK) status = lg_series_folds(context, s.label, NULL, 8, 3, (uint32_t[8]){0});
+    if (status == LG_OK) status = lg_series_folds(context, s.label, NULL, 8, 3, (uint32_t[8]){0}, NULL);
     if (status == LG_OK) status = lg_scaler_fit(context, &s, &w, NULL, 8, false, &scaler);
     lg_scaler_destroy(&scaler);
     lg_windows_destroy(&w);

@@ -64,7 +64,7 @@ static void reference_free(reference *r) {
     free(r->target);
 }
 
-/* Scores as lg_svm_predict defines them, computed from libsvm's decisions. */
+/* Scores as lg_classifier_score defines them, computed from libsvm's decisions. */
 static void scores_of(const double *decision, uint32_t classes, double *score) {
     double lean[8] = {0};
     memset(score, 0, classes * sizeof *score);
@@ -95,7 +95,7 @@ TEST("ties of votes are decided as libsvm does") {
         uint32_t label[N];
         double *x = clouds(N, D, CLASSES, 0.3, 3, label), *other = clouds(N, D, 2, 0.0, 4, (uint32_t[N]){0});
         const lg_svm *svm = fit((lg_kernel)kernel, 10.0, 2.0, x, label, N, D, CLASSES);
-        double *work = TEST_ARRAY(double, lg_svm_work_size(svm) / sizeof(double)), score[CLASSES];
+        double score[CLASSES];
         reference r;
         reference_train(&r, x, label, N, D, CLASSES, svm);
         for (uint32_t i = 0; i < N; i++) {
@@ -110,7 +110,7 @@ TEST("ties of votes are decided as libsvm does") {
                     lean[b] -= decision[p];
                 }
             const uint32_t wanted = (uint32_t)svm_predict(r.model, node);
-            lg_svm_predict(svm, row, 1, score, work);
+            svm_scores(svm, row, 1, score);
             bool tie = false, turn = false;
             for (uint32_t c = 0; c < CLASSES; c++) {
                 assert_true(c == wanted || score[c] < score[wanted]);
@@ -148,8 +148,7 @@ TEST("decisions agree with libsvm, for lists and for tables") {
         const lg_status status =
             lg_svm_fit(NULL, cases[t].kernel, cases[t].c, cases[t].gamma, x, label, n, d, classes, &svm, &e);
         if (status != LG_OK) fail_msg("%s", e.message);
-        double *work = TEST_ARRAY(double, lg_svm_work_size(&svm) / sizeof(double));
-        lg_svm_predict(&svm, x, n, score, work);
+        svm_scores(&svm, x, n, score);
         reference r;
         reference_train(&r, x, label, n, d, classes, &svm);
         struct svm_node *node = TEST_ARRAY(struct svm_node, d + 1);
@@ -157,7 +156,7 @@ TEST("decisions agree with libsvm, for lists and for tables") {
             double decision[6], expected[4], alone[4];
             (void)svm_predict_values(r.model, node_row(x + i * d, d, node), decision);
             scores_of(decision, classes, expected);
-            lg_svm_predict(&svm, x + i * d, 1, alone, work);
+            svm_scores(&svm, x + i * d, 1, alone);
             for (uint32_t c = 0; c < classes; c++) {
                 if (classes == 2 || cases[t].rtol < 1e-6)
                     assert_close(score[i * classes + c], expected[c], cases[t].rtol, cases[t].rtol);
@@ -179,9 +178,7 @@ TEST("the dual solution is optimal (Karush, Kuhn, Tucker)") {
         uint32_t label[N];
         double *x = clouds(N, d, 2, 0.7, 31, label), score[2 * N], sum = 0;
         const lg_svm *svm = fit(LG_KERNEL_RBF, 2.0, 0.0, x, label, N, d, 2);
-        double work[2 * N + 20];
-        assert_true(lg_svm_work_size(svm) / sizeof(double) <= 2 * N + 20);
-        lg_svm_predict(svm, x, N, score, work);
+        svm_scores(svm, x, N, score);
         for (uint32_t v = 0; v < svm->vectors; v++) sum += svm->coefficient[v];
         assert_close(sum, 0.0, 0, 1e-10);
         for (int i = 0; i < N; i++) {
@@ -204,12 +201,12 @@ TEST("for two points the plane is half-way, both margins are 1, and class 1 is o
     const double x[] = {1.0, 0.0, 3.0, 0.0};
     const uint32_t label[] = {0, 1};
     const lg_svm *svm = fit(LG_KERNEL_LINEAR, 10.0, 0.0, x, label, 2, 2, 2);
-    double w[2], b, score[4], work[8];
+    double w[2], b, score[4];
     assert_ok(lg_svm_plane(svm, w, &b));
     assert_close(w[0], 1.0, 1e-9, 0);
     assert_close(w[1], 0.0, 0, 1e-12);
     assert_close(b, -2.0, 1e-9, 0);
-    lg_svm_predict(svm, x, 2, score, work);
+    svm_scores(svm, x, 2, score);
     assert_close(score[3], 1.0, 1e-9, 0);
     assert_close(score[1], -1.0, 1e-9, 0);
     svm = fit(LG_KERNEL_RBF, 10.0, 1.0, x, label, 2, 2, 2);
@@ -223,10 +220,10 @@ TEST("classes that do not occur are never predicted, and do not affect the other
     const lg_svm *three, *five;
     three = fit(LG_KERNEL_RBF, 1.0, 0.0, x, label, 60, 3, 3);
     five = fit(LG_KERNEL_RBF, 1.0, 0.0, x, wide, 60, 3, 5);
-    double work[200], a[3], b[5];
+    double a[3], b[5];
     for (int i = 0; i < 60; i++) {
-        lg_svm_predict(three, x + 3 * i, 1, a, work);
-        lg_svm_predict(five, x + 3 * i, 1, b, work);
+        svm_scores(three, x + 3 * i, 1, a);
+        svm_scores(five, x + 3 * i, 1, b);
         /* two more votes, against the absent classes */
         for (int c = 0; c < 3; c++) assert_close(b[2 * c] - a[c], 2.0, 1e-13, 0);
         assert_close(b[1], -1.0, 0, 0);
@@ -237,7 +234,7 @@ TEST("classes that do not occur are never predicted, and do not affect the other
 TEST("scaled tables have the same decisions") {
     enum { N = 40 };
     uint32_t label[N];
-    double *x = clouds(N, 2, 2, 2.0, 6, label), score[2 * N], first[2 * N], work[200];
+    double *x = clouds(N, 2, 2, 2.0, 6, label), score[2 * N], first[2 * N];
     static const double factors[] = {1.0, 1e-12, 1e12, 1e150};
     for (int kernel = LG_KERNEL_LINEAR; kernel <= LG_KERNEL_RBF; kernel++)
         for (int f = 0; f < (kernel == LG_KERNEL_RBF ? 3 : 4); f++) {
@@ -246,7 +243,7 @@ TEST("scaled tables have the same decisions") {
             /* A linear kernel with C/f^2 on f x is the same problem. */
             const double c = kernel == LG_KERNEL_RBF ? 1.0 : 1.0 / factors[f] / factors[f];
             const lg_svm *svm = fit((lg_kernel)kernel, c, 0.0, scaled, label, N, 2, 2);
-            lg_svm_predict(svm, scaled, N, score, work);
+            svm_scores(svm, scaled, N, score);
             if (f == 0) memcpy(first, score, sizeof score);
             for (int i = 0; i < 2 * N; i++) assert_close(score[i], first[i], 5e-3, 5e-3);
         }

@@ -63,14 +63,14 @@ TEST("the tree agrees with the golden one") {
         lg_tree_options options = options_of((lg_tree_criterion)c, 8);
         const lg_tree *tree = fit(&options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES);
         expect_same(tree, &golden[c]);
-        assert_int_equal(lg_tree_depth(tree), whole_depth[c]);
+        assert_int_equal(tree->depth, whole_depth[c]);
         lg_tree_predict(tree, table_test, TABLE_TESTS, got);
         for (int i = 0; i < TABLE_TESTS * TABLE_CLASSES; i++)
             assert_close(got[i], probability[c][i], 1e-15, 0);
         options.ccp_alpha = alpha[c];
         tree = fit(&options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES);
         assert_int_equal(tree->count, nodes[c]);
-        assert_int_equal(lg_tree_depth(tree), depths[c]);
+        assert_int_equal(tree->depth, depths[c]);
     }
 }
 
@@ -86,9 +86,7 @@ static void expect_path(const lg_tree *tree, const double *alpha, const double *
         assert_close(steps[i].impurity, impurity[i], 1e-11, 1e-14);
     }
     assert_int_equal(steps[0].nodes, tree->count);
-    assert_int_equal(steps[0].depth, lg_tree_depth(tree));
     assert_int_equal(steps[count - 1].nodes, 1);
-    assert_int_equal(steps[count - 1].depth, 0);
 }
 
 TEST("the pruning path agrees with the golden one") {
@@ -192,6 +190,13 @@ static double risk(const lg_tree *tree, double alpha) {
     return sum;
 }
 
+static uint32_t depth_below(const lg_tree *tree, uint32_t t) {
+    const lg_tree_node *node = &tree->node[t];
+    if (node->left == 0) return 0;
+    const uint32_t left = depth_below(tree, node->left), right = depth_below(tree, node->right);
+    return 1 + (left > right ? left : right);
+}
+
 /* The smallest R_alpha below node t, by recursion: min(leaf, best left + best right). */
 static double smallest_risk(const lg_tree *tree, uint32_t t, double alpha) {
     const lg_tree_node *node = &tree->node[t];
@@ -218,7 +223,7 @@ TEST("pruning minimises the risk") {
                 continue; /* is pruned together with the next one */
             pruned = pruned_at(tree, steps[i].alpha);
             assert_int_equal(pruned->count, steps[i].nodes);
-            assert_int_equal(lg_tree_depth(pruned), steps[i].depth);
+            assert_int_equal(pruned->depth, depth_below(pruned, 0));
             assert_close(risk(pruned, 0.0), steps[i].impurity, 1e-12, 1e-14);
             assert_close(risk(pruned, steps[i].alpha), smallest_risk(tree, 0, steps[i].alpha), 1e-12, 0);
         }
@@ -272,7 +277,7 @@ TEST("depth, leaf size and split size keep their limits") {
     for (uint32_t depth = 1; depth <= 4; depth++) {
         lg_tree_options options = options_of(LG_GINI, 1);
         options.max_depth = depth;
-        assert_int_equal(lg_tree_depth(fit(&options, x, label, ROWS, FEATURES, CLASSES)), depth);
+        assert_int_equal(fit(&options, x, label, ROWS, FEATURES, CLASSES)->depth, depth);
     }
     lg_tree_options options = options_of(LG_ENTROPY, 3);
     options.min_samples_split = 10;
@@ -308,7 +313,7 @@ TEST("tables without a possible split give a single leaf") {
     assert_int_equal(tree->count, 1);
     lg_tree_predict(tree, same, 1, p);
     assert_close(p[1], 2.0 / 3.0, 1e-15, 0);
-    assert_int_equal(lg_tree_depth(tree), 0);
+    assert_int_equal(tree->depth, 0);
     tree = fit(&options, same + 3, y, 3, 1, 2); /* -0 and 0 are equal */
     assert_int_equal(tree->count, 1);
     tree = fit(&options, one, y, 1, 1, 4); /* classes 1 to 3 do not occur */
@@ -330,7 +335,7 @@ TEST("a tree may be as deep as the table has rows, since nothing recurses") {
     }
     tree = fit(&options, x, y, DEEP, 1, 2);
     assert_int_equal(tree->count, 2 * DEEP - 1);
-    assert_true(lg_tree_depth(tree) > DEEP / 4);
+    assert_true(tree->depth > DEEP / 4);
     pruned = pruned_at(tree, 1.0);
     assert_int_equal(pruned->count, 1);
 }

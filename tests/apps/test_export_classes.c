@@ -158,7 +158,7 @@ static void *make_detector(const void *row) {
                 .windows = 10,
                 .window = of->net.length,
                 .hop = 1},
-        .rate = 12.5,
+        .names = {.rate = 12.5},
         .accuracy = 0.9375,
         .f1 = 0.875,
         .test_mse = NAN};
@@ -168,8 +168,8 @@ static void *make_detector(const void *row) {
     file.parameters = lg_cnn_parameters(net);
     file.theta = TEST_ARRAY(double, file.parameters);
     file.scaler = scaler_of(net->channels, 1, &rng);
-    file.class_name = lg_test_memory(of->classes * sizeof *file.class_name);
-    file.channel_name = lg_test_memory(net->channels * sizeof *file.channel_name);
+    file.names.class_name = lg_test_memory(of->classes * sizeof *file.names.class_name);
+    file.names.channel_name = lg_test_memory(net->channels * sizeof *file.names.channel_name);
     lg_cnn_initialise(net, LG_INIT_GLOROT_UNIFORM, &rng, file.theta);
     for (size_t i = 0; i < file.parameters; i++) file.theta[i] += 0.1 * lg_rng_normal(&rng);
     file.theta[file.parameters - 1] += of->offset;
@@ -177,10 +177,10 @@ static void *make_detector(const void *row) {
     for (uint32_t c = 0; c < net->channels; c++) {
         file.scaler.mean[c] = of->centred ? 0 : 10 * lg_rng_normal(&rng);
         file.scaler.scale[c] = pow(10, lg_rng_uniform_in(&rng, -2, 4));
-        (void)snprintf(file.channel_name[c], LG_SERIES_NAME, "acc \"%u\" */ \\", c);
+        (void)snprintf(file.names.channel_name[c], LG_SERIES_NAME, "acc \"%u\" */ \\", c);
     }
     for (uint32_t c = 0; c < of->classes; c++)
-        (void)snprintf(file.class_name[c], LG_SERIES_NAME, "state\t\"%u\" \xc3\xa9?\?/ */", c);
+        (void)snprintf(file.names.class_name[c], LG_SERIES_NAME, "state\t\"%u\" \xc3\xa9?\?/ */", c);
     assert_ok(lg_detector_save(NULL, export_path(of->row.name), &file, NULL, NULL));
     return NULL;
 }
@@ -615,7 +615,8 @@ static void more_of_table(exported *e) {
 static void more_of_detector(exported *e) {
     const lg_detector_file *file = detector_of(e);
     const char *const *names = export_symbol(&e->lib, "class_names");
-    for (uint32_t k = 0; k < file->run.model.classes; k++) assert_string_equal(names[k], file->class_name[k]);
+    for (uint32_t k = 0; k < file->run.model.classes; k++)
+        assert_string_equal(names[k], file->names.class_name[k]);
     check_classes(e, &detectors, file->run.model.classes);
     check_small_work(e);
 }
@@ -676,6 +677,13 @@ static void *make_lonely(const void *row) {
                 svm->coefficient + r * (svm->vectors + svm->vectors_of[3]), svm->vectors * sizeof(double));
     svm->vectors_of[3] = 0;
     save_classifier(f);
+    lg_classifier_destroy(&f->classifier); /* its scores are those of the fit */
+    lg_file_reader *reader;
+    lg_archive_reader from;
+    assert_ok(lg_file_reader_create(NULL, export_path(f->of->row.name), "classifier", NULL, &reader, NULL));
+    assert_ok(lg_file_reader_archive(reader, "", &from));
+    assert_ok(lg_classifier_load(NULL, &from, &f->classifier, NULL));
+    lg_file_reader_destroy(reader);
     return f;
 }
 

@@ -718,7 +718,7 @@ TEST("functions of series and classifiers refuse NULL") {
     REFUSES(lg_split_parse(NEEDED(lg_split_name((lg_split)0)), NEEDED(&split)));
     REFUSES(lg_series_split(NULL, NEEDED(&series), NEEDED(&windows), (lg_split)0, 0.25, 0.25, 1,
                             NEEDED(parts), NULL));
-    REFUSES(lg_series_folds(NULL, NEEDED(series.label), NULL, 12, 2, NEEDED(fold)));
+    REFUSES(lg_series_folds(NULL, NEEDED(series.label), NULL, 12, 2, NEEDED(fold), NULL));
     REFUSES(lg_scaler_fit(NULL, NEEDED(&series), NEEDED(&windows), NULL, 12, true, NEEDED(&scaler)));
 
     lg_spectrum spectrum;

@@ -279,7 +279,7 @@ static inline void draw_detector(size_t which, lg_detector_file *file) {
     lg_rng rng = test_rng(5, 6);
     const uint32_t channels = e->net.channels;
     *file = (lg_detector_file){.run = make_detector_run(which),
-                               .rate = which == 2 ? 0 : 10,
+                               .names = {.rate = which == 2 ? 0 : 10},
                                .accuracy = which == 2 ? NAN : 0.9875,
                                .f1 = which == 2 ? NAN : 0.75,
                                .test_mse = which == 1 || which == 2 ? NAN : 1.5e-3,
@@ -288,16 +288,16 @@ static inline void draw_detector(size_t which, lg_detector_file *file) {
     file->theta = drawn(file->parameters, &rng, e->dtype);
     file->scaler = (lg_scaler){.channels = channels, .mean = drawn(channels, &rng, LG_F64)};
     file->scaler.scale = drawn(channels, &rng, LG_F64);
-    file->class_name = lg_test_gives(e->classes, sizeof *file->class_name);
-    file->class_label = lg_test_gives(e->classes, sizeof *file->class_label);
-    if (which != 2) file->channel_name = lg_test_gives(channels, sizeof *file->channel_name);
+    file->names.class_name = lg_test_gives(e->classes, sizeof *file->names.class_name);
+    file->names.class_label = lg_test_gives(e->classes, sizeof *file->names.class_label);
+    if (which != 2) file->names.channel_name = lg_test_gives(channels, sizeof *file->names.channel_name);
     for (uint32_t c = 0; c < channels; c++) {
         file->scaler.scale[c] = 0.1 + fabs(file->scaler.scale[c]);
-        if (which != 2) (void)snprintf(file->channel_name[c], LG_SERIES_NAME, "acc_%u_x", c);
+        if (which != 2) (void)snprintf(file->names.channel_name[c], LG_SERIES_NAME, "acc_%u_x", c);
     }
     for (uint32_t c = 0; c < e->classes; c++) {
-        (void)snprintf(file->class_name[c], LG_SERIES_NAME, "state %u", c);
-        (void)snprintf(file->class_label[c], LG_SERIES_NAME, "%u", c + 1);
+        (void)snprintf(file->names.class_name[c], LG_SERIES_NAME, "state %u", c);
+        (void)snprintf(file->names.class_label[c], LG_SERIES_NAME, "%u", c + 1);
     }
     draw_history(file->history, EPOCHS, &rng);
 }
@@ -321,13 +321,13 @@ static inline void same_detector(const lg_detector_file *a, const lg_detector_fi
     assert_int_equal(a->scaler.channels, channels);
     assert_memory_equal(a->scaler.mean, b->scaler.mean, channels * sizeof(double));
     assert_memory_equal(a->scaler.scale, b->scaler.scale, channels * sizeof(double));
-    assert_memory_equal(a->class_name, b->class_name, want->classes * LG_SERIES_NAME);
-    assert_non_null(a->class_label);
-    assert_memory_equal(a->class_label, b->class_label, want->classes * LG_SERIES_NAME);
-    assert_true((a->channel_name != NULL) == (b->channel_name != NULL));
-    if (b->channel_name != NULL)
-        assert_memory_equal(a->channel_name, b->channel_name, channels * LG_SERIES_NAME);
-    assert_close(a->rate, b->rate, 0, 0);
+    assert_memory_equal(a->names.class_name, b->names.class_name, want->classes * LG_SERIES_NAME);
+    assert_non_null(a->names.class_label);
+    assert_memory_equal(a->names.class_label, b->names.class_label, want->classes * LG_SERIES_NAME);
+    assert_true((a->names.channel_name != NULL) == (b->names.channel_name != NULL));
+    if (b->names.channel_name != NULL)
+        assert_memory_equal(a->names.channel_name, b->names.channel_name, channels * LG_SERIES_NAME);
+    assert_close(a->names.rate, b->names.rate, 0, 0);
     assert_same_or_nan(a->accuracy, b->accuracy);
     assert_same_or_nan(a->f1, b->f1);
     assert_same_or_nan(a->test_mse, b->test_mse);

@@ -176,10 +176,11 @@ TEST("a detector written by hand may leave out optional parts") {
     assert_ok(lg_detector_load(NULL, path, NULL, &file, NULL));
     assert_same_net(&file.run.model.net, &full.run.model.net);
     assert_memory_equal(file.theta, full.theta, full.parameters * sizeof(double));
-    assert_string_equal(file.class_name[4], "4");
-    assert_true(file.class_label == NULL && file.channel_name == NULL && file.history[LG_FIT_LOSS] == NULL);
+    assert_string_equal(file.names.class_name[4], "4");
+    assert_true(file.names.class_label == NULL && file.names.channel_name == NULL &&
+                file.history[LG_FIT_LOSS] == NULL);
     assert_true(isnan(file.accuracy) && isnan(file.f1) && isnan(file.test_mse));
-    assert_close(file.rate, 0, 0, 0);
+    assert_close(file.names.rate, 0, 0, 0);
     assert_int_equal(file.epochs_done, 0);
     lg_detector_file_destroy(&file);
     lg_detector_file_destroy(&full);
@@ -483,11 +484,11 @@ TEST("a model that could not be read back is not saved") {
     REFUSED(KIND_DETECTOR, d, LG_NOT_FINITE, df->run.test_fraction = NAN);
     REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->scaler.channels = 1);
     REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->scaler.mean = NULL);
-    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->class_name = NULL);
-    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->rate = -1);
-    REFUSED(KIND_DETECTOR, d, LG_NOT_FINITE, df->rate = INFINITY);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->names.class_name = NULL);
+    REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, df->names.rate = -1);
+    REFUSED(KIND_DETECTOR, d, LG_NOT_FINITE, df->names.rate = INFINITY);
     REFUSED(KIND_DETECTOR, d, LG_NOT_FINITE, df->accuracy = INFINITY);
-    (void)snprintf(df->class_name[1], LG_SERIES_NAME, "state 4");
+    (void)snprintf(df->names.class_name[1], LG_SERIES_NAME, "state 4");
     REFUSED(KIND_DETECTOR, d, LG_INVALID_ARGUMENT, (void)0);
     lg_table_file *tf = &t.table;
     REFUSED(KIND_TABLE, t, LG_INVALID_ARGUMENT, tf->parameters++);

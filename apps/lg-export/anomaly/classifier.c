@@ -238,7 +238,7 @@ static void add_words(const classifier_job *j, const export_window *window) {
     export_window_score_words(to, window);
     add_features_words(j, to);
     if (j->c->method == LG_METHOD_TREE)
-        lg_text_add(to, "tree          %u nodes, depth %u\n", j->c->tree.count, lg_tree_depth(&j->c->tree));
+        lg_text_add(to, "tree          %u nodes, depth %u\n", j->c->tree.count, j->c->tree.depth);
     if (is_svm(j->c))
         lg_text_add(to, "svm           %u support vectors, C %.6g%s\n", j->c->svm.vectors, j->c->svm.c,
                     j->c->method == LG_METHOD_SVM_LINEAR ? ", summed up to one vector a pair of classes"

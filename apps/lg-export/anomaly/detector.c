@@ -22,9 +22,9 @@ static void describe(const void *contents, export_window *out) {
                            .length = model->net.length,
                            .classes = model->classes,
                            .healthy = file->run.healthy,
-                           .rate = file->rate,
-                           .class_name = file->class_name,
-                           .channel_name = file->channel_name,
+                           .rate = file->names.rate,
+                           .class_name = file->names.class_name,
+                           .channel_name = file->names.channel_name,
                            .accuracy = file->accuracy,
                            .f1 = file->f1};
 }

@@ -83,6 +83,7 @@ static void free_fitted(lg_classifier *c) {
     lg_logistic_destroy(&c->logistic);
     lg_tree_destroy(&c->tree);
     lg_svm_destroy(&c->svm);
+    lg_plan_destroy(c->scores);
 }
 
 lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_options *options, const double *x,
@@ -99,14 +100,15 @@ lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_optio
                        d);
     lg_classifier made = {.method = options->method, .classes = classes};
     fitting f = {.context = context, .options = options, .n = count, .d = d};
-    const lg_status status = fit_chain(&f, x, label, chosen, &made, error);
+    lg_status status = fit_chain(&f, x, label, chosen, &made, error);
     if (f.p != f.x) lg_free(context, f.p);
     LG_FREE_ALL(context, f.x, f.label);
+    made.features = out->features;
+    if (status == LG_OK) status = lg_classifier_ready(context, &made, error);
     if (status != LG_OK) {
         free_fitted(&made);
         return status;
     }
-    made.features = out->features;
     *out = made;
     return LG_OK;
 }
@@ -168,41 +170,31 @@ lg_status lg_classifier_largest(const lg_context *context, const lg_classifier *
     return LG_OK;
 }
 
-/* ---- scores. work: d features, k components, then memory that the stages use one after the other ---- */
-
-static size_t larger(size_t a, size_t b) {
-    return a > b ? a : b;
-}
+/* ---- scores. work: features, then memory that their computation and the scores use in turn ---- */
 
 size_t lg_classifier_work_size(const lg_classifier *c) {
-    const size_t features = c->features.count > 0 ? lg_features_work_size(&c->features) : 0;
-    const size_t svm = c->svm.vectors > 0 ? lg_svm_work_size(&c->svm) : 0;
-    const size_t numbers = (size_t)c->pca.inputs + lg_pca_outputs(&c->pca);
-    return numbers * sizeof(double) + larger(larger(features, svm), c->pca.inputs * sizeof(double));
+    const size_t d = c->pca.inputs,
+                 features = c->features.count > 0 ? lg_features_work_size(&c->features) : 0;
+    const size_t scores = c->scores != NULL ? lg_plan_work_size(c->scores) + LG_ALIGNMENT
+                                            : (lg_pca_outputs(&c->pca) + d) * sizeof(double);
+    return d * sizeof(double) + (features > scores ? features : scores);
 }
 
 void lg_classifier_score(const lg_classifier *c, const double *f, double *score, double *work) {
-    double *p = work + c->pca.inputs, *rest = p + lg_pca_outputs(&c->pca);
-    lg_pca_eval(&c->pca, f, 1, p, rest);
-    switch (c->method) {
-    case LG_METHOD_LOGISTIC:
-        lg_logistic_predict(&c->logistic, p, 1, score);
-        break;
-    case LG_METHOD_TREE:
-        lg_tree_predict(&c->tree, p, 1, score);
-        break;
-    case LG_METHOD_RIDGE:
-        lg_ridge_predict(&c->logistic, p, 1, score);
-        break;
-    default:
-        lg_svm_predict(&c->svm, p, 1, score, rest);
+    const size_t over = (uintptr_t)work % LG_ALIGNMENT;
+    if (c->scores != NULL) {
+        lg_plan_eval(c->scores, (const void *const[]){f}, (void *const[]){score},
+                     (char *)work + (over > 0 ? LG_ALIGNMENT - over : 0));
+        return;
     }
+    lg_pca_eval(&c->pca, f, 1, work, work + lg_pca_outputs(&c->pca));
+    lg_tree_predict(&c->tree, work, 1, score);
 }
 
 lg_status lg_classifier_window(const lg_classifier *c, const float *x, double *score, double *work) {
     LG_NEEDS(NULL, c, x, score, work);
     if (c->features.count == 0 || c->features.count != c->pca.inputs) return LG_INVALID_ARGUMENT;
-    LG_TRY(lg_features_compute(&c->features, x, work, work + c->pca.inputs + lg_pca_outputs(&c->pca)));
-    lg_classifier_score(c, work, score, work);
+    LG_TRY(lg_features_compute(&c->features, x, work, work + c->pca.inputs));
+    lg_classifier_score(c, work, score, work + c->pca.inputs);
     return LG_OK;
 }

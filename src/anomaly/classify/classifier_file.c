@@ -213,9 +213,9 @@ static bool is_index(double x, double below) {
 }
 
 /* Converts rows (count, 6) to tree->node and checks that they form a tree: children come after their parent,
- * and each node except the root is the child of exactly one node. Returns NULL, or what is wrong. child
- * (count) must be false on entry. */
-static const char *unpack_nodes(lg_tree *tree, const double *rows, bool *child) {
+ * and each node except the root is the child of exactly one node. Returns NULL, or what is wrong. depth
+ * (count) must be 0 on entry. */
+static const char *unpack_nodes(lg_tree *tree, const double *rows, uint32_t *depth) {
     for (uint32_t i = 0; i < tree->count; i++) {
         const double *row = rows + 6 * (size_t)i;
         if (!is_index(row[0], tree->inputs)) return "names a feature that does not exist";
@@ -225,22 +225,23 @@ static const char *unpack_nodes(lg_tree *tree, const double *rows, bool *child) 
             return "has a number of samples that is not a whole number from 0 to 2^32 - 1";
         const uint32_t left = (uint32_t)row[1], right = (uint32_t)row[2];
         if ((left == 0) != (right == 0)) return "has a node with one child";
-        if (left != 0 && (left <= i || right <= i || left == right || child[left] || child[right]))
+        if (left != 0 && (left <= i || right <= i || left == right || depth[left] || depth[right]))
             return "is not a tree: a child comes before its parent, or has two parents";
-        if (left != 0) child[left] = child[right] = true;
+        if (left != 0) depth[left] = depth[right] = depth[i] + 1;
+        if (depth[i] > tree->depth) tree->depth = depth[i];
         tree->node[i] = (lg_tree_node){(uint32_t)row[0], left, right, row[3], row[4], (uint32_t)row[5]};
     }
     for (uint32_t i = 1; i < tree->count; i++)
-        if (!child[i]) return "has a node that is no child of any node";
+        if (depth[i] == 0) return "has a node that is no child of any node";
     return NULL;
 }
 
 static lg_status check_tree(const lg_context *context, lg_tree *tree, const double *rows, lg_error *error) {
-    bool *child = lg_alloc(context, tree->count, sizeof *child);
+    uint32_t *depth = lg_alloc(context, tree->count, sizeof *depth);
     tree->node = lg_alloc(context, tree->count, sizeof *tree->node);
-    const bool good = child != NULL && tree->node != NULL;
-    const char *what = good ? unpack_nodes(tree, rows, child) : NULL;
-    lg_free(context, child);
+    const bool good = depth != NULL && tree->node != NULL;
+    const char *what = good ? unpack_nodes(tree, rows, depth) : NULL;
+    lg_free(context, depth);
     if (!good) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u nodes", tree->count);
     if (what != NULL) return wrong(error, "tree/node", what);
     for (uint32_t i = 0; i < tree->count; i++) {
@@ -297,12 +298,13 @@ lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader 
                        .tree = {.context = context},
                        .svm = {.context = context}};
     double *nodes = NULL;
-    const lg_status status = read_classifier(context, reader, &c, &nodes, error);
+    lg_status status = read_classifier(context, reader, &c, &nodes, error);
     lg_free(context, nodes);
-    if (status == LG_OK)
+    if (status == LG_OK) {
         forget_others(&c);
-    else
-        lg_classifier_destroy(&c);
+        status = lg_classifier_ready(context, &c, error);
+    }
+    if (status != LG_OK) lg_classifier_destroy(&c);
     *out = c;
     return status;
 }

@@ -157,7 +157,7 @@ static lg_var reached(lg_tape *t, const lg_tree *tree, lg_var edges, uint32_t *i
         parent[node->left] = parent[node->right] = i;
     }
     lg_var taken = lg_gather(t, edges, edge, count);
-    for (uint32_t length = 1, depth = lg_tree_depth(tree); length < depth; length *= 2) {
+    for (uint32_t length = 1, depth = tree->depth; length < depth; length *= 2) {
         taken = lg_mul(t, taken, lg_gather(t, taken, parent, count));
         for (uint32_t i = 0; i < count; i++) edge[i] = parent[parent[i]];
         memcpy(parent, edge, count * sizeof *parent);
@@ -209,7 +209,7 @@ static lg_var softmax(lg_tape *t, lg_var y) {
     return lg_div(t, part, lg_sum_axis(t, part, 1, true));
 }
 
-/* The scores of lg_svm_predict. The first class with the most votes gets the largest score. */
+/* The first class with the most votes gets the largest score. */
 static lg_var votes(lg_tape *t, const lg_classifier *c, const lg_var *w, lg_var y) {
     const lg_var for_first = lg_neg(t, lg_sign(t, lg_neg(t, y))); /* 1 for y > 0, else -1 */
     lg_var won = lg_scale(t, lg_add_scalar(t, lg_matmul(t, for_first, w[SIGN]), c->classes - 1.0), 0.5);
@@ -262,5 +262,19 @@ lg_status lg_classifier_program(const lg_context *context, const lg_classifier *
         ch.failed ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the parameters of a classifier")
                   : lg_program_build(context, &spec, out, error);
     for (int i = 0; i < PARAMETERS; i++) lg_free(NULL, ch.own[i]);
+    return status;
+}
+
+lg_status lg_classifier_ready(const lg_context *context, lg_classifier *classifier, lg_error *error) {
+    lg_program *program;
+    lg_plan_options options;
+    size_t scores;
+    if (classifier->method == LG_METHOD_TREE) return LG_OK; /* a plan would visit all nodes */
+    LG_TRY(lg_classifier_program(context, classifier, &program, error));
+    lg_plan_options_init(&options);
+    options.max_size = SIZE_MAX;
+    lg_status status = lg_program_find(program, "scores", &scores, error);
+    if (status == LG_OK) status = lg_plan_create(program, scores, &options, &classifier->scores, error);
+    lg_program_destroy(program);
     return status;
 }

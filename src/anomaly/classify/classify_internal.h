@@ -7,8 +7,8 @@
 
 /* Largest number of features per window. */
 #define LG_FEATURES_MAX (UINT32_C(1) << 20)
-/* Largest order of a symmetric matrix whose eigenvectors are computed. With LAPACK's workspace it takes at
- * most 2 GiB. */
+/* Largest min(rows, features) of which principal components are computed. With LAPACK's workspace it takes
+ * some 4 GiB. */
 #define LG_EIGEN_MAX   8192
 #define LG_CLASSES_MAX (UINT32_C(1) << 16)
 
@@ -19,13 +19,6 @@ static inline bool lg_method_is_linear(lg_classifier_method method) {
 static inline bool lg_method_is_svm(lg_classifier_method method) {
     return method == LG_METHOD_SVM_LINEAR || method == LG_METHOD_SVM_RBF;
 }
-
-/* Size of the work memory of lg_eigen for an n x n matrix, in doubles. The memory holds LAPACK's doubles,
- * then its integers. */
-size_t lg_eigen_work(size_t n);
-/* Replaces the symmetric matrix a (n, n), row-major, by its eigenvectors, one per row. values (n) become the
- * eigenvalues in rising order, and the rows have the same order. Only the upper triangle of a is read. */
-lg_status lg_eigen(double *a, size_t n, double *values, double *work);
 
 /* Sum of a_i b_i by eight interleaved partial sums, so that the result has the same bits for any
  * alignment. */
@@ -58,8 +51,8 @@ const char *lg_rocket_check(const lg_features *features);
 /* Number of features for the kind, channels and window length in *features. */
 uint64_t lg_features_count(const lg_features *features);
 
-/* Computes the scores b_c + w_c.x: one number for two classes, otherwise one number per class. */
-void lg_logistic_scores(const lg_logistic *model, const double *x, double *score);
+/* Makes classifier->scores, the plan of its program. */
+lg_status lg_classifier_ready(const lg_context *context, lg_classifier *classifier, lg_error *error);
 
 /* Index in the table of the r-th chosen row. chosen = NULL means that all rows are chosen. */
 static inline size_t lg_chosen_row(const uint32_t *chosen, size_t r) {

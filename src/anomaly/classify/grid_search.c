@@ -2,7 +2,6 @@
 #include "anomaly/classify/classify_internal.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "liegrad/series.h"
@@ -78,35 +77,15 @@ static void search_task(void *user, size_t index) {
                                                            &s->part[index], &s->error[index]);
 }
 
-static int by_key(const void *a, const void *b) {
-    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
-    return (x > y) - (x < y);
-}
-
-/* counts (classes) becomes the number of units that have rows of each class. */
-static lg_status count_units(const search *s, size_t *counts) {
-    uint64_t *keys = lg_alloc(s->context, s->rows, sizeof *keys);
-    if (keys == NULL) return LG_OUT_OF_MEMORY;
-    for (size_t i = 0; i < s->rows; i++) keys[i] = (uint64_t)s->own[i] << 32 | s->own_unit[i];
-    qsort(keys, s->rows, sizeof *keys, by_key);
-    memset(counts, 0, s->classes * sizeof *counts);
-    for (size_t i = 0; i < s->rows; i++)
-        if (i == 0 || keys[i] != keys[i - 1]) counts[keys[i] >> 32]++;
-    lg_free(s->context, keys);
-    return LG_OK;
-}
-
-/* Limits the number of folds to the number of rows, or of units, of the rarest class that occurs. Then deals
- * the rows to the folds. */
-static lg_status limit_folds(search *s, uint32_t folds, size_t *counts, lg_error *error) {
-    size_t smallest = s->rows;
+/* Deals the rows to the folds, of which there are at most as many as rows, or units, of the rarest class. */
+static lg_status deal(search *s, uint32_t folds, size_t *counts, lg_error *error) {
+    uint32_t rarest;
     LG_TRY(lg_check_labels(s->own, s->rows, s->classes, counts, error));
-    if (s->own_unit != NULL) LG_TRY(count_units(s, counts));
-    for (uint32_t c = 0; c < s->classes; c++)
-        if (counts[c] > 0 && counts[c] < smallest) smallest = counts[c];
-    s->folds = folds < smallest ? folds : (uint32_t)smallest;
-    return s->folds < 2 ? LG_OK
-                        : lg_series_folds(s->context, s->own, s->own_unit, s->rows, s->folds, s->fold);
+    LG_TRY(lg_series_folds(s->context, s->own, s->own_unit, s->rows, folds, s->fold, &rarest));
+    s->folds = folds < rarest ? folds : rarest;
+    return s->folds == folds
+               ? LG_OK
+               : lg_series_folds(s->context, s->own, s->own_unit, s->rows, s->folds, s->fold, NULL);
 }
 
 static lg_status prepare(search *s, uint32_t folds, lg_error *error) {
@@ -121,7 +100,7 @@ static lg_status prepare(search *s, uint32_t folds, lg_error *error) {
             s->own[i] = s->label[row];
             if (s->unit != NULL) s->own_unit[i] = s->unit[row];
         }
-        status = limit_folds(s, folds, counts, error);
+        status = deal(s, folds, counts, error);
     }
     lg_free(s->context, counts);
     if (status != LG_OUT_OF_MEMORY) return status;

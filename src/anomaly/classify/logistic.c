@@ -60,29 +60,9 @@ typedef struct problem {
 
 /* ---- the objective ---- */
 
-/* Sum of log(1 + e) for many e >= 0. It is computed as the logarithm of a product, so that one logarithm
- * serves many terms. */
-typedef struct log_sum {
-    double sum, product;
-    int count;
-} log_sum;
-
-static inline void log_sum_add(log_sum *s, double e) {
-    if (e < 1e-5) {
-        s->sum += e * (1.0 - e * (0.5 - e / 3.0));
-        return;
-    }
-    s->product *= 1.0 + e;
-    if (++s->count < 512) return;
-    s->sum += log(s->product);
-    s->product = 1.0;
-    s->count = 0;
-}
-
 /* Loss of two classes with one logit. Small probabilities are computed without cancellation. */
 static double binary_loss(problem *p) {
-    log_sum logs = {0.0, 1.0, 0};
-    double linear = 0.0;
+    double loss = 0.0;
     for (size_t i = 0; i < p->n; i++) {
         const double s = p->score[i], e = exp(-fabs(s)), small = e / (1.0 + e), large = 1.0 / (1.0 + e);
         /* Whether the more probable class is the true one. */
@@ -90,10 +70,9 @@ static double binary_loss(problem *p) {
         const double miss = right ? small : large; /* probability of the wrong class */
         p->residual[i] = p->label[i] == 1 ? -miss : miss;
         p->weight[i] = small * large;
-        if (!right) linear += fabs(s);
-        log_sum_add(&logs, e);
+        loss += log1p(e) + (right ? 0.0 : fabs(s));
     }
-    return linear + logs.sum + log(logs.product);
+    return loss;
 }
 
 static double softmax_loss(problem *p) {
@@ -531,33 +510,4 @@ void lg_logistic_destroy(lg_logistic *model) {
     if (model == NULL) return;
     LG_FREE_ALL(model->context, model->weight, model->intercept);
     *model = (lg_logistic){0};
-}
-
-/* ---- prediction ---- */
-
-static void softmax(double *s, size_t k) {
-    double largest = s[0], sum = 0.0;
-    for (size_t a = 1; a < k; a++) largest = fmax(largest, s[a]);
-    for (size_t a = 0; a < k; a++) sum += s[a] = exp(s[a] - largest);
-    for (size_t a = 0; a < k; a++) s[a] /= sum;
-}
-
-void lg_logistic_scores(const lg_logistic *model, const double *x, double *score) {
-    const size_t d = model->inputs, rows = model->classes == 2 ? 1 : model->classes;
-    for (size_t a = 0; a < rows; a++) score[a] = model->intercept[a] + lg_dot(model->weight + a * d, x, d);
-}
-
-void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability) {
-    const size_t d = model->inputs, k = model->classes;
-    for (size_t i = 0; i < n; i++) {
-        double *p = probability + i * k;
-        lg_logistic_scores(model, x + i * d, p);
-        if (k > 2) {
-            softmax(p, k);
-            continue;
-        }
-        const double s = p[0], e = exp(-fabs(s));
-        p[0] = s >= 0.0 ? e / (1.0 + e) : 1.0 / (1.0 + e);
-        p[1] = s >= 0.0 ? 1.0 / (1.0 + e) : e / (1.0 + e);
-    }
 }

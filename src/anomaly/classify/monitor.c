@@ -174,21 +174,15 @@ static void copy_window(lg_monitor *monitor) {
     }
 }
 
-static uint32_t bits_of(uint64_t bits) {
-    uint32_t count = 0;
-    for (; bits != 0; bits &= bits - 1) count++;
-    return count;
-}
-
 static void vote(lg_monitor *monitor, lg_answer answer) {
     const uint64_t kept = monitor->votes_of == 64 ? UINT64_MAX : ((uint64_t)1 << monitor->votes_of) - 1;
     const bool novel = answer == LG_ANSWER_NOVEL;
     monitor->novels = (monitor->novels << 1 | novel) & kept;
-    monitor->novel = bits_of(monitor->novels) >= monitor->votes;
+    monitor->novel = (uint32_t)__builtin_popcountll(monitor->novels) >= monitor->votes;
     if (novel) return;
     monitor->ballots = (monitor->ballots << 1 | (answer == LG_ANSWER_POSITIVE)) & kept;
     if (monitor->cast < monitor->votes_of) monitor->cast++;
-    monitor->alarm = bits_of(monitor->ballots) >= monitor->votes;
+    monitor->alarm = (uint32_t)__builtin_popcountll(monitor->ballots) >= monitor->votes;
 }
 
 lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready, lg_verdict *verdict) {
@@ -208,9 +202,9 @@ lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready,
         LG_TRY(monitor->judge(monitor->user, monitor->x, monitor->missing, &v.answer, &v.score));
         vote(monitor, v.answer);
     }
-    v.positive_votes = bits_of(monitor->ballots);
+    v.positive_votes = (uint32_t)__builtin_popcountll(monitor->ballots);
     v.votes = monitor->cast;
-    v.novel_votes = bits_of(monitor->novels);
+    v.novel_votes = (uint32_t)__builtin_popcountll(monitor->novels);
     v.alarm = monitor->alarm;
     v.novel = monitor->novel;
     *verdict = v;

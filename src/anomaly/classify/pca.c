@@ -1,4 +1,4 @@
-/* Standardisation and principal components; eigenvectors of symmetric matrices. */
+/* Standardisation and principal components. */
 #include "anomaly/classify/classify_internal.h"
 
 #include <cblas.h>
@@ -8,25 +8,6 @@
 
 #include "core/rounding.h"
 #include "kernels/lapack.h"
-
-/* ---- eigenvectors ---- */
-
-static size_t eigen_doubles(size_t n) {
-    return 1 + 6 * n + 2 * n * n;
-}
-
-size_t lg_eigen_work(size_t n) {
-    return eigen_doubles(n) + (3 + 5 * n) / 2 + 1;
-}
-
-/* The row-major upper triangle of `a` is the lower triangle of LAPACK's column-major matrix, and LAPACK's
- * eigenvectors, its columns, are the rows of `a`. */
-lg_status lg_eigen(double *a, size_t n, double *values, double *work) {
-    const int order = (int)n, lwork = (int)eigen_doubles(n), liwork = (int)(3 + 5 * n);
-    int info = 0;
-    dsyevd_("V", "L", &order, a, &order, values, work, &lwork, (int *)(void *)(work + lwork), &liwork, &info);
-    return info == 0 ? LG_OK : LG_NO_CONVERGENCE;
-}
 
 /* ---- checks of the table of a fit ---- */
 
@@ -88,51 +69,6 @@ static void standardise(const lg_pca *p, const double *x, double *z) {
     for (uint32_t j = 0; j < p->inputs; j++) z[j] = (x[j] - p->mean[j]) / p->scale[j];
 }
 
-/* ---- components: the rows v of a matrix (k, d) ---- */
-
-/* Makes v orthogonal to the first `before` rows. It does so twice, because of rounding. Returns the norm of
- * the result. */
-static double orthogonalise(const double *rows, size_t before, size_t d, double *v) {
-    for (int pass = 0; pass < 2; pass++)
-        for (size_t i = 0; i < before; i++)
-            cblas_daxpy((int)d, -lg_dot(rows + i * d, v, d), rows + i * d, 1, v, 1);
-    return sqrt(lg_dot(v, v, d));
-}
-
-/* v becomes a unit vector orthogonal to the first `before` < d rows. At least one coordinate axis has a
- * squared distance of (d - before)/d or more from the span of the rows; the loop accepts half of that. */
-static void complete(const double *rows, size_t before, size_t d, double *v) {
-    const double enough = sqrt(0.5 * (double)(d - before) / (double)d);
-    double norm = 0.0;
-    for (size_t axis = 0; axis < d && norm < enough; axis++) {
-        memset(v, 0, d * sizeof *v);
-        v[axis] = 1.0;
-        norm = orthogonalise(rows, before, d, v);
-    }
-    cblas_dscal((int)d, 1.0 / norm, v, 1);
-}
-
-/* Computes the components from the eigenvectors u of Z Z^T/n (n, n), which are rows in order of rising
- * eigenvalue: v = Z^T u/|Z^T u|, orthogonalised against rounding errors. A component without variance becomes
- * an arbitrary direction orthogonal to the others. */
-static void from_gram(const double *z, const double *u, const double *variance, size_t n, size_t d, size_t k,
-                      double *rows) {
-    for (size_t j = 0; j < k; j++) {
-        double *v = rows + j * d;
-        cblas_dgemv(CblasRowMajor, CblasTrans, (int)n, (int)d, 1.0, z, (int)d, u + (n - 1 - j) * n, 1, 0.0, v,
-                    1);
-        const double norm = sqrt(lg_dot(v, v, d));
-        bool good = variance[j] > (double)n * 0x1p-50 * variance[0] && norm > 0.0;
-        if (good) {
-            cblas_dscal((int)d, 1.0 / norm, v, 1);
-            const double left = orthogonalise(rows, j, d, v);
-            good = left > 0.5;
-            if (good) cblas_dscal((int)d, 1.0 / left, v, 1);
-        }
-        if (!good) complete(rows, j, d, v);
-    }
-}
-
 /* Changes the sign of v so that its largest entry in absolute value is positive. Of several entries that are
  * equal up to 1e-9, the first one decides. */
 static void fix_sign(double *v, size_t d) {
@@ -144,20 +80,47 @@ static void fix_sign(double *v, size_t d) {
 }
 
 typedef struct scratch {
-    double *z, *a, *values, *rows, *work;
+    double *z, *a, *values, *rows, *work; /* a: (small, small) */
 } scratch;
 
+static size_t eigen_work(size_t d) {
+    return 1 + 6 * d + 2 * d * d;
+}
+
+/* The eigenvectors of Z^T Z/n, in falling order. The row-major upper triangle of `a` is the lower triangle of
+ * LAPACK's column-major matrix, and LAPACK's eigenvectors, its columns, are the rows of `a`. */
+static lg_status by_covariance(size_t n, lg_pca *p, const scratch *s) {
+    const size_t d = p->inputs;
+    const int order = (int)d, lwork = (int)eigen_work(d), liwork = (int)(3 + 5 * d);
+    int info = 0, *iwork = (int *)(void *)(s->work + lwork);
+    cblas_dsyrk(CblasRowMajor, CblasUpper, CblasTrans, order, (int)n, 1.0 / (double)n, s->z, order, 0.0, s->a,
+                order);
+    dsyevd_("V", "L", &order, s->a, &order, s->values, s->work, &lwork, iwork, &liwork, &info);
+    if (info != 0) return LG_NO_CONVERGENCE;
+    for (size_t i = 0; i < d; i++) p->variance[i] = fmax(s->values[d - 1 - i], 0.0);
+    for (size_t j = 0; j < p->components; j++)
+        memcpy(s->rows + j * d, s->a + (d - 1 - j) * d, d * sizeof *s->rows);
+    return LG_OK;
+}
+
+static size_t singular_work(size_t n) {
+    return 4 * n * n + 7 * n;
+}
+
+/* The same for d > n: singular vectors of Z. LAPACK's column-major matrix is Z^T (d, n). */
+static lg_status by_singular_values(size_t n, lg_pca *p, const scratch *s) {
+    const int rows = (int)p->inputs, columns = (int)n, lwork = (int)singular_work(n);
+    int info = 0, *iwork = (int *)(void *)(s->work + lwork);
+    dgesdd_("S", &rows, &columns, s->z, &rows, s->values, s->rows, &rows, s->a, &columns, s->work, &lwork,
+            iwork, &info);
+    for (size_t i = 0; i < n; i++) p->variance[i] = s->values[i] * s->values[i] / (double)n;
+    return info == 0 ? LG_OK : LG_NO_CONVERGENCE;
+}
+
 static lg_status decompose(const double *x, size_t n, lg_pca *p, const scratch *s) {
-    const size_t d = p->inputs, k = p->components, small = p->variances;
+    const size_t d = p->inputs, k = p->components;
     for (size_t i = 0; i < n; i++) standardise(p, x + i * d, s->z + i * d);
-    cblas_dsyrk(CblasRowMajor, CblasUpper, d <= n ? CblasTrans : CblasNoTrans, (int)small,
-                (int)(d <= n ? n : d), 1.0 / (double)n, s->z, (int)d, 0.0, s->a, (int)small);
-    LG_TRY(lg_eigen(s->a, small, s->values, s->work));
-    for (size_t i = 0; i < small; i++) p->variance[i] = fmax(s->values[small - 1 - i], 0.0);
-    if (d <= n)
-        for (size_t j = 0; j < k; j++) memcpy(s->rows + j * d, s->a + (d - 1 - j) * d, d * sizeof *s->rows);
-    else
-        from_gram(s->z, s->a, p->variance, n, d, k, s->rows);
+    LG_TRY((d <= n ? by_covariance : by_singular_values)(n, p, s));
     for (size_t j = 0; j < k; j++) {
         fix_sign(s->rows + j * d, d);
         for (size_t i = 0; i < d; i++) p->vectors[i * k + j] = s->rows[j * d + i];
@@ -171,8 +134,9 @@ static lg_status fit_components(const lg_context *context, const double *x, size
     scratch s = {.z = lg_alloc(context, n, d * sizeof *s.z),
                  .a = lg_alloc(context, small, small * sizeof *s.a),
                  .values = lg_alloc(context, small, sizeof *s.values),
-                 .rows = lg_alloc(context, p->components, d * sizeof *s.rows),
-                 .work = lg_alloc(context, lg_eigen_work(small), sizeof *s.work)};
+                 .rows = lg_alloc(context, d <= n ? p->components : n, d * sizeof *s.rows),
+                 .work = lg_alloc(context, d <= n ? eigen_work(d) + 3 * d + 2 : singular_work(n) + 4 * n,
+                                  sizeof *s.work)};
     lg_status status = LG_OUT_OF_MEMORY;
     if (s.z != NULL && s.a != NULL && s.values != NULL && s.rows != NULL && s.work != NULL)
         status = decompose(x, n, p, &s);

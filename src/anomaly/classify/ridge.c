@@ -414,13 +414,3 @@ lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *lab
         lg_logistic_destroy(&made);
     return status;
 }
-
-void lg_ridge_predict(const lg_logistic *model, const double *x, size_t n, double *score) {
-    for (size_t i = 0; i < n; i++) {
-        double *row = score + i * model->classes;
-        lg_logistic_scores(model, x + i * model->inputs, row);
-        if (model->classes > 2) continue;
-        row[1] = row[0];
-        row[0] = -row[1];
-    }
-}

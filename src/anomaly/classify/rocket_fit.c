@@ -47,7 +47,6 @@ typedef struct fitting {
     lg_rng rng;
     float *x;       /* (channels, length) a window */
     double *work;   /* of compute */
-    float *sorted;  /* (length) */
     uint32_t *deck; /* (selected) channels, to draw some of them */
 } fitting;
 
@@ -70,34 +69,6 @@ static int by_value(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* The bits of a float as an integer whose order is the order of the floats. */
-static uint32_t key_of(float x) {
-    uint32_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    return (bits >> 31) != 0 ? ~bits : bits | UINT32_C(1) << 31;
-}
-
-/* Sorts by DIGIT bits of the key at a time, the lowest first. `other` has the size of y. Returns the array
- * with the result. */
-static float *sort_values(float *y, float *other, size_t n) {
-    enum { DIGIT = 11, DIGITS = 3, BUCKETS = 1 << DIGIT, SHORT = 256 };
-    uint32_t end[DIGITS][BUCKETS] = {{0}};
-    if (n < SHORT) {
-        qsort(y, n, sizeof *y, by_value);
-        return y;
-    }
-    for (size_t i = 0; i < n; i++)
-        for (uint32_t d = 0; d < DIGITS; d++) end[d][key_of(y[i]) >> d * DIGIT & (BUCKETS - 1)]++;
-    for (uint32_t d = 0; d < DIGITS; d++) {
-        for (uint32_t b = 1; b < BUCKETS; b++) end[d][b] += end[d][b - 1];
-        for (size_t i = n; i-- > 0;) other[--end[d][key_of(y[i]) >> d * DIGIT & (BUCKETS - 1)]] = y[i];
-        float *swap = y;
-        y = other;
-        other = swap;
-    }
-    return y;
-}
-
 /* The thresholds of a convolution: quantiles of its values in one training window. Feature number i of all
  * has the level frac((i + 1) phi), phi the golden ratio, a sequence of low discrepancy. */
 static lg_status fit_biases(fitting *fit, const lg_features *f, const lg_rocket_convolution *c,
@@ -109,7 +80,7 @@ static lg_status fit_biases(fitting *fit, const lg_features *f, const lg_rocket_
     lg_windows_copy(fit->series, fit->windows, lg_chosen_row(fit->chosen, row), fit->x);
     const size_t n = lg_rocket_values(f, c, channel, fit->x, fit->work, &y, &unit);
     if (n == 0) return LG_NOT_FINITE;
-    y = sort_values(y, fit->sorted, n);
+    qsort(y, n, sizeof *y, by_value);
     for (uint32_t i = 0; i < c->features; i++) {
         const double level = fmod((double)(number + i + 1) * phi, 1.0), at = level * (double)(n - 1);
         const size_t below = (size_t)at, above = below + 1 < n ? below + 1 : below;
@@ -146,9 +117,8 @@ static lg_status draw(fitting *fit, const lg_context *context, uint32_t per_kern
     r->bias = lg_alloc(context, numbers, sizeof *r->bias);
     fit->deck = lg_alloc(context, f->selected, sizeof *fit->deck);
     fit->x = lg_alloc(context, (size_t)f->channels * f->length, sizeof *fit->x);
-    fit->sorted = lg_alloc(context, f->length, sizeof *fit->sorted);
     if (r->convolution == NULL || r->channel == NULL || r->bias == NULL || fit->deck == NULL ||
-        fit->x == NULL || fit->sorted == NULL)
+        fit->x == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu features", numbers);
     list_convolutions(fit, f->length, f->selected, per_kernel, r);
     fit->work = lg_alloc(context, lg_rocket_work_doubles(f), sizeof *fit->work);
@@ -200,7 +170,7 @@ lg_status lg_rocket_fit(const lg_context *context, const lg_rocket_options *opti
         memcpy(f.rocket.mean, scaler->mean, f.channels * sizeof *f.rocket.mean);
         status = draw(&fit, context, options->features / LG_ROCKET_KERNELS, &f, error);
     }
-    LG_FREE_ALL(context, fit.deck, fit.x, fit.sorted, fit.work);
+    LG_FREE_ALL(context, fit.deck, fit.x, fit.work);
     if (status == LG_OK)
         *out = f;
     else

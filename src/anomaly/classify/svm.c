@@ -361,16 +361,6 @@ void lg_svm_destroy(lg_svm *svm) {
     *svm = (lg_svm){0};
 }
 
-/* ---- evaluation ---- */
-
-/* The decision of the classes (i, j), whose vectors begin at first_i and first_j. k: the kernel values. */
-static double decide(const lg_svm *svm, size_t i, size_t j, size_t first_i, size_t first_j, const double *k) {
-    const double *a = svm->coefficient + coefficient_row(i, j) * svm->vectors + first_i,
-                 *b = svm->coefficient + coefficient_row(j, i) * svm->vectors + first_j;
-    return lg_dot(a, k + first_i, svm->vectors_of[i]) + lg_dot(b, k + first_j, svm->vectors_of[j]) -
-           svm->rho[pair_index(i, j, svm->classes)];
-}
-
 lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b) {
     if (svm == NULL || w == NULL || b == NULL) return LG_INVALID_ARGUMENT;
     if (svm->kernel != LG_KERNEL_LINEAR || svm->classes != 2) return LG_UNSUPPORTED;
@@ -380,93 +370,4 @@ lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b) {
             w[j] -= svm->coefficient[v] * svm->vector[v * svm->inputs + j];
     *b = svm->rho[0];
     return LG_OK;
-}
-
-static double square_distance(const double *a, const double *b, size_t n) {
-    double lane[4] = {0};
-    size_t i = 0;
-    for (; i + 4 <= n; i += 4)
-        for (size_t j = 0; j < 4; j++) lane[j] += (a[i + j] - b[i + j]) * (a[i + j] - b[i + j]);
-    for (size_t j = 0; i < n; i++, j++) lane[j] += (a[i] - b[i]) * (a[i] - b[i]);
-    return (lane[0] + lane[2]) + (lane[1] + lane[3]);
-}
-
-static void kernel_values(const lg_svm *svm, const double *x, double *k) {
-    const size_t d = svm->inputs;
-    if (svm->kernel == LG_KERNEL_LINEAR)
-        for (size_t v = 0; v < svm->vectors; v++) k[v] = lg_dot(svm->vector + v * d, x, d);
-    else
-        for (size_t v = 0; v < svm->vectors; v++)
-            k[v] = exp(-svm->gamma * square_distance(svm->vector + v * d, x, d));
-}
-
-/* libsvm answers with the first class that has the most votes. If the score of this class is not the largest,
- * it is raised just above the largest. votes (classes). */
-static void prefer_first(const double *votes, size_t classes, double *score) {
-    size_t first = 0, largest = 0;
-    for (size_t i = 1; i < classes; i++) {
-        if (votes[i] > votes[first]) first = i;
-        if (score[i] > score[largest]) largest = i;
-    }
-    if (largest != first) score[first] = nextafter(score[largest], INFINITY);
-}
-
-/* Maps x to a number between -1/3 and 1/3 that rises with x. */
-static double bounded(double x) {
-    return isfinite(x) ? x / (3.0 * (fabs(x) + 1.0)) : 0.0;
-}
-
-/* Computes the scores of more than two classes: votes plus a bounded sum of the decisions. `lean` (classes)
- * is work memory. If only one class of a pair has support vectors, it gets the vote of the pair. */
-static void vote(const lg_svm *svm, const double *k, double *score, double *lean) {
-    const size_t classes = svm->classes;
-    size_t first_i = 0;
-    memset(score, 0, classes * sizeof *score);
-    memset(lean, 0, classes * sizeof *lean);
-    for (size_t i = 0; i < classes; first_i += svm->vectors_of[i++]) {
-        size_t first_j = first_i + svm->vectors_of[i];
-        for (size_t j = i + 1; j < classes; first_j += svm->vectors_of[j++]) {
-            if (svm->vectors_of[i] == 0 || svm->vectors_of[j] == 0) {
-                score[i] += svm->vectors_of[i] > 0;
-                score[j] += svm->vectors_of[j] > 0;
-                continue;
-            }
-            const double decision = decide(svm, i, j, first_i, first_j, k);
-            score[decision > 0.0 ? i : j] += 1.0;
-            lean[i] += decision;
-            lean[j] -= decision;
-        }
-    }
-    for (size_t i = 0; i < classes; i++) {
-        const double votes = svm->vectors_of[i] > 0 ? score[i] : -1.0;
-        score[i] = votes + (votes < 0.0 ? 0.0 : bounded(lean[i]));
-        lean[i] = votes;
-    }
-    prefer_first(lean, classes, score);
-}
-
-size_t lg_svm_work_size(const lg_svm *svm) {
-    return ((size_t)svm->vectors + svm->inputs + svm->classes) * sizeof(double);
-}
-
-void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double *score, double *work) {
-    const size_t d = svm->inputs, k = svm->classes;
-    double *w = work, *lean = work + svm->vectors, b = 0.0;
-    const bool plane = n > 1 && lg_svm_plane(svm, w + svm->vectors, &b) == LG_OK;
-    if (plane) w += svm->vectors;
-    for (size_t i = 0; i < n; i++) {
-        double *s = score + i * k;
-        if (k > 2) {
-            kernel_values(svm, x + i * d, work);
-            vote(svm, work, s, lean);
-            continue;
-        }
-        if (plane) {
-            s[1] = lg_dot(w, x + i * d, d) + b;
-        } else {
-            kernel_values(svm, x + i * d, work);
-            s[1] = svm->rho[0] - lg_dot(svm->coefficient, work, svm->vectors);
-        }
-        s[0] = -s[1];
-    }
 }

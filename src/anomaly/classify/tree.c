@@ -8,6 +8,7 @@
 #include "anomaly/classify/tree.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "core/widen.h"
@@ -253,45 +254,11 @@ static lg_status grow(grower *g, const uint32_t *label) {
     return LG_OK;
 }
 
-/* ---- sorting of columns ---- */
-
-enum { RUN = 16 }; /* length of the runs that are sorted by insertion before merging */
-
-static void insertion_sort(item *items, size_t count) {
-    for (size_t i = 1; i < count; i++) {
-        const item one = items[i];
-        size_t j = i;
-        for (; j > 0 && items[j - 1].value > one.value; j--) items[j] = items[j - 1];
-        items[j] = one;
-    }
-}
-
-static void merge(const item *a, size_t a_count, const item *b, size_t b_count, item *out) {
-    const item *a_end = a + a_count, *b_end = b + b_count;
-    while (a < a_end && b < b_end) {
-        const bool from_b = b->value < a->value;
-        *out++ = from_b ? *b : *a;
-        a += !from_b;
-        b += from_b;
-    }
-    memcpy(out, a, (size_t)(a_end - a) * sizeof *out);
-    memcpy(out + (a_end - a), b, (size_t)(b_end - b) * sizeof *out);
-}
-
-/* Sorts by rising value, equal values by rising row. */
-static void sort_items(item *items, item *spare, size_t n) {
-    item *from = items, *to = spare;
-    for (size_t i = 0; i < n; i += RUN) insertion_sort(&items[i], n - i < RUN ? n - i : RUN);
-    for (size_t run = RUN; run < n; run *= 2) {
-        for (size_t i = 0; i < n; i += 2 * run) {
-            const size_t a = n - i < run ? n - i : run, rest = n - i - a, b = rest < run ? rest : run;
-            merge(&from[i], a, &from[i + a], b, &to[i]);
-        }
-        item *swap = from;
-        from = to;
-        to = swap;
-    }
-    if (from != items) memcpy(items, from, n * sizeof *items);
+/* By rising value, equal values by rising row. */
+static int by_value(const void *a, const void *b) {
+    const item *x = a, *y = b;
+    if (x->value != y->value) return x->value < y->value ? -1 : 1;
+    return (x->row > y->row) - (x->row < y->row);
 }
 
 static void fill_columns(grower *g, const double *x, const uint32_t *label) {
@@ -299,7 +266,7 @@ static void fill_columns(grower *g, const double *x, const uint32_t *label) {
     for (uint32_t j = 0; j < d; j++) {
         item *column = &g->items[(size_t)j * g->n];
         for (size_t i = 0; i < g->n; i++) column[i] = (item){x[i * d + j], (uint32_t)i, label[i]};
-        sort_items(column, g->spare, g->n);
+        qsort(column, g->n, sizeof *column, by_value);
     }
 }
 

@@ -118,9 +118,6 @@ static const lg_item items[] = {{.type = LG_ITEM_SCALER,
                                  .name = "scaler",
                                  .offset = offsetof(lg_detector_file, scaler),
                                  .dims = {LG_DIM(lg_detector_file, run.model.net.channels, "channels")}},
-                                {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_detector_file, class_name)},
-                                {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_detector_file, class_label)},
-                                {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_detector_file, channel_name)},
                                 LG_ATTRIBUTE(lg_detector_file, REAL, "accuracy", accuracy),
                                 LG_ATTRIBUTE(lg_detector_file, REAL, "f1", f1),
                                 LG_ATTRIBUTE(lg_detector_file, REAL, "test_mse", test_mse),
@@ -158,12 +155,9 @@ static lg_status get_novelty(lg_h5 *h5, lg_detector_file *file, lg_error *error)
 
 static lg_status put_rest(lg_h5 *h5, const void *user, lg_error *error) {
     const lg_detector_file *file = user;
-    const lg_series names = {.classes = file->run.model.classes,
-                             .channels = file->run.model.net.channels,
-                             .class_name = file->class_name,
-                             .class_label = file->class_label,
-                             .channel_name = file->channel_name,
-                             .rate = file->rate};
+    lg_series names = file->names;
+    names.classes = file->run.model.classes;
+    names.channels = file->run.model.net.channels;
     LG_TRY(lg_sensing_check(h5->context, h5->path, &names, error));
     LG_TRY(lg_sensing_put(h5, &names, error));
     return put_novelty(h5, file, error);
@@ -172,27 +166,26 @@ static lg_status put_rest(lg_h5 *h5, const void *user, lg_error *error) {
 /* Names the classes "0", "1", ... if the file has no names for them. */
 static lg_status number_classes(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
     const uint32_t classes = file->run.model.classes;
-    if (file->class_name != NULL) return LG_OK;
-    file->class_name = lg_alloc(h5->context, classes, sizeof *file->class_name);
-    if (file->class_name == NULL) return lg_h5_no_memory(h5, error);
-    for (uint32_t c = 0; c < classes; c++) (void)snprintf(file->class_name[c], LG_SERIES_NAME, "%u", c);
+    lg_series *names = &file->names;
+    if (names->class_name != NULL) return LG_OK;
+    names->class_name = lg_alloc(h5->context, classes, sizeof *names->class_name);
+    if (names->class_name == NULL) return lg_h5_no_memory(h5, error);
+    for (uint32_t c = 0; c < classes; c++) (void)snprintf(names->class_name[c], LG_SERIES_NAME, "%u", c);
     return LG_OK;
 }
 
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_detector_file *file = user;
-    lg_series names = {.classes = file->run.model.classes, .channels = file->run.model.net.channels};
-    LG_TRY(lg_sensing_get(h5, &names, error));
-    file->class_name = names.class_name;
-    file->class_label = names.class_label;
-    file->channel_name = names.channel_name;
-    file->rate = names.rate;
+    file->names = (lg_series){.classes = file->run.model.classes, .channels = file->run.model.net.channels};
+    LG_TRY(lg_sensing_get(h5, &file->names, error));
     LG_TRY(number_classes(h5, file, error));
     return get_novelty(h5, file, error);
 }
 
-static void release(void *file) {
-    lg_novelty_destroy(&((lg_detector_file *)file)->novelty);
+static void release(void *user) {
+    lg_detector_file *file = user;
+    lg_series_destroy(&file->names);
+    lg_novelty_destroy(&file->novelty);
 }
 
 /* ---- program and recipe ---- */

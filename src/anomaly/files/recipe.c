@@ -59,15 +59,8 @@ static lg_status read_test(lg_training *self, lg_error *error) {
 static lg_status read_data(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
     const lg_detector_file *file = self->file;
-    if (file != NULL) {
-        const lg_series like = {.classes = file->run.model.classes,
-                                .channels = file->run.model.net.channels,
-                                .rate = file->rate,
-                                .class_name = file->class_name,
-                                .class_label = file->class_label,
-                                .channel_name = file->channel_name};
-        return lg_series_read_like(self->context, self->paths[0], &like, &s->all.data, error);
-    }
+    if (file != NULL)
+        return lg_series_read_like(self->context, self->paths[0], &file->names, &s->all.data, error);
     LG_TRY(lg_series_read(self->context, self->paths[0], NULL, NULL, &s->all.data, error));
     memcpy(self->sha256, s->all.data.sha256, sizeof self->sha256);
     return read_test(self, error);
@@ -427,15 +420,11 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
 /* The warnings about dead units are here because `save` runs after the verdict has been told. */
 static lg_status save(lg_training *self, void *into, lg_error *error) {
     lg_detector_state *s = self->state;
-    const lg_series *series = &s->all.data.series;
     lg_detector_file *file = into;
     warn_of_units(self);
     LG_TRY(lg_detector_fit_novelty(self, &s->novelty, error));
     file->scaler = s->scaler;
-    file->class_name = series->class_name;
-    file->class_label = series->class_label;
-    file->channel_name = series->channel_name;
-    file->rate = series->rate;
+    file->names = s->all.data.series;
     file->novelty = s->novelty;
     file->accuracy = s->judged.metrics.accuracy;
     file->f1 = s->judged.metrics.f1;
@@ -459,7 +448,7 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     LG_TRY(judge_parts(self, &file->scaler, file->theta, error));
     LG_TRY(lg_judgement_check(&s->judged, error));
     lg_result_whole(self, "windows", s->judged.count, NULL);
-    lg_detector_tell(self, &s->judged, run->hop, file->rate);
+    lg_detector_tell(self, &s->judged, run->hop, file->names.rate);
     lg_result_real(self, "mse", s->judged.mse, NULL);
     return LG_OK;
 }
