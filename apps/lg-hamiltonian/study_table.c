@@ -198,7 +198,8 @@ study_summary study_summarise(const study_table *table, size_t cell, unsigned ax
 
 /* ---- the report ---- */
 
-/* A combination is summarised over all repeats and over all noise levels that are zero, or all that are not. */
+/* A combination is summarised over all repeats and over all noise levels that are zero, or all that are
+ * not. */
 enum { BEST = 5, INTEGRATORS = 1u << AXIS_INTEGRATOR | 1u << AXIS_SUBSTEPS };
 #define COMBINATION (STUDY_CELL & ~(1u << AXIS_EPS))
 
