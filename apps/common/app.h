@@ -48,6 +48,11 @@ typedef struct app_settings {
     { NULL, NULL, 0 }
 #define APP_SETTINGS(...) ((const app_settings[]){__VA_ARGS__, APP_SETTINGS_END})
 
+/* Rows of options that several commands have, in the structures with their values. */
+#define APP_OUT(type, unit_, ...) LG_OPTION(type, out, STRING, unit_, __VA_ARGS__)
+#define APP_SECONDS(type, ...)    LG_OPTION(type, seconds, REAL, "S", __VA_ARGS__, .high = 1e9, .above = true)
+#define APP_T_END(type, ...)      LG_OPTION(type, t_end, REAL, "T", __VA_ARGS__, LG_POSITIVE)
+
 /* What a command does when mpirun starts several processes of it. */
 typedef enum app_together {
     APP_ALONE, /* the command does not run */
@@ -492,6 +497,8 @@ enum { APP_PLOT_ANY = 1 };
 #define APP_PLOT(name_, help_, script_, ...)                                                                 \
     { .name = name_, .help = help_, .script = script_, .put = __VA_ARGS__ }
 #define APP_PLOTS(...) ((const app_plot_kind[]){__VA_ARGS__, {.name = NULL}})
+/* For a command that draws one plot itself, to app_plot_given.plot. */
+#define APP_DRAWS(help_) .plots = APP_PLOTS(APP_PLOT("plot", help_, NULL, NULL))
 /* The values of --plot and --plot-kind of the command. */
 typedef struct app_plot_values {
     const char *plot;   /* NULL: nothing is drawn */

@@ -15,7 +15,7 @@ const lg_field train_file_options[] = {
         train_files, size, STRING, "auto|W,...",
         "Widths of the network, as --hidden; or auto: train a few widths, each for half of the epochs and "
         "all together for at most a third of --seconds, and take the one with the best validation loss"),
-    LG_OPTION(train_files, out, STRING, "FILE", "The model file to write"),
+    APP_OUT(train_files, "FILE", "The model file to write"),
     LG_OPTION(train_files, checkpoint, STRING, "FILE",
               "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),
     LG_OPTION(train_files, checkpoint_every, U64, "n",

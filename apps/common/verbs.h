@@ -16,6 +16,17 @@ void verb_search(app *app); /* options: SEARCH_SHARED; task->command is the comm
  * recipe evaluates a model of any kind. The plots of the command get the training (train_draw). */
 void verb_evaluate(app *app);
 
+/* Options of commands that integrate a learned flow; --tolerance is the last one. */
+typedef struct flow_values {
+    lg_reals initial;
+    double t_end, tolerance; /* 0: not given */
+    uint64_t points;
+} flow_values;
+extern flow_values flow_given;
+extern const lg_field flow_options[];
+#define FLOW           APP_GIVEN(flow_options, flow_given)
+#define FLOW_TOLERANCE APP_GIVEN(flow_options + 3, flow_given)
+
 /* Integrates the field of a model from `start` at times[0] and writes the states at all `count` times to
  * `out`, (count, d). The scheme is adaptive. Its error per step is relative to the largest value so far of
  * the component's group (lg_step_controller with rtol = tolerance, atol = -tolerance). most: largest number

@@ -34,8 +34,8 @@ static const lg_field feed_options[] = {
     LG_OPTION(feed_values, nan, REAL, "N", "Average number of samples per day with one value nan (default 0)",
               .high = 432000),
     WELL_ROWS(feed_values),
-    LG_OPTION(feed_values, out, STRING, "FILE.csv", "File for the feed (default: standard output)",
-              .file = LG_FILE_STREAMED),
+    APP_OUT(feed_values, "FILE.csv", "File for the feed (default: standard output)",
+            .file = LG_FILE_STREAMED),
     LG_FIELD_END};
 
 static feed_values values = {.crack_at = NAN};

@@ -28,7 +28,7 @@ void well_set_up(const well_setup *setup, lg_riser_parameters *parameters, lg_ri
 }
 
 static const lg_field generate_options[] = {
-    LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .required = true),
+    APP_OUT(generate_values, "FILE", "The HDF5 file to write", .required = true),
     LG_OPTION(
         generate_values, runs, U64, "n",
         "Recordings (default 108: 3 top tensions x 18 sea states, each intact and broken). A smaller number "

@@ -43,8 +43,7 @@ static const lg_field options[] = {
                         "three standard "
                         "deviations of the fit of lg-identify, at the worst of random states and inputs",
              .otherwise = "0"),
-    LG_OPTION(certify_values, seconds, REAL, "s", "Largest time of the proof", .high = 1e9, .above = true,
-              .value = "60"),
+    APP_SECONDS(certify_values, "Largest time of the proof", .value = "60"),
     LG_OPTION(certify_values, degree, U64, "n", "Degree of the polynomial, even", .low = 2, .high = 12,
               .value = "8"),
     LG_OPTION(certify_values, continuous, SWITCH, NULL,

@@ -4,7 +4,7 @@
 #include "lg-control/control_app.h"
 
 typedef struct evaluate_values {
-    const char *plant, *disturb, *reference, *runs, *plot;
+    const char *plant, *disturb, *reference, *runs;
     uint64_t starts;
 } evaluate_values;
 
@@ -19,8 +19,6 @@ static const lg_field options[] = {
               .file = LG_FILE_READ),
     LG_OPTION(evaluate_values, runs, STRING, "FILE.csv",
               "Write the runs: start, t, the state, inputs and cost of each period", .file = LG_FILE_TEXT),
-    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
-              "Draw the motion of some runs, which starts succeed, and inputs", .file = LG_FILE_DRAWN),
     LG_OPTION(evaluate_values, starts, U64, "n", "Random starts", .low = 1, .high = 1e6, .value = "500"),
     LG_FIELD_END};
 
@@ -118,14 +116,14 @@ static double time_control(const app *self, const lg_policy *policy) {
 }
 
 static bool told(void) {
-    return values.runs != NULL || values.plot != NULL;
+    return values.runs != NULL || app_plot_given.plot != NULL;
 }
 
 static void show_runs(const app *self, control_runs *runs) {
     if (!told()) return;
     control_find_states(self, runs);
     if (values.runs != NULL) control_write_runs(self, runs, values.runs);
-    if (values.plot != NULL) control_draw_runs(self, runs, values.plot);
+    if (app_plot_given.plot != NULL) control_draw_runs(self, runs, app_plot_given.plot);
 }
 
 static void run(app *self) {
@@ -166,5 +164,6 @@ const app_command control_evaluate_command = {
     .details = "Beside it stands the saturated regulator alone (lqr). --plant judges on another machine than "
                "the one that "
                "the policy was trained with, for example the true one of a simulation.",
+    APP_DRAWS("the motion of some runs, which starts succeed, and inputs"),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

@@ -2,10 +2,8 @@
 #include "lg-control/control_app.h"
 
 static const lg_field demo_options[] = {
-    LG_OPTION(app_demo_values, out, STRING, "FOLDER", "Folder for all files", .value = "liegrad-control"),
-    LG_OPTION(app_demo_values, seconds, REAL, "s", "Shorten the phases to this time", .high = 1e9,
-              .above = true, .value = "20"),
-    LG_FIELD_END};
+    APP_OUT(app_demo_values, "FOLDER", "Folder for all files", .value = "liegrad-control"),
+    APP_SECONDS(app_demo_values, "Shorten the phases to this time", .value = "20"), LG_FIELD_END};
 
 static const app_command demo_command = {
     APP_DEMO(demo_options, lg_control_demo),

@@ -11,12 +11,10 @@ typedef struct train_values {
 } train_values;
 
 static const lg_field options[] = {
-    LG_OPTION(train_values, out, STRING, "FILE.h5", "Write the policy", .file = LG_FILE_WRITTEN,
-              .required = true),
+    APP_OUT(train_values, "FILE.h5", "Write the policy", .file = LG_FILE_WRITTEN, .required = true),
     LG_OPTION(train_values, resume, STRING, "FILE", "Continue from the state that a stopped training left",
               .file = LG_FILE_READ),
-    LG_OPTION(train_values, seconds, REAL, "s", "Shorten the phases to this time", .high = 1e9, .above = true,
-              .otherwise = "no bound"),
+    APP_SECONDS(train_values, "Shorten the phases to this time", .otherwise = "no bound"),
     LG_OPTION(train_values, seeds, U64, "n", "Seeds in the race", .low = 1, .high = 1000, .value = "8"),
     LG_OPTION(train_values, starts, U64, "n", "Starts of a step of Adam, a multiple of 64", .low = 64,
               .high = 65536, .value = "64"),

@@ -11,8 +11,7 @@ typedef struct verify_values {
     double seconds;
 } verify_values;
 
-static const lg_field options[] = {LG_OPTION(verify_values, seconds, REAL, "s", "Largest time of the proof",
-                                             .high = 1e9, .above = true, .value = "60"),
+static const lg_field options[] = {APP_SECONDS(verify_values, "Largest time of the proof", .value = "60"),
                                    LG_FIELD_END};
 
 static verify_values values;

@@ -65,7 +65,6 @@ typedef struct beam_curve {
     beam_nodes at;
     lg_elastica_solution solution;
 } beam_curve;
-beam_curve beam_curve_create(const lg_elastica *problem);
 
 /* Solves for the equilibrium with the chosen rotation, or, without a choice, for the one with the lowest
  * energy. */

@@ -16,7 +16,7 @@ beam_nodes beam_nodes_create(size_t count) {
     return (beam_nodes){count, memory, memory + count, memory + 3 * count, memory + 5 * count};
 }
 
-beam_curve beam_curve_create(const lg_elastica *problem) {
+static beam_curve create_curve(const lg_elastica *problem) {
     const size_t n = problem->intervals;
     const beam_curve out = {.problem = *problem, .at = beam_nodes_create(n + 1)};
     for (size_t k = 0; k <= n; k++) out.at.s[k] = problem->length * (double)k / (double)n;
@@ -63,7 +63,7 @@ void beam_solve(const app *self, const boundary *where, const lg_elastica_option
         lg_elastica problem = where->problem;
         problem.rotation = fixed ? where->chosen : where->rotation[k];
         if (found && energy_bound(&problem) > out->solution.energy) continue;
-        beam_curve curve = beam_curve_create(&problem);
+        beam_curve curve = create_curve(&problem);
         const lg_status status = solve_one(self->context, options, continuous, &curve, &error);
         if (app_interrupted()) app_must(self, LG_CANCELLED, NULL);
         if (status != LG_OK && failure == LG_OK) {
@@ -111,7 +111,7 @@ lg_status beam_branches(const lg_context *context, const boundary *where, const 
         if (status != LG_OK) break;
         out->full = out->full || count == BRANCH_ROOM;
         for (size_t i = 0; i < count; i++) {
-            beam_curve curve = beam_curve_create(&problem);
+            beam_curve curve = create_curve(&problem);
             memcpy(curve.at.theta, theta + i * nodes, nodes * sizeof *theta);
             curve.solution = solutions[i];
             lg_elastica_curve(&problem, curve.at.theta, curve.at.q, curve.at.v);

@@ -5,7 +5,7 @@
 #include "common/train.h"
 
 typedef struct generate_values {
-    const char *out, *plot;
+    const char *out;
     int kind;
     uint64_t count;
     double gap;
@@ -23,10 +23,7 @@ static const lg_field generate_options[] = {
               .high = 0.499, .value = "0.01"),
     LG_OPTION(generate_values, continuous, SWITCH, NULL,
               "Store solutions of the differential equation at the nodes instead of discrete solutions"),
-    LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .file = LG_FILE_WRITTEN,
-              .required = true),
-    LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png", "Draw some of the curves",
-              .file = LG_FILE_DRAWN),
+    APP_OUT(generate_values, "FILE", "The HDF5 file to write", .file = LG_FILE_WRITTEN, .required = true),
     LG_FIELD_END};
 
 static generate_values values;
@@ -86,7 +83,7 @@ static void run(app *self) {
     const double seconds = app_seconds() - begin;
     data.provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out, lg_elastica_data_write(self->context, values.out, &data, &error));
-    if (values.plot != NULL) draw_set(self, values.plot, &data.curves);
+    if (app_plot_given.plot != NULL) draw_set(self, app_plot_given.plot, &data.curves);
     report(self, &data, seconds);
 }
 
@@ -97,5 +94,6 @@ const app_command elastica_generate_command = {
         "The file holds /boundary (n, 8) as q0, v0, qN, vN, /q and /v (n, N + 1, 2), /energy, /x and /case "
         "(n). x takes equidistant values in [G pi, (1 - G) pi] and in its mirror image, ends included; each "
         "interval has half of the curves.",
+    APP_DRAWS("some of the curves"),
     .settings = APP_SETTINGS(BEAM, ENDS, APP_GIVEN(generate_options, values)),
     .run = run};

@@ -106,7 +106,7 @@ enum { TIMED = 9 };
 typedef struct predict_values {
     lg_reals s;
     uint64_t points;
-    const char *out, *plot;
+    const char *out;
     bool solve;
 } predict_values;
 
@@ -119,10 +119,7 @@ static const lg_field predict_options[] = {
               .low = 2, .high = 10000000),
     LG_OPTION(predict_values, solve, SWITCH, NULL,
               "Also solve the beam, and report the largest difference at the nodes"),
-    LG_OPTION(predict_values, out, STRING, "FILE.csv", "Columns s, x, y, vx, vy, theta",
-              .file = LG_FILE_TEXT),
-    LG_OPTION(predict_values, plot, STRING, "FILE.svg|.png", "Draw the curve; with --solve, the solution too",
-              .file = LG_FILE_DRAWN),
+    APP_OUT(predict_values, "FILE.csv", "Columns s, x, y, vx, vy, theta", .file = LG_FILE_TEXT),
     LG_FIELD_END};
 
 static predict_values predict_given;
@@ -278,8 +275,8 @@ static void run_predict(app *self) {
     compute(self, &p);
     if (predict_given.solve) compare(self, &p);
     write_curves(self, predict_given.out, &p.curve, 1, false);
-    if (predict_given.plot != NULL)
-        draw_prediction(self, predict_given.plot, &p.curve, predict_given.solve ? &p.truth : NULL);
+    if (app_plot_given.plot != NULL)
+        draw_prediction(self, app_plot_given.plot, &p.curve, predict_given.solve ? &p.truth : NULL);
     report_curve(self, &p);
     lg_surrogate_file_destroy(&p.file);
 }
@@ -296,5 +293,6 @@ const app_command elastica_predict_command = {
         "twice "
         "the spread is not `inside`, and there is a warning. `seconds`: the median of a few evaluations in "
         "double precision.",
+    APP_DRAWS("the curve; with --solve, the solution too"),
     .settings = APP_SETTINGS(BOUNDARY, ENDS, APP_GIVEN(predict_options, predict_given)),
     .run = run_predict};

@@ -7,7 +7,7 @@ typedef struct solve_values {
     double gradient_tol;
     uint64_t sweep;
     bool continuous, branches, saddles;
-    const char *out, *plot;
+    const char *out;
 } solve_values;
 
 static const lg_field solve_options[] = {
@@ -20,10 +20,8 @@ static const lg_field solve_options[] = {
     LG_OPTION(solve_values, saddles, SWITCH, NULL, "With --branches or --sweep: list saddles too"),
     LG_OPTION(solve_values, sweep, U64, "n",
               "Follow the branches of a case over n equidistant x in [0, 2 pi]", .low = 2, .high = 10000),
-    LG_OPTION(solve_values, out, STRING, "FILE.csv",
-              "Write the curves (columns s, x, y, vx, vy, theta), or the sweep", .file = LG_FILE_TEXT),
-    LG_OPTION(solve_values, plot, STRING, "FILE.svg|.png", "Draw the curves; with --sweep energy against x",
-              .file = LG_FILE_DRAWN),
+    APP_OUT(solve_values, "FILE.csv", "Write the curves (columns s, x, y, vx, vy, theta), or the sweep",
+            .file = LG_FILE_TEXT),
     LG_FIELD_END};
 
 static solve_values values;
@@ -90,7 +88,7 @@ static void solve_curve(const app *self, const boundary *where, const lg_elastic
     const double seconds = app_seconds() - begin;
     if (!values.continuous) warn_of_intervals(self, &curve.problem, curve.solution.energy);
     write_curves(self, values.out, &curve, 1, false);
-    draw_beams(self, values.plot, "", false, 2.5, &curve, 1);
+    draw_beams(self, app_plot_given.plot, "", false, 2.5, &curve, 1);
     report_curve(self, &curve, seconds);
 }
 
@@ -122,7 +120,7 @@ static void solve_branches(const app *self, const boundary *where, const lg_elas
     if (found.count == 0) app_stop(self, LG_NO_CONVERGENCE, "no equilibrium was found");
     if (found.full) app_warn(self, "there may be more branches than those listed");
     write_curves(self, values.out, found.list, found.count, true);
-    draw_beams(self, values.plot, "", true, 2.5, found.list, found.count);
+    draw_beams(self, app_plot_given.plot, "", true, 2.5, found.list, found.count);
     report_branches(self, &found, &where->problem, seconds);
 }
 
@@ -152,7 +150,7 @@ static void run(app *self) {
     if (values.gradient_tol > 0) options.gradient_tolerance = values.gradient_tol;
     if (values.sweep > 0) {
         const sweep_values sweep = {(size_t)values.sweep, problem,    (lg_elastica_case)beam_given.kind,
-                                    values.saddles,       values.out, values.plot};
+                                    values.saddles,       values.out, app_plot_given.plot};
         sweep_run(self, &sweep, &options);
         return;
     }
@@ -168,5 +166,6 @@ const app_command elastica_solve_command = {
                "rotation; for a case it is the global minimum. The exit code is 4 when no acceptable "
                "minimum is found. --branches lists all minima found for the three rotations nearest to "
                "zero, or for the one of --rotation.",
+    APP_DRAWS("the curves; with --sweep energy against x"),
     .settings = APP_SETTINGS(BOUNDARY, ENDS, BEAM, APP_GIVEN(solve_options, values)),
     .run = run};

@@ -105,10 +105,9 @@ typedef struct predict_values {
     const char *out;
 } predict_values;
 
-static const lg_field predict_options[] = {LG_OPTION(predict_values, out, STRING, "FILE.csv",
-                                                     "The file to write (default: standard output)",
-                                                     .file = LG_FILE_TEXT),
-                                           LG_FIELD_END};
+static const lg_field predict_options[] = {
+    APP_OUT(predict_values, "FILE.csv", "The file to write (default: standard output)", .file = LG_FILE_TEXT),
+    LG_FIELD_END};
 
 static predict_values values;
 

@@ -1,4 +1,5 @@
 /* lg-hamiltonian evaluate: the errors E1 and E2 of a model on test trajectories. */
+#include "common/verbs.h"
 #include "hamiltonian/learned.h"
 #include "lg-hamiltonian/training.h"
 
@@ -9,9 +10,7 @@
 #include <unistd.h>
 
 typedef struct evaluate_values {
-    const char *plot;
     size_t drawn;
-    double tolerance;
     bool record;
     int metric;
 } evaluate_values;
@@ -21,11 +20,6 @@ static const char *const metric_names[] = {
     [METRIC_SQUARES] = "squares", [METRIC_RELATIVE] = "relative", NULL};
 
 static const lg_field evaluate_options[] = {
-    LG_OPTION(evaluate_values, tolerance, REAL, "TOL",
-              "Tolerance of the adaptive integration of the learned flow", .low = 1e-14, .high = 1e-2,
-              .otherwise = "1e-10; 1e-13 for linear potentials"),
-    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
-              "Draw the test trajectories, true and predicted", .file = LG_FILE_DRAWN),
     LG_OPTION(evaluate_values, drawn, U64, "n", "plot: number of trajectories (default 10)", .low = 1,
               .high = 10000),
     LG_OPTION(evaluate_values, metric, NAME, NULL,
@@ -101,21 +95,22 @@ static void check_shape(const app *self, const lg_hamiltonian *model, const lg_t
 static void draw(const app *self, const lg_hamiltonian *model, const lg_trajectories *test,
                  const double *predicted) {
     const size_t drawn = values.drawn > 0 ? values.drawn : SHOWN_TRAJECTORIES;
-    draw_trajectories(self, values.plot, "Trajectories of the test set, true and predicted", model, test->t,
-                      test->data, predicted, test->count < drawn ? test->count : drawn, test->points);
+    draw_trajectories(self, app_plot_given.plot, "Trajectories of the test set, true and predicted", model,
+                      test->t, test->data, predicted, test->count < drawn ? test->count : drawn,
+                      test->points);
 }
 
 static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test) {
     verdict result;
     const lg_hamiltonian *model = &file->run.model;
     check_shape(self, model, test);
-    const double tolerance = values.tolerance > 0 ? values.tolerance : default_tolerance(model);
+    const double tolerance = flow_given.tolerance > 0 ? flow_given.tolerance : default_tolerance(model);
     const double begin = app_seconds();
     APP_FREE double *predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
     APP_MUST(self, judge(self->context, self->threads, model, file->theta, test, tolerance, predicted,
                          &result, &error));
     if (values.metric == METRIC_RELATIVE) APP_MUST(self, judge_relative(test, predicted, &result, &error));
-    if (values.plot != NULL) draw(self, model, test, predicted);
+    if (app_plot_given.plot != NULL) draw(self, model, test, predicted);
     const double seconds = app_seconds() - begin;
     const int code = check_finite(self, test, &result);
     lg_error why = {LG_OK, ""};
@@ -169,5 +164,6 @@ const app_command hamiltonian_evaluate_command = {
                "flow is integrated by an adaptive method of order 5 from the file's first points. E2: mean "
                "|d - mean d|, d "
                "= H - H_learned at the starts; unknown (null) without /hamiltonian in the file.",
-    .settings = APP_SETTINGS(APP_GIVEN(evaluate_options, values)),
+    APP_DRAWS("the test trajectories, true and predicted"),
+    .settings = APP_SETTINGS(FLOW_TOLERANCE, APP_GIVEN(evaluate_options, values)),
     .run = run};

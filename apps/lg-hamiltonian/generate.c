@@ -24,8 +24,7 @@ static const lg_field generate_options[] = {
               .high = 1e9),
     LG_OPTION(generate_values, segments, U64, "s",
               "Consecutive trajectories from one start (default: the scene's, or 1)", .low = 1, .high = 1e6),
-    LG_OPTION(generate_values, t_end, REAL, "T",
-              "Time of the last point (default: the scene's t_end, or 0.1)", LG_POSITIVE),
+    APP_T_END(generate_values, "Time of the last point (default: the scene's t_end, or 0.1)"),
     LG_OPTION(
         generate_values, speed, REAL, "V",
         "CONSTRAINT.h5: the numbers of the start's velocity are drawn from -V..V and made tangent (default "
@@ -38,7 +37,7 @@ static const lg_field generate_options[] = {
               "later: all points but the first; all: the first point too, which is then projected onto its "
               "manifold",
               .names = noise_on_names),
-    LG_OPTION(generate_values, out, STRING, "FILE", "The HDF5 file to write", .required = true),
+    APP_OUT(generate_values, "FILE", "The HDF5 file to write", .required = true),
     TRIALS_ROWS(generate_values),
     LG_FIELD_END};
 

@@ -30,13 +30,10 @@ static const app_command train_command = {
     .settings = settings};
 
 static const lg_field demo_options[] = {
-    LG_OPTION(app_demo_values, out, STRING, "DIR", "Folder for data, model and plots",
-              .value = "liegrad-demo"),
+    APP_OUT(app_demo_values, "DIR", "Folder for data, model and plots", .value = "liegrad-demo"),
     LG_OPTION(app_demo_values, epochs, U64, "E", "Evaluations of the loss (default 2000)", .low = 1,
               .high = 1e6),
-    LG_OPTION(app_demo_values, t_end, REAL, "T", "Length of the long prediction", LG_POSITIVE,
-              .value = "100"),
-    LG_FIELD_END};
+    APP_T_END(app_demo_values, "Length of the long prediction", .value = "100"), LG_FIELD_END};
 
 static const app_command demo_command = {APP_DEMO(demo_options, lg_hamiltonian_demo),
                                          .summary = "Learn, test and draw the spherical pendulum"};

@@ -7,26 +7,11 @@
 #include <string.h>
 
 typedef struct predict_values {
-    const char *out, *plot;
-    lg_reals initial;
-    double t_end, tolerance;
-    uint64_t points;
+    const char *out;
 } predict_values;
 
 static const lg_field predict_options[] = {
-    LG_OPTION(predict_values, initial, REALS, "X,X,...", "The start, in the layout of the model's state",
-              LG_ANY_REAL),
-    LG_OPTION(predict_values, t_end, REAL, "T", "Time of the last point (default: the scene's t_end, or 1)",
-              LG_POSITIVE),
-    LG_OPTION(predict_values, points, U64, "M", "Equidistant points of the trajectory, the start included",
-              .low = 2, .high = 1e8, .value = "101"),
-    LG_OPTION(predict_values, tolerance, REAL, "TOL",
-              "Tolerance of the adaptive integration of the learned flow", .low = 1e-14, .high = 1e-2,
-              .otherwise = "1e-10; 1e-13 for linear potentials"),
-    LG_OPTION(predict_values, out, STRING, "FILE", "Write the trajectory as a data file (HDF5)",
-              .file = LG_FILE_WRITTEN),
-    LG_OPTION(predict_values, plot, STRING, "FILE.svg|.png",
-              "Draw the trajectory; with a scene, the true one too", .file = LG_FILE_DRAWN),
+    APP_OUT(predict_values, "FILE", "Write the trajectory as a data file (HDF5)", .file = LG_FILE_WRITTEN),
     LG_FIELD_END};
 
 static predict_values values;
@@ -82,10 +67,10 @@ static void check_start(const app *self, prediction *p) {
 }
 
 static void start_from_numbers(const app *self, prediction *p) {
-    if (values.initial.count != p->dim)
-        app_stop_usage(self, "--initial: %zu numbers, but the model's state has %zu", values.initial.count,
-                       p->dim);
-    memcpy(p->start, values.initial.values, p->dim * sizeof *p->start);
+    if (flow_given.initial.count != p->dim)
+        app_stop_usage(self, "--initial: %zu numbers, but the model's state has %zu",
+                       flow_given.initial.count, p->dim);
+    memcpy(p->start, flow_given.initial.values, p->dim * sizeof *p->start);
     check_start(self, p);
 }
 
@@ -109,13 +94,13 @@ static void start_from_scene(const app *self, prediction *p) {
 static void integrate(const app *self, prediction *p) {
     lg_error why = {LG_OK, ""};
     const lg_hamiltonian *model = &p->file->run.model;
-    const size_t points = (size_t)values.points;
+    const size_t points = (size_t)flow_given.points;
     app_must(self,
              lg_trajectories_create(self->context, p->file->run.system, model->family, model->n, 1, points,
                                     p->t_end, true, 0, &p->y),
              NULL);
     p->energy = app_keep(points, sizeof *p->energy);
-    const double tolerance = values.tolerance > 0 ? values.tolerance : default_tolerance(model);
+    const double tolerance = flow_given.tolerance > 0 ? flow_given.tolerance : default_tolerance(model);
     const double begin = app_seconds();
     lg_model *learned;
     APP_MUST(self, lg_hamiltonian_learned(self->context, model, p->file->theta, &learned, &error));
@@ -169,9 +154,9 @@ static void write_outputs(const app *self, prediction *p) {
     p->y.provenance = app_provenance(self, self->seed);
     if (values.out != NULL)
         APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, &p->y, &error));
-    if (values.plot != NULL)
-        draw_trajectories(self, values.plot, "The learned flow", &p->file->run.model, p->y.t, p->truth,
-                          p->y.data, 1, p->y.points);
+    if (app_plot_given.plot != NULL)
+        draw_trajectories(self, app_plot_given.plot, "The learned flow", &p->file->run.model, p->y.t,
+                          p->truth, p->y.data, 1, p->y.points);
 }
 
 static void prediction_destroy(prediction *p) {
@@ -184,7 +169,7 @@ static void run(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(lg_hamiltonian_file_destroy) lg_hamiltonian_file file = {0};
     APP_CLEAN(prediction_destroy) prediction p = {.file = &file};
-    if (scene == (values.initial.count > 0))
+    if (scene == (flow_given.initial.count > 0))
         app_stop_usage(self, scene ? "--initial and a scene cannot be given together"
                                    : "no start: give --initial X,X,... or a scene");
     APP_MUST_FILE(self, path, lg_hamiltonian_load(self->context, path, NULL, &file, &error));
@@ -194,7 +179,7 @@ static void run(app *self) {
         start_from_scene(self, &p);
     else
         start_from_numbers(self, &p);
-    p.t_end = values.t_end > 0 ? values.t_end : p.has_scene && p.scene.has_t_end ? p.scene.t_end : 1;
+    p.t_end = flow_given.t_end > 0 ? flow_given.t_end : p.has_scene && p.scene.has_t_end ? p.scene.t_end : 1;
     integrate(self, &p);
     write_outputs(self, &p);
     report(self, &p);
@@ -207,5 +192,6 @@ const app_command hamiltonian_predict_command = {
     .details = "The start is --initial, or the scene's `initial`. With a "
                "scene the true flow is integrated too, and the largest "
                "difference is reported.",
-    .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
+    APP_DRAWS("the trajectory; with a scene, the true one too"),
+    .settings = APP_SETTINGS(FLOW, APP_GIVEN(predict_options, values)),
     .run = run};

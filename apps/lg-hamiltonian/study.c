@@ -8,21 +8,19 @@
 #include <string.h>
 
 typedef struct study_values {
-    const char *out, *plot;
+    const char *out;
     uint64_t jobs, stop_after;
     trials_values shared;
 } study_values;
 
 static const lg_field study_options[] = {
-    LG_OPTION(study_values, plot, STRING, "FILE.svg|.png", "Draw median E1 against training time"),
-    LG_OPTION(study_values, out, STRING, "FILE.csv",
-              "Table of runs; runs that are in it already are not repeated", .required = true),
+    APP_OUT(study_values, "FILE.csv", "Table of runs; runs that are in it already are not repeated",
+            .required = true),
     LG_OPTION(study_values, jobs, U64, "J",
               "Number of simultaneous runs (default: --threads); each uses threads/jobs threads", .low = 1,
               .high = 256),
     LG_OPTION(study_values, stop_after, U64, "n", "Stop after n new runs", .low = 1, .high = 1e9),
-    TRIALS_ROWS(study_values),
-    LG_FIELD_END};
+    TRIALS_ROWS(study_values), LG_FIELD_END};
 
 static study_values values;
 
@@ -31,7 +29,6 @@ enum { SEED_TEST = 1 }; /* kind of seed (study_seed) for the test trajectories; 
 typedef struct study {
     app *app;
     lg_grid grid;
-    study_plan plan;
     study_table table;
     trials_work work;
     uint64_t threads_each;
@@ -41,54 +38,50 @@ typedef struct study {
 /* ---- the grid ---- */
 
 /* Sets the hash of all that the runs depend on and that is no column. A file is represented by its hash. */
-static void set_protocol(const lg_grid *grid, study_plan *plan) {
+static void set_protocol(const lg_grid *grid, study_table *table) {
     static const char *const columns[] = {"integrator", "penalty", "substeps", "seed"};
     const lg_scene *scene = &grid->scene;
     const lg_system *system = scene->system;
     const lg_hamiltonian_run *run = &grid->run;
     char value[LG_FIELD_TEXT_SIZE];
-    app_file memory;
-    app_file_begin(&memory, "");
-    FILE *text = memory.stream;
-    (void)fprintf(text, "%s %zu;", lg_system_name(system), lg_system_links(system));
+    APP_CLEAN(lg_text_destroy) lg_text text = app_text();
+    lg_text_add(&text, "%s %zu;", lg_system_name(system), lg_system_links(system));
     for (size_t i = 0; i < lg_system_parameter_count(system); i++)
-        (void)fprintf(text, " %.17g", lg_system_parameter_values(system)[i]);
-    (void)fprintf(text, "; %d %.17g %.17g %u %.17g; %.17g %d %u %u %llu",
-                  scene->has_starts ? (int)scene->starts : -1, scene->low, scene->high, scene->segments,
-                  scene->ahead, grid->t_end, (int)grid->noise_kind, grid->test_trajectories,
-                  grid->test_points, (unsigned long long)grid->seed);
+        lg_text_add(&text, " %.17g", lg_system_parameter_values(system)[i]);
+    lg_text_add(&text, "; %d %.17g %.17g %u %.17g; %.17g %d %u %u %llu",
+                scene->has_starts ? (int)scene->starts : -1, scene->low, scene->high, scene->segments,
+                scene->ahead, grid->t_end, (int)grid->noise_kind, grid->test_trajectories, grid->test_points,
+                (unsigned long long)grid->seed);
     for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
         bool column = false;
         for (size_t i = 0; i < LG_COUNT(columns); i++) column = column || strcmp(columns[i], row->name) == 0;
         if (column) continue;
         lg_field_show(row, run, value, sizeof value);
         const bool in_file = strcmp(value, run->penalty_integral) == 0 && run->penalty_sha256[0] != '\0';
-        (void)fprintf(text, "; %s %s", row->name, in_file ? run->penalty_sha256 : value);
+        lg_text_add(&text, "; %s %s", row->name, in_file ? run->penalty_sha256 : value);
     }
-    (void)fclose(text);
-    study_set_protocol(plan, memory.text);
-    free(memory.text);
+    study_set_protocol(table, text.data);
 }
 
-static void add_wholes(study_axis *axis, const lg_wholes *list) {
-    for (size_t i = 0; i < list->count; i++) study_axis_add(axis, NULL, list->values[i]);
+static void set_wholes(study_table *table, int axis, const lg_wholes *list) {
+    table->count[axis] = list->count;
+    for (size_t i = 0; i < list->count; i++) table->value[axis][i] = list->values[i];
 }
 
-static void add_reals(study_axis *axis, const lg_reals *list) {
-    for (size_t i = 0; i < list->count; i++) study_axis_add(axis, NULL, list->values[i]);
+static void set_reals(study_table *table, int axis, const lg_reals *list) {
+    table->count[axis] = list->count;
+    memcpy(table->value[axis], list->values, list->count * sizeof *list->values);
 }
 
-static void make_plan(const lg_grid *grid, study_plan *plan) {
-    study_axis *axes = plan->axes;
-    *plan = (study_plan){.repeats = grid->repeats, .seed = grid->seed};
-    for (uint32_t i = 0; i < grid->integrator_count; i++)
-        study_axis_add(&axes[AXIS_INTEGRATOR], grid->integrators[i]->name, 0);
-    add_wholes(&axes[AXIS_SUBSTEPS], &grid->substeps);
-    add_wholes(&axes[AXIS_N], &grid->n);
-    add_wholes(&axes[AXIS_M], &grid->m);
-    add_reals(&axes[AXIS_EPS], &grid->eps);
-    add_reals(&axes[AXIS_PENALTY], &grid->penalty);
-    set_protocol(grid, plan);
+static void set_axes(const lg_grid *grid, study_table *table) {
+    *table = (study_table){.integrators = grid->integrators, .repeats = grid->repeats, .seed = grid->seed};
+    table->count[AXIS_INTEGRATOR] = grid->integrator_count;
+    set_wholes(table, AXIS_SUBSTEPS, &grid->substeps);
+    set_wholes(table, AXIS_N, &grid->n);
+    set_wholes(table, AXIS_M, &grid->m);
+    set_reals(table, AXIS_EPS, &grid->eps);
+    set_reals(table, AXIS_PENALTY, &grid->penalty);
+    set_protocol(grid, table);
 }
 
 /* Loads the file of the penalty's first integral once, for its hash. */
@@ -113,12 +106,8 @@ static void read_grid(app *self, lg_grid *grid) {
 
 /* ---- one run ---- */
 
-static double number_at(const study_plan *plan, const study_row *row, uint32_t axis) {
-    return plan->axes[axis].number[row->at[axis]];
-}
-
 static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64_t threads,
-                                 const lg_trajectories *data, const lg_trajectories *test, study_row *row,
+                                 const lg_trajectories *data, const lg_trajectories *test, study_result *out,
                                  lg_error *error) {
     const lg_context *context = self->context;
     verdict result = {.e1 = 0};
@@ -132,85 +121,79 @@ static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64
     LG_TRY(lg_training_create_fit(&training, error));
     const double begin = app_seconds();
     const lg_status status = lg_fit_run(training.fit, error);
-    row->result[STUDY_SECONDS] = app_seconds() - begin;
+    out->value[STUDY_SECONDS] = app_seconds() - begin;
     LG_TRY(status);
     APP_FREE double *theta = app_alloc(training.problem.parameters, sizeof *theta);
-    row->epochs = lg_fit_epochs_done(training.fit);
+    out->epochs = lg_fit_epochs_done(training.fit);
     lg_fit_parameters(training.fit, theta);
-    LG_TRY(
-        lg_hamiltonian_mean_squared_error(context, &state.problem, theta, &row->result[STUDY_LOSS], error));
+    LG_TRY(lg_hamiltonian_mean_squared_error(context, &state.problem, theta, &out->value[STUDY_LOSS], error));
     APP_FREE double *predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
     LG_TRY(judge(context, threads, &run.model, theta, test, default_tolerance(&run.model), predicted, &result,
                  error));
-    row->result[STUDY_E1] = result.e1;
-    row->result[STUDY_E2] = result.e2;
+    out->value[STUDY_E1] = result.e1;
+    out->value[STUDY_E2] = result.e2;
     return LG_OK;
 }
 
-static lg_status train_row(const study *self, study_row *row, lg_error *error) {
+static lg_status train_run(const study *self, size_t index, study_result *out, lg_error *error) {
     const lg_grid *grid = &self->grid;
-    const study_plan *plan = &self->plan;
+    const study_table *table = &self->table;
     lg_trajectory_options training = sample_options(&grid->scene), testing = training;
-    training.trajectories = (size_t)number_at(plan, row, AXIS_N);
-    training.points = (size_t)number_at(plan, row, AXIS_M);
+    training.trajectories = (size_t)study_value(table, index, AXIS_N);
+    training.points = (size_t)study_value(table, index, AXIS_M);
     training.t_end = grid->t_end;
-    training.noise = number_at(plan, row, AXIS_EPS);
+    training.noise = study_value(table, index, AXIS_EPS);
     training.noise_kind = grid->noise_kind;
-    training.seed = row->seed;
+    training.seed = study_seed(table, index, 0);
     testing.trajectories = grid->test_trajectories;
     testing.points = grid->test_points;
     testing.t_end = 1;
     testing.segments = 1;
-    testing.seed = study_seed(plan->seed, row->repeat, SEED_TEST);
+    testing.seed = study_seed(table, index, SEED_TEST);
     const lg_context *context = self->app->context;
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0}, test = {0};
     LG_TRY(sample_scene(context, &grid->scene, &training, &data, error));
     LG_TRY(sample_scene(context, &grid->scene, &testing, &test, error));
     lg_hamiltonian_run run = grid->run;
-    run.scheme = grid->integrators[row->at[AXIS_INTEGRATOR]];
-    run.substeps = (uint32_t)number_at(plan, row, AXIS_SUBSTEPS);
-    run.penalty = number_at(plan, row, AXIS_PENALTY);
-    run.training.seed = row->seed;
-    return train_and_judge(self->app, run, self->threads_each, &data, &test, row, error);
+    run.scheme = grid->integrators[study_at(table, index, AXIS_INTEGRATOR)];
+    run.substeps = (uint32_t)study_value(table, index, AXIS_SUBSTEPS);
+    run.penalty = study_value(table, index, AXIS_PENALTY);
+    run.training.seed = training.seed;
+    return train_and_judge(self->app, run, self->threads_each, &data, &test, out, error);
 }
 
 /* A run that overflows or does not converge counts as failed in the table; any other failure ends the
  * study. */
 static lg_status do_run(void *user, size_t index, void *record, lg_error *error) {
-    const study *self = user;
-    study_row *row = record;
-    *row = study_run_at(&self->plan, index);
-    const lg_status status = train_row(self, row, error);
+    study_result *out = record;
+    *out = (study_result){.run = index};
+    const lg_status status = train_run(user, index, out, error);
     if (status != LG_NOT_FINITE && status != LG_NO_CONVERGENCE && status != LG_STEP_TOO_SMALL &&
         status != LG_TOO_MANY_STEPS)
         return status;
-    row->failed = true;
-    for (uint32_t k = 0; k < STUDY_SECONDS; k++) row->result[k] = (double)NAN;
+    out->failed = true;
+    for (size_t k = 0; k < STUDY_SECONDS; k++) out->value[k] = (double)NAN;
     return LG_OK;
 }
 
-static void show_row(study *self, const study_row *row) {
-    const char *text[AXES];
-    for (uint32_t i = 0; i < AXES; i++) text[i] = self->plan.axes[i].text[row->at[i]];
-    app_progress_show(&self->progress, self->work.fresh, "run %zu  %s N=%s M=%s eps=%s: E1 %.2e",
-                      self->work.fresh, text[AXIS_INTEGRATOR], text[AXIS_N], text[AXIS_M], text[AXIS_EPS],
-                      row->result[STUDY_E1]);
-}
-
-/* A record of another process must be of this run. */
-static bool take_row(void *user, size_t index, void *record, bool done, bool own) {
+/* The record of another process may hold any bytes. */
+static bool take_run(void *user, size_t index, void *record, bool done, bool own) {
     study *self = user;
-    const study_row run = study_run_at(&self->plan, index), *row = record;
+    const study_table *table = &self->table;
+    const study_result *of = record;
     unsigned char failed;
-    memcpy(&failed, &row->failed, 1);
-    if (!done || failed > 1 || row->repeat != run.repeat || memcmp(row->at, run.at, sizeof run.at) != 0)
-        return false;
-    self->table.rows[index] = *row;
-    if (own) show_row(self, row);
+    memcpy(&failed, &of->failed, 1);
+    if (!done || failed > 1 || of->run != index) return false;
+    table->results[index] = *of;
+    if (own)
+        app_progress_show(&self->progress, self->work.fresh, "run %zu  %s N=%g M=%g eps=%g: E1 %.2e",
+                          self->work.fresh, table->integrators[study_at(table, index, AXIS_INTEGRATOR)]->name,
+                          study_value(table, index, AXIS_N), study_value(table, index, AXIS_M),
+                          study_value(table, index, AXIS_EPS), table->results[index].value[STUDY_E1]);
     return true;
 }
 
-/* Appends the rows that are done to the table, in the order of the plan. */
+/* Appends the rows that are done to the table, in the order of the runs. */
 static lg_status save(void *user, lg_error *error) {
     study *self = user;
     for (size_t i = 0; i < self->work.count; i++)
@@ -230,10 +213,10 @@ static void study_end(study *self) {
 static void begin(study *self) {
     trials_work *work = &self->work;
     char label[LG_SHA256_TEXT];
-    work->count = study_runs(&self->plan);
-    APP_MUST_FILE(self->app, work->out, study_table_open(work->out, &self->plan, &self->table, &error));
+    work->count = study_runs(&self->table);
+    APP_MUST_FILE(self->app, work->out, study_table_open(&self->table, work->out, &error));
     app_continue(work->out);
-    trials_label(self->app, self->plan.protocol, self->app->arguments[0], label);
+    trials_label(self->app, self->table.protocol, self->app->arguments[0], label);
     APP_MUST_FILE(self->app, work->out, trials_open(work, label, &error));
     for (size_t i = 0; i < work->count; i++) work->known[i] = work->known[i] || self->table.done[i];
 }
@@ -249,17 +232,18 @@ static void run(app *host) {
                            .out = values.out,
                            .noun = "runs",
                            .resume = "the same command continues",
-                           .record = sizeof(study_row),
+                           .record = sizeof(study_result),
                            .threads = jobs,
                            .most = values.stop_after,
                            .user = &self,
                            .run = do_run,
-                           .take = take_row,
+                           .take = take_run,
                            .save = save}};
-    const app_path paths[] = {trials_choose(&self.work, LG_FILE_TEXT), {"plot", values.plot, LG_FILE_DRAWN}};
+    const app_path paths[] = {trials_choose(&self.work, LG_FILE_TEXT),
+                              {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
     app_check_outputs(host, paths, LG_COUNT(paths));
     read_grid(host, &self.grid);
-    make_plan(&self.grid, &self.plan);
+    set_axes(&self.grid, &self.table);
     begin(&self);
     app_progress_begin(&self.progress, 0, self.work.count - trials_known(&self.work));
     const bool whole = trials_run(&self.work);
@@ -267,7 +251,7 @@ static void run(app *host) {
     if (!whole) return;
     APP_MUST_FILE(host, values.out, save(&self, &error));
     trials_end(&self.work);
-    if (values.plot != NULL) study_draw_work(host, values.plot, &self.table);
+    app_plot_draw(host, 0, &self.table);
     study_report(host, &self.table, self.work.fresh, app_seconds() - start);
 }
 
@@ -286,5 +270,7 @@ const app_command hamiltonian_study_command = {
                "grid's; other keys that it lacks have the values of train "
                "--preset thesis.",
     .settings = APP_SETTINGS(APP_GIVEN(study_options, values)),
+    .plots = APP_PLOTS(APP_PLOT("work", "median E1 against training time", "training_time", study_put,
+                                .usual = APP_PLOT_ANY)),
     .run = run,
     .together = APP_RANKS};

@@ -1,4 +1,4 @@
-/* The plan and the table of a study. */
+/* The runs of a study, its table, its report and its plot. */
 #include "lg-hamiltonian/study.h"
 
 #include <math.h>
@@ -7,148 +7,121 @@
 
 #include "files/csv.h"
 
-const char *const study_axis_names[AXES] = {"integrator", "substeps", "N", "M", "eps", "penalty"},
-                  *const study_measure_names[MEASURES] = {"loss", "E1", "E2", "seconds"};
-const uint32_t study_cell_axes[AXES] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N,
-                                        AXIS_M,          AXIS_EPS,      AXIS_PENALTY};
+static const char *const axis_names[AXES] = {"integrator", "substeps", "N", "M", "eps", "penalty"},
+                         *const measure_names[MEASURES] = {"loss", "E1", "E2", "seconds"};
 
-/* ---- the plan ---- */
+/* ---- the runs ---- */
 
 /* The axes from the fastest varying to the slowest; repeats vary slower than all axes. */
-static const uint32_t order[AXES] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_PENALTY, AXIS_M, AXIS_N, AXIS_EPS};
+static const int order[AXES] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_PENALTY, AXIS_M, AXIS_N, AXIS_EPS};
 
-/* Writes nothing if the number is not finite. */
-static void number_text(double value, char text[STUDY_TEXT]) {
-    char digits[LG_SHORTEST] = "";
-    if (isfinite(value)) lg_format_shortest(digits, value, false);
-    (void)snprintf(text, STUDY_TEXT, "%.31s", digits);
-}
-
-void study_axis_add(study_axis *axis, const char *name, double number) {
-    if (axis->count == LG_GRID_VALUES) abort(); /* a grid has at most so many values per axis */
-    char *text = axis->text[axis->count];
-    axis->number[axis->count++] = name != NULL ? (double)NAN : number;
-    if (name != NULL)
-        (void)snprintf(text, STUDY_TEXT, "%s", name);
-    else
-        number_text(number, text);
-}
-
-size_t study_cells(const study_plan *plan) {
+size_t study_cells(const study_table *table) {
     size_t cells = 1;
-    for (uint32_t i = 0; i < AXES; i++) cells *= plan->axes[i].count;
+    for (size_t i = 0; i < AXES; i++) cells *= table->count[i];
     return cells;
 }
 
-size_t study_runs(const study_plan *plan) {
-    return study_cells(plan) * plan->repeats;
+size_t study_runs(const study_table *table) {
+    return study_cells(table) * table->repeats;
 }
 
-uint64_t study_seed(uint64_t seed, uint64_t repeat, uint64_t kind) {
+size_t study_at(const study_table *table, size_t run, int axis) {
+    for (const int *at = order; *at != axis; at++) run /= table->count[*at];
+    return run % table->count[axis];
+}
+
+double study_value(const study_table *table, size_t run, int axis) {
+    return table->value[axis][study_at(table, run, axis)];
+}
+
+uint64_t study_seed(const study_table *table, size_t run, uint64_t kind) {
     enum { KINDS = 8 };
     lg_rng rng;
-    lg_rng_seed(&rng, seed, repeat * KINDS + kind);
+    lg_rng_seed(&rng, table->seed, (run / study_cells(table) + 1) * KINDS + kind);
     return lg_rng_next(&rng) >> 1;
 }
 
-study_row study_run_at(const study_plan *plan, size_t index) {
-    study_row row = {.failed = false};
-    for (uint32_t i = 0; i < AXES; i++) {
-        row.at[order[i]] = (uint32_t)(index % plan->axes[order[i]].count);
-        index /= plan->axes[order[i]].count;
-    }
-    row.repeat = (uint32_t)index + 1;
-    row.seed = study_seed(plan->seed, row.repeat, 0);
-    return row;
-}
-
-/* The number of the row's run; study_runs(plan) or more if the plan does not have it. */
-static size_t run_of(const study_plan *plan, const study_row *row) {
-    size_t index = row->repeat - 1;
-    bool has = row->repeat > 0;
-    for (uint32_t i = AXES; i-- > 0;) {
-        has = has && row->at[order[i]] < plan->axes[order[i]].count;
-        index = index * plan->axes[order[i]].count + row->at[order[i]];
-    }
-    return has ? index : SIZE_MAX;
-}
-
-void study_set_protocol(study_plan *plan, const char *text) {
+void study_set_protocol(study_table *table, const char *text) {
     char hash[LG_SHA256_TEXT];
     lg_sha256 sha;
     lg_sha256_init(&sha);
     lg_sha256_add(&sha, text, strlen(text));
     lg_sha256_finish(&sha, hash);
-    (void)snprintf(plan->protocol, sizeof plan->protocol, "%.*s", STUDY_PROTOCOL_TEXT - 1, hash);
+    (void)snprintf(table->protocol, sizeof table->protocol, "%.*s", STUDY_PROTOCOL_TEXT - 1, hash);
 }
 
-/* ---- reading the table ---- */
+/* ---- reading and writing the table ---- */
 
-/* Sets *at to the value's index on its axis. A name or number that is not on the axis may be from an earlier
- * grid; it gets the index axis->count. False: the text is empty or not a number. */
-static bool parse_value(const study_axis *axis, const char *text, uint32_t *at) {
-    double number = (double)NAN;
-    const bool named = isnan(axis->number[0]);
-    if (text[0] == '\0' || (!named && lg_number_parse(text, &number) != LG_OK)) return false;
-    for (*at = 0; *at < axis->count; ++*at)
-        if (named ? strcmp(axis->text[*at], text) == 0 : axis->number[*at] == number) break;
-    return true;
+/* Appends a number and a comma; no number if it is not finite. */
+static void add_number(lg_text *to, double value) {
+    char digits[LG_SHORTEST] = "";
+    if (isfinite(value)) lg_format_shortest(digits, value, false);
+    lg_text_add(to, "%s,", digits);
 }
 
-/* The columns: the axes, repeat, seed, the measures, epochs, status, protocol. */
-enum { COLUMNS = AXES + MEASURES + 5 };
+static void make_key(const study_table *table, size_t run, char key[STUDY_KEY]) {
+    APP_CLEAN(lg_text_destroy) lg_text text = app_text();
+    lg_text_add(&text, "%s,", table->integrators[study_at(table, run, AXIS_INTEGRATOR)]->name);
+    for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
+        add_number(&text, study_value(table, run, axis));
+    lg_text_add(&text, "%zu,%llu,", run / study_cells(table) + 1,
+                (unsigned long long)study_seed(table, run, 0));
+    (void)snprintf(key, STUDY_KEY, "%s", text.data);
+}
 
-static bool parse_row(const study_plan *plan, char *line, const char **protocol, study_row *row) {
-    char *field[COLUMNS], **next = field, *at = line;
-    uint64_t repeat = 0;
-    size_t n = 0;
-    for (; n < COLUMNS && at != NULL; n++) {
-        field[n] = at;
-        at = strchr(at, ',');
-        if (at != NULL) *at++ = '\0';
+void study_table_add(study_table *table, size_t run) {
+    const study_result *result = &table->results[run];
+    lg_text_add(&table->text, "%s", table->keys[run]);
+    for (size_t i = 0; i < MEASURES; i++) add_number(&table->text, result->value[i]);
+    lg_text_add(&table->text, "%llu,%s,%s\n", (unsigned long long)result->epochs,
+                result->failed ? "failed" : "ok", table->protocol);
+    table->changed = table->done[run] = true;
+    table->rows++;
+}
+
+/* Reads what follows the key in a row: the measures, epochs and status. */
+static bool parse_result(char *at, study_result *out) {
+    for (size_t i = 0; i < MEASURES; i++) {
+        const char *cell = strsep(&at, ",");
+        out->value[i] = (double)NAN; /* an empty cell */
+        if (at == NULL || (cell[0] != '\0' && lg_number_parse(cell, &out->value[i]) != LG_OK)) return false;
     }
-    bool good = n == COLUMNS && at == NULL;
-    for (uint32_t i = 0; i < AXES && good; i++) good = parse_value(&plan->axes[i], *next++, &row->at[i]);
-    good = good && lg_integer_parse(*next++, &repeat) == LG_OK && repeat <= UINT32_MAX &&
-           lg_integer_parse(*next++, &row->seed) == LG_OK;
-    row->repeat = (uint32_t)repeat;
-    for (uint32_t i = 0; i < MEASURES && good; i++, next++) {
-        row->result[i] = (double)NAN; /* an empty field */
-        good = **next == '\0' || lg_number_parse(*next, &row->result[i]) == LG_OK;
-    }
-    if (!good || lg_integer_parse(next[0], &row->epochs) != LG_OK) return false;
-    row->failed = strcmp(next[1], "ok") != 0;
-    *protocol = next[2];
-    return true;
+    const char *epochs = strsep(&at, ",");
+    out->failed = at != NULL && strcmp(at, "ok") != 0;
+    return at != NULL && lg_integer_parse(epochs, &out->epochs) == LG_OK;
 }
 
+/* A row without a run is of an earlier grid with other values. */
 static lg_status parse_line(study_table *table, const lg_csv *csv, lg_error *error) {
-    const char *path = table->text.path, *protocol;
-    study_row row;
-    (void)fprintf(table->text.stream, "%s\n", csv->line);
-    if (!parse_row(table->plan, csv->line, &protocol, &row))
-        return lg_fail(error, LG_FORMAT, "%s: line %zu: not a row of a study", path, csv->number);
-    if (strcmp(protocol, table->plan->protocol) != 0)
+    char *protocol = strrchr(csv->line, ',');
+    const size_t runs = study_runs(table);
+    size_t run = 0, commas = 0;
+    lg_text_add(&table->text, "%s\n", csv->line);
+    for (const char *c = csv->line; *c != '\0'; c++) commas += *c == ',';
+    if (protocol != NULL) *protocol++ = '\0';
+    while (run < runs && strncmp(csv->line, table->keys[run], strlen(table->keys[run])) != 0) run++;
+    study_result result = {.epochs = 0};
+    if (commas != AXES + MEASURES + 4 ||
+        (run < runs && !parse_result(csv->line + strlen(table->keys[run]), &result)))
+        return lg_fail(error, LG_FORMAT, "%s: line %zu: not a row of a study", table->path, csv->number);
+    if (strcmp(protocol, table->protocol) != 0)
         return lg_fail(error, LG_FORMAT,
                        "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
-                       path, csv->number, protocol, table->plan->protocol);
-    const size_t run = run_of(table->plan, &row);
-    table->count++;
-    if (run >= study_runs(table->plan) || table->done[run]) return LG_OK;
-    table->rows[run] = row;
+                       table->path, csv->number, protocol, table->protocol);
+    table->rows++;
+    if (run == runs || table->done[run]) return LG_OK;
+    table->results[run] = result;
     table->done[run] = true;
     return LG_OK;
 }
 
 static lg_status read_table(study_table *table, lg_csv *csv, lg_error *error) {
     bool more = true;
-    (void)fflush(table->text.stream);
-    APP_FREE char *header = app_format("%.*s", (int)table->text.length - 1, table->text.text);
     LG_TRY(lg_csv_next(csv, &more, error));
-    if (more && strcmp(csv->line, header) != 0)
+    if (more && strncmp(csv->line, table->text.data, table->text.length - 1) != 0)
         return lg_fail(error, LG_FORMAT,
-                       "%s: line 1: this is not the table of a study; first line expected: %s",
-                       table->text.path, header);
+                       "%s: line 1: this is not the table of a study; first line expected: %.*s", table->path,
+                       (int)table->text.length - 1, table->text.data);
     for (;;) {
         LG_TRY(lg_csv_next(csv, &more, error));
         if (!more || !csv->closed) return LG_OK;
@@ -156,91 +129,178 @@ static lg_status read_table(study_table *table, lg_csv *csv, lg_error *error) {
     }
 }
 
-lg_status study_table_open(const char *path, const study_plan *plan, study_table *out, lg_error *error) {
+lg_status study_table_open(study_table *table, const char *path, lg_error *error) {
+    const size_t runs = study_runs(table);
     lg_csv csv;
-    *out = (study_table){.plan = plan,
-                         .rows = app_alloc(study_runs(plan), sizeof *out->rows),
-                         .done = app_alloc(study_runs(plan), sizeof *out->done)};
-    app_file_begin(&out->text, path);
-    for (uint32_t i = 0; i < AXES; i++) (void)fprintf(out->text.stream, "%s,", study_axis_names[i]);
-    (void)fputs("repeat,seed", out->text.stream);
-    for (uint32_t i = 0; i < MEASURES; i++) (void)fprintf(out->text.stream, ",%s", study_measure_names[i]);
-    (void)fputs(",epochs,status,protocol\n", out->text.stream);
+    table->path = path;
+    table->text = app_text();
+    table->keys = app_alloc(runs, sizeof *table->keys);
+    table->results = app_alloc(runs, sizeof *table->results);
+    table->done = app_alloc(runs, sizeof *table->done);
+    for (size_t i = 0; i < runs; i++) make_key(table, i, table->keys[i]);
+    for (size_t i = 0; i < AXES; i++) lg_text_add(&table->text, "%s,", axis_names[i]);
+    lg_text_add(&table->text, "repeat,seed");
+    for (size_t i = 0; i < MEASURES; i++) lg_text_add(&table->text, ",%s", measure_names[i]);
+    lg_text_add(&table->text, ",epochs,status,protocol\n");
     lg_status status = lg_csv_open(NULL, path, "table of a study", &csv, error);
-    if (status == LG_OK) status = read_table(out, &csv, error);
+    if (status == LG_OK) status = read_table(table, &csv, error);
     lg_csv_close(&csv);
-    out->changed = out->count == 0;
-    if (status == LG_NOT_FOUND) return LG_OK;
-    if (status != LG_OK) study_table_close(out);
-    return status;
-}
-
-/* ---- writing the table ---- */
-
-void study_table_add(study_table *table, size_t run) {
-    const study_row *row = &table->rows[run];
-    FILE *stream = table->text.stream;
-    char number[STUDY_TEXT];
-    for (uint32_t i = 0; i < AXES; i++) (void)fprintf(stream, "%s,", table->plan->axes[i].text[row->at[i]]);
-    (void)fprintf(stream, "%u,%llu", row->repeat, (unsigned long long)row->seed);
-    for (uint32_t i = 0; i < MEASURES; i++) {
-        number_text(row->result[i], number);
-        (void)fprintf(stream, ",%s", number);
-    }
-    (void)fprintf(stream, ",%llu,%s,%s\n", (unsigned long long)row->epochs, row->failed ? "failed" : "ok",
-                  table->plan->protocol);
-    table->changed = table->done[run] = true;
-    table->count++;
+    table->changed = table->rows == 0;
+    return status == LG_NOT_FOUND ? LG_OK : status;
 }
 
 lg_status study_table_save(study_table *table, lg_error *error) {
-    const app_file *text = &table->text;
     if (!table->changed) return LG_OK;
-    if (fflush(text->stream) != 0) return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
     table->changed = false;
-    return lg_file_write(app_running()->context, text->path, text->text, text->length, error);
+    return lg_file_write(app_running()->context, table->path, table->text.data, table->text.length, error);
 }
 
 void study_table_close(study_table *table) {
-    if (table->text.stream != NULL) app_file_discard(&table->text);
-    free(table->rows);
+    lg_text_destroy(&table->text);
+    free(table->keys);
+    free(table->results);
     free(table->done);
-    *table = (study_table){.plan = NULL};
 }
 
 /* ---- summaries ---- */
 
-typedef struct study_choice {
-    const study_row *key;
-    const uint32_t *axes;
-    size_t count;
-    study_noise noise;
-} study_choice;
-
-static bool is_chosen(const study_table *table, size_t run, const study_choice *of) {
-    const study_row *row = &table->rows[run];
-    const bool noisy = table->plan->axes[AXIS_EPS].number[row->at[AXIS_EPS]] > 0;
-    bool same = table->done[run] && (of->noise == STUDY_ANY || noisy == (of->noise == STUDY_WITH));
-    for (size_t a = 0; a < of->count; a++) same = same && row->at[of->axes[a]] == of->key->at[of->axes[a]];
+static bool is_chosen(const study_table *table, size_t run, size_t cell, unsigned axes, study_noise noise) {
+    const bool noisy = study_value(table, run, AXIS_EPS) > 0;
+    bool same = table->done[run] && (noise == STUDY_ANY || noisy == (noise == STUDY_WITH));
+    for (int axis = 0; axis < AXES; axis++)
+        same = same && ((axes >> axis & 1) == 0 || study_at(table, run, axis) == study_at(table, cell, axis));
     return same;
 }
 
-study_summary study_summarise(const study_table *table, const study_row *key, const uint32_t *axes,
-                              size_t count, study_noise noise) {
-    const study_choice of = {key, axes, count, noise};
-    const size_t runs = study_runs(table->plan);
+study_summary study_summarise(const study_table *table, size_t cell, unsigned axes, study_noise noise) {
+    const size_t runs = study_runs(table);
     study_summary s = {.runs = 0};
-    for (size_t i = 0; i < runs; i++) s.runs += is_chosen(table, i, &of);
-    APP_FREE double *values = app_alloc(s.runs, sizeof *values);
+    APP_FREE size_t *list = app_alloc(runs, sizeof *list);
+    APP_FREE double *values = app_alloc(runs, sizeof *values);
+    size_t n = 0;
+    for (size_t i = 0; i < runs; i++) {
+        if (!is_chosen(table, i, cell, axes, noise)) continue;
+        s.runs++;
+        if (!table->results[i].failed) list[n++] = i;
+    }
+    s.failed = s.runs - n;
     for (size_t k = 0; k < MEASURES; k++) {
         double logarithm = 0;
-        size_t n = 0;
-        for (size_t i = 0; i < runs && n < s.runs; i++)
-            if (is_chosen(table, i, &of) && !table->rows[i].failed) values[n++] = table->rows[i].result[k];
-        for (size_t i = 0; i < n; i++) logarithm += log(values[i]);
-        s.failed = s.runs - n;
+        for (size_t i = 0; i < n; i++) {
+            values[i] = table->results[list[i]].value[k];
+            logarithm += log(values[i]);
+        }
         s.geometric[k] = n > 0 ? exp(logarithm / (double)n) : (double)NAN;
         s.median[k] = lg_median(values, n);
     }
     return s;
+}
+
+/* ---- the report ---- */
+
+/* A combination is summarised over all repeats and over all noise levels that are zero, or all that are
+ * not. */
+enum { BEST = 5, INTEGRATORS = 1u << AXIS_INTEGRATOR | 1u << AXIS_SUBSTEPS };
+#define COMBINATION (STUDY_CELL & ~(1u << AXIS_EPS))
+
+typedef struct combination {
+    size_t cell;
+    study_summary summary;
+} combination;
+
+static int by_e1(const void *a, const void *b) {
+    return lg_compare_doubles(&((const combination *)a)->summary.geometric[STUDY_E1],
+                              &((const combination *)b)->summary.geometric[STUDY_E1]);
+}
+
+/* Writes a table row: the values on the given axes, the figures, and the numbers of runs and failed runs. */
+static void put_row(app_json *out, const study_table *table, size_t cell, unsigned axes,
+                    const study_summary *s, const double *figures) {
+    app_json_open(out, NULL, '{');
+    app_json_text(out, axis_names[0], table->integrators[study_at(table, cell, AXIS_INTEGRATOR)]->name);
+    for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
+        if ((axes >> axis & 1) != 0) app_json_real(out, axis_names[axis], study_value(table, cell, axis));
+    for (size_t k = 0; k < MEASURES; k++) app_json_real(out, measure_names[k], figures[k]);
+    app_json_size(out, "runs", s->runs);
+    app_json_size(out, "failed", s->failed);
+    app_json_close(out, '}');
+}
+
+/* Writes the best combinations in rising order of the geometric mean of E1. */
+static void put_best(app_json *out, const char *name, const study_table *table, study_noise noise) {
+    const size_t all = study_cells(table) / table->count[AXIS_EPS];
+    APP_FREE combination *list = app_alloc(all, sizeof *list);
+    size_t n = 0;
+    for (size_t i = 0; i < all; i++) {
+        const study_summary s = study_summarise(table, i, COMBINATION, noise);
+        if (s.runs > s.failed) list[n++] = (combination){i, s};
+    }
+    qsort(list, n, sizeof *list, by_e1);
+    if (n > 0)
+        app_result_line(out, "\nBest combinations %s noise (geometric means)",
+                        noise == STUDY_WITH ? "with" : "without");
+    app_result_rows(out, name);
+    for (size_t i = 0; i < n && i < BEST; i++)
+        put_row(out, table, list[i].cell, COMBINATION, &list[i].summary, list[i].summary.geometric);
+    app_result_rows_end(out);
+}
+
+void study_report(const app *self, const study_table *table, size_t fresh, double seconds) {
+    const size_t integrators = table->count[AXIS_INTEGRATOR], substeps = table->count[AXIS_SUBSTEPS];
+    app_json *out = self->out;
+    app_result_size(out, "planned", study_runs(table), "runs of the grid");
+    app_result_size(out, "done", table->rows, "runs of the table");
+    app_result_size(out, "new", fresh, NULL);
+    app_json_text(out, "protocol", table->protocol);
+    app_result_line(out, "\nMedians over the repeats");
+    app_result_rows(out, "medians");
+    for (size_t i = 0; i < study_cells(table); i++) {
+        const study_summary s = study_summarise(table, i, STUDY_CELL, STUDY_ANY);
+        if (s.runs > 0) put_row(out, table, i, STUDY_CELL, &s, s.median);
+    }
+    app_result_rows_end(out);
+    app_result_line(out, "\nGeometric means over all runs of an integrator");
+    app_result_rows(out, "geometric_means");
+    for (size_t i = 0; i < integrators * substeps; i++) {
+        const size_t cell = i / substeps + i % substeps * integrators;
+        const study_summary s = study_summarise(table, cell, INTEGRATORS, STUDY_ANY);
+        put_row(out, table, cell, INTEGRATORS, &s, s.geometric);
+    }
+    app_result_rows_end(out);
+    put_best(out, "best_without_noise", table, STUDY_WITHOUT);
+    put_best(out, "best_with_noise", table, STUDY_WITH);
+    app_json_size(out, "threads", self->threads);
+    app_json_text(out, "out", table->path);
+    app_result_real(out, "seconds", seconds, NULL);
+}
+
+/* ---- the plot ---- */
+
+/* Writes a block of data: the cells with integrator number i and value number m of M. A curve connects cells
+ * that differ only in their substeps. */
+static void put_block(app_plot *plot, const study_table *table, size_t i, size_t m) {
+    for (size_t c = 0; c < study_cells(table); c++) {
+        if (study_at(table, c, AXIS_INTEGRATOR) != i || study_at(table, c, AXIS_M) != m ||
+            study_at(table, c, AXIS_SUBSTEPS) != 0)
+            continue;
+        app_plot_gap(plot);
+        for (size_t j = 0; j < table->count[AXIS_SUBSTEPS]; j++) {
+            const size_t cell = c + j * table->count[AXIS_INTEGRATOR];
+            const study_summary s = study_summarise(table, cell, STUDY_CELL, STUDY_ANY);
+            if (s.runs > s.failed)
+                APP_PLOT_ROW(plot, 9, s.median[STUDY_SECONDS], s.median[STUDY_E1],
+                             table->value[AXIS_SUBSTEPS][j]);
+        }
+    }
+    app_plot_block(plot);
+}
+
+void study_put(app_plot *plot, const void *of) {
+    const study_table *table = of;
+    const size_t integrators = table->count[AXIS_INTEGRATOR], points = table->count[AXIS_M];
+    app_plot_text(plot, "%d\t%zu\t%zu", table->count[AXIS_SUBSTEPS] > 1, integrators, points);
+    for (size_t i = 0; i < integrators; i++) app_plot_text(plot, "%s", table->integrators[i]->name);
+    for (size_t m = 0; m < points; m++) app_plot_text(plot, "M = %.17g", table->value[AXIS_M][m]);
+    for (size_t i = 0; i < integrators; i++)
+        for (size_t m = 0; m < points; m++) put_block(plot, table, i, m);
 }

@@ -13,8 +13,7 @@ typedef struct adapt_values {
 } adapt_values;
 
 static const lg_field options[] = {
-    LG_OPTION(adapt_values, seconds, REAL, "S", "Length of the beginning that the numbers are fitted to",
-              LG_POSITIVE, .required = true),
+    APP_SECONDS(adapt_values, "Length of the beginning that the numbers are fitted to", .required = true),
     LG_OPTION(adapt_values, numbers, STRING, "NAME,NAME",
               "What may change: offset (a constant force for each velocity), friction (one factor)",
               .value = "offset,friction"),
@@ -23,7 +22,7 @@ static const lg_field options[] = {
         "Rows of the windows that are fitted (default an eighth of the beginning, or those of the training)",
         .low = 2, .high = 1e9),
     IDENTIFY_MODEL_OPTIONS(adapt_values),
-    LG_OPTION(adapt_values, out, STRING, "MODEL.h5", "Write the adapted model", .file = LG_FILE_WRITTEN),
+    APP_OUT(adapt_values, "MODEL.h5", "Write the adapted model", .file = LG_FILE_WRITTEN),
     LG_FIELD_END};
 
 static adapt_values values;

@@ -6,16 +6,6 @@
 #include "lg-identify/identify.h"
 #include "liegrad/minimise.h"
 
-typedef struct check_values {
-    const char *plot;
-} check_values;
-
-static const lg_field options[] = {LG_OPTION(check_values, plot, STRING, "FILE.svg|.png",
-                                             "Draw all columns of the first run", .file = LG_FILE_DRAWN),
-                                   LG_FIELD_END};
-
-static check_values values;
-
 /* ---- excitation ---- */
 
 enum { MOST_SEEN = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
@@ -185,8 +175,8 @@ static void run(app *self) {
     warn_of_gaps(self, &data.logs);
     warn_of_inputs(self, &data);
     lg_machine_warn_of_gauge(self->context, &data.file.machine);
-    if (values.plot != NULL)
-        identify_draw_run(self, values.plot, "First run of the log", &data.file, &data.logs.log,
+    if (app_plot_given.plot != NULL)
+        identify_draw_run(self, app_plot_given.plot, "First run of the log", &data.file, &data.logs.log,
                           identify_first_run(&data.logs), NULL, NULL, NULL);
     report(self, &data);
 }
@@ -198,5 +188,5 @@ const app_command identify_check_command = {
     .details = "If the logs contradict MACHINE.yaml (swapped columns, wrong units, two clocks), the exit "
                "code is 3, and a sentence names file, column and remedy. There is a warning for each "
                "quantity that the logs do not determine.",
-    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
+    APP_DRAWS("all columns of the first run"),
     .run = run};

@@ -8,7 +8,6 @@ typedef struct evaluate_values {
     lg_reals horizons;
     uint64_t every, window, substeps, start_rows;
     int metric;
-    const char *plot;
 } evaluate_values;
 
 enum { METRIC_HORIZONS, METRIC_RELATIVE };
@@ -25,9 +24,6 @@ static const lg_field options[] = {
     LG_OPTION(evaluate_values, metric, NAME, NULL,
               "relative: also the geometric mean over time, then over parts, of |z - z'|/|z + z'| + 1e-8",
               .names = metrics),
-    LG_OPTION(evaluate_values, plot, STRING, "FILE.svg|.png",
-              "Draw the first run, errors against horizons, learned potential and friction",
-              .file = LG_FILE_DRAWN),
     LG_FIELD_END};
 
 static evaluate_values values;
@@ -369,7 +365,7 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
         APP_MUST(self, lg_machine_horizon(&given->model, &logs->log,
                                           shortest * pow(longest / shortest, (double)i / (POINTS - 1)), every,
                                           &curve[i], &error));
-    identify_draw_evaluation(self, values.plot, given, v->q, v->v, curve, POINTS);
+    identify_draw_evaluation(self, app_plot_given.plot, given, v->q, v->v, curve, POINTS);
 }
 
 /* ---- the command ---- */
@@ -392,7 +388,7 @@ static void run(app *self) {
     judge_run(self, &given, &v);
     identify_warn_range(self, &given, NULL, NULL);
     judge_horizons(self, &given, &v);
-    if (values.plot != NULL) draw(self, &given, &v);
+    if (app_plot_given.plot != NULL) draw(self, &given, &v);
     report(self, &given, &v);
 }
 
@@ -406,5 +402,6 @@ const app_command identify_evaluate_command = {
         "stands still and of a linear model v' = A (q, v, u, 1), fitted to the same logs. With positions or "
         "accelerations alone, some rows (--start-rows) estimate the state at each start, for these two "
         "machines too; these rows do not count.",
+    APP_DRAWS("the first run, errors against horizons, learned potential and friction"),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

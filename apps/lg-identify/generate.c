@@ -9,14 +9,14 @@
 #include "machine/files/log_table.h"
 
 typedef struct generate_values {
-    const char *out, *inputs, *plot;
+    const char *out, *inputs;
     lg_reals amplitude, noise, spread;
     double t_end, dt, after_colon; /* after_colon: the number in --inputs NAME:NUMBER; 0: none. */
     uint64_t runs;
 } generate_values;
 
 static const lg_field options[] = {
-    LG_OPTION(generate_values, out, STRING, "LOG.csv", "Write the log", .required = true),
+    APP_OUT(generate_values, "LOG.csv", "Write the log", .required = true),
     LG_OPTION(
         generate_values, inputs, STRING, "multisine[:F]|steps[:S]|none|FILE.csv",
         "What the inputs do (default multisine): sines up to F Hz (default one period in 25 rows), steps "
@@ -34,10 +34,8 @@ static const lg_field options[] = {
               "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",
               .option = "start-spread", LG_ANY_REAL),
     LG_OPTION(generate_values, runs, U64, "n", "Runs", .low = 1, .high = 1e6, .value = "10"),
-    LG_OPTION(generate_values, t_end, REAL, "T", "Length of a run in seconds (default 10, or the file's)",
-              LG_POSITIVE),
+    APP_T_END(generate_values, "Length of a run in seconds (default 10, or the file's)"),
     LG_OPTION(generate_values, dt, REAL, "H", "Seconds from a row to the next", LG_POSITIVE, .value = "0.02"),
-    LG_OPTION(generate_values, plot, STRING, "FILE.svg|.png", "Draw the first run"),
     LG_FIELD_END};
 
 static generate_values values = {.inputs = "multisine"};
@@ -433,7 +431,7 @@ static void run(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(making_end) making m = {.runs = 0};
     const app_path paths[] = {{"out", values.out, LG_FILE_TEXT},
-                              {"plot", values.plot, LG_FILE_DRAWN},
+                              {"plot", app_plot_given.plot, LG_FILE_DRAWN},
                               {"inputs", find_form() < LG_COUNT(forms) ? NULL : values.inputs, LG_FILE_READ}};
     app_check_outputs(self, paths, LG_COUNT(paths));
     APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &m.file, &error));
@@ -448,8 +446,8 @@ static void run(app *self) {
     write_log(self, &m);
     lg_machine_log log = m.made.log;
     log.q = m.run_q, log.v = m.run_v;
-    if (values.plot != NULL)
-        identify_draw_run(self, values.plot, "First run", &m.file, &log, 1, NULL, NULL, NULL);
+    if (app_plot_given.plot != NULL)
+        identify_draw_run(self, app_plot_given.plot, "First run", &m.file, &log, 1, NULL, NULL, NULL);
     report(self, &m);
 }
 
@@ -461,5 +459,6 @@ const app_command identify_generate_command = {
         "SCENE.yaml is a machine file: masses, damping and input map of kind known with their values, "
         "potentials {kind: known, form: ..., of: ..., values: ...}. Starts are drawn around 0 (attitudes: "
         "around 1, directions: around e3) with --start-spread and --seed.",
+    APP_DRAWS("the first run"),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

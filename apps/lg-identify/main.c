@@ -2,8 +2,8 @@
 #include "lg-identify/identify.h"
 
 static const lg_field demo_options[] = {
-    LG_OPTION(app_demo_values, out, STRING, "DIR", "Folder for files and plots", .value = "liegrad-machine"),
-    LG_OPTION(app_demo_values, seconds, REAL, "S", "Time for the fit", LG_POSITIVE, .value = "20"),
+    APP_OUT(app_demo_values, "DIR", "Folder for files and plots", .value = "liegrad-machine"),
+    APP_SECONDS(app_demo_values, "Time for the fit", .value = "20"),
     LG_OPTION(app_demo_values, epochs, U64, "E", "Evaluations of the loss, if the time allows (default 300)",
               .low = 1, .high = 1e6),
     LG_FIELD_END};

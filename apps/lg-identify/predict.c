@@ -7,14 +7,14 @@
 #include "lg-identify/identify.h"
 
 typedef struct predict_values {
-    const char *out, *plot;
+    const char *out;
     uint64_t start, substeps, start_rows;
     bool bands;
 } predict_values;
 
 static const lg_field options[] = {
-    LG_OPTION(predict_values, out, STRING, "FILE.csv", "Write the predicted rows in the columns of the log",
-              .file = LG_FILE_TEXT, .required = true),
+    APP_OUT(predict_values, "FILE.csv", "Write the predicted rows in the columns of the log",
+            .file = LG_FILE_TEXT, .required = true),
     LG_OPTION(predict_values, start, U64, "n",
               "Begin at row n (counted from 0) of each part without a gap, or at the next complete row",
               .high = 1e12),
@@ -22,8 +22,6 @@ static const lg_field options[] = {
     LG_OPTION(
         predict_values, bands, SWITCH, NULL,
         "Add columns NAME.sd: the standard deviation that results from the uncertainty of the parameters"),
-    LG_OPTION(predict_values, plot, STRING, "FILE.svg|.png", "Draw the first run, logged and predicted",
-              .file = LG_FILE_DRAWN),
     LG_FIELD_END};
 
 static predict_values values;
@@ -217,9 +215,10 @@ static void run(app *self) {
     find_starts(self, &p);
     predict(self, &p);
     write_rows(self, &p);
-    if (values.plot != NULL)
-        identify_draw_run(self, values.plot, "First run of the log: logged (thick) and predicted (thin)",
-                          &data->file, &data->logs.log, identify_first_run(&data->logs), p.q, p.v, p.bands);
+    if (app_plot_given.plot != NULL)
+        identify_draw_run(self, app_plot_given.plot,
+                          "First run of the log: logged (thick) and predicted (thin)", &data->file,
+                          &data->logs.log, identify_first_run(&data->logs), p.q, p.v, p.bands);
     report(self, &p);
     if (!p.finite)
         self->code =
@@ -237,5 +236,6 @@ const app_command identify_predict_command = {
         "A run goes from the first complete row of each part without a gap (or from --start) to its end; "
         "with positions or accelerations alone some rows (--start-rows) estimate its start. Columns that "
         "leave the range of the training data are named in warnings.",
+    APP_DRAWS("the first run, logged and predicted"),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

@@ -75,27 +75,14 @@ static const app_command train_command = {
 
 typedef struct predict_values {
     const char *out;
-    lg_reals initial;
-    double t_end, tolerance;
-    uint64_t points;
 } predict_values;
 
 static predict_values values;
 
-static const lg_field predict_options[] = {
-    LG_OPTION(predict_values, initial, REALS, "X,X,...", "The start, in the layout of the model's state",
-              LG_ANY_REAL),
-    LG_OPTION(predict_values, t_end, REAL, "T", "Time of the last point, for a model with a flow",
-              LG_POSITIVE, .value = "1"),
-    LG_OPTION(predict_values, points, U64, "M",
-              "Number of equidistant points of the trajectory, including the start", .low = 2, .high = 1e8,
-              .value = "101"),
-    LG_OPTION(predict_values, tolerance, REAL, "TOL",
-              "Tolerance of the adaptive integration of the learned flow", .low = 1e-14, .high = 1e-2,
-              .value = "1e-10"),
-    LG_OPTION(predict_values, out, STRING, "FILE.csv", "Write the trajectory: the time, then the state",
-              .file = LG_FILE_TEXT),
-    LG_FIELD_END};
+static const lg_field predict_options[] = {APP_OUT(predict_values, "FILE.csv",
+                                                   "Write the trajectory: the time, then the state",
+                                                   .file = LG_FILE_TEXT),
+                                           LG_FIELD_END};
 
 /* Projects the start onto the manifold. Numbers typed by hand are off by rounding; a start that is off by
  * more than 1e-6 is refused. */
@@ -126,17 +113,19 @@ static void write_trajectory(const app *self, const double *t, const double *y, 
 }
 
 static void follow(const app *self, const lg_model *model, double *start, app_json *out) {
-    const size_t points = (size_t)values.points, dim = lg_model_inputs(model);
+    const size_t points = (size_t)flow_given.points, dim = lg_model_inputs(model);
+    const double t_end = flow_given.t_end > 0 ? flow_given.t_end : 1,
+                 tolerance = flow_given.tolerance > 0 ? flow_given.tolerance : 1e-10;
     lg_run_stats stats = {0};
     APP_FREE double *t = app_alloc(points, sizeof *t), *y = app_alloc(points * dim, sizeof *y);
-    for (size_t k = 0; k < points; k++) t[k] = values.t_end * (double)k / (double)(points - 1);
+    for (size_t k = 0; k < points; k++) t[k] = t_end * (double)k / (double)(points - 1);
     project(self, lg_model_space(model), start, dim);
-    app_must(self,
-             app_flow(self->context, model, lg_scheme_find("rkmk54"), values.tolerance, 0, start, t, points,
-                      y, &stats),
-             NULL);
+    app_must(
+        self,
+        app_flow(self->context, model, lg_scheme_find("rkmk54"), tolerance, 0, start, t, points, y, &stats),
+        NULL);
     write_trajectory(self, t, y, points, dim);
-    app_result_real(out, "t", values.t_end, NULL);
+    app_result_real(out, "t", t_end, NULL);
     app_result_reals(out, "y", y + (points - 1) * dim, dim, "the state");
     app_result_size(out, "steps", stats.steps, NULL);
 }
@@ -161,13 +150,13 @@ static void run_predict(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
     APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
-    if (values.initial.count != lg_model_inputs(file.model))
+    if (flow_given.initial.count != lg_model_inputs(file.model))
         app_stop_usage(self, "--initial: %zu numbers are given, but the model takes %zu",
-                       values.initial.count, lg_model_inputs(file.model));
+                       flow_given.initial.count, lg_model_inputs(file.model));
     if (lg_model_space(file.model) == NULL) refuse_flow(self);
     app_json *out = self->out;
-    if (lg_model_outputs(file.model) > 0) calculate(file.model, values.initial.values, out);
-    if (lg_model_space(file.model) != NULL) follow(self, file.model, values.initial.values, out);
+    if (lg_model_outputs(file.model) > 0) calculate(file.model, flow_given.initial.values, out);
+    if (lg_model_space(file.model) != NULL) follow(self, file.model, flow_given.initial.values, out);
 }
 
 /* ---- list ---- */
@@ -202,7 +191,7 @@ APP_PROGRAM(lg_learn) {
          .arguments = "MODEL.h5",
          .summary = "Value of a model, and its trajectory if it has a flow",
          .details = "A model without a flow takes its inputs as --initial.",
-         .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
+         .settings = APP_SETTINGS(FLOW, APP_GIVEN(predict_options, values)),
          .run = run_predict},
         {.name = "list", .summary = "List the recipes", .run = run_list},
         {.run = NULL}};

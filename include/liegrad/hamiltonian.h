@@ -273,20 +273,18 @@ typedef struct lg_first_integral {
     const lg_hamiltonian_family *family; /* The family whose states G takes; NULL: any. */
     bool vectors;                        /* G takes states of chains and of bodies without lines only. */
     uint32_t n;                          /* Number of copies for which G is defined; 0: any number. */
-    bool numbered;                       /* G belongs to one copy, j. */
     int power
         [LG_HAMILTONIAN_MAX_PARTS]; /* Unit of G: (unit of part 1)^power[0] * (unit of part 2)^power[1] ... */
     bool measured; /* `power` does not apply: lg_hamiltonian_integral_unit finds a unit from the data. */
-    /* Records G (B, 1) from the parts y of states in the units of the data; j counts from 0. Errors stick
-     * to the tape. */
-    lg_var (*record)(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j, const lg_var *y);
+    /* Records G (B, 1) from the parts y of states in the units of the data. Errors stick to the tape. */
+    lg_var (*record)(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y);
     void *user; /* First argument of `record`. */
 } lg_first_integral;
 
 /* The table of first integrals (src/hamiltonian/integrals.c):
- *   oscillator                  (q_j^2 + p_j^2)/2, for separable systems in which (q_j, p_j) is an oscillator
+ *   oscillator                  (q_1^2 + p_1^2)/2, for separable systems in which (q_1, p_1) is an oscillator
  *                               that is not coupled to the rest
- *   anharmonic                  (q_j^2 + p_j^2)/2 + q_j^4/4, likewise
+ *   anharmonic                  (q_1^2 + p_1^2)/2 + q_1^4/4, likewise
  *   angular-momentum            q_1 p_2 - q_2 p_1 of two degrees of freedom, for K and V that do not change
  *                               when the plane is rotated
  *   vertical-angular-momentum   sum e3.pi + sum_i e3.(q_i x p_i) of chains, and of bodies without lines,
@@ -307,13 +305,6 @@ LG_API lg_status lg_first_integral_from(const lg_program *program, const lg_hami
  * times the mean over the batch of sum_j (G(y_j) - G(x))^2. SUM_ABSOLUTE: mu times the sum over the batch
  * of sum_j |2 G(y_j) - 2 G(x)|. */
 typedef enum lg_penalty_form { LG_PENALTY_MEAN_SQUARE, LG_PENALTY_SUM_ABSOLUTE } lg_penalty_form;
-
-/* The points j over which the sums of lg_penalty_form go: increasing numbers in 2..M, where the start x is
- * point 1. A count of 0 means all points. */
-#define LG_PENALTY_POINTS 16
-typedef struct lg_penalty_points {
-    uint32_t count, at[LG_PENALTY_POINTS];
-} lg_penalty_points;
 
 /* The distance D between a predicted point y and a given point z in the loss. The loss is the sum of D^2 over
  * trajectories and points, divided by batch * d * (M - 1), where d is the number of numbers in a state.
@@ -341,8 +332,6 @@ typedef struct lg_hamiltonian_problem {
     lg_penalty_form penalty_form;
     /* G: an entry of the table or your own; NULL: the first entry. */
     const lg_first_integral *penalty_integral;
-    uint32_t penalty_copy; /* j of a numbered G, counted from 1; 0 means 1. */
-    lg_penalty_points penalty_points;
     lg_hamiltonian_distance distance;
     lg_hamiltonian_starts starts;
     /* The factor of the squared differences of part i, in scaled units, in the loss. All 0 means all 1. */
@@ -355,7 +344,7 @@ typedef struct lg_hamiltonian_problem {
 /* Checks a training problem. Errors:
  * - LG_INVALID_ARGUMENT: no model, data, trajectories or scheme; points outside 2..LG_HAMILTONIAN_MAX_POINTS;
  *   N M above 2^32 - 1; substeps 0; dt or penalty out of range or not finite; an unknown penalty_form, kind
- *   of starts or distance; with a penalty: penalty_copy above n, or its points outside 2..M or not increasing
+ *   of starts or distance
  * - LG_UNSUPPORTED: a scheme that cannot be recorded or that projects; a splitting scheme for a family
  *   without force and drift; LG_SCHEME_VARIATIONAL for a family without `ambient`; a first integral that
  *   does not fit the model; geodesic distances on other spaces than R^n and T*S^2, or with a scheme that
@@ -603,8 +592,6 @@ typedef struct lg_hamiltonian_run {
      * `integral` is G (lg_first_integral_from). "": the first entry of the table. */
     char penalty_integral[LG_INTEGRAL_TEXT];
     char penalty_sha256[LG_SHA256_TEXT]; /* Hash of this program's functions and parameters; "": no file. */
-    uint32_t penalty_copy;               /* Counted from 1; 0 means 1. */
-    lg_penalty_points penalty_points;
     lg_hamiltonian_distance distance;
     bool scaled; /* lg_hamiltonian_scale was applied before training. */
     lg_hamiltonian_units units;

@@ -104,10 +104,6 @@ size_t lg_beam_coarse(const lg_beam *beam);
  * between two problems. The result is in `work`. Errors: LG_CANCELLED, LG_OUT_OF_MEMORY; without an error
  * *end tells whether a minimum was found. */
 lg_status lg_beam_follow(const lg_beam *beam, lg_beam_work *work, double step, lg_beam_end *end);
-/* Continuation from the beam `from`, whose solution is in work->theta, to `beam`. Both must have the same
- * n. */
-lg_status lg_beam_continue(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
-                           lg_beam_end *end);
 /* Calls lg_beam_follow; if that finds no minimum, searches from many starts. */
 lg_status lg_beam_solve(const lg_beam *beam, lg_beam_work *work, double step, lg_beam_end *end);
 

@@ -58,8 +58,10 @@ static void predict(const lg_beam *beam, lg_beam_work *w, bool secant) {
     w->theta[n] = beam->last;
 }
 
-lg_status lg_beam_continue(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
-                           lg_beam_end *end) {
+/* Continuation from the beam `from`, whose solution is in work->theta, to `beam`. Both must have the same
+ * n. */
+static lg_status continue_from(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
+                               lg_beam_end *end) {
     const double count = problems_between(from, beam, step);
     *end = LG_BEAM_MINIMUM;
     for (double i = 1.0; i <= count; i += 1.0) {
@@ -89,7 +91,7 @@ lg_status lg_beam_follow(const lg_beam *beam, lg_beam_work *work, double step, l
     work->problems++;
     *end = lg_beam_minimise(&start, work);
     if (*end != LG_BEAM_MINIMUM || memcmp(&start, beam, sizeof start) == 0) return LG_OK;
-    return lg_beam_continue(&start, beam, work, step, end);
+    return continue_from(&start, beam, work, step, end);
 }
 
 /* ---- grids ---- */
@@ -161,7 +163,7 @@ lg_status lg_beam_solve(const lg_beam *beam, lg_beam_work *work, double step, lg
 lg_status lg_beam_next(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
                        lg_beam_end *end) {
     if (from) {
-        LG_TRY(lg_beam_continue(from, beam, work, step, end));
+        LG_TRY(continue_from(from, beam, work, step, end));
         if (*end == LG_BEAM_MINIMUM) return LG_OK;
     }
     return lg_beam_solve(beam, work, step, end);

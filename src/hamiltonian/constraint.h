@@ -62,8 +62,6 @@ void lg_constraint_product(const lg_constraint *constraint, const double *A, con
                            double *out);
 /* x -= G^T (G K G^T)^-1 G K x with G of the work and K (n, n); NULL: the unit matrix. False: singular. */
 bool lg_constraint_clear(const lg_constraint_work *work, const double *K, double *x);
-/* Projects q; work has g and G at the result. */
-lg_status lg_constraint_land(lg_constraint_work *work, double *q, lg_error *error);
 /* Whether a change `moved` of a point whose numbers are at most `size` is rounding error; `before` is the
  * change before. */
 bool lg_constraint_settled(double moved, double before, double size);

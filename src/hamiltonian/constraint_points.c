@@ -210,7 +210,8 @@ bool lg_constraint_settled(double moved, double before, double size) {
            (moved >= 0.25 * before && moved <= 1024.0 * DBL_EPSILON * size);
 }
 
-lg_status lg_constraint_land(lg_constraint_work *work, double *q, lg_error *error) {
+/* Projects q; work has g and G at the result. */
+static lg_status land(lg_constraint_work *work, double *q, lg_error *error) {
     enum { LONGEST = 50 };
     const lg_constraint *c = work->of;
     lg_constraint_view view;
@@ -244,7 +245,7 @@ lg_status lg_constraint_project(const lg_constraint *constraint, double size, do
     double moved[2 * MOST];
     memcpy(moved, state, 2 * n * sizeof *moved);
     LG_TRY(lg_constraint_begin(constraint, size, state, &work, error));
-    lg_status status = lg_constraint_land(&work, moved, error);
+    lg_status status = land(&work, moved, error);
     if (status == LG_OK) status = lg_constraint_view_of(&work, moved, &view, error);
     if (status == LG_OK) {
         (void)lg_constraint_clear(&work, NULL, moved + n); /* the rank is high enough */

@@ -50,21 +50,6 @@ static void put_hidden(void *member, const double *values, uint32_t count) {
     for (uint32_t i = 0; i < count; i++) net->width[i + 1] = (uint32_t)values[i];
 }
 
-/* An empty list means all points; as text it is 0. */
-static uint32_t get_points(const void *member, double *values) {
-    const lg_penalty_points *points = member;
-    const uint32_t count = points->count < LG_PENALTY_POINTS ? points->count : LG_PENALTY_POINTS;
-    values[0] = 0;
-    for (uint32_t i = 0; i < count; i++) values[i] = points->at[i];
-    return count > 0 ? count : 1;
-}
-
-static void put_points(void *member, const double *values, uint32_t count) {
-    lg_penalty_points *points = member;
-    *points = (lg_penalty_points){.count = count == 1 && values[0] == 0 ? 0 : count};
-    for (uint32_t i = 0; i < points->count; i++) points->at[i] = (uint32_t)values[i];
-}
-
 #define HAMILTONIAN(group, name, type, member, ...)                                                          \
     LG_FIELD(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
 const lg_field lg_hamiltonian_fields[] = {
@@ -97,15 +82,6 @@ const lg_field lg_hamiltonian_fields[] = {
         .optional = true, .value = "oscillator",
         .otherwise = LG_CHOSEN ": oscillator, or the first one that fits the system", .unit = "NAME|FILE",
         .file = LG_FILE_READ, .meaning = "The first integral whose change is penalised"),
-    HAMILTONIAN("run", "penalty_copy", U32, penalty_copy, .optional = true, .high = LG_HAMILTONIAN_MAX_COPIES,
-                .value = "0", .unit = "j",
-                .meaning =
-                    "oscillator and anharmonic: number of the degree of freedom, counted from 1; 0 means 1"),
-    HAMILTONIAN("run", "penalty_points", WHOLES, penalty_points, .get = get_points, .put = put_points,
-                .high = LG_HAMILTONIAN_MAX_POINTS, .most = LG_PENALTY_POINTS, .optional = true, .value = "0",
-                .unit = "j,j,...",
-                .meaning = "Numbers of the points where the penalty applies: 2 or more, as point 1 is the "
-                           "start; 0: all points"),
     HAMILTONIAN(
         "run", "penalty_form", NAME, penalty_form,
         LG_NAMES([LG_PENALTY_MEAN_SQUARE] = "text", [LG_PENALTY_SUM_ABSOLUTE] = "published"), .value = "text",
@@ -120,8 +96,8 @@ const lg_field lg_hamiltonian_fields[] = {
                 .meaning =
                     "Scale the potential's last layer before training, towards the forces of the data"),
     HAMILTONIAN(
-        "run", "units", NAME, units,
-        LG_NAMES([LG_UNITS_GIVEN] = "given", [LG_UNITS_DATA] = "data"), .optional = true, REPLACED("given"),
+        "run", "units", NAME, units, LG_NAMES([LG_UNITS_GIVEN] = "given", [LG_UNITS_DATA] = "data"),
+        .optional = true, REPLACED("given"),
         .meaning =
             "Units in which training computes and weighs its loss (given: the units of the data; data: "
             "scales of the data, so that the result does not depend on the units)"),

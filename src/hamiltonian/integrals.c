@@ -6,47 +6,41 @@
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
-/* Column j of x (B, n), as (B, 1). */
-static lg_var column(lg_tape *tape, lg_var x, uint32_t j) {
-    return lg_slice(tape, x, 1, j, 1);
+/* The first column of x (B, n), as (B, 1). */
+static lg_var column(lg_tape *tape, lg_var x) {
+    return lg_slice(tape, x, 1, 0, 1);
 }
 
-/* (q_j^2 + p_j^2)/2 */
-static lg_var oscillator(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
-                         const lg_var *y) {
-    lg_var q = lg_square(tape, column(tape, y[0], j)), p = lg_square(tape, column(tape, y[1], j));
+/* (q_1^2 + p_1^2)/2 */
+static lg_var oscillator(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+    lg_var q = lg_square(tape, column(tape, y[0])), p = lg_square(tape, column(tape, y[1]));
     return lg_scale(tape, lg_add(tape, q, p), 0.5);
 }
 
-/* (q_j^2 + p_j^2)/2 + q_j^4/4 */
-static lg_var anharmonic(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
-                         const lg_var *y) {
-    lg_var quartic = lg_square(tape, lg_square(tape, column(tape, y[0], j)));
-    return lg_add(tape, oscillator(user, tape, vars, j, y), lg_scale(tape, quartic, 0.25));
+/* (q_1^2 + p_1^2)/2 + q_1^4/4 */
+static lg_var anharmonic(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+    lg_var quartic = lg_square(tape, lg_square(tape, column(tape, y[0])));
+    return lg_add(tape, oscillator(user, tape, vars, y), lg_scale(tape, quartic, 0.25));
 }
 
 /* The momenta of symmetries: q_1 p_2 - q_2 p_1, and sum e3.pi + sum_i e3.(q_i x p_i). */
-static lg_var planar_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
-                              const lg_var *y) {
+static lg_var planar_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
     return lg_symmetry_row_of(LG_SYMMETRY_SPHERICAL)->momentum(tape, vars->model, y);
 }
 
-static lg_var vertical_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
-                                const lg_var *y) {
+static lg_var vertical_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
     return lg_symmetry_row_of(LG_SYMMETRY_AXIAL)->momentum(tape, vars->model, y);
 }
 
 static const lg_first_integral integrals[] = {
     {.name = "oscillator",
-     .formula = "(q_j^2 + p_j^2)/2",
+     .formula = "(q_1^2 + p_1^2)/2",
      .family = &lg_hamiltonian_separable,
-     .numbered = true,
      .power = {1, 1},
      .record = oscillator},
     {.name = "anharmonic",
-     .formula = "(q_j^2 + p_j^2)/2 + q_j^4/4",
+     .formula = "(q_1^2 + p_1^2)/2 + q_1^4/4",
      .family = &lg_hamiltonian_separable,
-     .numbered = true,
      .power = {1, 1},
      .record = anharmonic},
     {.name = "angular-momentum",
@@ -86,8 +80,7 @@ bool lg_first_integral_fits(const lg_first_integral *integral, const lg_hamilton
 
 static const char function_name[] = "integral";
 
-static lg_var of_program(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, uint32_t j,
-                         const lg_var *y) {
+static lg_var of_program(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
     const lg_program *program = user;
     const lg_hamiltonian *model = vars->model;
     const lg_space space = lg_hamiltonian_space_of(model->family, model->n);

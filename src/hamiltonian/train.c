@@ -58,22 +58,18 @@ static const lg_first_integral *integral_of(const lg_hamiltonian_problem *proble
 static lg_var conserved(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_hamiltonian_vars *vars,
                         size_t parts, const lg_var *y) {
     const lg_first_integral *integral = integral_of(problem);
-    const uint32_t copy = problem->penalty_copy > 0 ? problem->penalty_copy - 1 : 0;
     lg_var given[LG_HAMILTONIAN_MAX_PARTS];
     for (size_t i = 0; i < parts; i++)
         given[i] = lg_hamiltonian_scaled(tape, y[i], problem->model->scales.part[i]);
-    return integral->record(integral->user, tape, vars, copy, given);
+    return integral->record(integral->user, tape, vars, given);
 }
 
 /* The sum over samples and points of (G(y_j) - G(x))^2, or of 2 |G(y_j) - G(x)|. `y` has the parts of all M
  * points, one point after the other; x is the first point. */
 static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem,
                           const lg_hamiltonian_vars *vars, size_t parts, const lg_var *y) {
-    const lg_penalty_points *listed = &problem->penalty_points;
-    const size_t count = listed->count > 0 ? listed->count : problem->points - 1;
     lg_var at_start = conserved(tape, problem, vars, parts, y), total = LG_NONE;
-    for (size_t i = 0; i < count; i++) {
-        const size_t j = listed->count > 0 ? listed->at[i] - 1 : i + 1;
+    for (size_t j = 1; j < problem->points; j++) {
         lg_var gap = lg_sub(tape, conserved(tape, problem, vars, parts, y + parts * j), at_start);
         lg_var each = problem->penalty_form == LG_PENALTY_MEAN_SQUARE
                           ? lg_square(tape, gap)
@@ -305,13 +301,6 @@ static lg_status check_scheme(const lg_hamiltonian *model, const lg_scheme *sche
     return LG_OK;
 }
 
-static bool increases(const lg_penalty_points *points, size_t most) {
-    if (points->count > LG_PENALTY_POINTS) return false;
-    for (uint32_t i = 0, least = 2; i < points->count; least = points->at[i++] + 1)
-        if (points->at[i] < least || points->at[i] > most) return false;
-    return true;
-}
-
 static lg_status check_penalty(const lg_hamiltonian_problem *problem, lg_error *error) {
     const lg_first_integral *integral = integral_of(problem);
     const lg_hamiltonian *model = problem->model;
@@ -319,12 +308,6 @@ static lg_status check_penalty(const lg_hamiltonian_problem *problem, lg_error *
         return lg_fail(error, LG_UNSUPPORTED,
                        "first integral %s = %s of the penalty does not fit family %s with n = %u",
                        integral->name, integral->formula, model->family->name, model->n);
-    if (integral->numbered && problem->penalty_copy > model->n)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the penalty is on %s number %u, but the model has %u",
-                       model->family->copy, problem->penalty_copy, model->n);
-    if (!increases(&problem->penalty_points, problem->points))
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the points of the penalty must be increasing numbers from 2 to %zu", problem->points);
     return LG_OK;
 }
 

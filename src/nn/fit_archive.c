@@ -10,26 +10,24 @@
 
 typedef struct hyperparameter {
     const char *path;
-    bool real, added; /* added: newer than the file format; not stored if 0, and 0 if missing */
+    bool real;
     union {
         uint64_t whole;
         double real;
     } value;
 } hyperparameter;
 
-#define ROW(name, kind, added, x)                                                                            \
+#define ROW(name, kind, x)                                                                                   \
     {                                                                                                        \
-        "train/options/" name, kind, added, {                                                                \
+        "train/options/" name, kind, {                                                                       \
             x                                                                                                \
         }                                                                                                    \
     }
-#define WHOLE(name, x)      ROW(name, false, false, .whole = (uint64_t)(x))
-#define REAL(name, x)       ROW(name, true, false, .real = (x))
-#define ADDED(name, x)      ROW(name, false, true, .whole = (uint64_t)(x))
-#define ADDED_REAL(name, x) ROW(name, true, true, .real = (x))
+#define WHOLE(name, x) ROW(name, false, .whole = (uint64_t)(x))
+#define REAL(name, x)  ROW(name, true, .real = (x))
 #define PHASE(i)                                                                                             \
-    ADDED("phase_" #i "/method", o->plan.phase[i].method),                                                   \
-        ADDED("phase_" #i "/epochs", o->plan.phase[i].epochs)
+    WHOLE("phase_" #i "/method", o->plan.phase[i].method),                                                   \
+        WHOLE("phase_" #i "/epochs", o->plan.phase[i].epochs)
 _Static_assert(LG_FIT_MAX_PHASES == 4, "the list has a row for each phase");
 #define HYPERPARAMETERS (28 + 2 * LG_FIT_MAX_PHASES)
 
@@ -58,12 +56,12 @@ static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARA
         REAL("weight_decay", o->adam.weight_decay),
         REAL("clip_norm", o->clip_norm),
         REAL("validation", o->validation),
-        ADDED("validation_samples", fit->problem.validation),
-        ADDED_REAL("prior", o->prior),
-        ADDED("restarts", o->restarts),
-        ADDED("shards_by_work", fit->by_work),
-        ADDED("plans", fit->plans),
-        ADDED("phases", o->plan.phases),
+        WHOLE("validation_samples", fit->problem.validation),
+        REAL("prior", o->prior),
+        WHOLE("restarts", o->restarts),
+        WHOLE("shards_by_work", fit->by_work),
+        WHOLE("plans", fit->plans),
+        WHOLE("phases", o->plan.phases),
         PHASE(0),
         PHASE(1),
         PHASE(2),
@@ -72,16 +70,17 @@ static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARA
     memcpy(out, list, sizeof list);
 }
 
-/* A run goes on as it began, by plans or on the tape, so that a resumed run has the same bits. Runs saved by
- * versions without plans went on the tape. */
+/* A run goes on as it began, by plans or on the tape, so that a resumed run has the same bits. */
 static lg_status load_plans(lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
-    const char *path = "train/options/plans";
     uint64_t stored = 0;
-    const lg_status status = reader->array(reader->user, path, LG_ELEMENT_U64, 0, NULL, &stored);
-    if (status != LG_OK && status != LG_NOT_FOUND)
-        return lg_fail(error, status, "%s: %s", path, lg_status_sentence(status));
+    LG_TRY(lg_stored_load(reader, &(lg_stored){"train/options/plans", LG_ELEMENT_U64, .data = &stored}, 1,
+                          error));
     fit->plans = stored == 1 && fit->problem.repeats;
     return LG_OK;
+}
+
+static lg_stored row_of(hyperparameter *h) {
+    return (lg_stored){h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64, .data = &h->value};
 }
 
 static lg_status check_hyperparameters(const lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
@@ -89,13 +88,8 @@ static lg_status check_hyperparameters(const lg_fit *fit, const lg_archive_reade
     list_hyperparameters(fit, list);
     for (const hyperparameter *h = list; h < list + HYPERPARAMETERS; h++) {
         hyperparameter stored = *h;
-        lg_status status = reader->array(reader->user, h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64, 0,
-                                         NULL, &stored.value);
-        if (status == LG_NOT_FOUND && h->added) {
-            stored.value.whole = 0;
-            status = LG_OK;
-        }
-        if (status != LG_OK) return lg_fail(error, status, "%s: %s", h->path, lg_status_sentence(status));
+        const lg_stored row = row_of(&stored);
+        LG_TRY(lg_stored_load(reader, &row, 1, error));
         if (h->real && !(stored.value.real == h->value.real))
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "%s was %.17g in the saved run and is %.17g in this one", h->path,
@@ -172,9 +166,7 @@ lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_err
     hyperparameter list[HYPERPARAMETERS];
     list_hyperparameters(fit, list);
     for (hyperparameter *h = list; h < list + HYPERPARAMETERS; h++) {
-        const bool left_out = h->added && h->value.whole == 0;
-        const lg_stored row = {h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64,
-                               .data = left_out ? NULL : &h->value};
+        const lg_stored row = row_of(h);
         LG_TRY(lg_stored_save(writer, &row, 1, error));
     }
     LG_TRY(lg_stored_save(writer, items, LG_COUNT(items), error));

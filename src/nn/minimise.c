@@ -169,7 +169,8 @@ double lg_largest(const double *x, size_t n) {
     return top;
 }
 
-double lg_minimise_gradient_size(const lg_minimiser *m) {
+/* max |g_i| in the caller's units. */
+static double gradient_size(const lg_minimiser *m) {
     double top = 0.0;
     for (size_t i = 0; m->unit != NULL && i < m->n && !isnan(top); i++) {
         const double g = fabs(m->g[i]) / m->unit[i] * m->value_unit;
@@ -179,7 +180,7 @@ double lg_minimise_gradient_size(const lg_minimiser *m) {
 }
 
 bool lg_minimise_flat(const lg_minimiser *m) {
-    return lg_minimise_gradient_size(m) <= m->options.gradient_tolerance;
+    return gradient_size(m) <= m->options.gradient_tolerance;
 }
 
 double lg_minimise_rounding(const lg_minimiser *m) {
@@ -491,5 +492,5 @@ lg_minimise_result lg_minimiser_result(const lg_minimiser *m) {
                                 .evaluations = m->counts.evaluations,
                                 .iterations = m->counts.iterations,
                                 .value = m->counts.evaluations > 0 ? m->numbers.value : (double)NAN,
-                                .gradient = lg_minimise_gradient_size(m)};
+                                .gradient = gradient_size(m)};
 }

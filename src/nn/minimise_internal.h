@@ -137,8 +137,6 @@ bool lg_minimise_creeps(lg_minimiser *m);
 /* Whether another Newton step pays after one that lowered f by `fall`: by more than a tenth of f, and the
  * Hessian was positive semidefinite. */
 bool lg_minimise_newton_pays(const lg_minimiser *m, double fall);
-/* max |g_i| in the caller's units. */
-double lg_minimise_gradient_size(const lg_minimiser *m);
 /* Begins a line search from x along d, with the first step alpha; along -g if d is no descent direction. */
 void lg_minimise_search(lg_minimiser *m, double alpha);
 

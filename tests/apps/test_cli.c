@@ -413,8 +413,9 @@ TEST("a penalty on a quantity that the data do not conserve causes a warning; no
             "generate coupled.yaml --trajectories 400 --points 6 --t-end 1 --noise %s --out coupled.h5",
             noise[i]);
         cli_expect(lg, generate, 0, "");
-        cli_expect(lg, "train coupled.h5 --penalty 1 --penalty-copy 2 --epochs 2 --out p.h5", 0, "");
-        assert_says(result.err, "do not conserve oscillator");
+        cli_expect(lg, "train coupled.h5 --penalty 1 --penalty-integral anharmonic --epochs 2 --out p.h5", 0,
+                   "");
+        assert_says(result.err, "do not conserve anharmonic");
         cli_expect(lg, "train coupled.h5 --penalty 1 --epochs 2 --out p.h5", 0, "");
         assert_null(strstr(result.err, "conserve"));
     }

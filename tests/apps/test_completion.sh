@@ -27,7 +27,7 @@ expect() {
 expect 'train' lg-hamiltonian tr
 expect 'demo evaluate generate predict study train' lg-hamiltonian ''
 expect 'evaluate' lg-hamiltonian --seed 3 ev
-expect '--penalty-copy= --penalty-form= --penalty-integral= --penalty-points= --penalty=' lg-hamiltonian train --pen
+expect '--penalty-form= --penalty-integral= --penalty=' lg-hamiltonian train --pen
 expect '--json' lg-hamiltonian --js
 expect 'cf32a cf32b cf4 cf43' lg-hamiltonian train --integrator = cf
 expect 'cf32a cf32b cf4 cf43' lg-hamiltonian train --integrator cf

@@ -61,7 +61,6 @@ static const char *const defaults[][2] = {
     {"schedule", "presets"},
     {"shards", "presets"},
     {"substeps", "of data, of a machine, of its model"},
-    {"tolerance", "of any model, of Hamiltonians, where linear potentials have another"},
     {"weight-decay", "presets"},
 };
 

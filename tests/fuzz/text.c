@@ -162,26 +162,22 @@ void fuzz_trials(const uint8_t *data, size_t size) {
 }
 
 void fuzz_study(const uint8_t *data, size_t size) {
-    static study_plan plan;
-    if (plan.repeats == 0) {
-        plan.repeats = 2;
-        study_axis_add(&plan.axes[AXIS_INTEGRATOR], "cf4", 0);
-        study_axis_add(&plan.axes[AXIS_INTEGRATOR], "euler", 0);
-        study_axis_add(&plan.axes[AXIS_N], NULL, 10);
-        study_axis_add(&plan.axes[AXIS_N], NULL, 20.5);
-        static const uint32_t single[] = {AXIS_SUBSTEPS, AXIS_M, AXIS_EPS, AXIS_PENALTY};
-        for (size_t i = 0; i < LG_COUNT(single); i++) study_axis_add(&plan.axes[single[i]], NULL, (double)i);
-        study_set_protocol(&plan, "fuzz");
+    const lg_scheme *const integrators[] = {lg_scheme_find("cf4"), lg_scheme_find("euler")};
+    study_table table = {.count = {[AXIS_INTEGRATOR] = 2, [AXIS_N] = 2},
+                         .value = {[AXIS_N] = {10, 20.5}},
+                         .integrators = integrators,
+                         .repeats = 2};
+    static const int single[] = {AXIS_SUBSTEPS, AXIS_M, AXIS_EPS, AXIS_PENALTY};
+    for (size_t i = 0; i < LG_COUNT(single); i++) {
+        table.count[single[i]] = 1;
+        table.value[single[i]][0] = (double)i;
     }
+    study_set_protocol(&table, "fuzz");
     lg_error error = {LG_OK, ""};
-    study_table table;
-    const lg_status status = study_table_open(fuzz_file(data, size), &plan, &table, &error);
+    const lg_status status = study_table_open(&table, fuzz_file(data, size), &error);
     refused(status, &error);
-    if (status != LG_OK) return;
-    for (size_t i = 0; i < study_cells(&plan); i++) {
-        const study_row cell = study_run_at(&plan, i);
-        if (study_summarise(&table, &cell, study_cell_axes, AXES, STUDY_ANY).runs > plan.repeats) abort();
-    }
+    for (size_t i = 0; status == LG_OK && i < study_cells(&table); i++)
+        if (study_summarise(&table, i, STUDY_CELL, STUDY_ANY).runs > table.repeats) abort();
     study_table_close(&table);
 }
 

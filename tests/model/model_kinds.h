@@ -61,8 +61,6 @@ static inline lg_hamiltonian_run make_hamiltonian_run(size_t which) {
                               .penalty = 0.125,
                               .penalty_form = LG_PENALTY_SUM_ABSOLUTE,
                               .penalty_integral = "anharmonic",
-                              .penalty_copy = 2,
-                              .penalty_points = {2, {2, 5}},
                               .distance = LG_DISTANCE_GEODESIC,
                               .training = {.dtype = e->dtype,
                                            .epochs = 100,

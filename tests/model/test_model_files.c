@@ -453,7 +453,6 @@ TEST("a model that could not be read back is not saved") {
     REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.net.width[0]++);
     REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.scales.time = 0.0);
     REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.model.scales.part[0] = 2.0);
-    REFUSED(KIND_HAMILTONIAN, h, LG_INVALID_ARGUMENT, hf->run.penalty_points.count = LG_PENALTY_POINTS + 1);
     lg_surrogate_file *sf = &s.surrogate;
     REFUSED(KIND_SURROGATE, s, LG_INVALID_ARGUMENT, sf->parameters++);
     REFUSED(KIND_SURROGATE, s, LG_NOT_FINITE, sf->train_mse = NAN);

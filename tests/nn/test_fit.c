@@ -406,13 +406,11 @@ TEST("a validation part that the problem defines is saved, compared and loaded")
     assert_non_null(strstr(error.message, "validation part"));
     assert_same_fits(whole, fit);
 
-    /* Without a validation part of the problem, the state does not contain validation_samples. It is then the
-     * same as the states of versions that had no such parts. */
+    /* A state without a validation part of the problem. */
     r.validation = 0;
     fit = regression_fit(NULL, &r, &o);
     run_fit(fit);
     archive = state_of(fit);
-    assert_null(memory_find(&archive, "train/options/validation_samples"));
     lg_fit *old = regression_fit(NULL, &r, &o);
     load_state(old, &archive);
     r.validation = OWN;

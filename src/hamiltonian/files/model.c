@@ -68,8 +68,6 @@ static lg_status make(void *user, lg_error *why) {
     lg_hamiltonian *model = &run->model;
     const lg_hamiltonian read = *model;
     if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
-    if (run->penalty_points.count > LG_PENALTY_POINTS)
-        return lg_fail(why, LG_INVALID_ARGUMENT, "/run: attribute penalty_points is too long");
     const lg_status status =
         lg_hamiltonian_init(model, read.family, read.n, read.potential, read.net.width + 1,
                             hidden_layers(&read), read.net.activation);

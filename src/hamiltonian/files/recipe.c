@@ -119,8 +119,6 @@ static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg
                                     .penalty = run->penalty,
                                     .penalty_form = run->penalty_form,
                                     .penalty_integral = lg_penalty_named(run),
-                                    .penalty_copy = run->penalty_copy,
-                                    .penalty_points = run->penalty_points,
                                     .distance = run->distance,
                                     .starts = run->starts,
                                     .trajectories = data->count,
@@ -207,8 +205,7 @@ static bool has_network(const lg_training *self) {
 /* Refuses options that have no effect without another option. */
 static lg_status check_options(const lg_training *self, lg_error *error) {
     static const char *const of_network[] = {"hidden", "activation", "prior"};
-    static const char *const of_penalty[] = {"penalty-integral", "penalty-copy", "penalty-points",
-                                             "penalty-form"};
+    static const char *const of_penalty[] = {"penalty-integral", "penalty-form"};
     const lg_hamiltonian_run *run = self->run;
     char potential[LG_FIELD_TEXT_SIZE];
     lg_field_show(lg_field_find(lg_hamiltonian_fields, "potential"), run, potential, sizeof potential);
