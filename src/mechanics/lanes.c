@@ -4,6 +4,7 @@
 #define LG_KERNEL_f64
 #include <string.h>
 
+#include "core/portions.h"
 #include "integrators/event_search.h"
 #include "integrators/groups.h"
 #include "integrators/lanes.h"
