@@ -6,35 +6,15 @@
 
 /* ---- which methods apply ---- */
 
-static bool on_cotangent_group(const simulation *sim) {
-    const lg_space *space = lg_system_space(sim->system);
-    if (space->factor[0].kind != LG_SPACE_SE3 || space->factor[0].count != 1) return false;
-    return space->factors == 1 ||
-           (space->factors == 2 && space->factor[1].kind == LG_SPACE_RN && space->factor[1].count % 2 == 0);
-}
-
-static bool has_variational_step(const simulation *sim) {
-    return sim->ode[LG_COORDINATES_LIE].step != NULL || sim->ode[LG_COORDINATES_AMBIENT].step != NULL;
-}
-
-static bool is_separable(const simulation *sim) {
-    return lg_system_separable(sim->system);
-}
-
-/* What each kind of scheme requires of the system. A kind without a row applies to all systems. */
-static const struct {
-    bool (*fits)(const simulation *sim);
-    const char *reason;
-} demands[LG_SCHEME_KINDS] = {
-    [LG_SCHEME_SPLITTING] = {is_separable, "it splits H = K(p) + V(q), and the system is not separable"},
-    [LG_SCHEME_SLGI] = {on_cotangent_group,
-                        "it needs a system on the cotangent bundle of SO(3): heavy-top, form cotangent or "
-                        "quadratic"},
-    [LG_SCHEME_VARIATIONAL] = {has_variational_step, "the system defines no discrete Lagrangian"}};
-
 const char *method_obstacle(const simulation *sim, const lg_scheme *scheme) {
-    if (demands[scheme->kind].fits == NULL || demands[scheme->kind].fits(sim)) return NULL;
-    return demands[scheme->kind].reason;
+    /* Why a scheme of this kind does not apply; NULL: it applies to all systems. */
+    static const char *const reasons[LG_SCHEME_KINDS] = {
+        [LG_SCHEME_SPLITTING] = "it splits H = K(p) + V(q), and the system is not separable",
+        [LG_SCHEME_SLGI] = "it needs a system on the cotangent bundle of SO(3): heavy-top, form cotangent or "
+                           "quadratic",
+        [LG_SCHEME_VARIATIONAL] = "the system defines no discrete Lagrangian"};
+    const bool fits = lg_stepper_size(scheme, &sim->ode[lg_system_coordinates_for(scheme)]) > 0;
+    return fits ? NULL : reasons[scheme->kind];
 }
 
 /* Names of the methods: all, or only those that apply to the system (`applicable`), or that have adaptive

@@ -32,6 +32,16 @@ static double nan_in(size_t n, const double *y) {
     return found ? NAN : 0.0;
 }
 
+/* NAME calls ONE for each copy. One copy of `a`, `b` and `out` has A, B and OUT numbers. */
+#define EACH(NAME, ONE, A, B, OUT)                                                                           \
+    static void NAME(size_t count, const double *a, const double *b, double *out) {                          \
+        for (size_t i = 0; i < count; i++) ONE(a + (A)*i, b + (B)*i, out + (OUT)*i);                         \
+    }
+#define EACH_IN_PLACE(NAME, ONE, N)                                                                          \
+    static void NAME(size_t count, const double *y, double *g) {                                             \
+        for (size_t i = 0; i < count; i++) ONE(y + (N)*i, g + (N)*i);                                        \
+    }
+
 /* ---- R^n ---- */
 
 static void rn_act(size_t count, const double *a, const double *y, double *out) {
@@ -45,35 +55,19 @@ static void rn_generator(size_t count, const double *a, const double *y, double 
 static void free_project(size_t count, double *y) {
 }
 
-static double rn_manifold_error(size_t count, const double *y) {
-    return nan_in(count, y);
-}
-
-static double rn_angle(size_t count, const double *a) {
-    return nan_in(count, a);
-}
-
 static void free_gradient(size_t count, const double *y, double *g) {
 }
 
 /* ---- algebras so(3) and se(3), shared by several spaces ---- */
 
-static void so3_bracket(size_t count, const double *a, const double *b, double *out) {
-    for (size_t i = 0; i < count; i++) lg_cross3(a + 3 * i, b + 3 * i, out + 3 * i);
-}
-
-static void so3_dexpinv(size_t count, const double *a, const double *b, double *out) {
-    for (size_t i = 0; i < count; i++) lg_so3_dexpinv(a + 3 * i, b + 3 * i, out + 3 * i);
-}
+EACH(so3_bracket, lg_cross3, 3, 3, 3)
+EACH(so3_dexpinv, lg_so3_dexpinv, 3, 3, 3)
+EACH(se3_bracket, lg_se3_bracket, 6, 6, 6)
 
 static double so3_angle(size_t count, const double *a) {
     double w = 0.0;
     for (size_t i = 0; i < count; i++) w = worse(w, lg_dot3(a + 3 * i, a + 3 * i));
     return sqrt(w);
-}
-
-static void se3_bracket(size_t count, const double *a, const double *b, double *out) {
-    for (size_t i = 0; i < count; i++) lg_se3_bracket(a + 6 * i, b + 6 * i, out + 6 * i);
 }
 
 static void se3_dexpinv(size_t count, const double *a, const double *b, double *out) {
@@ -90,9 +84,7 @@ static void ts2_act(size_t count, const double *a, const double *y, double *out)
     lg_kernels_for(LG_F64)->se3_act(count, a, y, out);
 }
 
-static void ts2_generator(size_t count, const double *a, const double *y, double *out) {
-    for (size_t i = 0; i < count; i++) lg_se3_generator(a + 6 * i, y + 6 * i, out + 6 * i);
-}
+EACH(ts2_generator, lg_se3_generator, 6, 6, 6)
 
 static void ts2_project(size_t count, double *y) {
     for (size_t i = 0; i < count; i++, y += 6) {
@@ -114,19 +106,18 @@ static double ts2_manifold_error(size_t count, const double *y) {
 
 /* The constraints |q|^2/2 and q.p have the gradients (q, 0) and (p, q). Subtracts from g its orthogonal
  * projection onto their span. */
-static void ts2_gradient(size_t count, const double *y, double *g) {
-    for (size_t i = 0; i < count; i++, y += 6, g += 6) {
-        const double *q = y, *p = y + 3;
-        const double a11 = lg_dot3(q, q), a12 = lg_dot3(q, p), a22 = a11 + lg_dot3(p, p);
-        const double b1 = lg_dot3(q, g), b2 = lg_dot3(p, g) + lg_dot3(q, g + 3);
-        const double det = a11 * a22 - a12 * a12;
-        const double x1 = (a22 * b1 - a12 * b2) / det, x2 = (a11 * b2 - a12 * b1) / det;
-        for (int j = 0; j < 3; j++) {
-            g[j] -= x1 * q[j] + x2 * p[j];
-            g[3 + j] -= x2 * q[j];
-        }
+static void sphere_gradient(const double *q, double *g) {
+    const double *p = q + 3;
+    const double a11 = lg_dot3(q, q), a12 = lg_dot3(q, p), a22 = a11 + lg_dot3(p, p);
+    const double b1 = lg_dot3(q, g), b2 = lg_dot3(p, g) + lg_dot3(q, g + 3);
+    const double det = a11 * a22 - a12 * a12;
+    const double x1 = (a22 * b1 - a12 * b2) / det, x2 = (a11 * b2 - a12 * b1) / det;
+    for (int j = 0; j < 3; j++) {
+        g[j] -= x1 * q[j] + x2 * p[j];
+        g[3 + j] -= x2 * q[j];
     }
 }
+EACH_IN_PLACE(ts2_gradient, sphere_gradient, 6)
 
 /* The tangent vectors e_1 and e_2 at q, as defined in liegrad/integrators.h. */
 static void frame_at(const double *q, double e[2][3]) {
@@ -239,9 +230,7 @@ static void so3_act(size_t count, const double *a, const double *y, double *out)
     }
 }
 
-static void so3_generator(size_t count, const double *a, const double *y, double *out) {
-    for (size_t i = 0; i < count; i++) hat_multiply(a + 3 * i, y + SO3_STATE * i, out + SO3_STATE * i);
-}
+EACH(so3_generator, hat_multiply, 3, SO3_STATE, SO3_STATE)
 
 static void se3_act(size_t count, const double *a, const double *y, double *out) {
     for (size_t i = 0; i < count; i++, a += 6, y += SE3_STATE, out += SE3_STATE) {
@@ -287,13 +276,8 @@ static double se3_manifold_error(size_t count, const double *y) {
     return error;
 }
 
-static void so3_gradient(size_t count, const double *y, double *g) {
-    for (size_t i = 0; i < count; i++) rotation_gradient(y + SO3_STATE * i, g + SO3_STATE * i);
-}
-
-static void se3_gradient(size_t count, const double *y, double *g) {
-    for (size_t i = 0; i < count; i++) rotation_gradient(y + SE3_STATE * i, g + SE3_STATE * i);
-}
+EACH_IN_PLACE(so3_gradient, rotation_gradient, SO3_STATE)
+EACH_IN_PLACE(se3_gradient, rotation_gradient, SE3_STATE)
 
 /* dR = R hat(c), so column j of dR is R (c x e_j). */
 static void so3_basis(const double *R, size_t stride, double *directions) {
@@ -324,14 +308,8 @@ static void rotation_lift(const double *R, const double *dR, double *u) {
     for (int i = 0; i < 3; i++) u[i] = R[3 * i] * c[0] + R[3 * i + 1] * c[1] + R[3 * i + 2] * c[2];
 }
 
-static void so3_coordinates(size_t count, const double *y, const double *vector, double *c) {
-    for (size_t i = 0; i < count; i++)
-        rotation_coordinates(y + SO3_STATE * i, vector + SO3_STATE * i, c + 3 * i);
-}
-
-static void so3_lift(size_t count, const double *y, const double *vector, double *a) {
-    for (size_t i = 0; i < count; i++) rotation_lift(y + SO3_STATE * i, vector + SO3_STATE * i, a + 3 * i);
-}
+EACH(so3_coordinates, rotation_coordinates, SO3_STATE, SO3_STATE, 3)
+EACH(so3_lift, rotation_lift, SO3_STATE, SO3_STATE, 3)
 
 static void se3_basis(const double *y, size_t stride, double *directions) {
     for (size_t i = 0; i < SE3_STATE; i++) memset(directions + stride * i, 0, 6 * sizeof *directions);
@@ -412,10 +390,6 @@ static void so3_dual_act(size_t count, const double *a, const double *y, double 
     }
 }
 
-static void so3_dual_generator(size_t count, const double *a, const double *y, double *out) {
-    so3_bracket(count, a, y, out);
-}
-
 static double so3_dual_manifold_error(size_t count, const double *y) {
     return nan_in(3 * count, y);
 }
@@ -439,8 +413,8 @@ static double se3_dual_manifold_error(size_t count, const double *y) {
 /* ---- the table ---- */
 
 static const lg_space_entry rows[LG_SPACE_KINDS] = {
-    [LG_SPACE_RN] = {"R^n", 1, 1, true, rn_act, rn_generator, NULL, NULL, free_project, rn_manifold_error,
-                     rn_angle, .tangent = 1},
+    [LG_SPACE_RN] = {"R^n", 1, 1, true, rn_act, rn_generator, NULL, NULL, free_project, nan_in, nan_in,
+                     .tangent = 1},
     [LG_SPACE_TS2] = {"T*S^2", 6, 6, false, ts2_act, ts2_generator, se3_bracket, se3_dexpinv, ts2_project,
                       ts2_manifold_error, se3_angle, 4, ts2_basis, ts2_coordinates, ts2_lift, ts2_act},
     [LG_SPACE_SO3] = {"SO(3)", SO3_STATE, 3, false, so3_act, so3_generator, so3_bracket, so3_dexpinv,
@@ -449,7 +423,7 @@ static const lg_space_entry rows[LG_SPACE_KINDS] = {
     [LG_SPACE_SE3] = {"SE(3)", SE3_STATE, 6, false, se3_act, se3_generator, se3_bracket, se3_dexpinv,
                       se3_project, se3_manifold_error, se3_angle, 6, se3_basis, se3_coordinates, se3_lift,
                       se3_carry},
-    [LG_SPACE_SO3_DUAL] = {"so(3)*", 3, 3, false, so3_dual_act, so3_dual_generator, so3_bracket, so3_dexpinv,
+    [LG_SPACE_SO3_DUAL] = {"so(3)*", 3, 3, false, so3_dual_act, so3_bracket, so3_bracket, so3_dexpinv,
                            free_project, so3_dual_manifold_error, so3_angle, .tangent = 3},
     [LG_SPACE_SE3_DUAL] = {"se(3)*", 6, 6, false, se3_dual_act, ts2_generator, se3_bracket, se3_dexpinv,
                            free_project, se3_dual_manifold_error, se3_angle, .tangent = 6},

@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "core/portions.h"
 #include "kernels/kernels.h"
 
 /* ---- memory ---- */
@@ -66,62 +67,44 @@ static lg_status check(const lg_scheme *scheme, const lg_ode *ode) {
     return ode->manifold.dim == ode->space.dim ? LG_OK : LG_INVALID_ARGUMENT;
 }
 
-/* Hands out parts of a block of memory, aligned to 64 bytes. If base is NULL, it only counts the doubles. */
-typedef struct lg_carver {
-    double *base;
-    size_t used;
-} lg_carver;
-
-static size_t in_blocks(size_t doubles) {
-    return (doubles + LG_K_STAGE_BLOCK - 1) / LG_K_STAGE_BLOCK * LG_K_STAGE_BLOCK;
-}
-
-static double *carve(lg_carver *carver, size_t doubles) {
-    double *part = carver->base ? carver->base + carver->used : NULL;
-    carver->used += in_blocks(doubles);
-    return part;
-}
-
-#define STEPPER_DOUBLES                                                                                      \
-    ((sizeof(lg_stepper) + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT / sizeof(double))
-
-static void lay_out_newton(lg_newton *newton, lg_carver *carver, size_t m) {
+static void lay_out_newton(lg_newton *newton, lg_portions *from, size_t m) {
     double **const vectors[] = {&newton->z,    &newton->trial, &newton->residual,
                                 &newton->step, &newton->next,  &newton->scale};
-    for (size_t i = 0; i < LG_COUNT(vectors); i++) *vectors[i] = carve(carver, m);
-    newton->jacobian = carve(carver, m * m);
-    newton->pivot = (size_t *)(void *)carve(carver, m); /* a size_t is not larger than a double */
+    for (size_t i = 0; i < LG_COUNT(vectors); i++) *vectors[i] = lg_portion(from, m, sizeof(double));
+    newton->jacobian = lg_portion(from, m * m, sizeof(double));
+    newton->pivot = lg_portion(from, m, sizeof(size_t));
 }
 
-static void lay_out_tolerance(lg_tolerance *tol, lg_carver *carver, size_t n) {
+static void lay_out_tolerance(lg_tolerance *tol, lg_portions *from, size_t n) {
     double **const parts[] = {&tol->atol, &tol->size, &tol->tried, &tol->noise};
-    for (size_t i = 0; i < LG_COUNT(parts); i++) *parts[i] = carve(carver, n);
-    tol->end = (size_t *)(void *)carve(carver, n); /* a size_t is not larger than a double */
+    for (size_t i = 0; i < LG_COUNT(parts); i++) *parts[i] = lg_portion(from, n, sizeof(double));
+    tol->end = lg_portion(from, n, sizeof(size_t));
 }
 
-static size_t lay_out(lg_stepper *s, double *memory, const lg_scheme *scheme, const lg_space *space) {
+static size_t lay_out(lg_stepper *s, void *memory, const lg_scheme *scheme, const lg_space *space) {
     const lg_step_form *form = form_of(scheme, space);
-    lg_carver carver = {memory, STEPPER_DOUBLES};
-    const size_t stages = (size_t)scheme->stages, block = 6 * (size_t)LG_SE3_BLOCK;
+    lg_portions from = {memory, 0};
+    const size_t stages = (size_t)scheme->stages, one = sizeof(double), block = 6 * (size_t)LG_SE3_BLOCK;
     size_t n = space->dim, m = space->algebra_dim;
     if (form->packed) n = m = (m + block - 1) / block * block;
-    s->row_stride = in_blocks(m);
-    s->k = carve(&carver, stages * s->row_stride);
-    s->sigma = carve(&carver, m);
-    s->bracket = carve(&carver, m);
-    s->point = carve(&carver, form->points ? stages * n : n);
-    s->y_next = carve(&carver, n);
-    s->error = carve(&carver, n);
+    s->row_stride = (m + LG_K_STAGE_BLOCK - 1) / LG_K_STAGE_BLOCK * LG_K_STAGE_BLOCK;
+    (void)lg_portion(&from, 1, sizeof *s);
+    s->k = lg_portion(&from, stages * s->row_stride, one);
+    s->sigma = lg_portion(&from, m, one);
+    s->bracket = lg_portion(&from, m, one);
+    s->point = lg_portion(&from, form->points ? stages * n : n, one);
+    s->y_next = lg_portion(&from, n, one);
+    s->error = lg_portion(&from, n, one);
     for (int i = 0; i < 2; i++) {
-        s->memo[i].y = carve(&carver, n);
-        s->memo[i].value = carve(&carver, m);
-        s->run[i] = carve(&carver, n);
-        for (int j = 0; j < 2; j++) s->memo[i].packed[j] = form->packed ? carve(&carver, m) : NULL;
+        s->memo[i].y = lg_portion(&from, n, one);
+        s->memo[i].value = lg_portion(&from, m, one);
+        s->run[i] = lg_portion(&from, n, one);
+        for (int j = 0; j < 2; j++) s->memo[i].packed[j] = form->packed ? lg_portion(&from, m, one) : NULL;
     }
-    s->most = form->packed ? carve(&carver, LG_SE3_BLOCK) : NULL;
-    if (scheme->embedded_order > 0) lay_out_tolerance(&s->tolerance, &carver, space->dim);
-    if (form->newton) lay_out_newton(&s->newton, &carver, m);
-    return carver.used * sizeof(double);
+    s->most = form->packed ? lg_portion(&from, LG_SE3_BLOCK, one) : NULL;
+    if (scheme->embedded_order > 0) lay_out_tolerance(&s->tolerance, &from, space->dim);
+    if (form->newton) lay_out_newton(&s->newton, &from, m);
+    return from.used;
 }
 
 size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode) {
@@ -132,8 +115,8 @@ size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode) {
 lg_status lg_stepper_init(const lg_scheme *scheme, const lg_ode *ode, lg_stepper **out, void *memory,
                           size_t bytes) {
     LG_TRY(check(scheme, ode));
-    if (!memory || !out || (uintptr_t)memory % LG_ALIGNMENT != 0 || bytes < lg_stepper_size(scheme, ode))
-        return LG_INVALID_ARGUMENT;
+    if (!out) return LG_INVALID_ARGUMENT;
+    LG_TRY(lg_portions_check(memory, bytes, lg_stepper_size(scheme, ode), NULL));
     lg_stepper *s = memory;
     memset(memory, 0, lg_stepper_size(scheme, ode)); /* also zeroes the padding at the end of each row */
     *s = (lg_stepper){.scheme = scheme, .form = form_of(scheme, &ode->space), .ode = *ode};

@@ -5,10 +5,6 @@
 #include <string.h>
 
 #include "liegrad/geometry.h"
-#include "mechanics/fields/scalars.h"
-
-typedef lg_chain chain_numbers;
-#include "mechanics/fields/chain.inc"
 
 static const double one = 1.0;
 
@@ -44,17 +40,6 @@ void lg_chain_prepare(lg_system *system, double *constants) {
         c.w[i] = (1.0 / m + above) / (length * length);
         c.w_next[i] = i + 1 < c.links ? -1.0 / (m * length * c.length[i + 1]) : 0.0;
     }
-}
-
-/* ---- tridiagonal systems ---- */
-
-lg_status lg_tridiagonal_factor(size_t k, double *d, double *e) {
-    tridiagonal_factor_of(k, d, e);
-    return isnan(d[k - 1]) ? LG_NOT_FINITE : LG_OK;
-}
-
-void lg_tridiagonal_solve(size_t k, const double *d, const double *e, const double *b, double *x) {
-    tridiagonal_solve_of(k, d, e, b, x);
 }
 
 /* Applies the factors of m = D U diag(m_l) U^T D from right to left: the first loop computes the momentum of

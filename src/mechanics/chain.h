@@ -61,14 +61,6 @@ extern const char *const lg_chain_invariants[];
     .invariants = lg_chain_invariants, .invariant = invariant, .observed = lg_chain_observed,                \
     .observe = observe, .plane = plane
 
-/* ---- symmetric tridiagonal systems, diagonal d (k), upper diagonal e (k, the last is not used) ---- */
-
-/* L D L^T factors in place: d becomes the pivots, e the entries of L below the diagonal. LG_NOT_FINITE if a
- * pivot is not positive. */
-lg_status lg_tridiagonal_factor(size_t k, double *d, double *e);
-/* Solves for x with the factors d, e; x may be b. */
-void lg_tridiagonal_solve(size_t k, const double *d, const double *e, const double *b, double *x);
-
 /* out_i = sum_j m_ij x_j; out and x are (k, 3) and must not overlap. */
 void lg_chain_apply_m(const lg_chain *chain, const double *x, double *out);
 

@@ -13,6 +13,10 @@
 
 #include "liegrad/geometry.h"
 #include "mechanics/chain.h"
+#include "mechanics/fields/scalars.h"
+
+typedef lg_chain chain_numbers;
+#include "mechanics/fields/chain.inc"
 
 #define NEWTON_MAX     50
 #define ROUNDING       1e-15 /* a residual (|q|^2 - 1)/2 up to this ends the iteration */
@@ -105,8 +109,9 @@ static lg_status rattle(const lg_chain *chain, step_work *w) {
         w->upper[i] = i + 1 < k ? chain->w_next[i] * lg_dot3(q, q + 3) : 0.0;
         w->r[i] = lg_dot3(q, w->v + 3 * i);
     }
-    LG_TRY(lg_tridiagonal_factor(k, w->diagonal, w->upper));
-    lg_tridiagonal_solve(k, w->diagonal, w->upper, w->r, w->r);
+    tridiagonal_factor_of(k, w->diagonal, w->upper);
+    if (isnan(w->diagonal[k - 1])) return LG_NOT_FINITE;
+    tridiagonal_solve_of(k, w->diagonal, w->upper, w->r, w->r);
     subtract_forces(chain, 1.0, w->r, w->q, 3, w->v);
     return LG_OK;
 }

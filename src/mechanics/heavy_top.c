@@ -25,15 +25,13 @@
  *
  * Celledoni, Cokaj, Leone, Murari, Owren: Lie group integrators for mechanical systems (2022).
  */
-#include "mechanics/rotation.h"
 #include "mechanics/system.h"
 
 #include <float.h>
 
-#include "liegrad/geometry.h"
 #include "mechanics/fields/scalars.h"
 
-#include "mechanics/fields/vectors.inc"
+#include "mechanics/fields/plain.inc"
 
 #include "mechanics/fields/rotations.inc"
 
@@ -54,13 +52,7 @@ static const lg_parameter_entry parameters[] = {
     {.key = NULL},
 };
 
-static const double *parameters_of(const void *user) {
-    return ((const lg_system_user *)user)->system->parameters;
-}
-
 /* ---- (Q, pi): the state of cotangent and direct, and the first part of the state of quadratic ---- */
-
-enum { ATTITUDE = 0 }; /* offset of Q in the state; the other offsets are in fields/rotations.inc */
 
 static const double identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
 
@@ -72,68 +64,20 @@ static const lg_state_entry spatial_state[] = {
 
 static const char *const spatial_invariants[] = {"energy", "pi.Gamma0", NULL};
 
-static double spatial_energy(const double *parameter, const double *y, const double arm[3]) {
-    double body[3], gamma[3];
-    lg_so3_coadjoint(y + ATTITUDE, y + MOMENTUM, body);
-    lg_so3_coadjoint(y + ATTITUDE, parameter + GAMMA0, gamma);
-    return lg_body_energy(parameter + INERTIA, body) + lg_dot3(gamma, arm);
+static double spatial_energy(const field_at *f, vector arm) {
+    const matrix Q = matrix_state(f, ATTITUDE);
+    const vector gamma = v_turned_back(f, Q, v_parameter(f, GAMMA0));
+    return body_energy(f, v_turned_back(f, Q, v_state(f, MOMENTUM))) + v_dot(f, gamma, arm);
 }
 
 static double spatial_invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    const double *parameter = system->parameters;
-    double arm[3];
-    if (index > 0) return lg_dot3(y + MOMENTUM, parameter + GAMMA0);
-    weight_arm_of(parameter, arm);
-    return spatial_energy(parameter, y, arm);
+    const field_at f = {.parameter = system->parameters, .y = y};
+    if (index > 0) return v_dot(&f, v_state(&f, MOMENTUM), v_parameter(&f, GAMMA0));
+    return spatial_energy(&f, weight_arm(&f));
 }
 
-LG_PLAIN_FIELD(direct_field, parameters_of(user), y, out)
-LG_PLAIN_FIELD(cotangent_field, parameters_of(user), y, out)
-
-/* ---- on a tape ---- */
-
-typedef struct taped_parameters {
-    lg_var inertia, arm, gamma0; /* arm = M l chi; shape (3) each */
-} taped_parameters;
-
-static taped_parameters slice_parameters(lg_tape *tape, lg_var parameter) {
-    lg_var scale =
-        lg_mul(tape, lg_slice(tape, parameter, 0, MASS, 1), lg_slice(tape, parameter, 0, LENGTH, 1));
-    return (taped_parameters){.inertia = lg_slice(tape, parameter, 0, INERTIA, 3),
-                              .arm = lg_mul(tape, scale, lg_slice(tape, parameter, 0, CHI, 3)),
-                              .gamma0 = lg_slice(tape, parameter, 0, GAMMA0, 3)};
-}
-
-/* Gamma0 x Q arm; Q is (B, 1, 9), arm and the result are (B, 1, 3). */
-static lg_var taped_torque(lg_tape *tape, const taped_parameters *of, lg_var Q, lg_var arm) {
-    return lg_cross(tape, lg_taped_spread(tape, of->gamma0, arm), lg_taped_rotate(tape, Q, arm));
-}
-
-/* Parts of y: Q (B, 1, 9), pi (B, 3). */
-static lg_status direct_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
-                              lg_var input, lg_var parameter, lg_var *algebra) {
-    const taped_parameters of = slice_parameters(tape, parameter);
-    const lg_shape shape = lg_var_shape(tape, y[1]);
-    lg_var pi = lg_reshape(tape, y[1], lg_shape3(shape.dims[0], 1, 3));
-    algebra[0] = lg_taped_body_velocity(tape, of.inertia, y[0], pi);
-    algebra[1] = lg_reshape(tape, taped_torque(tape, &of, y[0], lg_taped_spread(tape, of.arm, pi)), shape);
-    return lg_tape_status(tape);
-}
-
-/* algebra = (omega, tau - omega x pi) with the torque tau = Gamma0 x Q arm */
-static void taped_cotangent(lg_tape *tape, const taped_parameters *of, const lg_var *y, lg_var arm,
-                            lg_var *algebra) {
-    algebra[0] = lg_taped_body_velocity(tape, of->inertia, y[0], y[1]);
-    algebra[1] = lg_sub(tape, taped_torque(tape, of, y[0], arm), lg_cross(tape, algebra[0], y[1]));
-}
-
-/* Parts of y: Q (B, 1, 9), pi (B, 1, 3). */
-static lg_status cotangent_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
-                                 lg_var input, lg_var parameter, lg_var *algebra) {
-    const taped_parameters of = slice_parameters(tape, parameter);
-    taped_cotangent(tape, &of, y, lg_taped_spread(tape, of.arm, y[1]), algebra);
-    return lg_tape_status(tape);
-}
+LG_PLAIN_FIELD(direct)
+LG_PLAIN_FIELD(cotangent)
 
 /* ---- cotangent, direct ---- */
 
@@ -153,7 +97,7 @@ const lg_system_row lg_system_row_top_cotangent = {
     .invariant = spatial_invariant,
     .field = {cotangent_field, NULL},
     .lanes = LG_LANES_TOP_COTANGENT,
-    .taped = cotangent_taped,
+    .taped = lg_cotangent_taped,
     SPATIAL,
 };
 
@@ -163,7 +107,7 @@ const lg_system_row lg_system_row_top_direct = {
     .invariant = spatial_invariant,
     .field = {direct_field, NULL},
     .lanes = LG_LANES_TOP_DIRECT,
-    .taped = direct_taped,
+    .taped = lg_direct_taped,
     SPATIAL,
 };
 
@@ -184,23 +128,13 @@ static lg_status poisson_space(size_t links, lg_space *out) {
 static const char *const poisson_invariants[] = {"energy", "|Gamma|^2", "Gamma.Pi", NULL};
 
 static double poisson_invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    const double *parameter = system->parameters;
-    double arm[3];
-    if (index > 0) return lg_dot3(y + GAMMA, y + (index == 1 ? GAMMA : BODY_MOMENTUM));
-    weight_arm_of(parameter, arm);
-    return lg_body_energy(parameter + INERTIA, y + BODY_MOMENTUM) + lg_dot3(y + GAMMA, arm);
+    const field_at f = {.parameter = system->parameters, .y = y};
+    const vector gamma = v_state(&f, GAMMA), momentum = v_state(&f, BODY_MOMENTUM);
+    if (index > 0) return v_dot(&f, gamma, index == 1 ? gamma : momentum);
+    return body_energy(&f, momentum) + v_dot(&f, gamma, weight_arm(&f));
 }
 
-LG_PLAIN_FIELD(poisson_field, parameters_of(user), y, out)
-
-/* Parts of y: Gamma and Pi, (B, 1, 3) each. */
-static lg_status poisson_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
-                               lg_var input, lg_var parameter, lg_var *algebra) {
-    const taped_parameters of = slice_parameters(tape, parameter);
-    algebra[0] = lg_neg(tape, lg_div(tape, y[1], of.inertia));
-    algebra[1] = lg_taped_spread(tape, lg_neg(tape, of.arm), y[1]);
-    return lg_tape_status(tape);
-}
+LG_PLAIN_FIELD(poisson)
 
 const lg_system_row lg_system_row_top_lie_poisson = {
     .form = "lie-poisson",
@@ -210,7 +144,7 @@ const lg_system_row lg_system_row_top_lie_poisson = {
     .invariant = poisson_invariant,
     .field = {poisson_field, NULL},
     .lanes = LG_LANES_TOP_LIE_POISSON,
-    .taped = poisson_taped,
+    .taped = lg_poisson_taped,
     TOP,
 };
 
@@ -222,35 +156,18 @@ static lg_status quadratic_space(size_t links, lg_space *out) {
 
 /* The invariant "energy" is H - |p|^2/2, which is the energy of the other forms. */
 static double quadratic_invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    const double *parameter = system->parameters;
-    double arm[3];
-    if (index > 0) return lg_dot3(y + MOMENTUM, parameter + GAMMA0);
-    quadratic_arm_of(parameter, y, arm);
-    return spatial_energy(parameter, y, arm);
+    const field_at f = {.parameter = system->parameters, .y = y};
+    return index > 0 ? spatial_invariant(system, index, y, work) : spatial_energy(&f, quadratic_arm(&f));
 }
 
 /* H, the energy plus the constant |p|^2/2. */
 static double quadratic_generating(const lg_system *system, const double *y, double *work) {
-    double arm[3];
-    quadratic_arm_of(system->parameters, y, arm);
-    return quadratic_invariant(system, 0, y, work) + 0.5 * lg_dot3(arm, arm);
+    const field_at f = {.parameter = system->parameters, .y = y};
+    const vector arm = quadratic_arm(&f);
+    return spatial_energy(&f, arm) + 0.5 * v_dot(&f, arm, arm);
 }
 
-LG_PLAIN_FIELD(quadratic_field, parameters_of(user), y, out)
-
-/* Parts of y: Q (B, 1, 9), pi (B, 1, 3), (q, p + M l chi) (B, 6). */
-static lg_status quadratic_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
-                                 lg_var input, lg_var parameter, lg_var *algebra) {
-    const taped_parameters of = slice_parameters(tape, parameter);
-    const uint32_t batch = lg_var_shape(tape, y[1]).dims[0];
-    lg_var shift = lg_reshape(tape, lg_slice(tape, y[2], 1, 3, 3), lg_shape3(batch, 1, 3));
-    lg_var arm = lg_sub(tape, of.arm, shift);
-    taped_cotangent(tape, &of, y, arm, algebra);
-    lg_var gamma = lg_taped_rotate_back(tape, y[0], lg_taped_spread(tape, of.gamma0, y[1]));
-    lg_var velocity = lg_neg(tape, lg_add(tape, arm, gamma));
-    algebra[2] = lg_pad(tape, lg_reshape(tape, velocity, lg_shape2(batch, 3)), 1, 0, 3);
-    return lg_tape_status(tape);
-}
+LG_PLAIN_FIELD(quadratic)
 
 const lg_system_row lg_system_row_top_quadratic = {
     .form = "quadratic",
@@ -260,6 +177,6 @@ const lg_system_row lg_system_row_top_quadratic = {
     .generating = quadratic_generating,
     .field = {quadratic_field, NULL},
     .lanes = LG_LANES_TOP_QUADRATIC,
-    .taped = quadratic_taped,
+    .taped = lg_quadratic_taped,
     SPATIAL,
 };

@@ -4,6 +4,7 @@
 #define LG_KERNEL_f64
 #include <string.h>
 
+#include "core/portions.h"
 #include "integrators/event_search.h"
 #include "integrators/groups.h"
 #include "integrators/lanes.h"
@@ -52,6 +53,7 @@ INLINE chain_numbers chain_of(const lane_problem *problem) {
                            .w_next = c + 7 * k};
 }
 
+#include "mechanics/fields/plain.inc"
 #include "mechanics/fields/vectors.inc"
 
 #include "mechanics/fields/chain.inc"
@@ -73,7 +75,7 @@ SEPARABLE(coupled, 2)
 /* Fields of rigid bodies, which use parameters but no constants and no workspace. */
 #define BODY(name)                                                                                           \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
-        name##_field_of(problem->parameter, y, out);                                                         \
+        name##_of(&(field_at){problem->parameter, y, out, 0.0});                                             \
     }
 BODY(momentum)
 BODY(attitude)

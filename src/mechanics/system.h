@@ -111,10 +111,19 @@ extern const lg_system_row lg_system_row_top_cotangent, lg_system_row_top_direct
     lg_system_row_top_lie_poisson, lg_system_row_top_quadratic;
 extern const lg_system_row lg_system_row_satellite, lg_system_row_quadrotors;
 
-/* The field `name` that never fails: name_of(...) of user, y and out. */
-#define LG_PLAIN_FIELD(name, ...)                                                                            \
-    static lg_status name(void *user, double t, const double *y, const double *input, double *out) {         \
-        name##_of(__VA_ARGS__);                                                                              \
+/* The fields of fields/NAME.inc on a tape (taped_fields.c). */
+#define LG_TAPED_FIELDS(X)                                                                                   \
+    X(momentum) X(attitude) X(direct) X(cotangent) X(poisson) X(quadratic) X(satellite) X(quadrotors)
+#define LG_TAPED_FIELD(name)                                                                                 \
+    lg_status lg_##name##_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,    \
+                                lg_var input, lg_var parameters, lg_var *algebra)
+#define LG_DECLARE_TAPED(name) LG_TAPED_FIELD(name);
+LG_TAPED_FIELDS(LG_DECLARE_TAPED)
+
+/* The plain field NAME_field of NAME_of in fields/NAME.inc. */
+#define LG_PLAIN_FIELD(name)                                                                                 \
+    static lg_status name##_field(void *user, double t, const double *y, const double *input, double *out) { \
+        name##_of(&(field_at){((const lg_system_user *)user)->system->parameters, y, out, t});               \
         return LG_OK;                                                                                        \
     }
 

@@ -57,43 +57,30 @@ enum key_index {
     KEY_COUNT
 };
 
+/* `methods`: the kinds of schemes that may have the key. */
+#define BIT(kind) (1U << (kind))
+enum { TABLEAU = BIT(KIND_RKMK) | BIT(KIND_RUNGE_KUTTA), STAGED = TABLEAU | BIT(KIND_COMMUTATOR_FREE) };
+#define NODE(key, kinds)                                                                                     \
+    { .name = key, .type = LG_FIELD_NODE, .methods = (kinds) }
 static const lg_field keys[KEY_COUNT] = {
     [KEY_NAME] = {.name = "name", .type = LG_FIELD_TEXT},
     [KEY_KIND] = {.name = "kind", .type = LG_FIELD_NAME, .required = true, .value_name = kind_name},
     [KEY_ORDER] = LG_FIELD(lg_scheme, NULL, "order", U32, order, .required = true, .low = 1, .high = 10),
-    [KEY_C] = {.name = "c", .type = LG_FIELD_NODE},
-    [KEY_A] = {.name = "a", .type = LG_FIELD_NODE},
-    [KEY_B] = {.name = "b", .type = LG_FIELD_NODE},
-    [KEY_EMBEDDED] = {.name = "embedded", .type = LG_FIELD_NODE},
-    [KEY_EMBEDDED_ORDER] =
-        LG_FIELD(lg_scheme, NULL, "embedded_order", U32, embedded_order, .low = 1, .high = 10),
-    [KEY_DEXPINV] = {.name = "dexpinv", .type = LG_FIELD_TEXT},
-    [KEY_COMMUTATORS] = {.name = "commutators", .type = LG_FIELD_NODE},
-    [KEY_ROWS] = {.name = "rows", .type = LG_FIELD_NODE},
-    [KEY_KICK] = {.name = "kick", .type = LG_FIELD_NODE},
-    [KEY_DRIFT] = {.name = "drift", .type = LG_FIELD_NODE},
+    [KEY_C] = NODE("c", STAGED),
+    [KEY_A] = NODE("a", TABLEAU),
+    [KEY_B] = NODE("b", TABLEAU),
+    [KEY_EMBEDDED] = NODE("embedded", STAGED),
+    [KEY_EMBEDDED_ORDER] = LG_FIELD(lg_scheme, NULL, "embedded_order", U32, embedded_order, .low = 1,
+                                    .high = 10, .methods = STAGED),
+    [KEY_DEXPINV] = {.name = "dexpinv", .type = LG_FIELD_TEXT, .methods = BIT(KIND_RKMK)},
+    [KEY_COMMUTATORS] = NODE("commutators", BIT(KIND_RKMK)),
+    [KEY_ROWS] = NODE("rows", BIT(KIND_COMMUTATOR_FREE)),
+    [KEY_KICK] = NODE("kick", BIT(KIND_SPLITTING)),
+    [KEY_DRIFT] = NODE("drift", BIT(KIND_SPLITTING)),
 };
-
-/* For each key: the kinds of schemes that may have it and those that must have it, one bit per kind. */
-#define BIT(kind)    (1U << (kind))
-#define TABLEAU_BITS (BIT(KIND_RKMK) | BIT(KIND_RUNGE_KUTTA))
-static const struct {
-    unsigned allowed, needed;
-} uses[KEY_COUNT] = {
-    [KEY_NAME] = {~0U, 0},
-    [KEY_KIND] = {~0U, 0},
-    [KEY_ORDER] = {~0U, 0},
-    [KEY_C] = {TABLEAU_BITS | BIT(KIND_COMMUTATOR_FREE), 0},
-    [KEY_A] = {TABLEAU_BITS, TABLEAU_BITS},
-    [KEY_B] = {TABLEAU_BITS, TABLEAU_BITS},
-    [KEY_EMBEDDED] = {TABLEAU_BITS | BIT(KIND_COMMUTATOR_FREE), 0},
-    [KEY_EMBEDDED_ORDER] = {TABLEAU_BITS | BIT(KIND_COMMUTATOR_FREE), 0},
-    [KEY_DEXPINV] = {BIT(KIND_RKMK), 0},
-    [KEY_COMMUTATORS] = {BIT(KIND_RKMK), 0},
-    [KEY_ROWS] = {BIT(KIND_COMMUTATOR_FREE), BIT(KIND_COMMUTATOR_FREE)},
-    [KEY_KICK] = {BIT(KIND_SPLITTING), BIT(KIND_SPLITTING)},
-    [KEY_DRIFT] = {BIT(KIND_SPLITTING), BIT(KIND_SPLITTING)},
-};
+/* Keys that each scheme has whose kind may have them. */
+static const bool needed[KEY_COUNT] = {
+    [KEY_A] = true, [KEY_B] = true, [KEY_ROWS] = true, [KEY_KICK] = true, [KEY_DRIFT] = true};
 
 typedef struct reader {
     lg_yaml *yaml;
@@ -326,10 +313,11 @@ static lg_status read_splitting(reader *r) {
 static lg_status check_keys(reader *r, file_kind kind) {
     for (int i = 0; i < KEY_COUNT; i++) {
         const uint32_t line = r->values[i].line;
-        if (line > 0 && (uses[i].allowed & BIT(kind)) == 0)
+        const bool allowed = keys[i].methods == 0 || (keys[i].methods & BIT(kind)) != 0;
+        if (line > 0 && !allowed)
             return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: a scheme of kind %s has no such key",
                                 keys[i].name, kinds[kind].name);
-        if (line == 0 && (uses[i].needed & BIT(kind)) != 0)
+        if (line == 0 && allowed && needed[i])
             return lg_yaml_fail(r->yaml, r->values[KEY_KIND].line, LG_FORMAT, r->error,
                                 "a scheme of kind %s needs the key '%s'", kinds[kind].name, keys[i].name);
     }
