@@ -1,7 +1,7 @@
 /* Runs lg-gradcheck (in LG_BIN_DIR): exit codes, table, JSON. Its cases are the library's operations and
  * every layer, integrator, system, learned Hamiltonian and surrogate. For each it compares first and second
  * derivatives with differences, the backward sweep with the recorded gradient, and plans with the tape.
- * ctest-labels: slow tests/gradcheck/lg-gradcheck src/autodiff src/kernels src/integrators src/nn
+ * ctest-labels: slow apps/lg-gradcheck src/autodiff src/kernels src/integrators src/nn
  * ctest-labels: src/mechanics src/hamiltonian src/elastica src/machine */
 #include "apps/cli_support.h"
 
