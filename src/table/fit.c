@@ -29,20 +29,9 @@ typedef struct fitting {
     lg_table_fit_result result;
 } fitting;
 
-/* (x - mean)/scale of each column of x (rows, columns). */
-static double *scaled(const lg_context *context, const double *x, size_t rows, const lg_scaler *scaler,
-                      uint32_t columns) {
-    double *out = lg_alloc(context, rows * columns, sizeof *out);
-    for (size_t i = 0; out != NULL && i < rows; i++)
-        for (uint32_t c = 0; c < columns; c++)
-            out[i * columns + c] = (x[i * columns + c] - scaler->mean[c]) / scaler->scale[c];
-    return out;
-}
-
-/* `what` names the columns of x (rows, columns) in a message. */
-static lg_status check_finite(const double *x, const char *what, size_t rows, uint32_t columns,
-                              lg_error *error) {
-    if (rows == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "0 rows: at least one is needed");
+/* *out becomes (x - mean)/scale of each column of x (rows, columns). `what` names the columns in messages. */
+static lg_status scale(const fitting *f, const double *x, const char *what, size_t rows, uint32_t columns,
+                       lg_scaler *scaler, double **out, lg_error *error) {
     for (size_t i = 0; i < rows * columns; i++)
         if (!isfinite(x[i]))
             return lg_fail(
@@ -50,28 +39,24 @@ static lg_status check_finite(const double *x, const char *what, size_t rows, ui
                 "row %zu of the %s, column %zu (both from 0): %g is not a finite number; leave out "
                 "rows with missing values",
                 i / columns, what, i % columns, x[i]);
+    const lg_status status = lg_table_scaler_fit(f->context, x, columns, NULL, rows, scaler);
+    if (status != LG_OK)
+        return lg_fail(error, status, "the %s of the rows: %s", what, lg_status_sentence(status));
+    *out = lg_alloc(f->context, rows * columns, sizeof **out);
+    if (*out == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu rows", rows);
+    for (size_t i = 0; i < rows * columns; i++)
+        (*out)[i] = (x[i] - scaler->mean[i % columns]) / scaler->scale[i % columns];
     return LG_OK;
 }
 
 static lg_status prepare(fitting *f, const double *x, const double *y, size_t rows, lg_error *error) {
-    const uint32_t n = f->model.net.inputs, m = f->model.net.outputs;
-    LG_TRY(check_finite(x, "inputs", rows, n, error));
-    LG_TRY(check_finite(y, "outputs", rows, m, error));
-    const lg_status x_status = lg_table_scaler_fit(f->context, x, n, NULL, rows, &f->inputs),
-                    y_status = x_status == LG_OK
-                                   ? lg_table_scaler_fit(f->context, y, m, NULL, rows, &f->outputs)
-                                   : x_status;
-    if (y_status != LG_OK)
-        return lg_fail(error, y_status, "the %s of the rows: %s", x_status != LG_OK ? "inputs" : "outputs",
-                       lg_status_sentence(y_status));
-    f->samples = (lg_table_samples){.count = rows,
-                                    .training = rows,
-                                    .x = scaled(f->context, x, rows, &f->inputs, n),
-                                    .y = scaled(f->context, y, rows, &f->outputs, m)};
-    f->theta = lg_alloc(f->context, lg_table_parameters(&f->model), sizeof *f->theta);
-    f->best = lg_alloc(f->context, lg_table_parameters(&f->model), sizeof *f->best);
-    if (f->samples.x == NULL || f->samples.y == NULL || f->theta == NULL || f->best == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu rows", rows);
+    if (rows == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "0 rows: at least one is needed");
+    f->samples.count = f->samples.training = rows;
+    LG_TRY(scale(f, x, "inputs", rows, f->model.net.inputs, &f->inputs, &f->samples.x, error));
+    LG_TRY(scale(f, y, "outputs", rows, f->model.net.outputs, &f->outputs, &f->samples.y, error));
+    f->theta = lg_alloc(f->context, 2 * lg_table_parameters(&f->model), sizeof *f->theta);
+    if (f->theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu rows", rows);
+    f->best = f->theta + lg_table_parameters(&f->model);
     return LG_OK;
 }
 
@@ -117,6 +102,6 @@ lg_status lg_table_fit(const lg_context *context, const double *x, uint32_t inpu
     if (status == LG_OK && result != NULL) *result = f.result;
     lg_scaler_destroy(&f.inputs);
     lg_scaler_destroy(&f.outputs);
-    LG_FREE_ALL(context, f.samples.x, f.samples.y, f.theta, f.best);
+    LG_FREE_ALL(context, f.samples.x, f.samples.y, f.theta);
     return status;
 }

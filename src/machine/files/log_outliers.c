@@ -336,8 +336,7 @@ lg_status lg_log_compare_with_range(lg_log_table *t) {
         end = lg_log_file_end(t, first);
         for (uint32_t i = 0; i < t->columns && status == LG_OK; i++) {
             bulk b;
-            const lg_log_role role = t->machine->columns[i].role;
-            if (role == LG_LOG_TIME || role == LG_LOG_RUN) continue;
+            if (!lg_log_is_value(t, i)) continue;
             const bool known = find_bulk(t, i, first, end, work, &b);
             status = refuse_huge(t, i, first, end, known ? &b : NULL);
             if (known) warn_of_jumps(t, i, first, end, &b);

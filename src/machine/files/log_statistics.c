@@ -1,4 +1,5 @@
 /* Ranges, samples and noise of columns, and splines through inputs. */
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -93,23 +94,31 @@ lg_log_steps lg_log_steps_of(const lg_log_table *table, uint32_t column, size_t 
     return out;
 }
 
-lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise, bool *at_most) {
-    double *work = lg_alloc(table->context, LG_LOG_SAMPLES, sizeof *work);
-    if (work == NULL) return LG_OUT_OF_MEMORY;
-    *noise = deviation(table, column, FIRST_ORDER, work);
-    *at_most = false;
+static void find_noise(const lg_log_table *table, uint32_t column, double *work) {
+    lg_log_statistics *s = &table->out->columns[column];
+    s->noise = deviation(table, column, FIRST_ORDER, work);
+    s->noise_at_most = false;
     for (int k = FIRST_ORDER + 1; k <= LAST_ORDER; k++) {
         const double next = deviation(table, column, k, work);
-        *at_most = next < WHITE * *noise;
-        if (!*at_most) break;
-        *noise = next;
+        s->noise_at_most = next < WHITE * s->noise;
+        if (!s->noise_at_most) break;
+        s->noise = next;
     }
     /* Rounding to steps makes an error of step/sqrt(12). In a slow column the error is the same in many rows,
      * and differences do not show it. */
     const lg_log_steps steps = lg_log_steps_of(table, column, 0, table->rows, work);
     const bool rounded = steps.exact && table->machine->columns[column].role != LG_LOG_INPUT;
     const double rounding = rounded ? steps.least / sqrt(12) : 0;
-    if (rounding > *noise) *noise = rounding, *at_most = false;
+    if (rounding > s->noise) s->noise = rounding, s->noise_at_most = false;
+    /* Rounding error is not noise. */
+    if (s->noise < 4 * DBL_EPSILON * fmax(fabs(s->low), fabs(s->high))) s->noise = 0;
+}
+
+lg_status lg_log_find_noise(const lg_log_table *table) {
+    double *work = lg_alloc(table->context, LG_LOG_SAMPLES, sizeof *work);
+    if (work == NULL) return lg_log_no_memory(table);
+    for (uint32_t i = 0; i < table->columns; i++)
+        if (lg_log_is_value(table, i)) find_noise(table, i, work);
     lg_free(table->context, work);
     return LG_OK;
 }

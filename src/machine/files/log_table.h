@@ -43,6 +43,10 @@ static inline double lg_log_time(const lg_log_table *table, size_t row) {
     return lg_log_row(table, row)[table->machine->time];
 }
 
+static inline bool lg_log_is_value(const lg_log_table *table, uint32_t column) {
+    return column != table->machine->time && column != table->machine->run;
+}
+
 /* Fails with LG_FORMAT and a message that begins with "FILE: line 7: " of the row. */
 lg_status lg_log_fail(const lg_log_table *table, size_t row, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
@@ -95,8 +99,8 @@ typedef struct lg_log_steps {
 } lg_log_steps;
 lg_log_steps lg_log_steps_of(const lg_log_table *table, uint32_t column, size_t first, size_t end,
                              double *work);
-/* Standard deviation of the noise of a column; NaN: too few rows. at_most: the noise may be smaller. */
-lg_status lg_log_noise(const lg_log_table *table, uint32_t column, double *noise, bool *at_most);
+/* Finds the noise of all columns with values. */
+lg_status lg_log_find_noise(const lg_log_table *table);
 /* How one of `inputs` inputs acts between n rows, from its values y: coefficient k = 0..3 of interval i, in
  * powers of s in [0, 1], goes to u[(4 i + k) inputs]. Cubic: the spline through all values, not-a-knot. The
  * last row, in which the value may be missing, has no interval. `work` has 3 n numbers. */

@@ -1,6 +1,5 @@
 /* Logs: cuts what was read into parts without gaps, cleans and checks it, and brings it into the machine's
  * order. */
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -76,10 +75,6 @@ static lg_status measure_steps(lg_log_table *t) {
 
 /* ---- statistics of columns ---- */
 
-static bool is_value(const lg_log_column *column) {
-    return column->role != LG_LOG_TIME && column->role != LG_LOG_RUN;
-}
-
 static void measure_column(const lg_log_table *t, uint32_t column) {
     lg_log_statistics *s = &t->out->columns[column];
     *s = (lg_log_statistics){.noise = NAN};
@@ -102,7 +97,7 @@ static lg_status check_file(const lg_log_table *t, size_t first, size_t end) {
     const char *path = lg_shown_path(t->paths[t->origin[first].file]);
     size_t row = first;
     for (uint32_t i = 0; i < t->columns; i++) {
-        if (!is_value(&t->machine->columns[i])) continue;
+        if (!lg_log_is_value(t, i)) continue;
         for (row = first; row < end && isnan(lg_log_row(t, row)[i]);) row++;
         if (row == end)
             return lg_fail(t->error, LG_FORMAT, "%s: column %s: has no value at all", path,
@@ -116,7 +111,7 @@ static lg_status check_file(const lg_log_table *t, size_t first, size_t end) {
 
 static lg_status measure_columns(const lg_log_table *t) {
     for (uint32_t i = 0; i < t->columns; i++)
-        if (is_value(&t->machine->columns[i])) measure_column(t, i);
+        if (lg_log_is_value(t, i)) measure_column(t, i);
     for (size_t first = 0; first < t->rows; first = lg_log_file_end(t, first))
         LG_TRY(check_file(t, first, lg_log_file_end(t, first)));
     return LG_OK;
@@ -332,17 +327,6 @@ static lg_status fill(lg_log_table *t) {
 
 /* ---- reading ---- */
 
-static lg_status find_noise(const lg_log_table *t) {
-    for (uint32_t i = 0; i < t->columns; i++) {
-        lg_log_statistics *s = &t->out->columns[i];
-        if (is_value(&t->machine->columns[i]) && lg_log_noise(t, i, &s->noise, &s->noise_at_most) != LG_OK)
-            return lg_log_no_memory(t);
-        /* Rounding error is not noise. */
-        if (s->noise < 4 * DBL_EPSILON * fmax(fabs(s->low), fabs(s->high))) s->noise = 0;
-    }
-    return LG_OK;
-}
-
 static lg_status read_logs(lg_log_table *t) {
     LG_TRY(lg_log_read_files(t));
     t->out->files = t->files;
@@ -359,7 +343,7 @@ static lg_status read_logs(lg_log_table *t) {
     LG_TRY(cut(t));
     LG_TRY(lg_log_clean(t));
     LG_TRY(lg_log_leave_out_outliers(t));
-    LG_TRY(find_noise(t));
+    LG_TRY(lg_log_find_noise(t));
     if (t->options->consistency) LG_TRY(lg_log_check(t));
     return t->failed ? lg_log_no_memory(t) : fill(t);
 }
