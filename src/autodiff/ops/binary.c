@@ -155,6 +155,13 @@ static lg_instead sub_instead(const lg_known *k) {
 const lg_op lg_op_sub = {LG_OP("sub", 0, 2, 2, broadcast_shape, sub_forward, sub_vjp, sub_jvp),
                          .element = sub_element, .instead = sub_instead};
 
+lg_var lg_multilinear_jvp(const lg_forward *f) {
+    lg_var sum = LG_NONE;
+    for (uint32_t k = 0; k < f->inputs; k++)
+        if (!lg_is_none(f->tangents[k])) sum = lg_add_or(f->tape, sum, lg_with_tangent(f, k));
+    return sum;
+}
+
 FORWARD(mul, LG_K_MUL)
 static void mul_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = fold_product(r, 0, r->g, r->in[1]);

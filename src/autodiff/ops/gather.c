@@ -1,6 +1,7 @@
 /* Gather and scatter of rows; each is the adjoint of the other. attr.pointer = indices (payload), attr.i =
  * {number of indices, rows of the tensor that they index}. */
 #include "autodiff/ops/op_c.h"
+#include "autodiff/ops/op_rows.h"
 #include "autodiff/program/scalars.h"
 #include "autodiff/tape/tape_internal.h"
 
@@ -112,15 +113,15 @@ static void scatter_expand(lg_scalars *s, const lg_evaluation *e, const lg_scala
 static void gather_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = record_indexed(r->tape, &lg_op_scatter, r->g, r->attr);
 }
-const lg_op lg_op_gather = {
-    LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, lg_multilinear_jvp),
-    .payload = LG_PAYLOAD_INDICES, .write_c = gather_c, .expand = lg_moved_expand, .terms = lg_no_terms};
+const lg_op lg_op_gather = {LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, lg_linear_jvp),
+                            .payload = LG_PAYLOAD_INDICES, .write_c = gather_c, .expand = lg_moved_expand,
+                            .terms = lg_no_terms};
 
 static void scatter_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = record_indexed(r->tape, &lg_op_gather, r->g, r->attr);
 }
 const lg_op lg_op_scatter = {
-    LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, lg_multilinear_jvp),
+    LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, lg_linear_jvp),
     .payload = LG_PAYLOAD_INDICES, .write_c = scatter_c, .expand = scatter_expand,
     .scratch = scatter_scratch};
 

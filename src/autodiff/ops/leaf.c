@@ -7,19 +7,17 @@
 void lg_no_vjp(lg_reverse *r) {
 }
 
-lg_var lg_multilinear_jvp(const lg_forward *f) {
-    lg_var in[LG_MAX_INPUTS], sum = LG_NONE;
-    for (uint32_t k = 0; k < f->inputs && f->tape->status == LG_OK; k++) {
-        const lg_node *y = lg_node_at(f->tape, f->y);
-        if (lg_is_none(f->tangents[k])) continue;
-        memcpy(in, f->in, f->inputs * sizeof *in);
-        in[k] = f->tangents[k];
-        sum = lg_add_or(f->tape, sum,
-                        y->op->record != NULL
-                            ? y->op->record(f->tape, in[0], f->attr, y->shape)
-                            : lg_record_shaped(f->tape, y->op, in, f->inputs, f->attr, y->shape));
-    }
-    return sum;
+lg_var lg_with_tangent(const lg_forward *f, uint32_t k) {
+    lg_var in[LG_MAX_INPUTS];
+    const lg_node *y = lg_node_at(f->tape, f->y);
+    memcpy(in, f->in, f->inputs * sizeof *in);
+    in[k] = f->tangents[k];
+    if (y->op->record != NULL) return y->op->record(f->tape, in[0], f->attr, y->shape);
+    return lg_record_shaped(f->tape, y->op, in, f->inputs, f->attr, y->shape);
+}
+
+lg_var lg_linear_jvp(const lg_forward *f) {
+    return lg_with_tangent(f, 0);
 }
 
 lg_var lg_zero_jvp(const lg_forward *f) {

@@ -144,11 +144,11 @@ static size_t pool_terms(const lg_shape *const *in, const lg_attr *attr, const l
 }
 
 const lg_op lg_op_avg_pool1d = {
-    LG_OP("avg_pool1d", 0, 1, 1, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp, lg_multilinear_jvp),
+    LG_OP("avg_pool1d", 0, 1, 1, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp, lg_linear_jvp),
     .write_c = avg_pool1d_c, .rows = lg_rows_each, .terms = pool_terms};
 const lg_op lg_op_avg_pool1d_adjoint = {
     LG_OP("avg_pool1d_adjoint", 0, 1, 1, spread_shape, avg_pool1d_adjoint_forward, avg_pool1d_adjoint_vjp,
-          lg_multilinear_jvp),
+          lg_linear_jvp),
     .write_c = avg_pool1d_adjoint_c, .rows = lg_rows_each, .terms = pool_terms};
 
 /* ---- maximum pooling ---- */
@@ -232,10 +232,10 @@ static void pool_place_vjp(lg_reverse *r) {
 }
 
 const lg_op lg_op_pool_pick = {
-    LG_OP("pool_pick", 2u, 2, 2, pooled_shape, pool_pick_forward, pool_pick_vjp, lg_multilinear_jvp),
+    LG_OP("pool_pick", 2u, 2, 2, pooled_shape, pool_pick_forward, pool_pick_vjp, lg_linear_jvp),
     .write_c = pool_pick_c, .rows = lg_rows_each};
 const lg_op lg_op_pool_place = {
-    LG_OP("pool_place", 2u, 2, 2, place_shape, pool_place_forward, pool_place_vjp, lg_multilinear_jvp),
+    LG_OP("pool_place", 2u, 2, 2, place_shape, pool_place_forward, pool_place_vjp, lg_linear_jvp),
     .write_c = pool_place_c, .rows = lg_rows_each};
 
 /* ---- public functions ---- */

@@ -141,14 +141,13 @@ static size_t length_terms(const lg_shape *const *in, const lg_attr *attr, const
     return attr->i[1];
 }
 
-const lg_op lg_op_reduce = {
-    LG_OP("sum", 0, 1, 1, reduce_shape, reduce_forward, reduce_vjp, lg_multilinear_jvp),
-    .given = true,
-    .expand = reduce_expand,
-    .write_c = reduce_c,
-    .rows = outer_rows,
-    .instead = single_instead,
-    .terms = length_terms};
+const lg_op lg_op_reduce = {LG_OP("sum", 0, 1, 1, reduce_shape, reduce_forward, reduce_vjp, lg_linear_jvp),
+                            .given = true,
+                            .expand = reduce_expand,
+                            .write_c = reduce_c,
+                            .rows = outer_rows,
+                            .instead = single_instead,
+                            .terms = length_terms};
 
 /* y[o, l] = x[o]: the case inner = 1, where single elements are repeated. */
 static void repeat_elements(size_t size, size_t outer, size_t length, const void *x, void *y) {
@@ -202,7 +201,7 @@ static void repeat_vjp(lg_reverse *r) {
 }
 
 const lg_op lg_op_repeat = {
-    LG_OP("broadcast", 0, 1, 1, repeat_shape, repeat_forward, repeat_vjp, lg_multilinear_jvp),
+    LG_OP("broadcast", 0, 1, 1, repeat_shape, repeat_forward, repeat_vjp, lg_linear_jvp),
     .given = true,
     .expand = lg_moved_expand,
     .write_c = repeat_c,

@@ -56,7 +56,7 @@ static lg_var reshape_again(lg_tape *tape, lg_var x, const lg_attr *attr, lg_sha
 }
 
 const lg_op lg_op_reshape = {
-    LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, lg_multilinear_jvp),
+    LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, lg_linear_jvp),
     .given = true,
     .view = reshape_view,
     .record = reshape_again,
@@ -153,7 +153,7 @@ static lg_var slice_again(lg_tape *tape, lg_var x, const lg_attr *attr, lg_shape
     return lg_slice(tape, x, (int)attr->i[0], attr->i[1], attr->i[2]);
 }
 
-const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, slice_vjp, lg_multilinear_jvp),
+const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, slice_vjp, lg_linear_jvp),
                            .view = slice_view,
                            .record = slice_again,
                            .follows = 1u << 3,
@@ -238,7 +238,7 @@ static void pad_vjp(lg_reverse *r) {
                              lg_node_at(r->tape, r->in[0])->shape.dims[axis]);
 }
 
-const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, lg_multilinear_jvp),
+const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, lg_linear_jvp),
                          .expand = pad_expand,
                          .write_c = pad_c,
                          .rows = lg_rows_but_axis,
@@ -447,7 +447,7 @@ static lg_instead permute_instead(const lg_known *k) {
 }
 
 const lg_op lg_op_permute = {
-    LG_OP("permute", 0, 1, 1, permute_shape, permute_forward, permute_vjp, lg_multilinear_jvp),
+    LG_OP("permute", 0, 1, 1, permute_shape, permute_forward, permute_vjp, lg_linear_jvp),
     .expand = lg_moved_expand,
     .write_c = permute_c,
     .rows = permute_rows,
