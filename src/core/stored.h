@@ -26,8 +26,8 @@ lg_status lg_stored_finite(const lg_stored *row, lg_error *error);
 lg_status lg_stored_make(const lg_context *context, const lg_archive_reader *from, const lg_stored *rows,
                          size_t count, lg_error *error);
 
-/* Turns LG_NOT_FOUND, LG_SHAPE and LG_INVALID_ARGUMENT, where the contents of a file cause them, into LG_FORMAT,
- * in the result and in `error` (may be NULL). */
+/* Turns LG_NOT_FOUND, LG_SHAPE and LG_INVALID_ARGUMENT, where the contents of a file cause them, into
+ * LG_FORMAT, in the result and in `error` (may be NULL). */
 lg_status lg_as_format(lg_status status, lg_error *error);
 
 #endif

@@ -82,6 +82,20 @@ TEST("modes of an FMU 3.0") {
         REFUSED(fmi3Set##name(c, vr, 1, v, 1));                                                              \
     } while (0)
 
+TEST("numbers of several ports are set, read and differentiated in one call") {
+    const fmi3ValueReference given_of[] = {0, 2}, results_of[] = {1, 3};
+    const double numbers[3] = {3, 5, 7}, seeds[3] = {1, 10, 100}, slopes[3] = {10, 96, 35};
+    double got[3];
+    fmi3Instance own = fmi3InstantiateModelExchange("m", TOKEN, NULL, false, false, NULL, NULL);
+    assert_int_equal(fmi3SetFloat64(own, given_of, 2, numbers, 3), fmi3OK);
+    assert_int_equal(fmi3EnterInitializationMode(own, false, 0, 0, false, 0), fmi3OK);
+    assert_int_equal(fmi3GetFloat64(own, given_of, 2, got, 3), fmi3OK);
+    assert_memory_equal(got, numbers, sizeof got);
+    assert_int_equal(fmi3GetDirectionalDerivative(own, results_of, 2, given_of, 2, seeds, 3, got, 3), fmi3OK);
+    assert_memory_equal(got, slopes, sizeof got);
+    fmi3FreeInstance(own);
+}
+
 TEST("values of an FMU 3.0") {
     const fmi3Byte *binary = NULL;
     ALLOWED(READING, 2, 3, fmi3GetFloat64(c, P(0, vr), 2, P(1, x), 3));

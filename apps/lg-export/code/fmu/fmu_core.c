@@ -112,11 +112,12 @@ static int is_given(size_t n, const void *a, const void *b) {
     return n == 0 || (a != NULL && b != NULL);
 }
 
-/* The count of the numbers of reference `vr`, and their place in the array; 0: there is no such variable. Each
- * version defines it. */
+/* The count of the numbers of reference `vr`, and their place in the array; 0: there is no such variable.
+ * Each version defines it. */
 static int span(unsigned int vr, int *at);
 
-/* Whether the references have `count` numbers in all. With `known`, all must be states, inputs or parameters. */
+/* Whether the references have `count` numbers in all. With `known`, all must be states, inputs or
+ * parameters. */
 static int fits(const unsigned int vr[], size_t n, int known, size_t count) {
     size_t k, sum = 0;
     for (k = 0; k < n; k++) {
