@@ -589,6 +589,8 @@ TEST("rounded numbers of a correct log are not taken for a saturated sensor, whi
         for (size_t j = 0; j < LG_COUNT(steps); j++)
             assert_silent(read_text(machine(LINE), rounded(0, steps[i], steps[j], 0, 0)));
     assert_silent(read_text(machine(LINE), rounded(0, 0.5, 0, 0, 0))); /* only five different numbers */
+    for (size_t i = 0; i < LG_COUNT(steps); i++) /* a rounded position that stands still is not stuck */
+        assert_int_equal(read_text(machine(LINE), rounded(0, steps[i], 0, 0, 0))->stuck[0].rows, 0);
     refuse_text(machine(LINE), rounded(0.01, 0, 0, 0.2, 0), "column q: is at its", "end of its range");
     refuse_text(machine(LINE), rounded(0.01, 0, 0, 0, 0.2), "column v: is at its", "end of its range");
     for (size_t i = 0; i < LG_COUNT(steps) && steps[i] < 0.1; i++) {
