@@ -316,6 +316,33 @@ TEST("boxes that are empty or not finite are refused, and outputs stay") {
     assert_true(l[0] == 7 && h[0] == 7);
 }
 
+TEST("inputs and outputs in parts give the same bounds; a box with a number that has no bounds is reported") {
+    const size_t zero = 0;
+    lg_interval *f = test_interval(program_of(square), &zero, 1);
+    void *work = lg_test_memory(lg_interval_work_size(f));
+    double low[12] = {0.1, 0.2, 0.3, 1, NAN, 1, -1, -2, -3, 0.5, 1, 3}, high[12], l[12], h[12];
+    double a[4], A[4], b[8], B[8], out[2][12];
+    bool unbounded[4] = {false};
+    for (int i = 0; i < 12; i++) high[i] = i == 8 ? INFINITY : low[i] + 0.25;
+    high[11] = 2; /* below the lower bound */
+    for (int i = 0; i < 4; i++) {
+        a[i] = low[3 * i], A[i] = high[3 * i];
+        for (int k = 0; k < 2; k++) b[2 * i + k] = low[3 * i + 1 + k], B[2 * i + k] = high[3 * i + 1 + k];
+    }
+    const lg_bounds *const in[] = {&(lg_bounds){a, A, 1}, &(lg_bounds){b, B, 2}},
+                           *const parts[] = {&(lg_bounds){out[0], out[1], 2},
+                                             &(lg_bounds){out[0] + 8, out[1] + 8, 1}};
+    LG_INTERVAL_BOUND(f, 4, in, parts, NULL, unbounded, work);
+    assert_memory_equal(unbounded, ((bool[]){false, true, true, true}), sizeof unbounded);
+    low[4] = high[4] = low[8] = high[8] = low[11] = high[11] = 0;
+    assert_ok(lg_interval_eval(f, 4, low, high, l, h, NULL, work, NULL));
+    for (int i = 0; i < 4; i++) {
+        assert_memory_equal(out[0] + 2 * i, l + 3 * i, 2 * sizeof *l);
+        assert_memory_equal(out[1] + 2 * i, h + 3 * i, 2 * sizeof *h);
+        assert_true(out[0][8 + i] == l[3 * i + 2] && out[1][8 + i] == h[3 * i + 2]);
+    }
+}
+
 /* ---- loops, parameters and requests that are refused ---- */
 
 /* (a, b) -> (a + sin(theta b)/4, a b/2) */
