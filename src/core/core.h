@@ -110,8 +110,8 @@ void lg_thread_pool_destroy(lg_thread_pool *pool);
 void lg_thread_pool_run(lg_thread_pool *pool, size_t count, void (*task)(void *user, size_t index),
                         void *user);
 
-/* Loads a shared library and finds functions in it: libraries that few runs need are not loaded at each start.
- * `function` is the address of a function pointer. False: there is no such library, or a function is missing. */
+/* Loads a shared library that few runs need, and finds functions in it. `function` is the address of a
+ * function pointer. False: there is no such library, or a function is missing. */
 typedef struct lg_plugin_function {
     const char *name;
     void *function;
