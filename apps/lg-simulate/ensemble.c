@@ -203,28 +203,49 @@ static void choose_times(study *all) {
     all->options.count = all->total->points = points;
 }
 
+/* Adds the starts and parameters of up to 64 members to the hash, because they depend not only on the text
+ * but also on tables and the scene. */
+static void add_members(const study *all, lg_sha256 *state) {
+    enum { LOOKED_AT = 64 };
+    const simulation *sim = all->sim;
+    const size_t dim = sim->dim, count = lg_system_parameter_count(sim->system);
+    const uint64_t total = all->total->total, step = total > LOOKED_AT ? total / LOOKED_AT : 1;
+    APP_FREE double *y0 = app_alloc(dim + count, sizeof *y0);
+    double *parameters = y0 + dim;
+    for (uint64_t i = 0; i < LOOKED_AT && i * step < total; i++) {
+        memset(y0, 0, dim * sizeof *y0);
+        if (sim->scene.state != NULL) memcpy(y0, sim->scene.state, dim * sizeof *y0);
+        memcpy(parameters, lg_system_parameter_values(sim->system), count * sizeof *parameters);
+        (void)vary_draw(all->varied, i * step, y0, parameters);
+        lg_sha256_add(state, y0, (dim + count) * sizeof *y0);
+    }
+}
+
 /* Describes the ensemble in one line; parts with the same line belong together. Long texts are cut in the
- * line, but the hash covers them completely, and the files that were read. */
+ * line, but the hash covers them completely. */
 static char *describe(const study *all, const char *text) {
     enum { LONGEST = 4096 };
     char *out = app_keep(LONGEST, 1);
     const simulation *sim = all->sim;
     const lg_ensemble_options *o = &all->options;
-    const simulate_values *values = sim->values;
     lg_sha256 state;
     char hash[LG_SHA256_TEXT];
-    const double control[] = {o->control.rtol,  o->control.atol,
-                              (double)o->steps, (double)o->control.max_steps,
-                              o->scheme->theta, (double)o->scheme->dexpinv};
-    const char *starts = values->starts, *event = values->event;
-    const char *const files[] = {sim->self->arguments[0], starts, values->scheme};
+    const double control[] = {o->control.rtol, o->control.atol, (double)o->steps,
+                              (double)o->control.max_steps, o->scheme->theta};
+    const char *starts = sim->values->starts, *event = sim->values->event;
     lg_sha256_init(&state);
     lg_sha256_add(&state, text, strlen(text));
+    if (starts != NULL) lg_sha256_add(&state, starts, strlen(starts));
     if (event != NULL) lg_sha256_add(&state, event, strlen(event));
-    for (size_t i = 0; i < LG_COUNT(files); i++)
-        if (files[i] != NULL) APP_MUST_FILE(sim->self, files[i], app_hash_file(files[i], &state, &error));
+    add_members(all, &state);
+    lg_sha256_add(&state, lg_system_parameter_values(sim->system),
+                  lg_system_parameter_count(sim->system) * sizeof(double));
+    if (sim->scene.state != NULL) lg_sha256_add(&state, sim->scene.state, sim->dim * sizeof(double));
     lg_sha256_add(&state, all->total->t, all->total->points * sizeof(double));
     lg_sha256_add(&state, control, sizeof control);
+    lg_sha256_add(&state, o->scheme->a, sizeof o->scheme->a);
+    lg_sha256_add(&state, o->scheme->b, sizeof o->scheme->b);
+    lg_sha256_add(&state, &o->scheme->dexpinv, sizeof o->scheme->dexpinv);
     lg_sha256_finish(&state, hash);
     (void)snprintf(
         out, LONGEST, "%s %s, %s, %llu members, seed %llu, vary %.1000s%s%.500s%s%.500s, sha256 %.16s",

@@ -2,33 +2,51 @@
 #include <math.h>
 #include <string.h>
 
-#include "liegrad/minimise.h"
 #include "machine/files/recipe.h"
 
 enum { DEGREE = 3, TERMS = DEGREE + 1, SPARE = 2 };
+
+/* Solves A x = b, of which `n` rows are filled; A is symmetric and positive definite. False: it is not. */
+static bool solve(int n, double A[TERMS][TERMS], double b[TERMS]) {
+    for (int i = 0; i < n; i++)
+        for (int j = i; j < n; j++) {
+            double sum = A[j][i];
+            for (int k = 0; k < i; k++) sum -= A[i][k] * A[j][k];
+            if (i == j && !(sum > 1e-12 * A[i][i])) return false;
+            A[j][i] = i == j ? sqrt(sum) : sum / A[i][i];
+        }
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++) b[i] -= A[i][k] * b[k];
+        b[i] /= A[i][i];
+    }
+    for (int i = n; i-- > 0;) {
+        for (int k = i + 1; k < n; k++) b[i] -= A[k][i] * b[k];
+        b[i] /= A[i][i];
+    }
+    return true;
+}
 
 /* Value and derivative at row `row` of the cubic through the numbers of rows first .. last in the least
  * squares sense; of a lower degree where numbers are few. False: there are too few numbers. */
 static bool local(const lg_machine_log *log, const double *x, size_t stride, size_t first, size_t last,
                   size_t row, double out[2]) {
     const double span = log->t[last] - log->t[first];
-    double A[TERMS * TERMS] = {0}, b[TERMS] = {0};
-    size_t count = 0, before = 0;
-    for (size_t i = first; i <= last; i++)
-        if (!isnan(x[i * stride])) count++, before += i <= row;
-    const size_t terms = count >= TERMS + SPARE ? TERMS : count - SPARE;
-    if (count < 2 + SPARE || before == 0 || before == count) return false;
+    double A[TERMS][TERMS] = {{0}}, b[TERMS] = {0};
+    int count = 0, before = 0;
     for (size_t i = first; i <= last; i++) {
-        double power[TERMS] = {1};
+        double power[2 * TERMS] = {1};
         const double y = x[i * stride], s = (log->t[i] - log->t[row]) / span;
         if (isnan(y)) continue;
-        for (size_t k = 1; k < terms; k++) power[k] = power[k - 1] * s;
-        for (size_t k = 0; k < terms; k++) {
+        for (int k = 1; k < 2 * TERMS; k++) power[k] = power[k - 1] * s;
+        for (int k = 0; k < TERMS; k++) {
             b[k] += power[k] * y;
-            for (size_t l = 0; l <= k; l++) A[k * terms + l] += power[k] * power[l];
+            for (int l = 0; l <= k; l++) A[k][l] += power[k + l];
         }
+        count++;
+        before += i <= row;
     }
-    if (lg_normal_equations(terms, 1, 1e-12, A, b) != LG_OK) return false;
+    const int terms = count >= TERMS + SPARE ? TERMS : count - SPARE;
+    if (terms < 2 || before == 0 || before == count || !solve(terms, A, b)) return false;
     out[0] = b[0];
     out[1] = b[1] / span;
     return true;
