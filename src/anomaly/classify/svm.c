@@ -30,19 +30,17 @@ static void silent(const char *text) {
 
 /* libsvm is loaded when support vectors are fitted. */
 static struct {
-    struct svm_model *(*train)(const struct svm_problem *problem, const struct svm_parameter *parameter);
     void (*destroy)(struct svm_model **model);
     void (*set_print)(void (*print)(const char *text));
-    bool loaded;
-} libsvm;
+    struct svm_model *(*train)(const struct svm_problem *problem, const struct svm_parameter *parameter);
+} libsvm; /* if `train` is found, so are the others */
 static pthread_once_t libsvm_once = PTHREAD_ONCE_INIT;
 
 static void load_libsvm(void) {
-    const lg_plugin_function functions[] = {{"svm_train", &libsvm.train},
-                                            {"svm_free_and_destroy_model", &libsvm.destroy},
-                                            {"svm_set_print_string_function", &libsvm.set_print}};
-    libsvm.loaded = lg_plugin_load(LG_SVM_LIBRARY, LG_COUNT(functions), functions);
-    if (libsvm.loaded) libsvm.set_print(silent);
+    const lg_plugin_function functions[] = {{"svm_free_and_destroy_model", &libsvm.destroy},
+                                            {"svm_set_print_string_function", &libsvm.set_print},
+                                            {"svm_train", &libsvm.train}};
+    if (lg_plugin_load(LG_SVM_LIBRARY, LG_COUNT(functions), functions)) libsvm.set_print(silent);
 }
 
 /* The rows are sorted by class, because libsvm numbers the classes in the order in which they first
@@ -293,7 +291,7 @@ static double default_gamma(const double *x, size_t count, uint32_t d) {
 static lg_status fit_model(training *t, const uint32_t *label, lg_svm *out, lg_error *error) {
     LG_TRY(lg_check_labels(label, t->n, t->classes, t->counts, error));
     (void)pthread_once(&libsvm_once, load_libsvm);
-    if (!libsvm.loaded)
+    if (libsvm.train == NULL)
         return lg_fail(error, LG_NOT_FOUND,
                        "support vectors need the library " LG_SVM_LIBRARY ", which is not installed");
     if ((double)t->n * (double)t->d * sizeof(struct svm_node) > 0x1p36)
