@@ -27,11 +27,13 @@ static desk desk_of(const lg_certify *c, size_t task, size_t *bytes) {
     for (size_t i = 0; i < LG_COUNT(all); i++) *all[i].to = lg_bounds_take(&from, boxes, all[i].width);
     d.work = lg_portion(&from, most, 1);
     d.flow = held ? lg_portion(&from, lg_flow_work_size(c->flow), 1) : NULL;
-    d.r = lg_portion(&from, boxes * (n + 2), sizeof *d.r);
-    d.gain = d.r + boxes * n, d.base = d.gain + boxes;
-    d.flags = lg_portion(&from, boxes * (outputs + 3), 1);
-    d.flag = d.flags + boxes * outputs;
-    d.unbounded = (bool *)(d.flag + boxes), d.no_tube = d.unbounded + boxes;
+    d.r = lg_portion(&from, boxes * n, sizeof *d.r);
+    d.gain = lg_portion(&from, boxes, sizeof *d.gain);
+    d.base = lg_portion(&from, boxes, sizeof *d.base);
+    d.flags = lg_portion(&from, boxes * outputs, 1);
+    d.flag = lg_portion(&from, boxes, 1);
+    d.unbounded = lg_portion(&from, boxes, 1);
+    d.no_tube = lg_portion(&from, boxes, 1);
     *bytes = from.used;
     return d;
 }
