@@ -30,7 +30,8 @@ int main(int argc, char **argv) {
     for (int word = 0; word < argc && word < 2; word++)
         for (size_t i = 0; i < LG_COUNT(programs); i++)
             if (is_named(argv[word], programs[i].name)) return programs[i].run(argc - word, argv + word);
-    const bool asked = argc > 1 && (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "--version") == 0);
+    const bool asked = argc > 1 && is_named(argv[0], "liegrad") &&
+                       (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "--version") == 0);
     FILE *stream = asked ? stdout : stderr;
     (void)fprintf(stream, "liegrad %s: the first argument must be a program, one of", lg_version());
     for (size_t i = 0; i < LG_COUNT(programs); i++) (void)fprintf(stream, " %s", programs[i].name);

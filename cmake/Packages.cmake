@@ -58,12 +58,18 @@ ${text}")
   endwhile()
 endmacro()
 # dpkg-shlibdeps does not see libsvm, which is loaded when it is needed.
-execute_process(COMMAND dpkg-query -S "*/${LIEGRAD_SVM_NAME}" OUTPUT_VARIABLE svm ERROR_QUIET)
-string(REGEX REPLACE "[:,\n].*" "" svm "${svm}")
+set(svm)
+if(LIEGRAD_CLASSIFY)
+  execute_process(COMMAND dpkg-query -S "*/${LIEGRAD_SVM_NAME}" OUTPUT_VARIABLE owner ERROR_QUIET)
+  string(REGEX REPLACE "[:,\n].*" "" owner "${owner}")
+  if(owner)
+    set(svm DEPENDS ${owner})
+  endif()
+endif()
 liegrad_package(runtime liegrad "programs"
 "This package has the shared libraries and the programs: lg-hamiltonian,
 lg-identify, lg-simulate and others."
-  DEPENDS "${svm}" RECOMMENDS gnuplot-nox)
+  RECOMMENDS gnuplot-nox ${svm})
 liegrad_package(development liegrad-dev "development files"
 "This package has the headers, which are the manual, archives for static
 linking, what CMake and pkg-config read, and examples."

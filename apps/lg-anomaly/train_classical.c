@@ -282,7 +282,7 @@ void put_pruning(app_plot *plot, const void *view) {
     const lg_tree *tree = &whole.tree;
     APP_FREE lg_pruning_step *steps = app_alloc(tree->count, sizeof *steps);
     APP_MUST_FILE(program, path, lg_tree_pruning_path(program->context, tree, tree->count, steps, &count));
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < count; i += 1 + count / 200) { /* each step prunes the whole tree */
         lg_tree *pruned = &model.classifier.tree;
         APP_MUST_FILE(program, path, lg_tree_prune(program->context, tree, steps[i].alpha, pruned));
         APP_PLOT_ROW(plot, 9, steps[i].alpha,

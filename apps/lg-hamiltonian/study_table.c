@@ -91,18 +91,37 @@ static bool parse_result(char *at, study_result *out) {
     return at != NULL && lg_integer_parse(epochs, &out->epochs) == LG_OK;
 }
 
+/* Reads a row without its protocol. `key` gets the begin of the run's key, up to the repeat: a program for
+ * tables may have written the numbers in another way. */
+static bool parse_row(char *at, lg_text *key, study_result *out) {
+    double value;
+    uint64_t whole = 0;
+    const char *cell = strsep(&at, ",");
+    bool good = cell[0] != '\0';
+    lg_text_add(key, "%s,", cell);
+    for (int axis = AXIS_INTEGRATOR + 1; axis < AXES && good; axis++) {
+        good = at != NULL && lg_number_parse(strsep(&at, ","), &value) == LG_OK;
+        if (good) add_number(key, value);
+    }
+    for (int seed = 0; seed < 2 && good; seed++) {
+        good = at != NULL && lg_integer_parse(strsep(&at, ","), &whole) == LG_OK;
+        if (good && seed == 0) lg_text_add(key, "%llu,", (unsigned long long)whole);
+    }
+    return good && at != NULL && parse_result(at, out);
+}
+
 /* A row without a run is of an earlier grid with other values. */
 static lg_status parse_line(study_table *table, const lg_csv *csv, lg_error *error) {
     char *protocol = strrchr(csv->line, ',');
     const size_t runs = study_runs(table);
-    size_t run = 0, commas = 0;
-    lg_text_add(&table->text, "%s\n", csv->line);
-    for (const char *c = csv->line; *c != '\0'; c++) commas += *c == ',';
-    if (protocol != NULL) *protocol++ = '\0';
-    while (run < runs && strncmp(csv->line, table->keys[run], strlen(table->keys[run])) != 0) run++;
+    size_t run = 0;
     study_result result = {.epochs = 0};
-    if (commas != AXES + MEASURES + 4 ||
-        (run < runs && !parse_result(csv->line + strlen(table->keys[run]), &result)))
+    APP_CLEAN(lg_text_destroy) lg_text key = app_text();
+    lg_text_add(&table->text, "%s\n", csv->line);
+    if (protocol != NULL) *protocol++ = '\0';
+    const bool good = protocol != NULL && parse_row(csv->line, &key, &result);
+    while (run < runs && strncmp(key.data, table->keys[run], key.length) != 0) run++;
+    if (!good)
         return lg_fail(error, LG_FORMAT, "%s: line %zu: not a row of a study", table->path, csv->number);
     if (strcmp(protocol, table->protocol) != 0)
         return lg_fail(error, LG_FORMAT,
@@ -118,7 +137,8 @@ static lg_status parse_line(study_table *table, const lg_csv *csv, lg_error *err
 static lg_status read_table(study_table *table, lg_csv *csv, lg_error *error) {
     bool more = true;
     LG_TRY(lg_csv_next(csv, &more, error));
-    if (more && strncmp(csv->line, table->text.data, table->text.length - 1) != 0)
+    if (more && (strlen(csv->line) != table->text.length - 1 ||
+                 strncmp(csv->line, table->text.data, table->text.length - 1) != 0))
         return lg_fail(error, LG_FORMAT,
                        "%s: line 1: this is not the table of a study; first line expected: %.*s", table->path,
                        (int)table->text.length - 1, table->text.data);

@@ -289,7 +289,9 @@ static lg_status begin(simulation *s, lg_error *error) {
     s->crack = crack_sample(run);
     lg_rng_seed(&s->noise, run->noise_seed, STREAM_NOISE);
     if (run->crack_time > 0.0) before.severity = 1.0;
-    LG_TRY(lg_riser_motion_init(&before, run->dt, true, run->drag_scale, &s->motion));
+    if (lg_riser_motion_init(&before, run->dt, true, run->drag_scale, &s->motion) != LG_OK)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "riser: with these parameters the structure does not stand");
     lg_riser_motion_start(&s->motion, lg_water_at(&s->water, 0));
     return LG_OK;
 }

@@ -373,7 +373,7 @@ static void find_widths(const desk *d, double h) {
                 }
             if (holds) break;
         }
-        if (!holds) d->b->no_tube[i] = d->b->unbounded[i] = true;
+        if (!holds && !d->b->unbounded[i]) d->b->no_tube[i] = d->b->unbounded[i] = true;
         for (size_t j = 0; j < n * all; j++) d->W.low[i * n * all + j] = -(W[j] = holds ? W[j] : 0);
     }
 }

@@ -228,7 +228,7 @@ lg_status lg_policy_run(const lg_policy *p, const lg_policy_trial *trial, lg_pol
     r.pieces = (runs->count + ROWS - 1) / ROWS;
     r.hold = lg_policy_periods(p, p->task.hold);
     r.piece_bytes = lay_out(&r, NULL, &(piece){0});
-    LG_TRY_SCRATCH(char, memory, p->context, r.pieces *r.piece_bytes, lg_no_memory(error));
+    LG_TRY_SCRATCH(char, memory, p->context, (uint64_t)r.pieces *r.piece_bytes, lg_no_memory(error));
     r.memory = memory;
     run_all(&r, pool);
     return LG_OK;

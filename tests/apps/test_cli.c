@@ -440,6 +440,22 @@ TEST("a study runs, and continues where it was stopped") {
     cli_json(lg, "study grid.yaml --out limited.csv", "done 8");
 }
 
+TEST("damaged rows of a study are found, whether this grid has their run or not; numbers may be written in "
+     "other ways") {
+    cli_json(lg, "study grid.yaml --out whole.csv --jobs 1", "done 8");
+    static const char *const damages[] = {"2s/^\\([^,]*,[^,]*,[^,]*\\)/\\1x/", "2s/^[^,]*,/,/",
+                                          "2s/^\\([^,]*,[^,]*\\),[^,]*/\\1,77x/",
+                                          "2s/^\\(.*,.*,.*,.*\\),[^,]*,[^,]*,[^,]*$/\\1,zz,ok,p/"};
+    for (size_t i = 0; i < LG_COUNT(damages); i++) {
+        shell("sed '%s' whole.csv > damaged.csv && ! cmp -s whole.csv damaged.csv", damages[i]);
+        cli_expect(lg, "study grid.yaml --out damaged.csv", 3, "line 2: not a row of a study");
+    }
+    shell("sed '1s/$/,more/' whole.csv > damaged.csv");
+    cli_expect(lg, "study grid.yaml --out damaged.csv", 3, "this is not the table of a study");
+    shell("sed 's/^\\(cf4,1\\),6,/\\1,6.0,/' whole.csv > other.csv && ! cmp -s whole.csv other.csv");
+    cli_json(lg, "study grid.yaml --out other.csv", "new 0");
+}
+
 TEST("the plot of a study has a block for each integrator, also when runs failed") {
     static char text[65536];
     cli_expect(lg, "study grid.yaml --out lost.csv --jobs 1", 0, "");

@@ -100,6 +100,22 @@ TEST("check estimates the noise of a column, and the residual of positions again
                  0);
 }
 
+TEST("a log may have many short runs, also more rows than are sampled") {
+    enum { RUNS = 26000, EACH = 6, SIZE = 1 << 23 };
+    char *text = lg_test_memory(SIZE);
+    size_t used = (size_t)snprintf(text, SIZE, "t,run,x,vx\n");
+    for (size_t i = 0; i < (size_t)RUNS * EACH; i++) {
+        const double t = 0.01 * (double)(i % EACH), phase = (double)(i / EACH);
+        used += (size_t)snprintf(text + used, SIZE - used, "%g,%zu,%.9g,%.9g\n", t, i / EACH, sin(t + phase),
+                                 cos(t + phase));
+    }
+    cli_write("runs.csv", text);
+    cli_write("runs.yaml",
+              "columns: {time: t, run: run}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
+              "mass: diagonal\n");
+    cli_expect(identify, "check runs.yaml runs.csv --json", 0, "156000");
+}
+
 TEST("check draws every column of the first run") {
     write_sheet("log.csv", good_sheet());
     cli_json(identify, "check machine.yaml log.csv --plot log.svg", "rows 200");

@@ -34,13 +34,18 @@ static struct {
     void (*set_print)(void (*print)(const char *text));
     struct svm_model *(*train)(const struct svm_problem *problem, const struct svm_parameter *parameter);
 } libsvm; /* if `train` is found, so are the others */
-static pthread_once_t libsvm_once = PTHREAD_ONCE_INIT;
+static pthread_mutex_t libsvm_lock = PTHREAD_MUTEX_INITIALIZER;
 
-static void load_libsvm(void) {
+/* Tries again if it failed before, as for lack of memory. */
+static bool load_libsvm(void) {
     const lg_plugin_function functions[] = {{"svm_free_and_destroy_model", &libsvm.destroy},
                                             {"svm_set_print_string_function", &libsvm.set_print},
                                             {"svm_train", &libsvm.train}};
-    if (lg_plugin_load(LG_SVM_LIBRARY, LG_COUNT(functions), functions)) libsvm.set_print(silent);
+    (void)pthread_mutex_lock(&libsvm_lock);
+    const bool loaded =
+        libsvm.train != NULL || lg_plugin_load(LG_SVM_LIBRARY, LG_COUNT(functions), functions);
+    (void)pthread_mutex_unlock(&libsvm_lock);
+    return loaded;
 }
 
 /* The rows are sorted by class, because libsvm numbers the classes in the order in which they first
@@ -153,6 +158,7 @@ static bool memory_is_there(const training *t) {
 
 static struct svm_model *run_libsvm(const training *t, size_t n, const struct svm_parameter *parameter) {
     const struct svm_problem problem = {(int)n, t->target, t->rows};
+    libsvm.set_print(silent);
     return libsvm.train(&problem, parameter);
 }
 
@@ -290,10 +296,9 @@ static double default_gamma(const double *x, size_t count, uint32_t d) {
 
 static lg_status fit_model(training *t, const uint32_t *label, lg_svm *out, lg_error *error) {
     LG_TRY(lg_check_labels(label, t->n, t->classes, t->counts, error));
-    (void)pthread_once(&libsvm_once, load_libsvm);
-    if (libsvm.train == NULL)
+    if (!load_libsvm())
         return lg_fail(error, LG_NOT_FOUND,
-                       "support vectors need the library " LG_SVM_LIBRARY ", which is not installed");
+                       "support vectors need the library " LG_SVM_LIBRARY ", which cannot be loaded");
     if ((double)t->n * (double)t->d * sizeof(struct svm_node) > 0x1p36)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%zu rows of %u features are too many for support vectors: use principal components "

@@ -542,9 +542,10 @@ static void look_at_rows(const check *c, bool angle, double *noise, lg_standstil
     static const double far = 6.0;
     const size_t *first = c->table->first, stride = c->table->rows / LG_LOG_SAMPLES + 1;
     double sum = 0.0, way;
-    size_t count = 0, products = 0;
+    size_t count = 0, products = 0, changes = 0; /* at most LG_LOG_SAMPLES of all changes are sorted */
     for (size_t p = 0; p < c->table->parts; p++)
-        for (size_t row = first[p]; row + 1 < first[p + 1]; row += stride) {
+        for (size_t row = first[p]; row + 1 < first[p + 1]; row++) {
+            if (changes++ % stride != 0) continue;
             const double size = fabs(change_after(c, angle, row, &way));
             if (size > 0.0) c->sorted[count++] = size;
         }
