@@ -87,10 +87,11 @@ LG_API lg_status lg_dare(const lg_riccati *equation, double *P, double *K, doubl
  * seconds, where (Ad, Bd; 0, 1) = exp((A, B; 0, 0) h). Ad (n, n) and Bd (n, m) may be A and B.
  * lg_zero_order_hold_work_size returns the bytes of work memory; 0: sizes out of range. Method: after
  * balancing by powers of 2, Taylor's polynomial of exp(M/2^k) - 1 and k squarings (1 + X)^2 - 1 = X X + 2 X,
- * which lose no small part of the matrix however large k is, relative to its largest element. The relative
+ * which lose no small part of the matrix, relative to its largest element, however large k is. The relative
  * errors of Ad and Bd are about 1e-15 max(1, c), where c is the condition number of the exponential: at
- * least |A| h, and far larger where exp(A h) is much smaller than exp(|A| h). Errors: LG_INVALID_ARGUMENT (sizes as for lg_riccati,
- * NULL, memory), LG_NOT_FINITE (A, B, h or the result). */
+ * least |A| h, and far larger where exp(A h) is much smaller than exp(|A| h).
+ * Errors: LG_INVALID_ARGUMENT (sizes as for lg_riccati, NULL, memory), LG_NOT_FINITE (A, B, h or the
+ * result). */
 LG_API size_t lg_zero_order_hold_work_size(size_t n, size_t m);
 LG_API lg_status lg_zero_order_hold(size_t n, size_t m, const double *A, const double *B, double h,
                                     double *Ad, double *Bd, void *work, size_t bytes, lg_error *error);
