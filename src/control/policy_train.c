@@ -515,6 +515,7 @@ lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *
         facts[13] >= MOST_ROUNDS)
         return lg_fail(error, LG_FORMAT, "the state of training is damaged");
     end_phase(t);
+    t->error = error;
     t->phase = (uint32_t)facts[8], t->step = facts[9], t->leader = (uint32_t)facts[10];
     t->racers = (uint32_t)facts[12], t->round = (uint32_t)facts[13];
     t->of_best = (judged){best[0], facts[11] ? best[1] : INFINITY};

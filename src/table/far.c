@@ -65,8 +65,9 @@ lg_status lg_table_find_far(const lg_context *context, const double *values, siz
                             lg_table_far *out) {
     static const double TIMES = 30.0;
     if (values == NULL || out == NULL || stride == 0 || rows == 0) return LG_INVALID_ARGUMENT;
-    double *x = lg_alloc(context, 2 * rows, sizeof *x), *distance = x + rows;
+    double *x = lg_alloc(context, 2 * rows, sizeof *x);
     if (x == NULL) return LG_OUT_OF_MEMORY;
+    double *distance = x + rows;
     lg_table_far made = {.limit = INFINITY};
     size_t still = 0;
     for (size_t i = 0; i < rows; i++) x[i] = values[i * stride];
