@@ -32,8 +32,8 @@ static const char *const dtypes[] = {"f64", "f32", NULL};
 static const lg_field options[] = {
     APP_OUT(export_values, "DIR",
             "Folder for the files (required); it is made if it does not exist, but its parent folder must "
-            "exist. A folder that holds a file of these names is refused unless lg-export wrote it for the "
-            "same NAME: each model needs its own folder"),
+            "exist. A folder with a file of these names is rejected, unless lg-export wrote the file for "
+            "the same NAME: each model needs its own folder"),
     LG_OPTION(export_values, name, STRING, "NAME",
               "Name of the functions and files (default: the model file's name as a C identifier)"),
     LG_OPTION(export_values, dtype, NAME, NULL,

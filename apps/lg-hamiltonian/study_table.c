@@ -297,7 +297,7 @@ void study_report(const app *self, const study_table *table, size_t fresh, doubl
 /* ---- the plot ---- */
 
 /* Writes a block of data: the cells with integrator number i and value number m of M. A curve connects cells
- * that differ only in their substeps. */
+ * that have the same settings except for the number of substeps. */
 static void put_block(app_plot *plot, const study_table *table, size_t i, size_t m) {
     for (size_t c = 0; c < study_cells(table); c++) {
         if (study_at(table, c, AXIS_INTEGRATOR) != i || study_at(table, c, AXIS_M) != m ||

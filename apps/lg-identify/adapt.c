@@ -332,7 +332,7 @@ static void run(app *self) {
 const app_command identify_adapt_command = {
     .name = "adapt",
     .arguments = "MODEL.h5 LOG",
-    .summary = "Fit a few numbers to the beginning of a new log, and judge the rest",
+    .summary = "Fit a few numbers to the beginning of a new log, and score the rest",
     .details = "The numbers are fitted to free runs in the first --seconds "
                "of the log, whose starts are estimated. Before "
                "any data, the factor of all friction is 1 with a standard "

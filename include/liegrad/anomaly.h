@@ -491,7 +491,7 @@ typedef struct lg_detector_file {
     LG_MODEL_FILE(lg_detector_run);
     lg_scaler scaler;
     lg_series names;               /* names of classes and channels, and the rate; no windows */
-    lg_novelty novelty;            /* fitted to the training windows; all zero if there is none */
+    lg_novelty novelty;            /* fitted to the training windows; zero without such a fit */
     double accuracy, f1, test_mse; /* on the test part; NaN if unknown */
 } lg_detector_file;
 

@@ -398,8 +398,8 @@ LG_API lg_status lg_classifier_largest(const lg_context *context, const lg_class
 /* Bytes of work memory for the two functions below. */
 LG_API size_t lg_classifier_work_size(const lg_classifier *classifier);
 /* Computes score (classes) from the features f (d) of a window; the answer is the class with the largest
- * score. The scores of logistic regressions and trees are probabilities; for a ridge regression of two
- * classes they are -s and s. With two classes an SVM's score of class 0 is the decision of the pair (0, 1),
+ * score. The scores of logistic regressions and trees are probabilities. A ridge regression of two classes
+ * has the scores -s and s. With two classes an SVM's score of class 0 is the decision of the pair (0, 1),
  * and the score of class 1 is minus this decision. With more classes its score is the number of pairs that
  * the class wins, plus a number between -1/3 and 1/3 that rises with its decisions and orders classes with
  * equal numbers of wins. libsvm answers with the first class that has the most wins. If the score of this

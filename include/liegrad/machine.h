@@ -823,7 +823,7 @@ typedef struct lg_machine_file {
 
 /* Reads a machine file; lg_machine_file_destroy frees `out`. YAML documents behind the first one are changes
  * of the machine. Errors: LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT (with the line; also for a machine
- * that lg_machine_init refuses), LG_OUT_OF_MEMORY. */
+ * that lg_machine_init rejects), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_machine_file_read(const lg_context *context, const char *path, lg_machine_file *out,
                                       lg_error *error);
 /* The same from text in memory; `name` stands for the file in messages. */
@@ -858,7 +858,7 @@ typedef struct lg_log_statistics {
 
 /* A run of rows in which a position stays as it is. */
 typedef struct lg_standstill {
-    size_t row, rows; /* rows 0: there is none */
+    size_t row, rows; /* rows is 0 if the position never stands still */
     double value;
 } lg_standstill;
 

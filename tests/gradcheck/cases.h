@@ -108,7 +108,7 @@ lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *t
                            const lg_gradcheck_options *options, lg_plant *plant, lg_gradcheck_result *result);
 
 typedef struct lg_gradcheck_program_result {
-    bool passed, refused; /* refused: lg_program_build rejected the function */
+    bool passed, refused; /* refused: lg_program_build did not accept the function */
     /* Largest relative errors of the plans of value, forward mode and adjoint; NaN if rejected. */
     double value, forward, adjoint;
     char message[320]; /* what failed, or why the function was rejected; "" if passed */

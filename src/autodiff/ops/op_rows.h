@@ -12,7 +12,7 @@ extern const lg_op lg_op_leaf, lg_op_add, lg_op_sub, lg_op_mul, lg_op_div, lg_op
     lg_op_spd_factor, lg_op_spd_solve, lg_op_stumpff, lg_op_dexpinv_coef, lg_op_custom_derivative;
 
 /* The operation with input k replaced by its tangent. lg_linear_jvp is the jvp of an operation that is linear
- * in input 0 and has no other input that varies. */
+ * in input 0 and whose other inputs are constants. */
 lg_var lg_with_tangent(const struct lg_forward *f, uint32_t k);
 lg_var lg_linear_jvp(const struct lg_forward *f);
 

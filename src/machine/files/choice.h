@@ -1,5 +1,5 @@
 /* Choices by data: candidates are machine files with different changes behind them. Each one is learned, and
- * judged by free runs over windows of the log that are not trained on. */
+ * scored by free runs over windows of the log that are not trained on. */
 #ifndef LG_MACHINE_CHOICE_H
 #define LG_MACHINE_CHOICE_H
 
@@ -89,7 +89,7 @@ void lg_choosing_end(lg_choosing *choosing);
 /* The text of a machine's file, and the beginning of a change behind it, to which the caller adds lines. */
 lg_text lg_machine_changed(const lg_context *context, const char *text);
 /* Learns the machine `text`, which the trial takes over, from the parameters of `from` (may be NULL), and
- * judges it. Fails only without memory or if cancelled; a machine that cannot be learned has a status. */
+ * scores it. Fails only without memory or if cancelled; a machine that cannot be learned has a status. */
 lg_status lg_machine_try(const lg_choosing *choosing, lg_text *text, const lg_machine_trial *from,
                          lg_machine_trial *out, lg_error *error);
 void lg_machine_trial_destroy(const lg_choosing *choosing, lg_machine_trial *trial);

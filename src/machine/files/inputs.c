@@ -319,7 +319,7 @@ lg_status lg_machine_widen(lg_training *self, const double *theta, size_t count,
 /* ---- results ---- */
 
 /* Writes {"chosen": ..., "ratios": {...}}, each once if it is the same for all inputs, else as a list by
- * input. ratios (count): of the first input; those of the next one follow an lg_input_choice behind. */
+ * input. ratios (count) belongs to the first input; the ratios of input i lie i lg_input_choice further. */
 static void tell(lg_training *self, const char *key, const char *const *names, size_t count,
                  const uint32_t *value, const double *ratios) {
     enum { NEXT = sizeof(lg_input_choice) / sizeof(double) };

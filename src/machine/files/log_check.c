@@ -360,7 +360,7 @@ static lg_status refuse_failures(const check *c, size_t span, const fit *f) {
 
 /* ---- other readings ---- */
 
-/* Another reading of the columns that fits far better; 0: there is none. */
+/* Returns the reading of the columns that fits far better than theirs; 0 if no reading does. */
 static unsigned better_reading(const check *c, size_t span, const fit *f) {
     unsigned best = 0;
     double most = 0;

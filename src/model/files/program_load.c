@@ -28,7 +28,7 @@ static lg_status bad(const reading *r, const char *path, const char *what) {
     return lg_dataset_error(r->h5, path, what, r->error);
 }
 
-/* Allocates memory, as far as r->left allows. */
+/* Allocates memory of at most r->left bytes, and subtracts its size from r->left. */
 static lg_status take(reading *r, const char *path, uint64_t count, size_t size, void **out) {
     if (count > r->left / size)
         return bad(r, path, "declares more data than the file can hold or the limit allows");

@@ -55,7 +55,7 @@ double lg_table_work(const lg_table *model, double rows) {
 /* A network, its priors and parameters, and how well it explains the rows. */
 typedef struct candidate {
     lg_table_run run;
-    double *theta; /* NULL: there is none yet */
+    double *theta; /* NULL until the candidate is trained */
     lg_table_evidence_result found;
 } candidate;
 
@@ -95,7 +95,7 @@ typedef struct race {
     bool better; /* whether the last width was clearly better */
 } race;
 
-/* Runs a lane of the race. */
+/* Trains one candidate of the race. */
 static lg_status run_lane(lg_training *self, candidate *c, bool grown, race *r, lg_error *error) {
     static const double CLEARLY = 2.0; /* in log evidence: e^2, about 7 times as probable */
     const lg_status status = search(self, r->rows, RACE_EVALUATIONS, grown, c, error);

@@ -28,7 +28,7 @@ typedef struct {
 
 #define FMI2(name, ...)   EXPORT(fmi2Status fmi2##name(__VA_ARGS__))
 #define FMI(name, ...)    FMI2(name, __VA_ARGS__) /* after the names below are replaced */
-#define COUNT(name)                               /* the references tell how many numbers there are */
+#define COUNT(name)                               /* the references give the count of numbers */
 #define COUNT_OF(name, n) (n)
 #define FMU_OK            fmi2OK
 #define FMU_ERROR         fmi2Error
