@@ -20,10 +20,10 @@ static const struct {
 #undef X
 };
 
-/* Returns whether the file's name begins with the program's name. */
+/* Returns whether the last part of the path is `name`. */
 static bool is_named(const char *path, const char *name) {
     const char *slash = strrchr(path, '/');
-    return strncmp(slash == NULL ? path : slash + 1, name, strlen(name)) == 0;
+    return strcmp(slash == NULL ? path : slash + 1, name) == 0;
 }
 
 int main(int argc, char **argv) {

@@ -8,7 +8,7 @@ status=0
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work" || exit 1
-learn=$LG_BIN_DIR/../tests/lg-learn-rotor planted=$LG_BIN_DIR/../tests/lg-learn-planted
+learn=$LG_BIN_DIR/../tests/rotor/lg-learn planted=$LG_BIN_DIR/../tests/planted/lg-learn
 [ -x "$learn" ] || exit 77
 fail() { echo "$*"; status=1; }
 number() { sed -n "s/.*\"$1\": \([^,}]*\).*/\1/p"; }
