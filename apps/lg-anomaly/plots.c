@@ -254,7 +254,7 @@ const app_plot_kind anomaly_plots[] = {
     APP_PLOT("pairs", "features", "points", put_pairs, FEATURES, NO_FEATURES, 0),
     APP_PLOT("plane", "cnn", "points", put_plane, PLANE,
              "needs a cnn with two numbers before its output (--plane 2)", PLANE),
-    APP_PLOT("regressions", "baseline", "regressions", put_regressions, BASELINE, "needs --method baseline",
+    APP_PLOT("regressions", "baseline", "regressions", put_regressions, BASELINE, "needs --classifier baseline",
              BASELINE),
     APP_PLOT("tree", "tree", "tree", put_tree, TREE, "the model is not a tree", TREE),
     APP_PLOT("margin", "linear svm", "points", put_margin, MARGIN,

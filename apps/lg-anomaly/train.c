@@ -34,7 +34,7 @@ static void baseline_defaults(const lg_series *series, uint64_t *window, uint64_
 
 static void merge_into_two(const app *self) {
     const well_model model = trained_model(WELL_CLASSICAL, "novelty");
-    well_model_need_healthy(self, &model, "--method novelty");
+    well_model_need_healthy(self, &model, "--classifier novelty");
     merge_classes(&train_state.all.data.series, train_run.healthy);
     if (train_state.test != NULL) merge_classes(&train_state.foreign.data.series, train_run.healthy);
     train_state.healthy = 0;
@@ -68,7 +68,7 @@ static void run_train(app *self) {
         train_main(self, &network_recipe);
         return;
     }
-    if (self->rank_count > 1) app_stop_usage(self, "only --method cnn can be trained by several ranks");
+    if (self->rank_count > 1) app_stop_usage(self, "only --classifier cnn can be trained by several ranks");
     train_state.any_class = train_given.method == METHOD_NOVELTY; /* all other classes count as one */
     train_open(self, &network_recipe);
     run_classical(self);

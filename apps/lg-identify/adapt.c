@@ -7,13 +7,14 @@
 #include "lg-identify/identify.h"
 
 typedef struct adapt_values {
-    double seconds;
+    double beginning;
     uint64_t window, substeps, start_rows;
     const char *numbers, *out;
 } adapt_values;
 
 static const lg_field options[] = {
-    APP_SECONDS(adapt_values, "Length of the beginning that the numbers are fitted to", .required = true),
+    LG_OPTION(adapt_values, beginning, REAL, "S", "Length of the beginning that the numbers are fitted to", LG_POSITIVE,
+              .required = true),
     LG_OPTION(adapt_values, numbers, STRING, "NAME,NAME",
               "What may change: offset (a constant force for each velocity), friction (one factor)",
               .value = "offset,friction"),
@@ -65,11 +66,11 @@ static void divide(const app *self, adapting *a) {
     enum { LEAST = 3 };
     const lg_machine_log *log = &a->given.data.logs.log;
     size_t parts = 0;
-    a->cut = find_cut(log, values.seconds);
+    a->cut = find_cut(log, values.beginning);
     if (a->cut < LEAST || a->cut + LEAST > log->rows)
         app_stop(self, LG_INVALID_ARGUMENT,
-                 "--seconds %g: leaves %zu rows for the fit and %zu for the judgement; %d each are needed",
-                 values.seconds, a->cut, log->rows - a->cut, LEAST);
+                 "--beginning %g: leaves %zu rows for the fit and %zu for the judgement; %d each are needed",
+                 values.beginning, a->cut, log->rows - a->cut, LEAST);
     a->first = app_alloc(log->parts + 2, sizeof *a->first);
     for (size_t p = 0; p <= log->parts; p++) {
         if (log->first[p] >= a->cut && (parts == 0 || a->first[parts - 1] < a->cut)) {
@@ -187,7 +188,7 @@ static void fit_windows(const app *self, adapting *a) {
         if (!done && (values.window > 0 || a->window <= least))
             app_stop(self, LG_NOT_FINITE,
                      "the model's runs over the first %g s are not finite: give a shorter --window",
-                     values.seconds);
+                     values.beginning);
         a->window = a->window / 2 > least ? a->window / 2 : least;
     }
 }
@@ -233,12 +234,12 @@ static void warn(const app *self, const adapting *a) {
             app_warn(
                 self,
                 "%g s are too short to tell %s: the beginning of the log tells it no better than the prior, "
-                "%.2g of its standard deviation; give more --seconds, or fewer --numbers",
-                values.seconds, a->to.names[k], a->alone[k]);
+                "%.2g of its standard deviation; give more --beginning, or fewer --numbers",
+                values.beginning, a->to.names[k], a->alone[k]);
     if (a->kept)
         app_warn(self,
                  "the first %g s do not show by more than chance that %s changed: the model is kept as it is",
-                 values.seconds, values.numbers);
+                 values.beginning, values.numbers);
     for (uint32_t c = 0; c < a->given.data.file.column_count && !a->kept; c++)
         if (a->after[c] > a->before[c]) {
             app_warn(self,
@@ -333,7 +334,7 @@ const app_command identify_adapt_command = {
     .name = "adapt",
     .arguments = "MODEL.h5 LOG",
     .summary = "Fit a few numbers to the beginning of a new log, and score the rest",
-    .details = "The numbers are fitted to free runs in the first --seconds "
+    .details = "The numbers are fitted to free runs in the first --beginning "
                "of the log, whose starts are estimated. Before "
                "any data, the factor of all friction is 1 with a standard "
                "deviation of .1, and an offset 0 with a tenth of "

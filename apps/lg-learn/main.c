@@ -19,6 +19,7 @@ static const lg_field recipe_rows[] = {{.name = "recipe",
                                         .type = LG_FIELD_NAME,
                                         .size = sizeof recipe_given,
                                         .value_name = recipe_name,
+                                        .usual = true,
                                         .meaning = "The kind of model; the options of this kind follow"},
                                        LG_FIELD_END};
 

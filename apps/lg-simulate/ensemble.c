@@ -232,7 +232,7 @@ static char *describe(const study *all, const char *text) {
     char hash[LG_SHA256_TEXT];
     const double control[] = {o->control.rtol, o->control.atol, (double)o->steps,
                               (double)o->control.max_steps, o->scheme->theta};
-    const char *starts = sim->values->starts, *event = sim->values->event;
+    const char *starts = sim->values->members, *event = sim->values->event;
     lg_sha256_init(&state);
     lg_sha256_add(&state, text, strlen(text));
     if (starts != NULL) lg_sha256_add(&state, starts, strlen(starts));
@@ -479,7 +479,7 @@ static void prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *even
     choose_times(all);
     o->varied = vary_parameters(all->varied);
     if (vary_rows(all->varied) > 0 && values->ensemble > vary_rows(all->varied))
-        app_stop_usage(sim->self, "--starts: %s has %zu rows, fewer than --ensemble %llu", values->starts,
+        app_stop_usage(sim->self, "--members: %s has %zu rows, fewer than --ensemble %llu", values->members,
                        vary_rows(all->varied), (unsigned long long)values->ensemble);
     choose_members(all, &files->task);
     name_columns(all);
@@ -499,12 +499,12 @@ void ensemble(simulation *sim, const ensemble_files *files) {
     APP_CLEAN(method_free) method chosen = method_choose(sim);
     check_control(sim, &chosen.scheme);
     APP_CLEAN(study_close) study all = {.sim = sim, .files = files, .total = &total};
-    all.varied = vary_open(sim, text, values->starts);
+    all.varied = vary_open(sim, text, values->members);
     prepare(&all, &chosen.scheme, events);
-    if (text[0] == '\0' && values->starts == NULL && sim->scene.has_initial)
+    if (text[0] == '\0' && values->members == NULL && sim->scene.has_initial)
         app_warn(
             sim->self,
-            "all members are the same, because nothing varies; give --vary, --starts or the key `ensemble`");
+            "all members are the same, because nothing varies; give --vary, --members or the key `ensemble`");
     total.what = describe(&all, text);
     run_and_show(&all);
 }

@@ -73,9 +73,10 @@ typedef struct lg_reals {
  * does not need are zero. */
 typedef struct lg_field {
     const char *name; /* name in files and grids, such as lr_step */
-    /* Name on command lines; in JSON the same name with _ instead of -. NULL: `name` with - instead of _. "":
-     * the field has no command-line option. */
+    /* Name on command lines. NULL: `name` with - instead of _. "": the field has no command-line option. */
     const char *option;
+    const char *json; /* name in JSON; NULL: `name` */
+    bool usual;       /* --help lists it also where a command has many options */
     /* For a hyperparameter: the HDF5 group in which files store it, "model" or "run" (a resumed run must have
      * the same value), or "" if no file stores it. NULL: the field is not a hyperparameter (but a path, a
      * plot, or a key of a scene), and a search cannot vary it. */

@@ -99,7 +99,7 @@ static lg_status hold_out(lg_training *self, double validation, lg_error *error)
     for (size_t i = 0; i < s->test.count; i++) s->test.list[i] = whole.list[s->test.list[i]];
     if (status == LG_OK && s->test.count > 0) return LG_OK; /* the split has curves for training */
     return lg_fail(error, LG_INVALID_ARGUMENT,
-                   "--validation %g: the training part or the validation part has none of the %zu curves",
+                   "--validation-fraction %g: the training part or the validation part has none of the %zu curves",
                    validation, whole.count);
 }
 
