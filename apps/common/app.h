@@ -52,6 +52,8 @@ typedef struct app_settings {
 #define APP_OUT(type, unit_, ...) LG_OPTION(type, out, STRING, unit_, __VA_ARGS__)
 #define APP_SECONDS(type, ...)    LG_OPTION(type, seconds, REAL, "S", __VA_ARGS__, .high = 1e9, .above = true)
 #define APP_T_END(type, ...)      LG_OPTION(type, t_end, REAL, "T", __VA_ARGS__, LG_POSITIVE)
+#define APP_POINTS(type, ...)     LG_OPTION(type, points, U64, "M", __VA_ARGS__, .low = 2, .high = 1e8)
+#define APP_TOLERANCE(type, ...)  LG_OPTION(type, tolerance, REAL, "TOL", __VA_ARGS__, .low = 1e-15)
 
 /* What a command does when mpirun starts several processes of it. */
 typedef enum app_together {
@@ -424,6 +426,7 @@ typedef struct app_demo_values {
     double t_end, seconds;
 } app_demo_values;
 extern app_demo_values app_demo_given;
+#define APP_DEMO_EPOCHS(...) LG_OPTION(app_demo_values, epochs, U64, "E", __VA_ARGS__, .low = 1, .high = 1e6)
 extern const app_named_text lg_control_demo[], lg_hamiltonian_demo[], lg_identify_demo[];
 #define APP_DEMO(options, texts)                                                                             \
     .name = "demo", .settings = APP_SETTINGS(APP_GIVEN(options, app_demo_given)), .run = app_demo,           \

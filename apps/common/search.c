@@ -27,9 +27,9 @@ const lg_field search_options[] = {
     LG_OPTION(search_values, validation, REAL, "F",
               "Fraction of the training data that is held out; the objective is the error on this part",
               .option = "validation-fraction", .low = 1e-9, .high = 0.9, .value = "0.1"),
-    LG_OPTION(search_values, jobs, U64, "J",
-              "Number of simultaneous trials (default 1); each has a process and threads/jobs threads",
-              .usual = true, .low = 1, .high = 256, .value = "1"),
+    TRIALS_JOBS(search_values,
+                "Number of simultaneous trials (default 1); each has a process and threads/jobs threads",
+                .usual = true, .value = "1"),
     TRIALS_ROWS(search_values),
     LG_FIELD_END};
 

@@ -113,10 +113,9 @@ typedef struct predict_values {
 static const lg_field predict_options[] = {
     LG_OPTION(predict_values, s, REALS, "S,S,...", "Ascending arc lengths in [0, L]", LG_ANY_REAL,
               .longer = "use --points"),
-    LG_OPTION(predict_values, points, U64, "n",
-              "Number of equidistant arc lengths, ends included, instead of --s (default: the nodes of "
-              "the training data)",
-              .low = 2, .high = 10000000),
+    APP_POINTS(predict_values,
+               "Number of equidistant arc lengths, ends included, instead of --s (default: the nodes of "
+               "the training data)"),
     LG_OPTION(predict_values, solve, SWITCH, NULL,
               "Also solve the beam, and report the largest difference at the nodes"),
     APP_OUT(predict_values, "FILE.csv", "Columns s, x, y, vx, vy, theta", .file = LG_FILE_TEXT),

@@ -13,8 +13,7 @@ typedef struct solve_values {
 static const lg_field solve_options[] = {
     LG_OPTION(solve_values, gradient_tol, REAL, "TOL",
               "Largest gradient, relative to the largest term in its sum (default 1e-12)", LG_POSITIVE),
-    LG_OPTION(solve_values, continuous, SWITCH, NULL,
-              "Solve the differential equation instead of the discrete problem"),
+    CONTINUOUS(solve_values),
     LG_OPTION(solve_values, branches, SWITCH, NULL,
               "Search from many starts, and list all minima found by rising energy"),
     LG_OPTION(solve_values, saddles, SWITCH, NULL, "With --branches or --sweep: list saddles too"),

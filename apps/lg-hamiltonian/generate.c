@@ -19,9 +19,7 @@ static const char *const noise_on_names[] = {"later", "all", NULL};
 static const lg_field generate_options[] = {
     LG_OPTION(generate_values, trajectories, U64, "N", "Number of trajectories", .low = 1, .high = 1e9,
               .value = "500"),
-    LG_OPTION(generate_values, points, U64, "M",
-              "Points of each trajectory, the start included (default 5); dt = T/(M-1)", .low = 2,
-              .high = 1e9),
+    APP_POINTS(generate_values, "Points of each trajectory, the start included (default 5); dt = T/(M-1)"),
     LG_OPTION(generate_values, segments, U64, "s",
               "Consecutive trajectories from one start (default: the scene's, or 1)", .low = 1, .high = 1e6),
     APP_T_END(generate_values, "Time of the last point (default: the scene's t_end, or 0.1)"),

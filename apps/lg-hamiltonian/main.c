@@ -31,8 +31,7 @@ static const app_command train_command = {
 
 static const lg_field demo_options[] = {
     APP_OUT(app_demo_values, "DIR", "Folder for data, model and plots", .value = "liegrad-demo"),
-    LG_OPTION(app_demo_values, epochs, U64, "E", "Evaluations of the loss (default 2000)", .low = 1,
-              .high = 1e6),
+    APP_DEMO_EPOCHS("Evaluations of the loss (default 2000)"),
     APP_T_END(app_demo_values, "Length of the long prediction", .value = "100"), LG_FIELD_END};
 
 static const app_command demo_command = {APP_DEMO(demo_options, lg_hamiltonian_demo),

@@ -16,9 +16,8 @@ typedef struct study_values {
 static const lg_field study_options[] = {
     APP_OUT(study_values, "FILE.csv", "Table of runs; runs that are in it already are not repeated",
             .required = true),
-    LG_OPTION(study_values, jobs, U64, "J",
-              "Number of simultaneous runs (default: --threads); each uses threads/jobs threads", .low = 1,
-              .high = 256),
+    TRIALS_JOBS(study_values,
+                "Number of simultaneous runs (default: --threads); each uses threads/jobs threads"),
     LG_OPTION(study_values, stop_after, U64, "n", "Stop after n new runs", .low = 1, .high = 1e9),
     TRIALS_ROWS(study_values), LG_FIELD_END};
 

@@ -2,28 +2,23 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "common/verbs.h"
 #include "lg-identify/identify.h"
 
 typedef struct evaluate_values {
     lg_reals horizons;
     uint64_t every, window, substeps, start_rows;
-    int metric;
+    bool relative;
 } evaluate_values;
-
-enum { METRIC_HORIZONS, METRIC_RELATIVE };
-static const char *const metrics[] = {"horizons", "relative", NULL};
 
 static const lg_field options[] = {
     LG_OPTION(evaluate_values, horizons, REALS, "S,S,...", "Lengths of free runs in seconds (default 1,2,5)",
               LG_POSITIVE),
     LG_OPTION(evaluate_values, every, U64, "n", "Rows from one start to the next", .low = 1, .high = 1e9,
               .value = "25"),
-    LG_OPTION(evaluate_values, window, U64, "M", "Points of the windows of window_loss (default the model's)",
-              .low = 2, .high = 1e9),
+    IDENTIFY_WINDOW(evaluate_values, "Points of the windows of window_loss (default the model's)"),
     IDENTIFY_MODEL_OPTIONS(evaluate_values),
-    LG_OPTION(evaluate_values, metric, NAME, NULL,
-              "relative: also the geometric mean over time, then over parts, of |z - z'|/|z + z'| + 1e-8",
-              .names = metrics),
+    RELATIVE(evaluate_values, "horizons", "|z - z'|/|z + z'| + 1e-8 over time, then over parts"),
     LG_FIELD_END};
 
 static evaluate_values values;
@@ -186,7 +181,7 @@ static void report(const app *self, const identify_given *given, const verdict *
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)
         put_known(out, energy_names[k], v->energy[k], energy_words[k]);
     app_json_close(out, '}');
-    if (values.metric == METRIC_RELATIVE) {
+    if (values.relative) {
         app_result_real(out, "relative", v->relative, NULL);
         app_result_real(out, "relative_worst", v->relative_worst, NULL);
     }
@@ -338,7 +333,7 @@ static void judge_run(const app *self, const identify_given *given, verdict *out
     out->q = app_alloc(log->rows * machine->positions, sizeof *out->q);
     out->v = app_alloc(log->rows * machine->velocities, sizeof *out->v);
     identify_run_log(self, model, log, start, count, out->q, out->v);
-    if (values.metric == METRIC_RELATIVE) judge_relative(machine, log, start, count, out);
+    if (values.relative) judge_relative(machine, log, start, count, out);
     identify_leave_out(model, log, start, count, out->q, out->v);
     identify_column_errors(given, out->q, out->v, out->free_run);
     warn_of_runs(self, file, out);

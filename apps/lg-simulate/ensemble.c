@@ -362,7 +362,6 @@ static lg_status close_rows(study *all, lg_error *error) {
 static int write_out(study *all, bool *written) {
     const app *self = all->sim->self;
     const ensemble_files *files = all->files;
-    const char *path = self->ranks == NULL ? app_plot_given.plot : NULL;
     result *total = all->total;
     lg_error error = {LG_OK, ""}, lost = {LG_OK, ""};
     lg_status status = LG_OK;
@@ -376,7 +375,7 @@ static int write_out(study *all, bool *written) {
                               all->rows != NULL && rows_status == LG_OK ? &rows : NULL, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, files->out);
     *written = true;
-    if (path != NULL) ensemble_draw(self, total, path);
+    if (self->ranks == NULL) ensemble_draw(self, total);
     if (rows_status == LG_OK) return APP_EXIT_OK;
     return app_fail(self, rows_status, "%s; the statistics are in %s", lost.message, files->out);
 }
@@ -400,7 +399,6 @@ static int run_and_write(study *all, bool *written, lg_ensemble_stats *stats, lg
 static void merge_ranks(const study *all, lg_status status) {
     app *self = all->sim->self;
     const uint64_t tasks = all->files->task.count;
-    const merge_values how = {.plot = app_plot_given.plot};
     const char *out = all->sim->values->out;
     lg_error error = {LG_OK, ""};
     status = lg_ranks_agree(self->ranks, status, &error);
@@ -409,7 +407,7 @@ static void merge_ranks(const study *all, lg_status status) {
     if (self->rank > 0) return;
     APP_FREE const char **parts = app_alloc(tasks, sizeof *parts);
     for (uint64_t i = 0; i < tasks; i++) parts[i] = part_path(out, &(ensemble_task){i, tasks});
-    merge_parts(self, out, parts, tasks, &how);
+    merge_parts(self, out, parts, tasks, false);
     for (uint64_t i = 0; i < tasks; i++) (void)remove(parts[i]);
 }
 

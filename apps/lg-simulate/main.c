@@ -11,11 +11,10 @@ static const lg_field options[] = {
               "R^n)",
               .usual = true),
     LG_OPTION(simulate_values, steps, U64, "N", "N equal steps", .low = 1, .high = 1e12, .usual = true),
-    LG_OPTION(simulate_values, tolerance, REAL, "T",
-              "Adaptive steps; the tolerance of component i is T |y_i| + A", .low = 1e-15, .high = 1,
-              .value = "1e-9", .usual = true),
+    APP_TOLERANCE(simulate_values, "Adaptive steps; the tolerance of component i is TOL |y_i| + A",
+                  .high = 1, .value = "1e-9", .usual = true),
     LG_OPTION(simulate_values, atol, REAL, "A",
-              "Absolute part of the tolerance (default: 1e-4 T, but at least 1e-16, times the largest size "
+              "Absolute part of the tolerance (default: 1e-4 TOL, but at least 1e-16, times the largest size "
               "so far of the vector q, omega, p, R, ... that component i belongs to)",
               .high = 1e300),
     LG_OPTION(simulate_values, max_steps, U64, "N",
@@ -27,10 +26,10 @@ static const lg_field options[] = {
     LG_OPTION(simulate_values, dexpinv, STRING, "exact|K",
               "RKMK methods: closed form, or the series up to ad^K, K = 0..10"),
     APP_OUT(simulate_values, "FILE.h5", "Write the trajectory (HDF5)", .usual = true),
-    LG_OPTION(simulate_values, points, U64, "M",
-              "Number of equidistant points of the trajectory, including the start (default 501, or "
-              "according to --steps)",
-              .usual = true, .low = 2, .high = 1e8),
+    APP_POINTS(simulate_values,
+               "Number of equidistant points of the trajectory, including the start (default 501, or "
+               "according to --steps)",
+               .usual = true),
     LG_OPTION(simulate_values, times, REALS, "T,T,...",
               "Ascending times of the trajectory, instead "
               "of --points",

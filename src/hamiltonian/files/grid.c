@@ -45,7 +45,7 @@ static const lg_field own_keys[OWN_KEYS] = {
     [KEY_REPEATS] = LG_FIELD(lg_grid, NULL, "repeats", U32, repeats, .low = 1, .high = 1e6),
     [KEY_NOISE_KIND] = LG_FIELD(lg_grid, NULL, "noise_kind", NAME, noise_kind, .value_name = name_noise),
     [KEY_SEED] = LG_FIELD(lg_grid, NULL, "seed", U64, seed, .high = 0x1p64),
-    [KEY_TEST] = {.name = "test", .type = LG_FIELD_MAP},
+    [KEY_TEST] = LG_MAP("test"),
     [KEY_TEST_TRAJECTORIES] =
         LG_FIELD(lg_grid, NULL, "test.trajectories", U32, test_trajectories, .low = 1, .high = 1e9),
     [KEY_TEST_POINTS] = LG_FIELD(lg_grid, NULL, "test.points", U32, test_points, .low = 2, .high = 1e9),

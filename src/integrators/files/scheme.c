@@ -60,23 +60,21 @@ enum key_index {
 /* `methods`: the kinds of schemes that may have the key. */
 #define BIT(kind) (1U << (kind))
 enum { TABLEAU = BIT(KIND_RKMK) | BIT(KIND_RUNGE_KUTTA), STAGED = TABLEAU | BIT(KIND_COMMUTATOR_FREE) };
-#define NODE(key, kinds)                                                                                     \
-    { .name = key, .type = LG_FIELD_NODE, .methods = (kinds) }
 static const lg_field keys[KEY_COUNT] = {
     [KEY_NAME] = {.name = "name", .type = LG_FIELD_TEXT},
     [KEY_KIND] = {.name = "kind", .type = LG_FIELD_NAME, .required = true, .value_name = kind_name},
     [KEY_ORDER] = LG_FIELD(lg_scheme, NULL, "order", U32, order, .required = true, .low = 1, .high = 10),
-    [KEY_C] = NODE("c", STAGED),
-    [KEY_A] = NODE("a", TABLEAU),
-    [KEY_B] = NODE("b", TABLEAU),
-    [KEY_EMBEDDED] = NODE("embedded", STAGED),
+    [KEY_C] = LG_NODE("c", .methods = STAGED),
+    [KEY_A] = LG_NODE("a", .methods = TABLEAU),
+    [KEY_B] = LG_NODE("b", .methods = TABLEAU),
+    [KEY_EMBEDDED] = LG_NODE("embedded", .methods = STAGED),
     [KEY_EMBEDDED_ORDER] = LG_FIELD(lg_scheme, NULL, "embedded_order", U32, embedded_order, .low = 1,
                                     .high = 10, .methods = STAGED),
     [KEY_DEXPINV] = {.name = "dexpinv", .type = LG_FIELD_TEXT, .methods = BIT(KIND_RKMK)},
-    [KEY_COMMUTATORS] = NODE("commutators", BIT(KIND_RKMK)),
-    [KEY_ROWS] = NODE("rows", BIT(KIND_COMMUTATOR_FREE)),
-    [KEY_KICK] = NODE("kick", BIT(KIND_SPLITTING)),
-    [KEY_DRIFT] = NODE("drift", BIT(KIND_SPLITTING)),
+    [KEY_COMMUTATORS] = LG_NODE("commutators", .methods = BIT(KIND_RKMK)),
+    [KEY_ROWS] = LG_NODE("rows", .methods = BIT(KIND_COMMUTATOR_FREE)),
+    [KEY_KICK] = LG_NODE("kick", .methods = BIT(KIND_SPLITTING)),
+    [KEY_DRIFT] = LG_NODE("drift", .methods = BIT(KIND_SPLITTING)),
 };
 /* Keys that each scheme has whose kind may have them. */
 static const bool needed[KEY_COUNT] = {

@@ -111,8 +111,8 @@ static const lg_field common_keys[COMMON_KEYS] = {
     [KEY_SYSTEM] = {.name = "system", .type = LG_FIELD_NAME, .required = true, .value_name = system_name},
     [KEY_FORM] = {.name = "form", .type = LG_FIELD_TEXT},
     [KEY_T_END] = LG_FIELD(lg_scene, NULL, "t_end", REAL, t_end, .above = true, .high = LARGEST),
-    [KEY_INITIAL] = {.name = "initial", .type = LG_FIELD_MAP},
-    [KEY_STARTS] = {.name = "starts", .type = LG_FIELD_MAP},
+    [KEY_INITIAL] = LG_MAP("initial"),
+    [KEY_STARTS] = LG_MAP("starts"),
     [KEY_KIND] =
         LG_FIELD(lg_scene, NULL, "starts.kind", NAME, starts, .required = true, .value_name = starts_name),
     [KEY_LOW] = LG_FIELD(lg_scene, NULL, "starts.low", REAL, low, .low = -LARGEST, .high = LARGEST),
