@@ -460,6 +460,21 @@ static void check_required(const app *self, bool texts) {
     }
 }
 
+/* Checks options that need or exclude each other. */
+static void check_together(const app *self) {
+    for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++) {
+        if (!slot->given) continue;
+        const app_slot *other = slot->row->needs != NULL ? app_find_slot(self, slot->row->needs) : slot;
+        if (!other->given)
+            app_stop_usage(self, "--%s: needs --%s %s", slot->name, other->name,
+                           other->row->unit != NULL ? other->row->unit : "");
+        APP_FREE char *others = app_format("%s", slot->row->without != NULL ? slot->row->without : "");
+        for (char *save = NULL, *at = strtok_r(others, ",", &save); at != NULL; at = strtok_r(NULL, ",", &save))
+            if (app_given(self, at))
+                app_stop_usage(self, "--%s and --%s cannot be given together", slot->name, at);
+    }
+}
+
 /* Called after the command, however it ended. */
 static int conclude(app *self, int code) {
     code = app_leave_ranks(self, code);
@@ -486,8 +501,7 @@ static int run_command(app *self) {
     check_required(self, true);
     app_check_outputs(self, paths, app_file_options(self, paths));
     check_required(self, false);
-    if (app_given(self, "plot-kind") && !app_given(self, "plot"))
-        app_stop_usage(self, "--plot-kind: needs --plot FILE");
+    check_together(self);
     app_result_begin(&out, self);
     self->out = &out;
     self->command->run(self);

@@ -81,7 +81,7 @@ static lg_status virtual_set(app *v, train_task *task, const char *name, const c
         return lg_fail(error, LG_FORMAT, "'%s' is not an option of train that changes its result", name);
     if (task->searched != NULL && strcmp(slot->name, task->recipe->trainer->method) == 0 &&
         (text == NULL || !is_searched(task, text)))
-        return lg_fail(error, LG_FORMAT, "a search does not train '%s: %s'; --help names the methods", slot->name,
+        return lg_fail(error, LG_FORMAT, "a search does not train '%s: %s'; --help names the methods", name,
                        text != NULL ? text : "(a number)");
     if ((text != NULL ? app_store(slot, text, &reason) : app_store_number(slot, number, &reason)) != LG_OK)
         return lg_fail(error, LG_FORMAT, "%s: %.400s", name, reason.message);
@@ -508,7 +508,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
                                  .values = &values->shared,
                                  .out = values->out,
                                  .noun = "trials",
-                                 .resume = "continue with --resume",
+                                 .resume = "continue with --continue",
                                  .count = (size_t)values->trials,
                                  .record = sizeof(posted),
                                  .threads = 1,

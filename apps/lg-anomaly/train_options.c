@@ -114,7 +114,7 @@ static const lg_field train_options[] = {
     LG_OPTION(train_values, grid, REALS, "C,C,...",
               "Choose C among these by cross-validation on the training part (default for svm: "
               "0.1,1,10,100)",
-              LG_ANY_REAL, .methods = LOGISTIC | LINEAR | RBF | BASELINE),
+              .without = "c", LG_ANY_REAL, .methods = LOGISTIC | LINEAR | RBF | BASELINE),
     LG_FIELD_END};
 
 const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof train_run},
@@ -134,8 +134,6 @@ void train_check_options(const app *self) {
             strcmp(slot->name, "out") != 0)
             app_stop_usage(self, "--%s: --classifier %s has no such option", slot->name,
                            train_method_name(values->method));
-    if (app_given(self, "c") && app_given(self, "grid"))
-        app_stop_usage(self, "--grid and --c cannot be given together: both choose C");
     for (size_t i = 0; i < values->grid.count; i++)
         if (!(values->grid.values[i] > 0)) app_stop_usage(self, "--grid: C must be above 0");
     const bool rocket = values->method == METHOD_ROCKET;
@@ -152,6 +150,4 @@ void train_check_options(const app *self) {
         app_stop_usage(self, "--ccp-alpha: needs --prune post");
     if (pre && (app_given(self, "max-depth") || app_given(self, "min-samples-leaf")))
         app_stop_usage(self, "--prune pre: chooses --max-depth and --min-samples-leaf");
-    if (train_state.test != NULL && app_given(self, "test-fraction"))
-        app_stop_usage(self, "--test and --test-fraction cannot be given together");
 }

@@ -112,7 +112,7 @@ typedef struct predict_values {
 
 static const lg_field predict_options[] = {
     LG_OPTION(predict_values, s, REALS, "S,S,...", "Ascending arc lengths in [0, L]", LG_ANY_REAL,
-              .longer = "use --points"),
+              .longer = "use --points", .without = "points"),
     APP_POINTS(predict_values,
                "Number of equidistant arc lengths, ends included, instead of --s (default: the nodes of "
                "the training data)"),
@@ -258,8 +258,6 @@ static void draw_prediction(const app *self, const char *path, const beam_curve 
 static void run_predict(app *self) {
     prediction p = {.seconds = 0};
     const char *model = self->arguments[0];
-    if (predict_given.s.count > 0 && predict_given.points > 0)
-        app_stop_usage(self, "--s and --points cannot be given together");
     APP_MUST_FILE(self, model, lg_surrogate_load(self->context, model, NULL, &p.file, &error));
     read_where(self, &p);
     read_points(self, &p);

@@ -29,79 +29,55 @@ static const lg_field options[] = {
     APP_POINTS(simulate_values,
                "Number of equidistant points of the trajectory, including the start (default 501, or "
                "according to --steps)",
-               .usual = true),
+               .without = "times", .usual = true),
     LG_OPTION(simulate_values, times, REALS, "T,T,...",
               "Ascending times of the trajectory, instead "
               "of --points",
               LG_ANY_REAL, .longer = "use --points"),
     LG_OPTION(simulate_values, work_precision, SWITCH, NULL,
-              "Compare schemes: error at the final time against CPU time and evaluations", .usual = true),
+              "Compare schemes: error at the final time against CPU time and evaluations",
+              .without = "gradient,out,plot-kind", .usual = true),
     LG_OPTION(simulate_values, schemes, STRING, "NAME,NAME,...",
-              "Schemes of --work-precision (default: a selection of the schemes that apply)"),
+              "Schemes of --work-precision (default: a selection of the schemes that apply)",
+              .needs = "work-precision"),
     LG_OPTION(simulate_values, levels, U64, "L",
               "Number of runs of each method in --work-precision; each run has twice the steps, or a tenth "
               "of the tolerance, of the run before",
-              .low = 1, .high = 40, .value = "9"),
+              .needs = "work-precision", .low = 1, .high = 40, .value = "9"),
     LG_OPTION(
         simulate_values, gradient, STRING, "W,W,...|@FILE",
         "Compute J = sum W_k y_k at the end and its gradient with respect to the start and the parameters",
         .usual = true),
     LG_OPTION(simulate_values, checkpoints, U64, "C",
               "Number of states stored for --gradient (default: the square root of the number of steps)",
-              .low = 1, .high = 1e12),
+              .needs = "gradient", .low = 1, .high = 1e12),
     LG_OPTION(simulate_values, ensemble, U64, "N",
               "N runs from different starts or with different parameters, and their statistics at the points "
               "(default 51)",
-              .usual = true, .low = 1, .high = MEMBERS_MAX),
+              .without = "gradient,work-precision,plot-kind", .usual = true, .low = 1, .high = MEMBERS_MAX),
     LG_OPTION(
         simulate_values, vary, STRING, "NAME=DISTRIBUTION,...",
         "What differs between members (default: the scene's key `ensemble`): uniform:LOW:HIGH, "
         "normal:MEAN:DEVIATION, within:S, within:S% or around:S of the scene's value, sphere, cone:ANGLE, "
         "rotation; e.g. q=sphere,omega=normal:0:1,masses=within:5%",
-        .usual = true),
+        .needs = "ensemble", .usual = true),
     LG_OPTION(simulate_values, members, STRING, "FILE.csv|.h5|.npy",
               "A table with one row per member; its columns have the names of numbers of the state or of "
-              "parameters (q1.x, m2)"),
+              "parameters (q1.x, m2)",
+              .needs = "ensemble"),
     LG_OPTION(
         simulate_values, event, STRING, "NAME=VALUE,...",
-        "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards"),
+        "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards",
+        .needs = "ensemble"),
     LG_OPTION(simulate_values, save, STRING, "all|K",
-              "Keep the trajectories of all or of the first K members"),
+              "Keep the trajectories of all or of the first K members", .needs = "ensemble"),
     LG_OPTION(simulate_values, task, STRING, "i/n",
               "Run part i of n (i from 0) of the ensemble and write a file for `lg-simulate merge OUT.h5 "
-              "PARTS...`"),
+              "PARTS...`",
+              .needs = "ensemble"),
     LG_FIELD_END};
 
-/* ---- options that need or exclude each other ---- */
-
-typedef struct dependency {
-    const char *option, *other;
-    bool needs; /* true: the option needs the other; false: they exclude each other */
-} dependency;
-
-static const dependency dependencies[] = {{"checkpoints", "gradient", true},
-                                          {"schemes", "work-precision", true},
-                                          {"levels", "work-precision", true},
-                                          {"points", "times", false},
-                                          {"work-precision", "gradient", false},
-                                          {"work-precision", "out", false},
-                                          {"work-precision", "plot-kind", false},
-                                          {"vary", "ensemble", true},
-                                          {"members", "ensemble", true},
-                                          {"event", "ensemble", true},
-                                          {"save", "ensemble", true},
-                                          {"task", "ensemble", true},
-                                          {"ensemble", "gradient", false},
-                                          {"ensemble", "work-precision", false},
-                                          {"ensemble", "plot-kind", false}};
-
 static void check_options(const app *self) {
-    for (size_t i = 0; i < LG_COUNT(dependencies); i++) {
-        const dependency *d = &dependencies[i];
-        if (app_given(self, d->option) && app_given(self, d->other) != d->needs)
-            app_stop_usage(self, d->needs ? "--%s: needs --%s" : "--%s and --%s cannot be given together",
-                           d->option, d->other);
-    }
     if (!values.work_precision && app_given(self, "steps") &&
         (app_given(self, "tolerance") || app_given(self, "atol")))
         app_stop_usage(self, "--steps (equal steps) and --tolerance (adaptive steps) cannot be given together");
