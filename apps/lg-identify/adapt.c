@@ -1,6 +1,5 @@
 /* lg-identify adapt: fits a few numbers of a model to the beginning of a new log, and judges the rest. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/train.h"
@@ -45,7 +44,6 @@ typedef struct adapting {
 static void adapting_destroy(adapting *a) {
     lg_adaptation_destroy(&a->to);
     identify_given_destroy(&a->given);
-    free(a->first);
 }
 
 /* ---- the two pieces of the log ---- */
@@ -70,7 +68,7 @@ static void divide(const app *self, adapting *a) {
         app_stop(self, LG_INVALID_ARGUMENT,
                  "--beginning %g: leaves %zu rows for the fit and %zu for the judgement; %d each are needed",
                  values.beginning, a->cut, log->rows - a->cut, LEAST);
-    a->first = app_alloc(log->parts + 2, sizeof *a->first);
+    a->first = app_keep(log->parts + 2, sizeof *a->first);
     for (size_t p = 0; p <= log->parts; p++) {
         if (log->first[p] >= a->cut && (parts == 0 || a->first[parts - 1] < a->cut)) {
             a->cut_parts = parts;

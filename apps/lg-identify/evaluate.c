@@ -1,6 +1,5 @@
 /* lg-identify evaluate: compares free runs of a model with logs. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "common/verbs.h"
 #include "lg-identify/identify.h"
@@ -330,8 +329,8 @@ static void judge_run(const app *self, const identify_given *given, verdict *out
     const lg_machine_log *log = &given->data.logs.log;
     APP_FREE size_t *start = app_alloc(log->parts, sizeof *start);
     const size_t count = identify_first_rows(model, log, 0, start);
-    out->q = app_alloc(log->rows * machine->positions, sizeof *out->q);
-    out->v = app_alloc(log->rows * machine->velocities, sizeof *out->v);
+    out->q = app_keep(log->rows * machine->positions, sizeof *out->q);
+    out->v = app_keep(log->rows * machine->velocities, sizeof *out->v);
     identify_run_log(self, model, log, start, count, out->q, out->v);
     if (values.relative) judge_relative(machine, log, start, count, out);
     identify_leave_out(model, log, start, count, out->q, out->v);
@@ -365,14 +364,9 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
 
 /* ---- the command ---- */
 
-static void verdict_destroy(verdict *v) {
-    free(v->q);
-    free(v->v);
-}
-
 static void run(app *self) {
     APP_CLEAN(identify_given_destroy) identify_given given = {.model = {.machine = NULL}};
-    APP_CLEAN(verdict_destroy) verdict v = {.relative = (double)NAN, .relative_worst = (double)NAN};
+    verdict v = {.relative = (double)NAN, .relative_worst = (double)NAN};
     if (values.horizons.count > MOST_HORIZONS)
         app_stop_usage(self, "--horizons: %zu numbers, at most %d are possible", values.horizons.count,
                        MOST_HORIZONS);

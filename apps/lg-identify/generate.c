@@ -1,6 +1,5 @@
 /* lg-identify generate: makes logs of a machine whose terms are all known. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/text.h"
@@ -411,18 +410,14 @@ static void begin(const app *self, making *m) {
     for (uint32_t i = 0; i < machine->input_count; i++)
         if (m->file.inputs[i].delay > m->delay) m->delay = m->file.inputs[i].delay;
     if (m->rows < 2) app_stop_usage(self, "--t-end %g is shorter than --dt %g", m->t_end, values.dt);
-    m->given = app_alloc(m->runs * (m->rows + m->delay) * machine->input_count + 1, sizeof *m->given);
+    m->given = app_keep(m->runs * (m->rows + m->delay) * machine->input_count + 1, sizeof *m->given);
     identify_log_begin(&m->made, machine, m->runs, m->runs * m->rows);
     for (size_t run = 0; run <= m->runs; run++) m->made.first[run] = run * m->rows;
-    m->run_q = app_alloc(m->made.log.rows * machine->positions, sizeof *m->run_q);
-    m->run_v = app_alloc(m->made.log.rows * machine->velocities, sizeof *m->run_v);
+    m->run_q = app_keep(m->made.log.rows * machine->positions, sizeof *m->run_q);
+    m->run_v = app_keep(m->made.log.rows * machine->velocities, sizeof *m->run_v);
 }
 
 static void making_end(making *m) {
-    free(m->given);
-    identify_log_end(&m->made);
-    free(m->run_q);
-    free(m->run_v);
     lg_machine_data_destroy(&m->inputs);
     lg_machine_file_destroy(&m->file);
 }

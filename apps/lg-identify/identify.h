@@ -76,7 +76,6 @@ typedef struct identify_log {
     double *t, *q, *v, *u;
 } identify_log;
 void identify_log_begin(identify_log *made, const lg_machine *machine, size_t parts, size_t rows);
-void identify_log_end(identify_log *made);
 
 /* Returns the number of parts of the first run (parts are separated by gaps). */
 size_t identify_first_run(const lg_logs *logs);
@@ -157,7 +156,7 @@ void identify_find_offsets(const app *self, const identify_given *given, const s
 /* v (rows, velocities) of lines and angles: slopes of lines through 21 positions. NaN for other kinds. */
 void identify_slopes(const lg_machine *machine, const lg_machine_log *log, double *v);
 /* Velocities (n, velocities), and on each the learned friction plus the force that the model lacks, from n
- * stretches of 20 intervals. Both arrays belong to the caller. Returns n. */
+ * stretches of 20 intervals. Returns n. */
 size_t identify_lacking(const app *self, const identify_given *given, double **velocity, double **force);
 
 /* ---- values of the potential and of the damping force (balance.c) ---- */

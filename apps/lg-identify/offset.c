@@ -1,7 +1,6 @@
 /* What a constant force makes of runs: whether a free run integrates an offset, and the forces that the model
  * lacks at each velocity. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-identify/identify.h"
@@ -201,7 +200,7 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
     APP_FREE double *v = app_alloc(count * points * nv, sizeof *v);
     APP_FREE double *with = app_alloc(count * points * nv, sizeof *with);
     APP_FREE double *middle_q = app_alloc(count * nq, sizeof *middle_q);
-    double *x = *velocity = app_alloc(count * nv, sizeof *x), *f = *force = app_alloc(count * nv, sizeof *f);
+    double *x = *velocity = app_keep(count * nv, sizeof *x), *f = *force = app_keep(count * nv, sizeof *f);
     identify_run(self, &given->model, &log, start, count, STEPS, q, v);
     for (size_t i = 0; i < count; i++) {
         memcpy(middle_q + i * nq, q + (i * points + STEPS / 2) * nq, nq * sizeof *q);
