@@ -546,6 +546,12 @@ static lg_status store(const lg_yaml *yaml, const lg_field *key, const lg_key_va
     return LG_OK;
 }
 
+const lg_key_value *lg_yaml_value(const lg_field *keys, const lg_key_value *values, const char *name) {
+    size_t i = 0;
+    while (strcmp(keys[i].name, name) != 0) i++;
+    return &values[i];
+}
+
 lg_status lg_yaml_store(const lg_yaml *yaml, const lg_field *keys, const lg_key_value *values, size_t count,
                         void *into, lg_error *error) {
     for (size_t i = 0; i < count; i++)

@@ -54,6 +54,9 @@ const char *lg_yaml_path(const lg_yaml *yaml);
 /* The document of libyaml, for reading what is below a NODE. */
 struct yaml_document_s *lg_yaml_document(lg_yaml *yaml);
 
+/* The value of the key `name`, which must be a row of `keys`. */
+const lg_key_value *lg_yaml_value(const lg_field *keys, const lg_key_value *values, const char *name);
+
 /* True if the top mapping has the key. "initial.q" is the key q of its mapping `initial`. */
 bool lg_yaml_has(const lg_yaml *yaml, const char *key);
 /* Reads the value of a required NAME or TEXT key of the top mapping, before everything else is read. */
