@@ -263,11 +263,10 @@ const app_command anomaly_generate_command = {
     .name = "generate",
     .summary = "Simulate labelled windows of a subsea well, intact and broken",
     .details =
-        "The file holds /X (n, 6, samples) as 32-bit floats, /y (0 intact, 1 broken), /group (the sea "
-        "state, 0 to 17; --split group keeps the windows of a group together) and /run (the recording). "
-        "Channels: accelerations of the lower and the upper sensor in m/s^2 and the bending moment in N m, "
-        "each in x and y. For the probability of detection against severity, make one file for each "
-        "--severity.",
+        "The file holds /X (n, 6, samples) as 32-bit floats, /y (0 intact, 1 broken), /group (the sea state, "
+        "0 to 17; --split group keeps the windows of a group together) and /run (the recording). Channels: "
+        "accelerations of the lower and the upper sensor in m/s^2 and the bending moment in N m, each in x "
+        "and y. For the probability of detection against severity, make one file for each --severity.",
     .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
     .plots = APP_PLOTS(
         APP_PLOT("states", "recordings, intact and broken", "recordings", put_states, .usual = APP_PLOT_ANY),

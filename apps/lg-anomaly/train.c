@@ -86,8 +86,7 @@ const app_command anomaly_train_command = {
         "recall and F1 for two classes those of the class that is not healthy, otherwise their mean over the "
         "classes. false_alarms_per_day is the number of windows per day that would be given another class if "
         "all were of the healthy one (--healthy).\n\nCtrl-C saves a checkpoint (cnn) and ends with exit code "
-        "130; --resume continues to "
-        "the same bits.",
+        "130; --resume continues to the same bits.",
     .settings = train_settings,
     .plots = anomaly_plots,
     .run = run_train,

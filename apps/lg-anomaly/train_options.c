@@ -112,8 +112,7 @@ lg_detector_state train_state;
 
 static const lg_field train_options[] = {
     LG_OPTION(train_values, grid, REALS, "C,C,...",
-              "Choose C among these by cross-validation on the training part (default for svm: "
-              "0.1,1,10,100)",
+              "Choose C among these by cross-validation on the training part (default for svm: 0.1,1,10,100)",
               .without = "c", LG_ANY_REAL, .methods = LOGISTIC | LINEAR | RBF | BASELINE),
     LG_FIELD_END};
 

@@ -37,11 +37,10 @@ static const lg_field options[] = {
               "it can be proved. A quadratic V that is searched has the level 1 or less",
               .value = "auto"),
     LG_FIELD(certify_values, NULL, "model_error", STRING, model_error, .unit = "D",
-             .meaning = "Bound of the error of the model's state after a period (with --loop continuous: of its "
-                        "accelerations, "
-                        "of a plant that is a program of all rates), as one number, as NAME=D,... or auto: "
-                        "three standard "
-                        "deviations of the fit of lg-identify, at the worst of random states and inputs",
+             .meaning = "Bound of the error of the model's state after a period (with --loop continuous: of "
+                        "its accelerations, of a plant that is a program of all rates), as one number, as "
+                        "NAME=D,... or auto: three standard deviations of the fit of lg-identify, at the "
+                        "worst of random states and inputs",
              .otherwise = "0"),
     APP_SECONDS(certify_values, "Largest time of the proof", .value = "60"),
     LG_OPTION(certify_values, degree, U64, "n", "Degree of the polynomial, even", .low = 2, .high = 12,
@@ -434,8 +433,7 @@ static void prove_energy(app *self, lg_policy *policy, naming names) {
                  .margin = r.margin,
                  .sides = 1};
     tell_energy(self, names,
-                "the mass, the damping and the map of the input are constant was compared at several "
-                "states",
+                "the mass, the damping and the map of the input are constant was compared at several states",
                 start, &v);
 }
 
@@ -607,8 +605,7 @@ static char *tell_gate(const lg_policy *policy, const double *P, double level) {
     if (P == NULL || lg_policy_bound_gate(policy, P, level, &ratio, NULL) != LG_OK)
         return app_format("%s", "");
     return app_format(" In the set the network's gate leaves at least %.3g %% of the input to the regulator "
-                      "(its own V is at "
-                      "most %.4g of the level where the gate is half open).",
+                      "(its own V is at most %.4g of the level where the gate is half open).",
                       100 / (1 + exp(4.5 * (ratio - 1))), ratio);
 }
 

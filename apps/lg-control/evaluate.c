@@ -162,8 +162,7 @@ const app_command control_evaluate_command = {
     .arguments = "POLICY.h5",
     .summary = "Judge a policy by runs from random starts",
     .details = "Beside it stands the saturated regulator alone (lqr). --plant judges on another machine than "
-               "the one that "
-               "the policy was trained with, for example the true one of a simulation.",
+               "the one that the policy was trained with, for example the true one of a simulation.",
     APP_DRAWS("the motion of some runs, which starts succeed, and inputs"),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

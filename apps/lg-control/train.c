@@ -261,9 +261,8 @@ const app_command control_train_command = {
     .details =
         "TASK.yaml has plant, goal, period, horizon, starts, limits, cost, success and controller. Several "
         "seeds race; the best by success, then by cost, is trained on. Ctrl-C saves the best policy so far "
-        "and "
-        "the state, from which --resume continues with the same numbers. Processes of mpirun train together, "
-        "with the numbers of one process.",
+        "and the state, from which --resume continues with the same numbers. Processes of mpirun train "
+        "together, with the numbers of one process.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run,
     .together = APP_RANKS};

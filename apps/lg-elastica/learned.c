@@ -285,11 +285,9 @@ const app_command elastica_predict_command = {
     .details =
         "`distance` is the distance of the boundary conditions from the nearest ones of the training part. "
         "`reach` is the largest such distance among the training part itself. `off_family` and `spread` are "
-        "the "
-        "same for the distance from the lines through neighbours. A query farther than twice the reach or "
-        "twice "
-        "the spread is not `inside`, and there is a warning. `seconds`: the median of a few evaluations in "
-        "double precision.",
+        "the same for the distance from the lines through neighbours. A query farther than twice the reach "
+        "or twice the spread is not `inside`, and there is a warning. `seconds`: the median of a few "
+        "evaluations in double precision.",
     APP_DRAWS("the curve; with --solve, the solution too"),
     .settings = APP_SETTINGS(BOUNDARY, ENDS, APP_GIVEN(predict_options, predict_given)),
     .run = run_predict};

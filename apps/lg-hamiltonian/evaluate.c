@@ -152,10 +152,9 @@ const app_command hamiltonian_evaluate_command = {
     .arguments = "MODEL.h5 TEST.h5",
     .summary = "Measure a model's errors E1 and E2 on test trajectories",
     .details = "E1: mean of the squared differences over trajectories, coordinates and points, t = 0 "
-               "included; the learned "
-               "flow is integrated by an adaptive method of order 5 from the file's first points. E2: mean "
-               "|d - mean d|, d "
-               "= H - H_learned at the starts; unknown (null) without /hamiltonian in the file.",
+               "included; the learned flow is integrated by an adaptive method of order 5 from the file's "
+               "first points. E2: mean |d - mean d|, d = H - H_learned at the starts; unknown (null) without "
+               "/hamiltonian in the file.",
     APP_DRAWS("the test trajectories, true and predicted"),
     .settings = APP_SETTINGS(FLOW_TOLERANCE, APP_GIVEN(evaluate_options, values)),
     .run = run};

@@ -190,16 +190,13 @@ const app_command hamiltonian_generate_command = {
     .name = "generate",
     .arguments = "SCENE.yaml | CONSTRAINT.h5",
     .summary = "Sample trajectories of a scene from random starts",
-    .details = "The file holds /t (M), /trajectories (N, M, d) and "
-               "/hamiltonian (N), the energies at the starts. The scene "
-               "gives the system, its parameters and the distribution of "
-               "starts. Each start depends on the seed and its number "
-               "only, not on N, M, T or the noise. CONSTRAINT.h5 is a program "
-               "with the functions constraint (q) -> g, potential (q) -> V and "
-               "mass (q) -> M of liegrad/constraint.h: the motion on g(q) = 0. "
-               "Starts are drawn from the range of q and projected. The data "
-               "file carries the functions, so train, evaluate and predict "
-               "need no further file.",
+    .details = "The file holds /t (M), /trajectories (N, M, d) and /hamiltonian (N), the energies at the "
+               "starts. The scene gives the system, its parameters and the distribution of starts. Each "
+               "start depends on the seed and its number only, not on N, M, T or the noise. CONSTRAINT.h5 is "
+               "a program with the functions constraint (q) -> g, potential (q) -> V and mass (q) -> M of "
+               "liegrad/constraint.h: the motion on g(q) = 0. Starts are drawn from the range of q and "
+               "projected. The data file carries the functions, so train, evaluate and predict need no "
+               "further file.",
     .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
     .run = run,
     .together = APP_RANKS};

@@ -331,12 +331,9 @@ const app_command identify_adapt_command = {
     .name = "adapt",
     .arguments = "MODEL.h5 LOG",
     .summary = "Fit a few numbers to the beginning of a new log, and score the rest",
-    .details = "The numbers are fitted to free runs in the first --beginning "
-               "of the log, whose starts are estimated. Before "
-               "any data, the factor of all friction is 1 with a standard "
-               "deviation of .1, and an offset 0 with a tenth of "
-               "the friction's root mean square. The rest of the log is "
-               "predicted by one free run, with the model as it was "
-               "and with the adapted model.",
+    .details = "The numbers are fitted to free runs in the first --beginning of the log, whose starts are "
+               "estimated. Before any data, the factor of all friction is 1 with a standard deviation of .1, "
+               "and an offset 0 with a tenth of the friction's root mean square. The rest of the log is "
+               "predicted by one free run, with the model as it was and with the adapted model.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

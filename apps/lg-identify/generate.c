@@ -26,8 +26,7 @@ static const lg_field options[] = {
               LG_ANY_REAL),
     LG_OPTION(generate_values, noise, REALS, "SIGMA[,SIGMA]",
               "Standard deviation of the noise of positions (radians), and of velocities or accelerations "
-              "(default the same); "
-              "not given: the machine's `noise`",
+              "(default the same); not given: the machine's `noise`",
               .high = 1e300),
     LG_OPTION(generate_values, spread, REALS, "S[,S]",
               "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",

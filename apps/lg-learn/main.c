@@ -68,8 +68,7 @@ static const app_command train_command = {
     TRAIN_COMMAND("DATA...", task, train_plots), .summary = "Learn a model from data",
     .details = "With --recipe NAME the options of this kind of model are listed above. The command search "
                "draws values of the same options.\n\nCtrl-C saves a checkpoint and ends with exit code 130; "
-               "--resume continues to "
-               "the same bits.",
+               "--resume continues to the same bits.",
     .settings = train_settings};
 
 /* ---- predict ---- */

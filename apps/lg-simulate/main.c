@@ -31,8 +31,7 @@ static const lg_field options[] = {
                "according to --steps)",
                .without = "times", .usual = true),
     LG_OPTION(simulate_values, times, REALS, "T,T,...",
-              "Ascending times of the trajectory, instead "
-              "of --points",
+              "Ascending times of the trajectory, instead of --points",
               LG_ANY_REAL, .longer = "use --points"),
     LG_OPTION(simulate_values, work_precision, SWITCH, NULL,
               "Compare schemes: error at the final time against CPU time and evaluations",
