@@ -230,15 +230,16 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     const lg_learned_machine *model = &given->model;
     const lg_machine_log *log = &given->data.logs.log;
     lg_machine_log simple = *log;
-    APP_FREE double *slopes = app_alloc(log->rows * model->machine->velocities, sizeof *slopes);
+    const lg_machine *machine = model->machine;
+    APP_FREE double *v = app_alloc(log->rows * (machine->velocities + machine->positions), sizeof *v);
     APP_CLEAN(lg_started_log_destroy) lg_started_log states = {.log = *log};
     if (model->start_rows > 0) {
-        identify_slopes(model->machine, log, slopes);
-        simple.v = slopes;
+        lg_machine_smooth(machine, log, IDENTIFY_HALF, v + log->rows * machine->velocities, v);
+        simple.v = v;
         APP_MUST(self, lg_machine_states(model, log, values.every, &states, &error));
     }
     identify_linear linear;
-    identify_linear_fit(self, model->machine, &simple, &linear);
+    identify_linear_fit(self, machine, &simple, &linear);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
