@@ -62,7 +62,7 @@ static const lg_field options[] = {
         export_values, sensor, REALS, "S[,S...]",
         "Controllers with --functions observe: standard deviation of the measured positions, one for all or "
         "one each, in the log's units (default 0.001)",
-        .high = 1e300, .above = true, .most = LG_POLICY_COORDINATES),
+        .option = "noise", .high = 1e300, .above = true, .most = LG_POLICY_COORDINATES),
     LG_OPTION(
         export_values, drift, REALS, "S[,S...]",
         "Controllers with --functions observe: by how much velocities stray from the machine's in a second "

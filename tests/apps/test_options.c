@@ -25,7 +25,6 @@ static const char *const meanings[][2] = {
     {"penalty", "weight of a penalty in the loss"},
     {"penalty-form", "published or text: of this penalty"},
     {"plot-kind", "which plots there are"},
-    {"plant", "errors of derivatives, a machine"},
     {"plot", "says what is drawn"},
     {"points", "of a trajectory, of a curve, of each trajectory"},
     {"preset", "of one method of lg-anomaly train"},
