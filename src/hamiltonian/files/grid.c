@@ -17,6 +17,7 @@ static const char *name_noise(uint32_t value) {
 /* The grid's own keys. list_keys sets the limits of penalty and substeps to the hyperparameters' limits. */
 static const lg_field own_keys[] = {
     {.name = "integrators",
+     .option = "schemes",
      .type = LG_FIELD_NAMES,
      .required = true,
      .most = LISTS,

@@ -359,7 +359,7 @@ static lg_status fill(reading *r) {
 static lg_status read_scene(const lg_context *context, lg_yaml *yaml, const char *form_wanted,
                             const lg_key_set *more, scene_table *table, lg_scene *out, lg_error *error) {
     const char *form;
-    if (!lg_yaml_has(yaml, "system") && lg_yaml_has(yaml, "integrators"))
+    if (!lg_yaml_has(yaml, "system") && (lg_yaml_has(yaml, "integrators") || lg_yaml_has(yaml, "schemes")))
         return lg_fail(error, LG_FORMAT, "%s: this file is a grid for `lg-hamiltonian study`, not a scene",
                        lg_shown_path(lg_yaml_path(yaml)));
     LG_TRY(lg_yaml_name(yaml, common_keys, table->values, error)); /* the first key is `system` */

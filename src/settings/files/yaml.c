@@ -441,9 +441,10 @@ typedef struct reading {
 static const lg_field *find_key(const reading *r, const char *name, lg_key_value **value) {
     for (size_t s = 0; s < r->set_count; s++) {
         for (size_t i = 0; i < r->sets[s].count; i++) {
-            if (strcmp(r->sets[s].keys[i].name, name) != 0) continue;
+            const lg_field *key = &r->sets[s].keys[i];
+            if (strcmp(key->name, name) != 0 && (key->option == NULL || strcmp(key->option, name) != 0)) continue;
             *value = &r->sets[s].values[i];
-            return &r->sets[s].keys[i];
+            return key;
         }
     }
     return NULL;
