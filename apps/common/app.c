@@ -296,8 +296,10 @@ static void parse_with_commands(app *self, int argc, char **argv, const char *su
     lg_text_add(&doc, "%s\vCommands:\n", summary);
     for (const app_command *c = commands; c->run != NULL; c++)
         lg_text_add(&doc, "  %-*s  %s\n", (int)widest, c->name, c->summary);
-    lg_text_add(&doc, "\n%s COMMAND --help describes the options of a command."
-                      " --help-all describes all of them.", self->program);
+    lg_text_add(&doc,
+                "\n%s COMMAND --help describes the options of a command."
+                " --help-all describes all of them.",
+                self->program);
     char texts[COMMON * HELP_SIZE];
     APP_FREE struct argp_option *options = argp_table(self, texts);
     const struct argp argp = {options, parse_top, "COMMAND ...", doc.data, NULL, NULL, NULL};
@@ -469,7 +471,8 @@ static void check_together(const app *self) {
             app_stop_usage(self, "--%s: needs --%s %s", slot->name, other->name,
                            other->row->unit != NULL ? other->row->unit : "");
         APP_FREE char *others = app_format("%s", slot->row->without != NULL ? slot->row->without : "");
-        for (char *save = NULL, *at = strtok_r(others, ",", &save); at != NULL; at = strtok_r(NULL, ",", &save))
+        for (char *save = NULL, *at = strtok_r(others, ",", &save); at != NULL;
+             at = strtok_r(NULL, ",", &save))
             if (app_given(self, at))
                 app_stop_usage(self, "--%s and --%s cannot be given together", slot->name, at);
     }

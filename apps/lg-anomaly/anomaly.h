@@ -26,7 +26,7 @@ typedef struct well_setup {
 /* The options of a member `well` of type well_setup. */
 #define WELL_ROWS(type)                                                                                      \
     LG_OPTION(type, well.housing, NAME, NULL, "slack (default) or tight", .option = "housing",               \
-              .usual = true, .names = housing_names),                                                                       \
+              .usual = true, .names = housing_names),                                                        \
         LG_OPTION(type, well.operation, NAME, NULL,                                                          \
                   "drilling (default), or completion: a Christmas tree below the BOP, brine in the riser",   \
                   .option = "operation", .names = operation_names),                                          \
@@ -35,7 +35,7 @@ typedef struct well_setup {
                   .option = "load-relief", .high = 1e9),                                                     \
         LG_OPTION(type, well.severity, REAL, "R",                                                            \
                   "Remaining fraction of the broken casing's rotational stiffness: 1 is intact",             \
-                  .option = "severity", .usual = true, .low = 1e-3, .high = 1, .value = "0.58"),                            \
+                  .option = "severity", .usual = true, .low = 1e-3, .high = 1, .value = "0.58"),             \
         LG_OPTION(type, well.noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",     \
                   .option = "noise", .usual = true, .high = 1e6, .value = "1")
 void well_set_up(const well_setup *setup, lg_riser_parameters *parameters, lg_riser_run *run);

@@ -34,11 +34,11 @@ static const lg_field generate_options[] = {
         "Recordings (default 108: 3 top tensions x 18 sea states, each intact and broken). A smaller number "
         "is spread over the conditions, pair by pair; a larger one repeats them with other waves",
         .usual = true, .low = 1, .high = MAX_RUNS),
-    LG_OPTION(generate_values, hours, REAL, "H", "Length of a recording (default 1)", .usual = true, .low = 1e-3,
-              .high = 1000),
+    LG_OPTION(generate_values, hours, REAL, "H", "Length of a recording (default 1)", .usual = true,
+              .low = 1e-3, .high = 1000),
     WELL_ROWS(generate_values),
-    LG_OPTION(generate_values, window, REAL, "SECONDS", "Length of a window (default 60)", .usual = true, .low = 0.2,
-              .high = 1e6),
+    LG_OPTION(generate_values, window, REAL, "SECONDS", "Length of a window (default 60)", .usual = true,
+              .low = 0.2, .high = 1e6),
     TRIALS_ROWS(generate_values),
     LG_FIELD_END};
 

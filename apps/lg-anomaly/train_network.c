@@ -49,11 +49,11 @@ const app_command anomaly_search_command = {
     .name = "search",
     .arguments = "RANGES.yaml DATA.h5",
     .summary = "Random search over the options of train --classifier cnn or rocket",
-    .details =
-        "The objective is the network's loss on the held-out part at its best epoch; with `classifier: rocket` "
-        "it is the fraction of the held-out windows that get a wrong class.\n\n" SEARCH_DETAILS
-        " The search never uses the test part (fixed: test-fraction, split): train the best trial to "
-        "evaluate it.",
+    .details = "The objective is the network's loss on the held-out part at its best epoch; with "
+               "`classifier: rocket` "
+               "it is the fraction of the held-out windows that get a wrong class.\n\n" SEARCH_DETAILS
+               " The search never uses the test part (fixed: test-fraction, split): train the best trial to "
+               "evaluate it.",
     .settings = APP_SETTINGS(SEARCH_SHARED),
     .plots = search_plots,
     VERB(search, network_recipe),

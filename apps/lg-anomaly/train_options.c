@@ -69,13 +69,15 @@ enum {
 
 #define ROW(name, type, member, ...) LG_FIELD(train_values, "", name, type, member, __VA_ARGS__)
 static const lg_field rows[] = {
-    ROW("method", NAME, method, .option = "classifier", .usual = true, .value_name = train_method_name, .value = "cnn",
+    ROW("method", NAME, method, .option = "classifier", .usual = true, .value_name = train_method_name,
+        .value = "cnn",
         .meaning =
             "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
             "regression lines of moment against acceleration, logistic regression; rocket: ridge regression "
             "on random convolutions; novelty: learns the healthy class alone, the others only test it"),
     ROW("features", PHRASE, features, .value_name = features_name, .parse = parse_features,
-        .phrase = phrase_features, .form = "a number", .value = "cov", .usual = true, .methods = CLASSICAL | ROCKET,
+        .phrase = phrase_features, .form = "a number", .value = "cov", .usual = true,
+        .methods = CLASSICAL | ROCKET,
         .meaning = "Features of classical methods: the samples, standard deviations, the square root of the "
                    "covariance, or the logarithms of the power in bands of frequency; rocket: their number "
                    "(10000)"),

@@ -545,7 +545,7 @@ static void search_form(app *self, const lg_policy *policy, naming names, wanted
     what->chosen = chooses_gains(self, names.task);
     lg_lyapunov_search_init(&search);
     search.rate = values.loop ? (what->chosen ? "rate_by_gains" : "rate")
-                                    : (what->chosen ? "advance_by_gains" : "advance");
+                              : (what->chosen ? "advance_by_gains" : "advance");
     search.step = !values.loop;
     search.low = what->low, search.high = what->high, search.scale = scale;
     search.model_error = what->error;

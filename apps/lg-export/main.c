@@ -36,8 +36,7 @@ static const lg_field options[] = {
             "the same NAME: each model needs its own folder"),
     LG_OPTION(export_values, name, STRING, "NAME",
               "Name of the functions and files (default: the model file's name as a C identifier)"),
-    LG_OPTION(export_values, dtype, NAME, NULL,
-              "Type of the numbers in the code: f64 (default) or f32",
+    LG_OPTION(export_values, dtype, NAME, NULL, "Type of the numbers in the code: f64 (default) or f32",
               .names = dtypes),
     LG_OPTION(
         export_values, target, NAME, NULL,

@@ -18,7 +18,8 @@ static const app_command train_command = {
     TRAIN_COMMAND("DATA.h5", task, train_plots), .summary = "Fit a Hamiltonian to trajectories",
     .details =
         "Loss: the mean squared difference over trajectories, coordinates and points (the first excluded; "
-        "with --initial-states estimated it counts too) between the data and the integrator's prediction with the "
+        "with --initial-states estimated it counts too) between the data and the integrator's prediction "
+        "with the "
         "learned Hamiltonian; with --penalty, plus the penalty. The `loss` reported is this mean squared "
         "error (no penalty) over all trajectories of the file, in double precision, at the parameters that "
         "are written; `running_loss` is the last epoch's mean over its batches. `floor` is the part of this "

@@ -12,8 +12,8 @@ typedef struct adapt_values {
 } adapt_values;
 
 static const lg_field options[] = {
-    LG_OPTION(adapt_values, beginning, REAL, "S", "Length of the beginning that the numbers are fitted to", LG_POSITIVE,
-              .required = true),
+    LG_OPTION(adapt_values, beginning, REAL, "S", "Length of the beginning that the numbers are fitted to",
+              LG_POSITIVE, .required = true),
     LG_OPTION(adapt_values, numbers, STRING, "NAME,NAME",
               "What may change: offset (a constant force for each velocity), friction (one factor)",
               .value = "offset,friction"),

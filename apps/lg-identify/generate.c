@@ -393,9 +393,11 @@ static void check_options(const app *self, const lg_machine_file *file) {
                        file->machine.input_count);
     (void)find_form(); /* Reads the number after the colon. */
     if (isnan(values.after_colon))
-        app_stop_usage(self, "--excitation: '%s': expected a number above 0 after the colon", values.excitation);
+        app_stop_usage(self, "--excitation: '%s': expected a number above 0 after the colon",
+                       values.excitation);
     if (file->machine.input_count == 0 && find_form() == LG_COUNT(forms))
-        app_stop_usage(self, "--excitation: '%s' is a file, but the machine has no inputs", values.excitation);
+        app_stop_usage(self, "--excitation: '%s' is a file, but the machine has no inputs",
+                       values.excitation);
     if (values.noise.count > 2) app_stop_usage(self, "--noise: expected one or two numbers");
     if (values.spread.count > 2) app_stop_usage(self, "--start-spread: expected one or two numbers");
 }
@@ -424,9 +426,10 @@ static void making_end(making *m) {
 static void run(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(making_end) making m = {.runs = 0};
-    const app_path paths[] = {{"out", values.out, LG_FILE_TEXT},
-                              {"plot", app_plot_given.plot, LG_FILE_DRAWN},
-                              {"excitation", find_form() < LG_COUNT(forms) ? NULL : values.excitation, LG_FILE_READ}};
+    const app_path paths[] = {
+        {"out", values.out, LG_FILE_TEXT},
+        {"plot", app_plot_given.plot, LG_FILE_DRAWN},
+        {"excitation", find_form() < LG_COUNT(forms) ? NULL : values.excitation, LG_FILE_READ}};
     app_check_outputs(self, paths, LG_COUNT(paths));
     APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &m.file, &error));
     check_scene(self, &m.file);

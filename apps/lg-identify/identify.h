@@ -32,8 +32,7 @@ void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_g
                   "Rows that estimate the state at a start, where the logs measure positions or "            \
                   "accelerations alone",                                                                     \
                   .low = 2, .high = 1e6, .otherwise = "the model's")
-#define IDENTIFY_WINDOW(struct_, ...)                                                                        \
-    LG_OPTION(struct_, window, U64, "M", __VA_ARGS__, .low = 2, .high = 1e9)
+#define IDENTIFY_WINDOW(struct_, ...) LG_OPTION(struct_, window, U64, "M", __VA_ARGS__, .low = 2, .high = 1e9)
 /* Writes start_rows: the rows that estimate the state at a start, null if the logs have it. */
 void identify_put_start_rows(app_json *json, const lg_learned_machine *model);
 void identify_given_destroy(identify_given *given);

@@ -11,8 +11,8 @@ static const lg_field options[] = {
               "R^n)",
               .usual = true),
     LG_OPTION(simulate_values, steps, U64, "N", "N equal steps", .low = 1, .high = 1e12, .usual = true),
-    APP_TOLERANCE(simulate_values, "Adaptive steps; the tolerance of component i is TOL |y_i| + A",
-                  .high = 1, .value = "1e-9", .usual = true),
+    APP_TOLERANCE(simulate_values, "Adaptive steps; the tolerance of component i is TOL |y_i| + A", .high = 1,
+                  .value = "1e-9", .usual = true),
     LG_OPTION(simulate_values, atol, REAL, "A",
               "Absolute part of the tolerance (default: 1e-4 TOL, but at least 1e-16, times the largest size "
               "so far of the vector q, omega, p, R, ... that component i belongs to)",
@@ -31,8 +31,8 @@ static const lg_field options[] = {
                "according to --steps)",
                .without = "times", .usual = true),
     LG_OPTION(simulate_values, times, REALS, "T,T,...",
-              "Ascending times of the trajectory, instead of --points",
-              LG_ANY_REAL, .longer = "use --points"),
+              "Ascending times of the trajectory, instead of --points", LG_ANY_REAL,
+              .longer = "use --points"),
     LG_OPTION(simulate_values, work_precision, SWITCH, NULL,
               "Compare schemes: error at the final time against CPU time and evaluations",
               .without = "gradient,out,plot-kind", .usual = true),
@@ -79,7 +79,8 @@ static const lg_field options[] = {
 static void check_options(const app *self) {
     if (!values.work_precision && app_given(self, "steps") &&
         (app_given(self, "tolerance") || app_given(self, "atol")))
-        app_stop_usage(self, "--steps (equal steps) and --tolerance (adaptive steps) cannot be given together");
+        app_stop_usage(self,
+                       "--steps (equal steps) and --tolerance (adaptive steps) cannot be given together");
 }
 
 static void check_outputs(const app *self, const ensemble_files *files) {

@@ -173,20 +173,19 @@ static void run(app *self) {
     self->argument_count--;
     memmove((void *)self->arguments, self->arguments + 1,
             (size_t)self->argument_count * sizeof *self->arguments);
-    const app_path paths[] = {{NULL, out, LG_FILE_WRITTEN},
-                              {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
+    const app_path paths[] = {{NULL, out, LG_FILE_WRITTEN}, {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
     app_check_outputs(self, paths, LG_COUNT(paths));
     merge_parts(self, out, self->arguments, (size_t)self->argument_count, values.statistics_only);
 }
 
 int merge_main(int argc, char **argv) {
     const app_command command[] = {{.name = "merge",
-                                           .arguments = "OUT.h5 PART.h5...",
-                                           .summary = "Merges the parts of an ensemble that --task wrote. "
-                                                      "The statistics are the same as from one process.",
-                                           APP_DRAWS("the bands of quantiles over time"),
-                                           .settings = APP_SETTINGS(APP_GIVEN(options, values)),
-                                           .run = run},
-                                          {.name = NULL}};
+                                    .arguments = "OUT.h5 PART.h5...",
+                                    .summary = "Merges the parts of an ensemble that --task wrote. "
+                                               "The statistics are the same as from one process.",
+                                    APP_DRAWS("the bands of quantiles over time"),
+                                    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
+                                    .run = run},
+                                   {.name = NULL}};
     return app_main(argc, argv, "lg-simulate", command[0].summary, command);
 }

@@ -21,8 +21,8 @@ static const char *name_loss(uint32_t value) {
     LG_FIELD(lg_surrogate_run, group, name, type, member, __VA_ARGS__)
 #define OPTION(group, member, type, ...) SURROGATE(group, #member, type, model.options.member, __VA_ARGS__)
 const lg_field lg_surrogate_fields[] = {
-    SURROGATE("model", "network", NAME, model.options.kind, .value_name = name_kind, .value = "discrete", .usual = true,
-              .meaning = "Kind of network"),
+    SURROGATE("model", "network", NAME, model.options.kind, .value_name = name_kind, .value = "discrete",
+              .usual = true, .meaning = "Kind of network"),
     OPTION("model", architecture, NAME, .value_name = lg_name_net, PRESET(), .usual = true,
            .meaning = "Architecture of the network"),
     OPTION("model", activation, NAME, .value_name = lg_name_activation, PRESET(),
@@ -53,7 +53,8 @@ const lg_field lg_surrogate_fields[] = {
     OPTION("run", loss, NAME, .value_name = name_loss, .optional = true, .value = "mse", .methods = DISCRETE,
            .meaning = "mse: mean squared error of the curves; energy: energy of the predicted curves, which "
                       "needs --angles true but no solved curves"),
-    OPTION("run", gamma, REAL, .option = "penalty", .high = 1e12, PRESET(), .unit = "G", .methods = DISCRETE | CONTINUOUS,
+    OPTION("run", gamma, REAL, .option = "penalty", .high = 1e12, PRESET(), .unit = "G",
+           .methods = DISCRETE | CONTINUOUS,
            .meaning = "discrete: weight of node-to-node differences; continuous: of |v|^2 = 1"),
     OPTION("run", energy, REAL, .high = 1e12, .optional = true, .value = "0", .unit = "W",
            .meaning = "Weight of the beam's energy, with its constraints' multipliers, in the loss"),
@@ -68,8 +69,8 @@ const lg_field lg_surrogate_fields[] = {
                   "the thesis' program takes"),
     OPTION("run", between, FLAG, .value_name = lg_name_truth, PRESET(),
            .meaning = "Continuous network: learn from interpolated points between the nodes too"),
-    SURROGATE("run", "train_fraction", REAL, train_fraction, .high = 1, .value = "0.9", .unit = "F", .usual = true,
-              .meaning = "Part of the curves for training"),
+    SURROGATE("run", "train_fraction", REAL, train_fraction, .high = 1, .value = "0.9", .unit = "F",
+              .usual = true, .meaning = "Part of the curves for training"),
     SURROGATE("run", "test_fraction", REAL, test_fraction, .high = 1, .value = "0.1", .unit = "F",
               .meaning = "Part of the curves for testing, the same for every --train-fraction"),
     SURROGATE(

@@ -6,8 +6,9 @@
 #define MACHINE(name, type, member, ...)                                                                     \
     LG_FIELD(lg_machine_model_run, "run", name, type, member, __VA_ARGS__)
 const lg_field lg_machine_model_fields[] = {
-    MACHINE("integrator", NAME, scheme, .option = "scheme", .usual = true, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
-            .value = "cf4", .meaning = "Scheme of the steps between two points of the data"),
+    MACHINE("integrator", NAME, scheme, .option = "scheme", .usual = true, .value_name = lg_name_scheme,
+            .value_at = lg_scheme_number, .value = "cf4",
+            .meaning = "Scheme of the steps between two points of the data"),
     MACHINE("substeps", U32, substeps, .low = 1, .high = 1e6,
             .otherwise = LG_CHOSEN ": 1 to 4, so that the error of the steps is small against the loss",
             .unit = "n", .meaning = "Integrator steps between two points of the data"),

@@ -43,16 +43,11 @@ static const char *const meanings[][2] = {
 
 /* Options with one description whose default or range differs between commands. */
 static const char *const defaults[][2] = {
-    {"adam-eps", "presets"},
-    {"clip", "presets"},
-    {"lr", "presets"},
-    {"lr-gamma", "presets"},
-    {"lr-step", "presets"},
-    {"patience", "presets"},
-    {"prior", "presets"},
-    {"schedule", "presets"},
-    {"shards", "presets"},
-    {"substeps", "of data, of a machine, of its model"},
+    {"adam-eps", "presets"},     {"clip", "presets"},
+    {"lr", "presets"},           {"lr-gamma", "presets"},
+    {"lr-step", "presets"},      {"patience", "presets"},
+    {"prior", "presets"},        {"schedule", "presets"},
+    {"shards", "presets"},       {"substeps", "of data, of a machine, of its model"},
     {"weight-decay", "presets"},
 };
 
@@ -287,9 +282,10 @@ static void read_aliases(void) {
     assert_non_null(file);
     while (fgets(line, sizeof line, file) != NULL) {
         alias row = {.used = false};
-        const bool every = sscanf(line, " {\"\", \"%31[^\"]\", \"%31[^\"]\", %31[^}]", row.old, row.now, row.value) == 3;
-        if (!every && sscanf(line, " {\"%63[^\"]\", \"%31[^\"]\", \"%31[^\"]\", %31[^}]", row.command, row.old, row.now,
-                             row.value) != 4)
+        const bool every =
+            sscanf(line, " {\"\", \"%31[^\"]\", \"%31[^\"]\", %31[^}]", row.old, row.now, row.value) == 3;
+        if (!every && sscanf(line, " {\"%63[^\"]\", \"%31[^\"]\", \"%31[^\"]\", %31[^}]", row.command,
+                             row.old, row.now, row.value) != 4)
             continue;
         assert_true(alias_count < LG_COUNT(aliases));
         aliases[alias_count++] = row;
@@ -308,7 +304,8 @@ static const char *answer(const char *program, const char *verb, const char *opt
 /* The first row that fits a command says what the old spelling means there. */
 static void check_aliases(const char *program, const char *verb) {
     static char options[8192];
-    const char *title = test_text("%s%s%.*s", program, verb[0] != '\0' ? " " : "", (int)strcspn(verb, " "), verb);
+    const char *title =
+        test_text("%s%s%.*s", program, verb[0] != '\0' ? " " : "", (int)strcspn(verb, " "), verb);
     (void)list_options(program, verb, "--help-all", options, sizeof options);
     for (size_t i = 0; i < alias_count; i++) {
         alias *row = &aliases[i];
@@ -323,8 +320,9 @@ static void check_aliases(const char *program, const char *verb) {
         if (!fits || has_old || !has_new || !first) continue;
         const bool fixed = strcmp(row->value, "NULL") != 0, alone = strcmp(row->now, "continue") == 0;
         const char *said = answer(program, verb, row->old, fixed || alone);
-        const char *now = fixed ? test_text("%s=%.*s", row->now, (int)strcspn(row->value + 1, "\""), row->value + 1)
-                                : row->now;
+        const char *now =
+            fixed ? test_text("%s=%.*s", row->now, (int)strcspn(row->value + 1, "\""), row->value + 1)
+                  : row->now;
         if (strcmp(said, answer(program, verb, now, fixed || alone)) != 0)
             fail_msg("%s --%s says: %s\n--%s says: %s", title, row->old, said, now,
                      answer(program, verb, now, fixed || alone));

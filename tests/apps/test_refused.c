@@ -117,8 +117,8 @@ static const refusal hamiltonian[] = {
     {"study grid.yaml", 2, "--out FILE.csv is missing"},
     {"train train.h5 test.h5 --out m.h5", 2, "too many arguments: 'test.h5'"},
     {TRAIN "{--bogus --epochs}", 2, "%"},
-    {TRAIN "{--epochs=0 --lr=0 --hidden=10,,3 --threads=0 --seed=-1 --scheme=leapfrog --plot=loss.pdf}",
-     2, NULL},
+    {TRAIN "{--epochs=0 --lr=0 --hidden=10,,3 --threads=0 --seed=-1 --scheme=leapfrog --plot=loss.pdf}", 2,
+     NULL},
     {TRAIN "--hidden 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", 2,
      "--hidden: a list of 20 numbers is too long; at most 15 are allowed"},
     {TRAIN "--scheme leapfrog", 2, "is not one of euler"},
@@ -368,12 +368,11 @@ TEST("lg-elastica refuses wrong command lines and files with exit code and messa
     cli_link("data.h5", "link.h5");
     cli_link("data.h5", "link.dat");
     REFUSE("lg-elastica", elastica);
-    cli_expect(
-        "lg-elastica",
-        TRAIN
-        "--optimizer adam --dtype f32 --modes 0 --hidden 12 --layers 14 --batch 8 --lr 1e3 --schedule constant "
-        "--activation identity --epochs 9",
-        4, "epoch");
+    cli_expect("lg-elastica",
+               TRAIN "--optimizer adam --dtype f32 --modes 0 --hidden 12 --layers 14 --batch 8 --lr 1e3 "
+                     "--schedule constant "
+                     "--activation identity --epochs 9",
+               4, "epoch");
     refuse_texts("lg-elastica", "search bad.yaml data.h5 --out s.csv", elastica_ranges,
                  LG_COUNT(elastica_ranges));
     assert_false(cli_exists("s.csv"));
@@ -562,7 +561,8 @@ static const refusal simulate[] = {
      "'rkmk4' needs --steps N, because it does not estimate its error; adaptive"},
     {"chain.yaml --scheme rkmk4 --tolerance 1e-6", 2, "--tolerance: 'rkmk4' does not estimate its error"},
     {"chain.yaml --steps 10 --tolerance 1e-6", 2, "--steps (equal steps) and --tolerance"},
-    {"chain.yaml {--steps=0 --steps=-3 --steps=1e3 --tolerance=0 --tolerance=nan --tolerance=-1e-3 --atol=-1 --t-end=0 "
+    {"chain.yaml {--steps=0 --steps=-3 --steps=1e3 --tolerance=0 --tolerance=nan --tolerance=-1e-3 --atol=-1 "
+     "--t-end=0 "
      "--t-end=-1 --t-end=inf --points=1}",
      2, NULL},
     {"cotangent.yaml --scheme slgi --steps 10 {--theta=1.5 --theta=-0.1}", 2, NULL},

@@ -729,7 +729,8 @@ TEST("every key of a grid is read") {
 
 TEST("keys of a grid may be named as options") {
     (void)file_of("scene.yaml", good_scene);
-    lg_grid grid = read_good_grid(changed("grid.yaml", good_grid, "integrators: [cf4, rk4]", "schemes: [rk4, cf4]"));
+    lg_grid grid =
+        read_good_grid(changed("grid.yaml", good_grid, "integrators: [cf4, rk4]", "schemes: [rk4, cf4]"));
     assert_true(grid.integrators[0] == lg_scheme_find("rk4") && grid.integrators[1] == lg_scheme_find("cf4"));
     static const char *const pairs[][2] = {{"optimizer: lbfgs", "method: lbfgs"},
                                            {"initial-states: estimated", "starts: estimated"},
@@ -744,9 +745,10 @@ TEST("keys of a grid may be named as options") {
             assert_string_equal(text[0], text[1]);
         }
     }
-    assert_refused(read_grid,
-                   changed("bad.yaml", good_grid, "integrators: [cf4, rk4]\n", "integrators: rk4\nschemes: cf4\n"),
-                   LG_FORMAT, "line 3", "twice");
+    assert_refused(
+        read_grid,
+        changed("bad.yaml", good_grid, "integrators: [cf4, rk4]\n", "integrators: rk4\nschemes: cf4\n"),
+        LG_FORMAT, "line 3", "twice");
 }
 
 TEST("files that a grid names are found from its folder, from the folder of the process, or by their path") {

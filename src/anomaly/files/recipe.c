@@ -221,7 +221,8 @@ static lg_status hold_out(lg_training *self, double validation, lg_error *error)
     ((lg_detector_run *)self->run)->validation_fraction = validation;
     LG_TRY(lg_detector_split_training(self, error));
     if (((lg_detector_state *)self->state)->validation.count > 0) return LG_OK;
-    return lg_fail(error, LG_INVALID_ARGUMENT, "the validation part has no windows: increase --validation-fraction");
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   "the validation part has no windows: increase --validation-fraction");
 }
 
 /* ---- the problem ---- */

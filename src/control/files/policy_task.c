@@ -36,11 +36,11 @@ static const lg_field keys[] = {
     FIELD("substeps", U32, substeps, .low = 1, .high = 10000),
     LG_MAP("controller"),
     FIELD("controller.kind", NAME, kind, .value_name = name_kind),
-    FIELD("controller.hidden", WHOLES, hidden, LG_COUNTED(lg_policy_task, hidden_layers),
-                         .low = 1, .high = 4096, .most = LG_POLICY_HIDDEN),
+    FIELD("controller.hidden", WHOLES, hidden, LG_COUNTED(lg_policy_task, hidden_layers), .low = 1,
+          .high = 4096, .most = LG_POLICY_HIDDEN),
     FIELD("controller.gate", NAME, gate, LG_NAMES("none", "lqr")),
     FIELD("controller.gains", REALS, gains, LG_COUNTED(lg_policy_task, gain_count), LG_ANY_REAL,
-                        .most = LG_POLICY_GAINS),
+          .most = LG_POLICY_GAINS),
     LG_MAP("robust"),
     FIELD("robust.draws", U32, draws, .high = 1000),
     FIELD("robust.spread", REAL, spread, .high = 10),
@@ -121,17 +121,14 @@ typedef struct entries {
 #define OF(member)    offsetof(lg_policy_coordinate, member)
 #define INPUT(member) offsetof(lg_policy_input, member)
 static const entries mappings[] = {
-    {.what = "goal",
-     .lagged = "a coordinate of the machine; a lagged input has no goal to choose"},
+    {.what = "goal", .lagged = "a coordinate of the machine; a lagged input has no goal to choose"},
     {"starts", OF(start), OF(start_velocity), 0, true, false, "[low, high], or one number", NULL},
-    {"limits", 0, 0, INPUT(low), true, true, "[low, high], or one number above 0 for both sides",
-     NULL},
-    {"cost", OF(weight), OF(weight_velocity), INPUT(weight), false, false, "a weight, not below 0",
-     NULL},
+    {"limits", 0, 0, INPUT(low), true, true, "[low, high], or one number above 0 for both sides", NULL},
+    {"cost", OF(weight), OF(weight_velocity), INPUT(weight), false, false, "a weight, not below 0", NULL},
     {"success", OF(success), OF(success_velocity), 0, false, true, "a number above 0",
      "a coordinate of the machine, not a lagged input"},
-    {"robust.noise", OF(noise), OF(noise_velocity), 0, false, false,
-     "a standard deviation, not below 0", "a coordinate of the machine: no sensor measures a lagged input"}};
+    {"robust.noise", OF(noise), OF(noise_velocity), 0, false, false, "a standard deviation, not below 0",
+     "a coordinate of the machine: no sensor measures a lagged input"}};
 #undef OF
 #undef INPUT
 
@@ -226,11 +223,12 @@ static const char *take_goal(named of, const double *x, uint32_t count) {
 
 static const char *take(lg_policy_task *task, const entries *row, named of, const char *name, const double *x,
                         uint32_t count) {
-    double *const time = strcmp(row->what, "success") != 0       ? NULL
-                         : strcmp(name, "hold") == 0   ? &task->hold
-                         : strcmp(name, "within") == 0 ? &task->within
-                                                       : NULL;
-    const bool goal = strcmp(row->what, "goal") == 0, input = row->input > 0, coordinate = goal || row->position > 0;
+    double *const time = strcmp(row->what, "success") != 0 ? NULL
+                         : strcmp(name, "hold") == 0       ? &task->hold
+                         : strcmp(name, "within") == 0     ? &task->within
+                                                           : NULL;
+    const bool goal = strcmp(row->what, "goal") == 0, input = row->input > 0,
+               coordinate = goal || row->position > 0;
     if (time == NULL && of.coordinate == NULL && of.input == NULL) return "";
     if (of.input != NULL && !input) return "a coordinate, not an input";
     if (of.coordinate != NULL && !coordinate) return "an input, not a coordinate";

@@ -134,7 +134,8 @@ static lg_status read_grid(const lg_context *context, lg_yaml *yaml, const grid_
         return lg_yaml_fail(yaml, 1, LG_FORMAT, error, "key 'scene' or 'system' is missing");
     if (own_file) {
         LG_TRY(lg_yaml_read(yaml, sets, 2, NULL, "", error));
-        LG_TRY(read_scene_file(context, yaml, lg_yaml_value(file_keys, in_file, "scene"), &out->scene, error));
+        LG_TRY(
+            read_scene_file(context, yaml, lg_yaml_value(file_keys, in_file, "scene"), &out->scene, error));
     } else {
         LG_TRY(lg_scene_from(context, yaml, FORM, sets, &out->scene, error));
     }

@@ -72,11 +72,11 @@ static const struct {
     const char *preset, *option, *value, *family;
     uint32_t least;
 } preset_rows[] = {
-    {"thesis", "optimizer", "adam", NULL, 0},       {"thesis", "hidden", "100,100,100", NULL, 0},
+    {"thesis", "optimizer", "adam", NULL, 0},    {"thesis", "hidden", "100,100,100", NULL, 0},
     {"thesis", "epochs", "100", NULL, 0},        {"thesis", "prior", "0", NULL, 0},
     {"thesis", "scaled", "no", NULL, 0},         {"thesis", "units", "given", NULL, 0},
     {"thesis", "activation", "tanh", NULL, 0},   {"best", "activation", "swish", NULL, 0},
-    {"best", "optimizer", "ssbroyden", NULL, 0},    {"best", "hidden", "20,20", NULL, 0},
+    {"best", "optimizer", "ssbroyden", NULL, 0}, {"best", "hidden", "20,20", NULL, 0},
     {"best", "epochs", "2000", NULL, 0},         {"best", "prior", "0.2", NULL, 0},
     {"best", "units", "data", NULL, 0},          {"best", "scheme", "rk4", "separable", 0},
     {"best", "scaled", "yes", "chain", 0},       {"best", "hidden", "20", "chain", 3},

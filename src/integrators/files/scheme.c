@@ -51,8 +51,7 @@ static const lg_field keys[] = {
     LG_NODE("a", .methods = TABLEAU),
     LG_NODE("b", .methods = TABLEAU),
     LG_NODE("embedded", .methods = STAGED),
-    LG_FIELD(lg_scheme, NULL, "embedded_order", U32, embedded_order, .low = 1,
-                                    .high = 10, .methods = STAGED),
+    LG_FIELD(lg_scheme, NULL, "embedded_order", U32, embedded_order, .low = 1, .high = 10, .methods = STAGED),
     {.name = "dexpinv", .type = LG_FIELD_TEXT, .methods = BIT(KIND_RKMK)},
     LG_NODE("commutators", .methods = BIT(KIND_RKMK)),
     LG_NODE("rows", .methods = BIT(KIND_COMMUTATOR_FREE)),
@@ -134,8 +133,8 @@ static lg_status read_stages(reader *r, const char *key, size_t stages, double *
     LG_TRY(read_list(r, node, key, stages, out, &count));
     if (count == stages) return LG_OK;
     return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                        "%s: %zu numbers are given, expected one for each of the %zu stages", key,
-                        count, stages);
+                        "%s: %zu numbers are given, expected one for each of the %zu stages", key, count,
+                        stages);
 }
 
 /* Sets the number of stages to the length of the key's list, minus `more`. */
@@ -317,9 +316,7 @@ static lg_status check_keys(reader *r, file_kind kind) {
 
 static void set_name(reader *r) {
     const char *path = lg_yaml_path(r->yaml), *slash = strrchr(path, '/');
-    const char *name = at(r, "name")->line > 0 ? at(r, "name")->text
-                       : slash != NULL              ? slash + 1
-                                                    : path;
+    const char *name = at(r, "name")->line > 0 ? at(r, "name")->text : slash != NULL ? slash + 1 : path;
     const size_t length = strnlen(name, sizeof r->out->name - 1);
     memcpy(r->out->name, name, length);
     r->out->name[length] = '\0';

@@ -29,7 +29,8 @@ typedef struct lg_machine_reading {
     { .name = "hidden", .type = LG_FIELD_WHOLES, .low = 1, .high = 4096, .most = LG_MACHINE_HIDDEN }
 #define LG_KEY_WITHIN                                                                                        \
     { .name = "within", .type = LG_FIELD_REALS, .low = -DBL_MAX, .high = DBL_MAX, .most = 2 }
-#define LG_KEY_SIGMA { .name = "sigma", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX }
+#define LG_KEY_SIGMA                                                                                         \
+    { .name = "sigma", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX }
 
 /* ---- nodes ---- */
 

@@ -261,8 +261,8 @@ static lg_status find_links(reading *r) {
             LG_TRY(count_links(r, table->other_at, row->rows * row->columns, &by));
     }
     if (r->links != 0) return LG_OK;
-    return lg_yaml_fail(r->yaml, table->values->line, LG_FORMAT, r->error,
-                        "key 'links' or '%s' is missing", needed);
+    return lg_yaml_fail(r->yaml, table->values->line, LG_FORMAT, r->error, "key 'links' or '%s' is missing",
+                        needed);
 }
 
 /* ---- parameters ---- */
@@ -305,9 +305,8 @@ static lg_status create_system(reading *r, double *values, lg_named_values *name
     lg_error inner = {LG_OK, ""};
     const lg_status status = lg_system_create(r->context, table->system, &options, &r->out->system, &inner);
     if (status == LG_OK) return LG_OK;
-    return lg_yaml_fail(r->yaml, table->values->line,
-                        status == LG_INVALID_ARGUMENT ? LG_FORMAT : status, r->error, "%.300s",
-                        inner.message);
+    return lg_yaml_fail(r->yaml, table->values->line, status == LG_INVALID_ARGUMENT ? LG_FORMAT : status,
+                        r->error, "%.300s", inner.message);
 }
 
 static lg_status read_system(reading *r) {

@@ -442,7 +442,8 @@ static const lg_field *find_key(const reading *r, const char *name, lg_key_value
     for (size_t s = 0; s < r->set_count; s++) {
         for (size_t i = 0; i < r->sets[s].count; i++) {
             const lg_field *key = &r->sets[s].keys[i];
-            if (strcmp(key->name, name) != 0 && (key->option == NULL || strcmp(key->option, name) != 0)) continue;
+            if (strcmp(key->name, name) != 0 && (key->option == NULL || strcmp(key->option, name) != 0))
+                continue;
             *value = &r->sets[s].values[i];
             return key;
         }

@@ -21,8 +21,10 @@ typedef struct lg_key_value {
 } lg_key_value;
 
 /* Rows of keys without a member: any node, and a mapping; any designated initialisers may follow. */
-#define LG_NODE(...) { .type = LG_FIELD_NODE, .name = __VA_ARGS__ }
-#define LG_MAP(...)  { .type = LG_FIELD_MAP, .name = __VA_ARGS__ }
+#define LG_NODE(...)                                                                                         \
+    { .type = LG_FIELD_NODE, .name = __VA_ARGS__ }
+#define LG_MAP(...)                                                                                          \
+    { .type = LG_FIELD_MAP, .name = __VA_ARGS__ }
 
 /* A table of `count` rows, and the value that was read for each row. */
 typedef struct lg_key_set {
