@@ -122,8 +122,8 @@ bool app_given(const app *app, const char *option);
 /* Sets the command and gives its settings their defaults. No option counts as given. Its plots have no
  * options: they are those of the command line. */
 void app_choose_command(app *app, const app_command *command);
-/* An old spelling of an option, for the commands whose title (app->title) begins with `command`. It counts only
- * where the command has the option `now`, and no option of its own with the old name. */
+/* An old spelling of an option, for the commands whose title (app->title) begins with `command`. It counts
+ * only where the command has the option `now`, and no option of its own with the old name. */
 typedef struct app_alias {
     const char *command, *old, *now;
     const char *value; /* The old spelling is a switch for --now=value; NULL: it takes the value of --now. */

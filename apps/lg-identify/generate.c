@@ -89,8 +89,8 @@ static const struct {
     void (*fill)(const making *m, lg_rng *rng, size_t input, double *out);
 } forms[] = {{"multisine", multisine}, {"steps", steps}, {"none", NULL}};
 
-/* Finds the form of --excitation and reads the number after the colon. Returns LG_COUNT(forms) if --excitation is a
- * file. */
+/* Finds the form of --excitation and reads the number after the colon. Returns LG_COUNT(forms) if the value
+ * is a file. */
 static size_t find_form(void) {
     size_t form = 0;
     for (; form < LG_COUNT(forms); form++) {

@@ -206,7 +206,8 @@ TEST("defaults that docs state after an option are those that help prints") {
 
 enum { USUAL = 12, COMMAND = 64 };
 
-/* The options of a command, separated by blanks, as `help` (--help or --help-all) lists them. Returns how many. */
+/* The options of a command, separated by blanks, as `help` (--help or --help-all) lists them. Returns how
+ * many. */
 static size_t list_options(const char *program, const char *verb, const char *help, char *out, size_t size) {
     size_t found = 0;
     char *save = NULL;
