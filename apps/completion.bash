@@ -1,9 +1,9 @@
-# Completion of the lg-* programs in bash. Commands, options and files come from the program's own --help, the choices of an
+# Completion of the lg-* programs in bash. Commands, options and files come from the program's own --help-all, the choices of an
 # option from the sentence with which an empty value is refused; a new program or option needs nothing here.
 _liegrad() {
     local program=${COMP_WORDS[0]/#\~/$HOME} word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]}
     local command='' option='' prefix='' help commands values i
-    _liegrad_help() { ARGP_HELP_FMT=rmargin=9999 "$program" $command "$@" --help 2>&1 </dev/null; }
+    _liegrad_help() { ARGP_HELP_FMT=rmargin=9999 "$program" $command "$@" --help-all 2>&1 </dev/null; }
     COMPREPLY=()
 
     help=$(_liegrad_help)

@@ -5,11 +5,11 @@
 #: lg-simulate
 # A heavy top by the default method, with a plot; then 2000 equal steps of a commutator-free method.
 lg-simulate scenes/heavy-top.yaml --plot top.svg
-lg-simulate scenes/heavy-top.yaml --method cf4 --steps 2000 --out top.h5
+lg-simulate scenes/heavy-top.yaml --scheme cf4 --steps 2000 --out top.h5
 # The derivatives of the last position of a double pendulum by the start, the masses and the lengths.
 lg-simulate scenes/double-pendulum.yaml --gradient 1,0,0,0,0,0,0,0,0,0,0,0 --json
 # 10000 pendulums from random starts: bands of quantiles, and when each one passes the height of its hinge.
-lg-simulate scenes/pendulum-ensemble.yaml --ensemble 10000 --method dp85 --event 'q1.z>0' --plot bands.svg
+lg-simulate scenes/pendulum-ensemble.yaml --ensemble 10000 --scheme dp85 --event 'q1.z>0' --plot bands.svg
 # Two parts of an ensemble with masses of 5 % tolerance, as two jobs of an array would run them, become one file.
 lg-simulate scenes/double-pendulum.yaml --ensemble 4000 --vary masses=within:5% --task 0/2 --out study.h5
 lg-simulate scenes/double-pendulum.yaml --ensemble 4000 --vary masses=within:5% --task 1/2 --out study.h5
@@ -18,7 +18,7 @@ lg-simulate merge study.h5 study.part-0-of-2.h5 study.part-1-of-2.h5
 #: lg-hamiltonian
 # From a scene to a learned model, its error and a prediction.
 lg-hamiltonian generate scenes/pendulum.yaml --out data.h5
-lg-hamiltonian train data.h5 --integrator cf4 --epochs 50 --out model.h5
+lg-hamiltonian train data.h5 --scheme cf4 --epochs 50 --out model.h5
 lg-hamiltonian evaluate model.h5 data.h5
 lg-hamiltonian predict model.h5 scenes/pendulum.yaml --t-end 10 --plot flow.svg
 
@@ -31,7 +31,7 @@ lg-hamiltonian generate scenes/pendulum.yaml --trajectories 100 --points 15 --se
 # Adam, 50 epochs, with a table of the loss.
 lg-hamiltonian train data.h5 --epochs 50 --history loss.csv --out model.h5
 # A quasi-Newton method for three seconds.
-lg-hamiltonian train data.h5 --method ssbroyden --seconds 3 --out model.h5
+lg-hamiltonian train data.h5 --optimizer ssbroyden --seconds 3 --out model.h5
 
 #: lg-hamiltonian evaluate
 lg-hamiltonian evaluate model.h5 test.h5 --plot errors.svg
@@ -49,7 +49,7 @@ lg-hamiltonian demo --epochs 50 --out demo
 #: lg-learn
 # Which recipes there are; then one of them from data to a motion.
 lg-learn list
-lg-learn train data.h5 --recipe hamiltonian --method lbfgs --hidden 8 --epochs 200 --out recipe.h5
+lg-learn train data.h5 --recipe hamiltonian --optimizer lbfgs --hidden 8 --epochs 200 --out recipe.h5
 lg-learn evaluate recipe.h5 test.h5
 lg-learn predict recipe.h5 --initial 1,0,0,0,0.5,0 --t-end 2 --out motion.csv
 
@@ -78,7 +78,7 @@ lg-identify check machine/machine.yaml machine/train.csv --plot log.svg
 
 #: lg-identify fit
 # Two seconds of training; the parameters that are best on another log are kept.
-lg-identify fit machine/machine.yaml machine/train.csv --validation machine/test.csv --seconds 2 --out body.h5
+lg-identify fit machine/machine.yaml machine/train.csv --validation-logs machine/test.csv --seconds 2 --out body.h5
 
 #: lg-identify evaluate
 lg-identify evaluate body.h5 machine/test.csv --horizons 1,2 --plot learned.svg
@@ -126,7 +126,7 @@ lg-elastica search searches/elastica-discrete.yaml curves.h5 --trials 1 --out tr
 #: lg-anomaly
 # A detector of damage, trained on simulated recordings, watches a feed.
 lg-anomaly generate --noise 10 --runs 36 --out well.h5
-lg-anomaly train well.h5 --method logistic --out detector.h5
+lg-anomaly train well.h5 --classifier logistic --out detector.h5
 lg-anomaly evaluate detector.h5 well.h5
 lg-anomaly feed --noise 10 --hours 1 | lg-anomaly watch detector.h5 --quiet
 
@@ -139,8 +139,8 @@ lg-anomaly feed --noise 10 --hours 2 --crack-at 1 --out feed.csv
 
 #: lg-anomaly train
 # A classical method, and a small convolutional network for two epochs.
-lg-anomaly train well.h5 --method svm-rbf --features cov --out detector.h5
-lg-anomaly train well.h5 --method cnn --epochs 2 --out network.h5
+lg-anomaly train well.h5 --classifier svm-rbf --features cov --out detector.h5
+lg-anomaly train well.h5 --classifier cnn --epochs 2 --out network.h5
 
 #: lg-anomaly evaluate
 lg-anomaly evaluate detector.h5 well.h5 --part test --plot confusion.svg --plot-kind confusion
@@ -162,7 +162,7 @@ lg-fit predict table.h5 table.csv --out predictions.csv
 
 #: lg-fit train
 # A validation part of a tenth, and a plot of predicted against true values.
-lg-fit train table.csv --outputs y --validation 0.1 --plot fit.svg --out table.h5
+lg-fit train table.csv --outputs y --validation-fraction 0.1 --plot fit.svg --out table.h5
 
 #: lg-fit evaluate
 lg-fit evaluate table.h5 table.csv --json

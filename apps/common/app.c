@@ -14,7 +14,7 @@
 #include "liegrad/settings.h"
 #include "model/files/training.h"
 
-enum { KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000 };
+enum { KEY_HELP_ALL = 0x800, KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000, KEY_SWITCH = 0x3000, KEY_END = 0x4000 };
 
 /* number of the first signal that asked the program to end; 0: there was none */
 static volatile int stopped_by;
@@ -90,10 +90,23 @@ lg_status app_store_number(app_slot *slot, double value, lg_error *error) {
     return status;
 }
 
-app_slot *app_find_slot(const app *self, const char *option) {
+static app_slot *slot_named(const app *self, const char *option) {
     for (size_t i = 0; i < self->slot_count; i++)
         if (strcmp(self->slots[i].name, option) == 0) return (app_slot *)(uintptr_t)&self->slots[i];
     return NULL;
+}
+
+/* The option that this old spelling means for the command; NULL: none. */
+static app_slot *slot_of_alias(const app *self, const app_alias *alias) {
+    const bool here = strncmp(self->title, alias->command, strlen(alias->command)) == 0;
+    return here && slot_named(self, alias->old) == NULL ? slot_named(self, alias->now) : NULL;
+}
+
+app_slot *app_find_slot(const app *self, const char *option) {
+    app_slot *found = slot_named(self, option);
+    for (const app_alias *at = app_aliases; found == NULL && at->old != NULL; at++)
+        if (strcmp(at->old, option) == 0) found = slot_of_alias(self, at);
+    return found;
 }
 
 bool app_given(const app *self, const char *option) {
@@ -112,7 +125,8 @@ void app_adopt(app *self, const app_settings *settings, const void *from, bool p
 
 /* ---- argp parsers from tables of options ---- */
 
-enum { COMMON = LG_COUNT(common_options) - 1, HELP_SIZE = 2048 };
+/* A command with more options than MANY shows only the usual ones in --help. */
+enum { COMMON = LG_COUNT(common_options) - 1, HELP_SIZE = 2048, MANY = 12 };
 
 /* `text` has HELP_SIZE bytes. */
 static struct argp_option argp_row(const lg_field *row, const char *name, int key, int group, char *text) {
@@ -125,12 +139,27 @@ static struct argp_option argp_row(const lg_field *row, const char *name, int ke
 /* `texts` has HELP_SIZE bytes for each option of the command and for each common option. */
 static struct argp_option *argp_table(const app *self, char *texts) {
     const size_t n = self->slot_count;
-    struct argp_option *out = app_alloc(n + COMMON + 2, sizeof *out);
-    for (size_t i = 0; i < n; i++, texts += HELP_SIZE)
-        out[i] = argp_row(self->slots[i].row, self->slots[i].name, KEY_COMMAND + (int)i, 1, texts);
-    out[n] = (struct argp_option){NULL, 0, NULL, 0, "Common options:", 2};
+    size_t aliases = 0;
+    while (app_aliases[aliases].old != NULL) aliases++;
+    struct argp_option *out = app_alloc(n + COMMON + aliases + 3, sizeof *out), *at = out;
+    for (size_t i = 0; i < n; i++, texts += HELP_SIZE) {
+        *at = argp_row(self->slots[i].row, self->slots[i].name, KEY_COMMAND + (int)i, 1, texts);
+        if (n > MANY && !self->help_all && !self->slots[i].row->usual) at->flags = OPTION_HIDDEN;
+        at++;
+    }
+    for (size_t i = 0; i < aliases; i++) {
+        const app_slot *slot = slot_of_alias(self, &app_aliases[i]);
+        if (slot == NULL) continue;
+        *at = out[slot - self->slots];
+        at->name = app_aliases[i].old;
+        at->flags = OPTION_HIDDEN;
+        if (app_aliases[i].value != NULL) at->key = KEY_SWITCH + (int)i, at->arg = NULL;
+        at++;
+    }
+    *at++ = (struct argp_option){NULL, 0, NULL, 0, "Common options:", 2};
     for (size_t i = 0; i < COMMON; i++, texts += HELP_SIZE)
-        out[n + 1 + i] = argp_row(&common_options[i], common_options[i].name, KEY_COMMON + (int)i, 2, texts);
+        *at++ = argp_row(&common_options[i], common_options[i].name, KEY_COMMON + (int)i, 2, texts);
+    *at = (struct argp_option){"help-all", KEY_HELP_ALL, NULL, 0, "Give the list of all options", -1};
     return out;
 }
 
@@ -162,7 +191,14 @@ static error_t parse_option(int key, char *text, struct argp_state *state, app *
         if (strcmp(slot.name, "seed") == 0) self->seed_given = true;
         return 0;
     }
-    return ARGP_ERR_UNKNOWN;
+    if (key >= KEY_SWITCH && key < KEY_END) {
+        const app_alias *alias = &app_aliases[key - KEY_SWITCH];
+        store(state, slot_named(self, alias->now), alias->value);
+        return 0;
+    }
+    if (key != KEY_HELP_ALL) return ARGP_ERR_UNKNOWN;
+    argp_state_help(state, stdout, ARGP_HELP_STD_HELP);
+    return 0;
 }
 
 /* Reads from the usage text how many arguments a command takes; `|` separates alternatives. */
@@ -260,7 +296,10 @@ static void parse_with_commands(app *self, int argc, char **argv, const char *su
     lg_text_add(&doc, "%s\vCommands:\n", summary);
     for (const app_command *c = commands; c->run != NULL; c++)
         lg_text_add(&doc, "  %-*s  %s\n", (int)widest, c->name, c->summary);
-    lg_text_add(&doc, "\n%s COMMAND --help describes the options of a command.", self->program);
+    lg_text_add(&doc,
+                "\n%s COMMAND --help describes the options of a command."
+                " --help-all describes all of them.",
+                self->program);
     char texts[COMMON * HELP_SIZE];
     APP_FREE struct argp_option *options = argp_table(self, texts);
     const struct argp argp = {options, parse_top, "COMMAND ...", doc.data, NULL, NULL, NULL};
@@ -423,6 +462,22 @@ static void check_required(const app *self, bool texts) {
     }
 }
 
+/* Checks options that need or exclude each other. */
+static void check_together(const app *self) {
+    for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++) {
+        if (!slot->given) continue;
+        const app_slot *other = slot->row->needs != NULL ? app_find_slot(self, slot->row->needs) : slot;
+        if (!other->given)
+            app_stop_usage(self, "--%s: needs --%s %s", slot->name, other->name,
+                           other->row->unit != NULL ? other->row->unit : "");
+        APP_FREE char *others = app_format("%s", slot->row->without != NULL ? slot->row->without : "");
+        for (char *save = NULL, *at = strtok_r(others, ",", &save); at != NULL;
+             at = strtok_r(NULL, ",", &save))
+            if (app_given(self, at))
+                app_stop_usage(self, "--%s and --%s cannot be given together", slot->name, at);
+    }
+}
+
 /* Called after the command, however it ended. */
 static int conclude(app *self, int code) {
     code = app_leave_ranks(self, code);
@@ -449,8 +504,7 @@ static int run_command(app *self) {
     check_required(self, true);
     app_check_outputs(self, paths, app_file_options(self, paths));
     check_required(self, false);
-    if (app_given(self, "plot-kind") && !app_given(self, "plot"))
-        app_stop_usage(self, "--plot-kind: needs --plot FILE");
+    check_together(self);
     app_result_begin(&out, self);
     self->out = &out;
     self->command->run(self);
@@ -473,6 +527,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     self.command_line = join(argc, argv);
     argv[0] = self.title; /* getopt begins its messages with it */
     install_signals();
+    for (int i = 1; i < argc; i++) self.help_all = self.help_all || strncmp(argv[i], "--help-", 7) == 0;
     for (int i = 1; i < argc; i++) /* getopt would print the lines of such a word */
         if (strncmp(argv[i], "--", 2) == 0 && strcspn(argv[i], "\n\t") < strcspn(argv[i], "="))
             app_stop_usage(&self, "unrecognized option '%s'", argv[i]);

@@ -52,6 +52,8 @@ typedef struct app_settings {
 #define APP_OUT(type, unit_, ...) LG_OPTION(type, out, STRING, unit_, __VA_ARGS__)
 #define APP_SECONDS(type, ...)    LG_OPTION(type, seconds, REAL, "S", __VA_ARGS__, .high = 1e9, .above = true)
 #define APP_T_END(type, ...)      LG_OPTION(type, t_end, REAL, "T", __VA_ARGS__, LG_POSITIVE)
+#define APP_POINTS(type, ...)     LG_OPTION(type, points, U64, "M", __VA_ARGS__, .low = 2, .high = 1e8)
+#define APP_TOLERANCE(type, ...)  LG_OPTION(type, tolerance, REAL, "TOL", __VA_ARGS__, .low = 1e-15)
 
 /* What a command does when mpirun starts several processes of it. */
 typedef enum app_together {
@@ -92,7 +94,7 @@ struct app {
     const app_command *command;
     char title[64];     /* for example "lg-hamiltonian train"; every message begins with it */
     char *command_line; /* quoted for a shell; it is recorded in the files that the program writes */
-    bool json;
+    bool json, help_all;
     uint64_t seed, threads;
     bool seed_given;
     int argument_count;
@@ -120,7 +122,14 @@ bool app_given(const app *app, const char *option);
 /* Sets the command and gives its settings their defaults. No option counts as given. Its plots have no
  * options: they are those of the command line. */
 void app_choose_command(app *app, const app_command *command);
-/* Finds the option with this name; NULL when the command has no such option. */
+/* An old spelling of an option, for the commands whose title (app->title) begins with `command`. It counts
+ * only where the command has the option `now`, and no option of its own with the old name. */
+typedef struct app_alias {
+    const char *command, *old, *now;
+    const char *value; /* The old spelling is a switch for --now=value; NULL: it takes the value of --now. */
+} app_alias;
+extern const app_alias app_aliases[]; /* aliases.c; a last row of NULL */
+/* Finds the option with this name, or with this old spelling; NULL when the command has no such option. */
 app_slot *app_find_slot(const app *app, const char *option);
 /* Sets the option's value from `text`, as the command line does, and marks the option as given. A string
  * value points to `text`, which must live on. LG_INVALID_ARGUMENT: nothing is stored, and `error` says
@@ -417,6 +426,7 @@ typedef struct app_demo_values {
     double t_end, seconds;
 } app_demo_values;
 extern app_demo_values app_demo_given;
+#define APP_DEMO_EPOCHS(...) LG_OPTION(app_demo_values, epochs, U64, "E", __VA_ARGS__, .low = 1, .high = 1e6)
 extern const app_named_text lg_control_demo[], lg_hamiltonian_demo[], lg_identify_demo[];
 #define APP_DEMO(options, texts)                                                                             \
     .name = "demo", .settings = APP_SETTINGS(APP_GIVEN(options, app_demo_given)), .run = app_demo,           \

@@ -160,8 +160,10 @@ static const char *kind_name(uint32_t value) {
 const lg_field *app_plot_options(const app_plot_kind *plots) {
     static char drawn[256], listed[1024];
     static lg_field rows[] = {
-        LG_OPTION(app_plot_values, plot, STRING, "FILE.svg|.png", drawn, .file = LG_FILE_DRAWN),
-        LG_OPTION(app_plot_values, plot_kind, NAME, NULL, listed, .value_name = kind_name), LG_FIELD_END};
+        LG_OPTION(app_plot_values, plot, STRING, "FILE.svg|.png", drawn, .file = LG_FILE_DRAWN,
+                  .usual = true),
+        LG_OPTION(app_plot_values, plot_kind, NAME, NULL, listed, .needs = "plot", .value_name = kind_name),
+        LG_FIELD_END};
     const bool one = plots[1].name == NULL;
     kinds = plots;
     rows[1].name = one ? NULL : "plot_kind";

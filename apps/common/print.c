@@ -77,10 +77,9 @@ void app_json_reals(app_json *json, const char *key, const double *values, size_
 }
 
 void app_json_field(app_json *json, const lg_field *row, const void *run) {
-    char key[64], text[LG_FIELD_TEXT_SIZE];
+    const char *key = row->json != NULL ? row->json : row->name;
+    char text[LG_FIELD_TEXT_SIZE];
     double list[LG_FIELD_LIST_MAX];
-    (void)snprintf(key, sizeof key, "%s",
-                   row->option != NULL && row->option[0] != '\0' ? row->option : row->name);
     switch (row->type) {
     case LG_FIELD_REAL:
         app_json_real(json, key, lg_field_number(row, run));

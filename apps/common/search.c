@@ -14,20 +14,22 @@ search_values search_given;
 const lg_field search_options[] = {
     LG_OPTION(search_values, trials, U64, "n",
               "Planned number of trials, including earlier trials in the table", .low = 1, .high = 1000000,
-              .value = "50"),
-    APP_OUT(search_values, "FILE.csv", "Table of trials, written after each trial", .required = true),
+              .value = "50", .usual = true),
+    APP_OUT(search_values, "FILE.csv", "Table of trials, written after each trial", .required = true,
+            .usual = true),
     LG_OPTION(search_values, resume, SWITCH, NULL,
-              "Continue the search of this table; without --resume an existing table is replaced"),
+              "Continue the search of this table; without --continue an existing table is replaced",
+              .option = "continue", .usual = true),
     LG_OPTION(search_values, rungs, REALS, "R[,W[,Q]]",
               "Compare a trial with earlier trials at R points (0: never), and stop it at a point that W or "
               "more trials have passed if at least the fraction Q of them was better there (default 5,5,0.5)",
               .high = 1e6, .most = 3),
     LG_OPTION(search_values, validation, REAL, "F",
               "Fraction of the training data that is held out; the objective is the error on this part",
-              .low = 1e-9, .high = 0.9, .value = "0.1"),
-    LG_OPTION(search_values, jobs, U64, "J",
-              "Number of simultaneous trials (default 1); each has a process and threads/jobs threads",
-              .low = 1, .high = 256, .value = "1"),
+              .option = "validation-fraction", .low = 1e-9, .high = 0.9, .value = "0.1"),
+    TRIALS_JOBS(search_values,
+                "Number of simultaneous trials (default 1); each has a process and threads/jobs threads",
+                .usual = true, .value = "1"),
     TRIALS_ROWS(search_values),
     LG_FIELD_END};
 
@@ -77,7 +79,7 @@ static lg_status virtual_set(app *v, train_task *task, const char *name, const c
     app_slot *slot = app_find_slot(v, name);
     if (!is_hyperparameter(task, slot))
         return lg_fail(error, LG_FORMAT, "'%s' is not an option of train that changes its result", name);
-    if (task->searched != NULL && strcmp(name, task->recipe->trainer->method) == 0 &&
+    if (task->searched != NULL && strcmp(slot->name, task->recipe->trainer->method) == 0 &&
         (text == NULL || !is_searched(task, text)))
         return lg_fail(error, LG_FORMAT, "a search does not train '%s: %s'; --help names the methods", name,
                        text != NULL ? text : "(a number)");
@@ -136,7 +138,8 @@ static lg_status check_method(const app *v, const train_task *task, const lg_sea
     const lg_search_space *space = &file->space;
     const char *method = task->recipe->trainer->method;
     for (size_t i = 0; i < space->count; i++)
-        if (method == NULL || strcmp(space->ranges[i].name, method) == 0) return LG_OK;
+        if (method == NULL || strcmp(app_find_slot(v, space->ranges[i].name)->name, method) == 0)
+            return LG_OK;
     for (size_t i = 0; i < file->fixed_count + space->count; i++) {
         const bool fixed = i < file->fixed_count;
         const size_t range = i - file->fixed_count;
@@ -505,7 +508,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
                                  .values = &values->shared,
                                  .out = values->out,
                                  .noun = "trials",
-                                 .resume = "continue with --resume",
+                                 .resume = "continue with --continue",
                                  .count = (size_t)values->trials,
                                  .record = sizeof(posted),
                                  .threads = 1,

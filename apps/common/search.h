@@ -27,7 +27,7 @@ extern const app_plot_kind search_plots[];
     "neither has the default of train. A trial depends on the seed and its number alone. A trial that "      \
     "fails "                                                                                                 \
     "stays in the table as failed; the exit code is 4 if no trial was finished. Ctrl-C keeps the finished "  \
-    "trials and ends with exit code 130; --resume "                                                          \
+    "trials and ends with exit code 130; --continue "                                                        \
     "continues to the same table."
 
 /* The fields of a command `search`, except its settings and `run`. `data`: the data arguments of the

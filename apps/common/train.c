@@ -14,8 +14,9 @@ const lg_field train_file_options[] = {
     LG_OPTION(
         train_files, size, STRING, "auto|W,...",
         "Widths of the network, as --hidden; or auto: train a few widths, each for half of the epochs and "
-        "all together for at most a third of --seconds, and take the one with the best validation loss"),
-    APP_OUT(train_files, "FILE", "The model file to write"),
+        "all together for at most a third of --seconds, and take the one with the best validation loss",
+        .usual = true),
+    APP_OUT(train_files, "FILE", "The model file to write", .usual = true),
     LG_OPTION(train_files, checkpoint, STRING, "FILE",
               "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),
     LG_OPTION(train_files, checkpoint_every, U64, "n",
@@ -25,7 +26,7 @@ const lg_field train_file_options[] = {
     LG_OPTION(train_files, seconds, REAL, "S",
               "Stop after this many seconds of training; with a method other than adam and no --epochs "
               "this is the only limit",
-              .high = 1e9),
+              .usual = true, .high = 1e9),
     LG_OPTION(train_files, resume, STRING, "FILE",
               "Continue from a checkpoint; the result has the same bits as one run. Options not given "
               "are the checkpoint's"),
@@ -364,6 +365,7 @@ uint32_t train_preset_given;
 const lg_field train_preset_rows[] = {
     {.name = "preset",
      .group = "",
+     .usual = true,
      .type = LG_FIELD_NAME,
      .size = sizeof train_preset_given,
      .value_name = lg_preset_name,

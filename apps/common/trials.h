@@ -23,6 +23,7 @@ typedef struct trials_values {
     const char *task;
     bool merge;
 } trials_values;
+#define TRIALS_JOBS(type, ...) LG_OPTION(type, jobs, U64, "J", __VA_ARGS__, .low = 1, .high = 256)
 #define TRIALS_ROWS(type)                                                                                    \
     LG_OPTION(                                                                                               \
         type, shared.task, STRING, "i/n",                                                                    \

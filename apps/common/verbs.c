@@ -78,11 +78,9 @@ const lg_field flow_options[] = {
     LG_OPTION(flow_values, initial, REALS, "X,X,...", "The start, in the layout of the model's state",
               LG_ANY_REAL),
     APP_T_END(flow_values, "Time of the last point (default: the scene's t_end, or 1)"),
-    LG_OPTION(flow_values, points, U64, "M", "Equidistant points of the trajectory, the start included",
-              .low = 2, .high = 1e8, .value = "101"),
-    LG_OPTION(flow_values, tolerance, REAL, "TOL",
-              "Tolerance of the adaptive integration of the learned flow", .low = 1e-14, .high = 1e-2,
-              .otherwise = "1e-10; 1e-13 for linear potentials"),
+    APP_POINTS(flow_values, "Equidistant points of the trajectory, the start included", .value = "101"),
+    APP_TOLERANCE(flow_values, "Tolerance of the adaptive integration of the learned flow", .high = 1e-2,
+                  .otherwise = "1e-10; 1e-13 for linear potentials"),
     LG_FIELD_END};
 
 lg_status app_flow(const lg_context *context, const lg_model *learned, const lg_scheme *scheme,

@@ -24,6 +24,11 @@ typedef struct flow_values {
 } flow_values;
 extern flow_values flow_given;
 extern const lg_field flow_options[];
+/* The row of --metric, for a command that can also print a geometric mean of relative errors; the member is a
+ * bool. `usual_`: the name of its other errors. */
+#define RELATIVE(type, usual_, ...)                                                                          \
+    LG_OPTION(type, relative, NAME, NULL, "relative: also the geometric mean of " __VA_ARGS__,               \
+              .option = "metric", LG_NAMES(usual_, "relative"))
 #define FLOW           APP_GIVEN(flow_options, flow_given)
 #define FLOW_TOLERANCE APP_GIVEN(flow_options + 3, flow_given)
 

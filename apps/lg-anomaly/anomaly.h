@@ -26,7 +26,7 @@ typedef struct well_setup {
 /* The options of a member `well` of type well_setup. */
 #define WELL_ROWS(type)                                                                                      \
     LG_OPTION(type, well.housing, NAME, NULL, "slack (default) or tight", .option = "housing",               \
-              .names = housing_names),                                                                       \
+              .usual = true, .names = housing_names),                                                        \
         LG_OPTION(type, well.operation, NAME, NULL,                                                          \
                   "drilling (default), or completion: a Christmas tree below the BOP, brine in the riser",   \
                   .option = "operation", .names = operation_names),                                          \
@@ -35,16 +35,20 @@ typedef struct well_setup {
                   .option = "load-relief", .high = 1e9),                                                     \
         LG_OPTION(type, well.severity, REAL, "R",                                                            \
                   "Remaining fraction of the broken casing's rotational stiffness: 1 is intact",             \
-                  .option = "severity", .low = 1e-3, .high = 1, .value = "0.58"),                            \
+                  .option = "severity", .usual = true, .low = 1e-3, .high = 1, .value = "0.58"),             \
         LG_OPTION(type, well.noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",     \
-                  .option = "noise", .high = 1e6, .value = "1")
+                  .option = "noise", .usual = true, .high = 1e6, .value = "1")
 void well_set_up(const well_setup *setup, lg_riser_parameters *parameters, lg_riser_run *run);
 
 /* ---- models (model.c) ---- */
 
-#define HEALTHY_HELP                                                                                         \
-    "Name or label of the class that means that all is well (text; default chosen by data and model: the "   \
-    "model's, attribute healthy of the data, or the only class whose name says so)"
+#define HEALTHY(type)                                                                                        \
+    LG_OPTION(type, healthy, TEXT, "NAME",                                                                   \
+              "Name or label of the class that means that all is well (text; default chosen by data and "    \
+              "model: the model's, attribute healthy of the data, or the only class whose name says so)")
+#define VOTES(type, unit_, ...)                                                                              \
+    LG_OPTION(type, votes, WHOLES, unit_, "Raise an alarm when K of the last N windows " __VA_ARGS__,        \
+              .low = 1, .high = 64)
 
 typedef enum well_sort {
     WELL_NETWORK,   /* file of kind "detector" */

@@ -7,7 +7,7 @@
 #include "files/csv.h"
 #include "lg-anomaly/train.h"
 
-enum { MAX_FILES = 7, MAX_VOTES = 64, SHOWN_GROUPS = 40 };
+enum { MAX_FILES = 7, SHOWN_GROUPS = 40 };
 
 typedef struct evaluate_values {
     const char *scores;
@@ -24,11 +24,9 @@ static const lg_field evaluate_options[] = {
               "Windows to judge: all, or the train, validation or test part of the data that the model "
               "was trained on; auto (default): the test part of those data, all windows of other data",
               .names = part_names),
-    LG_OPTION(evaluate_values, healthy, TEXT, "NAME", HEALTHY_HELP),
-    LG_OPTION(evaluate_values, votes, WHOLES, "K,N",
-              "Raise an alarm when K of the last N windows of a recording are not of the healthy class; "
-              "report time to detection and false alarms per day",
-              .low = 1, .high = MAX_VOTES),
+    HEALTHY(evaluate_values),
+    VOTES(evaluate_values, "K,N",
+          "of a recording are not of the healthy class; report time to detection and false alarms per day"),
     LG_OPTION(evaluate_values, scores, STRING, "FILE.csv",
               "Write one row for each window: run, group, truth, class, scores", .file = LG_FILE_TEXT),
     LG_FIELD_END};

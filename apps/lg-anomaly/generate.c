@@ -28,17 +28,17 @@ void well_set_up(const well_setup *setup, lg_riser_parameters *parameters, lg_ri
 }
 
 static const lg_field generate_options[] = {
-    APP_OUT(generate_values, "FILE", "The HDF5 file to write", .required = true),
+    APP_OUT(generate_values, "FILE", "The HDF5 file to write", .required = true, .usual = true),
     LG_OPTION(
         generate_values, runs, U64, "n",
         "Recordings (default 108: 3 top tensions x 18 sea states, each intact and broken). A smaller number "
         "is spread over the conditions, pair by pair; a larger one repeats them with other waves",
-        .low = 1, .high = MAX_RUNS),
-    LG_OPTION(generate_values, hours, REAL, "H", "Length of a recording (default 1)", .low = 1e-3,
-              .high = 1000),
+        .usual = true, .low = 1, .high = MAX_RUNS),
+    LG_OPTION(generate_values, hours, REAL, "H", "Length of a recording (default 1)", .usual = true,
+              .low = 1e-3, .high = 1000),
     WELL_ROWS(generate_values),
-    LG_OPTION(generate_values, window, REAL, "SECONDS", "Length of a window (default 60)", .low = 0.2,
-              .high = 1e6),
+    LG_OPTION(generate_values, window, REAL, "SECONDS", "Length of a window (default 60)", .usual = true,
+              .low = 0.2, .high = 1e6),
     TRIALS_ROWS(generate_values),
     LG_FIELD_END};
 
@@ -263,11 +263,10 @@ const app_command anomaly_generate_command = {
     .name = "generate",
     .summary = "Simulate labelled windows of a subsea well, intact and broken",
     .details =
-        "The file holds /X (n, 6, samples) as 32-bit floats, /y (0 intact, 1 broken), /group (the sea "
-        "state, 0 to 17; --split group keeps the windows of a group together) and /run (the recording). "
-        "Channels: accelerations of the lower and the upper sensor in m/s^2 and the bending moment in N m, "
-        "each in x and y. For the probability of detection against severity, make one file for each "
-        "--severity.",
+        "The file holds /X (n, 6, samples) as 32-bit floats, /y (0 intact, 1 broken), /group (the sea state, "
+        "0 to 17; --split group keeps the windows of a group together) and /run (the recording). Channels: "
+        "accelerations of the lower and the upper sensor in m/s^2 and the bending moment in N m, each in x "
+        "and y. For the probability of detection against severity, make one file for each --severity.",
     .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
     .plots = APP_PLOTS(
         APP_PLOT("states", "recordings, intact and broken", "recordings", put_states, .usual = APP_PLOT_ANY),

@@ -34,7 +34,7 @@ static void baseline_defaults(const lg_series *series, uint64_t *window, uint64_
 
 static void merge_into_two(const app *self) {
     const well_model model = trained_model(WELL_CLASSICAL, "novelty");
-    well_model_need_healthy(self, &model, "--method novelty");
+    well_model_need_healthy(self, &model, "--classifier novelty");
     merge_classes(&train_state.all.data.series, train_run.healthy);
     if (train_state.test != NULL) merge_classes(&train_state.foreign.data.series, train_run.healthy);
     train_state.healthy = 0;
@@ -68,7 +68,7 @@ static void run_train(app *self) {
         train_main(self, &network_recipe);
         return;
     }
-    if (self->rank_count > 1) app_stop_usage(self, "only --method cnn can be trained by several ranks");
+    if (self->rank_count > 1) app_stop_usage(self, "only --classifier cnn can be trained by several ranks");
     train_state.any_class = train_given.method == METHOD_NOVELTY; /* all other classes count as one */
     train_open(self, &network_recipe);
     run_classical(self);
@@ -86,8 +86,7 @@ const app_command anomaly_train_command = {
         "recall and F1 for two classes those of the class that is not healthy, otherwise their mean over the "
         "classes. false_alarms_per_day is the number of windows per day that would be given another class if "
         "all were of the healthy one (--healthy).\n\nCtrl-C saves a checkpoint (cnn) and ends with exit code "
-        "130; --resume continues to "
-        "the same bits.",
+        "130; --resume continues to the same bits.",
     .settings = train_settings,
     .plots = anomaly_plots,
     .run = run_train,

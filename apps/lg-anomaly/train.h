@@ -48,8 +48,8 @@ void train_check_options(const app *app);
 
 /* ---- training ---- */
 
-/* The task of `train --method cnn` and of `search` (train_network.c). Other methods use its `training` for
- * data and results. */
+/* The task of `train --classifier cnn` and of `search` (train_network.c). Other methods use its `training`
+ * for data and results. */
 extern train_task network_recipe;
 /* Trains another method. The data in train_state have been read, cut and split. */
 void train_classical(const app *app);

@@ -12,8 +12,8 @@ enum {
     PRUNED_WINDOWS = 20000 /* groups times training windows */
 };
 static const double default_grid[] = {0.1, 1, 10, 100};
-/* Of --method novelty. Smaller than the default, which is for a third answer in addition to the classes of a
- * classifier. Here single windows beyond the limit are outvoted, while damage stays beyond it. */
+/* Of --classifier novelty. Smaller than the default, which is for a third answer in addition to the classes
+ * of a classifier. Here single windows beyond the limit are outvoted, while damage stays beyond it. */
 static const double MARGIN = 1.6;
 
 /* The candidates for the options, and the chosen candidate. */
@@ -32,7 +32,7 @@ typedef struct classical {
     double *table;   /* features of all windows */
     /* Features of the series that has the test part. NULL: its windows are judged one by one. */
     double *tested_table;
-    char names[2][LG_SERIES_NAME]; /* the classes of --method novelty */
+    char names[2][LG_SERIES_NAME]; /* the classes of --classifier novelty */
     double feature_seconds;
     choice chosen;
 } classical;

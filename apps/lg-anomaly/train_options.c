@@ -69,13 +69,15 @@ enum {
 
 #define ROW(name, type, member, ...) LG_FIELD(train_values, "", name, type, member, __VA_ARGS__)
 static const lg_field rows[] = {
-    ROW("method", NAME, method, .value_name = train_method_name, .value = "cnn",
+    ROW("method", NAME, method, .option = "classifier", .usual = true, .value_name = train_method_name,
+        .value = "cnn",
         .meaning =
             "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
             "regression lines of moment against acceleration, logistic regression; rocket: ridge regression "
             "on random convolutions; novelty: learns the healthy class alone, the others only test it"),
     ROW("features", PHRASE, features, .value_name = features_name, .parse = parse_features,
-        .phrase = phrase_features, .form = "a number", .value = "cov", .methods = CLASSICAL | ROCKET,
+        .phrase = phrase_features, .form = "a number", .value = "cov", .usual = true,
+        .methods = CLASSICAL | ROCKET,
         .meaning = "Features of classical methods: the samples, standard deviations, the square root of the "
                    "covariance, or the logarithms of the power in bands of frequency; rocket: their number "
                    "(10000)"),
@@ -112,9 +114,8 @@ lg_detector_state train_state;
 
 static const lg_field train_options[] = {
     LG_OPTION(train_values, grid, REALS, "C,C,...",
-              "Choose C among these by cross-validation on the training part (default for svm: "
-              "0.1,1,10,100)",
-              LG_ANY_REAL, .methods = LOGISTIC | LINEAR | RBF | BASELINE),
+              "Choose C among these by cross-validation on the training part (default for svm: 0.1,1,10,100)",
+              .without = "c", LG_ANY_REAL, .methods = LOGISTIC | LINEAR | RBF | BASELINE),
     LG_FIELD_END};
 
 const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof train_run},
@@ -132,26 +133,22 @@ void train_check_options(const app *self) {
     for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++)
         if (values->method != METHOD_CNN && slot->given && slot->values == &train_given_files &&
             strcmp(slot->name, "out") != 0)
-            app_stop_usage(self, "--%s: --method %s has no such option", slot->name,
+            app_stop_usage(self, "--%s: --classifier %s has no such option", slot->name,
                            train_method_name(values->method));
-    if (app_given(self, "c") && app_given(self, "grid"))
-        app_stop_usage(self, "--grid and --c cannot be given together: both choose C");
     for (size_t i = 0; i < values->grid.count; i++)
         if (!(values->grid.values[i] > 0)) app_stop_usage(self, "--grid: C must be above 0");
     const bool rocket = values->method == METHOD_ROCKET;
     if (app_given(self, "features") && (values->features.number > 0) != rocket)
         app_stop_usage(self, "--features: %s",
-                       rocket ? "--method rocket needs a number, such as 10000"
-                              : "only --method rocket takes a number");
+                       rocket ? "--classifier rocket needs a number, such as 10000"
+                              : "only --classifier rocket takes a number");
     if (app_given(self, "prune") && (values->prune.number > 0) != rocket)
         app_stop_usage(self, "--prune: %s",
-                       rocket ? "--method rocket needs a number, such as 1000"
-                              : "--method tree takes none, pre or post");
+                       rocket ? "--classifier rocket needs a number, such as 1000"
+                              : "--classifier tree takes none, pre or post");
     const bool pre = values->prune.name == PRUNE_PRE;
     if (app_given(self, "ccp-alpha") && values->prune.name != PRUNE_POST)
         app_stop_usage(self, "--ccp-alpha: needs --prune post");
     if (pre && (app_given(self, "max-depth") || app_given(self, "min-samples-leaf")))
         app_stop_usage(self, "--prune pre: chooses --max-depth and --min-samples-leaf");
-    if (train_state.test != NULL && app_given(self, "test-fraction"))
-        app_stop_usage(self, "--test and --test-fraction cannot be given together");
 }

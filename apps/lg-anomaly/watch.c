@@ -29,10 +29,8 @@ typedef struct watch_values {
 static const lg_field watch_options[] = {
     LG_OPTION(watch_values, input, STRING, "FILE", "File of samples (default: standard input)",
               .file = LG_FILE_READ),
-    LG_OPTION(watch_values, healthy, TEXT, "NAME", HEALTHY_HELP),
-    LG_OPTION(watch_values, votes, WHOLES, "K[,N]",
-              "Raise an alarm when K of the last N windows are not of the healthy class", .low = 1,
-              .high = 64, .most = 2, .value = "3,5"),
+    HEALTHY(watch_values),
+    VOTES(watch_values, "K[,N]", "are not of the healthy class", .most = 2, .value = "3,5"),
     LG_OPTION(watch_values, hop, REAL, "SECONDS", "Distance from one window to the next", LG_POSITIVE,
               .otherwise = "the window"),
     LG_OPTION(watch_values, bridge, REAL, "S", "Gaps of at most S seconds are filled by straight lines",

@@ -18,7 +18,7 @@ typedef struct certify_values {
     const char *box, *level, *eps, *model_error, *certificate;
     double seconds;
     uint64_t degree;
-    bool continuous, held; /* held: the default, an old spelling */
+    bool loop; /* continuous */
 } certify_values;
 
 static const lg_field options[] = {
@@ -37,22 +37,21 @@ static const lg_field options[] = {
               "it can be proved. A quadratic V that is searched has the level 1 or less",
               .value = "auto"),
     LG_FIELD(certify_values, NULL, "model_error", STRING, model_error, .unit = "D",
-             .meaning = "Bound of the error of the model's state after a period (with --continuous: of its "
-                        "accelerations, "
-                        "of a plant that is a program of all rates), as one number, as NAME=D,... or auto: "
-                        "three standard "
-                        "deviations of the fit of lg-identify, at the worst of random states and inputs",
+             .meaning = "Bound of the error of the model's state after a period (with --loop continuous: of "
+                        "its accelerations, of a plant that is a program of all rates), as one number, as "
+                        "NAME=D,... or auto: three standard deviations of the fit of lg-identify, at the "
+                        "worst of random states and inputs",
              .otherwise = "0"),
     APP_SECONDS(certify_values, "Largest time of the proof", .value = "60"),
     LG_OPTION(certify_values, degree, U64, "n", "Degree of the polynomial, even", .low = 2, .high = 12,
               .value = "8"),
-    LG_OPTION(certify_values, continuous, SWITCH, NULL,
-              "Prove it for inputs that follow the state at all times, not for inputs that are held over a "
-              "period"),
-    LG_OPTION(certify_values, precision, NAME, "TYPE",
+    LG_OPTION(certify_values, loop, NAME, NULL,
+              "Prove it for inputs that are held over the task's period, or for inputs that follow the state "
+              "at all times",
+              LG_NAMES("held", "continuous"), .value = "held"),
+    LG_OPTION(certify_values, precision, NAME, NULL,
               "Numbers in which the controller computes, whose rounding the proof of held inputs covers",
-              LG_NAMES("f64", "f32", "exact"), .value = "f64"),
-    LG_OPTION(certify_values, held, SWITCH, NULL, "The default: inputs are held over the task's period"),
+              LG_NAMES("f64", "f32", "exact"), .option = "dtype", .value = "f64"),
     LG_OPTION(certify_values, certificate, STRING, "FILE.json",
               "Write the proof, if it succeeds, as a file that lg-control verify checks again",
               .file = LG_FILE_TEXT),
@@ -146,7 +145,7 @@ static void draw_model_error(const app *self, lg_policy *policy, naming names, c
             app_stop_usage(self, "--model-error auto: needs a bound of every state; %s has none",
                            name_of(names, i));
     APP_FREE char *plant = control_plant_path(self, self->arguments[0]);
-    control_draw_error(self, policy, plant, !values.continuous, high, out);
+    control_draw_error(self, policy, plant, !values.loop, high, out);
 }
 
 /* One number is for the rates that the model states: the accelerations, or all rates of a program; of a
@@ -166,10 +165,10 @@ static void read_model_error(const app *self, lg_policy *policy, naming names, c
     } else {
         if (lg_number_parse(values.model_error, &x) != LG_OK || !(x >= 0))
             app_stop_usage(self, "--model-error: '%s' is not a number of at least 0", values.model_error);
-        for (size_t i = !values.continuous || names.n == positions ? 0 : positions; i < names.n; i++)
+        for (size_t i = !values.loop || names.n == positions ? 0 : positions; i < names.n; i++)
             out[i] = is_remembered(names.of[i]) ? 0 : x;
     }
-    for (size_t i = 0; values.continuous && names.n > positions && i < positions; i++)
+    for (size_t i = 0; values.loop && names.n > positions && i < positions; i++)
         if (out[i] > 0)
             app_stop_usage(self, "--model-error: %s is a position, whose rate is its velocity, without error",
                            name_of(names, i));
@@ -185,15 +184,14 @@ static double read_level(const app *self, const char *option, const char *given)
 
 static void check_options(const app *self) {
     static const char *const useless[] = {"level", "eps", "model-error"};
-    if (values.held && values.continuous) app_stop_usage(self, "--held, --continuous: give one of the two");
-    if (values.continuous && app_given(self, "precision"))
-        app_stop_usage(self, "--precision: the rounding of the controller is covered for held inputs, not "
-                             "with --continuous");
-    if (!values.continuous && values.lyapunov != QUADRATIC)
+    if (values.loop && app_given(self, "dtype"))
+        app_stop_usage(self, "--dtype: the rounding of the controller is covered for held inputs, not "
+                             "with --loop continuous");
+    if (!values.loop && values.lyapunov != QUADRATIC)
         app_stop_usage(
             self,
             "--lyapunov %s: this proof is about inputs that follow the state at all times, but the "
-            "controller holds them for a period: give --continuous, or take the quadratic V",
+            "controller holds them for a period: give --loop continuous, or take the quadratic V",
             options[0].names[values.lyapunov]);
     if (values.certificate != NULL && values.lyapunov != QUADRATIC)
         app_stop_usage(self, "--certificate: there are files for a quadratic V; not for a polynomial, a "
@@ -208,10 +206,10 @@ static void check_options(const app *self) {
 /* Continuous inputs act at once. */
 static void check_delays(const app *self, const lg_policy_task *task) {
     for (uint32_t i = 0; i < task->coordinate_count; i++)
-        if (values.continuous && task->coordinate[i].ago > 0)
+        if (values.loop && task->coordinate[i].ago > 0)
             app_stop_usage(
                 self,
-                "--continuous: the input %s acts late (key inputs.delay of the plant), and a proof "
+                "--loop continuous: the input %s acts late (key inputs.delay of the plant), and a proof "
                 "about continuous inputs does not cover that",
                 task->input[task->coordinate[i].follows - 1].name);
 }
@@ -371,7 +369,7 @@ static char *tell_claim(const app *self, naming names, bool chosen, bool rounded
         lg_text_add(&text, "plant and the controller of kind %s in %s", of_kind, own);
     }
     lg_text_add(&text, ":%s%s Inputs stay in their limits.", proof[0] == 'N' ? " that" : "", rest + 1);
-    if (values.continuous)
+    if (values.loop)
         lg_text_add(
             &text,
             " It is about inputs that follow the state at all times; the controller holds them for %g.",
@@ -435,8 +433,7 @@ static void prove_energy(app *self, lg_policy *policy, naming names) {
                  .margin = r.margin,
                  .sides = 1};
     tell_energy(self, names,
-                "the mass, the damping and the map of the input are constant was compared at several "
-                "states",
+                "the mass, the damping and the map of the input are constant was compared at several states",
                 start, &v);
 }
 
@@ -547,9 +544,9 @@ static void search_form(app *self, const lg_policy *policy, naming names, wanted
     find_scale(self, names, what, scale);
     what->chosen = chooses_gains(self, names.task);
     lg_lyapunov_search_init(&search);
-    search.rate = values.continuous ? (what->chosen ? "rate_by_gains" : "rate")
-                                    : (what->chosen ? "advance_by_gains" : "advance");
-    search.step = !values.continuous;
+    search.rate = values.loop ? (what->chosen ? "rate_by_gains" : "rate")
+                              : (what->chosen ? "advance_by_gains" : "advance");
+    search.step = !values.loop;
     search.low = what->low, search.high = what->high, search.scale = scale;
     search.model_error = what->error;
     search.seed = self->seed, search.threads = (int)self->threads;
@@ -608,8 +605,7 @@ static char *tell_gate(const lg_policy *policy, const double *P, double level) {
     if (P == NULL || lg_policy_bound_gate(policy, P, level, &ratio, NULL) != LG_OK)
         return app_format("%s", "");
     return app_format(" In the set the network's gate leaves at least %.3g %% of the input to the regulator "
-                      "(its own V is at "
-                      "most %.4g of the level where the gate is half open).",
+                      "(its own V is at most %.4g of the level where the gate is half open).",
                       100 / (1 + exp(4.5 * (ratio - 1))), ratio);
 }
 
@@ -639,10 +635,10 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
     lg_certify *certify = NULL;
     lg_certify_spec_init(spec);
     spec->program = program;
-    spec->rate = values.continuous ? "rate" : "rate_by_input";
-    spec->control = values.continuous ? NULL : "input_by_state";
+    spec->rate = values.loop ? "rate" : "rate_by_input";
+    spec->control = values.loop ? NULL : "input_by_state";
     spec->period = period;
-    spec->unit = values.continuous ? 0 : unit[values.precision];
+    spec->unit = values.loop ? 0 : unit[values.precision];
     spec->P = quadratic ? what->P : NULL;
     spec->lyapunov = quadratic ? NULL : functions[values.lyapunov];
     spec->level = what->level, spec->eps = what->eps;

@@ -4,7 +4,7 @@
 #include "lg-control/control_app.h"
 
 typedef struct evaluate_values {
-    const char *plant, *disturb, *reference, *runs;
+    const char *plant, *disturb, *reference, *out;
     uint64_t starts;
 } evaluate_values;
 
@@ -17,8 +17,8 @@ static const lg_field options[] = {
               "Also run along these set points: columns t, the tracked coordinates, and their velocities if "
               "they are known",
               .file = LG_FILE_READ),
-    LG_OPTION(evaluate_values, runs, STRING, "FILE.csv",
-              "Write the runs: start, t, the state, inputs and cost of each period", .file = LG_FILE_TEXT),
+    APP_OUT(evaluate_values, "FILE.csv",
+            "Write the runs: start, t, the state, inputs and cost of each period", .file = LG_FILE_TEXT),
     LG_OPTION(evaluate_values, starts, U64, "n", "Random starts", .low = 1, .high = 1e6, .value = "500"),
     LG_FIELD_END};
 
@@ -116,13 +116,13 @@ static double time_control(const app *self, const lg_policy *policy) {
 }
 
 static bool told(void) {
-    return values.runs != NULL || app_plot_given.plot != NULL;
+    return values.out != NULL || app_plot_given.plot != NULL;
 }
 
 static void show_runs(const app *self, control_runs *runs) {
     if (!told()) return;
     control_find_states(self, runs);
-    if (values.runs != NULL) control_write_runs(self, runs, values.runs);
+    if (values.out != NULL) control_write_runs(self, runs, values.out);
     if (app_plot_given.plot != NULL) control_draw_runs(self, runs, app_plot_given.plot);
 }
 
@@ -162,8 +162,7 @@ const app_command control_evaluate_command = {
     .arguments = "POLICY.h5",
     .summary = "Judge a policy by runs from random starts",
     .details = "Beside it stands the saturated regulator alone (lqr). --plant judges on another machine than "
-               "the one that "
-               "the policy was trained with, for example the true one of a simulation.",
+               "the one that the policy was trained with, for example the true one of a simulation.",
     APP_DRAWS("the motion of some runs, which starts succeed, and inputs"),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

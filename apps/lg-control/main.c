@@ -8,9 +8,8 @@ static const lg_field demo_options[] = {
 static const app_command demo_command = {
     APP_DEMO(demo_options, lg_control_demo),
     .summary = "From a log to a controller in C, by the commands that do it",
-    .details = "Writes a machine and a task into the folder and runs there: "
-               "lg-identify generate and fit, train, evaluate "
-               "on the true machine, lg-export, and the self-test of the C."};
+    .details = "Writes a machine and a task into the folder and runs there: lg-identify generate and fit, "
+               "train, evaluate on the true machine, lg-export, and the self-test of the C."};
 
 APP_PROGRAM(lg_control) {
     const app_command commands[] = {control_train_command,
@@ -23,8 +22,6 @@ APP_PROGRAM(lg_control) {
         argc, argv, "lg-control",
         "Controllers of machines: TASK.yaml names the machine, the goal, limits, cost and starts; train "
         "learns a policy through the machine, evaluate judges it, certify proves where it works, verify "
-        "checks such a proof "
-        "again. "
-        "docs/control.md is the guide.",
+        "checks such a proof again. docs/control.md is the guide.",
         commands);
 }

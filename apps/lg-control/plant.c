@@ -112,8 +112,7 @@ static void check_known(const app *self, const char *path, const lg_machine *mac
         if (machine->terms[i].parameters > 0)
             app_stop(self, LG_FORMAT,
                      "%s: %s: a term of kind '%s' is unknown; give its values, or learn the machine with "
-                     "lg-identify "
-                     "and name the model",
+                     "lg-identify and name the model",
                      path, lg_machine_part_name(machine->terms[i].part),
                      lg_term_kind_name(machine->terms[i].kind));
     if (machine->parameters > 0)

@@ -1,4 +1,4 @@
-/* lg-control evaluate --runs: a table of the states, inputs and costs of runs. */
+/* lg-control evaluate --out: a table of the states, inputs and costs of runs. */
 #include <math.h>
 #include <string.h>
 

@@ -16,8 +16,8 @@ static const lg_field options[] = {
               .file = LG_FILE_READ),
     APP_SECONDS(train_values, "Shorten the phases to this time", .otherwise = "no bound"),
     LG_OPTION(train_values, seeds, U64, "n", "Seeds in the race", .low = 1, .high = 1000, .value = "8"),
-    LG_OPTION(train_values, starts, U64, "n", "Starts of a step of Adam, a multiple of 64", .low = 64,
-              .high = 65536, .value = "64"),
+    LG_OPTION(train_values, starts, U64, "B", "Starts of a step of Adam, a multiple of 64", .option = "batch",
+              .low = 64, .high = 65536, .value = "64"),
     LG_OPTION(train_values, race, U64, "n", "Steps of Adam of each seed", .low = 1, .high = 1e6,
               .value = "450"),
     LG_OPTION(train_values, finish, U64, "n", "Steps of Adam of the winner", .high = 1e6, .value = "1000"),
@@ -41,7 +41,7 @@ static void show(void *user, const lg_policy_progress *now) {
 static lg_policy_train_options read_options(const app *self) {
     lg_policy_train_options o;
     lg_policy_train_options_init(&o);
-    if (values.starts % o.starts != 0) app_stop_usage(self, "--starts: expected a multiple of %u", o.starts);
+    if (values.starts % o.starts != 0) app_stop_usage(self, "--batch: expected a multiple of %u", o.starts);
     o.seeds = (uint32_t)values.seeds, o.starts = (uint32_t)values.starts;
     o.race = values.race, o.finish = values.finish, o.polish = values.polish;
     o.seconds = values.seconds, o.seed = self->seed, o.threads = (int)self->threads;
@@ -261,9 +261,8 @@ const app_command control_train_command = {
     .details =
         "TASK.yaml has plant, goal, period, horizon, starts, limits, cost, success and controller. Several "
         "seeds race; the best by success, then by cost, is trained on. Ctrl-C saves the best policy so far "
-        "and "
-        "the state, from which --resume continues with the same numbers. Processes of mpirun train together, "
-        "with the numbers of one process.",
+        "and the state, from which --resume continues with the same numbers. Processes of mpirun train "
+        "together, with the numbers of one process.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run,
     .together = APP_RANKS};

@@ -24,6 +24,10 @@ typedef struct beam_values {
 } beam_values;
 extern beam_values beam_given;
 extern const lg_field beam_rows[], end_rows[], boundary_rows[];
+/* The row of --continuous, for a member of this name. */
+#define CONTINUOUS(type)                                                                                     \
+    LG_OPTION(type, continuous, SWITCH, NULL,                                                                \
+              "Solve the differential equation instead of the discrete problem", .usual = true)
 #define BEAM     APP_GIVEN(beam_rows, beam_given) /* length, stiffness, intervals */
 #define ENDS     APP_GIVEN(end_rows, beam_given)
 #define BOUNDARY APP_GIVEN(boundary_rows, beam_given)

@@ -14,7 +14,8 @@ const lg_field beam_rows[] = {
     LG_OPTION(beam_values, length, REAL, "L", "Length of the beam", LG_POSITIVE, .value = "3.3"),
     LG_OPTION(beam_values, stiffness, REAL, "EI", "Bending stiffness", LG_POSITIVE, .value = "10"),
     LG_OPTION(beam_values, intervals, U64, "N", "Number of equal intervals between the nodes",
-              .low = LG_ELASTICA_MIN_INTERVALS, .high = LG_ELASTICA_MAX_INTERVALS, .value = "50"),
+              .low = LG_ELASTICA_MIN_INTERVALS, .high = LG_ELASTICA_MAX_INTERVALS, .value = "50",
+              .usual = true),
     LG_FIELD_END};
 
 const lg_field end_rows[] = {
@@ -28,12 +29,13 @@ const lg_field boundary_rows[] = {
     LG_OPTION(beam_values, kind, NAME, NULL,
               "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "
               "wrapped to (-pi, pi] (default both-ends; of a model: the family trained on)",
-              .option = "case", .names = case_names),
-    LG_OPTION(beam_values, x, REAL, "X", "The case's parameter, radians", .low = -1e6, .high = 1e6),
+              .option = "case", .usual = true, .names = case_names),
+    LG_OPTION(beam_values, x, REAL, "X", "The case's parameter, radians", .usual = true, .low = -1e6,
+              .high = 1e6),
     LG_OPTION(beam_values, theta0, REAL, "A", "Instead of --case and --x: tangent angle at s = 0, radians",
-              .option = "theta0", .low = -1e6, .high = 1e6),
+              .option = "theta0", .usual = true, .low = -1e6, .high = 1e6),
     LG_OPTION(beam_values, thetaN, REAL, "B", "With --theta0: tangent angle at s = L, radians",
-              .option = "thetaN", .low = -1e6, .high = 1e6),
+              .option = "thetaN", .usual = true, .low = -1e6, .high = 1e6),
     LG_OPTION(beam_values, rotation, REAL, "R",
               "Turning of the tangent along the beam: B - A plus whole turns (default: of B - A wrapped to "
               "(-pi, pi], one turn more and one less, the one with the lowest energy)",

@@ -21,8 +21,7 @@ static const lg_field generate_options[] = {
               .value = "1000"),
     LG_OPTION(generate_values, gap, REAL, "G", "Distance kept from x = 0, pi and 2 pi, in units of pi",
               .high = 0.499, .value = "0.01"),
-    LG_OPTION(generate_values, continuous, SWITCH, NULL,
-              "Store solutions of the differential equation at the nodes instead of discrete solutions"),
+    CONTINUOUS(generate_values),
     APP_OUT(generate_values, "FILE", "The HDF5 file to write", .file = LG_FILE_WRITTEN, .required = true),
     LG_FIELD_END};
 

@@ -112,11 +112,10 @@ typedef struct predict_values {
 
 static const lg_field predict_options[] = {
     LG_OPTION(predict_values, s, REALS, "S,S,...", "Ascending arc lengths in [0, L]", LG_ANY_REAL,
-              .longer = "use --points"),
-    LG_OPTION(predict_values, points, U64, "n",
-              "Number of equidistant arc lengths, ends included, instead of --s (default: the nodes of "
-              "the training data)",
-              .low = 2, .high = 10000000),
+              .longer = "use --points", .without = "points"),
+    APP_POINTS(predict_values,
+               "Number of equidistant arc lengths, ends included, instead of --s (default: the nodes of "
+               "the training data)"),
     LG_OPTION(predict_values, solve, SWITCH, NULL,
               "Also solve the beam, and report the largest difference at the nodes"),
     APP_OUT(predict_values, "FILE.csv", "Columns s, x, y, vx, vy, theta", .file = LG_FILE_TEXT),
@@ -259,8 +258,6 @@ static void draw_prediction(const app *self, const char *path, const beam_curve 
 static void run_predict(app *self) {
     prediction p = {.seconds = 0};
     const char *model = self->arguments[0];
-    if (predict_given.s.count > 0 && predict_given.points > 0)
-        app_stop_usage(self, "--s and --points cannot be given together");
     APP_MUST_FILE(self, model, lg_surrogate_load(self->context, model, NULL, &p.file, &error));
     read_where(self, &p);
     read_points(self, &p);
@@ -288,11 +285,9 @@ const app_command elastica_predict_command = {
     .details =
         "`distance` is the distance of the boundary conditions from the nearest ones of the training part. "
         "`reach` is the largest such distance among the training part itself. `off_family` and `spread` are "
-        "the "
-        "same for the distance from the lines through neighbours. A query farther than twice the reach or "
-        "twice "
-        "the spread is not `inside`, and there is a warning. `seconds`: the median of a few evaluations in "
-        "double precision.",
+        "the same for the distance from the lines through neighbours. A query farther than twice the reach "
+        "or twice the spread is not `inside`, and there is a warning. `seconds`: the median of a few "
+        "evaluations in double precision.",
     APP_DRAWS("the curve; with --solve, the solution too"),
     .settings = APP_SETTINGS(BOUNDARY, ENDS, APP_GIVEN(predict_options, predict_given)),
     .run = run_predict};

@@ -13,15 +13,16 @@ typedef struct solve_values {
 static const lg_field solve_options[] = {
     LG_OPTION(solve_values, gradient_tol, REAL, "TOL",
               "Largest gradient, relative to the largest term in its sum (default 1e-12)", LG_POSITIVE),
-    LG_OPTION(solve_values, continuous, SWITCH, NULL,
-              "Solve the differential equation instead of the discrete problem"),
+    CONTINUOUS(solve_values),
     LG_OPTION(solve_values, branches, SWITCH, NULL,
-              "Search from many starts, and list all minima found by rising energy"),
+              "Search from many starts, and list all minima found by rising energy", .without = "sweep",
+              .usual = true),
     LG_OPTION(solve_values, saddles, SWITCH, NULL, "With --branches or --sweep: list saddles too"),
     LG_OPTION(solve_values, sweep, U64, "n",
-              "Follow the branches of a case over n equidistant x in [0, 2 pi]", .low = 2, .high = 10000),
+              "Follow the branches of a case over n equidistant x in [0, 2 pi]", .low = 2, .high = 10000,
+              .usual = true),
     APP_OUT(solve_values, "FILE.csv", "Write the curves (columns s, x, y, vx, vy, theta), or the sweep",
-            .file = LG_FILE_TEXT),
+            .usual = true, .file = LG_FILE_TEXT),
     LG_FIELD_END};
 
 static solve_values values;
@@ -130,8 +131,6 @@ static void solve_branches(const app *self, const boundary *where, const lg_elas
 static void check_options(const app *self) {
     static const char *const alone[] = {"x", "theta0", "thetaN", "rotation"};
     const bool many = values.branches || values.sweep > 0;
-    if (values.branches && values.sweep > 0)
-        app_stop_usage(self, "--branches and --sweep cannot be given together");
     if (values.continuous && many)
         app_stop_usage(self, "--continuous: %s is for the discrete problem only",
                        values.branches ? "--branches" : "--sweep");

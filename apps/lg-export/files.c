@@ -76,8 +76,7 @@ static const char usage[] =
     " * same time, each with work memory of its own. `work`: NAME_WORK_SIZE numbers, any contents before, "
     "none\n"
     " * of use after; fastest where it is aligned to 64 bytes. Outputs must not overlap inputs or work "
-    "unless "
-    "told.\n";
+    "unless told.\n";
 static const char flags[] =
     " * Not for -ffast-math. Loops are written for the vectoriser of the compiler: -O3, the instruction set\n"
     " * of the target (-march=native, -mcpu=...), -ffp-contract=fast where it has fused multiply-add.\n"

@@ -36,19 +36,15 @@ static const lg_field options[] = {
             "the same NAME: each model needs its own folder"),
     LG_OPTION(export_values, name, STRING, "NAME",
               "Name of the functions and files (default: the model file's name as a C identifier)"),
-    LG_OPTION(export_values, dtype, NAME, NULL,
-              "Type of the numbers in the code: f64 (default) "
-              "or f32",
+    LG_OPTION(export_values, dtype, NAME, NULL, "Type of the numbers in the code: f64 (default) or f32",
               .names = dtypes),
     LG_OPTION(
         export_values, target, NAME, NULL,
-        "What reads the result: c (default), C99 sources; casadi, libNAME.so for casadi.external with "
-        "first and second derivatives; fmu2 and fmu3, NAME.fmu for model exchange and co-simulation. "
-        "make builds them in the folder. simulink, C Function blocks and an S-function; onnx, NAME.onnx of "
-        "one "
-        "function (default value); safetensors, the weights; package, C with CMakeLists.txt and package.xml "
-        "for CMake and "
-        "ROS 2",
+        "What reads the result: c (default), C99 sources; casadi, libNAME.so for casadi.external with first "
+        "and second derivatives; fmu2 and fmu3, NAME.fmu for model exchange and co-simulation. make builds "
+        "them in the folder. simulink, C Function blocks and an S-function; onnx, NAME.onnx of one function "
+        "(default value); safetensors, the weights; package, C with CMakeLists.txt and package.xml for CMake "
+        "and ROS 2",
         .names = target_names),
     LG_OPTION(
         export_values, scheme, STRING, "NAME",
@@ -56,17 +52,16 @@ static const lg_field options[] = {
         "(default: the family's; of a machine that of its training)"),
     LG_OPTION(
         export_values, functions, STRING, "NAMES",
-        "Programs, and all models for another target than c: functions to export, separated by "
-        "commas (default: "
-        "all; of models value, field, velocity, step). Models that move, in C: linearise adds "
-        "NAME_linearise, which takes "
-        "several times the code and work memory. Controllers: default control; observe adds an observer "
-        "for plants of which positions alone are measured, adapt finds friction and payloads"),
+        "Programs, and all models for another target than c: functions to export, separated by commas "
+        "(default: all; of models value, field, velocity, step). Models that move, in C: linearise adds "
+        "NAME_linearise, which takes several times the code and work memory. Controllers: default control; "
+        "observe adds an observer for plants of which positions alone are measured, adapt finds friction and "
+        "payloads"),
     LG_OPTION(
         export_values, sensor, REALS, "S[,S...]",
         "Controllers with --functions observe: standard deviation of the measured positions, one for all or "
         "one each, in the log's units (default 0.001)",
-        .high = 1e300, .above = true, .most = LG_POLICY_COORDINATES),
+        .option = "noise", .high = 1e300, .above = true, .most = LG_POLICY_COORDINATES),
     LG_OPTION(
         export_values, drift, REALS, "S[,S...]",
         "Controllers with --functions observe: by how much velocities stray from the machine's in a second "
@@ -76,8 +71,7 @@ static const lg_field options[] = {
               "Controllers with --functions adapt: time in which measurements are forgotten", LG_POSITIVE,
               .value = "10"),
     LG_OPTION(export_values, compact, SWITCH, NULL,
-              "Programs: write loops for small tensors too, not straight code; this gives less, slower "
-              "code"),
+              "Programs: write loops for small tensors too, not straight code; this gives less, slower code"),
     LG_OPTION(export_values, golden, U64, "N", "Number of golden vectors of the self-test", .low = 1,
               .high = 1000, .value = "8"),
     LG_FIELD_END};

@@ -15,7 +15,8 @@ static const lg_field options[] = {
     LG_OPTION(values, only, STRING, "TEXT",
               "Check only functions of the operation TEXT, or functions whose name contains TEXT"),
     LG_OPTION(values, plant, SWITCH, NULL,
-              "Plant wrong derivatives; succeed only if the check catches each of them"),
+              "Plant wrong derivatives; succeed only if the check catches each of them",
+              .option = "plant-errors"),
     LG_FIELD_END};
 
 /* Ignores the case of letters. */

@@ -11,22 +11,15 @@
 
 typedef struct evaluate_values {
     size_t drawn;
-    bool record;
-    int metric;
+    bool record, relative;
 } evaluate_values;
-
-enum { METRIC_SQUARES, METRIC_RELATIVE };
-static const char *const metric_names[] = {
-    [METRIC_SQUARES] = "squares", [METRIC_RELATIVE] = "relative", NULL};
 
 static const lg_field evaluate_options[] = {
     LG_OPTION(evaluate_values, drawn, U64, "n", "plot: number of trajectories (default 10)", .low = 1,
               .high = 10000),
-    LG_OPTION(evaluate_values, metric, NAME, NULL,
-              "relative: also the geometric mean of |z - z'|/|z + z'| + 1e-8 over trajectories and points, "
-              "where z are the positions and velocities of a chain's masses, else the state; needs "
-              "/parameters in TEST.h5",
-              .names = metric_names),
+    RELATIVE(evaluate_values, "squares",
+             "|z - z'|/|z + z'| + 1e-8 over trajectories and points, where z are the positions and "
+             "velocities of a chain's masses, else the state; needs /parameters in TEST.h5"),
     LG_OPTION(evaluate_values, record, SWITCH, NULL,
               "Write E1, E2 and the test set's description into MODEL.h5, where lg-export finds them"),
     LG_FIELD_END};
@@ -35,14 +28,13 @@ static evaluate_values values;
 
 static void report(const app *self, const lg_trajectories *test, const verdict *result, bool recorded,
                    double seconds) {
-    const bool relative = values.metric == METRIC_RELATIVE;
     app_json *out = self->out;
     app_result_real(out, "E1", result->e1, "mean squared error of the learned flow");
     app_result_real(out, "E2", result->e2,
                     test->hamiltonian == NULL
                         ? "the file of the test trajectories has no /hamiltonian"
                         : "mean deviation of the Hamiltonian from the true one, up to a constant");
-    if (relative) {
+    if (values.relative) {
         app_result_real(out, "relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8");
         app_result_real(out, "relative_worst", result->relative_worst, "the same of the worst trajectory");
     }
@@ -87,7 +79,7 @@ static void check_shape(const app *self, const lg_hamiltonian *model, const lg_t
         app_stop(self, LG_SHAPE, "%s: a state has %u numbers, but a state of the model %s has %u%s",
                  self->arguments[1], test->state_dim, self->arguments[0], lg_hamiltonian_state_dim(model),
                  other ? " in another layout" : "");
-    if (values.metric == METRIC_RELATIVE && test->truth == NULL)
+    if (values.relative && test->truth == NULL)
         app_stop(self, LG_FORMAT, "%s: --metric relative needs the parameters of the system, /parameters",
                  self->arguments[1]);
 }
@@ -109,7 +101,7 @@ static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_traject
     APP_FREE double *predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
     APP_MUST(self, judge(self->context, self->threads, model, file->theta, test, tolerance, predicted,
                          &result, &error));
-    if (values.metric == METRIC_RELATIVE) APP_MUST(self, judge_relative(test, predicted, &result, &error));
+    if (values.relative) APP_MUST(self, judge_relative(test, predicted, &result, &error));
     if (app_plot_given.plot != NULL) draw(self, model, test, predicted);
     const double seconds = app_seconds() - begin;
     const int code = check_finite(self, test, &result);
@@ -160,10 +152,9 @@ const app_command hamiltonian_evaluate_command = {
     .arguments = "MODEL.h5 TEST.h5",
     .summary = "Measure a model's errors E1 and E2 on test trajectories",
     .details = "E1: mean of the squared differences over trajectories, coordinates and points, t = 0 "
-               "included; the learned "
-               "flow is integrated by an adaptive method of order 5 from the file's first points. E2: mean "
-               "|d - mean d|, d "
-               "= H - H_learned at the starts; unknown (null) without /hamiltonian in the file.",
+               "included; the learned flow is integrated by an adaptive method of order 5 from the file's "
+               "first points. E2: mean |d - mean d|, d = H - H_learned at the starts; unknown (null) without "
+               "/hamiltonian in the file.",
     APP_DRAWS("the test trajectories, true and predicted"),
     .settings = APP_SETTINGS(FLOW_TOLERANCE, APP_GIVEN(evaluate_options, values)),
     .run = run};

@@ -19,9 +19,7 @@ static const char *const noise_on_names[] = {"later", "all", NULL};
 static const lg_field generate_options[] = {
     LG_OPTION(generate_values, trajectories, U64, "N", "Number of trajectories", .low = 1, .high = 1e9,
               .value = "500"),
-    LG_OPTION(generate_values, points, U64, "M",
-              "Points of each trajectory, the start included (default 5); dt = T/(M-1)", .low = 2,
-              .high = 1e9),
+    APP_POINTS(generate_values, "Points of each trajectory, the start included (default 5); dt = T/(M-1)"),
     LG_OPTION(generate_values, segments, U64, "s",
               "Consecutive trajectories from one start (default: the scene's, or 1)", .low = 1, .high = 1e6),
     APP_T_END(generate_values, "Time of the last point (default: the scene's t_end, or 0.1)"),
@@ -192,16 +190,13 @@ const app_command hamiltonian_generate_command = {
     .name = "generate",
     .arguments = "SCENE.yaml | CONSTRAINT.h5",
     .summary = "Sample trajectories of a scene from random starts",
-    .details = "The file holds /t (M), /trajectories (N, M, d) and "
-               "/hamiltonian (N), the energies at the starts. The scene "
-               "gives the system, its parameters and the distribution of "
-               "starts. Each start depends on the seed and its number "
-               "only, not on N, M, T or the noise. CONSTRAINT.h5 is a program "
-               "with the functions constraint (q) -> g, potential (q) -> V and "
-               "mass (q) -> M of liegrad/constraint.h: the motion on g(q) = 0. "
-               "Starts are drawn from the range of q and projected. The data "
-               "file carries the functions, so train, evaluate and predict "
-               "need no further file.",
+    .details = "The file holds /t (M), /trajectories (N, M, d) and /hamiltonian (N), the energies at the "
+               "starts. The scene gives the system, its parameters and the distribution of starts. Each "
+               "start depends on the seed and its number only, not on N, M, T or the noise. CONSTRAINT.h5 is "
+               "a program with the functions constraint (q) -> g, potential (q) -> V and mass (q) -> M of "
+               "liegrad/constraint.h: the motion on g(q) = 0. Starts are drawn from the range of q and "
+               "projected. The data file carries the functions, so train, evaluate and predict need no "
+               "further file.",
     .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
     .run = run,
     .together = APP_RANKS};

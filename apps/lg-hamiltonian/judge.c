@@ -105,9 +105,8 @@ static lg_status find_failure(const judgement *self, lg_error *error) {
         if (self->status[i] == LG_TOO_MANY_STEPS)
             return lg_fail(
                 error, LG_TOO_MANY_STEPS,
-                "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: "
-                "the model is far from a flow of these data; train it longer, or give a larger "
-                "--tolerance",
+                "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: the "
+                "model is far from a flow of these data; train it longer, or give a larger --tolerance",
                 i, MOST_STEPS + MOST_STEPS_A_POINT * self->test->points, self->tolerance);
         if (self->status[i] != LG_OK)
             return lg_fail(error, self->status[i], "the learned flow of test trajectory %zu: %s", i,

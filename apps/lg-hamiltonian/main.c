@@ -18,7 +18,8 @@ static const app_command train_command = {
     TRAIN_COMMAND("DATA.h5", task, train_plots), .summary = "Fit a Hamiltonian to trajectories",
     .details =
         "Loss: the mean squared difference over trajectories, coordinates and points (the first excluded; "
-        "with --starts estimated it counts too) between the data and the integrator's prediction with the "
+        "with --initial-states estimated it counts too) between the data and the integrator's prediction "
+        "with the "
         "learned Hamiltonian; with --penalty, plus the penalty. The `loss` reported is this mean squared "
         "error (no penalty) over all trajectories of the file, in double precision, at the parameters that "
         "are written; `running_loss` is the last epoch's mean over its batches. `floor` is the part of this "
@@ -31,8 +32,7 @@ static const app_command train_command = {
 
 static const lg_field demo_options[] = {
     APP_OUT(app_demo_values, "DIR", "Folder for data, model and plots", .value = "liegrad-demo"),
-    LG_OPTION(app_demo_values, epochs, U64, "E", "Evaluations of the loss (default 2000)", .low = 1,
-              .high = 1e6),
+    APP_DEMO_EPOCHS("Evaluations of the loss (default 2000)"),
     APP_T_END(app_demo_values, "Length of the long prediction", .value = "100"), LG_FIELD_END};
 
 static const app_command demo_command = {APP_DEMO(demo_options, lg_hamiltonian_demo),

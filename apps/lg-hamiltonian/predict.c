@@ -189,9 +189,8 @@ const app_command hamiltonian_predict_command = {
     .name = "predict",
     .arguments = "MODEL.h5 [SCENE.yaml]",
     .summary = "Integrate the learned flow from a start",
-    .details = "The start is --initial, or the scene's `initial`. With a "
-               "scene the true flow is integrated too, and the largest "
-               "difference is reported.",
+    .details = "The start is --initial, or the scene's `initial`. With a scene the true flow is integrated "
+               "too, and the largest difference is reported.",
     APP_DRAWS("the trajectory; with a scene, the true one too"),
     .settings = APP_SETTINGS(FLOW, APP_GIVEN(predict_options, values)),
     .run = run};

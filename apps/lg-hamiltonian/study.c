@@ -16,9 +16,8 @@ typedef struct study_values {
 static const lg_field study_options[] = {
     APP_OUT(study_values, "FILE.csv", "Table of runs; runs that are in it already are not repeated",
             .required = true),
-    LG_OPTION(study_values, jobs, U64, "J",
-              "Number of simultaneous runs (default: --threads); each uses threads/jobs threads", .low = 1,
-              .high = 256),
+    TRIALS_JOBS(study_values,
+                "Number of simultaneous runs (default: --threads); each uses threads/jobs threads"),
     LG_OPTION(study_values, stop_after, U64, "n", "Stop after n new runs", .low = 1, .high = 1e9),
     TRIALS_ROWS(study_values), LG_FIELD_END};
 
@@ -259,16 +258,12 @@ const app_command hamiltonian_study_command = {
     .name = "study",
     .arguments = "GRID.yaml",
     .summary = "Train over a grid of integrators, N, M, noise and repeats",
-    .details = "The table has one row for each run: integrator, substeps, N, "
-               "M, eps, penalty, repeat, seed, loss (mean squared error at "
-               "the end), E1, E2, seconds of training, epochs. Rows are "
-               "appended as runs end; the same command continues after "
-               "Ctrl-C or a crash. Runs of one repeat share initial weights, "
-               "starts, noise and test trajectories. The command prints "
-               "medians over the repeats of each cell and geometric means "
-               "over all runs of an integrator. The default seed is the "
-               "grid's; other keys that it lacks have the values of train "
-               "--preset thesis.",
+    .details = "The table has one row for each run: integrator, substeps, N, M, eps, penalty, repeat, seed, "
+               "loss (mean squared error at the end), E1, E2, seconds of training, epochs. Rows are appended "
+               "as runs end; the same command continues after Ctrl-C or a crash. Runs of one repeat share "
+               "initial weights, starts, noise and test trajectories. The command prints medians over the "
+               "repeats of each cell and geometric means over all runs of an integrator. The default seed is "
+               "the grid's; other keys that it lacks have the values of train --preset thesis.",
     .settings = APP_SETTINGS(APP_GIVEN(study_options, values)),
     .plots = APP_PLOTS(APP_PLOT("work", "median E1 against training time", "training_time", study_put,
                                 .usual = APP_PLOT_ANY)),

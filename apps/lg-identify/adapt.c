@@ -1,26 +1,25 @@
 /* lg-identify adapt: fits a few numbers of a model to the beginning of a new log, and judges the rest. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/train.h"
 #include "lg-identify/identify.h"
 
 typedef struct adapt_values {
-    double seconds;
+    double beginning;
     uint64_t window, substeps, start_rows;
     const char *numbers, *out;
 } adapt_values;
 
 static const lg_field options[] = {
-    APP_SECONDS(adapt_values, "Length of the beginning that the numbers are fitted to", .required = true),
+    LG_OPTION(adapt_values, beginning, REAL, "S", "Length of the beginning that the numbers are fitted to",
+              LG_POSITIVE, .required = true),
     LG_OPTION(adapt_values, numbers, STRING, "NAME,NAME",
               "What may change: offset (a constant force for each velocity), friction (one factor)",
               .value = "offset,friction"),
-    LG_OPTION(
-        adapt_values, window, U64, "M",
-        "Rows of the windows that are fitted (default an eighth of the beginning, or those of the training)",
-        .low = 2, .high = 1e9),
+    IDENTIFY_WINDOW(
+        adapt_values,
+        "Rows of the windows that are fitted (default an eighth of the beginning, or those of the training)"),
     IDENTIFY_MODEL_OPTIONS(adapt_values),
     APP_OUT(adapt_values, "MODEL.h5", "Write the adapted model", .file = LG_FILE_WRITTEN),
     LG_FIELD_END};
@@ -45,7 +44,6 @@ typedef struct adapting {
 static void adapting_destroy(adapting *a) {
     lg_adaptation_destroy(&a->to);
     identify_given_destroy(&a->given);
-    free(a->first);
 }
 
 /* ---- the two pieces of the log ---- */
@@ -65,12 +63,12 @@ static void divide(const app *self, adapting *a) {
     enum { LEAST = 3 };
     const lg_machine_log *log = &a->given.data.logs.log;
     size_t parts = 0;
-    a->cut = find_cut(log, values.seconds);
+    a->cut = find_cut(log, values.beginning);
     if (a->cut < LEAST || a->cut + LEAST > log->rows)
         app_stop(self, LG_INVALID_ARGUMENT,
-                 "--seconds %g: leaves %zu rows for the fit and %zu for the judgement; %d each are needed",
-                 values.seconds, a->cut, log->rows - a->cut, LEAST);
-    a->first = app_alloc(log->parts + 2, sizeof *a->first);
+                 "--beginning %g: leaves %zu rows for the fit and %zu for the judgement; %d each are needed",
+                 values.beginning, a->cut, log->rows - a->cut, LEAST);
+    a->first = app_keep(log->parts + 2, sizeof *a->first);
     for (size_t p = 0; p <= log->parts; p++) {
         if (log->first[p] >= a->cut && (parts == 0 || a->first[parts - 1] < a->cut)) {
             a->cut_parts = parts;
@@ -187,7 +185,7 @@ static void fit_windows(const app *self, adapting *a) {
         if (!done && (values.window > 0 || a->window <= least))
             app_stop(self, LG_NOT_FINITE,
                      "the model's runs over the first %g s are not finite: give a shorter --window",
-                     values.seconds);
+                     values.beginning);
         a->window = a->window / 2 > least ? a->window / 2 : least;
     }
 }
@@ -233,12 +231,12 @@ static void warn(const app *self, const adapting *a) {
             app_warn(
                 self,
                 "%g s are too short to tell %s: the beginning of the log tells it no better than the prior, "
-                "%.2g of its standard deviation; give more --seconds, or fewer --numbers",
-                values.seconds, a->to.names[k], a->alone[k]);
+                "%.2g of its standard deviation; give more --beginning, or fewer --numbers",
+                values.beginning, a->to.names[k], a->alone[k]);
     if (a->kept)
         app_warn(self,
                  "the first %g s do not show by more than chance that %s changed: the model is kept as it is",
-                 values.seconds, values.numbers);
+                 values.beginning, values.numbers);
     for (uint32_t c = 0; c < a->given.data.file.column_count && !a->kept; c++)
         if (a->after[c] > a->before[c]) {
             app_warn(self,
@@ -333,12 +331,9 @@ const app_command identify_adapt_command = {
     .name = "adapt",
     .arguments = "MODEL.h5 LOG",
     .summary = "Fit a few numbers to the beginning of a new log, and score the rest",
-    .details = "The numbers are fitted to free runs in the first --seconds "
-               "of the log, whose starts are estimated. Before "
-               "any data, the factor of all friction is 1 with a standard "
-               "deviation of .1, and an offset 0 with a tenth of "
-               "the friction's root mean square. The rest of the log is "
-               "predicted by one free run, with the model as it was "
-               "and with the adapted model.",
+    .details = "The numbers are fitted to free runs in the first --beginning of the log, whose starts are "
+               "estimated. Before any data, the factor of all friction is 1 with a standard deviation of .1, "
+               "and an offset 0 with a tenth of the friction's root mean square. The rest of the log is "
+               "predicted by one free run, with the model as it was and with the adapted model.",
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

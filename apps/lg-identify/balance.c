@@ -1,112 +1,87 @@
 /* Energy balance along logs, whiteness of residuals, and values of a model's terms at given states. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/core.h"
 #include "lg-identify/identify.h"
+#include "liegrad/ops.h"
+#include "liegrad/program.h"
 
-/* ---- the model's terms at given states, on a tape ---- */
+/* ---- the model's terms at given states ---- */
 
 /* DAMPING: index in `powered`, whose order is that of ENERGY_INPUTS and the next ones. */
 enum { CHUNK = 512, DAMPING = 1, POWERS = 4 };
 static const lg_machine_part powered[POWERS] = {LG_MACHINE_INPUT_MAP, LG_MACHINE_DAMPING, LG_MACHINE_RESIDUAL,
                                                 LG_MACHINE_OFFSET};
 
-/* States (in the layout of logs) and the values that are wanted there. Outputs that are NULL are not
- * computed. */
-typedef struct asked {
-    size_t count;
-    const double *q, *v, *u; /* u (count, inputs); NULL: zeros. */
-    double *energy;          /* (count) */
-    double *power;           /* (count, POWERS) */
-    double *damping;         /* Force, (count, velocities). */
-} asked;
-
-static void scale_rows(const lg_machine *machine, const asked *a, size_t first, size_t count, double *q,
-                       double *v, double *u) {
+/* Records energy (B, 1), powers (B, POWERS) and the damping's force (B, velocities) at positions, velocities
+ * and inputs, all in the units of the log. */
+static lg_status record(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_machine *machine = user;
     const lg_machine_scales *s = &machine->scales;
-    const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
-    memcpy(q, a->q + first * nq, count * nq * sizeof *q);
-    for (size_t r = 0; r < count; r++) {
-        double *at = q + r * nq;
-        size_t place = 0;
-        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const lg_coordinate_kind kind = machine->coordinates[i].kind;
-            for (uint32_t k = 0; k < lg_coordinate_row_of(kind)->places; k++) at[k] /= s->place[place++];
-            at += lg_coordinate_positions(kind);
-        }
-        for (size_t k = 0; k < nv; k++) v[r * nv + k] = a->v[(first + r) * nv + k] * s->time / s->velocity[k];
-        for (size_t k = 0; k < m; k++)
-            u[r * m + k] = a->u != NULL ? a->u[(first + r) * m + k] / s->input[k] : 0;
-    }
-}
-
-static lg_status read_force(lg_tape *tape, const lg_machine *machine, lg_var f, const double *v, size_t count,
-                            double *work, double *power, double *force) {
-    const lg_machine_scales *s = &machine->scales;
-    const size_t nv = machine->velocities;
-    if (lg_is_none(f)) return lg_tape_status(tape);
-    LG_TRY(lg_read(tape, f, count * nv, work));
-    for (size_t r = 0; r < count; r++)
-        for (size_t k = 0; k < nv; k++) {
-            const double unit = s->energy / s->velocity[k];
-            if (power != NULL) power[r * POWERS] += s->energy / s->time * work[r * nv + k] * v[r * nv + k];
-            if (force != NULL) force[r * nv + k] = unit * work[r * nv + k];
-        }
-    return LG_OK;
-}
-
-static lg_status ask_chunk(lg_tape *tape, const lg_learned_machine *model, const asked *a, size_t first,
-                           size_t count) {
-    const lg_machine *machine = model->machine;
-    const uint32_t rows = (uint32_t)count, n = (uint32_t)machine->parameters, nv = machine->velocities;
-    APP_FREE double *q = app_alloc(count * machine->positions, sizeof *q);
-    APP_FREE double *v = app_alloc(count * nv, sizeof *v);
-    APP_FREE double *u = app_alloc(count * machine->input_count + 1, sizeof *u);
-    APP_FREE double *work = app_alloc(count * nv, sizeof *work);
+    const uint32_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
+    double place[LG_MACHINE_POSITIONS], speed[LG_MACHINE_VELOCITIES], force[LG_MACHINE_VELOCITIES];
     lg_machine_vars vars;
-    lg_var parts[LG_TAPED_MAX_PARTS], inputs = LG_NONE;
-    scale_rows(machine, a, first, count, q, v, u);
-    lg_tape_reset(tape);
-    const lg_var theta = n > 0 ? lg_parameter(tape, lg_shape1(n), model->theta) : LG_NONE;
-    LG_TRY(lg_machine_bind(tape, machine, theta, &vars));
-    const lg_var x = lg_input_f64(tape, lg_shape2(rows, machine->positions), q),
-                 speed = lg_input_f64(tape, lg_shape2(rows, nv), v);
-    if (machine->input_count > 0) inputs = lg_input_f64(tape, lg_shape2(rows, machine->input_count), u);
-    LG_TRY(lg_machine_record_state(tape, &vars, x, speed, parts));
-    if (a->energy != NULL)
-        LG_TRY(lg_read(tape, lg_machine_record_energy(tape, &vars, parts), count, a->energy + first));
-    for (size_t r = 0; a->energy != NULL && r < count; r++) a->energy[first + r] *= machine->scales.energy;
-    const lg_var rates = lg_machine_record_rates(tape, &vars, parts);
-    LG_TRY(lg_read(tape, rates, count * nv, v));
+    lg_var parts[LG_TAPED_MAX_PARTS], power[POWERS];
+    for (uint32_t k = 0; k < nq; k++) place[k] = 1;
+    for (uint32_t i = 0, at = 0; i < machine->coordinate_count; i++)
+        for (uint32_t k = 0; k < lg_coordinate_row_of(machine->coordinates[i].kind)->places; k++)
+            place[lg_log_place_of(machine, i).position + k] = s->place[at++];
+    for (uint32_t k = 0; k < nv; k++)
+        speed[k] = s->velocity[k] / s->time, force[k] = s->energy / s->velocity[k];
+    LG_TRY(lg_machine_bind(t, machine, machine->parameters > 0 ? theta[0] : LG_NONE, &vars));
+    const lg_var q = lg_div(t, in[0], lg_input_f64(t, lg_shape2(1, nq), place)),
+                 v = lg_div(t, in[1], lg_input_f64(t, lg_shape2(1, nv), speed)),
+                 u = m > 0 ? lg_div(t, in[2], lg_input_f64(t, lg_shape2(1, m), s->input)) : LG_NONE;
+    LG_TRY(lg_machine_record_state(t, &vars, q, v, parts));
+    const lg_var rates = lg_machine_record_rates(t, &vars, parts);
+    out[0] = lg_scale(t, lg_machine_record_energy(t, &vars, parts), s->energy);
+    out[2] = lg_scale(t, rates, 0);
     for (int k = 0; k < POWERS; k++) {
-        double *power = a->power != NULL ? a->power + first * POWERS + k : NULL,
-               *force = a->damping != NULL && k == DAMPING ? a->damping + first * nv : NULL;
-        if (power == NULL && force == NULL) continue;
-        const lg_var f = lg_machine_record_force(tape, &vars, powered[k], parts, rates, inputs);
-        LG_TRY(read_force(tape, machine, f, v, count, work, power, force));
+        const lg_var f = lg_machine_record_force(t, &vars, powered[k], parts, rates, u);
+        const bool none = lg_is_none(f);
+        power[k] = lg_scale(t, lg_sum_axis(t, lg_mul(t, none ? rates : f, rates), 1, true),
+                            none ? 0 : s->energy / s->time);
+        if (k == DAMPING && !none) out[2] = lg_mul(t, f, lg_input_f64(t, lg_shape2(1, nv), force));
     }
-    return LG_OK;
+    out[1] = lg_concat(t, power, POWERS, 1);
+    return lg_tape_status(t);
 }
 
-static void ask(const app *self, const lg_learned_machine *model, const asked *a) {
-    lg_tape *tape = NULL;
-    app_must(self, lg_tape_create(self->context, NULL, &tape), NULL);
-    for (size_t first = 0; first < a->count; first += CHUNK) {
-        const size_t count = a->count - first < CHUNK ? a->count - first : CHUNK;
-        const lg_status status = ask_chunk(tape, model, a, first, count);
-        if (status != LG_OK) app_stop(self, status, "%s", lg_tape_message(tape));
+/* Computes the terms at `count` states in the layout of logs; u (count, inputs). Outputs may be NULL. */
+static void ask(const app *self, const lg_learned_machine *model, size_t count, const double *q,
+                const double *v, const double *u, double *energy, double *power, double *damping) {
+    const lg_machine *machine = model->machine;
+    const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
+    const lg_port in[] = {{.name = "q", .shape = lg_shape1((uint32_t)nq)},
+                          {.name = "v", .shape = lg_shape1((uint32_t)nv)},
+                          {.name = "u", .shape = lg_shape1((uint32_t)m)}},
+                  out[] = {{.name = "energy"}, {.name = "power"}, {.name = "damping"}};
+    const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)machine->parameters), model->theta};
+    const lg_function_spec terms = {
+        "terms", in, m > 0 ? 3 : 2, out, LG_COUNT(out), record, (void *)(uintptr_t)machine};
+    lg_program_spec spec;
+    lg_program *program;
+    lg_program_spec_init(&spec);
+    spec.parameters = &weights, spec.parameter_count = machine->parameters > 0;
+    spec.functions = &terms, spec.function_count = 1;
+    APP_MUST(self, lg_program_build(self->context, &spec, &program, &error));
+    for (size_t i = 0; i < count; i += CHUNK) {
+        const double *const from[] = {q + i * nq, v + i * nv, u + i * m};
+        double *const to[] = {energy != NULL ? energy + i : NULL, power != NULL ? power + i * POWERS : NULL,
+                              damping != NULL ? damping + i * nv : NULL};
+        APP_MUST(self, lg_program_eval(self->context, program, "terms", count - i < CHUNK ? count - i : CHUNK,
+                                       from, to, &error));
     }
-    lg_tape_destroy(tape);
+    lg_program_destroy(program);
 }
 
 void identify_values(const app *self, const lg_learned_machine *model, size_t count, const double *q,
                      const double *v, double *potential, double *damping) {
-    APP_FREE double *still = app_alloc(count * model->machine->velocities, sizeof *still);
-    if (potential != NULL)
-        ask(self, model, &(asked){.count = count, .q = q, .v = still, .energy = potential});
-    if (damping != NULL) ask(self, model, &(asked){.count = count, .q = q, .v = v, .damping = damping});
+    const lg_machine *machine = model->machine;
+    APP_FREE double *zeros = app_alloc(count * (machine->velocities + machine->input_count), sizeof *zeros);
+    if (potential != NULL) ask(self, model, count, q, zeros, zeros, potential, NULL, NULL);
+    if (damping != NULL) ask(self, model, count, q, v, zeros, NULL, NULL, damping);
 }
 
 /* ---- intervals ---- */
@@ -119,13 +94,6 @@ typedef struct intervals {
     /* The model's run of each interval: (3 count, positions) and (3 count, velocities). */
     double *run_q, *run_v;
 } intervals;
-
-static void intervals_end(intervals *all) {
-    free(all->row);
-    identify_log_end(&all->finer);
-    free(all->run_q);
-    free(all->run_v);
-}
 
 /* Rewrites the polynomial u_0 + s u_1 + ... of an interval for the half of it that begins at s = `from`. */
 static void halve(const double *u, size_t m, double from, double *out) {
@@ -140,7 +108,7 @@ static void halve(const double *u, size_t m, double from, double *out) {
 
 static void cut(const lg_machine *machine, const lg_machine_log *log, intervals *all) {
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
-    all->row = app_alloc(log->rows, sizeof *all->row);
+    all->row = app_keep(log->rows, sizeof *all->row);
     identify_log_begin(&all->finer, machine, log->parts, 2 * log->rows);
     const identify_log *to = &all->finer;
     for (size_t p = 0; p < log->parts; p++) {
@@ -166,8 +134,8 @@ static void run_intervals(const app *self, const lg_learned_machine *model, inte
     enum { MOST = 8192 };
     const size_t nq = model->machine->positions, nv = model->machine->velocities;
     APP_FREE size_t *start = app_alloc(all->count, sizeof *start);
-    all->run_q = app_alloc(3 * all->count * nq, sizeof *all->run_q);
-    all->run_v = app_alloc(3 * all->count * nv, sizeof *all->run_v);
+    all->run_q = app_keep(3 * all->count * nq, sizeof *all->run_q);
+    all->run_v = app_keep(3 * all->count * nv, sizeof *all->run_v);
     for (size_t i = 0; i < all->count; i++) start[i] = 2 * all->row[i];
     for (size_t first = 0; first < all->count; first += MOST)
         identify_run(self, model, &all->finer.log, start + first,
@@ -231,9 +199,7 @@ static void balance(const app *self, const lg_learned_machine *model, const lg_m
         }
     }
     put_lagged(self, model, all, u);
-    ask(self, model,
-        &(asked){
-            .count = points, .q = all->run_q, .v = all->run_v, .u = u, .energy = energy, .power = power});
+    ask(self, model, points, all->run_q, all->run_v, u, energy, power, NULL);
     for (size_t i = 0; i < all->count; i++)
         add_interval(energy + 3 * i, power + 3 * i * POWERS, log->t[all->row[i] + 1] - log->t[all->row[i]],
                      out);
@@ -307,7 +273,7 @@ void identify_run_whiteness(const identify_given *given, const double *q, const 
 void identify_balance(const app *self, const identify_given *given, double energy[IDENTIFY_ENERGIES],
                       identify_whiteness *whiteness) {
     const lg_machine_log *log = &given->data.logs.log;
-    APP_CLEAN(intervals_end) intervals all = {.count = 0};
+    intervals all = {.count = 0};
     cut(given->model.machine, log, &all);
     APP_FREE size_t *end = app_alloc(all.count, sizeof *end);
     for (size_t i = 0; i < all.count; i++) end[i] = 3 * i + 2;

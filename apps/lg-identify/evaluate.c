@@ -1,29 +1,23 @@
 /* lg-identify evaluate: compares free runs of a model with logs. */
 #include <math.h>
-#include <stdlib.h>
 
+#include "common/verbs.h"
 #include "lg-identify/identify.h"
 
 typedef struct evaluate_values {
     lg_reals horizons;
     uint64_t every, window, substeps, start_rows;
-    int metric;
+    bool relative;
 } evaluate_values;
-
-enum { METRIC_HORIZONS, METRIC_RELATIVE };
-static const char *const metrics[] = {"horizons", "relative", NULL};
 
 static const lg_field options[] = {
     LG_OPTION(evaluate_values, horizons, REALS, "S,S,...", "Lengths of free runs in seconds (default 1,2,5)",
               LG_POSITIVE),
     LG_OPTION(evaluate_values, every, U64, "n", "Rows from one start to the next", .low = 1, .high = 1e9,
               .value = "25"),
-    LG_OPTION(evaluate_values, window, U64, "M", "Points of the windows of window_loss (default the model's)",
-              .low = 2, .high = 1e9),
+    IDENTIFY_WINDOW(evaluate_values, "Points of the windows of window_loss (default the model's)"),
     IDENTIFY_MODEL_OPTIONS(evaluate_values),
-    LG_OPTION(evaluate_values, metric, NAME, NULL,
-              "relative: also the geometric mean over time, then over parts, of |z - z'|/|z + z'| + 1e-8",
-              .names = metrics),
+    RELATIVE(evaluate_values, "horizons", "|z - z'|/|z + z'| + 1e-8 over time, then over parts"),
     LG_FIELD_END};
 
 static evaluate_values values;
@@ -186,7 +180,7 @@ static void report(const app *self, const identify_given *given, const verdict *
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)
         put_known(out, energy_names[k], v->energy[k], energy_words[k]);
     app_json_close(out, '}');
-    if (values.metric == METRIC_RELATIVE) {
+    if (values.relative) {
         app_result_real(out, "relative", v->relative, NULL);
         app_result_real(out, "relative_worst", v->relative_worst, NULL);
     }
@@ -236,15 +230,16 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     const lg_learned_machine *model = &given->model;
     const lg_machine_log *log = &given->data.logs.log;
     lg_machine_log simple = *log;
-    APP_FREE double *slopes = app_alloc(log->rows * model->machine->velocities, sizeof *slopes);
+    const lg_machine *machine = model->machine;
+    APP_FREE double *v = app_alloc(log->rows * (machine->velocities + machine->positions), sizeof *v);
     APP_CLEAN(lg_started_log_destroy) lg_started_log states = {.log = *log};
     if (model->start_rows > 0) {
-        identify_slopes(model->machine, log, slopes);
-        simple.v = slopes;
+        lg_machine_smooth(machine, log, IDENTIFY_HALF, v + log->rows * machine->velocities, v);
+        simple.v = v;
         APP_MUST(self, lg_machine_states(model, log, values.every, &states, &error));
     }
     identify_linear linear;
-    identify_linear_fit(self, model->machine, &simple, &linear);
+    identify_linear_fit(self, machine, &simple, &linear);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
@@ -335,10 +330,10 @@ static void judge_run(const app *self, const identify_given *given, verdict *out
     const lg_machine_log *log = &given->data.logs.log;
     APP_FREE size_t *start = app_alloc(log->parts, sizeof *start);
     const size_t count = identify_first_rows(model, log, 0, start);
-    out->q = app_alloc(log->rows * machine->positions, sizeof *out->q);
-    out->v = app_alloc(log->rows * machine->velocities, sizeof *out->v);
+    out->q = app_keep(log->rows * machine->positions, sizeof *out->q);
+    out->v = app_keep(log->rows * machine->velocities, sizeof *out->v);
     identify_run_log(self, model, log, start, count, out->q, out->v);
-    if (values.metric == METRIC_RELATIVE) judge_relative(machine, log, start, count, out);
+    if (values.relative) judge_relative(machine, log, start, count, out);
     identify_leave_out(model, log, start, count, out->q, out->v);
     identify_column_errors(given, out->q, out->v, out->free_run);
     warn_of_runs(self, file, out);
@@ -370,14 +365,9 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
 
 /* ---- the command ---- */
 
-static void verdict_destroy(verdict *v) {
-    free(v->q);
-    free(v->v);
-}
-
 static void run(app *self) {
     APP_CLEAN(identify_given_destroy) identify_given given = {.model = {.machine = NULL}};
-    APP_CLEAN(verdict_destroy) verdict v = {.relative = (double)NAN, .relative_worst = (double)NAN};
+    verdict v = {.relative = (double)NAN, .relative_worst = (double)NAN};
     if (values.horizons.count > MOST_HORIZONS)
         app_stop_usage(self, "--horizons: %zu numbers, at most %d are possible", values.horizons.count,
                        MOST_HORIZONS);

@@ -11,19 +11,20 @@ static lg_machine_model_run run; /* Everything that determines the result. */
 static const lg_field options[] = {
     LG_OPTION(lg_machine_state, validation, STRING, "LOG,LOG,...",
               "Logs that are not trained on: the parameters of the best epoch on them are the result",
-              .file = LG_FILE_READ),
+              .option = "validation-logs", .usual = true, .file = LG_FILE_READ),
     LG_OPTION(lg_machine_state, suggest, STRING, "FILE.yaml|-",
               "Find out which terms the logs ask for, write the machine's file with them (-: print it), and "
               "learn this machine",
-              .file = LG_FILE_TEXT),
+              .usual = true, .file = LG_FILE_TEXT),
     LG_OPTION(lg_machine_state, select, NAME, NULL,
               "What chooses the best epoch: the loss of the windows, or free runs over windows that are held "
-              "out (--validation-part of the rows, default 0.2)",
-              LG_NAMES("loss", "free-run")),
+              "out (--validation-fraction of the rows, default 0.2)",
+              LG_NAMES("loss", "free-run"), .usual = true),
     LG_OPTION(
         lg_machine_state, size, STRING, "auto|W,...",
         "Widths of all networks, as hidden in the machine's file; or auto: learn a few widths, and take "
-        "the smallest whose free runs over held-out windows none beats"),
+        "the smallest whose free runs over held-out windows none beats",
+        .usual = true),
     LG_FIELD_END};
 static const app_settings settings[] = {{lg_machine_model_fields, &run, sizeof run},
                                         APP_GIVEN(options, state),

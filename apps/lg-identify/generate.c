@@ -1,6 +1,5 @@
 /* lg-identify generate: makes logs of a machine whose terms are all known. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/text.h"
@@ -9,16 +8,16 @@
 #include "machine/files/log_table.h"
 
 typedef struct generate_values {
-    const char *out, *inputs;
+    const char *out, *excitation;
     lg_reals amplitude, noise, spread;
-    double t_end, dt, after_colon; /* after_colon: the number in --inputs NAME:NUMBER; 0: none. */
+    double t_end, dt, after_colon; /* after_colon: the number in --excitation NAME:NUMBER; 0: none. */
     uint64_t runs;
 } generate_values;
 
 static const lg_field options[] = {
     APP_OUT(generate_values, "LOG.csv", "Write the log", .required = true),
     LG_OPTION(
-        generate_values, inputs, STRING, "multisine[:F]|steps[:S]|none|FILE.csv",
+        generate_values, excitation, STRING, "multisine[:F]|steps[:S]|none|FILE.csv",
         "What the inputs do (default multisine): sines up to F Hz (default one period in 25 rows), steps "
         "of S seconds (default 25 rows), nothing; a file has the columns of time and inputs"),
     LG_OPTION(generate_values, amplitude, REALS, "A,A,...",
@@ -27,8 +26,7 @@ static const lg_field options[] = {
               LG_ANY_REAL),
     LG_OPTION(generate_values, noise, REALS, "SIGMA[,SIGMA]",
               "Standard deviation of the noise of positions (radians), and of velocities or accelerations "
-              "(default the same); "
-              "not given: the machine's `noise`",
+              "(default the same); not given: the machine's `noise`",
               .high = 1e300),
     LG_OPTION(generate_values, spread, REALS, "S[,S]",
               "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",
@@ -38,7 +36,7 @@ static const lg_field options[] = {
     LG_OPTION(generate_values, dt, REAL, "H", "Seconds from a row to the next", LG_POSITIVE, .value = "0.02"),
     LG_FIELD_END};
 
-static generate_values values = {.inputs = "multisine"};
+static generate_values values = {.excitation = "multisine"};
 
 /* A log that is being made: runs of `rows` rows each; inputs have `delay` further rows, the
  * greatest delay. */
@@ -91,14 +89,14 @@ static const struct {
     void (*fill)(const making *m, lg_rng *rng, size_t input, double *out);
 } forms[] = {{"multisine", multisine}, {"steps", steps}, {"none", NULL}};
 
-/* Finds the form of --inputs and reads the number after the colon. Returns LG_COUNT(forms) if --inputs is a
- * file. */
+/* Finds the form of --excitation and reads the number after the colon. Returns LG_COUNT(forms) if the value
+ * is a file. */
 static size_t find_form(void) {
     size_t form = 0;
     for (; form < LG_COUNT(forms); form++) {
         const size_t length = strlen(forms[form].name);
-        const char *rest = values.inputs + length;
-        if (strncmp(forms[form].name, values.inputs, length) != 0) continue;
+        const char *rest = values.excitation + length;
+        if (strncmp(forms[form].name, values.excitation, length) != 0) continue;
         if (rest[0] == '\0') break;
         if (rest[0] != ':' || forms[form].fill == NULL) continue;
         const bool number = lg_number_parse(rest + 1, &values.after_colon) == LG_OK;
@@ -120,7 +118,7 @@ static void put_inputs(const lg_machine_file *file, lg_text *to) {
 }
 
 static void read_inputs(const app *self, making *m) {
-    const char *path = values.inputs;
+    const char *path = values.excitation;
     lg_log_options how;
     APP_CLEAN(lg_text_destroy) lg_text text = app_text();
     put_inputs(&m->file, &text);
@@ -395,9 +393,11 @@ static void check_options(const app *self, const lg_machine_file *file) {
                        file->machine.input_count);
     (void)find_form(); /* Reads the number after the colon. */
     if (isnan(values.after_colon))
-        app_stop_usage(self, "--inputs: '%s': expected a number above 0 after the colon", values.inputs);
+        app_stop_usage(self, "--excitation: '%s': expected a number above 0 after the colon",
+                       values.excitation);
     if (file->machine.input_count == 0 && find_form() == LG_COUNT(forms))
-        app_stop_usage(self, "--inputs: '%s' is a file, but the machine has no inputs", values.inputs);
+        app_stop_usage(self, "--excitation: '%s' is a file, but the machine has no inputs",
+                       values.excitation);
     if (values.noise.count > 2) app_stop_usage(self, "--noise: expected one or two numbers");
     if (values.spread.count > 2) app_stop_usage(self, "--start-spread: expected one or two numbers");
 }
@@ -411,18 +411,14 @@ static void begin(const app *self, making *m) {
     for (uint32_t i = 0; i < machine->input_count; i++)
         if (m->file.inputs[i].delay > m->delay) m->delay = m->file.inputs[i].delay;
     if (m->rows < 2) app_stop_usage(self, "--t-end %g is shorter than --dt %g", m->t_end, values.dt);
-    m->given = app_alloc(m->runs * (m->rows + m->delay) * machine->input_count + 1, sizeof *m->given);
+    m->given = app_keep(m->runs * (m->rows + m->delay) * machine->input_count + 1, sizeof *m->given);
     identify_log_begin(&m->made, machine, m->runs, m->runs * m->rows);
     for (size_t run = 0; run <= m->runs; run++) m->made.first[run] = run * m->rows;
-    m->run_q = app_alloc(m->made.log.rows * machine->positions, sizeof *m->run_q);
-    m->run_v = app_alloc(m->made.log.rows * machine->velocities, sizeof *m->run_v);
+    m->run_q = app_keep(m->made.log.rows * machine->positions, sizeof *m->run_q);
+    m->run_v = app_keep(m->made.log.rows * machine->velocities, sizeof *m->run_v);
 }
 
 static void making_end(making *m) {
-    free(m->given);
-    identify_log_end(&m->made);
-    free(m->run_q);
-    free(m->run_v);
     lg_machine_data_destroy(&m->inputs);
     lg_machine_file_destroy(&m->file);
 }
@@ -430,9 +426,10 @@ static void making_end(making *m) {
 static void run(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(making_end) making m = {.runs = 0};
-    const app_path paths[] = {{"out", values.out, LG_FILE_TEXT},
-                              {"plot", app_plot_given.plot, LG_FILE_DRAWN},
-                              {"inputs", find_form() < LG_COUNT(forms) ? NULL : values.inputs, LG_FILE_READ}};
+    const app_path paths[] = {
+        {"out", values.out, LG_FILE_TEXT},
+        {"plot", app_plot_given.plot, LG_FILE_DRAWN},
+        {"excitation", find_form() < LG_COUNT(forms) ? NULL : values.excitation, LG_FILE_READ}};
     app_check_outputs(self, paths, LG_COUNT(paths));
     APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &m.file, &error));
     check_scene(self, &m.file);

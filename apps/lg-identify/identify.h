@@ -23,7 +23,8 @@ typedef struct identify_given {
 /* Reads model and logs. Ends the command if something cannot be read, if the log's velocities are momenta, or
  * if start_rows is not 0 and no start is estimated. substeps, start_rows 0: those of the model. */
 void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_given *out);
-/* The rows of the options --substeps and --start-rows; `struct_` has members of these names. */
+/* The rows of the options --substeps and --start-rows, and of --window; `struct_` has members of these
+ * names. */
 #define IDENTIFY_MODEL_OPTIONS(struct_)                                                                      \
     LG_OPTION(struct_, substeps, U64, "n", "Integrator steps between two points of the data", .low = 1,      \
               .high = 1e6, .otherwise = "the model's"),                                                      \
@@ -31,6 +32,7 @@ void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_g
                   "Rows that estimate the state at a start, where the logs measure positions or "            \
                   "accelerations alone",                                                                     \
                   .low = 2, .high = 1e6, .otherwise = "the model's")
+#define IDENTIFY_WINDOW(struct_, ...) LG_OPTION(struct_, window, U64, "M", __VA_ARGS__, .low = 2, .high = 1e9)
 /* Writes start_rows: the rows that estimate the state at a start, null if the logs have it. */
 void identify_put_start_rows(app_json *json, const lg_learned_machine *model);
 void identify_given_destroy(identify_given *given);
@@ -73,7 +75,6 @@ typedef struct identify_log {
     double *t, *q, *v, *u;
 } identify_log;
 void identify_log_begin(identify_log *made, const lg_machine *machine, size_t parts, size_t rows);
-void identify_log_end(identify_log *made);
 
 /* Returns the number of parts of the first run (parts are separated by gaps). */
 size_t identify_first_run(const lg_logs *logs);
@@ -151,10 +152,9 @@ typedef struct identify_offset {
  * NaN, nothing is compared. */
 void identify_find_offsets(const app *self, const identify_given *given, const size_t *start, size_t count,
                            const double *q, identify_offset *out);
-/* v (rows, velocities) of lines and angles: slopes of lines through 21 positions. NaN for other kinds. */
-void identify_slopes(const lg_machine *machine, const lg_machine_log *log, double *v);
+enum { IDENTIFY_HALF = 10 }; /* of lg_machine_smooth: rows on each side that give a row its velocity */
 /* Velocities (n, velocities), and on each the learned friction plus the force that the model lacks, from n
- * stretches of 20 intervals. Both arrays belong to the caller. Returns n. */
+ * stretches of 20 intervals. Returns n. */
 size_t identify_lacking(const app *self, const identify_given *given, double **velocity, double **force);
 
 /* ---- values of the potential and of the damping force (balance.c) ---- */

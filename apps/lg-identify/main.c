@@ -4,9 +4,7 @@
 static const lg_field demo_options[] = {
     APP_OUT(app_demo_values, "DIR", "Folder for files and plots", .value = "liegrad-machine"),
     APP_SECONDS(app_demo_values, "Time for the fit", .value = "20"),
-    LG_OPTION(app_demo_values, epochs, U64, "E", "Evaluations of the loss, if the time allows (default 300)",
-              .low = 1, .high = 1e6),
-    LG_FIELD_END};
+    APP_DEMO_EPOCHS("Evaluations of the loss, if the time allows (default 300)"), LG_FIELD_END};
 
 static const app_command demo_command = {
     APP_DEMO(demo_options, lg_identify_demo),

@@ -1,7 +1,6 @@
 /* What a constant force makes of runs: whether a free run integrates an offset, and the forces that the model
  * lacks at each velocity. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-identify/identify.h"
@@ -139,32 +138,6 @@ void identify_find_offsets(const app *self, const identify_given *given, const s
     }
 }
 
-/* ---- velocities of logs that have positions alone ---- */
-
-void identify_slopes(const lg_machine *machine, const lg_machine_log *log, double *v) {
-    enum { HALF = 10 };
-    const size_t nq = machine->positions, nv = machine->velocities;
-    for (size_t i = 0; i < log->rows * nv; i++) v[i] = (double)NAN;
-    for (size_t part = 0; part < log->parts; part++)
-        for (size_t row = log->first[part]; row < log->first[part + 1]; row++) {
-            const size_t begin = row < log->first[part] + HALF ? log->first[part] : row - HALF,
-                         end = row + HALF + 1 < log->first[part + 1] ? row + HALF + 1 : log->first[part + 1];
-            for (uint32_t i = 0, position = 0, velocity = 0; i < machine->coordinate_count; i++) {
-                const lg_coordinate_kind kind = machine->coordinates[i].kind;
-                double t = 0, x = 0, tt = 0, tx = 0, n = 0;
-                for (size_t r = begin; r < end; r++) {
-                    const double at = log->t[r] - log->t[row], value = log->q[r * nq + position];
-                    if (isnan(value)) continue;
-                    n++, t += at, x += value, tt += at * at, tx += at * value;
-                }
-                const bool scalar = kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE;
-                if (scalar && n > 1) v[row * nv + velocity] = (n * tx - t * x) / (n * tt - t * t);
-                position += lg_coordinate_positions(kind);
-                velocity += lg_coordinate_row_of(kind)->velocities;
-            }
-        }
-}
-
 /* ---- forces that the model lacks ---- */
 
 /* Starts of stretches of `steps` intervals, at most MOST of them, whose first and last rows are complete. */
@@ -187,12 +160,12 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
     const size_t nq = machine->positions, nv = machine->velocities, points = STEPS + 1;
     lg_machine_log log = given->data.logs.log;
     APP_CLEAN(pushed_destroy) pushed p = {.model = {.machine = NULL}};
-    APP_FREE double *slopes = app_alloc(log.rows * nv, sizeof *slopes);
+    APP_FREE double *slopes = app_alloc(log.rows * (nv + nq), sizeof *slopes);
     APP_FREE size_t *start = app_alloc(log.rows, sizeof *start);
     *velocity = *force = NULL;
     if (machine->accelerations || !pushed_create(self, given, &p)) return 0;
     if (given->model.start_rows > 0) {
-        identify_slopes(machine, &log, slopes);
+        lg_machine_smooth(machine, &log, IDENTIFY_HALF, slopes + log.rows * nv, slopes);
         log.v = slopes;
     }
     const size_t count = find_stretches(machine, &log, STEPS, start);
@@ -201,7 +174,7 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
     APP_FREE double *v = app_alloc(count * points * nv, sizeof *v);
     APP_FREE double *with = app_alloc(count * points * nv, sizeof *with);
     APP_FREE double *middle_q = app_alloc(count * nq, sizeof *middle_q);
-    double *x = *velocity = app_alloc(count * nv, sizeof *x), *f = *force = app_alloc(count * nv, sizeof *f);
+    double *x = *velocity = app_keep(count * nv, sizeof *x), *f = *force = app_keep(count * nv, sizeof *f);
     identify_run(self, &given->model, &log, start, count, STEPS, q, v);
     for (size_t i = 0; i < count; i++) {
         memcpy(middle_q + i * nq, q + (i * points + STEPS / 2) * nq, nq * sizeof *q);

@@ -1,6 +1,5 @@
 /* Plots of logs, predictions and learned terms: panels in rows. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-identify/identify.h"
@@ -211,8 +210,6 @@ static void put_terms(const app *self, drawing *d) {
         if (axes[i].seen) put_term(self, d, &axes[i], false);
         if (damped) put_term(self, d, &axes[i], true);
     }
-    free(d->lacking_v);
-    free(d->lacking);
 }
 
 /* Writes the errors of the model, and of the guess that nothing changes, against the horizon. */

@@ -1,6 +1,5 @@
 /* lg-identify predict: free runs of a model with the inputs of a log. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "files/csv.h"
@@ -27,7 +26,7 @@ static const lg_field options[] = {
 static predict_values values;
 
 typedef struct prediction {
-    identify_given given;
+    const identify_given *given;
     size_t *start, runs, rows;
     double *q, *v; /* Predicted states at the rows of the log. */
     double *bands; /* Standard deviations, (rows, columns of the machine file); NULL: not wanted. */
@@ -87,9 +86,9 @@ static void find_bands(const app *self, const identify_given *given, const size_
 /* ---- the prediction ---- */
 
 static void find_starts(const app *self, prediction *p) {
-    const lg_machine_log *log = &p->given.data.logs.log;
-    p->start = app_alloc(log->parts, sizeof *p->start);
-    p->runs = identify_first_rows(&p->given.model, log, values.start, p->start);
+    const lg_machine_log *log = &p->given->data.logs.log;
+    p->start = app_keep(log->parts, sizeof *p->start);
+    p->runs = identify_first_rows(&p->given->model, log, values.start, p->start);
     if (p->runs == 0)
         app_stop(self, LG_INVALID_ARGUMENT,
                  "%s: no part of the log has, at or after row %llu, a complete row that another row follows",
@@ -103,14 +102,14 @@ static void find_starts(const app *self, prediction *p) {
 }
 
 static void predict(const app *self, prediction *p) {
-    const identify_given *given = &p->given;
+    const identify_given *given = p->given;
     const lg_machine *machine = given->model.machine;
     const lg_machine_log *log = &given->data.logs.log;
-    p->q = app_alloc(log->rows * machine->positions, sizeof *p->q);
-    p->v = app_alloc(log->rows * machine->velocities, sizeof *p->v);
+    p->q = app_keep(log->rows * machine->positions, sizeof *p->q);
+    p->v = app_keep(log->rows * machine->velocities, sizeof *p->v);
     identify_run_log(self, &given->model, log, p->start, p->runs, p->q, p->v);
     if (values.bands) {
-        p->bands = app_alloc(log->rows * given->data.file.column_count, sizeof *p->bands);
+        p->bands = app_keep(log->rows * given->data.file.column_count, sizeof *p->bands);
         find_bands(self, given, p->start, p->runs, p->q, p->v, p->bands);
     }
     identify_column_errors(given, p->q, p->v, p->error);
@@ -138,9 +137,9 @@ static double input_of(const lg_logs *logs, const lg_machine *machine, size_t ro
 /* Writes a row of a part that ends before row `end`. `before`: columns of the previous row, or NULL. */
 static void put_row(FILE *stream, prediction *p, size_t row, size_t end, uint32_t run, const double *before,
                     double *columns) {
-    const lg_machine_file *file = &p->given.data.file;
+    const lg_machine_file *file = &p->given->data.file;
     const lg_machine *machine = &file->machine;
-    const lg_logs *logs = &p->given.data.logs;
+    const lg_logs *logs = &p->given->data.logs;
     identify_to_columns(file, p->q + row * machine->positions, p->v + row * machine->velocities, before,
                         columns);
     columns[file->time] = logs->log.t[row];
@@ -163,10 +162,10 @@ static void put_row(FILE *stream, prediction *p, size_t row, size_t end, uint32_
 static void write_rows(const app *self, prediction *p) {
     app_file file;
     double columns[LG_LOG_COLUMNS], before[LG_LOG_COLUMNS];
-    const lg_logs *logs = &p->given.data.logs;
+    const lg_logs *logs = &p->given->data.logs;
     p->finite = true;
     app_file_begin(&file, values.out);
-    put_head(file.stream, &p->given.data.file);
+    put_head(file.stream, &p->given->data.file);
     for (size_t i = 0; i < p->runs; i++) {
         const size_t part = lg_machine_log_part(&logs->log, p->start[i]), end = logs->log.first[part + 1];
         for (size_t row = p->start[i]; row < end; row++) {
@@ -181,11 +180,11 @@ static void write_rows(const app *self, prediction *p) {
 /* ---- the command ---- */
 
 static void report(const app *self, const prediction *p) {
-    const lg_machine_file *file = &p->given.data.file;
+    const lg_machine_file *file = &p->given->data.file;
     app_json *out = self->out;
     app_result_size(out, "rows", p->rows, NULL);
     app_result_size(out, "runs", p->runs, NULL);
-    identify_put_start_rows(out, &p->given.model);
+    identify_put_start_rows(out, &p->given->model);
     app_json_open(out, "free_run", '{');
     for (uint32_t c = 0; c < file->column_count; c++)
         if (identify_is_state(&file->columns[c]))
@@ -195,19 +194,12 @@ static void report(const app *self, const prediction *p) {
     app_result_text(out, "out", values.out, NULL);
 }
 
-static void prediction_destroy(prediction *p) {
-    identify_given_destroy(&p->given);
-    free(p->start);
-    free(p->q);
-    free(p->v);
-    free(p->bands);
-}
-
 static void run(app *self) {
-    APP_CLEAN(prediction_destroy) prediction p = {.runs = 0};
-    const lg_machine_data *data = &p.given.data;
-    identify_load(self, values.substeps, values.start_rows, &p.given);
-    if (values.bands && p.given.file.spread == NULL)
+    APP_CLEAN(identify_given_destroy) identify_given given = {.model = {.machine = NULL}};
+    prediction p = {.given = &given};
+    const lg_machine_data *data = &given.data;
+    identify_load(self, values.substeps, values.start_rows, &given);
+    if (values.bands && given.file.spread == NULL)
         app_stop(self, LG_UNSUPPORTED,
                  "%s: has no covariance of its parameters, which --bands needs: the model has more than %d "
                  "parameters, its fit did not converge, it was adapted, or the logs determine none of them",

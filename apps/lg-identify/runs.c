@@ -1,16 +1,15 @@
 /* Predicts all parts of a log by free runs of the model. If only positions or accelerations were measured,
  * the states at the starts of the runs are estimated first. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "lg-identify/identify.h"
 
 void identify_log_begin(identify_log *made, const lg_machine *machine, size_t parts, size_t rows) {
-    *made = (identify_log){.first = app_alloc(parts + 1, sizeof *made->first),
-                           .t = app_alloc(rows, sizeof *made->t),
-                           .q = app_alloc(rows * machine->positions, sizeof *made->q),
-                           .v = app_alloc(rows * machine->velocities, sizeof *made->v),
-                           .u = app_alloc(rows * 4 * machine->input_count + 1, sizeof *made->u)};
+    *made = (identify_log){.first = app_keep(parts + 1, sizeof *made->first),
+                           .t = app_keep(rows, sizeof *made->t),
+                           .q = app_keep(rows * machine->positions, sizeof *made->q),
+                           .v = app_keep(rows * machine->velocities, sizeof *made->v),
+                           .u = app_keep(rows * 4 * machine->input_count + 1, sizeof *made->u)};
     made->log = (lg_machine_log){.rows = rows,
                                  .parts = parts,
                                  .first = made->first,
@@ -18,14 +17,6 @@ void identify_log_begin(identify_log *made, const lg_machine *machine, size_t pa
                                  .q = made->q,
                                  .v = made->v,
                                  .u = made->u};
-}
-
-void identify_log_end(identify_log *made) {
-    free(made->first);
-    free(made->t);
-    free(made->q);
-    free(made->v);
-    free(made->u);
 }
 
 size_t identify_first_run(const lg_logs *logs) {

@@ -19,6 +19,7 @@ static const lg_field recipe_rows[] = {{.name = "recipe",
                                         .type = LG_FIELD_NAME,
                                         .size = sizeof recipe_given,
                                         .value_name = recipe_name,
+                                        .usual = true,
                                         .meaning = "The kind of model; the options of this kind follow"},
                                        LG_FIELD_END};
 
@@ -67,8 +68,7 @@ static const app_command train_command = {
     TRAIN_COMMAND("DATA...", task, train_plots), .summary = "Learn a model from data",
     .details = "With --recipe NAME the options of this kind of model are listed above. The command search "
                "draws values of the same options.\n\nCtrl-C saves a checkpoint and ends with exit code 130; "
-               "--resume continues to "
-               "the same bits.",
+               "--resume continues to the same bits.",
     .settings = train_settings};
 
 /* ---- predict ---- */

@@ -232,7 +232,7 @@ static char *describe(const study *all, const char *text) {
     char hash[LG_SHA256_TEXT];
     const double control[] = {o->control.rtol, o->control.atol, (double)o->steps,
                               (double)o->control.max_steps, o->scheme->theta};
-    const char *starts = sim->values->starts, *event = sim->values->event;
+    const char *starts = sim->values->members, *event = sim->values->event;
     lg_sha256_init(&state);
     lg_sha256_add(&state, text, strlen(text));
     if (starts != NULL) lg_sha256_add(&state, starts, strlen(starts));
@@ -362,7 +362,6 @@ static lg_status close_rows(study *all, lg_error *error) {
 static int write_out(study *all, bool *written) {
     const app *self = all->sim->self;
     const ensemble_files *files = all->files;
-    const char *path = self->ranks == NULL ? app_plot_given.plot : NULL;
     result *total = all->total;
     lg_error error = {LG_OK, ""}, lost = {LG_OK, ""};
     lg_status status = LG_OK;
@@ -376,7 +375,7 @@ static int write_out(study *all, bool *written) {
                               all->rows != NULL && rows_status == LG_OK ? &rows : NULL, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, files->out);
     *written = true;
-    if (path != NULL) ensemble_draw(self, total, path);
+    if (self->ranks == NULL) ensemble_draw(self, total);
     if (rows_status == LG_OK) return APP_EXIT_OK;
     return app_fail(self, rows_status, "%s; the statistics are in %s", lost.message, files->out);
 }
@@ -400,7 +399,6 @@ static int run_and_write(study *all, bool *written, lg_ensemble_stats *stats, lg
 static void merge_ranks(const study *all, lg_status status) {
     app *self = all->sim->self;
     const uint64_t tasks = all->files->task.count;
-    const merge_values how = {.plot = app_plot_given.plot};
     const char *out = all->sim->values->out;
     lg_error error = {LG_OK, ""};
     status = lg_ranks_agree(self->ranks, status, &error);
@@ -409,7 +407,7 @@ static void merge_ranks(const study *all, lg_status status) {
     if (self->rank > 0) return;
     APP_FREE const char **parts = app_alloc(tasks, sizeof *parts);
     for (uint64_t i = 0; i < tasks; i++) parts[i] = part_path(out, &(ensemble_task){i, tasks});
-    merge_parts(self, out, parts, tasks, &how);
+    merge_parts(self, out, parts, tasks, false);
     for (uint64_t i = 0; i < tasks; i++) (void)remove(parts[i]);
 }
 
@@ -479,7 +477,7 @@ static void prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *even
     choose_times(all);
     o->varied = vary_parameters(all->varied);
     if (vary_rows(all->varied) > 0 && values->ensemble > vary_rows(all->varied))
-        app_stop_usage(sim->self, "--starts: %s has %zu rows, fewer than --ensemble %llu", values->starts,
+        app_stop_usage(sim->self, "--members: %s has %zu rows, fewer than --ensemble %llu", values->members,
                        vary_rows(all->varied), (unsigned long long)values->ensemble);
     choose_members(all, &files->task);
     name_columns(all);
@@ -499,12 +497,12 @@ void ensemble(simulation *sim, const ensemble_files *files) {
     APP_CLEAN(method_free) method chosen = method_choose(sim);
     check_control(sim, &chosen.scheme);
     APP_CLEAN(study_close) study all = {.sim = sim, .files = files, .total = &total};
-    all.varied = vary_open(sim, text, values->starts);
+    all.varied = vary_open(sim, text, values->members);
     prepare(&all, &chosen.scheme, events);
-    if (text[0] == '\0' && values->starts == NULL && sim->scene.has_initial)
+    if (text[0] == '\0' && values->members == NULL && sim->scene.has_initial)
         app_warn(
             sim->self,
-            "all members are the same, because nothing varies; give --vary, --starts or the key `ensemble`");
+            "all members are the same, because nothing varies; give --vary, --members or the key `ensemble`");
     total.what = describe(&all, text);
     run_and_show(&all);
 }

@@ -107,19 +107,15 @@ typedef struct ensemble_run {
 /* Prints the results and warns of members that failed. If all failed, it ends the command with the exit code
  * of their most frequent status. */
 void ensemble_conclude(const app *self, const ensemble_run *run);
-void ensemble_draw(const app *self, const result *what, const char *path);
+void ensemble_draw(const app *self, const result *what); /* to --plot; nothing without it */
 
 /* ensemble.c: runs the ensemble. Before the end the ranks exchange their statuses, so that a failure of one
  * rank is a failure of all. */
 void ensemble(simulation *sim, const ensemble_files *files);
 /* merge.c: merge_parts writes one file from the parts and prints its results; merge_main is the command
  * lg-simulate merge OUT.h5 PARTS... */
-typedef struct merge_values {
-    const char *plot;
-    bool statistics_only; /* trajectories are left out */
-} merge_values;
 void merge_parts(const app *self, const char *out, const char *const *paths, size_t count,
-                 const merge_values *how);
+                 bool statistics_only);
 int merge_main(int argc, char **argv);
 
 #endif

@@ -97,7 +97,7 @@ void horizon_warn(const simulation *sim, const plan *how, const double *y) {
             app_warn(sim->self,
                      "from t = %.4g on the result is not reliable: a run at ten times the tolerance differs "
                      "from it by %.2g of the size of the state there, and by %.2g at the end; give a "
-                     "smaller --tol, or ask for statistics of many runs (--ensemble)",
+                     "smaller --tolerance, or ask for statistics of many runs (--ensemble)",
                      parting(sim, *how, coarse, &size, bound), bound, apart);
     }
 }

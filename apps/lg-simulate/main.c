@@ -6,111 +6,88 @@
 static simulate_values values = {.atol = -1, .theta = 0.5};
 
 static const lg_field options[] = {
-    LG_OPTION(simulate_values, method, STRING, "NAME",
-              "A method of the list below (default rkmk54, and dp54 on R^n)"),
-    LG_OPTION(simulate_values, scheme, STRING, "FILE.yaml", "A method of your own: a tableau in a file"),
-    LG_OPTION(simulate_values, steps, U64, "N", "N equal steps", .low = 1, .high = 1e12),
-    LG_OPTION(simulate_values, tol, REAL, "T", "Adaptive steps; the tolerance of component i is T |y_i| + A",
-              .low = 1e-15, .high = 1, .value = "1e-9"),
+    LG_OPTION(simulate_values, scheme, STRING, "NAME|FILE.yaml",
+              "A scheme of the list below, or a tableau of your own in a file (default rkmk54, and dp54 on "
+              "R^n)",
+              .usual = true),
+    LG_OPTION(simulate_values, steps, U64, "N", "N equal steps", .low = 1, .high = 1e12, .usual = true),
+    APP_TOLERANCE(simulate_values, "Adaptive steps; the tolerance of component i is TOL |y_i| + A", .high = 1,
+                  .value = "1e-9", .usual = true),
     LG_OPTION(simulate_values, atol, REAL, "A",
-              "Absolute part of the tolerance (default: 1e-4 T, but at least 1e-16, times the largest size "
+              "Absolute part of the tolerance (default: 1e-4 TOL, but at least 1e-16, times the largest size "
               "so far of the vector q, omega, p, R, ... that component i belongs to)",
               .high = 1e300),
     LG_OPTION(simulate_values, max_steps, U64, "N",
               "Stop after this many adaptive steps, rejected ones included", .low = 1, .high = 1e12,
               .value = "1000000"),
-    APP_T_END(simulate_values, "Time of the last point (default: the scene's t_end)"),
+    APP_T_END(simulate_values, "Time of the last point (default: the scene's t_end)", .usual = true),
     LG_OPTION(simulate_values, theta, REAL, "TH",
               "Parameter of slgi, midpoint and implicit-euler: order 2 at 1/2, else 1", .high = 1),
     LG_OPTION(simulate_values, dexpinv, STRING, "exact|K",
               "RKMK methods: closed form, or the series up to ad^K, K = 0..10"),
-    APP_OUT(simulate_values, "FILE.h5", "Write the trajectory (HDF5)"),
-    LG_OPTION(simulate_values, points, U64, "M",
-              "Number of equidistant points of the trajectory, including the start (default 501, or "
-              "according to --steps)",
-              .low = 2, .high = 1e8),
+    APP_OUT(simulate_values, "FILE.h5", "Write the trajectory (HDF5)", .usual = true),
+    APP_POINTS(simulate_values,
+               "Number of equidistant points of the trajectory, including the start (default 501, or "
+               "according to --steps)",
+               .without = "times", .usual = true),
     LG_OPTION(simulate_values, times, REALS, "T,T,...",
-              "Ascending times of the trajectory, instead "
-              "of --points",
-              LG_ANY_REAL, .longer = "use --points"),
+              "Ascending times of the trajectory, instead of --points", LG_ANY_REAL,
+              .longer = "use --points"),
     LG_OPTION(simulate_values, work_precision, SWITCH, NULL,
-              "Compare methods: error at the final time against CPU time and evaluations"),
-    LG_OPTION(simulate_values, methods, STRING, "NAME,NAME,...",
-              "Methods of --work-precision (default: a selection of the methods that apply)"),
+              "Compare schemes: error at the final time against CPU time and evaluations",
+              .without = "gradient,out,plot-kind", .usual = true),
+    LG_OPTION(simulate_values, schemes, STRING, "NAME,NAME,...",
+              "Schemes of --work-precision (default: a selection of the schemes that apply)",
+              .needs = "work-precision"),
     LG_OPTION(simulate_values, levels, U64, "L",
               "Number of runs of each method in --work-precision; each run has twice the steps, or a tenth "
               "of the tolerance, of the run before",
-              .low = 1, .high = 40, .value = "9"),
+              .needs = "work-precision", .low = 1, .high = 40, .value = "9"),
     LG_OPTION(
         simulate_values, gradient, STRING, "W,W,...|@FILE",
-        "Compute J = sum W_k y_k at the end and its gradient with respect to the start and the parameters"),
+        "Compute J = sum W_k y_k at the end and its gradient with respect to the start and the parameters",
+        .usual = true),
     LG_OPTION(simulate_values, checkpoints, U64, "C",
               "Number of states stored for --gradient (default: the square root of the number of steps)",
-              .low = 1, .high = 1e12),
+              .needs = "gradient", .low = 1, .high = 1e12),
     LG_OPTION(simulate_values, ensemble, U64, "N",
               "N runs from different starts or with different parameters, and their statistics at the points "
               "(default 51)",
-              .low = 1, .high = MEMBERS_MAX),
+              .without = "gradient,work-precision,plot-kind", .usual = true, .low = 1, .high = MEMBERS_MAX),
     LG_OPTION(
         simulate_values, vary, STRING, "NAME=DISTRIBUTION,...",
         "What differs between members (default: the scene's key `ensemble`): uniform:LOW:HIGH, "
         "normal:MEAN:DEVIATION, within:S, within:S% or around:S of the scene's value, sphere, cone:ANGLE, "
-        "rotation; e.g. q=sphere,omega=normal:0:1,masses=within:5%"),
-    LG_OPTION(simulate_values, starts, STRING, "FILE.csv|.h5|.npy",
+        "rotation; e.g. q=sphere,omega=normal:0:1,masses=within:5%",
+        .needs = "ensemble", .usual = true),
+    LG_OPTION(simulate_values, members, STRING, "FILE.csv|.h5|.npy",
               "A table with one row per member; its columns have the names of numbers of the state or of "
-              "parameters (q1.x, m2)"),
+              "parameters (q1.x, m2)",
+              .needs = "ensemble"),
     LG_OPTION(
         simulate_values, event, STRING, "NAME=VALUE,...",
-        "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards"),
+        "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards",
+        .needs = "ensemble"),
     LG_OPTION(simulate_values, save, STRING, "all|K",
-              "Keep the trajectories of all or of the first K members"),
+              "Keep the trajectories of all or of the first K members", .needs = "ensemble"),
     LG_OPTION(simulate_values, task, STRING, "i/n",
               "Run part i of n (i from 0) of the ensemble and write a file for `lg-simulate merge OUT.h5 "
-              "PARTS...`"),
+              "PARTS...`",
+              .needs = "ensemble"),
     LG_FIELD_END};
 
-/* ---- options that need or exclude each other ---- */
-
-typedef struct dependency {
-    const char *option, *other;
-    bool needs; /* true: the option needs the other; false: they exclude each other */
-} dependency;
-
-static const dependency dependencies[] = {{"checkpoints", "gradient", true},
-                                          {"methods", "work-precision", true},
-                                          {"levels", "work-precision", true},
-                                          {"method", "scheme", false},
-                                          {"points", "times", false},
-                                          {"work-precision", "gradient", false},
-                                          {"work-precision", "out", false},
-                                          {"work-precision", "method", false},
-                                          {"work-precision", "plot-kind", false},
-                                          {"vary", "ensemble", true},
-                                          {"starts", "ensemble", true},
-                                          {"event", "ensemble", true},
-                                          {"save", "ensemble", true},
-                                          {"task", "ensemble", true},
-                                          {"ensemble", "gradient", false},
-                                          {"ensemble", "work-precision", false},
-                                          {"ensemble", "plot-kind", false}};
-
 static void check_options(const app *self) {
-    for (size_t i = 0; i < LG_COUNT(dependencies); i++) {
-        const dependency *d = &dependencies[i];
-        if (app_given(self, d->option) && app_given(self, d->other) != d->needs)
-            app_stop_usage(self, d->needs ? "--%s: needs --%s" : "--%s and --%s cannot be given together",
-                           d->option, d->other);
-    }
     if (!values.work_precision && app_given(self, "steps") &&
-        (app_given(self, "tol") || app_given(self, "atol")))
-        app_stop_usage(self, "--steps (equal steps) and --tol (adaptive steps) cannot be given together");
+        (app_given(self, "tolerance") || app_given(self, "atol")))
+        app_stop_usage(self,
+                       "--steps (equal steps) and --tolerance (adaptive steps) cannot be given together");
 }
 
 static void check_outputs(const app *self, const ensemble_files *files) {
     const bool weights = values.gradient != NULL && values.gradient[0] == '@';
     const app_path paths[] = {{"scheme", values.scheme, LG_FILE_READ},
                               {"gradient", weights ? values.gradient + 1 : NULL, LG_FILE_READ},
-                              {"starts", values.starts, LG_FILE_READ},
+                              {"members", values.members, LG_FILE_READ},
                               {"out", files->out, LG_FILE_WRITTEN},
                               {"save", files->trajectories, LG_FILE_WRITTEN},
                               /* Rank 0 merges the parts of all ranks into the file of --out. */
@@ -132,7 +109,7 @@ static void fail_run(const simulation *sim, const plan *how, const outcome *run,
         app_stop(
             self, status,
             "%s: the step size fell below the rounding of time at t = %.17g, after %zu steps; try a larger "
-            "--tol or --atol",
+            "--tolerance or --atol",
             name, run->t, run->stats.steps);
     case LG_TOO_MANY_STEPS:
         app_stop(self, status, "%s: reached only t = %g in %zu steps (--max-steps); t_end is %g", name,

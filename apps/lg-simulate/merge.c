@@ -5,10 +5,13 @@
 #include <string.h>
 #include <unistd.h>
 
+typedef struct merge_values {
+    bool statistics_only; /* trajectories are left out */
+} merge_values;
+
 static merge_values values;
 
 static const lg_field options[] = {
-    LG_OPTION(merge_values, plot, STRING, "FILE.svg|.png", "Draw the bands of quantiles over time"),
     LG_OPTION(merge_values, statistics_only, SWITCH, NULL, "Leave the trajectories of --save out"),
     LG_FIELD_END};
 
@@ -142,7 +145,7 @@ static void part_list_free(part_list *list) {
 }
 
 void merge_parts(const app *self, const char *out, const char *const *paths, size_t count,
-                 const merge_values *how) {
+                 bool statistics_only) {
     APP_CLEAN(part_list_free) part_list list = {.count = 0};
     list.parts = app_keep(count, sizeof *list.parts);
     list.given = app_keep(count, sizeof *list.given);
@@ -152,7 +155,7 @@ void merge_parts(const app *self, const char *out, const char *const *paths, siz
     result *whole = &list.parts[0].is;
     for (size_t i = 1; i < list.count; i++)
         APP_MUST_FILE(self, list.parts[i].path, result_merge(whole, &list.parts[i].is, &error));
-    if (how->statistics_only) {
+    if (statistics_only) {
         whole->saved = 0;
     } else {
         find_rows(self, &list, out);
@@ -160,7 +163,7 @@ void merge_parts(const app *self, const char *out, const char *const *paths, siz
     }
     const result_rows rows = {list.rows, list.row_count, list.dim};
     APP_MUST_FILE(self, out, result_write(self, out, whole, list.row_count > 0 ? &rows : NULL, &error));
-    if (how->plot != NULL) ensemble_draw(self, whole, how->plot);
+    ensemble_draw(self, whole);
     ensemble_conclude(self, &(ensemble_run){whole, NULL, out});
 }
 
@@ -170,19 +173,19 @@ static void run(app *self) {
     self->argument_count--;
     memmove((void *)self->arguments, self->arguments + 1,
             (size_t)self->argument_count * sizeof *self->arguments);
-    const app_path paths[] = {{NULL, out, LG_FILE_WRITTEN}, {"plot", values.plot, LG_FILE_DRAWN}};
+    const app_path paths[] = {{NULL, out, LG_FILE_WRITTEN}, {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
     app_check_outputs(self, paths, LG_COUNT(paths));
-    merge_parts(self, out, self->arguments, (size_t)self->argument_count, &values);
+    merge_parts(self, out, self->arguments, (size_t)self->argument_count, values.statistics_only);
 }
 
 int merge_main(int argc, char **argv) {
-    static const app_settings settings[] = {APP_GIVEN(options, values), APP_SETTINGS_END};
-    static const app_command command[] = {{.name = "merge",
-                                           .arguments = "OUT.h5 PART.h5...",
-                                           .summary = "Merges the parts of an ensemble that --task wrote. "
-                                                      "The statistics are the same as from one process.",
-                                           .settings = settings,
-                                           .run = run},
-                                          {.name = NULL}};
+    const app_command command[] = {{.name = "merge",
+                                    .arguments = "OUT.h5 PART.h5...",
+                                    .summary = "Merges the parts of an ensemble that --task wrote. "
+                                               "The statistics are the same as from one process.",
+                                    APP_DRAWS("the bands of quantiles over time"),
+                                    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
+                                    .run = run},
+                                   {.name = NULL}};
     return app_main(argc, argv, "lg-simulate", command[0].summary, command);
 }

@@ -41,28 +41,29 @@ void check_control(const simulation *sim, const lg_scheme *scheme) {
     const app *self = sim->self;
     if (sim->values->steps > 0 || scheme->embedded_order > 0) return;
     app_stop_usage(self,
-                   app_given(self, "tol") || app_given(self, "atol")
-                       ? "--tol: '%s' does not estimate its error: give --steps N; adaptive methods: %s"
+                   app_given(self, "tolerance") || app_given(self, "atol")
+                       ? "--tolerance: '%s' does not estimate its error: give --steps N; adaptive methods: %s"
                        : "'%s' needs --steps N, because it does not estimate its error; adaptive methods: %s",
                    scheme->name, method_names(sim, true, true));
 }
 
 /* ---- choosing a method ---- */
 
+static method method_read(const simulation *sim, const char *option, const char *path) {
+    lg_scheme *file = NULL;
+    APP_MUST_FILE(sim->self, path, lg_scheme_read(sim->self->context, path, &file, &error));
+    refuse_if_impossible(sim, option, file);
+    return (method){*file, file};
+}
+
 method method_named(const simulation *sim, const char *option, const char *name) {
+    if (strpbrk(name, "./") != NULL) return method_read(sim, option, name);
     const lg_scheme *scheme = lg_scheme_find(name);
     if (scheme == NULL)
         app_stop_usage(sim->self, "--%s: '%s' is not one of %s", option, name,
                        method_names(sim, false, false));
     refuse_if_impossible(sim, option, scheme);
     return (method){.scheme = *scheme};
-}
-
-method method_read(const simulation *sim, const char *path) {
-    lg_scheme *file = NULL;
-    APP_MUST_FILE(sim->self, path, lg_scheme_read(sim->self->context, path, &file, &error));
-    refuse_if_impossible(sim, "scheme", file);
-    return (method){*file, file};
 }
 
 void method_free(method *what) {
@@ -97,12 +98,8 @@ void method_adjust(const simulation *sim, method *what) {
 }
 
 method method_choose(const simulation *sim) {
-    const simulate_values *values = sim->values;
-    const char *name = values->method != NULL                              ? values->method
-                       : lg_space_is_abelian(lg_system_space(sim->system)) ? "dp54"
-                                                                           : "rkmk54";
-    method out =
-        values->scheme != NULL ? method_read(sim, values->scheme) : method_named(sim, "method", name);
+    const char *name = lg_space_is_abelian(lg_system_space(sim->system)) ? "dp54" : "rkmk54";
+    method out = method_named(sim, "scheme", sim->values->scheme != NULL ? sim->values->scheme : name);
     method_adjust(sim, &out);
     return out;
 }

@@ -121,7 +121,7 @@ static size_t first_steps(const diagram *d) {
 
 static lg_status fill_curve(const diagram *d, curve *at) {
     size_t steps = first_steps(d);
-    double tol = app_given(d->sim->self, "tol") ? d->sim->values->tol : 1e-3;
+    double tol = app_given(d->sim->self, "tolerance") ? d->sim->values->tolerance : 1e-3;
     for (size_t level = 0; level < (size_t)d->sim->values->levels; level++, steps *= 2, tol /= 10) {
         point *to = &at->points[at->count];
         plan how;
@@ -150,10 +150,10 @@ static void add_named(diagram *d, const char *list) {
     for (char *save = NULL, *name = strtok_r(names, ",", &save); name != NULL;
          name = strtok_r(NULL, ",", &save)) {
         if (d->count == CURVES)
-            app_stop_usage(d->sim->self, "--methods: at most %d methods can be given", CURVES);
-        add_curve(d, method_named(d->sim, "methods", name));
+            app_stop_usage(d->sim->self, "--schemes: at most %d schemes can be given", CURVES);
+        add_curve(d, method_named(d->sim, "schemes", name));
     }
-    if (d->count == 0) app_stop_usage(d->sim->self, "--methods: the list has no name");
+    if (d->count == 0) app_stop_usage(d->sim->self, "--schemes: the list has no name");
 }
 
 static void add_default(diagram *d, bool flat) {
@@ -168,11 +168,11 @@ static void add_default(diagram *d, bool flat) {
 
 static void choose_methods(diagram *d) {
     const simulate_values *values = d->sim->values;
-    if (values->methods != NULL)
-        add_named(d, values->methods);
+    if (values->schemes != NULL)
+        add_named(d, values->schemes);
     else
         add_default(d, lg_space_is_abelian(lg_system_space(d->sim->system)));
-    if (values->scheme != NULL) add_curve(d, method_read(d->sim, values->scheme));
+    if (values->scheme != NULL) add_curve(d, method_named(d->sim, "scheme", values->scheme));
 }
 
 /* ---- results ---- */

@@ -17,7 +17,7 @@ void plan_init(const simulation *sim, const lg_scheme *scheme, plan *out) {
     out->control.steps = (size_t)values->steps;
     out->control.max_steps = (size_t)values->max_steps;
     out->control.dense = true;
-    plan_tolerance(sim, values->tol, out);
+    plan_tolerance(sim, values->tolerance, out);
 }
 
 void plan_tolerance(const simulation *sim, double tol, plan *out) {

@@ -82,7 +82,7 @@ void simulation_open(app *self, const simulate_values *values, const char *path,
     lg_scene *scene = &out->scene;
     *out = (simulation){.self = self, .values = values};
     APP_MUST_FILE(self, path, lg_scene_read(self->context, path, NULL, scene, &error));
-    /* A start is drawn at random only for the form hamiltonian; in an ensemble --vary and --starts say what
+    /* A start is drawn at random only for the form hamiltonian; in an ensemble --vary and --members say what
      * is drawn. */
     if (!scene->has_initial && scene->line_form == 0 && values->ensemble == 0) {
         lg_scene_destroy(scene);

@@ -11,10 +11,10 @@
 #include "liegrad/taped.h"
 
 typedef struct simulate_values {
-    const char *method, *scheme, *dexpinv, *out, *methods, *gradient;
-    const char *vary, *starts, *event, *save, *task; /* options of --ensemble */
+    const char *scheme, *dexpinv, *out, *schemes, *gradient;
+    const char *vary, *members, *event, *save, *task; /* options of --ensemble */
     uint64_t steps, points, checkpoints, levels, max_steps, ensemble;
-    double tol, atol, t_end, theta;
+    double tolerance, atol, t_end, theta;
     lg_reals times;
     bool work_precision;
 } simulate_values;
@@ -64,10 +64,10 @@ typedef struct method {
     lg_scheme *file; /* owned scheme that was read from a file, or NULL */
 } method;
 
-/* The method that --method, --scheme, --theta and --dexpinv ask for; by default rkmk54, and dp54 on R^n. */
+/* The method that --scheme, --theta and --dexpinv ask for; by default rkmk54, and dp54 on R^n. */
 method method_choose(const simulation *sim);
+/* The method of this name, or of this file: its path has a point or a slash. */
 method method_named(const simulation *sim, const char *option, const char *name);
-method method_read(const simulation *sim, const char *path);
 /* Changes the scheme as --theta and --dexpinv say; ends the command if it has no such parameter. */
 void method_adjust(const simulation *sim, method *what);
 void method_free(method *what);

@@ -88,7 +88,7 @@ struct vary {
     uint64_t seed;
     size_t count, room;
     vary_item *items;
-    lg_table_data table; /* the table of --starts */
+    lg_table_data table; /* the table of --members */
     /* Destination of each column: an index of the state, or dim + an index of the parameters. */
     size_t *column;
     bool of_state; /* whether any item or column is for the state */
@@ -224,7 +224,7 @@ static void read_table(vary *self, const char *path) {
         } else if (label_find(sim, chosen[i], &index)) {
             self->column[i] = sim->dim + index;
         } else {
-            refuse_name(sim, "starts", chosen[i]);
+            refuse_name(sim, "members", chosen[i]);
         }
     }
     APP_MUST_FILE(

@@ -149,5 +149,5 @@ void watch_warn(const watch *self, const plan *how, const outcome *run) {
         app_warn(self->sim->self,
                  "the energy, which is constant, changes by %.3g; the largest kinetic energy is %.3g: the "
                  "result is far from the solution; give %s",
-                 drift, self->kinetic, how->control.steps > 0 ? "more --steps" : "a smaller --tol");
+                 drift, self->kinetic, how->control.steps > 0 ? "more --steps" : "a smaller --tolerance");
 }

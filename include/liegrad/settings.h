@@ -73,9 +73,10 @@ typedef struct lg_reals {
  * does not need are zero. */
 typedef struct lg_field {
     const char *name; /* name in files and grids, such as lr_step */
-    /* Name on command lines; in JSON the same name with _ instead of -. NULL: `name` with - instead of _. "":
-     * the field has no command-line option. */
+    /* Name on command lines. NULL: `name` with - instead of _. "": the field has no command-line option. */
     const char *option;
+    const char *json; /* name in JSON; NULL: `name` */
+    bool usual;       /* --help lists it also where a command has many options */
     /* For a hyperparameter: the HDF5 group in which files store it, "model" or "run" (a resumed run must have
      * the same value), or "" if no file stores it. NULL: the field is not a hyperparameter (but a path, a
      * plot, or a key of a scene), and a search cannot vary it. */
@@ -87,8 +88,10 @@ typedef struct lg_field {
     /* An option with this mark must be given. A key of a YAML file with this mark must be there if the
      * mapping that it belongs to is there. */
     bool required;
-    lg_file_use file; /* for types STRING and PHRASE */
-    bool adam;        /* the field applies only if Adam takes part in the training */
+    const char *needs;   /* an option that must be given, too; NULL: none */
+    const char *without; /* options that must not be given with it, separated by commas; NULL: none */
+    lg_file_use file;    /* for types STRING and PHRASE */
+    bool adam;           /* the field applies only if Adam takes part in the training */
     bool optional; /* files of earlier versions may lack it; their readers then use a default of their own */
     /* Bit v is set: the field applies to runs whose method has number v. 0: it applies to all runs. */
     uint32_t methods;

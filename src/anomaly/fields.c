@@ -30,17 +30,17 @@ const lg_field lg_detector_fields[] = {
         "model", "centred", FLAG, model.centred, .value_name = lg_name_yes, .value = "no", .methods = NETWORK,
         .meaning = "cnn: subtract each window's mean from its channels, so that the network learns from the "
                    "motion alone"),
-    DETECTOR("run", "split", NAME, split, .value_name = name_split, .value = "random",
+    DETECTOR("run", "split", NAME, split, .usual = true, .value_name = name_split, .value = "random",
              .meaning = "Units of the split: random (single windows), run (recordings) or group (such as sea "
                         "states); windows of one recording resemble each other, so random gives too good "
                         "figures"),
-    DETECTOR("run", "healthy", TEXT, healthy, .optional = true, .unit = "NAME", .form = "text",
+    DETECTOR("run", "healthy", TEXT, healthy, .usual = true, .optional = true, .unit = "NAME", .form = "text",
              .otherwise = LG_CHOSEN
              ": the model's, attribute healthy of the data, or the only class whose name says so",
              .meaning = "Name or label of the class that means that all is well"),
     DETECTOR("run", "test_fraction", REAL, test_fraction, .high = 0.95, .value = "0.2", .unit = "F",
              .meaning = "Part of the windows for testing"),
-    DETECTOR("run", "validation_fraction", REAL, validation_fraction, .option = "validation", .value = "0.1",
+    DETECTOR("run", "validation_fraction", REAL, validation_fraction, .json = "validation", .value = "0.1",
              .methods = NETWORK, VALIDATION),
     DETECTOR("run", "max_restarts", U32, restarts, .high = 1000, .optional = true, .value = "10", .unit = "n",
              .methods = NETWORK,

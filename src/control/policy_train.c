@@ -484,7 +484,7 @@ lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_wr
 static lg_status check_facts(const training *t, const uint64_t facts[FACTS], lg_error *error) {
     static const char *const names[COMMON] = {"number of parameters",
                                               "--seeds",
-                                              "--starts",
+                                              "--batch",
                                               "--race",
                                               "--finish",
                                               "--polish",

@@ -22,14 +22,14 @@ static const char *name_loss(uint32_t value) {
 #define OPTION(group, member, type, ...) SURROGATE(group, #member, type, model.options.member, __VA_ARGS__)
 const lg_field lg_surrogate_fields[] = {
     SURROGATE("model", "network", NAME, model.options.kind, .value_name = name_kind, .value = "discrete",
-              .meaning = "Kind of network"),
-    OPTION("model", architecture, NAME, .value_name = lg_name_net, PRESET(),
+              .usual = true, .meaning = "Kind of network"),
+    OPTION("model", architecture, NAME, .value_name = lg_name_net, PRESET(), .usual = true,
            .meaning = "Architecture of the network"),
     OPTION("model", activation, NAME, .value_name = lg_name_activation, PRESET(),
            .meaning = "Activation of the hidden layers"),
     OPTION("model", embedding, U32, .high = 1 << 20, PRESET(), .unit = "E",
            .meaning = "Width of the layer sin(2 pi (x A + b)) before the network, 0 for none"),
-    OPTION("model", hidden, U32, .low = 1, .high = 1 << 20, PRESET(), .unit = "W",
+    OPTION("model", hidden, U32, .usual = true, .low = 1, .high = 1 << 20, PRESET(), .unit = "W",
            .meaning = "Width of the hidden layers"),
     OPTION("model", layers, U32, .high = LG_NET_MAX_LAYERS, PRESET(), .unit = "l",
            .meaning = "Hidden layers after the first one"),
@@ -53,7 +53,8 @@ const lg_field lg_surrogate_fields[] = {
     OPTION("run", loss, NAME, .value_name = name_loss, .optional = true, .value = "mse", .methods = DISCRETE,
            .meaning = "mse: mean squared error of the curves; energy: energy of the predicted curves, which "
                       "needs --angles true but no solved curves"),
-    OPTION("run", gamma, REAL, .high = 1e12, PRESET(), .unit = "G", .methods = DISCRETE | CONTINUOUS,
+    OPTION("run", gamma, REAL, .option = "penalty", .high = 1e12, PRESET(), .unit = "G",
+           .methods = DISCRETE | CONTINUOUS,
            .meaning = "discrete: weight of node-to-node differences; continuous: of |v|^2 = 1"),
     OPTION("run", energy, REAL, .high = 1e12, .optional = true, .value = "0", .unit = "W",
            .meaning = "Weight of the beam's energy, with its constraints' multipliers, in the loss"),
@@ -64,12 +65,12 @@ const lg_field lg_surrogate_fields[] = {
               LG_NAMES([LG_SURROGATE_DIFFERENCES] = "published", [LG_SURROGATE_WEIGHTED] = "text"),
               .optional = true, .value = "published", .methods = DISCRETE,
               .meaning =
-                  "What --gamma weighs: text, the matrix W of (5.4.1); published, the differences that "
+                  "What --penalty weighs: text, the matrix W of (5.4.1); published, the differences that "
                   "the thesis' program takes"),
     OPTION("run", between, FLAG, .value_name = lg_name_truth, PRESET(),
            .meaning = "Continuous network: learn from interpolated points between the nodes too"),
     SURROGATE("run", "train_fraction", REAL, train_fraction, .high = 1, .value = "0.9", .unit = "F",
-              .meaning = "Part of the curves for training"),
+              .usual = true, .meaning = "Part of the curves for training"),
     SURROGATE("run", "test_fraction", REAL, test_fraction, .high = 1, .value = "0.1", .unit = "F",
               .meaning = "Part of the curves for testing, the same for every --train-fraction"),
     SURROGATE(

@@ -22,7 +22,7 @@
         .validation = 0.0, .shards = shards_, .seed = 1                                                      \
     }
 /* Training by a minimiser that uses the loss of all samples (ssbroyden). Batch and learning rate are for
- * --method adam. */
+ * --optimizer adam. */
 #define SECOND_ORDER(epochs_, batch_, shards_)                                                               \
     {                                                                                                        \
         .plan = {1, {{LG_FIT_SSBROYDEN, 0}}}, .dtype = LG_F64, .epochs = epochs_, .batch = batch_,           \

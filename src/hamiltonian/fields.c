@@ -56,7 +56,7 @@ const lg_field lg_hamiltonian_fields[] = {
     HAMILTONIAN("model", "potential", NAME, model.potential,
                 LG_NAMES([LG_POTENTIAL_MLP] = "mlp", [LG_POTENTIAL_LINEAR] = "linear",
                          [LG_POTENTIAL_DICTIONARY] = "dictionary"),
-                .value = "mlp", .meaning = "The potential energy"),
+                .usual = true, .value = "mlp", .meaning = "The potential energy"),
     HAMILTONIAN("model", "symmetry", NAME, model.symmetry,
                 LG_NAMES([LG_SYMMETRY_NONE] = "none", [LG_SYMMETRY_EVEN] = "even", [LG_SYMMETRY_ODD] = "odd",
                          [LG_SYMMETRY_AXIAL] = "axial", [LG_SYMMETRY_SPHERICAL] = "spherical"),
@@ -68,8 +68,9 @@ const lg_field lg_hamiltonian_fields[] = {
                 REPLACED("tanh"), .meaning = "Activation of the hidden layers"),
     HAMILTONIAN("model", "hidden", WHOLES, model.net, .get = get_hidden, .put = put_hidden, .low = 1,
                 .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, REPLACED("100,100,100"), .unit = "W,W,...",
-                .meaning = "Widths of the hidden layers of the potential"),
-    HAMILTONIAN("run", "integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
+                .usual = true, .meaning = "Widths of the hidden layers of the potential"),
+    HAMILTONIAN("run", "integrator", NAME, scheme, .option = "scheme", .usual = true,
+                .value_name = lg_name_scheme, .value_at = lg_scheme_number,
                 .otherwise = LG_CHOSEN ": the integrator of the family, see lg-hamiltonian --help",
                 .meaning = "Scheme of the steps between two points of the data"),
     HAMILTONIAN("run", "substeps", U32, substeps, .low = 1, .high = 1e6, .value = "1", .unit = "n",
@@ -101,11 +102,11 @@ const lg_field lg_hamiltonian_fields[] = {
         .meaning =
             "Units in which training computes and weighs its loss (given: the units of the data; data: "
             "scales of the data, so that the result does not depend on the units)"),
-    HAMILTONIAN("run", "starts", NAME, starts,
+    HAMILTONIAN("run", "starts", NAME, starts, .option = "initial-states",
                 LG_NAMES([LG_START_MEASURED] = "measured", [LG_START_ESTIMATED] = "estimated"),
                 .optional = true, .value = "measured",
                 .meaning = "Where predictions start: at the first points, or at estimated points near them, "
                            "for first points with noise"),
     TRAINING_ROWS(lg_hamiltonian_run, "method", squares, "Trajectories", 0, REPLACED, REPLACED),
-    TRAINING(lg_hamiltonian_run, validation, REAL, .value = "0", VALIDATION),
+    TRAINING(lg_hamiltonian_run, validation, REAL, .usual = true, .value = "0", VALIDATION),
     LG_FIELD_END};

@@ -93,8 +93,8 @@ void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonia
          "more training would fit this error, not the system; use --substeps %u (floor about %.1g)%s%s%s",
          loss, floor, scheme->name, problem->substeps, problem->substeps == 1 ? "" : "s",
          2 * problem->substeps, ldexp(floor, -2 * scheme->order),
-         better != NULL ? " or a scheme of higher order, --integrator " : "",
-         better != NULL ? better->name : "", symmetry);
+         better != NULL ? " or a scheme of higher order, --scheme " : "", better != NULL ? better->name : "",
+         symmetry);
 }
 
 /* Noise changes G equally at every point, except for the scatter of a mean over N trajectories. So the data

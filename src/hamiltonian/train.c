@@ -353,8 +353,9 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
     if ((unsigned)problem->starts > LG_START_ESTIMATED)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kind of starts");
     if (problem->starts == LG_START_ESTIMATED && problem->model->constraint != NULL)
-        return lg_fail(error, LG_UNSUPPORTED,
-                       "estimated starts would leave the constraint g(q) = 0; take --starts measured");
+        return lg_fail(
+            error, LG_UNSUPPORTED,
+            "estimated starts would leave the constraint g(q) = 0; take --initial-states measured");
     if (problem->scheme == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has no integrator");
     LG_TRY(check_scheme(problem->model, problem->scheme, error));
     LG_TRY(check_distance(problem, error));

@@ -9,15 +9,16 @@
  * prior, VALUE(text) the other defaults. */
 #define TRAINING(run_, member, type, ...) LG_FIELD(run_, "run", #member, type, training.member, __VA_ARGS__)
 #define TRAINING_ROWS(run_, method_, losses_, samples, methods_, VALUE, CHOICE)                              \
-    LG_FIELD(run_, "run", method_, PHRASE, training.plan, .parse = lg_plan_parse_##losses_,                  \
-             .phrase = lg_plan_show, .value_name = lg_plan_name_##losses_,                                   \
+    LG_FIELD(run_, "run", method_, PHRASE, training.plan, .option = "optimizer", .usual = true,              \
+             .parse = lg_plan_parse_##losses_, .phrase = lg_plan_show, .value_name = lg_plan_name_##losses_, \
              .form = "phases as in adam:100,ssbroyden", .optional = true, .methods = methods_,               \
              CHOICE("adam"), .unit = "M",                                                                    \
              .meaning = "Method of training; an epoch of adam and sgd is a step per batch, an epoch of "     \
                         "the others one evaluation of the loss on all data"),                                \
         TRAINING(run_, dtype, NAME, LG_NAMES([LG_F64] = "f64", [LG_F32] = "f32"), .methods = methods_,       \
                  VALUE("f64"), .meaning = "Type of the weights in training"),                                \
-        TRAINING(run_, epochs, U64, .low = 1, .high = 1e9, .methods = methods_, CHOICE("100"), .unit = "E",  \
+        TRAINING(run_, epochs, U64, .usual = true, .low = 1, .high = 1e9, .methods = methods_,               \
+                 CHOICE("100"), .unit = "E",                                                                 \
                  .meaning = "Planned total number of epochs, including the epochs before a resume"),         \
         TRAINING(run_, batch, U64, .adam = true, .low = 1, .high = 1e9, .methods = methods_, VALUE("80"),    \
                  .unit = "B", .meaning = samples " in a batch"),                                             \
@@ -54,7 +55,7 @@
         TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
                  .meaning = "Seed of all random numbers")
 #define VALIDATION                                                                                           \
-    .high = 0.9, .unit = "F",                                                                                \
+    .option = "validation-fraction", .high = 0.9, .unit = "F",                                               \
     .meaning = "Fraction kept for validation; the parameters of the best epoch are then the result"
 
 #define CONSTANT(text) .value = text

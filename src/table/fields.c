@@ -5,12 +5,12 @@
 
 #define TABLE(group, name, type, member, ...) LG_FIELD(lg_table_run, group, name, type, member, __VA_ARGS__)
 const lg_field lg_table_fields[] = {
-    TABLE("model", "network", NAME, model.options.network, .value_name = lg_name_net, .value = "mlp",
-          .meaning = "Architecture of the network"),
+    TABLE("model", "network", NAME, model.options.network, .option = "architecture",
+          .value_name = lg_name_net, .value = "mlp", .meaning = "Architecture of the network"),
     TABLE("model", "activation", NAME, model.options.activation, .value_name = lg_name_activation,
           .value = "tanh", .meaning = "Activation of the hidden layers"),
     TABLE("model", "hidden", WHOLES, model.options.hidden,
-          LG_COUNTED(lg_table_run, model.options.hidden_count), .low = 1, .high = 1 << 20,
+          LG_COUNTED(lg_table_run, model.options.hidden_count), .usual = true, .low = 1, .high = 1 << 20,
           .most = LG_TABLE_LAYERS,
           .otherwise =
               LG_CHOSEN ": one layer, whose width the evidence of the data decides; 32 for a classification; "

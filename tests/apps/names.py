@@ -379,7 +379,7 @@ class Names:
                 count += 1
                 if not rows:
                     self.fault("%s %s" % (program, verb), {}, "no row runs this command")
-                text = self.run(self.top, program, ([verb] if verb else []) + ["--help"])[1].decode()
+                text = self.run(self.top, program, ([verb] if verb else []) + ["--help-all"])[1].decode()
                 if "--plot=" in text:
                     plots += 1
                     if not any("{pic}" in r[1] for r in rows):

@@ -9,7 +9,8 @@ page=docs/certificates.md wrong=0
 # The keys of the first table `keys` of a source file
 keys_of() {
     sed -n '/^static const lg_field keys\[/,/^};/p' "$1" |
-        grep -oE '(\.name = |FIELD\((lg_[a-z_]*, NULL, )?)"[a-z_.]+"' | grep -oE '"[^"]+"' | tr -d '"'
+        sed 's/LG_KEY_HIDDEN/.name = "hidden"/' |
+        grep -oE '(\.name = |(FIELD|LG_NODE|LG_MAP)\((lg_[a-z_]*, NULL, )?)"[a-z_.]+"' | grep -oE '"[^"]+"' | tr -d '"'
 }
 
 # The keys in the first column of the table below a heading

@@ -41,11 +41,11 @@ expect 'notes.txt' lg-hamiltonian train --out = no
 expect '' lg-hamiltonian train --epochs = ''
 expect '' lg-hamiltonian nothing --integrator = cf
 
-# Every option in --help must be completed.
+# Every option in --help-all must be completed.
 for program in "$LG_BIN_DIR"/lg-*; do
     program=$(basename "$program")
     for command in $("$LG_BIN_DIR/$program" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z][^ ]*\)  .*/\1/p' | head -n 6) ''; do
-        shown=$("$LG_BIN_DIR/$program" $command --help | sed -n 's/^  \{1,5\}\(-., \)\?\(--[a-z0-9-]*=\?\).*/\2/p' | sort | paste -sd ' ')
+        shown=$("$LG_BIN_DIR/$program" $command --help-all | sed -n 's/^  \{1,5\}\(-., \)\?\(--[a-z0-9-]*=\?\).*/\2/p' | sort | paste -sd ' ')
         expect "$shown" "$program" ${command:+"$command"} -
     done
 done

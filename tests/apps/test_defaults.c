@@ -12,25 +12,25 @@
 static const struct learning {
     const char *recipe, *program, *verb, *data, *words, *adam;
 } runs[] = {
-    {"hamiltonian", "lg-hamiltonian", "train", "one.h5", "", "--method adam"},
+    {"hamiltonian", "lg-hamiltonian", "train", "one.h5", "", "--optimizer adam"},
     {"hamiltonian", "lg-hamiltonian", "train", "three.h5", "", "--lr 1e-2"},
     {"hamiltonian", "lg-hamiltonian", "train", "quartic.h5", "", "--batch 10"},
-    {"surrogate", "lg-elastica", "train", "beam.h5", "", "--method adam"},
-    {"surrogate", "lg-elastica", "train", "beam.h5", "--train-fraction 0.2", "--method adam"},
-    {"surrogate", "lg-elastica", "train", "beam.h5", "--train-fraction 0.4", "--method adam"},
-    {"surrogate", "lg-elastica", "train", "beam.h5", "--network continuous", "--method adam"},
-    {"surrogate", "lg-elastica", "train", "beam.h5", "--network angle", "--method adam"},
-    {"surrogate", "lg-elastica", "train", "beam.h5", "--network angle --boundary true", "--method adam"},
-    {"surrogate", "lg-elastica", "train", "beams.h5", "", "--method adam"},
+    {"surrogate", "lg-elastica", "train", "beam.h5", "", "--optimizer adam"},
+    {"surrogate", "lg-elastica", "train", "beam.h5", "--train-fraction 0.2", "--optimizer adam"},
+    {"surrogate", "lg-elastica", "train", "beam.h5", "--train-fraction 0.4", "--optimizer adam"},
+    {"surrogate", "lg-elastica", "train", "beam.h5", "--network continuous", "--optimizer adam"},
+    {"surrogate", "lg-elastica", "train", "beam.h5", "--network angle", "--optimizer adam"},
+    {"surrogate", "lg-elastica", "train", "beam.h5", "--network angle --boundary true", "--optimizer adam"},
+    {"surrogate", "lg-elastica", "train", "beams.h5", "", "--optimizer adam"},
     {"surrogate", "lg-elastica", "train", "beam.h5", "--loss energy", NULL},
     {"detector", "lg-anomaly", "train", "well.h5", "", "--optimizer adam"},
     {"detector", "lg-anomaly", "train", "noisy.h5", "", "--optimizer adam"},
     {"detector", "lg-anomaly", "train", "series.h5", "", "--optimizer adam"},
-    {"table", "lg-fit", "train", "table.csv", "--outputs y --without c", "--method adam"},
-    {"table", "lg-fit", "train", "table.csv", "--outputs y --without c --hidden 90,90", "--method adam"},
-    {"table", "lg-fit", "train", "table.csv", "--class c", "--method adam"},
-    {"machine_model", "lg-identify", "fit", "springs.yaml log.csv", "", "--method adam"},
-    {"machine_model", "lg-identify", "fit", "network.yaml log.csv", "", "--method adam"},
+    {"table", "lg-fit", "train", "table.csv", "--outputs y --without c", "--optimizer adam"},
+    {"table", "lg-fit", "train", "table.csv", "--outputs y --without c --hidden 90,90", "--optimizer adam"},
+    {"table", "lg-fit", "train", "table.csv", "--class c", "--optimizer adam"},
+    {"machine_model", "lg-identify", "fit", "springs.yaml log.csv", "", "--optimizer adam"},
+    {"machine_model", "lg-identify", "fit", "network.yaml log.csv", "", "--optimizer adam"},
 };
 
 /* What help says of an option: the default, and the default of --preset thesis, which holds if Adam is asked
@@ -140,7 +140,7 @@ TEST("a run without options has the defaults that help prints") {
                 const char *program = learn ? "lg-learn" : l->program;
                 struct learning own = *l;
                 own.verb = learn ? test_text("train --recipe %s", l->recipe) : l->verb;
-                cli_run(program, "%s --help", own.verb);
+                cli_run(program, "%s --help-all", own.verb);
                 promise *p = promises;
                 if (found == 0) memset(promises, 0, sizeof promises);
                 for (const lg_field *row = (*recipe)->fields; row->name != NULL; row++, p++) {
@@ -151,7 +151,7 @@ TEST("a run without options has the defaults that help prints") {
                 if (l->adam != NULL)
                     compare(&own, *recipe, program, test_text("%s %s", l->words, l->adam), true);
                 if (l->adam != NULL && (*recipe)->trainer->presets)
-                    compare(&own, *recipe, program, test_text("%s --preset best --method adam", l->words),
+                    compare(&own, *recipe, program, test_text("%s --preset best --optimizer adam", l->words),
                             false);
                 found++;
             }

@@ -69,7 +69,7 @@ for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
     commands=$(verbs "$program")
     for verb in ${commands:-none}; do
         [ "$verb" = none ] && verb=
-        help=$($program $verb --help)
+        help=$($program $verb --help-all)
         for option in out history checkpoint plot log; do
             case $help in *"--$option="*) ;; *) continue ;; esac
             case "$program $verb $option" in *demo* | 'lg-export '* | 'lg-elastica solve'*) continue ;; esac # folders; a case is required

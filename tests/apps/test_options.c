@@ -1,66 +1,53 @@
 /* Checks that an option has the same meaning in all commands of all programs. Reads the options from
- * --help. */
+ * --help-all. */
 #include "cli_support.h"
+#include "model/files/training.h"
 
 /* Options whose unit or description differs between commands, and why. */
 static const char *const meanings[][2] = {
     {"activation", "of hidden layers, or between layers and of all layers of a cnn"},
     {"batch", "its samples are trajectories, curves, windows, rows"},
     {"case", "a train of lg-elastica generate has both"},
-    {"continuous", "to solve or to store"},
     {"crack-at", "hours of a feed, or seconds of a trial with a known truth"},
-    {"dtype", "of training, of the code, of a measurement"},
+    {"dtype", "of training, of the code, of a measurement, of a proof"},
     {"epochs", "a total, or evaluations of a demo"},
-    {"gamma", "published name: of a kernel, of a penalty"},
     {"hidden", "one width for all layers, or a list"},
+    {"hop", "seconds of a feed, rows of a log"},
     {"hours", "of a recording, of a feed"},
+    {"initial-states", "of trajectories, of logs"},
     {"jobs", "trials, runs of a study"},
-    {"inputs", "columns to learn from, or what the inputs of a machine do"},
     {"loss", "the losses of detectors and surrogates"},
-    {"method", "of training, of classification, of integration"},
     {"metric", "over trajectories, over parts"},
-    {"network", "kind of surrogate, architecture"},
     {"noise", "of sensors by the data sheet, of states, of columns"},
     {"only", "rows of derivatives may be named by their operation"},
     {"out", "says what is written"},
     {"part", "windows, curves"},
-    {"penalty-form", "published name: of two penalties"},
+    {"penalty", "weight of a penalty in the loss"},
+    {"penalty-form", "published or text: of this penalty"},
     {"plot-kind", "which plots there are"},
-    {"plant", "errors of derivatives, a machine"},
     {"plot", "says what is drawn"},
     {"points", "of a trajectory, of a curve, of each trajectory"},
     {"preset", "of one method of lg-anomaly train"},
-    {"resume", "a checkpoint, or the table of a search"},
     {"runs", "recordings at sea, runs of a machine"},
     {"scheme", "of the exported step, of a simulation"},
     {"seconds", "of a training, of a demo"},
     {"size", "widths of one network, or of all networks of a machine"},
-    {"starts", "where predictions start, where members start"},
     {"stop-after", "epochs, runs of a study"},
-    {"stride", "of convolutions, of windows"},
     {"t-end", "of a trajectory, of a demo, of each run"},
     {"task", "of a sweep, of an ensemble"},
     {"test", "what is then trained on"},
     {"test-fraction", "of windows, of curves"},
-    {"validation", "a part of the data, or logs"},
     {"votes", "of a watch, of recordings"},
     {"window", "seconds of a feed, rows of a log"},
 };
 
 /* Options with one description whose default or range differs between commands. */
 static const char *const defaults[][2] = {
-    {"adam-eps", "presets"},
-    {"clip", "presets"},
-    {"hop", "baseline alone has another"},
-    {"integrator", "families, machines"},
-    {"lr", "presets"},
-    {"lr-gamma", "presets"},
-    {"lr-step", "presets"},
-    {"patience", "presets"},
-    {"prior", "presets"},
-    {"schedule", "presets"},
-    {"shards", "presets"},
-    {"substeps", "of data, of a machine, of its model"},
+    {"adam-eps", "presets"},     {"clip", "presets"},
+    {"lr", "presets"},           {"lr-gamma", "presets"},
+    {"lr-step", "presets"},      {"patience", "presets"},
+    {"prior", "presets"},        {"schedule", "presets"},
+    {"shards", "presets"},       {"substeps", "of data, of a machine, of its model"},
     {"weight-decay", "presets"},
 };
 
@@ -86,6 +73,9 @@ static void add(const option *found) {
     size_t i = 0;
     while (i < count && strcmp(all[i].name, found->name) != 0) i++;
     assert_true(i < LG_COUNT(all));
+    for (size_t k = 0; k < count; k++)
+        if (k != i && strcmp(all[k].meaning, found->meaning) == 0)
+            fail_msg("--%s and --%s have one meaning: %s", all[k].name, found->name, found->meaning);
     if (i == count) all[count++] = *found;
     all[i].meanings = all[i].meanings || strcmp(all[i].unit, found->unit) != 0 ||
                       strcmp(all[i].meaning, found->meaning) != 0;
@@ -117,13 +107,13 @@ static void read_options(char *help) {
 static void read_program(const char *program) {
     static char list[CLI_TEXT];
     char words[64], *save = NULL;
-    cli_expect(program, "--help", 0, "Common options:");
+    cli_expect(program, "--help-all", 0, "Common options:");
     const char *commands = strstr(result.out, "\nCommands:\n");
     (void)snprintf(list, sizeof list, "%s", commands != NULL ? commands + 11 : "");
     read_options(result.out);
     for (char *line = strtok_r(list, "\n", &save); line != NULL && strncmp(line, "  ", 2) == 0;
          line = strtok_r(NULL, "\n", &save)) {
-        (void)snprintf(words, sizeof words, "%.*s --help", (int)strcspn(line + 2, " "), line + 2);
+        (void)snprintf(words, sizeof words, "%.*s --help-all", (int)strcspn(line + 2, " "), line + 2);
         cli_expect(program, words, 0, "Common options:");
         read_options(result.out);
     }
@@ -149,7 +139,7 @@ TEST("an option has one unit and meaning in all commands, and one range and defa
     for (struct dirent *entry; (entry = readdir(folder)) != NULL;)
         if (strncmp(entry->d_name, "lg-", 3) == 0) read_program(entry->d_name);
     (void)closedir(folder);
-    cli_expect("lg-simulate", "merge --help", 0, "Common options:");
+    cli_expect("lg-simulate", "merge --help-all", 0, "Common options:");
     read_options(result.out);
     assert_int_equal(unsetenv("ARGP_HELP_FMT"), 0);
     expect_table("unit or meaning", meanings, LG_COUNT(meanings), true);
@@ -210,6 +200,143 @@ TEST("defaults that docs state after an option are those that help prints") {
     }
     (void)closedir(folder);
     assert_true(found > 5);
+}
+
+/* ---- the usual options ---- */
+
+enum { USUAL = 12, COMMAND = 64 };
+
+/* The options of a command, separated by blanks, as `help` (--help or --help-all) lists them. Returns how
+ * many. */
+static size_t list_options(const char *program, const char *verb, const char *help, char *out, size_t size) {
+    size_t found = 0;
+    char *save = NULL;
+    cli_expect(program, test_text("%s %s", verb, help), 0, "Common options:");
+    strstr(result.out, "Common options:")[0] = '\0';
+    (void)snprintf(out, size, " ");
+    for (char *line = strtok_r(result.out, "\n", &save); line != NULL; line = strtok_r(NULL, "\n", &save)) {
+        line += strspn(line, " ");
+        if (strncmp(line, "--", 2) != 0) continue;
+        line[strcspn(line, "= ")] = '\0';
+        assert_true(strlen(out) + strlen(line) + 2 < size);
+        (void)strcat(strcat(out, line), " ");
+        found++;
+    }
+    return found;
+}
+
+/* Calls each(program, verb) for all programs and verbs; of lg-learn train for all recipes, too. */
+static void for_each_command(void (*each)(const char *, const char *)) {
+    static char list[CLI_TEXT];
+    DIR *folder = opendir(LG_BIN_DIR);
+    assert_non_null(folder);
+    for (struct dirent *entry; (entry = readdir(folder)) != NULL;) {
+        char *save = NULL;
+        if (strncmp(entry->d_name, "lg-", 3) != 0 || strcmp(entry->d_name, "lg-bench") == 0) continue;
+        cli_expect(entry->d_name, "--help", 0, "Common options:");
+        const char *commands = strstr(result.out, "\nCommands:\n");
+        (void)snprintf(list, sizeof list, "%s", commands != NULL ? commands + 11 : "");
+        if (commands == NULL) each(entry->d_name, "");
+        for (char *line = strtok_r(list, "\n", &save); line != NULL && strncmp(line, "  ", 2) == 0;
+             line = strtok_r(NULL, "\n", &save))
+            each(entry->d_name, test_text("%.*s", (int)strcspn(line + 2, " "), line + 2));
+    }
+    (void)closedir(folder);
+    for (const lg_recipe *const *recipe = lg_recipes; *recipe != NULL; recipe++)
+        each("lg-learn", test_text("train --recipe %s", (*recipe)->name));
+}
+
+static size_t shortened;
+
+static void check_usual(const char *program, const char *verb) {
+    static char usual[8192], all_of_them[8192];
+    const size_t shown = list_options(program, verb, "--help", usual, sizeof usual),
+                 total = list_options(program, verb, "--help-all", all_of_them, sizeof all_of_them);
+    char *save = NULL;
+    if (shown > USUAL || (total <= USUAL && shown < total) || (total > USUAL && shown < USUAL / 2))
+        fail_msg("%s %s --help lists %zu of %zu options", program, verb, shown, total);
+    for (char *word = strtok_r(usual, " ", &save); word != NULL; word = strtok_r(NULL, " ", &save))
+        if (strstr(all_of_them, test_text(" %s ", word)) == NULL)
+            fail_msg("%s %s: --help-all does not list %s", program, verb, word);
+    shortened += shown < total;
+    cli_expect(program, test_text("%s --help", verb), 0, "--help-all");
+}
+
+TEST("--help lists at most twelve options of a command and the common ones, --help-all lists all") {
+    for_each_command(check_usual);
+    assert_true(shortened > 5);
+}
+
+/* ---- old spellings ---- */
+
+typedef struct alias {
+    char command[COMMAND], old[32], now[32], value[32];
+    bool used;
+} alias;
+static alias aliases[64];
+static size_t alias_count;
+
+/* Reads the rows of apps/common/aliases.c. */
+static void read_aliases(void) {
+    char line[256];
+    FILE *file = fopen(test_text("%s/../apps/common/aliases.c", LG_TEST_DIR), "r");
+    assert_non_null(file);
+    while (fgets(line, sizeof line, file) != NULL) {
+        alias row = {.used = false};
+        const bool every =
+            sscanf(line, " {\"\", \"%31[^\"]\", \"%31[^\"]\", %31[^}]", row.old, row.now, row.value) == 3;
+        if (!every && sscanf(line, " {\"%63[^\"]\", \"%31[^\"]\", \"%31[^\"]\", %31[^}]", row.command,
+                             row.old, row.now, row.value) != 4)
+            continue;
+        assert_true(alias_count < LG_COUNT(aliases));
+        aliases[alias_count++] = row;
+    }
+    assert_int_equal(fclose(file), 0);
+}
+
+/* What the command says of this option with an empty value, which no option takes; of a switch, and of an old
+ * spelling with a value of its own, what it says of missing arguments. */
+static const char *answer(const char *program, const char *verb, const char *option, bool alone) {
+    cli_run_limited(program, test_text(alone ? "%s --%s" : "%s --%s=", verb, option), 0);
+    if (strstr(result.err, "unrecognized") != NULL) fail_msg("%s %s has no --%s", program, verb, option);
+    return test_text("%d %s", result.code, result.err);
+}
+
+/* The first row that fits a command says what the old spelling means there. */
+static void check_aliases(const char *program, const char *verb) {
+    static char options[8192];
+    const char *title =
+        test_text("%s%s%.*s", program, verb[0] != '\0' ? " " : "", (int)strcspn(verb, " "), verb);
+    (void)list_options(program, verb, "--help-all", options, sizeof options);
+    for (size_t i = 0; i < alias_count; i++) {
+        alias *row = &aliases[i];
+        bool first = true;
+        const bool fits = strncmp(title, row->command, strlen(row->command)) == 0,
+                   has_old = strstr(options, test_text(" --%s ", row->old)) != NULL,
+                   has_new = strstr(options, test_text(" --%s ", row->now)) != NULL;
+        for (size_t k = 0; k < i; k++)
+            first = first && !(strcmp(aliases[k].old, row->old) == 0 &&
+                               strncmp(title, aliases[k].command, strlen(aliases[k].command)) == 0 &&
+                               strstr(options, test_text(" --%s ", aliases[k].now)) != NULL);
+        if (!fits || has_old || !has_new || !first) continue;
+        const bool fixed = strcmp(row->value, "NULL") != 0, alone = strcmp(row->now, "continue") == 0;
+        const char *said = answer(program, verb, row->old, fixed || alone);
+        const char *now =
+            fixed ? test_text("%s=%.*s", row->now, (int)strcspn(row->value + 1, "\""), row->value + 1)
+                  : row->now;
+        if (strcmp(said, answer(program, verb, now, fixed || alone)) != 0)
+            fail_msg("%s --%s says: %s\n--%s says: %s", title, row->old, said, now,
+                     answer(program, verb, now, fixed || alone));
+        row->used = true;
+    }
+}
+
+TEST("an old spelling is parsed as the new one, and --help-all does not list it") {
+    read_aliases();
+    assert_true(alias_count > 10);
+    for_each_command(check_aliases);
+    for (size_t i = 0; i < alias_count; i++)
+        if (!aliases[i].used) fail_msg("no command has --%s for --%s", aliases[i].now, aliases[i].old);
 }
 
 static int setup(void **state) {

@@ -40,7 +40,7 @@ for program in $programs; do
     [ "$program" != lg-bench ] || continue
     for verb in ${commands:-none}; do
         [ "$verb" = none ] && verb=
-        help=$("$run" $verb --help)
+        help=$("$run" $verb --help-all)
         for option in out history checkpoint; do
             case $help in *"--$option="*) ;; *) continue ;; esac
             pipe_or_device "$program" "$verb" $option && continue

@@ -219,7 +219,7 @@ writes 0 'plot' '' lg-fit evaluate $in/fit.h5 $in/table.csv --plot p.svg
 writes 0 'plot' '' lg-hamiltonian evaluate $in/energy.h5 $in/data.h5 --plot p.svg
 writes 0 'plot' '' lg-elastica evaluate $in/beam.h5 $in/curves.h5 --plot p.svg
 writes 0 'scores plot' '' lg-anomaly evaluate $in/detector.h5 $in/well.h5 --scores s.csv --plot p.svg
-writes 0 'runs plot' '' lg-control evaluate $in/policy.h5 --starts 10 --runs r.csv --plot p.svg
+writes 0 'out plot' '' lg-control evaluate $in/policy.h5 --starts 10 --out r.csv --plot p.svg
 writes 0 'certificate' '' lg-control certify $in/lqr.yaml --box x=1,vx=1 --certificate c.json
 writes 0 'plot' '' lg-identify evaluate $in/body.h5 $in/log.csv --plot p.svg
 writes 0 'plot' '' lg-identify check $in/machine.yaml $in/log.csv --plot p.svg
@@ -281,7 +281,7 @@ lg-bench $case --out: writes nothing" ;; esac
 done
 # verbs PROGRAM: its commands, or one empty word.
 verbs() { "$1" --help | awk '/^Commands:/ { on = 1; next } on && /^$/ { exit } on && /^  [a-z]/ { print $1 }'; }
-inputs='resume|inputs|gradient|test|input|plant|disturb|reference|constraint|penalty-integral|starts|scheme|weights'
+inputs='resume|inputs|gradient|test|input|plant|disturb|reference|constraint|penalty-integral|members|excitation|scheme|weights'
 reached=0 excused=0 commands=0
 for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
     list=$(verbs $program)
@@ -290,7 +290,7 @@ for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
         commands=$((commands + 1))
         what=$program
         [ $verb = none ] && verb= || what+=" $verb"
-        for option in $($program $verb --help | grep -oE -- '--[a-z-]+=[^ ]*(FILE|DIR|FOLDER|PREFIX|\.h5|\.csv)' | sed 's/=.*//' | grep -vxE -- "--($inputs)"); do
+        for option in $($program $verb --help-all | grep -oE -- '--[a-z-]+=[^ ]*(FILE|DIR|FOLDER|PREFIX|\.h5|\.csv)' | sed 's/=.*//' | grep -vxE -- "--($inputs)"); do
             case $covered in *" $what $option "*) reached=$((reached + 1)) && continue ;; esac
             case "
 $reasons" in *"

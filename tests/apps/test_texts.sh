@@ -147,7 +147,7 @@ for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
         # A demonstration and a measurement read no file, and take minutes.
         case "$program $verb" in *' demo' | 'lg-bench list' | lg-gradcheck*) run "$program" $verb "$bad" && commands=$((commands + 1)) && continue ;; lg-bench*) continue ;; esac
         commands=$((commands + 1)) pairs=yes given=()
-        help=$("$LG_BIN_DIR/$program" $verb --help)
+        help=$("$LG_BIN_DIR/$program" $verb --help-all)
         case $help in *--out=*) given+=("--out=x$bad.h5") ;; esac
         case $help in *--recipe=*) given+=(--recipe=machine_model) ;; esac
         case "$program $verb" in 'lg-identify adapt') given+=(--seconds=1) ;; esac

@@ -727,6 +727,30 @@ TEST("every key of a grid is read") {
     assert_int_equal(grid.noise_kind, LG_NOISE_UNIFORM);
 }
 
+TEST("keys of a grid may be named as options") {
+    (void)file_of("scene.yaml", good_scene);
+    lg_grid grid =
+        read_good_grid(changed("grid.yaml", good_grid, "integrators: [cf4, rk4]", "schemes: [rk4, cf4]"));
+    assert_true(grid.integrators[0] == lg_scheme_find("rk4") && grid.integrators[1] == lg_scheme_find("cf4"));
+    static const char *const pairs[][2] = {{"optimizer: lbfgs", "method: lbfgs"},
+                                           {"initial-states: estimated", "starts: estimated"},
+                                           {"validation-fraction: 0.25", "validation: 0.25"}};
+    for (size_t i = 0; i < LG_COUNT(pairs); i++) {
+        lg_hamiltonian_run run[2];
+        for (int k = 0; k < 2; k++)
+            run[k] = read_good_grid(changed("grid.yaml", good_grid, "repeats: 5", pairs[i][k])).run;
+        for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
+            char text[2][LG_FIELD_TEXT_SIZE];
+            for (int k = 0; k < 2; k++) lg_field_show(row, &run[k], text[k], sizeof text[k]);
+            assert_string_equal(text[0], text[1]);
+        }
+    }
+    assert_refused(
+        read_grid,
+        changed("bad.yaml", good_grid, "integrators: [cf4, rk4]\n", "integrators: rk4\nschemes: cf4\n"),
+        LG_FORMAT, "line 3", "twice");
+}
+
 TEST("files that a grid names are found from its folder, from the folder of the process, or by their path") {
     char here[1024], deep[241] = "";
     const char *scene = file_of("scene.yaml", good_scene);

@@ -45,7 +45,7 @@ TEST("names and options are unique") {
     assert_string_equal(lg_field_find(tables[0], "weight-decay")->name, "weight_decay");
     /* The detector defines its own validation part, so this option differs from lg-fit's option of the same
      * name. */
-    assert_string_equal(lg_field_find(tables[2], "validation")->name, "validation_fraction");
+    assert_string_equal(lg_field_find(tables[2], "validation-fraction")->name, "validation_fraction");
 }
 
 static void assert_sets(const lg_field *row, const char *text, bool good) {
@@ -223,7 +223,7 @@ static const char page_begin[] =
 static void put_page(FILE *page) {
     static const char *const titles[] = {"`lg-hamiltonian train`, `study` (`lg_hamiltonian_run`)",
                                          "`lg-elastica train`, `search` (`lg_surrogate_run`)",
-                                         "`lg-anomaly train --method cnn`, `search` (`lg_detector_run`)",
+                                         "`lg-anomaly train --classifier cnn`, `search` (`lg_detector_run`)",
                                          "`lg-fit train`, `search` (`lg_table_run`)",
                                          "`lg-identify fit` (`lg_machine_model_run`)"};
     (void)fputs(page_begin, page);

@@ -119,7 +119,7 @@ static filter filter_of(const export_policy_job *j) {
     const lg_reals *const given[] = {&options->sensor, &options->drift};
     for (size_t i = 0; i < LG_COUNT(given); i++)
         if (given[i]->count > 1 && given[i]->count != j->given)
-            app_stop_usage(j->self, "--sensor and --drift take one number, or %zu: one for each position",
+            app_stop_usage(j->self, "--noise and --drift take one number, or %zu: one for each position",
                            j->given);
     filter f = {.job = j, .observed = (uint32_t)j->given, .estimate = 2 * (uint32_t)j->given};
     for (uint32_t i = 0; i < j->given; i++) {
@@ -141,7 +141,7 @@ static void add_words(const filter *f) {
                 "observer      NAME_observe estimates positions and velocities from noisy positions: an "
                 "extended Kalman filter for noise of standard deviation");
     for (size_t i = 0; i < j->given; i++) lg_text_add(about, " %g", f->sensor[i]);
-    lg_text_add(about, " (--sensor) and velocities that stray from the machine's, in a second, by");
+    lg_text_add(about, " (--noise) and velocities that stray from the machine's, in a second, by");
     for (size_t i = 0; i < j->given; i++) lg_text_add(about, " %g", f->drift[i] / sqrt(j->task->period));
     lg_text_add(about, " (--drift)\n");
 }

@@ -1,5 +1,5 @@
-run lg-identify generate truth.yaml --out train.csv --runs 12 --t-end 6 --inputs multisine --amplitude 0.3
-run lg-identify generate truth.yaml --out test.csv --runs 4 --t-end 6 --inputs multisine --amplitude 0.25 --seed 2
+run lg-identify generate truth.yaml --out train.csv --runs 12 --t-end 6 --excitation multisine --amplitude 0.3
+run lg-identify generate truth.yaml --out test.csv --runs 4 --t-end 6 --excitation multisine --amplitude 0.25 --seed 2
 run lg-identify check machine.yaml train.csv --plot log.svg
 run lg-identify fit machine.yaml train.csv --out model.h5 --seconds "$LG_SECONDS" --epochs "${LG_EPOCHS:-300}" --plot fit.svg \
     --seed "$LG_SEED"

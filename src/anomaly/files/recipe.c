@@ -15,6 +15,7 @@ static const char *pooling_name(uint32_t value) {
 #define ROW(name, type, member, ...) LG_FIELD(lg_detector_state, "", name, type, member, __VA_ARGS__)
 const lg_field lg_detector_options[] = {
     ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS", .otherwise = "as stored; baseline: 600 s",
+        .usual = true,
         .meaning = "Length of a window; in samples if the sampling rate of the data is unknown"),
     ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS", .otherwise = "the window; baseline: 60 s",
         .meaning = "Distance from one window to the next"),
@@ -34,7 +35,8 @@ const lg_field lg_detector_options[] = {
     ROW("pool_size", U64, pool_size, .low = 1, .high = 1 << 20, .value = "2", .unit = "n", .methods = NETWORK,
         .meaning = "cnn: number of samples pooled to one"),
     LG_OPTION(lg_detector_state, test, STRING, "TEST.h5",
-              "Test on this file; DATA.h5 is then all for training"),
+              "Test on this file; DATA.h5 is then all for training", .without = "test-fraction",
+              .usual = true),
     LG_FIELD_END};
 
 /* ---- the data ---- */
@@ -219,7 +221,8 @@ static lg_status hold_out(lg_training *self, double validation, lg_error *error)
     ((lg_detector_run *)self->run)->validation_fraction = validation;
     LG_TRY(lg_detector_split_training(self, error));
     if (((lg_detector_state *)self->state)->validation.count > 0) return LG_OK;
-    return lg_fail(error, LG_INVALID_ARGUMENT, "the validation part has no windows: increase --validation");
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   "the validation part has no windows: increase --validation-fraction");
 }
 
 /* ---- the problem ---- */
@@ -456,8 +459,8 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
 const lg_trainer lg_detector_learner = {.data = "DATA.h5",
                                         .state_size = sizeof(lg_detector_state),
                                         .options = lg_detector_options,
-                                        .method = "method",
-                                        .held_out = "validation",
+                                        .method = "classifier",
+                                        .held_out = "validation-fraction",
                                         .kept = "test",
                                         .read = read_data,
                                         .describe = describe,

@@ -174,7 +174,7 @@ static void warn_of_cut(const lg_training *self) {
     const bool alone = run->split == LG_SPLIT_RANDOM;
     if (run->validation_fraction > 0 && ((lg_detector_state *)self->state)->validation.count == 0)
         LG_WARN(self,
-                "--validation %g: this fraction of the %ss is too small for one window: there is no "
+                "--validation-fraction %g: this fraction of the %ss is too small for one window: there is no "
                 "validation, and the parameters of the last epoch are kept",
                 run->validation_fraction, alone ? "window" : lg_split_name(run->split));
     if (run->hop < run->window && alone && (run->test_fraction > 0 || run->validation_fraction > 0))

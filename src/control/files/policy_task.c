@@ -18,67 +18,40 @@ typedef struct reading {
 
 /* ---- keys ---- */
 
-enum {
-    KEY_PLANT,
-    KEY_STATES,
-    KEY_GOAL,
-    KEY_PERIOD,
-    KEY_HORIZON,
-    KEY_STARTS,
-    KEY_LIMITS,
-    KEY_COST,
-    KEY_SUCCESS,
-    KEY_SUBSTEPS,
-    KEY_CONTROLLER,
-    KEY_KIND,
-    KEY_HIDDEN,
-    KEY_GATE,
-    KEY_GAINS,
-    KEY_ROBUST,
-    KEY_DRAWS,
-    KEY_SPREAD,
-    KEY_DELAY,
-    KEY_NOISE,
-    KEY_TRACK,
-    KEY_FREE,
-    KEY_INTEGRAL,
-    KEY_COMPENSATE,
-    KEY_COUNT
-};
-
 static const char *name_kind(uint32_t value) {
     return lg_policy_kind_name((lg_policy_kind)value);
 }
 
 #define FIELD(name, type, member, ...) LG_FIELD(lg_policy_task, NULL, name, type, member, __VA_ARGS__)
-static const lg_field keys[KEY_COUNT] = {
-    [KEY_PLANT] = {.name = "plant", .type = LG_FIELD_TEXT, .required = true},
-    [KEY_STATES] = {.name = "states", .type = LG_FIELD_NODE},
-    [KEY_GOAL] = {.name = "goal", .type = LG_FIELD_NODE},
-    [KEY_PERIOD] = FIELD("period", REAL, period, .required = true, LG_POSITIVE),
-    [KEY_HORIZON] = FIELD("horizon", REAL, horizon, .required = true, LG_POSITIVE),
-    [KEY_STARTS] = {.name = "starts", .type = LG_FIELD_NODE, .required = true},
-    [KEY_LIMITS] = {.name = "limits", .type = LG_FIELD_NODE, .required = true},
-    [KEY_COST] = {.name = "cost", .type = LG_FIELD_NODE, .required = true},
-    [KEY_SUCCESS] = {.name = "success", .type = LG_FIELD_NODE, .required = true},
-    [KEY_SUBSTEPS] = FIELD("substeps", U32, substeps, .low = 1, .high = 10000),
-    [KEY_CONTROLLER] = {.name = "controller", .type = LG_FIELD_MAP},
-    [KEY_KIND] = FIELD("controller.kind", NAME, kind, .value_name = name_kind),
-    [KEY_HIDDEN] = FIELD("controller.hidden", WHOLES, hidden, LG_COUNTED(lg_policy_task, hidden_layers),
-                         .low = 1, .high = 4096, .most = LG_POLICY_HIDDEN),
-    [KEY_GATE] = FIELD("controller.gate", NAME, gate, LG_NAMES("none", "lqr")),
-    [KEY_GAINS] = FIELD("controller.gains", REALS, gains, LG_COUNTED(lg_policy_task, gain_count), LG_ANY_REAL,
-                        .most = LG_POLICY_GAINS),
-    [KEY_ROBUST] = {.name = "robust", .type = LG_FIELD_MAP},
-    [KEY_DRAWS] = FIELD("robust.draws", U32, draws, .high = 1000),
-    [KEY_SPREAD] = FIELD("robust.spread", REAL, spread, .high = 10),
-    [KEY_DELAY] = FIELD("robust.delay", REAL, delay, .high = 1),
-    [KEY_NOISE] = {.name = "robust.noise", .type = LG_FIELD_NODE},
-    [KEY_TRACK] = {.name = "track", .type = LG_FIELD_NODE},
-    [KEY_FREE] = {.name = "free", .type = LG_FIELD_NODE},
-    [KEY_INTEGRAL] = {.name = "integral", .type = LG_FIELD_NODE},
-    [KEY_COMPENSATE] = FIELD("compensate", NAME, compensate, LG_NAMES("false", "true")),
+static const lg_field keys[] = {
+    {.name = "plant", .type = LG_FIELD_TEXT, .required = true},
+    LG_NODE("states"),
+    LG_NODE("goal"),
+    FIELD("period", REAL, period, .required = true, LG_POSITIVE),
+    FIELD("horizon", REAL, horizon, .required = true, LG_POSITIVE),
+    LG_NODE("starts", .required = true),
+    LG_NODE("limits", .required = true),
+    LG_NODE("cost", .required = true),
+    LG_NODE("success", .required = true),
+    FIELD("substeps", U32, substeps, .low = 1, .high = 10000),
+    LG_MAP("controller"),
+    FIELD("controller.kind", NAME, kind, .value_name = name_kind),
+    FIELD("controller.hidden", WHOLES, hidden, LG_COUNTED(lg_policy_task, hidden_layers), .low = 1,
+          .high = 4096, .most = LG_POLICY_HIDDEN),
+    FIELD("controller.gate", NAME, gate, LG_NAMES("none", "lqr")),
+    FIELD("controller.gains", REALS, gains, LG_COUNTED(lg_policy_task, gain_count), LG_ANY_REAL,
+          .most = LG_POLICY_GAINS),
+    LG_MAP("robust"),
+    FIELD("robust.draws", U32, draws, .high = 1000),
+    FIELD("robust.spread", REAL, spread, .high = 10),
+    FIELD("robust.delay", REAL, delay, .high = 1),
+    LG_NODE("robust.noise"),
+    LG_NODE("track"),
+    LG_NODE("free"),
+    LG_NODE("integral"),
+    FIELD("compensate", NAME, compensate, LG_NAMES("false", "true")),
 };
+enum { KEYS = LG_COUNT(keys) };
 
 /* ---- mappings from names to numbers ---- */
 
@@ -139,8 +112,7 @@ static named find_name(lg_policy_task *task, const char *name) {
 /* What an entry of a mapping is: where its numbers go, in a coordinate (positions, velocities) and an
  * input; 0: it may not be there. */
 typedef struct entries {
-    uint32_t key;
-    const char *what;
+    const char *what; /* the key */
     size_t position, velocity, input;
     bool range, positive;          /* low and high; one number above 0, or not below it */
     const char *expected, *lagged; /* lagged: the same for lagged inputs; NULL: they have such numbers, too */
@@ -149,18 +121,14 @@ typedef struct entries {
 #define OF(member)    offsetof(lg_policy_coordinate, member)
 #define INPUT(member) offsetof(lg_policy_input, member)
 static const entries mappings[] = {
-    {.key = KEY_GOAL,
-     .what = "goal",
-     .lagged = "a coordinate of the machine; a lagged input has no goal to choose"},
-    {KEY_STARTS, "starts", OF(start), OF(start_velocity), 0, true, false, "[low, high], or one number", NULL},
-    {KEY_LIMITS, "limits", 0, 0, INPUT(low), true, true, "[low, high], or one number above 0 for both sides",
-     NULL},
-    {KEY_COST, "cost", OF(weight), OF(weight_velocity), INPUT(weight), false, false, "a weight, not below 0",
-     NULL},
-    {KEY_SUCCESS, "success", OF(success), OF(success_velocity), 0, false, true, "a number above 0",
+    {.what = "goal", .lagged = "a coordinate of the machine; a lagged input has no goal to choose"},
+    {"starts", OF(start), OF(start_velocity), 0, true, false, "[low, high], or one number", NULL},
+    {"limits", 0, 0, INPUT(low), true, true, "[low, high], or one number above 0 for both sides", NULL},
+    {"cost", OF(weight), OF(weight_velocity), INPUT(weight), false, false, "a weight, not below 0", NULL},
+    {"success", OF(success), OF(success_velocity), 0, false, true, "a number above 0",
      "a coordinate of the machine, not a lagged input"},
-    {KEY_NOISE, "robust.noise", OF(noise), OF(noise_velocity), 0, false, false,
-     "a standard deviation, not below 0", "a coordinate of the machine: no sensor measures a lagged input"}};
+    {"robust.noise", OF(noise), OF(noise_velocity), 0, false, false, "a standard deviation, not below 0",
+     "a coordinate of the machine: no sensor measures a lagged input"}};
 #undef OF
 #undef INPUT
 
@@ -255,15 +223,16 @@ static const char *take_goal(named of, const double *x, uint32_t count) {
 
 static const char *take(lg_policy_task *task, const entries *row, named of, const char *name, const double *x,
                         uint32_t count) {
-    double *const time = row->key != KEY_SUCCESS       ? NULL
-                         : strcmp(name, "hold") == 0   ? &task->hold
-                         : strcmp(name, "within") == 0 ? &task->within
-                                                       : NULL;
-    const bool goal = row->key == KEY_GOAL, input = row->input > 0, coordinate = goal || row->position > 0;
+    double *const time = strcmp(row->what, "success") != 0 ? NULL
+                         : strcmp(name, "hold") == 0       ? &task->hold
+                         : strcmp(name, "within") == 0     ? &task->within
+                                                           : NULL;
+    const bool goal = strcmp(row->what, "goal") == 0, input = row->input > 0,
+               coordinate = goal || row->position > 0;
     if (time == NULL && of.coordinate == NULL && of.input == NULL) return "";
     if (of.input != NULL && !input) return "a coordinate, not an input";
     if (of.coordinate != NULL && !coordinate) return "an input, not a coordinate";
-    if (row->key != KEY_STARTS && is_free(of)) return not_free;
+    if (strcmp(row->what, "starts") != 0 && is_free(of)) return not_free;
     if (row->lagged != NULL && of.coordinate != NULL && of.coordinate->follows > 0) return row->lagged;
     if (goal) return take_goal(of, x, count);
     double *to = of.input != NULL ? (double *)(void *)((char *)of.input + row->input) : time;
@@ -283,7 +252,8 @@ static const char *take(lg_policy_task *task, const entries *row, named of, cons
 }
 
 /* A list of names of positions, for `track` or `free`. */
-static lg_status read_positions(reading *r, const lg_key_value *value, const char *what) {
+static lg_status read_positions(reading *r, const lg_key_value *values, const char *what) {
+    const lg_key_value *value = lg_yaml_value(keys, values, what);
     const yaml_node_t *list = value->node;
     if (value->line == 0) return LG_OK;
     if (list->type != YAML_SEQUENCE_NODE)
@@ -339,16 +309,16 @@ static lg_status check_inputs(const reading *r) {
 }
 
 static lg_status read_task(reading *r) {
-    lg_key_value values[KEY_COUNT] = {{0}};
-    const lg_key_set set = {keys, KEY_COUNT, values};
+    lg_key_value values[KEYS] = {{0}};
+    const lg_key_set set = {keys, KEYS, values};
     LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "policy", r->error));
     set_defaults(r->task);
-    LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, r->task, r->error));
-    LG_TRY(read_positions(r, &values[KEY_FREE], "free"));
+    LG_TRY(lg_yaml_store(r->yaml, keys, values, KEYS, r->task, r->error));
+    LG_TRY(read_positions(r, values, "free"));
     for (size_t i = 0; i < LG_COUNT(mappings); i++)
-        LG_TRY(read_entries(r, &values[mappings[i].key], &mappings[i]));
-    LG_TRY(read_positions(r, &values[KEY_TRACK], "track"));
-    LG_TRY(read_positions(r, &values[KEY_INTEGRAL], "integral"));
+        LG_TRY(read_entries(r, lg_yaml_value(keys, values, mappings[i].what), &mappings[i]));
+    LG_TRY(read_positions(r, values, "track"));
+    LG_TRY(read_positions(r, values, "integral"));
     return check_inputs(r);
 }
 
@@ -388,15 +358,17 @@ static lg_status take_state(reading *r, const yaml_node_t *node) {
 }
 
 static lg_status read_head(reading *r, char *plant, size_t size) {
-    lg_key_value values[KEY_COUNT] = {{0}};
-    const lg_key_set set = {keys, KEY_COUNT, values};
+    lg_key_value values[KEYS] = {{0}};
+    const lg_key_set set = {keys, KEYS, values};
     LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "policy", r->error));
-    (void)snprintf(plant, size, "%s", values[KEY_PLANT].text);
-    LG_TRY(lg_yaml_store(r->yaml, &keys[KEY_PERIOD], &values[KEY_PERIOD], 1, r->task, r->error));
-    if (values[KEY_STATES].line == 0) return LG_OK;
-    const yaml_node_t *list = values[KEY_STATES].node;
+    const lg_key_value *period = lg_yaml_value(keys, values, "period"),
+                       *states = lg_yaml_value(keys, values, "states");
+    (void)snprintf(plant, size, "%s", lg_yaml_value(keys, values, "plant")->text);
+    LG_TRY(lg_yaml_store(r->yaml, &keys[period - values], period, 1, r->task, r->error));
+    if (states->line == 0) return LG_OK;
+    const yaml_node_t *list = states->node;
     if (list->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(r->yaml, values[KEY_STATES].line, LG_FORMAT, r->error, "states: expected a list");
+        return lg_yaml_fail(r->yaml, states->line, LG_FORMAT, r->error, "states: expected a list");
     const yaml_node_item_t *item = list->data.sequence.items.start;
     for (; item < list->data.sequence.items.top; item++) LG_TRY(take_state(r, node_at(r, *item)));
     return LG_OK;

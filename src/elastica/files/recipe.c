@@ -98,9 +98,10 @@ static lg_status hold_out(lg_training *self, double validation, lg_error *error)
     for (size_t i = 0; i < s->train.count; i++) s->train.list[i] = whole.list[s->train.list[i]];
     for (size_t i = 0; i < s->test.count; i++) s->test.list[i] = whole.list[s->test.list[i]];
     if (status == LG_OK && s->test.count > 0) return LG_OK; /* the split has curves for training */
-    return lg_fail(error, LG_INVALID_ARGUMENT,
-                   "--validation %g: the training part or the validation part has none of the %zu curves",
-                   validation, whole.count);
+    return lg_fail(
+        error, LG_INVALID_ARGUMENT,
+        "--validation-fraction %g: the training part or the validation part has none of the %zu curves",
+        validation, whole.count);
 }
 
 /* Picks `most` curves of a part at even distances in it, or all curves if `most` is 0. */

@@ -86,7 +86,7 @@ lg_status lg_constrained_points(const char *path, bool project, lg_trajectories 
                 error, LG_FORMAT,
                 "%s: /trajectories: the first point of trajectory %zu is off the constraint: g(q) = "
                 "0 by %.3g of the size of q (largest |g_i| = %.3g), and P(q) p = p by %.3g of the "
-                "size of p; momenta must be p = P(q) M q'; if the difference is noise, give --starts "
+                "size of p; momenta must be p = P(q) M q'; if the difference is noise, give --initial-states "
                 "measured",
                 lg_shown_path(path), trajectory, view.off, view.residual, view.across);
         if (lg_constraint_project(data->constraint, size, state, &why) != LG_OK)

@@ -10,46 +10,32 @@
 #define LISTS LG_GRID_VALUES
 #define FORM  "hamiltonian" /* the form of the systems that a grid learns */
 
-/* The grid's own keys. list_keys sets the limits of penalty and substeps to the hyperparameters' limits. */
-enum {
-    KEY_INTEGRATORS,
-    KEY_PENALTY,
-    KEY_SUBSTEPS,
-    KEY_N,
-    KEY_M,
-    KEY_EPS,
-    KEY_REPEATS,
-    KEY_NOISE_KIND,
-    KEY_SEED,
-    KEY_TEST,
-    KEY_TEST_TRAJECTORIES,
-    KEY_TEST_POINTS,
-    OWN_KEYS
-};
-
 static const char *name_noise(uint32_t value) {
     return value > 1 ? NULL : value == LG_NOISE_UNIFORM ? "uniform" : "normal";
 }
 
-static const lg_field own_keys[OWN_KEYS] = {
-    [KEY_INTEGRATORS] = {.name = "integrators",
-                         .type = LG_FIELD_NAMES,
-                         .required = true,
-                         .most = LISTS,
-                         .value_name = lg_name_scheme},
-    [KEY_PENALTY] = LG_FIELD(lg_grid, NULL, "penalty", REALS, penalty, .most = LISTS),
-    [KEY_SUBSTEPS] = LG_FIELD(lg_grid, NULL, "substeps", WHOLES, substeps, .most = LISTS),
-    [KEY_N] = LG_FIELD(lg_grid, NULL, "N", WHOLES, n, .required = true, .low = 1, .high = 1e9, .most = LISTS),
-    [KEY_M] = LG_FIELD(lg_grid, NULL, "M", WHOLES, m, .required = true, .low = 2, .high = 1e9, .most = LISTS),
-    [KEY_EPS] = LG_FIELD(lg_grid, NULL, "eps", REALS, eps, .high = 1e6, .most = LISTS),
-    [KEY_REPEATS] = LG_FIELD(lg_grid, NULL, "repeats", U32, repeats, .low = 1, .high = 1e6),
-    [KEY_NOISE_KIND] = LG_FIELD(lg_grid, NULL, "noise_kind", NAME, noise_kind, .value_name = name_noise),
-    [KEY_SEED] = LG_FIELD(lg_grid, NULL, "seed", U64, seed, .high = 0x1p64),
-    [KEY_TEST] = {.name = "test", .type = LG_FIELD_MAP},
-    [KEY_TEST_TRAJECTORIES] =
-        LG_FIELD(lg_grid, NULL, "test.trajectories", U32, test_trajectories, .low = 1, .high = 1e9),
-    [KEY_TEST_POINTS] = LG_FIELD(lg_grid, NULL, "test.points", U32, test_points, .low = 2, .high = 1e9),
+/* The grid's own keys. list_keys sets the limits of penalty and substeps to the hyperparameters' limits. */
+static const lg_field own_keys[] = {
+    {.name = "integrators",
+     .option = "schemes",
+     .type = LG_FIELD_NAMES,
+     .required = true,
+     .most = LISTS,
+     .value_name = lg_name_scheme},
+    LG_FIELD(lg_grid, NULL, "penalty", REALS, penalty, .most = LISTS),
+    LG_FIELD(lg_grid, NULL, "substeps", WHOLES, substeps, .most = LISTS),
+    LG_FIELD(lg_grid, NULL, "N", WHOLES, n, .required = true, .low = 1, .high = 1e9, .most = LISTS),
+    LG_FIELD(lg_grid, NULL, "M", WHOLES, m, .required = true, .low = 2, .high = 1e9, .most = LISTS),
+    LG_FIELD(lg_grid, NULL, "eps", REALS, eps, .high = 1e6, .most = LISTS),
+    LG_FIELD(lg_grid, NULL, "repeats", U32, repeats, .low = 1, .high = 1e6),
+    LG_FIELD(lg_grid, NULL, "noise_kind", NAME, noise_kind, .value_name = name_noise),
+    LG_FIELD(lg_grid, NULL, "seed", U64, seed, .high = 0x1p64),
+    LG_MAP("test"),
+    LG_FIELD(lg_grid, NULL, "test.trajectories", U32, test_trajectories, .low = 1, .high = 1e9),
+    LG_FIELD(lg_grid, NULL, "test.points", U32, test_points, .low = 2, .high = 1e9),
 };
+
+enum { OWN_KEYS = LG_COUNT(own_keys) };
 
 /* Whether all runs of a grid share the hyperparameter: the grid varies some, and derives the seed. */
 static bool is_shared(const lg_field *row) {
@@ -67,15 +53,11 @@ typedef struct grid_keys {
 } grid_keys;
 
 static void list_keys(grid_keys *out) {
-    static const struct {
-        int key;
-        const char *name;
-    } varied[] = {{KEY_PENALTY, "penalty"}, {KEY_SUBSTEPS, "substeps"}};
     memcpy(out->keys, own_keys, sizeof own_keys);
-    for (size_t i = 0; i < LG_COUNT(varied); i++) {
-        const lg_field *row = lg_field_find(lg_hamiltonian_fields, varied[i].name);
-        out->keys[varied[i].key].low = row->low;
-        out->keys[varied[i].key].high = row->high;
+    for (lg_field *key = out->keys; key < out->keys + OWN_KEYS; key++) {
+        const lg_field *row = lg_field_find(lg_hamiltonian_fields, key->name);
+        const bool varied = strcmp(key->name, "penalty") == 0 || strcmp(key->name, "substeps") == 0;
+        if (varied) key->low = row->low, key->high = row->high;
     }
     out->count = OWN_KEYS;
     for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
@@ -84,10 +66,10 @@ static void list_keys(grid_keys *out) {
 }
 
 /* Keys of a grid whose scene is in another file. */
-enum { KEY_SCENE, KEY_T_END, FILE_KEYS };
+enum { FILE_KEYS = 2 };
 static const lg_field file_keys[FILE_KEYS] = {
-    [KEY_SCENE] = {.name = "scene", .type = LG_FIELD_TEXT, .required = true},
-    [KEY_T_END] = LG_FIELD(lg_grid, NULL, "t_end", REAL, t_end, .above = true, .high = 1e12),
+    {.name = "scene", .type = LG_FIELD_TEXT, .required = true},
+    LG_FIELD(lg_grid, NULL, "t_end", REAL, t_end, .above = true, .high = 1e12),
 };
 
 static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *v, lg_grid *out,
@@ -101,9 +83,10 @@ static lg_status fill(lg_yaml *yaml, const grid_keys *keys, const lg_key_value *
                      .test_points = 15,
                      .seed = 1};
     lg_fields_default(lg_hamiltonian_fields, &out->run);
-    out->integrator_count = v[KEY_INTEGRATORS].count;
+    const lg_key_value *schemes = lg_yaml_value(keys->keys, v, "integrators");
+    out->integrator_count = schemes->count;
     for (uint32_t i = 0; i < out->integrator_count; i++)
-        out->integrators[i] = lg_scheme_at((size_t)v[KEY_INTEGRATORS].real[i]);
+        out->integrators[i] = lg_scheme_at((size_t)schemes->real[i]);
     LG_TRY(lg_yaml_store(yaml, keys->keys, v, OWN_KEYS, out, error));
     return lg_yaml_store(yaml, keys->keys + OWN_KEYS, v + OWN_KEYS, keys->count - OWN_KEYS, &out->run, error);
 }
@@ -151,7 +134,8 @@ static lg_status read_grid(const lg_context *context, lg_yaml *yaml, const grid_
         return lg_yaml_fail(yaml, 1, LG_FORMAT, error, "key 'scene' or 'system' is missing");
     if (own_file) {
         LG_TRY(lg_yaml_read(yaml, sets, 2, NULL, "", error));
-        LG_TRY(read_scene_file(context, yaml, &in_file[KEY_SCENE], &out->scene, error));
+        LG_TRY(
+            read_scene_file(context, yaml, lg_yaml_value(file_keys, in_file, "scene"), &out->scene, error));
     } else {
         LG_TRY(lg_scene_from(context, yaml, FORM, sets, &out->scene, error));
     }

@@ -29,7 +29,7 @@ static lg_status read_data(lg_training *self, lg_error *error) {
     const char *path = self->paths[0];
     lg_read_options reading;
     lg_read_options_init(&reading);
-    reading.project_starts = self->given(self, "starts") || self->resumed;
+    reading.project_starts = self->given(self, "initial-states") || self->resumed;
     lg_program *constraint = NULL;
     const char *file = ((const lg_hamiltonian_state *)self->state)->constraint;
     if (file != NULL) LG_TRY(lg_program_load(self->context, file, NULL, &constraint, error));
@@ -43,7 +43,7 @@ static lg_status read_data(lg_training *self, lg_error *error) {
     if (data->starts_off > 1e-6 && run->starts == LG_START_MEASURED)
         LG_WARN(self,
                 "%s: the first points were off the manifold by up to %.2g and are projected onto it; if they "
-                "are noisy, --starts estimated learns them",
+                "are noisy, --initial-states estimated learns them",
                 path, data->starts_off);
     if (data->guessed)
         LG_WARN(self,
@@ -72,15 +72,15 @@ static const struct {
     const char *preset, *option, *value, *family;
     uint32_t least;
 } preset_rows[] = {
-    {"thesis", "method", "adam", NULL, 0},       {"thesis", "hidden", "100,100,100", NULL, 0},
+    {"thesis", "optimizer", "adam", NULL, 0},    {"thesis", "hidden", "100,100,100", NULL, 0},
     {"thesis", "epochs", "100", NULL, 0},        {"thesis", "prior", "0", NULL, 0},
     {"thesis", "scaled", "no", NULL, 0},         {"thesis", "units", "given", NULL, 0},
     {"thesis", "activation", "tanh", NULL, 0},   {"best", "activation", "swish", NULL, 0},
-    {"best", "method", "ssbroyden", NULL, 0},    {"best", "hidden", "20,20", NULL, 0},
+    {"best", "optimizer", "ssbroyden", NULL, 0}, {"best", "hidden", "20,20", NULL, 0},
     {"best", "epochs", "2000", NULL, 0},         {"best", "prior", "0.2", NULL, 0},
-    {"best", "units", "data", NULL, 0},          {"best", "integrator", "rk4", "separable", 0},
+    {"best", "units", "data", NULL, 0},          {"best", "scheme", "rk4", "separable", 0},
     {"best", "scaled", "yes", "chain", 0},       {"best", "hidden", "20", "chain", 3},
-    {"best", "integrator", "rkmk5", "chain", 3},
+    {"best", "scheme", "rkmk5", "chain", 3},
 };
 
 /* Sets the options that the user did not give, for data of a family (NULL: one without rows). "thesis": the
@@ -105,11 +105,11 @@ static bool usual(lg_training *self, uint32_t at) {
 static void adopt_preset(lg_training *self) {
     lg_hamiltonian_run *run = self->run;
     const lg_trajectories *data = &((lg_hamiltonian_state *)self->state)->data;
-    if (!self->given(self, "integrator")) run->scheme = lg_scheme_find(data->family->scheme);
+    if (!self->given(self, "scheme")) run->scheme = lg_scheme_find(data->family->scheme);
     adopt_rows(self, data->family->name, data->n);
     /* Estimated starts are too many parameters for a dense matrix. */
     const bool dense = strcmp(lg_training_preset(self), "best") == 0 && run->starts == LG_START_ESTIMATED;
-    if (dense && !self->given(self, "method")) (void)lg_fit_plan_parse("lbfgs", &run->training.plan, NULL);
+    if (dense && !self->given(self, "optimizer")) (void)lg_fit_plan_parse("lbfgs", &run->training.plan, NULL);
 }
 
 static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg_trajectories *data) {
@@ -225,7 +225,7 @@ static lg_status prepare(lg_training *self, lg_error *error) {
     const size_t parameters = lg_hamiltonian_parameters(&run->model);
     LG_TRY(check_options(self, error));
     if (s->newton && run->starts == LG_START_ESTIMATED)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "--newton cannot be used with --starts estimated");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "--newton cannot be used with --initial-states estimated");
     if (s->newton && parameters > LG_NEWTON_MAX_PARAMETERS)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "--newton: the model has %zu parameters, at most %d are possible", parameters,
@@ -354,7 +354,7 @@ static const char *const sizes[] = {"8,8", "12,12", "16,16", "20,20", "32,32", "
 const lg_trainer lg_hamiltonian_learner = {.data = "DATA.h5",
                                            .state_size = sizeof(lg_hamiltonian_state),
                                            .options = lg_hamiltonian_options,
-                                           .held_out = "validation",
+                                           .held_out = "validation-fraction",
                                            .sizes = sizes,
                                            .prior = true,
                                            .presets = true,

@@ -289,7 +289,7 @@ static lg_status check_starts(read_call *call, lg_error *error) {
             return lg_fail(
                 error, LG_FORMAT,
                 "%s: /trajectories: the first point of trajectory %zu is off the manifold by %.3g (%s %u "
-                "must satisfy %s; if the difference is noise, give --starts measured or estimated)",
+                "must satisfy %s; if the difference is noise, give --initial-states measured or estimated)",
                 lg_shown_path(call->path), k, off, out->family->copy, copy + 1, out->family->manifold);
     }
     return LG_OK;

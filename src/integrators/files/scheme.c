@@ -40,63 +40,47 @@ static const char *kind_name(uint32_t value) {
     return value < KIND_COUNT ? kinds[value].name : NULL;
 }
 
-enum key_index {
-    KEY_NAME,
-    KEY_KIND,
-    KEY_ORDER,
-    KEY_C,
-    KEY_A,
-    KEY_B,
-    KEY_EMBEDDED,
-    KEY_EMBEDDED_ORDER,
-    KEY_DEXPINV,
-    KEY_COMMUTATORS,
-    KEY_ROWS,
-    KEY_KICK,
-    KEY_DRIFT,
-    KEY_COUNT
-};
-
 /* `methods`: the kinds of schemes that may have the key. */
 #define BIT(kind) (1U << (kind))
 enum { TABLEAU = BIT(KIND_RKMK) | BIT(KIND_RUNGE_KUTTA), STAGED = TABLEAU | BIT(KIND_COMMUTATOR_FREE) };
-#define NODE(key, kinds)                                                                                     \
-    { .name = key, .type = LG_FIELD_NODE, .methods = (kinds) }
-static const lg_field keys[KEY_COUNT] = {
-    [KEY_NAME] = {.name = "name", .type = LG_FIELD_TEXT},
-    [KEY_KIND] = {.name = "kind", .type = LG_FIELD_NAME, .required = true, .value_name = kind_name},
-    [KEY_ORDER] = LG_FIELD(lg_scheme, NULL, "order", U32, order, .required = true, .low = 1, .high = 10),
-    [KEY_C] = NODE("c", STAGED),
-    [KEY_A] = NODE("a", TABLEAU),
-    [KEY_B] = NODE("b", TABLEAU),
-    [KEY_EMBEDDED] = NODE("embedded", STAGED),
-    [KEY_EMBEDDED_ORDER] = LG_FIELD(lg_scheme, NULL, "embedded_order", U32, embedded_order, .low = 1,
-                                    .high = 10, .methods = STAGED),
-    [KEY_DEXPINV] = {.name = "dexpinv", .type = LG_FIELD_TEXT, .methods = BIT(KIND_RKMK)},
-    [KEY_COMMUTATORS] = NODE("commutators", BIT(KIND_RKMK)),
-    [KEY_ROWS] = NODE("rows", BIT(KIND_COMMUTATOR_FREE)),
-    [KEY_KICK] = NODE("kick", BIT(KIND_SPLITTING)),
-    [KEY_DRIFT] = NODE("drift", BIT(KIND_SPLITTING)),
+static const lg_field keys[] = {
+    {.name = "name", .type = LG_FIELD_TEXT},
+    {.name = "kind", .type = LG_FIELD_NAME, .required = true, .value_name = kind_name},
+    LG_FIELD(lg_scheme, NULL, "order", U32, order, .required = true, .low = 1, .high = 10),
+    LG_NODE("c", .methods = STAGED),
+    LG_NODE("a", .methods = TABLEAU),
+    LG_NODE("b", .methods = TABLEAU),
+    LG_NODE("embedded", .methods = STAGED),
+    LG_FIELD(lg_scheme, NULL, "embedded_order", U32, embedded_order, .low = 1, .high = 10, .methods = STAGED),
+    {.name = "dexpinv", .type = LG_FIELD_TEXT, .methods = BIT(KIND_RKMK)},
+    LG_NODE("commutators", .methods = BIT(KIND_RKMK)),
+    LG_NODE("rows", .methods = BIT(KIND_COMMUTATOR_FREE)),
+    LG_NODE("kick", .methods = BIT(KIND_SPLITTING)),
+    LG_NODE("drift", .methods = BIT(KIND_SPLITTING)),
 };
+enum { KEYS = LG_COUNT(keys) };
 /* Keys that each scheme has whose kind may have them. */
-static const bool needed[KEY_COUNT] = {
-    [KEY_A] = true, [KEY_B] = true, [KEY_ROWS] = true, [KEY_KICK] = true, [KEY_DRIFT] = true};
+static const char *const needed[] = {"a", "b", "rows", "kick", "drift"};
 
 typedef struct reader {
     lg_yaml *yaml;
-    lg_key_value values[KEY_COUNT];
+    lg_key_value values[KEYS];
     scheme_file *out;
     lg_error *error;
 } reader;
 
 /* ---- nodes ---- */
 
+static const lg_key_value *at(const reader *r, const char *key) {
+    return lg_yaml_value(keys, r->values, key);
+}
+
 static uint32_t line_of(const yaml_node_t *node) {
     return (uint32_t)node->start_mark.line + 1;
 }
 
-static lg_status fail_at(reader *r, const yaml_node_t *node, enum key_index key, const char *what) {
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %s", keys[key].name, what);
+static lg_status fail_at(reader *r, const yaml_node_t *node, const char *key, const char *what) {
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %s", key, what);
 }
 
 static size_t items_of(const yaml_node_t *node) {
@@ -110,7 +94,7 @@ static const yaml_node_t *item_of(reader *r, const yaml_node_t *node, size_t i) 
 }
 
 /* Reads a decimal number or a quotient "a/b" of two decimal numbers. */
-static lg_status read_number(reader *r, const yaml_node_t *node, enum key_index key, double *out) {
+static lg_status read_number(reader *r, const yaml_node_t *node, const char *key, double *out) {
     char text[SYNTAX_SIZE] = "";
     double above = NAN, below = 1;
     bool good = node->type == YAML_SCALAR_NODE && node->data.scalar.length < sizeof text &&
@@ -127,39 +111,39 @@ static lg_status read_number(reader *r, const yaml_node_t *node, enum key_index 
         return LG_OK;
     }
     return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                        "%s: '%s' is neither a number nor a quotient a/b", keys[key].name, text);
+                        "%s: '%s' is neither a number nor a quotient a/b", key, text);
 }
 
 /* Reads a list of at most `most` numbers into `out`. Entries of `out` beyond the list are unchanged. */
-static lg_status read_list(reader *r, const yaml_node_t *node, enum key_index key, size_t most, double *out,
+static lg_status read_list(reader *r, const yaml_node_t *node, const char *key, size_t most, double *out,
                            size_t *count) {
     if (node->type != YAML_SEQUENCE_NODE) return fail_at(r, node, key, "a list of numbers is expected");
     *count = items_of(node);
     if (*count > most)
         return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "%s: %zu numbers, at most %zu are expected", keys[key].name, *count, most);
+                            "%s: %zu numbers, at most %zu are expected", key, *count, most);
     for (size_t i = 0; i < *count; i++) LG_TRY(read_number(r, item_of(r, node, i), key, &out[i]));
     return LG_OK;
 }
 
 /* Reads a list with exactly one number per stage. */
-static lg_status read_stages(reader *r, enum key_index key, size_t stages, double *out) {
-    const yaml_node_t *node = r->values[key].node;
+static lg_status read_stages(reader *r, const char *key, size_t stages, double *out) {
+    const yaml_node_t *node = at(r, key)->node;
     size_t count = 0;
     LG_TRY(read_list(r, node, key, stages, out, &count));
     if (count == stages) return LG_OK;
     return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                        "%s: %zu numbers are given, expected one for each of the %zu stages", keys[key].name,
-                        count, stages);
+                        "%s: %zu numbers are given, expected one for each of the %zu stages", key, count,
+                        stages);
 }
 
 /* Sets the number of stages to the length of the key's list, minus `more`. */
-static lg_status count_stages(reader *r, enum key_index key, size_t more) {
-    const yaml_node_t *node = r->values[key].node;
+static lg_status count_stages(reader *r, const char *key, size_t more) {
+    const yaml_node_t *node = at(r, key)->node;
     const size_t stages = items_of(node) - (items_of(node) > more ? more : items_of(node));
     if (stages < 1 || stages > LG_SCHEME_MAX_STAGES)
         return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "%s: the scheme has %zu stages, expected 1 to %d", keys[key].name, stages,
+                            "%s: the scheme has %zu stages, expected 1 to %d", key, stages,
                             LG_SCHEME_MAX_STAGES);
     r->out->scheme.stages = (int)stages;
     return LG_OK;
@@ -174,19 +158,19 @@ static double sum(const double *x, size_t n) {
 /* ---- tableaus ---- */
 
 static lg_status read_commutators(reader *r) {
-    const yaml_node_t *node = r->values[KEY_COMMUTATORS].node;
+    const yaml_node_t *node = at(r, "commutators")->node;
     const int stages = r->out->scheme.stages;
     if (items_of(node) < 1 || items_of(node) > LG_COUNT(r->out->commutators))
-        return fail_at(r, node, KEY_COMMUTATORS, "a list of [row, first, second, weight] is expected");
+        return fail_at(r, node, "commutators", "a list of [row, first, second, weight] is expected");
     for (size_t i = 0; i < items_of(node); i++) {
         const yaml_node_t *item = item_of(r, node, i);
         double numbers[4];
         size_t count = 0;
-        LG_TRY(read_list(r, item, KEY_COMMUTATORS, 4, numbers, &count));
+        LG_TRY(read_list(r, item, "commutators", 4, numbers, &count));
         for (size_t k = 0; k < 3; k++)
             if (count != 4 || numbers[k] != floor(numbers[k]) || numbers[k] < 1 ||
                 numbers[k] > stages + (k == 0))
-                return fail_at(r, item, KEY_COMMUTATORS,
+                return fail_at(r, item, "commutators",
                                "[row, first, second, weight] with stages counted from 1 is expected");
         r->out->commutators[i] =
             (lg_commutator){(int)numbers[0] - 1, (int)numbers[1] - 1, (int)numbers[2] - 1, numbers[3]};
@@ -197,9 +181,9 @@ static lg_status read_commutators(reader *r) {
 }
 
 static lg_status read_dexpinv(reader *r) {
-    const lg_key_value *value = &r->values[KEY_DEXPINV];
+    const lg_key_value *value = at(r, "dexpinv");
     uint64_t terms = 0;
-    r->out->scheme.dexpinv = r->values[KEY_COMMUTATORS].line > 0 ? 0 : LG_DEXPINV_EXACT;
+    r->out->scheme.dexpinv = at(r, "commutators")->line > 0 ? 0 : LG_DEXPINV_EXACT;
     if (value->line == 0) return LG_OK;
     const bool exact = strcmp(value->text, "exact") == 0;
     if (!exact && (lg_integer_parse(value->text, &terms) != LG_OK || terms > LG_DEXPINV_MAX))
@@ -212,19 +196,19 @@ static lg_status read_dexpinv(reader *r) {
 
 static lg_status read_tableau(reader *r) {
     lg_scheme *s = &r->out->scheme;
-    const yaml_node_t *a = r->values[KEY_A].node;
-    LG_TRY(count_stages(r, KEY_B, 0));
+    const yaml_node_t *a = at(r, "a")->node;
+    LG_TRY(count_stages(r, "b", 0));
     const size_t stages = (size_t)s->stages;
-    LG_TRY(read_stages(r, KEY_B, stages, s->b));
+    LG_TRY(read_stages(r, "b", stages, s->b));
     if (items_of(a) != stages)
-        return fail_at(r, a, KEY_A, "a list for each stage is expected, the first one empty");
+        return fail_at(r, a, "a", "a list for each stage is expected, the first one empty");
     for (size_t i = 0; i < stages; i++) {
         size_t count = 0;
-        LG_TRY(read_list(r, item_of(r, a, i), KEY_A, stages, s->a[i], &count));
+        LG_TRY(read_list(r, item_of(r, a, i), "a", stages, s->a[i], &count));
         s->c[i] = sum(s->a[i], stages);
     }
-    if (r->values[KEY_EMBEDDED].line > 0) LG_TRY(read_stages(r, KEY_EMBEDDED, stages, s->embedded));
-    if (r->values[KEY_COMMUTATORS].line > 0) LG_TRY(read_commutators(r));
+    if (at(r, "embedded")->line > 0) LG_TRY(read_stages(r, "embedded", stages, s->embedded));
+    if (at(r, "commutators")->line > 0) LG_TRY(read_commutators(r));
     s->fsal = stages > 1 && memcmp(s->a[stages - 1], s->b, sizeof s->b) == 0;
     return read_dexpinv(r);
 }
@@ -232,7 +216,7 @@ static lg_status read_tableau(reader *r) {
 /* ---- rows of exponentials ---- */
 
 /* Reads a list of exponentials, each a list of coefficients. A plain list of numbers is one exponential. */
-static lg_status read_exponentials(reader *r, const yaml_node_t *node, enum key_index key, lg_cf_row *row) {
+static lg_status read_exponentials(reader *r, const yaml_node_t *node, const char *key, lg_cf_row *row) {
     size_t count = 0;
     const size_t stages = (size_t)r->out->scheme.stages, items = items_of(node);
     if (node->type != YAML_SEQUENCE_NODE || items > LG_SCHEME_MAX_EXPONENTIALS * (size_t)LG_SCHEME_MAX_STAGES)
@@ -249,7 +233,7 @@ static lg_status read_exponentials(reader *r, const yaml_node_t *node, enum key_
 }
 
 /* Reads {base: i, exponentials: [...]}; i is the number of a stage, counted from 1. */
-static lg_status read_mapped_row(reader *r, const yaml_node_t *node, enum key_index key, lg_cf_row *row) {
+static lg_status read_mapped_row(reader *r, const yaml_node_t *node, const char *key, lg_cf_row *row) {
     yaml_document_t *document = lg_yaml_document(r->yaml);
     const yaml_node_pair_t *pair = node->data.mapping.pairs.start;
     unsigned seen = 0;
@@ -275,7 +259,7 @@ static lg_status read_mapped_row(reader *r, const yaml_node_t *node, enum key_in
     return LG_OK;
 }
 
-static lg_status read_row(reader *r, const yaml_node_t *node, enum key_index key, lg_cf_row *row) {
+static lg_status read_row(reader *r, const yaml_node_t *node, const char *key, lg_cf_row *row) {
     row->base = LG_CF_START;
     return node->type == YAML_MAPPING_NODE ? read_mapped_row(r, node, key, row)
                                            : read_exponentials(r, node, key, row);
@@ -283,45 +267,47 @@ static lg_status read_row(reader *r, const yaml_node_t *node, enum key_index key
 
 static lg_status read_rows(reader *r) {
     lg_scheme *s = &r->out->scheme;
-    const yaml_node_t *node = r->values[KEY_ROWS].node;
-    LG_TRY(count_stages(r, KEY_ROWS, 1));
+    const yaml_node_t *node = at(r, "rows")->node;
+    LG_TRY(count_stages(r, "rows", 1));
     for (int i = 0; i <= s->stages; i++) {
         lg_cf_row *row = &r->out->rows[i];
-        LG_TRY(read_row(r, item_of(r, node, (size_t)i), KEY_ROWS, row));
+        LG_TRY(read_row(r, item_of(r, node, (size_t)i), "rows", row));
         if (i == s->stages) break;
         if (row->base >= i)
-            return fail_at(r, item_of(r, node, (size_t)i), KEY_ROWS,
+            return fail_at(r, item_of(r, node, (size_t)i), "rows",
                            "base must be the number of an earlier stage");
         s->c[i] = row->base >= 0 ? s->c[row->base] : 0;
         for (int e = 0; e < row->exponentials; e++) s->c[i] += sum(row->coefficient[e], LG_SCHEME_MAX_STAGES);
     }
-    if (r->values[KEY_EMBEDDED].line > 0)
-        LG_TRY(read_row(r, r->values[KEY_EMBEDDED].node, KEY_EMBEDDED, &r->out->rows[s->stages + 1]));
+    if (at(r, "embedded")->line > 0)
+        LG_TRY(read_row(r, at(r, "embedded")->node, "embedded", &r->out->rows[s->stages + 1]));
     s->rows = r->out->rows;
     return LG_OK;
 }
 
 static lg_status read_splitting(reader *r) {
     lg_scheme *s = &r->out->scheme;
-    LG_TRY(count_stages(r, KEY_KICK, 0));
-    LG_TRY(read_stages(r, KEY_KICK, (size_t)s->stages, s->kick));
-    return read_stages(r, KEY_DRIFT, (size_t)s->stages, s->drift);
+    LG_TRY(count_stages(r, "kick", 0));
+    LG_TRY(read_stages(r, "kick", (size_t)s->stages, s->kick));
+    return read_stages(r, "drift", (size_t)s->stages, s->drift);
 }
 
 /* ---- the whole file ---- */
 
 static lg_status check_keys(reader *r, file_kind kind) {
-    for (int i = 0; i < KEY_COUNT; i++) {
+    for (int i = 0; i < KEYS; i++) {
         const uint32_t line = r->values[i].line;
         const bool allowed = keys[i].methods == 0 || (keys[i].methods & BIT(kind)) != 0;
         if (line > 0 && !allowed)
             return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: a scheme of kind %s has no such key",
                                 keys[i].name, kinds[kind].name);
-        if (line == 0 && allowed && needed[i])
-            return lg_yaml_fail(r->yaml, r->values[KEY_KIND].line, LG_FORMAT, r->error,
+        bool wanted = false;
+        for (size_t k = 0; k < LG_COUNT(needed); k++) wanted = wanted || strcmp(keys[i].name, needed[k]) == 0;
+        if (line == 0 && allowed && wanted)
+            return lg_yaml_fail(r->yaml, at(r, "kind")->line, LG_FORMAT, r->error,
                                 "a scheme of kind %s needs the key '%s'", kinds[kind].name, keys[i].name);
     }
-    const uint32_t weights = r->values[KEY_EMBEDDED].line, order = r->values[KEY_EMBEDDED_ORDER].line;
+    const uint32_t weights = at(r, "embedded")->line, order = at(r, "embedded_order")->line;
     if ((weights > 0) != (order > 0))
         return lg_yaml_fail(r->yaml, weights > 0 ? weights : order, LG_FORMAT, r->error,
                             "embedded and embedded_order must be given together");
@@ -330,9 +316,7 @@ static lg_status check_keys(reader *r, file_kind kind) {
 
 static void set_name(reader *r) {
     const char *path = lg_yaml_path(r->yaml), *slash = strrchr(path, '/');
-    const char *name = r->values[KEY_NAME].line > 0 ? r->values[KEY_NAME].text
-                       : slash != NULL              ? slash + 1
-                                                    : path;
+    const char *name = at(r, "name")->line > 0 ? at(r, "name")->text : slash != NULL ? slash + 1 : path;
     const size_t length = strnlen(name, sizeof r->out->name - 1);
     memcpy(r->out->name, name, length);
     r->out->name[length] = '\0';
@@ -346,20 +330,20 @@ static lg_status read_scheme(reader *r) {
         [KIND_COMMUTATOR_FREE] = read_rows,
         [KIND_SPLITTING] = read_splitting,
     };
-    const lg_key_set set = {keys, KEY_COUNT, r->values};
+    const lg_key_set set = {keys, KEYS, r->values};
     lg_scheme *s = &r->out->scheme;
     lg_error fault = {LG_OK, ""};
     LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "scheme", r->error));
-    const file_kind kind = (file_kind)(int)r->values[KEY_KIND].real[0];
+    const file_kind kind = (file_kind)(int)at(r, "kind")->real[0];
     LG_TRY(check_keys(r, kind));
     set_name(r);
     s->kind = kinds[kind].kind;
     s->ambient = kinds[kind].ambient;
-    LG_TRY(lg_yaml_store(r->yaml, keys, r->values, KEY_COUNT, s, r->error));
+    LG_TRY(lg_yaml_store(r->yaml, keys, r->values, KEYS, s, r->error));
     LG_TRY(read_kind[kind](r));
-    if (r->values[KEY_C].line > 0) LG_TRY(read_stages(r, KEY_C, (size_t)s->stages, s->c));
+    if (at(r, "c")->line > 0) LG_TRY(read_stages(r, "c", (size_t)s->stages, s->c));
     if (lg_scheme_check(s, &fault) == LG_OK) return LG_OK;
-    return lg_yaml_fail(r->yaml, r->values[KEY_KIND].line, LG_FORMAT, r->error, "%s", fault.message);
+    return lg_yaml_fail(r->yaml, at(r, "kind")->line, LG_FORMAT, r->error, "%s", fault.message);
 }
 
 lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out, lg_error *error) {

@@ -113,10 +113,10 @@ static lg_status add(reading *r, const wish *w, const yaml_node_t *at, const yam
 enum { LAG_ORDER, LAG_VALUE, LAG_START, LAG_WITHIN, LAG_SIGMA, LAG_COUNT };
 static const lg_field lag_keys[LAG_COUNT] = {
     [LAG_ORDER] = {.name = "order", .type = LG_FIELD_WHOLES, .low = 1, .high = 2, .most = 1},
-    [LAG_VALUE] = {.name = "value", .type = LG_FIELD_NODE},
-    [LAG_START] = {.name = "start", .type = LG_FIELD_NODE},
-    [LAG_WITHIN] = {.name = "within", .type = LG_FIELD_NODE},
-    [LAG_SIGMA] = {.name = "sigma", .type = LG_FIELD_NODE},
+    [LAG_VALUE] = LG_NODE("value"),
+    [LAG_START] = LG_NODE("start"),
+    [LAG_WITHIN] = LG_NODE("within"),
+    [LAG_SIGMA] = LG_NODE("sigma"),
 };
 
 static lg_status read_lag(reading *r, const yaml_node_t *node, uint32_t input) {
@@ -137,8 +137,8 @@ static lg_status read_lag(reading *r, const yaml_node_t *node, uint32_t input) {
 enum { KEY_DEGREE, KEY_VALUES, KEY_DEAD_ZONE, KEY_COUNT };
 static const lg_field keys[KEY_COUNT] = {
     [KEY_DEGREE] = {.name = "degree", .type = LG_FIELD_WHOLES, .low = 2, .high = 3, .most = 1},
-    [KEY_VALUES] = {.name = "values", .type = LG_FIELD_NODE},
-    [KEY_DEAD_ZONE] = {.name = "dead_zone", .type = LG_FIELD_NODE},
+    [KEY_VALUES] = LG_NODE("values"),
+    [KEY_DEAD_ZONE] = LG_NODE("dead_zone"),
 };
 
 static lg_status read_curve(reading *r, const yaml_node_t *node, uint32_t input) {

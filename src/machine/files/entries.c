@@ -12,9 +12,9 @@ typedef lg_machine_reading reading;
 enum { KEY_START, KEY_WITHIN, KEY_SIGMA, KEY_ORDER, KEY_COUNT };
 static const lg_field keys[KEY_COUNT] = {
     [KEY_START] = {.name = "start", .type = LG_FIELD_REAL, .low = -DBL_MAX, .high = DBL_MAX},
-    [KEY_WITHIN] = {.name = "within", .type = LG_FIELD_REALS, .low = -DBL_MAX, .high = DBL_MAX, .most = 2},
-    [KEY_SIGMA] = {.name = "sigma", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
-    [KEY_ORDER] = {.name = "order", .type = LG_FIELD_NODE},
+    [KEY_WITHIN] = LG_KEY_WITHIN,
+    [KEY_SIGMA] = LG_KEY_SIGMA,
+    [KEY_ORDER] = LG_NODE("order"),
 };
 
 bool lg_machine_is_entry(const yaml_node_t *node) {

@@ -60,10 +60,10 @@ static lg_status read_truths(const reading *r, const yaml_node_t *node, paramete
 
 enum { KEY_START, KEY_UNKNOWN, KEY_WITHIN, KEY_SIGMA, KEY_COUNT };
 static const lg_field keys[KEY_COUNT] = {
-    [KEY_START] = {.name = "start", .type = LG_FIELD_NODE, .required = true},
-    [KEY_UNKNOWN] = {.name = "unknown", .type = LG_FIELD_NODE},
-    [KEY_WITHIN] = {.name = "within", .type = LG_FIELD_REALS, .low = -DBL_MAX, .high = DBL_MAX, .most = 2},
-    [KEY_SIGMA] = {.name = "sigma", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
+    [KEY_START] = LG_NODE("start", .required = true),
+    [KEY_UNKNOWN] = LG_NODE("unknown"),
+    [KEY_WITHIN] = LG_KEY_WITHIN,
+    [KEY_SIGMA] = LG_KEY_SIGMA,
 };
 
 /* Reads {start: ..., unknown: ..., within: [...], sigma: ...}; the latter hold for all unknown numbers.

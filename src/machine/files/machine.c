@@ -50,34 +50,33 @@ enum {
 };
 
 static const lg_field keys[KEY_COUNT] = {
-    [KEY_COLUMNS] = {.name = "columns", .type = LG_FIELD_MAP},
+    [KEY_COLUMNS] = LG_MAP("columns"),
     [KEY_TIME] = {.name = "columns.time", .type = LG_FIELD_TEXT},
     [KEY_RUN] = {.name = "columns.run", .type = LG_FIELD_TEXT},
     [KEY_MAX_STEP] =
         LG_FIELD(lg_machine_file, NULL, "columns.max_step", REAL, max_step, .above = true, .high = DBL_MAX),
-    [KEY_COORDINATES] = {.name = "coordinates", .type = LG_FIELD_NODE, .required = true},
-    [KEY_INPUTS] = {.name = "inputs", .type = LG_FIELD_MAP},
-    [KEY_INPUT_COLUMNS] = {.name = "inputs.columns", .type = LG_FIELD_NODE, .required = true},
-    [KEY_HOLD] = {.name = "inputs.hold", .type = LG_FIELD_NODE},
-    [KEY_DELAY] = {.name = "inputs.delay", .type = LG_FIELD_NODE},
-    [KEY_LAG] = {.name = "inputs.lag", .type = LG_FIELD_NODE},
-    [KEY_CURVE] = {.name = "inputs.curve", .type = LG_FIELD_NODE},
+    [KEY_COORDINATES] = LG_NODE("coordinates", .required = true),
+    [KEY_INPUTS] = LG_MAP("inputs"),
+    [KEY_INPUT_COLUMNS] = LG_NODE("inputs.columns", .required = true),
+    [KEY_HOLD] = LG_NODE("inputs.hold"),
+    [KEY_DELAY] = LG_NODE("inputs.delay"),
+    [KEY_LAG] = LG_NODE("inputs.lag"),
+    [KEY_CURVE] = LG_NODE("inputs.curve"),
     [KEY_MEASURED] = LG_FIELD(lg_machine_file, NULL, "measured", NAME, measured, .value_name = name_measured),
-    [KEY_NOISE] = {.name = "noise", .type = LG_FIELD_NODE},
-    [KEY_SCALE] = {.name = "scale", .type = LG_FIELD_NODE},
+    [KEY_NOISE] = LG_NODE("noise"),
+    [KEY_SCALE] = LG_NODE("scale"),
     [KEY_UNWRAP] = LG_FIELD(lg_machine_file, NULL, "unwrap", NAME, unwrap, .value_name = lg_name_truth),
     [KEY_SYSTEM] = {.name = "system", .type = LG_FIELD_TEXT},
     [KEY_FORM] = {.name = "form", .type = LG_FIELD_TEXT},
-    [KEY_PARAMETERS] = {.name = "parameters", .type = LG_FIELD_NODE},
-    [KEY_PARTS + LG_MACHINE_MASS] = {.name = "mass", .type = LG_FIELD_NODE},
-    [KEY_PARTS + LG_MACHINE_POTENTIAL] = {.name = "potential", .type = LG_FIELD_NODE},
-    [KEY_PARTS + LG_MACHINE_DAMPING] = {.name = "damping", .type = LG_FIELD_NODE},
-    [KEY_PARTS + LG_MACHINE_INPUT_MAP] = {.name = "input_map", .type = LG_FIELD_NODE},
-    [KEY_PARTS + LG_MACHINE_RESIDUAL] = {.name = "residual", .type = LG_FIELD_NODE},
-    [KEY_PARTS + LG_MACHINE_BIAS] = {.name = "bias", .type = LG_FIELD_NODE},
-    [KEY_PARTS + LG_MACHINE_OFFSET] = {.name = "offset", .type = LG_FIELD_NODE},
-    [KEY_HIDDEN] =
-        {.name = "hidden", .type = LG_FIELD_WHOLES, .low = 1, .high = 4096, .most = LG_MACHINE_HIDDEN},
+    [KEY_PARAMETERS] = LG_NODE("parameters"),
+    [KEY_PARTS + LG_MACHINE_MASS] = LG_NODE("mass"),
+    [KEY_PARTS + LG_MACHINE_POTENTIAL] = LG_NODE("potential"),
+    [KEY_PARTS + LG_MACHINE_DAMPING] = LG_NODE("damping"),
+    [KEY_PARTS + LG_MACHINE_INPUT_MAP] = LG_NODE("input_map"),
+    [KEY_PARTS + LG_MACHINE_RESIDUAL] = LG_NODE("residual"),
+    [KEY_PARTS + LG_MACHINE_BIAS] = LG_NODE("bias"),
+    [KEY_PARTS + LG_MACHINE_OFFSET] = LG_NODE("offset"),
+    [KEY_HIDDEN] = LG_KEY_HIDDEN,
 };
 
 enum {
@@ -100,11 +99,11 @@ static const lg_field coordinate_keys[OF_COUNT] = {
                  .hint = "; a state without inertia (a tank, a temperature) is no coordinate: learn it with "
                          "lg-fit, or with "
                          "a program of your own such as examples/own_ode"},
-    [OF_COLUMNS] = {.name = "columns", .type = LG_FIELD_NODE},
-    [OF_POSITION] = {.name = "position", .type = LG_FIELD_NODE},
-    [OF_VELOCITY] = {.name = "velocity", .type = LG_FIELD_NODE},
-    [OF_ACCELERATION] = {.name = "acceleration", .type = LG_FIELD_NODE},
-    [OF_RATES] = {.name = "rates", .type = LG_FIELD_NODE},
+    [OF_COLUMNS] = LG_NODE("columns"),
+    [OF_POSITION] = LG_NODE("position"),
+    [OF_VELOCITY] = LG_NODE("velocity"),
+    [OF_ACCELERATION] = LG_NODE("acceleration"),
+    [OF_RATES] = LG_NODE("rates"),
     [OF_FRAME] = LG_FIELD(lg_log_coordinate, NULL, "frame", NAME, space_frame, LG_NAMES("body", "space")),
 };
 

@@ -24,6 +24,14 @@ typedef struct lg_machine_reading {
 #define LG_READ_MAP(r, node, keys, values, what)                                                             \
     lg_yaml_read_below((r)->yaml, node, &(const lg_key_set){keys, LG_COUNT(values), values}, what, (r)->error)
 
+/* Rows of several tables. */
+#define LG_KEY_HIDDEN                                                                                        \
+    { .name = "hidden", .type = LG_FIELD_WHOLES, .low = 1, .high = 4096, .most = LG_MACHINE_HIDDEN }
+#define LG_KEY_WITHIN                                                                                        \
+    { .name = "within", .type = LG_FIELD_REALS, .low = -DBL_MAX, .high = DBL_MAX, .most = 2 }
+#define LG_KEY_SIGMA                                                                                         \
+    { .name = "sigma", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX }
+
 /* ---- nodes ---- */
 
 static inline uint32_t lg_node_line(const yaml_node_t *node) {

@@ -138,7 +138,7 @@ static void choose_settings(const lg_training *self) {
     const lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
     const bool positions = s->positions, noisy = s->noisy || s->estimated;
-    if (!self->given(self, "starts"))
+    if (!self->given(self, "initial-states"))
         run->starts = noisy ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     if (!self->given(self, "window")) {
         const uint32_t wanted = positions                    ? window_of_noise(run, s, 60)
@@ -148,9 +148,9 @@ static void choose_settings(const lg_training *self) {
         run->window = window_of_parts(&s->data.training, wanted);
     }
     if (!self->given(self, "substeps")) run->substeps = 1;
-    if (!self->given(self, "stride") || run->stride == 0) run->stride = find_stride(run, s);
+    if (!self->given(self, "hop") || run->stride == 0) run->stride = find_stride(run, s);
     const bool lm = lg_machine_is_small(&run->machine), dense = count_parameters(run, s) <= DENSE;
-    if (!self->given(self, "method"))
+    if (!self->given(self, "optimizer"))
         (void)lg_fit_plan_parse(lm ? "lm" : dense ? "ssbroyden" : "lbfgs", &run->training.plan, NULL);
     if (!self->given(self, "prior")) run->training.prior = ends_with_lm(&run->training.plan) ? 0.0 : prior;
     if (!self->given(self, "epochs")) run->training.epochs = lm ? 100 : 3000;
@@ -235,14 +235,14 @@ static lg_status describe(lg_training *self, lg_error *error) {
     if (run->machine.accelerations && run->starts != LG_MACHINE_STARTS_ESTIMATED)
         return lg_fail(
             error, LG_INVALID_ARGUMENT,
-            "--starts measured: logs of accelerations alone do not have the states at which windows "
+            "--initial-states measured: logs of accelerations alone do not have the states at which windows "
             "start: leave the option out");
     return LG_OK;
 }
 
 /* ---- the problem ---- */
 
-/* Warns if more than a hundredth of the rows is in no window, unless --stride, longer than a window, leaves
+/* Warns if more than a hundredth of the rows is in no window, unless --hop, longer than a window, leaves
  * them out. */
 static void warn_of_rows(const lg_training *self) {
     const lg_machine_model_run *run = self->run;
@@ -376,7 +376,7 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
 
 const lg_trainer lg_machine_model_learner = {.data = "MACHINE.yaml LOG...",
                                              .state_size = sizeof(lg_machine_state),
-                                             .held_out = "validation-part",
+                                             .held_out = "validation-fraction",
                                              .prior = true,
                                              .read = read_data,
                                              .describe = describe,

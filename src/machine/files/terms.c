@@ -28,13 +28,12 @@ enum {
 static const lg_field keys[KEY_COUNT] = {
     [KEY_KIND] = {.name = "kind", .type = LG_FIELD_TEXT, .required = true},
     [KEY_FORM] = {.name = "form", .type = LG_FIELD_TEXT},
-    [KEY_OF] = {.name = "of", .type = LG_FIELD_NODE},
-    [KEY_HIDDEN] =
-        {.name = "hidden", .type = LG_FIELD_WHOLES, .low = 1, .high = 4096, .most = LG_MACHINE_HIDDEN},
+    [KEY_OF] = LG_NODE("of"),
+    [KEY_HIDDEN] = LG_KEY_HIDDEN,
     [KEY_ACTIVATION] =
         LG_FIELD(lg_machine_term, NULL, "activation", NAME, activation, .value_name = lg_name_activation),
     [KEY_DEGREE] = LG_FIELD(lg_machine_term, NULL, "degree", U32, degree, .low = 1, .high = 8),
-    [KEY_VALUES] = {.name = "values", .type = LG_FIELD_NODE, .low = -DBL_MAX, .high = DBL_MAX},
+    [KEY_VALUES] = LG_NODE("values", .low = -DBL_MAX, .high = DBL_MAX),
     [KEY_COULOMB] = {.name = "coulomb", .type = LG_FIELD_NAME, .value_name = lg_name_truth},
     [KEY_QUADRATIC] = {.name = "quadratic", .type = LG_FIELD_NAME, .value_name = lg_name_truth},
     [KEY_WIDTH] = {.name = "width", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},

@@ -315,7 +315,7 @@ static lg_status reach_rest(lg_training *self, const lg_machine *machine, const 
         LG_WARN(
             self,
             "friction stops the machine within %.1g of a row, which %d steps per row do not resolve: give "
-            "`damping` a larger `width`, or --integrator variational",
+            "`damping` a larger `width`, or --scheme variational",
             1.0 / (run->dt * rate), MOST);
     return LG_OK;
 }

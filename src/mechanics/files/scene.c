@@ -92,38 +92,27 @@ static const char *reference_name(uint32_t value) {
     return value == 0 ? "parabola" : NULL;
 }
 
-enum {
-    KEY_SYSTEM,
-    KEY_FORM,
-    KEY_T_END,
-    KEY_INITIAL,
-    KEY_STARTS,
-    KEY_KIND,
-    KEY_LOW,
-    KEY_HIGH,
-    KEY_SEGMENTS,
-    KEY_AHEAD,
-    KEY_ENSEMBLE,
-    COMMON_KEYS
-};
-
-static const lg_field common_keys[COMMON_KEYS] = {
-    [KEY_SYSTEM] = {.name = "system", .type = LG_FIELD_NAME, .required = true, .value_name = system_name},
-    [KEY_FORM] = {.name = "form", .type = LG_FIELD_TEXT},
-    [KEY_T_END] = LG_FIELD(lg_scene, NULL, "t_end", REAL, t_end, .above = true, .high = LARGEST),
-    [KEY_INITIAL] = {.name = "initial", .type = LG_FIELD_MAP},
-    [KEY_STARTS] = {.name = "starts", .type = LG_FIELD_MAP},
-    [KEY_KIND] =
-        LG_FIELD(lg_scene, NULL, "starts.kind", NAME, starts, .required = true, .value_name = starts_name),
-    [KEY_LOW] = LG_FIELD(lg_scene, NULL, "starts.low", REAL, low, .low = -LARGEST, .high = LARGEST),
-    [KEY_HIGH] = LG_FIELD(lg_scene, NULL, "starts.high", REAL, high, .low = -LARGEST, .high = LARGEST),
-    [KEY_SEGMENTS] = LG_FIELD(lg_scene, NULL, "starts.segments", U32, segments, .low = 1, .high = 1000),
-    [KEY_AHEAD] = LG_FIELD(lg_scene, NULL, "starts.ahead", REAL, ahead, .high = LARGEST),
-    [KEY_ENSEMBLE] = LG_FIELD(lg_scene, NULL, "ensemble", TEXT, ensemble, .low = 0),
+static const lg_field common_keys[] = {
+    {.name = "system", .type = LG_FIELD_NAME, .required = true, .value_name = system_name},
+    {.name = "form", .type = LG_FIELD_TEXT},
+    LG_FIELD(lg_scene, NULL, "t_end", REAL, t_end, .above = true, .high = LARGEST),
+    LG_MAP("initial"),
+    LG_MAP("starts"),
+    LG_FIELD(lg_scene, NULL, "starts.kind", NAME, starts, .required = true, .value_name = starts_name),
+    LG_FIELD(lg_scene, NULL, "starts.low", REAL, low, .low = -LARGEST, .high = LARGEST),
+    LG_FIELD(lg_scene, NULL, "starts.high", REAL, high, .low = -LARGEST, .high = LARGEST),
+    LG_FIELD(lg_scene, NULL, "starts.segments", U32, segments, .low = 1, .high = 1000),
+    LG_FIELD(lg_scene, NULL, "starts.ahead", REAL, ahead, .high = LARGEST),
+    LG_FIELD(lg_scene, NULL, "ensemble", TEXT, ensemble, .low = 0),
 };
 static const lg_field links_key = {.name = "links", .type = LG_FIELD_U32, .low = 1, .high = MAX_LINKS};
 static const lg_field reference_key = {
     .name = "reference", .type = LG_FIELD_NAME, .value_name = reference_name};
+
+/* The line of a common key; 0: the file does not have it. */
+static uint32_t line_at(const lg_key_value *values, const char *name) {
+    return lg_yaml_value(common_keys, values, name)->line;
+}
 
 static size_t add_key(scene_table *table, const char *prefix, const lg_field *key) {
     const size_t at = table->count++;
@@ -175,7 +164,7 @@ static lg_status build_table(const char *system, const char *form, scene_table *
         table->own_key = momenta ? "p" : "omega";
         table->other_key = momenta ? "omega" : "p";
     }
-    for (size_t i = 0; i < COMMON_KEYS; i++) (void)add_key(table, "", &common_keys[i]);
+    for (size_t i = 0; i < LG_COUNT(common_keys); i++) (void)add_key(table, "", &common_keys[i]);
     if (has_links(system, form)) table->links_at = add_key(table, "", &links_key);
     if (has_reference(system)) (void)add_key(table, "", &reference_key);
     add_parameters(table);
@@ -220,7 +209,7 @@ static lg_status choose_form(lg_yaml *yaml, const char *system, const char *want
         *form = wanted != NULL ? wanted : form_of_initial(yaml, system);
         return LG_OK;
     }
-    LG_TRY(lg_yaml_name(yaml, &common_keys[KEY_FORM], &value, error));
+    LG_TRY(lg_yaml_name(yaml, lg_field_find(common_keys, "form"), &value, error));
     if (plainly_hamiltonian(system) && strcmp(value.text, "hamiltonian") == 0) return LG_OK;
     *form = find_form(system, value.text);
     if (*form == NULL) return wrong_form(yaml, system, &value, error);
@@ -272,8 +261,8 @@ static lg_status find_links(reading *r) {
             LG_TRY(count_links(r, table->other_at, row->rows * row->columns, &by));
     }
     if (r->links != 0) return LG_OK;
-    return lg_yaml_fail(r->yaml, table->values[KEY_SYSTEM].line, LG_FORMAT, r->error,
-                        "key 'links' or '%s' is missing", needed);
+    return lg_yaml_fail(r->yaml, table->values->line, LG_FORMAT, r->error, "key 'links' or '%s' is missing",
+                        needed);
 }
 
 /* ---- parameters ---- */
@@ -316,9 +305,8 @@ static lg_status create_system(reading *r, double *values, lg_named_values *name
     lg_error inner = {LG_OK, ""};
     const lg_status status = lg_system_create(r->context, table->system, &options, &r->out->system, &inner);
     if (status == LG_OK) return LG_OK;
-    return lg_yaml_fail(r->yaml, table->values[KEY_SYSTEM].line,
-                        status == LG_INVALID_ARGUMENT ? LG_FORMAT : status, r->error, "%.300s",
-                        inner.message);
+    return lg_yaml_fail(r->yaml, table->values->line, status == LG_INVALID_ARGUMENT ? LG_FORMAT : status,
+                        r->error, "%.300s", inner.message);
 }
 
 static lg_status read_system(reading *r) {
@@ -336,7 +324,7 @@ static lg_status read_starts(reading *r) {
     const lg_key_value *v = r->table->values;
     const lg_scene *out = r->out;
     if (!out->has_starts) return LG_OK;
-    uint32_t bounds = v[KEY_HIGH].line != 0 ? v[KEY_HIGH].line : v[KEY_LOW].line;
+    const uint32_t high = line_at(v, "starts.high"), bounds = high != 0 ? high : line_at(v, "starts.low");
     if (bounds != 0 && out->starts != LG_STARTS_BOX)
         return lg_yaml_fail(r->yaml, bounds, LG_FORMAT, r->error,
                             "starts: low and high can be given with kind: box only");
@@ -353,13 +341,13 @@ static lg_status fill(reading *r) {
                          .high = 1,
                          .segments = 1,
                          .context = r->context,
-                         .has_initial = v[KEY_INITIAL].line != 0,
-                         .has_t_end = v[KEY_T_END].line != 0,
-                         .has_starts = v[KEY_STARTS].line != 0,
-                         .line_system = v[KEY_SYSTEM].line,
-                         .line_form = v[KEY_FORM].line,
-                         .line_initial = v[KEY_INITIAL].line,
-                         .line_starts = v[KEY_STARTS].line};
+                         .has_initial = line_at(v, "initial") != 0,
+                         .has_t_end = line_at(v, "t_end") != 0,
+                         .has_starts = line_at(v, "starts") != 0,
+                         .line_system = line_at(v, "system"),
+                         .line_form = line_at(v, "form"),
+                         .line_initial = line_at(v, "initial"),
+                         .line_starts = line_at(v, "starts")};
     LG_TRY(lg_yaml_store(r->yaml, r->table->keys, v, r->table->count, r->out, r->error));
     LG_TRY(find_links(r));
     LG_TRY(read_starts(r));
@@ -370,11 +358,11 @@ static lg_status fill(reading *r) {
 static lg_status read_scene(const lg_context *context, lg_yaml *yaml, const char *form_wanted,
                             const lg_key_set *more, scene_table *table, lg_scene *out, lg_error *error) {
     const char *form;
-    if (!lg_yaml_has(yaml, "system") && lg_yaml_has(yaml, "integrators"))
+    if (!lg_yaml_has(yaml, "system") && (lg_yaml_has(yaml, "integrators") || lg_yaml_has(yaml, "schemes")))
         return lg_fail(error, LG_FORMAT, "%s: this file is a grid for `lg-hamiltonian study`, not a scene",
                        lg_shown_path(lg_yaml_path(yaml)));
-    LG_TRY(lg_yaml_name(yaml, &common_keys[KEY_SYSTEM], &table->values[KEY_SYSTEM], error));
-    const char *system = system_name((uint32_t)table->values[KEY_SYSTEM].real[0]);
+    LG_TRY(lg_yaml_name(yaml, common_keys, table->values, error)); /* the first key is `system` */
+    const char *system = system_name((uint32_t)table->values->real[0]);
     LG_TRY(choose_form(yaml, system, form_wanted, &form, error));
     LG_TRY(build_table(system, form, table, error));
     lg_key_set sets[2] = {{table->keys, table->count, table->values}, {NULL, 0, NULL}};

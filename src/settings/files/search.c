@@ -18,8 +18,8 @@ enum { KEY_FIXED, KEY_RANGES, KEY_COUNT };
 /* Both values are mappings whose keys are names of options. No table of fields lists these, so they are read
  * as nodes. */
 static const lg_field keys[KEY_COUNT] = {
-    [KEY_FIXED] = {.name = "fixed", .type = LG_FIELD_NODE},
-    [KEY_RANGES] = {.name = "ranges", .type = LG_FIELD_NODE, .required = true},
+    [KEY_FIXED] = LG_NODE("fixed"),
+    [KEY_RANGES] = LG_NODE("ranges", .required = true),
 };
 
 static const char *const kind_names[] = {[LG_RANGE_UNIFORM] = "uniform",

@@ -441,9 +441,11 @@ typedef struct reading {
 static const lg_field *find_key(const reading *r, const char *name, lg_key_value **value) {
     for (size_t s = 0; s < r->set_count; s++) {
         for (size_t i = 0; i < r->sets[s].count; i++) {
-            if (strcmp(r->sets[s].keys[i].name, name) != 0) continue;
+            const lg_field *key = &r->sets[s].keys[i];
+            if (strcmp(key->name, name) != 0 && (key->option == NULL || strcmp(key->option, name) != 0))
+                continue;
             *value = &r->sets[s].values[i];
-            return &r->sets[s].keys[i];
+            return key;
         }
     }
     return NULL;
@@ -544,6 +546,12 @@ static lg_status store(const lg_yaml *yaml, const lg_field *key, const lg_key_va
     else if (lg_field_set(key, value->text, into, &reason) != LG_OK)
         return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "%s: %.300s", key->name, reason.message);
     return LG_OK;
+}
+
+const lg_key_value *lg_yaml_value(const lg_field *keys, const lg_key_value *values, const char *name) {
+    size_t i = 0;
+    while (strcmp(keys[i].name, name) != 0) i++;
+    return &values[i];
 }
 
 lg_status lg_yaml_store(const lg_yaml *yaml, const lg_field *keys, const lg_key_value *values, size_t count,

@@ -20,6 +20,12 @@ typedef struct lg_key_value {
     const void *node; /* value of a NODE row */
 } lg_key_value;
 
+/* Rows of keys without a member: any node, and a mapping; any designated initialisers may follow. */
+#define LG_NODE(...)                                                                                         \
+    { .type = LG_FIELD_NODE, .name = __VA_ARGS__ }
+#define LG_MAP(...)                                                                                          \
+    { .type = LG_FIELD_MAP, .name = __VA_ARGS__ }
+
 /* A table of `count` rows, and the value that was read for each row. */
 typedef struct lg_key_set {
     const lg_field *keys;
@@ -50,11 +56,14 @@ const char *lg_yaml_path(const lg_yaml *yaml);
 /* The document of libyaml, for reading what is below a NODE. */
 struct yaml_document_s *lg_yaml_document(lg_yaml *yaml);
 
+/* The value of the key `name`, which must be a row of `keys`. */
+const lg_key_value *lg_yaml_value(const lg_field *keys, const lg_key_value *values, const char *name);
+
 /* True if the top mapping has the key. "initial.q" is the key q of its mapping `initial`. */
 bool lg_yaml_has(const lg_yaml *yaml, const char *key);
 /* Reads the value of a required NAME or TEXT key of the top mapping, before everything else is read. */
 lg_status lg_yaml_name(lg_yaml *yaml, const lg_field *key, lg_key_value *value, lg_error *error);
-/* Reads the top mapping. Fails, with the line in the message, for unknown, duplicate and missing keys, wrong
+/* Reads the top mapping. A key is a row's name, or its option. Fails, with the line in the message, for unknown, duplicate and missing keys, wrong
  * shapes, texts where numbers are expected, and numbers out of range. `elsewhere` (may be NULL) returns true
  * for keys of other systems; `system` is the name of this system. Both serve the message about an unknown
  * key. */

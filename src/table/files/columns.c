@@ -8,15 +8,18 @@
 #define COLUMNS                                                                                              \
     LG_OPTION(lg_table_given, inputs, STRING, "A,B,...",                                                     \
               "Columns to learn from (default: all that are not outputs). A name with a comma stands "       \
-              "in quotes: '\"time, s\",b'"),                                                                 \
-        LG_OPTION(lg_table_given, outputs, STRING, "Y,...", "Columns to learn (default: the last one)"),     \
+              "in quotes: '\"time, s\",b'",                                                                  \
+              .usual = true),                                                                                \
+        LG_OPTION(lg_table_given, outputs, STRING, "Y,...", "Columns to learn (default: the last one)",      \
+                  .usual = true),                                                                            \
         LG_OPTION(lg_table_given, without, STRING, "A,B,...", "Columns to leave out, such as texts"),        \
         LG_OPTION(lg_table_given, class_column, STRING, "COLUMN",                                            \
-                  "Classification: the column with the classes, texts or numbers", .option = "class")
+                  "Classification: the column with the classes, texts or numbers", .option = "class",        \
+                  .usual = true)
 const lg_field lg_table_given_rows[] = {
     COLUMNS,
     LG_OPTION(lg_table_given, test, STRING, "TABLE",
-              "Judge the model on this table (default: on the validation part)"),
+              "Judge the model on this table (default: on the validation part)", .usual = true),
     LG_FIELD_END};
 const lg_field lg_table_column_rows[] = {COLUMNS, LG_FIELD_END};
 

@@ -72,7 +72,7 @@ static lg_status check_plan(const lg_table_state *s, const lg_fit_plan *plan, lg
     for (uint32_t i = 0; i < plan->phases && !lg_table_is_regression(s); i++)
         if (lg_fit_method_squares((lg_fit_method)plan->phase[i].method))
             return lg_fail(error, LG_UNSUPPORTED,
-                           "--method lm minimises only sums of squares; for a classification, take lbfgs, "
+                           "--optimizer lm minimises only sums of squares; for a classification, take lbfgs, "
                            "ssbroyden or adam");
     return LG_OK;
 }
@@ -231,7 +231,7 @@ static void choose_method(lg_training *self) {
     const lg_table_state *s = self->state;
     lg_table_run *run = self->run;
     const bool large = lg_table_parameters(&run->model) > LG_TABLE_MOST_LM;
-    if (self->stored != NULL || !lg_table_is_regression(s) || self->given(self, "method")) return;
+    if (self->stored != NULL || !lg_table_is_regression(s) || self->given(self, "optimizer")) return;
     if (large) run->training.plan.phase[0].method = LG_FIT_LBFGS;
     if (!self->given(self, "epochs") && !self->given(self, "seconds")) {
         const double evaluations = WORK / lg_table_work(&run->model, (double)s->trained);
@@ -449,7 +449,7 @@ static const char *const sizes[] = {"4", "8", "16", "32", "16,16", "32,32", NULL
 const lg_trainer lg_table_learner = {.data = "TABLE",
                                      .state_size = sizeof(lg_table_state),
                                      .options = lg_table_given_rows,
-                                     .held_out = "validation",
+                                     .held_out = "validation-fraction",
                                      .kept = "test",
                                      .sizes = sizes,
                                      .prior = true,

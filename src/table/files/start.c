@@ -157,7 +157,7 @@ static lg_status find_priors(lg_training *self, bool go_on, size_t least_rows, c
     if (!go_on && !c->found.settled && 2 * evaluations < MOST_EVALUATIONS)
         LG_WARN(self,
                 "the search for weight decays ended after %u evaluations, before it settled: the network may "
-                "not follow the data closely enough; take a narrower network (--hidden), or --method "
+                "not follow the data closely enough; take a narrower network (--hidden), or --optimizer "
                 "ssbroyden --weight-decay 0",
                 c->found.evaluations);
     return LG_OK;

@@ -201,7 +201,7 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
 static const char *const sizes[] = {"8", "16", "32", NULL};
 static const lg_trainer trainer = {.data = "PAIRS.csv",
                                    .state_size = sizeof(state),
-                                   .held_out = "validation",
+                                   .held_out = "validation-fraction",
                                    .sizes = sizes,
                                    .read = read_pairs,
                                    .describe = describe,
