@@ -1,4 +1,4 @@
-/* Random search over the options of a program's train command. */
+/* Search over the options of a program's train command. */
 #include "common/search.h"
 
 #include <math.h>
@@ -22,6 +22,9 @@ const lg_field search_options[] = {
               "Compare a trial with earlier trials at R points (0: never), and stop it at a point that W or "
               "more trials have passed if at least the fraction Q of them was better there (default 5,5,0.5)",
               .high = 1e6, .most = 3),
+    LG_OPTION(search_values, sampler, NAME, NULL,
+              "How the values of a trial are chosen: at random, or near those of the best trials so far (tpe)",
+              .value_name = lg_search_sampler_name, .value = "random"),
     LG_OPTION(search_values, validation, REAL, "F",
               "Fraction of the training data that is held out; the objective is the error on this part",
               .low = 1e-9, .high = 0.9, .value = "0.1"),
@@ -274,6 +277,23 @@ static lg_status save(void *user, lg_error *error) {
                            search->setting, search->trials, search->count, error);
 }
 
+/* From how many trials a sampler learns for trial `number`: from all before it, but with J jobs not from the
+ * J - 1 last ones, which may be running. */
+static size_t seen_by(const searching *search, uint64_t number) {
+    const uint64_t jobs = search->work.tasks > 1 ? 1 : search->values->jobs;
+    return number + 1 > jobs ? (size_t)(number + 1 - jobs) : 0;
+}
+
+/* Sets *before to those of these trials that have ended. */
+static bool ended_before(searching *search, uint64_t number, const lg_trial **before, size_t *count) {
+    *count = 0;
+    for (size_t i = 0; i < seen_by(search, number); i++)
+        if (search->work.known[i]) search->trials[(*count)++] = search->results[i];
+    lg_search_settle(&search->options, search->trials, *count);
+    *before = search->trials;
+    return true;
+}
+
 /* Shows the trial's progress to the other processes. Returns true if all trials with lower numbers are done
  * or have also passed this rung; then these trials are in *before. */
 static bool known_before(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **before,
@@ -281,6 +301,7 @@ static bool known_before(void *user, const lg_trial *trial, uint32_t rung, const
     searching *search = user;
     const size_t number = (size_t)trial->number;
     const posted piece = {.trial = *trial};
+    if (rung == LG_TRIAL_BEGINS) return ended_before(search, number, before, count);
     trials_exchange(&search->work, number, &piece);
     for (size_t i = 0; i < number; i++)
         if (!search->work.known[i] && search->results[i].reports <= rung) return false;
@@ -296,6 +317,10 @@ static lg_status do_trial(void *user, size_t item, void *record, lg_error *error
     const lg_search_problem problem = {run_trial, search};
     posted *p = record;
     lg_error why = {LG_OK, ""};
+    /* Tasks and ranks do not wait for each other. */
+    const size_t waits = search->work.tasks > 1 ? 0 : seen_by(search, item);
+    if (lg_search_learns(&search->options) && !trials_wait(&search->work, waits))
+        return lg_fail(error, LG_CANCELLED, "the search was stopped");
     search->count = trials_known(&search->work);
     const lg_status status = lg_search_run_trial(&search->file->space, &search->options, &problem,
                                                  known_before, item, &p->trial, &why);
@@ -477,6 +502,7 @@ static void take_rungs(const app *self, lg_search_options *options) {
     char text[128];
     lg_search_options_init(options);
     options->seed = self->seed;
+    options->sampler = search_given.sampler;
     const double rungs = given->count > 0 ? given->values[0] : options->rungs,
                  warm_up = given->count > 1 ? given->values[1] : options->warm_up;
     if (given->count > 2) options->quantile = given->values[2];

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "kernels/kernels.h"
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/ops.h"
 #include "anomaly/detector_internal.h"
 
@@ -56,7 +56,7 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
     lg_status status = LG_OK;
     made.x = lg_alloc(context, count, numbers * k->size);
     made.label = lg_alloc(context, count, sizeof *made.label);
-    float *window = lg_alloc(context, numbers, sizeof *window);
+    LG_SCRATCH(float, window, context, numbers);
     if (made.x == NULL || made.label == NULL || window == NULL)
         status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu scaled windows of %zu numbers", count,
                          numbers);
@@ -70,7 +70,6 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
             status = lg_fail(error, LG_NOT_FINITE, "window %zu has numbers that are not finite after scaling",
                              index);
     }
-    lg_free(context, window);
     if (status != LG_OK) {
         lg_detector_data_destroy(&made);
         return status;

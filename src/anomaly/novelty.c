@@ -95,8 +95,8 @@ lg_status lg_novelty_factor(lg_novelty *v, lg_error *error) {
     size_t largest = 0;
     for (uint32_t g = 1; g < lg_novelty_groups(v); g++)
         if (lg_novelty_group(v, g).count > largest) largest = lg_novelty_group(v, g).count;
-    double *part = lg_alloc(v->context, largest * largest, sizeof *part);
-    if (part == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the distances of windows");
+    LG_TRY_SCRATCH(double, part, v->context, largest *largest,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the distances of windows"));
     size_t wrong = 0;
     for (uint32_t c = 0; c < v->classes; c++)
         for (uint32_t g = 1; g < lg_novelty_groups(v) && v->windows[c] > 0; g++) {
@@ -107,7 +107,6 @@ lg_status lg_novelty_factor(lg_novelty *v, lg_error *error) {
             wrong += lg_kernels_for(LG_F64)->spd_factor(1, group.count, part,
                                                         v->block + c * lg_novelty_block(v) + group.block);
         }
-    lg_free(v->context, part);
     if (wrong > 0) return lg_fail(error, LG_FORMAT, "novelty/precision is not positive definite");
     return LG_OK;
 }

@@ -197,7 +197,7 @@ static void set_limits(const fitting *f, size_t measured) {
  * would be in one fold, runs take the place of groups, and if that fails too, single rows. */
 static lg_status deal(const fitting *f, lg_error *error) {
     const uint32_t *const units[] = {f->series->group, f->series->run, NULL};
-    uint32_t *unit = lg_alloc(f->context, f->rows, sizeof *unit);
+    LG_SCRATCH(uint32_t, unit, f->context, f->rows);
     lg_status status = unit == NULL ? LG_OUT_OF_MEMORY : LG_OK;
     bool dealt = false;
     for (size_t u = 0; u < LG_COUNT(units) && status == LG_OK && !dealt; u++) {
@@ -206,7 +206,6 @@ static lg_status deal(const fitting *f, lg_error *error) {
         status = lg_series_folds(f->context, f->label, unit, f->rows, f->options->folds, f->fold, NULL);
         for (size_t i = 1; i < f->rows && units[u] != NULL && !dealt; i++) dealt = f->fold[i] != f->fold[0];
     }
-    lg_free(f->context, unit);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "no memory for %zu windows", f->rows);
 }
 

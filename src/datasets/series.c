@@ -44,13 +44,12 @@ static lg_status find_torn(const lg_context *context, const char *path, const lg
     size_t stretches = 0;
     *torn = false;
     if (s->run == NULL) return LG_OK;
-    uint32_t *sorted = lg_alloc(context, s->count, sizeof *sorted);
-    if (sorted == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    LG_TRY_SCRATCH(uint32_t, sorted, context, s->count,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path)));
     for (size_t i = 0; i < s->count; i++)
         if (i == 0 || s->run[i] != s->run[i - 1]) sorted[stretches++] = s->run[i];
     qsort(sorted, stretches, sizeof *sorted, compare_runs);
     for (size_t i = 1; i < stretches && !*torn; i++) *torn = sorted[i] == sorted[i - 1], *which = sorted[i];
-    lg_free(context, sorted);
     return LG_OK;
 }
 

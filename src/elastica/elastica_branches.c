@@ -180,8 +180,7 @@ static size_t minimum_rank(const branch_list *list, size_t index) {
  * minima passes over a saddle. */
 static lg_status search_between(const lg_beam *beam, lg_beam_work *w, branch_list *list) {
     const size_t n = beam->n, nodes = list->nodes;
-    double *ends = lg_alloc(w->context, 2 * nodes, sizeof *ends);
-    if (!ends) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(double, ends, w->context, 2 * nodes, LG_OUT_OF_MEMORY);
     size_t other = 0;
     const size_t count = list->count;
     if (count > 0) memcpy(ends, list->theta, nodes * sizeof *ends);
@@ -199,7 +198,6 @@ static lg_status search_between(const lg_beam *beam, lg_beam_work *w, branch_lis
             search_saddles(beam, w, list);
         }
     }
-    lg_free(w->context, ends);
     return lg_cancelled(w->context) ? LG_CANCELLED : LG_OK;
 }
 
@@ -277,9 +275,9 @@ lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *pro
         return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory");
     work.tolerance = o.gradient_tolerance;
     work.limit = o.max_iterations;
-    lg_beam_branch *branches = lg_alloc(context, room, sizeof *branches);
+    LG_SCRATCH(lg_beam_branch, branches, context, room);
     double *angles = lg_alloc(context, room, (n + 1) * sizeof *angles);
-    double *curve = lg_alloc(context, 4 * (n + 1), sizeof *curve);
+    LG_SCRATCH(double, curve, context, 4 * (n + 1));
     size_t found = 0;
     lg_status status = branches && angles && curve ? lg_beam_search(&frame.beam, &work, saddles, false, room,
                                                                     angles, branches, &found)
@@ -293,7 +291,7 @@ lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *pro
     } else {
         lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
     }
-    LG_FREE_ALL(context, branches, angles, curve);
+    lg_free(context, angles);
     lg_beam_work_destroy(&work);
     return status;
 }

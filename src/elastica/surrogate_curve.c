@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/program.h"
 #include "elastica/surrogate_internal.h"
 
@@ -535,8 +535,8 @@ lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *m
     const size_t rows = discrete ? (j.count < BLOCK ? j.count : BLOCK) : rows_for(model, nodes);
     lg_surrogate_curves *plans = NULL;
     LG_TRY(create(context, model, theta, LG_F64, rows, &plans, error));
-    void *work = lg_alloc(context, 1, lg_surrogate_curves_work_size(plans));
-    double *numbers = lg_alloc(context, 8 * nodes, sizeof(double));
+    LG_SCRATCH(char, work, context, lg_surrogate_curves_work_size(plans));
+    LG_SCRATCH(double, numbers, context, 8 * nodes);
     lg_status status = LG_OUT_OF_MEMORY;
     if (work != NULL && numbers != NULL) {
         place_nodes(&j, model, nodes, numbers);
@@ -545,7 +545,6 @@ lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *m
     } else {
         (void)lg_fail(error, status, "no memory for curves of %zu nodes", nodes);
     }
-    LG_FREE_ALL(context, numbers, work);
     lg_surrogate_curves_destroy(plans);
     return status;
 }

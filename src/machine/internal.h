@@ -2,6 +2,7 @@
 #ifndef LG_MACHINE_INTERNAL_H
 #define LG_MACHINE_INTERNAL_H
 
+#include "core/clean.h"
 #include "liegrad/machine.h"
 
 /* Indices of the parts of a state in an array of parts; -1 where the machine has no such part. */

@@ -83,9 +83,8 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
     }
     if (count == 0 || !has_damping(machine)) return LG_OK;
     const size_t n = machine->velocities, all = count * n;
-    double *memory =
-        lg_alloc(context, all * (machine->positions + 2 * n + machine->input_count), sizeof *memory);
-    if (memory == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(double, memory, context, all * (machine->positions + 2 * n + machine->input_count),
+                   lg_no_memory(error));
     probe p = {.count = (uint32_t)all, .v = memory, .after = memory + all * n, .q = memory + 2 * all * n};
     p.u = p.q + all * machine->positions;
     fill(machine, log, rows, count, &p);
@@ -101,6 +100,5 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
     }
     (void)lg_machine_conclude(tape, status, error);
     lg_tape_destroy(tape);
-    lg_free(context, memory);
     return status;
 }

@@ -386,11 +386,9 @@ static lg_status check(const lg_context *context, const double *x, const uint32_
     if (threads < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%d threads: at least one is needed", threads);
     LG_TRY(lg_check_table(x, n, d, error));
-    size_t *counts = lg_alloc(context, classes, sizeof *counts);
-    if (counts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes);
-    const lg_status status = lg_check_labels(label, n, classes, counts, error);
-    lg_free(context, counts);
-    return status;
+    LG_TRY_SCRATCH(size_t, counts, context, classes,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes));
+    return lg_check_labels(label, n, classes, counts, error);
 }
 
 lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *label, size_t n, uint32_t d,

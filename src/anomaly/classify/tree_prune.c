@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "anomaly/classify/tree.h"
-#include "core/core.h"
+#include "core/clean.h"
 
 #define NO_NODE UINT32_MAX
 
@@ -51,19 +51,16 @@ static void copy_kept(const lg_tree *tree, const bool *cut, visit *stack, lg_tre
 lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const bool *cut, lg_tree *out) {
     lg_tree copy = *tree;
     copy.context = context;
-    visit *stack = lg_alloc(context, (size_t)tree->count + 1, sizeof *stack);
-    if (stack == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(visit, stack, context, (size_t)tree->count + 1, LG_OUT_OF_MEMORY);
     copy.node = lg_alloc(context, copy.count, sizeof *copy.node);
     copy.counts = lg_alloc(context, (size_t)copy.count * copy.classes, sizeof *copy.counts);
-    const bool all = copy.node != NULL && copy.counts != NULL;
-    if (all) {
-        copy_kept(tree, cut, stack, &copy);
-        *out = copy;
-    } else {
+    if (copy.node == NULL || copy.counts == NULL) {
         lg_tree_destroy(&copy);
+        return LG_OUT_OF_MEMORY;
     }
-    lg_free(context, stack);
-    return all ? LG_OK : LG_OUT_OF_MEMORY;
+    copy_kept(tree, cut, stack, &copy);
+    *out = copy;
+    return LG_OK;
 }
 
 /* ---- the weakest links ---- */

@@ -89,22 +89,21 @@ static lg_status judge_fit(const trial_training *t, const lg_machine_problem *be
     const size_t P = t->run.machine.parameters, all = before->windows,
                  start = (lg_machine_problem_parameters(before) - P) / all;
     lg_machine_problem one = *before;
-    double *theta = lg_alloc(self->context, P + start + 1, sizeof *theta);
+    LG_TRY_SCRATCH(double, theta, self->context, P + start + 1, lg_no_memory(error));
     out->left = lg_alloc(self->context, all, sizeof *out->left);
-    lg_status status = theta != NULL && out->left != NULL ? LG_OK : lg_no_memory(error);
+    if (out->left == NULL) return lg_no_memory(error);
     one.substeps = t->run.substeps;
     one.windows = 1;
     one.validation = 0;
     out->rows = one.window;
     out->fits = all - before->validation;
-    if (status == LG_OK) memcpy(theta, self->theta, P * sizeof *theta);
-    for (size_t w = 0; w < out->fits && status == LG_OK; w++) {
+    memcpy(theta, self->theta, P * sizeof *theta);
+    for (size_t w = 0; w < out->fits; w++) {
         one.start = before->start + w;
         memcpy(theta + P, self->theta + P + w * start, start * sizeof *theta);
-        status = lg_machine_loss(self->context, &one, theta, &out->left[w], NULL, error);
+        LG_TRY(lg_machine_loss(self->context, &one, theta, &out->left[w], NULL, error));
     }
-    lg_free(self->context, theta);
-    return status;
+    return LG_OK;
 }
 
 static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error) {
@@ -165,18 +164,14 @@ lg_status lg_machine_try(const lg_choosing *c, lg_text *text, const lg_machine_t
                          lg_machine_trial *out, lg_error *error) {
     *out = (lg_machine_trial){.text = *text};
     *text = (lg_text){.context = c->quiet};
-    trial_training *t = lg_alloc(c->quiet, 1, sizeof *t);
-    if (out->text.failed || t == NULL) {
-        lg_free(c->quiet, t);
-        return lg_no_memory(error);
-    }
+    LG_TRY_SCRATCH(trial_training, t, c->quiet, 1, lg_no_memory(error));
+    if (out->text.failed) return lg_no_memory(error);
     begin_trial(c, from, t);
     out->status = read_trial(c, out->text.data, t, &out->why);
     if (out->status == LG_OK) out->status = learn(t, out, &out->why);
     if (out->status == LG_OK) out->status = judge(t, out, &out->why);
     lg_training_close(&t->training);
     lg_held_out_destroy(&t->held);
-    lg_free(c->quiet, t);
     const bool ends = out->status == LG_OUT_OF_MEMORY || out->status == LG_CANCELLED;
     return ends ? lg_fail(error, out->status, "%s", out->why.message) : LG_OK;
 }

@@ -3,7 +3,6 @@
 #ifndef LG_MACHINE_CHOICE_H
 #define LG_MACHINE_CHOICE_H
 
-#include "core/clean.h"
 #include "core/text.h"
 #include "machine/files/recipe.h"
 #include "model/files/training.h"

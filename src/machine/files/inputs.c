@@ -251,11 +251,8 @@ static lg_status choose(lg_training *self, grid *g, lg_error *error) {
 lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
     const lg_machine *machine = &((const lg_machine_state *)self->state)->data.file.machine;
     if (machine->input_count == 0 || machine->parameters == 0) return LG_OK;
-    grid *g = lg_alloc(self->context, 1, sizeof *g);
-    if (g == NULL) return lg_no_memory(error);
-    const lg_status status = choose(self, g, error);
-    lg_free(self->context, g);
-    return status;
+    LG_TRY_SCRATCH(grid, g, self->context, 1, lg_no_memory(error));
+    return choose(self, g, error);
 }
 
 /* Multiplies a parameter's row of W by the largest factor of the numbers that change with this parameter.

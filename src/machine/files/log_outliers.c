@@ -330,18 +330,17 @@ static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t firs
 }
 
 lg_status lg_log_compare_with_range(lg_log_table *t) {
-    double *work = lg_alloc(t->context, LG_LOG_SAMPLES, sizeof *work);
-    lg_status status = work != NULL ? LG_OK : lg_log_no_memory(t);
-    for (size_t first = 0, end; first < t->rows && status == LG_OK; first = end) {
+    LG_TRY_SCRATCH(double, work, t->context, LG_LOG_SAMPLES, lg_log_no_memory(t));
+    for (size_t first = 0, end; first < t->rows; first = end) {
         end = lg_log_file_end(t, first);
-        for (uint32_t i = 0; i < t->columns && status == LG_OK; i++) {
+        for (uint32_t i = 0; i < t->columns; i++) {
             bulk b;
             if (!lg_log_is_value(t, i)) continue;
             const bool known = find_bulk(t, i, first, end, work, &b);
-            status = refuse_huge(t, i, first, end, known ? &b : NULL);
+            const lg_status status = refuse_huge(t, i, first, end, known ? &b : NULL);
             if (known) warn_of_jumps(t, i, first, end, &b);
+            LG_TRY(status);
         }
     }
-    lg_free(t->context, work);
-    return status;
+    return LG_OK;
 }

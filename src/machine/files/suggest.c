@@ -354,12 +354,10 @@ static lg_status write_machine(lg_training *self, lg_error *error) {
     const char *text = state->data.file.text;
     const size_t head = sizeof LG_SUGGEST_HEAD - 1, bytes = state->data.file.text_bytes,
                  known = strncmp(text, LG_SUGGEST_HEAD, head) == 0 ? head : 0;
-    char *whole = lg_alloc(self->context, head + bytes - known, 1);
-    if (whole == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(char, whole, self->context, head + bytes - known, lg_no_memory(error));
     memcpy(whole, LG_SUGGEST_HEAD, head);
     memcpy(whole + head, text + known, bytes - known);
     const lg_status status = lg_file_write(self->context, state->suggest, whole, head + bytes - known, error);
-    lg_free(self->context, whole);
     if (status != LG_OK) self->failed = state->suggest;
     return status;
 }
@@ -368,8 +366,7 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     enum { MOST_WINDOWS = 150, ENOUGH = 2 * LG_HELD_OUT_WINDOWS };
     static const double part = 0.2, larger = 0.4;
     lg_machine_state *state = self->state;
-    search *s = lg_alloc(self->context, 1, sizeof *s);
-    if (s == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(search, s, self->context, 1, lg_no_memory(error));
     s->self = self;
     lg_status status = lg_choosing_begin(&s->choosing, self, part, LG_HELD_OUT_WINDOWS, error);
     if (status == LG_OK && s->choosing.held.count < ENOUGH) {
@@ -387,7 +384,6 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     if (status == LG_OK) status = write_machine(self, error);
     lg_machine_trial_destroy(&s->choosing, &s->present);
     lg_choosing_end(&s->choosing);
-    lg_free(self->context, s);
     return status;
 }
 
