@@ -57,13 +57,9 @@ lg_status sample_part(const lg_context *context, const lg_scene *scene, const lg
 
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
                        lg_trajectories *out, lg_error *error) {
-    lg_trajectories data;
+    APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0};
     LG_TRY(sample_create(context, scene, how, &data, error));
-    lg_status status = sample_part(context, scene, how, 0, data.count, &data, error);
-    if (status == LG_OK) status = lg_trajectories_set_truth(&data, scene->system);
-    if (status == LG_OK)
-        *out = data;
-    else
-        lg_trajectories_destroy(&data);
-    return status;
+    LG_TRY(sample_part(context, scene, how, 0, data.count, &data, error));
+    LG_TRY(lg_trajectories_set_truth(&data, scene->system));
+    return LG_HAND(out, data);
 }

@@ -288,7 +288,7 @@ lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *op
     LG_NEEDS(error, options, series, windows, out);
     (void)lg_fail(error, LG_OK, "%s", "");
     LG_TRY(check(options, series, windows, count, threads, error));
-    lg_novelty made;
+    LG_CLEAN(lg_novelty_destroy) lg_novelty made = {0};
     lg_scaler scaler;
     const uint32_t bands = bands_of(options->bands, series->channels, windows->length);
     LG_TRY(lg_novelty_allocate(context, series->channels, windows->length, series->classes, bands, &made,
@@ -306,9 +306,6 @@ lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *op
     }
     if (status == LG_OK) status = fit_all(&f, threads, error);
     release(&f);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_novelty_destroy(&made);
-    return status;
+    LG_TRY(status);
+    return LG_HAND(out, made);
 }

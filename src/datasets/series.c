@@ -104,26 +104,20 @@ static lg_status read_shape(read_call *call, lg_error *error) {
 /* Reads the labels first, because they give the number of classes; then allocates the set. */
 static lg_status read_labels(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
-    lg_labels labels = {.context = call->context};
-    lg_names names = {.context = call->context};
-    lg_status status = lg_labels_read(call->h5, "y", s->count, &labels, error);
-    if (status == LG_OK) status = lg_labels_classes(call->h5, call->ours, call->like, &labels, &names, error);
-    if (status == LG_OK) {
-        s->classes = names.count;
-        status =
-            lg_series_allocate(call->context, s, lg_h5_has(call->h5, "group"), lg_h5_has(call->h5, "run"));
-        if (status != LG_OK) (void)no_memory(call, error);
-    }
-    if (status == LG_OK) {
-        memcpy(s->class_name, names.name, names.count * sizeof *names.name);
-        for (size_t i = 0; i < s->count; i++) s->label[i] = labels.class_of[labels.label[i]];
-        if (labels.of_class.count > 0) s->class_label = lg_names_take(&labels.of_class);
-        call->by_number = labels.by_number;
-        call->guessed = labels.guessed;
-    }
-    lg_names_destroy(&names);
-    lg_labels_destroy(&labels);
-    return status;
+    LG_CLEAN(lg_labels_destroy) lg_labels labels = {.context = call->context};
+    LG_CLEAN(lg_names_destroy) lg_names names = {.context = call->context};
+    LG_TRY(lg_labels_read(call->h5, "y", s->count, &labels, error));
+    LG_TRY(lg_labels_classes(call->h5, call->ours, call->like, &labels, &names, error));
+    s->classes = names.count;
+    if (lg_series_allocate(call->context, s, lg_h5_has(call->h5, "group"), lg_h5_has(call->h5, "run")) !=
+        LG_OK)
+        return no_memory(call, error);
+    memcpy(s->class_name, names.name, names.count * sizeof *names.name);
+    for (size_t i = 0; i < s->count; i++) s->label[i] = labels.class_of[labels.label[i]];
+    if (labels.of_class.count > 0) s->class_label = lg_names_take(&labels.of_class);
+    call->by_number = labels.by_number;
+    call->guessed = labels.guessed;
+    return LG_OK;
 }
 
 /* Reads /group or /run. Numbers stay as they are; texts become 0, 1, ... in ascending order of the texts. */
@@ -264,17 +258,12 @@ lg_status lg_series_read(const lg_context *context, const char *path, const lg_r
     if (like != NULL && (like->classes < 1 || like->class_name == NULL))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%s: the series that gives the expected classes has no classes", lg_shown_path(path));
-    lg_series_data made = {.series = {.context = context}};
+    LG_CLEAN(lg_series_data_destroy) lg_series_data made = {.series = {.context = context}};
     read_call call = {.context = context, .path = path, .like = like, .out = &made};
-    const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
-    if (status != LG_OK) {
-        lg_series_data_destroy(&made);
-        return status;
-    }
+    LG_TRY(lg_h5_read(context, path, options, read_checked, &call, error));
     warn(&call);
     hash(&made);
-    *out = made;
-    return LG_OK;
+    return LG_HAND(out, made);
 }
 
 /* ---- writing ---- */

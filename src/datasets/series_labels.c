@@ -90,22 +90,16 @@ static lg_status meet_text(void *user, uint64_t index, const char *text, lg_erro
 /* The names were numbered in the order of occurrence. This renumbers them in ascending order. */
 static lg_status sort_texts(const lg_h5 *h5, lg_labels *labels, lg_error *error) {
     lg_names *text = &labels->text;
-    lg_names sorted = {.context = h5->context};
-    LG_SCRATCH(uint32_t, place, h5->context, text->count);
-    lg_status status = place != NULL ? LG_OK : LG_OUT_OF_MEMORY;
-    for (uint32_t i = 0; i < text->count && status == LG_OK; i++) {
+    LG_CLEAN(lg_names_destroy) lg_names sorted = {.context = h5->context};
+    LG_TRY_SCRATCH(uint32_t, place, h5->context, text->count, lg_h5_no_memory(h5, error));
+    for (uint32_t i = 0; i < text->count; i++) {
         place[text->order[i]] = i;
-        status = lg_names_add(&sorted, text->name[text->order[i]]);
+        if (lg_names_add(&sorted, text->name[text->order[i]]) != LG_OK) return lg_h5_no_memory(h5, error);
     }
-    for (size_t i = 0; i < labels->count && status == LG_OK; i++) labels->label[i] = place[labels->label[i]];
-    if (status != LG_OK) {
-        lg_names_destroy(&sorted);
-        return lg_h5_no_memory(h5, error);
-    }
+    for (size_t i = 0; i < labels->count; i++) labels->label[i] = place[labels->label[i]];
     labels->distinct = text->count;
     lg_names_destroy(text);
-    *text = sorted;
-    return LG_OK;
+    return LG_HAND(text, sorted);
 }
 
 static lg_status read_texts(lg_h5 *h5, const char *name, lg_labels *labels, lg_error *error) {

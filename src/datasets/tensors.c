@@ -265,17 +265,14 @@ static lg_status read_all(reading *r, lg_error *error) {
 
 lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensors *out, lg_error *error) {
     LG_NEEDS(error, path, out);
-    lg_tensors made = {.context = context};
+    LG_CLEAN(lg_tensors_destroy) lg_tensors made = {.context = context};
     reading r = {.context = context, .path = path, .out = &made};
     const lg_status status = read_all(&r, error);
     lg_yaml_close(r.header);
     if (r.from != NULL) (void)fclose(r.from);
     LG_FREE_ALL(context, r.text, r.places);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_tensors_destroy(&made);
-    return status;
+    LG_TRY(status);
+    return LG_HAND(out, made);
 }
 
 void lg_tensors_destroy(lg_tensors *tensors) {

@@ -4,6 +4,8 @@
 #include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
 
+LG_AT(lg_program_destroy, lg_program)
+
 typedef struct recording {
     const lg_hamiltonian *model;
     const lg_scheme *scheme;
@@ -152,17 +154,13 @@ lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian
                                  const lg_scheme *scheme, lg_program **out, lg_error *error) {
     LG_NEEDS(error, model, theta, out);
     recording r = {model, scheme != NULL ? scheme : lg_scheme_find(model->family->scheme)};
-    lg_program *made;
+    LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
     lg_rng rng;
     LG_TRY_SCRATCH(double, initial, context, lg_hamiltonian_parameters(model),
                    lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model"));
     lg_rng_seed(&rng, 1, 0);
     lg_hamiltonian_initialise(model, &rng, initial);
     LG_TRY(build(context, &r, initial, &made, error));
-    const lg_status status = finish(&r, made, theta, error);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_program_destroy(made);
-    return status;
+    LG_TRY(finish(&r, made, theta, error));
+    return LG_MOVE(out, made);
 }

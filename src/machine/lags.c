@@ -240,13 +240,13 @@ lg_status lg_machine_lagged_inputs(const lg_context *context, const lg_machine *
                                    lg_error *error) {
     LG_NEEDS(error, machine, log, at, out);
     if (machine->parameters > 0) LG_NEEDS(error, theta);
-    double tau[LG_MACHINE_LAGS], *states;
+    double tau[LG_MACHINE_LAGS];
     const size_t n = count * machine->lags;
     if (n == 0) return LG_OK;
-    states = lg_alloc(context, 3 * n, sizeof *states);
-    lg_status status = states != NULL ? read_taus(context, machine, theta, tau) : LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(double, states, context, 3 * n, lg_no_memory(error));
+    lg_status status = read_taus(context, machine, theta, tau);
     if (status == LG_OK) status = lg_machine_lag_states(machine, log, tau, at, count, states);
-    for (size_t i = 0; i < n && status == LG_OK; i++) out[i] = states[3 * i];
-    lg_free(context, states);
-    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_status_sentence(status));
+    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
+    for (size_t i = 0; i < n; i++) out[i] = states[3 * i];
+    return LG_OK;
 }

@@ -97,19 +97,15 @@ lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_optio
     if (count == 0 || d == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%zu rows of %u features: nothing to learn from", count,
                        d);
-    lg_classifier made = {.method = options->method, .classes = classes};
+    LG_CLEAN(free_fitted) lg_classifier made = {.method = options->method, .classes = classes};
     fitting f = {.context = context, .options = options, .n = count, .d = d};
-    lg_status status = fit_chain(&f, x, label, chosen, &made, error);
+    const lg_status status = fit_chain(&f, x, label, chosen, &made, error);
     if (f.p != f.x) lg_free(context, f.p);
     LG_FREE_ALL(context, f.x, f.label);
     made.features = out->features;
-    if (status == LG_OK) status = lg_classifier_ready(context, &made, error);
-    if (status != LG_OK) {
-        free_fitted(&made);
-        return status;
-    }
-    *out = made;
-    return LG_OK;
+    LG_TRY(status);
+    LG_TRY(lg_classifier_ready(context, &made, error));
+    return LG_HAND(out, made);
 }
 
 void lg_classifier_destroy(lg_classifier *classifier) {

@@ -494,14 +494,10 @@ lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint
     LG_TRY(lg_check_table(x, n, d, error));
     LG_TRY_SCRATCH(size_t, counts, context, classes,
                    lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes));
+    LG_CLEAN(lg_logistic_destroy)
     lg_logistic model = {.inputs = d, .classes = classes, .context = context};
-    const lg_status status = fit_model(context, x, label, n, c, counts, &model, error);
-    if (status != LG_OK) {
-        lg_logistic_destroy(&model);
-        return status;
-    }
-    *out = model;
-    return LG_OK;
+    LG_TRY(fit_model(context, x, label, n, c, counts, &model, error));
+    return LG_HAND(out, model);
 }
 
 void lg_logistic_destroy(lg_logistic *model) {

@@ -49,18 +49,15 @@ static void copy_kept(const lg_tree *tree, const bool *cut, visit *stack, lg_tre
 }
 
 lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const bool *cut, lg_tree *out) {
-    lg_tree copy = *tree;
+    LG_CLEAN(lg_tree_destroy) lg_tree copy = *tree;
     copy.context = context;
+    copy.node = NULL, copy.counts = NULL;
     LG_TRY_SCRATCH(visit, stack, context, (size_t)tree->count + 1, LG_OUT_OF_MEMORY);
     copy.node = lg_alloc(context, copy.count, sizeof *copy.node);
     copy.counts = lg_alloc(context, (size_t)copy.count * copy.classes, sizeof *copy.counts);
-    if (copy.node == NULL || copy.counts == NULL) {
-        lg_tree_destroy(&copy);
-        return LG_OUT_OF_MEMORY;
-    }
+    if (copy.node == NULL || copy.counts == NULL) return LG_OUT_OF_MEMORY;
     copy_kept(tree, cut, stack, &copy);
-    *out = copy;
-    return LG_OK;
+    return LG_HAND(out, copy);
 }
 
 /* ---- the weakest links ---- */

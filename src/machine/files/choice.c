@@ -7,15 +7,17 @@
 /* ---- what trials share ---- */
 
 lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, size_t windows,
-                            lg_error *error) {
+                            size_t most, lg_error *error) {
     const lg_machine_state *s = self->state;
-    *out = (lg_choosing){.self = self};
+    *out = (lg_choosing){.self = self, .most_windows = most};
     if (lg_context_quiet(self->context, &out->quiet) != LG_OK) return lg_no_memory(error);
     return lg_held_out_plan(self->context, &s->data.file.machine, &s->data.training, part, windows,
                             s->estimated || s->noisy, &out->held, error);
 }
 
 void lg_choosing_end(lg_choosing *choosing) {
+    for (size_t i = 0; i < choosing->count; i++) lg_machine_trial_destroy(choosing, &choosing->trials[i]);
+    lg_free(choosing->quiet, choosing->trials);
     lg_held_out_destroy(&choosing->held);
     lg_context_destroy(choosing->quiet);
     *choosing = (lg_choosing){.self = NULL};
@@ -192,9 +194,14 @@ static double loss_of(const lg_machine_trial *trial) {
     return isfinite(sum) ? sum / (double)trial->fits : INFINITY;
 }
 
-lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest *contest,
-                                 lg_machine_trial *trials, size_t *winner, lg_error *error) {
+lg_status lg_machine_contest_run(lg_choosing *c, const lg_machine_contest *contest, size_t *winner,
+                                 lg_error *error) {
     const lg_machine_trial *from = NULL, *best = NULL;
+    lg_machine_trial *trials = c->trials = lg_alloc(c->quiet, contest->count, sizeof *trials);
+    if (trials == NULL) return lg_no_memory(error);
+    c->count = contest->count;
+    *winner = 0;
+    if (c->held.count == 0) return LG_OK;
     for (size_t i = 0; i < contest->count; i++) {
         LG_CLEAN(lg_text_destroy)
         lg_text text =
@@ -205,7 +212,6 @@ lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest 
         if (trials[i].square != NULL && (best == NULL || contest->compare(c, &trials[i], best).ratio < 1))
             best = &trials[i];
     }
-    *winner = 0;
     while (best != NULL && &trials[*winner] != best &&
            (trials[*winner].square == NULL || contest->compare(c, best, &trials[*winner]).beats))
         ++*winner;

@@ -368,12 +368,11 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     lg_machine_state *state = self->state;
     LG_TRY_SCRATCH(search, s, self->context, 1, lg_no_memory(error));
     s->self = self;
-    lg_status status = lg_choosing_begin(&s->choosing, self, part, LG_HELD_OUT_WINDOWS, error);
+    lg_status status = lg_choosing_begin(&s->choosing, self, part, LG_HELD_OUT_WINDOWS, MOST_WINDOWS, error);
     if (status == LG_OK && s->choosing.held.count < ENOUGH) {
         lg_choosing_end(&s->choosing);
-        status = lg_choosing_begin(&s->choosing, self, larger, ENOUGH, error);
+        status = lg_choosing_begin(&s->choosing, self, larger, ENOUGH, MOST_WINDOWS, error);
     }
-    s->choosing.most_windows = MOST_WINDOWS;
     state->suggestion.windows = s->choosing.held.count;
     state->suggestion.seconds = (double)s->choosing.held.steps * state->data.logs.dt_median;
     if (status == LG_OK && s->choosing.held.count == 0)
