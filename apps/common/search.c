@@ -22,9 +22,10 @@ const lg_field search_options[] = {
               "Compare a trial with earlier trials at R points (0: never), and stop it at a point that W or "
               "more trials have passed if at least the fraction Q of them was better there (default 5,5,0.5)",
               .high = 1e6, .most = 3),
-    LG_OPTION(search_values, sampler, NAME, NULL,
-              "How the values of a trial are chosen: at random, or near those of the best trials so far (tpe)",
-              .value_name = lg_search_sampler_name, .value = "random"),
+    LG_OPTION(
+        search_values, sampler, NAME, NULL,
+        "How the values of a trial are chosen: at random, or near those of the best trials so far (tpe)",
+        .value_name = lg_search_sampler_name, .value = "random"),
     LG_OPTION(search_values, validation, REAL, "F",
               "Fraction of the training data that is held out; the objective is the error on this part",
               .low = 1e-9, .high = 0.9, .value = "0.1"),
@@ -48,6 +49,7 @@ typedef struct searching {
     size_t count, written, before; /* written: how many the file has */
     lg_error failure;              /* why the first failed trial of this call failed */
     uint64_t failed;               /* number of this trial */
+    bool stopped;                  /* while a trial waited for others */
     app_progress progress;
 } searching;
 
@@ -260,37 +262,33 @@ static bool take_trial(void *user, size_t item, void *record, bool done, bool ow
     return true;
 }
 
-/* Collects the trials that are done. */
-static void collect(searching *search) {
+/* Collects the trials that are done, of the first `end`. */
+static void collect(searching *search, size_t end) {
     search->count = 0;
-    for (size_t i = 0; i < search->values->trials; i++)
+    for (size_t i = 0; i < end; i++)
         if (search->work.known[i]) search->trials[search->count++] = search->results[i];
     lg_search_settle(&search->options, search->trials, search->count);
 }
 
 static lg_status save(void *user, lg_error *error) {
     searching *search = user;
-    collect(search);
+    collect(search, (size_t)search->values->trials);
     if (search->written == search->count) return LG_OK;
     search->written = search->count;
     return lg_trials_write(search->app->context, search->values->out, search->file, search->app->seed,
                            search->setting, search->trials, search->count, error);
 }
 
-/* From how many trials a sampler learns for trial `number`: from all before it, but with J jobs not from the
- * J - 1 last ones, which may be running. */
-static size_t seen_by(const searching *search, uint64_t number) {
-    const uint64_t jobs = search->work.tasks > 1 ? 1 : search->values->jobs;
-    return number + 1 > jobs ? (size_t)(number + 1 - jobs) : 0;
-}
-
-/* Sets *before to those of these trials that have ended. */
-static bool ended_before(searching *search, uint64_t number, const lg_trial **before, size_t *count) {
-    *count = 0;
-    for (size_t i = 0; i < seen_by(search, number); i++)
-        if (search->work.known[i]) search->trials[(*count)++] = search->results[i];
-    lg_search_settle(&search->options, search->trials, *count);
+/* Sets *before to the trials from which trial `number` learns: all before it, but with J jobs not the J - 1
+ * last ones, which may be running. Tasks and ranks take what they have, and do not wait for each other. */
+static bool ended_before(searching *search, size_t number, const lg_trial **before, size_t *count) {
+    const bool alone = search->work.tasks == 1;
+    const size_t last = alone ? (size_t)search->values->jobs : 1,
+                 end = number + 1 > last ? number + 1 - last : 0;
+    search->stopped = !trials_wait(&search->work, alone ? end : 0);
+    collect(search, end);
     *before = search->trials;
+    *count = search->count;
     return true;
 }
 
@@ -317,16 +315,13 @@ static lg_status do_trial(void *user, size_t item, void *record, lg_error *error
     const lg_search_problem problem = {run_trial, search};
     posted *p = record;
     lg_error why = {LG_OK, ""};
-    /* Tasks and ranks do not wait for each other. */
-    const size_t waits = search->work.tasks > 1 ? 0 : seen_by(search, item);
-    if (lg_search_learns(&search->options) && !trials_wait(&search->work, waits))
-        return lg_fail(error, LG_CANCELLED, "the search was stopped");
     search->count = trials_known(&search->work);
     const lg_status status = lg_search_run_trial(&search->file->space, &search->options, &problem,
                                                  known_before, item, &p->trial, &why);
     app_progress_end(&search->progress);
     app_progress_begin(&search->progress, search->before, search->values->trials);
     (void)snprintf(p->why, sizeof p->why, "%.*s", (int)sizeof p->why - 1, why.message);
+    if (search->stopped) return lg_fail(error, LG_CANCELLED, "the search was stopped");
     return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", why.message);
 }
 

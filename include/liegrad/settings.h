@@ -265,8 +265,6 @@ typedef struct lg_search_options {
 LG_API void lg_search_options_init(lg_search_options *options);
 /* The name of a sampler: "random", "tpe", ...; NULL beyond the last one. */
 LG_API const char *lg_search_sampler_name(uint32_t sampler);
-/* Whether the sampler's values depend on the trials that have ended. */
-LG_API bool lg_search_learns(const lg_search_options *options);
 
 /* Checks a space. Errors: LG_INVALID_ARGUMENT with a sentence for
  * - no range, more than LG_RANGE_MAX ranges, or two ranges with the same name

@@ -44,10 +44,7 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
                                   const uint32_t *chosen, size_t count, lg_dtype dtype, lg_detector_data *out,
                                   lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
-    if (model == NULL || scaler == NULL || series == NULL || windows == NULL || out == NULL)
-        return lg_fail(
-            error, LG_INVALID_ARGUMENT,
-            "the detector, the scaling, the series, the windows or the place for the data is NULL");
+    LG_NEEDS(error, model, scaler, series, windows, out);
     if (chosen == NULL) count = windows->count;
     LG_TRY(check_data(model, scaler, series, windows, chosen, count, error));
     const lg_kernels *k = lg_kernels_for(dtype);

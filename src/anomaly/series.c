@@ -232,7 +232,7 @@ lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, cons
     if (!in_range(windows, chosen, count)) return LG_INVALID_ARGUMENT;
     const size_t channels = series->channels;
     LG_CLEAN(lg_scaler_destroy) lg_scaler made = {.channels = series->channels, .context = context};
-    LG_TRY_SCRATCH(float, window, context, channels *windows->length, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(float, window, context, channels * windows->length, LG_OUT_OF_MEMORY);
     LG_TRY_SCRATCH(double, mean, context, 3 * channels, LG_OUT_OF_MEMORY);
     scan s = {series, windows, chosen, count, window};
     made.mean = lg_alloc(context, channels, sizeof *made.mean);

@@ -124,18 +124,16 @@ static lg_status read_labels(read_call *call, lg_error *error) {
 static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg_error *error) {
     const lg_series *s = &call->out->series;
     if (out == NULL) return LG_OK;
-    lg_labels units = {.context = call->context};
-    lg_status status = lg_labels_read(call->h5, name, s->count, &units, error);
-    for (size_t i = 0; i < s->count && status == LG_OK; i++) {
+    LG_CLEAN(lg_labels_destroy) lg_labels units = {.context = call->context};
+    LG_TRY(lg_labels_read(call->h5, name, s->count, &units, error));
+    for (size_t i = 0; i < s->count; i++) {
         const int64_t value = units.whole ? units.value[units.label[i]] : (int64_t)units.label[i];
         if (value < 0 || value > UINT32_MAX)
-            status = lg_fail(error, LG_FORMAT, "%s: /%s: is %lld at index (%zu), expected 0 to %u",
-                             lg_shown_path(call->path), name, (long long)value, i, UINT32_MAX);
-        else
-            out[i] = (uint32_t)value;
+            return lg_fail(error, LG_FORMAT, "%s: /%s: is %lld at index (%zu), expected 0 to %u",
+                           lg_shown_path(call->path), name, (long long)value, i, UINT32_MAX);
+        out[i] = (uint32_t)value;
     }
-    lg_labels_destroy(&units);
-    return status;
+    return LG_OK;
 }
 
 static lg_status check_runs(read_call *call, lg_error *error) {
@@ -253,8 +251,7 @@ static void warn(const read_call *call) {
 
 lg_status lg_series_read(const lg_context *context, const char *path, const lg_read_options *options,
                          const lg_series *like, lg_series_data *out, lg_error *error) {
-    if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
+    LG_NEEDS(error, path, out);
     if (like != NULL && (like->classes < 1 || like->class_name == NULL))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%s: the series that gives the expected classes has no classes", lg_shown_path(path));
@@ -352,16 +349,14 @@ lg_status lg_series_write(const lg_context *context, const char *path, lg_series
 /* ---- names of classes and channels in files of any kind ---- */
 
 lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error) {
-    if (writer == NULL || series == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file or the series is NULL");
+    LG_NEEDS(error, writer, series);
     lg_h5 *h5 = lg_file_writer_h5(writer);
     LG_TRY(lg_sensing_check(h5->context, h5->path, series, error));
     return lg_sensing_put(h5, series, error);
 }
 
 lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error) {
-    if (reader == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file or `out` is NULL");
+    LG_NEEDS(error, reader, out);
     lg_h5 *h5 = lg_file_reader_h5(reader);
     lg_series names = {.classes = 0};
     LG_TRY(lg_sensing_get(h5, &names, error));

@@ -228,7 +228,7 @@ lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *proble
                             const lg_elastica_options *options, double *theta, lg_elastica_solution *solution,
                             lg_error *error) {
     lg_elastica_options o;
-    lg_beam_work work;
+    LG_CLEAN(lg_beam_work_destroy) lg_beam_work work = {.memory = NULL};
     lg_beam_end end = LG_BEAM_LOST;
     LG_TRY(lg_elastica_check(problem, error));
     LG_TRY(lg_elastica_options_take(options, &o, error));
@@ -263,6 +263,5 @@ lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *proble
     } else if (status != LG_NOT_FINITE) {
         lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
     }
-    lg_beam_work_destroy(&work);
     return status;
 }

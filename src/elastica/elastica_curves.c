@@ -200,9 +200,7 @@ static lg_status run(job *j, size_t tasks, lg_error *error) {
 
 lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_sampling *sampling,
                                lg_elastica_curves *out, lg_error *error) {
-    if (!sampling || !out)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "elastica: the sampling or the place for the curves is NULL");
+    LG_NEEDS(error, sampling, out);
     LG_TRY(check_sampling(sampling, error));
     const size_t families = (size_t)sampling->both_ends + sampling->right_end;
     const size_t blocks = (sampling->count - 1) / BLOCK + 1;

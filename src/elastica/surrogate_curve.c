@@ -532,18 +532,13 @@ lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *m
     const size_t nodes = (size_t)curves->intervals + 1;
     const bool discrete = model->options.kind == LG_SURROGATE_DISCRETE;
     const size_t rows = discrete ? (j.count < BLOCK ? j.count : BLOCK) : rows_for(model, nodes);
-    lg_surrogate_curves *plans = NULL;
+    LG_CLEAN(lg_surrogate_curves_destroy_at) lg_surrogate_curves *plans = NULL;
     LG_TRY(create(context, model, theta, LG_F64, rows, &plans, error));
     LG_SCRATCH(char, work, context, lg_surrogate_curves_work_size(plans));
     LG_SCRATCH(double, numbers, context, 8 * nodes);
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (work != NULL && numbers != NULL) {
-        place_nodes(&j, model, nodes, numbers);
-        judge_all(&j, plans, work);
-        status = finish(&j, model, node_error, out, error);
-    } else {
-        (void)lg_fail(error, status, "no memory for curves of %zu nodes", nodes);
-    }
-    lg_surrogate_curves_destroy(plans);
-    return status;
+    if (work == NULL || numbers == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for curves of %zu nodes", nodes);
+    place_nodes(&j, model, nodes, numbers);
+    judge_all(&j, plans, work);
+    return finish(&j, model, node_error, out, error);
 }

@@ -9,6 +9,8 @@
 #include "kernels/matrix.h"
 #include "mechanics/system.h"
 
+LG_AT(lg_stepper_destroy, lg_stepper)
+
 enum { MOST = LG_CONSTRAINT_MOST };
 
 static lg_status needs_motion(const lg_constraint *constraint, lg_error *error) {
@@ -210,22 +212,17 @@ lg_status lg_constraint_flow(const lg_constraint *constraint, double tolerance, 
     const size_t n = constraint->n;
     flow self = {.of = constraint};
     lg_ode ode = {.field = field, .user = &self};
-    lg_stepper *stepper = NULL;
+    LG_CLEAN(lg_stepper_destroy_at) lg_stepper *stepper = NULL;
     double size = 0.0;
     for (size_t i = 0; i < n; i++) size += y0[i] * y0[i];
     LG_TRY(lg_space_init_rn(&ode.space, 2 * n));
-    self.work = lg_alloc(constraint->context, lg_plan_work_size(constraint->field), 1);
-    lg_status status = self.work != NULL
-                           ? lg_stepper_create(constraint->context, lg_scheme_find("dp85"), &ode, &stepper)
-                           : LG_OUT_OF_MEMORY;
-    if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
-    if (status == LG_OK) {
-        memmove(out, y0, 2 * n * sizeof *y0);
-        status = follow(stepper, constraint, sqrt(size), tolerance, times, count, out, error);
-    }
-    lg_stepper_destroy(stepper);
-    lg_free(constraint->context, self.work);
-    return status;
+    LG_TRY_SCRATCH(char, work, constraint->context, lg_plan_work_size(constraint->field),
+                   lg_no_memory(error));
+    self.work = work;
+    const lg_status status = lg_stepper_create(constraint->context, lg_scheme_find("dp85"), &ode, &stepper);
+    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
+    memmove(out, y0, 2 * n * sizeof *y0);
+    return follow(stepper, constraint, sqrt(size), tolerance, times, count, out, error);
 }
 
 /* ---- samples ---- */

@@ -131,7 +131,7 @@ lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, s
     const white of = {P, clear_open(count, n, P, h)};
     *block = 0;
     if (most == 0 || of.trace < nothing) return LG_OK;
-    LG_TRY_SCRATCH(double, parts, context, n * n + (TOGETHER + 1) * n, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(double, parts, context, n *n + (TOGETHER + 1) * n, LG_OUT_OF_MEMORY);
     double *sums = parts + n * n;
     centre(count, n, h);
     for (size_t i = 0; i < count * n; i++) h[i] /= sqrt(share);

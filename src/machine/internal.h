@@ -5,6 +5,8 @@
 #include "core/clean.h"
 #include "liegrad/machine.h"
 
+LG_AT(lg_tape_destroy, lg_tape)
+
 /* Indices of the parts of a state in an array of parts; -1 where the machine has no such part. */
 typedef struct lg_machine_places {
     int x, q, p, R, m, z;

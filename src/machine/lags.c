@@ -225,14 +225,13 @@ lg_status lg_machine_lag_states(const lg_machine *machine, const lg_machine_log 
 /* Time constants of all lags, in seconds. */
 static lg_status read_taus(const lg_context *context, const lg_machine *machine, const double *theta,
                            double *tau) {
-    lg_tape *tape = NULL;
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     lg_machine_vars vars;
     LG_TRY(lg_tape_create(context, NULL, &tape));
-    lg_status status = lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars);
-    if (status == LG_OK) status = lg_read(tape, vars.lag, machine->lags, tau);
-    lg_tape_destroy(tape);
+    LG_TRY(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars));
+    LG_TRY(lg_read(tape, vars.lag, machine->lags, tau));
     for (uint32_t k = 0; k < machine->lags; k++) tau[k] = machine->scales.time * exp(tau[k]);
-    return status;
+    return LG_OK;
 }
 
 lg_status lg_machine_lagged_inputs(const lg_context *context, const lg_machine *machine, const double *theta,

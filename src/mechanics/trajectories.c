@@ -233,8 +233,7 @@ lg_status lg_system_generate(const lg_context *context, const lg_system *system,
     lg_trajectory_options defaults;
     lg_trajectory_options_init(&defaults);
     const lg_trajectory_options *o = options ? options : &defaults;
-    if (!system || !t || !trajectories || !hamiltonian)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    LG_NEEDS(error, system, t, trajectories, hamiltonian);
     const char *fault = lg_trajectory_fault(o);
     if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "%s", fault);
     const size_t d = system->space.dim, n = o->trajectories;

@@ -19,8 +19,7 @@ static double clamp(double x, double low, double high) {
 
 double lg_range_at(const lg_range *range, double u) {
     const double low = range->low, high = range->high;
-    if (range->kind == LG_RANGE_LOG_UNIFORM)
-        return clamp(exp(log(low) * (1 - u) + log(high) * u), low, high);
+    if (range->kind == LG_RANGE_LOG_UNIFORM) return clamp(exp(log(low) * (1 - u) + log(high) * u), low, high);
     return low == high ? low : clamp(low * (1 - u) + high * u, low, nextafter(high, low));
 }
 

@@ -38,17 +38,10 @@ static double middle(double cell, double cells) {
 
 static double place_of(const lg_range *range, double x) {
     const double low = range->low, high = range->high;
-    switch (range->kind) {
-    case LG_RANGE_LOG_UNIFORM:
-        return (log(x) - log(low)) / (log(high) - log(low));
-    case LG_RANGE_INTEGER:
-        return middle(x - low, cells_of(range));
-    case LG_RANGE_UNIFORM:
-        return (0.5 * x - 0.5 * low) / (0.5 * high - 0.5 * low); /* high - low may overflow */
-    case LG_RANGE_CHOICE:
-        break;
-    }
-    return x;
+    if (range->kind == LG_RANGE_CHOICE) return x;
+    if (range->kind == LG_RANGE_INTEGER) return middle(x - low, cells_of(range));
+    if (range->kind == LG_RANGE_LOG_UNIFORM) return (log(x) - log(low)) / (log(high) - log(low));
+    return (0.5 * x - 0.5 * low) / (0.5 * high - 0.5 * low); /* high - low may overflow */
 }
 
 static double value_at(const lg_range *range, double place) {

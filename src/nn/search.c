@@ -8,7 +8,7 @@
 #include "core/core.h"
 #include "liegrad/core.h"
 
-#define SAMPLERS(X) X(random) X(tpe)
+#define SAMPLERS(X)   X(random) X(tpe)
 #define SAMPLER(name) extern const lg_sampler lg_sampler_##name;
 SAMPLERS(SAMPLER)
 #undef SAMPLER
@@ -31,10 +31,6 @@ const char *lg_trial_state_name(lg_trial_state state) {
 
 const char *lg_search_sampler_name(uint32_t sampler) {
     return sampler < LG_COUNT(samplers) ? samplers[sampler]->name : NULL;
-}
-
-bool lg_search_learns(const lg_search_options *options) {
-    return options != NULL && options->sampler < LG_COUNT(samplers) && samplers[options->sampler]->learns;
 }
 
 void lg_search_options_init(lg_search_options *options) {
@@ -202,8 +198,8 @@ static lg_status choose_values(const lg_search *search, const lg_search_space *s
     const lg_trial *done = NULL;
     lg_trial *trial = search->trial;
     size_t count = 0;
-    if (sampler->learns && (search->known == NULL ||
-                            !search->known(search->user, trial, LG_TRIAL_BEGINS, &done, &count)))
+    if (sampler->learns &&
+        (search->known == NULL || !search->known(search->user, trial, LG_TRIAL_BEGINS, &done, &count)))
         count = 0;
     return sampler->next(space, search->options->seed, trial->number, done, count, trial->value);
 }

@@ -33,8 +33,7 @@ static lg_status check_widths(const lg_table_options *o, lg_error *error) {
 
 lg_status lg_table_init(lg_table *model, const lg_table_options *options, uint32_t inputs, uint32_t outputs,
                         lg_error *error) {
-    if (model == NULL || options == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the model or the options are NULL");
+    LG_NEEDS(error, model, options);
     if ((unsigned)options->task >= LG_TABLE_TASK_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown task");
     if (options->task == LG_TABLE_CLASSIFICATION && outputs < 2)

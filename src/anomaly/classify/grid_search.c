@@ -16,10 +16,10 @@ typedef struct search {
     const uint32_t *chosen;
     size_t rows;
     uint32_t d, classes;
-    uint32_t *fold; /* (rows) fold of each chosen row */
-    double *part;       /* (count, folds) accuracy of each option in each fold */
-    lg_status *status;  /* (count, folds) */
-    lg_error *error;    /* (count, folds) */
+    uint32_t *fold;    /* (rows) fold of each chosen row */
+    double *part;      /* (count, folds) accuracy of each option in each fold */
+    lg_status *status; /* (count, folds) */
+    lg_error *error;   /* (count, folds) */
 } search;
 
 /* Collects the table rows that fold `fold` is tested on (`test`), or the rows that it is trained on. Without

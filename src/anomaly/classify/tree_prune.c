@@ -136,29 +136,21 @@ lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, s
                                lg_pruning_step *steps, size_t *count) {
     if (tree == NULL || tree->count == 0 || count == NULL || (steps == NULL && room > 0))
         return LG_INVALID_ARGUMENT;
-    pruner p = {.nodes = 0};
-    const lg_status status = pruner_create(context, tree, &p);
-    if (status == LG_OK) {
-        size_t done = 0;
-        do {
-            if (done < room) steps[done] = (lg_pruning_step){p.alpha, p.at[0].below, p.nodes};
-            done++;
-        } while (cut_weakest(&p, (double)INFINITY));
-        *count = done;
-    }
-    pruner_free(&p);
-    return status;
+    LG_CLEAN(pruner_free) pruner p = {.nodes = 0};
+    LG_TRY(pruner_create(context, tree, &p));
+    *count = 0;
+    do {
+        if (*count < room) steps[*count] = (lg_pruning_step){p.alpha, p.at[0].below, p.nodes};
+        ++*count;
+    } while (cut_weakest(&p, (double)INFINITY));
+    return LG_OK;
 }
 
 lg_status lg_tree_prune(const lg_context *context, const lg_tree *tree, double alpha, lg_tree *out) {
     if (tree == NULL || tree->count == 0 || out == NULL || !(alpha >= 0.0)) return LG_INVALID_ARGUMENT;
-    pruner p = {.nodes = 0};
-    lg_status status = pruner_create(context, tree, &p);
-    if (status == LG_OK) {
-        while (cut_weakest(&p, alpha)) {
-        }
-        status = lg_tree_compact(context, &p.tree, p.cut, out);
+    LG_CLEAN(pruner_free) pruner p = {.nodes = 0};
+    LG_TRY(pruner_create(context, tree, &p));
+    while (cut_weakest(&p, alpha)) {
     }
-    pruner_free(&p);
-    return status;
+    return lg_tree_compact(context, &p.tree, p.cut, out);
 }

@@ -220,15 +220,12 @@ lg_status lg_machine_contest_run(lg_choosing *c, const lg_machine_contest *conte
 
 lg_status lg_machine_reread(lg_training *self, const lg_text *text, lg_error *error) {
     lg_machine_state *s = self->state;
-    lg_machine_data data = {.failed = NULL};
+    LG_CLEAN(lg_machine_data_destroy) lg_machine_data data = {.failed = NULL};
     if (text->failed) return lg_no_memory(error);
-    const lg_status status = read_again(self->context, self, text->data, false, &data, error);
-    if (status == LG_OK) {
-        const lg_machine_data before = s->data;
-        s->data = data;
-        data = before;
-        lg_machine_look(s);
-    }
-    lg_machine_data_destroy(&data);
-    return status;
+    LG_TRY(read_again(self->context, self, text->data, false, &data, error));
+    const lg_machine_data before = s->data;
+    s->data = data;
+    data = before;
+    lg_machine_look(s);
+    return LG_OK;
 }

@@ -366,8 +366,8 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
                       .options = options,
                       .error = error,
                       .columns = file->column_count};
-    lg_logs *made = t.out = lg_alloc(context, 1, sizeof *made);
-    if (made == NULL) return lg_log_no_memory(&t);
+    LG_TRY_SCRATCH(lg_logs, made, context, 1, lg_log_no_memory(&t));
+    t.out = made;
     made->context = context;
     t.place = lg_alloc(context, count, sizeof *t.place);
     const lg_status status = t.place != NULL ? read_logs(&t) : lg_log_no_memory(&t);
@@ -376,7 +376,6 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
         *out = *made;
     else
         lg_logs_destroy(made);
-    lg_free(context, made);
     return status;
 }
 

@@ -436,8 +436,7 @@ static lg_status read_documents(reading *r, lg_key_value *values) {
 
 lg_status lg_machine_file_parse(const lg_context *context, const char *name, const char *text, size_t bytes,
                                 lg_machine_file *out, lg_error *error) {
-    if (name == NULL || text == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the name, the text or the place for the machine is NULL");
+    LG_NEEDS(error, name, text, out);
     LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
     LG_TRY(lg_yaml_open_several(context, name, text, bytes, &yaml, error));
     LG_SCRATCH(lg_machine_file, made, context, 1);
