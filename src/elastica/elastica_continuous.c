@@ -153,7 +153,7 @@ lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elast
         status = guess ? lg_beam_take_guess(&frame, o.guess, guess, error) : LG_OUT_OF_MEMORY;
     if (status == LG_OK)
         status = o.guess ? solve_from(c, &fine, guess, frame.beam.n, o.max_step, &work, &end)
-                       : solve(c, &fine, o.max_step, &work, &end);
+                         : solve(c, &fine, o.max_step, &work, &end);
     if (status == LG_OK) {
         lg_collocation_export(c, problem, &frame, theta, q);
         if (solution) report(&frame, c, &work, solution);

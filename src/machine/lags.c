@@ -134,13 +134,11 @@ lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *
                                    const lg_machine_log *log, lg_machine_filter **out, lg_error *error) {
     LG_NEEDS(error, machine, log, out);
     const uint32_t n = machine->lags;
-    lg_machine_filter *made = lg_alloc(context, 1, sizeof *made);
-    double *start = lg_alloc(context, log->parts * n + 1, sizeof *start);
-    if (made == NULL || start == NULL) {
-        LG_FREE_ALL(context, made, start);
+    LG_SCRATCH(double, start, context, log->parts *n + 1);
+    lg_machine_filter *made = start != NULL ? lg_alloc(context, 1, sizeof *made) : NULL;
+    if (made == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the lags of %u inputs", machine->input_count);
-    }
-    *made = (lg_machine_filter){.context = context, .log = *log, .lags = n, .start = start};
+    *made = (lg_machine_filter){.context = context, .log = *log, .lags = n, .start = LG_KEEP(start)};
     made->log.filter = NULL;
     pthread_mutex_init(&made->mutex, NULL);
     for (size_t p = 0; p < log->parts; p++) start_at(machine, log, p, start + p * n);

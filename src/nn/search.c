@@ -198,10 +198,9 @@ static lg_status choose_values(const lg_search *search, const lg_search_space *s
     const lg_trial *done = NULL;
     lg_trial *trial = search->trial;
     size_t count = 0;
-    if (sampler->learns &&
-        (search->known == NULL || !search->known(search->user, trial, LG_TRIAL_BEGINS, &done, &count)))
-        count = 0;
-    return sampler->next(space, search->options->seed, trial->number, done, count, trial->value);
+    const bool any = sampler->learns && search->known != NULL &&
+                     search->known(search->user, trial, LG_TRIAL_BEGINS, &done, &count);
+    return sampler->next(space, search->options->seed, trial->number, done, any ? count : 0, trial->value);
 }
 
 /* Runs the trial of `search`. Returns false if the trial was cancelled; the trial is not kept then. */

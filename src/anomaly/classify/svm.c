@@ -347,11 +347,10 @@ lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, doub
     if (!isfinite(t.parameter.C) || t.parameter.C == 0.0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "C = %g does not fit the size of the features: scale them",
                        c);
-    t.counts = lg_alloc(context, classes, sizeof *t.counts);
-    if (t.counts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes);
-    const lg_status status = fit_model(&t, label, &svm, error);
-    lg_free(context, t.counts);
-    LG_TRY(status);
+    LG_TRY_SCRATCH(size_t, counts, context, classes,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes));
+    t.counts = counts;
+    LG_TRY(fit_model(&t, label, &svm, error));
     return LG_HAND(out, svm);
 }
 

@@ -133,14 +133,10 @@ static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error
 static lg_status judge(const trial_training *t, lg_machine_trial *out, lg_error *error) {
     const lg_learned_machine model =
         lg_model_learned(t->training.context, &t->run, out->learned.theta, t->state.estimated);
-    out->square = lg_alloc(t->training.context, t->held.count, sizeof *out->square);
-    if (out->square == NULL) return lg_no_memory(error);
-    const lg_status status = lg_held_out_judge(&t->held, &model, &t->state.data.training, out->square, error);
-    if (status != LG_OK) {
-        lg_free(t->training.context, out->square);
-        out->square = NULL;
-    }
-    return status;
+    LG_TRY_SCRATCH(double, square, t->training.context, t->held.count, lg_no_memory(error));
+    LG_TRY(lg_held_out_judge(&t->held, &model, &t->state.data.training, square, error));
+    out->square = LG_KEEP(square);
+    return LG_OK;
 }
 
 static void begin_trial(const lg_choosing *c, const lg_machine_trial *from, trial_training *t) {

@@ -305,19 +305,18 @@ static void drop_round(search *s) {
 
 /* One round. *more: a candidate was taken. */
 static lg_status play_round(search *s, bool *more, lg_error *error) {
-    lg_machine_file file;
+    LG_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.text = NULL};
     candidate *taken = NULL;
     s->first = ((const lg_machine_state *)s->self->state)->suggestion.count;
     LG_TRY(lg_machine_file_parse(s->choosing.quiet, s->self->paths[0], s->present.text.data,
                                  s->present.text.length, &file, error));
-    lg_status status = try_all(s, &file, false, &taken, error);
-    if (status == LG_OK && taken == NULL && goes_off(s)) {
+    LG_TRY(try_all(s, &file, false, &taken, error));
+    if (taken == NULL && goes_off(s)) {
         drop_round(s);
-        status = try_all(s, &file, true, &taken, error);
+        LG_TRY(try_all(s, &file, true, &taken, error));
     }
-    lg_machine_file_destroy(&file);
-    *more = status == LG_OK && taken != NULL;
-    if (!*more) return status;
+    *more = taken != NULL;
+    if (!*more) return LG_OK;
     LG_WARN(
         s->self,
         "the log asks for %s%s%s: it leaves %.2g of the error (free runs of %.3g s that were not trained on)",
