@@ -1,4 +1,5 @@
 /* Samples trajectories of a scene. */
+#include "core/clean.h"
 #include "lg-hamiltonian/training.h"
 
 lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,
