@@ -22,10 +22,9 @@ const lg_field search_options[] = {
               "Compare a trial with earlier trials at R points (0: never), and stop it at a point that W or "
               "more trials have passed if at least the fraction Q of them was better there (default 5,5,0.5)",
               .high = 1e6, .most = 3),
-    LG_OPTION(
-        search_values, sampler, NAME, NULL,
-        "How the values of a trial are chosen: at random, or near those of the best trials so far (tpe)",
-        .value_name = lg_search_sampler_name, .value = "random"),
+    LG_FIELD(search_values, "", "sampler", NAME, sampler, .value_name = lg_search_sampler_name,
+             .value = "random",
+             .meaning = "How values are chosen: at random, or by tpe near those of the best trials so far"),
     LG_OPTION(search_values, validation, REAL, "F",
               "Fraction of the training data that is held out; the objective is the error on this part",
               .low = 1e-9, .high = 0.9, .value = "0.1"),

@@ -43,4 +43,4 @@ $search --trials 18 --out m.csv --merge >/dev/null
 code=0
 lg-elastica search ranges.yaml data.h5 --sampler nothing --out n.csv 2>err || code=$?
 [ $code = 2 ] && grep -q 'random' err && grep -q 'tpe' err || fail "a wrong sampler: $code $(cat err)"
-lg-elastica search --help-all | grep -A3 -e '--sampler' | grep -q 'tpe' || fail "--help-all does not list the samplers"
+lg-elastica search --help | grep -A4 -e "--sampler" | grep -q tpe || fail "--help does not list the samplers"
