@@ -72,8 +72,8 @@ static void find_widths(mixture *m) {
     }
 }
 
-/* The mixture of the values of trials (count), which lie in the order of their numbers. The weights of all
- * but the last 25 rise from 1/count to 1. */
+/* The mixture of the values of trials (count), which lie in the order of their numbers if they are more than
+ * 25. The weights of all but the last 25 rise from 1/count to 1. */
 static void fill(const lg_range *range, size_t at, const lg_trial *const *trials, size_t count, mixture *m) {
     const double early = count > RECENT ? (double)(count - RECENT) : 0, n = (double)count;
     double sum = 1;
@@ -168,7 +168,6 @@ static lg_status next(const lg_search_space *space, uint64_t seed, uint64_t numb
     mixture side[2] = {{.kernel = kernels}, {.kernel = kernels + good + 1}};
     for (size_t i = 0; i < count; i++) order[i] = &done[i];
     qsort(order, count, sizeof *order, by_merit);
-    qsort(order, good, sizeof *order, by_number);
     qsort(order + good, count - good, sizeof *order, by_number);
     for (size_t at = 0; at < space->count; at++) {
         const lg_range *range = &space->ranges[at];
