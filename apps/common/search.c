@@ -1,4 +1,4 @@
-/* Random search over the options of a program's train command. */
+/* Search over the options of a program's train command. */
 #include "common/search.h"
 
 #include <math.h>
@@ -24,6 +24,8 @@ const lg_field search_options[] = {
               "Compare a trial with earlier trials at R points (0: never), and stop it at a point that W or "
               "more trials have passed if at least the fraction Q of them was better there (default 5,5,0.5)",
               .high = 1e6, .most = 3),
+    LG_FIELD(search_values, "", "sampler", NAME, sampler, .value_name = lg_search_sampler_name,
+             .value = "random", .meaning = "How the values of a trial are chosen"),
     LG_OPTION(search_values, validation, REAL, "F",
               "Fraction of the training data that is held out; the objective is the error on this part",
               .option = "validation-fraction", .low = 1e-9, .high = 0.9, .value = "0.1"),
@@ -47,6 +49,7 @@ typedef struct searching {
     size_t count, written, before; /* written: how many the file has */
     lg_error failure;              /* why the first failed trial of this call failed */
     uint64_t failed;               /* number of this trial */
+    bool stopped;                  /* while a trial waited for others */
     app_progress progress;
 } searching;
 
@@ -260,21 +263,34 @@ static bool take_trial(void *user, size_t item, void *record, bool done, bool ow
     return true;
 }
 
-/* Collects the trials that are done. */
-static void collect(searching *search) {
+/* Collects the trials that are done, of the first `end`. */
+static void collect(searching *search, size_t end) {
     search->count = 0;
-    for (size_t i = 0; i < search->values->trials; i++)
+    for (size_t i = 0; i < end; i++)
         if (search->work.known[i]) search->trials[search->count++] = search->results[i];
     lg_search_settle(&search->options, search->trials, search->count);
 }
 
 static lg_status save(void *user, lg_error *error) {
     searching *search = user;
-    collect(search);
+    collect(search, (size_t)search->values->trials);
     if (search->written == search->count) return LG_OK;
     search->written = search->count;
     return lg_trials_write(search->app->context, search->values->out, search->file, search->app->seed,
                            search->setting, search->trials, search->count, error);
+}
+
+/* Sets *before to the trials from which trial `number` learns: all before it, but with J jobs not the J - 1
+ * last ones, which may be running. Tasks and ranks take what they have, and do not wait for each other. */
+static bool ended_before(searching *search, size_t number, const lg_trial **before, size_t *count) {
+    const bool alone = search->work.tasks == 1;
+    const size_t last = alone ? (size_t)search->values->jobs : 1,
+                 end = number + 1 > last ? number + 1 - last : 0;
+    search->stopped = !trials_wait(&search->work, alone ? end : 0);
+    collect(search, end);
+    *before = search->trials;
+    *count = search->count;
+    return true;
 }
 
 /* Shows the trial's progress to the other processes. Returns true if all trials with lower numbers are done
@@ -284,6 +300,7 @@ static bool known_before(void *user, const lg_trial *trial, uint32_t rung, const
     searching *search = user;
     const size_t number = (size_t)trial->number;
     const posted piece = {.trial = *trial};
+    if (rung == LG_TRIAL_BEGINS) return ended_before(search, number, before, count);
     trials_exchange(&search->work, number, &piece);
     for (size_t i = 0; i < number; i++)
         if (!search->work.known[i] && search->results[i].reports <= rung) return false;
@@ -305,6 +322,7 @@ static lg_status do_trial(void *user, size_t item, void *record, lg_error *error
     app_progress_end(&search->progress);
     app_progress_begin(&search->progress, search->before, search->values->trials);
     (void)snprintf(p->why, sizeof p->why, "%.*s", (int)sizeof p->why - 1, why.message);
+    if (search->stopped) return lg_fail(error, LG_CANCELLED, "the search was stopped");
     return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", why.message);
 }
 
@@ -480,6 +498,7 @@ static void take_rungs(const app *self, lg_search_options *options) {
     char text[128];
     lg_search_options_init(options);
     options->seed = self->seed;
+    options->sampler = search_given.sampler;
     const double rungs = given->count > 0 ? given->values[0] : options->rungs,
                  warm_up = given->count > 1 ? given->values[1] : options->warm_up;
     if (given->count > 2) options->quantile = given->values[2];

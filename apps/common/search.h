@@ -1,5 +1,5 @@
-/* What every `search` command shares: a random search over the hyperparameters of its program's `train`. It
- * can be resumed and stops bad trials early. Also its options, table of trials, result and plot. */
+/* What every `search` command shares: a search over the hyperparameters of its program's `train`. It can be
+ * resumed and stops bad trials early. Also its options, table of trials, result and plot. */
 #ifndef LG_APPS_SEARCH_H
 #define LG_APPS_SEARCH_H
 
@@ -11,6 +11,7 @@ typedef struct search_values {
     const char *out;
     bool resume;
     uint64_t trials, jobs;
+    uint32_t sampler;
     lg_reals rungs;
     double validation;
     trials_values shared;
@@ -24,17 +25,17 @@ extern const app_plot_kind search_plots[];
 #define SEARCH_DETAILS                                                                                       \
     "The file has `ranges`, options of train each with one of {uniform: [a, b]}, {log-uniform: [a, b]}, "    \
     "{integer: [a, b]}, {choice: [a, ...]}, and `fixed`, options with a value; an option that is in "        \
-    "neither has the default of train. A trial depends on the seed and its number alone. A trial that "      \
-    "fails "                                                                                                 \
-    "stays in the table as failed; the exit code is 4 if no trial was finished. Ctrl-C keeps the finished "  \
-    "trials and ends with exit code 130; --continue "                                                        \
+    "neither has the default of train. With --sampler random a trial depends on the seed and its number "    \
+    "alone; tpe begins with 10 such trials. A trial that fails stays in the table as failed; the exit code " \
+    "is 4 if no trial was finished. Ctrl-C keeps the finished trials and ends with exit code 130; "          \
+    "--continue "                                                                                            \
     "continues to the same table."
 
 /* The fields of a command `search`, except its settings and `run`. `data`: the data arguments of the
  * program's train command, e.g. "DATA.h5". */
 #define SEARCH_COMMAND(data)                                                                                 \
     .name = "search", .arguments = "RANGES.yaml " data, .plots = search_plots,                               \
-    .summary = "Random search over the options of train", .details = SEARCH_DETAILS, .together = APP_RANKS
+    .summary = "Search over the options of train", .details = SEARCH_DETAILS, .together = APP_RANKS
 
 /* Arguments of the command: RANGES.yaml DATA.h5. `train` is the command whose task is searched. */
 void search_main(app *app, const app_command *train, train_task *task);

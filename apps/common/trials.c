@@ -228,6 +228,16 @@ void trials_exchange(trials_work *self, size_t item, const void *record) {
     (void)read_parts(self, &error);
 }
 
+bool trials_wait(trials_work *self, size_t count) {
+    lg_error error = {LG_OK, ""};
+    for (size_t i = 0; !app_interrupted(); nap(20)) {
+        if (self->own_part != NULL) (void)read_parts(self, &error);
+        while (i < count && self->known[i]) i++;
+        if (i == count) return true;
+    }
+    return false;
+}
+
 size_t trials_known(const trials_work *self) {
     size_t known = 0;
     for (size_t i = 0; i < self->count; i++) known += self->known[i];

@@ -102,6 +102,8 @@ bool trials_run(trials_work *self);
 void trials_end(trials_work *self);
 void trials_close(trials_work *self);
 
+/* Waits until the items below `count` are done by other processes. False: the command is to stop. */
+bool trials_wait(trials_work *self, size_t count);
 /* For an item that goes on: shows its unfinished record to the other processes, and takes the records that
  * they have added. */
 void trials_exchange(trials_work *self, size_t item, const void *record);

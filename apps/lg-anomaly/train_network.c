@@ -1,4 +1,4 @@
-/* lg-anomaly train --classifier cnn, and lg-anomaly search, a random search over options of cnn or rocket. */
+/* lg-anomaly train --classifier cnn, and lg-anomaly search, a search over options of cnn or rocket. */
 #include <math.h>
 
 #include "common/verbs.h"
@@ -48,7 +48,7 @@ train_task network_recipe = {.recipe = &lg_recipe_detector,
 const app_command anomaly_search_command = {
     .name = "search",
     .arguments = "RANGES.yaml DATA.h5",
-    .summary = "Random search over the options of train --classifier cnn or rocket",
+    .summary = "Search over the options of train --classifier cnn or rocket",
     .details = "The objective is the network's loss on the held-out part at its best epoch; with "
                "`classifier: rocket` "
                "it is the fraction of the held-out windows that get a wrong class.\n\n" SEARCH_DETAILS

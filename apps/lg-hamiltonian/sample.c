@@ -1,4 +1,5 @@
 /* Samples trajectories of a scene. */
+#include "core/clean.h"
 #include "lg-hamiltonian/training.h"
 
 lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,
@@ -57,13 +58,9 @@ lg_status sample_part(const lg_context *context, const lg_scene *scene, const lg
 
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
                        lg_trajectories *out, lg_error *error) {
-    lg_trajectories data;
+    APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0};
     LG_TRY(sample_create(context, scene, how, &data, error));
-    lg_status status = sample_part(context, scene, how, 0, data.count, &data, error);
-    if (status == LG_OK) status = lg_trajectories_set_truth(&data, scene->system);
-    if (status == LG_OK)
-        *out = data;
-    else
-        lg_trajectories_destroy(&data);
-    return status;
+    LG_TRY(sample_part(context, scene, how, 0, data.count, &data, error));
+    LG_TRY(lg_trajectories_set_truth(&data, scene->system));
+    return LG_HAND(out, data);
 }

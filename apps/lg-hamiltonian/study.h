@@ -9,7 +9,7 @@
 /* The quantities that a study varies, and its results. */
 enum { AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY, AXES };
 enum { STUDY_LOSS, STUDY_E1, STUDY_E2, STUDY_SECONDS, MEASURES };
-enum { STUDY_KEY = 256, STUDY_PROTOCOL_TEXT = 13 };
+enum { STUDY_PROTOCOL_TEXT = 13 };
 
 typedef struct study_result {
     uint64_t run;           /* its number, which tells records of other processes from damaged ones */
@@ -32,11 +32,10 @@ typedef struct study_table {
     /* study_table_open sets the following members. */
     const char *path;
     lg_text text;
-    bool changed;            /* since it was read or saved */
-    size_t rows;             /* number of its rows; some may be of an earlier grid with other values */
-    char (*keys)[STUDY_KEY]; /* (runs): how the row of each run begins */
-    study_result *results;   /* (runs) */
-    bool *done;              /* (runs) the run is in the table */
+    bool changed;          /* since it was read or saved */
+    size_t rows;           /* number of its rows; some may be of an earlier grid with other values */
+    study_result *results; /* (runs) */
+    bool *done;            /* (runs) the run is in the table */
 } study_table;
 
 size_t study_cells(const study_table *table);

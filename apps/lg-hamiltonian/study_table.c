@@ -59,55 +59,52 @@ static void add_number(lg_text *to, double value) {
     lg_text_add(to, "%s,", digits);
 }
 
-static void make_key(const study_table *table, size_t run, char key[STUDY_KEY]) {
-    APP_CLEAN(lg_text_destroy) lg_text text = app_text();
-    lg_text_add(&text, "%s,", table->integrators[study_at(table, run, AXIS_INTEGRATOR)]->name);
-    for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
-        add_number(&text, study_value(table, run, axis));
-    lg_text_add(&text, "%zu,%llu,", run / study_cells(table) + 1,
-                (unsigned long long)study_seed(table, run, 0));
-    (void)snprintf(key, STUDY_KEY, "%s", text.data);
-}
-
 void study_table_add(study_table *table, size_t run) {
     const study_result *result = &table->results[run];
-    lg_text_add(&table->text, "%s", table->keys[run]);
-    for (size_t i = 0; i < MEASURES; i++) add_number(&table->text, result->value[i]);
-    lg_text_add(&table->text, "%llu,%s,%s\n", (unsigned long long)result->epochs,
-                result->failed ? "failed" : "ok", table->protocol);
+    lg_text *text = &table->text;
+    lg_text_add(text, "%s,", table->integrators[study_at(table, run, AXIS_INTEGRATOR)]->name);
+    for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++) add_number(text, study_value(table, run, axis));
+    lg_text_add(text, "%zu,%llu,", run / study_cells(table) + 1,
+                (unsigned long long)study_seed(table, run, 0));
+    for (size_t i = 0; i < MEASURES; i++) add_number(text, result->value[i]);
+    lg_text_add(text, "%llu,%s,%s\n", (unsigned long long)result->epochs, result->failed ? "failed" : "ok",
+                table->protocol);
     table->changed = table->done[run] = true;
     table->rows++;
 }
 
-/* Reads what follows the key in a row: the measures, epochs and status. */
-static bool parse_result(char *at, study_result *out) {
-    for (size_t i = 0; i < MEASURES; i++) {
-        const char *cell = strsep(&at, ",");
-        out->value[i] = (double)NAN; /* an empty cell */
-        if (at == NULL || (cell[0] != '\0' && lg_number_parse(cell, &out->value[i]) != LG_OK)) return false;
+/* A row without its protocol. */
+typedef struct row {
+    const char *integrator;
+    double value[AXES];
+    uint64_t repeat, seed;
+    study_result result;
+} row;
+
+static bool parse_row(char *at, row *out) {
+    const char *cell;
+    bool good = true;
+    *out = (row){.integrator = strsep(&at, ",")};
+    for (int i = 1; i < AXES && good; i++)
+        good = at != NULL && lg_number_parse(strsep(&at, ","), &out->value[i]) == LG_OK;
+    for (int i = 0; i < 2 && good; i++)
+        good = at != NULL && lg_integer_parse(strsep(&at, ","), i == 0 ? &out->repeat : &out->seed) == LG_OK;
+    for (size_t i = 0; i < MEASURES && good; i++) {
+        double *value = &out->result.value[i];
+        *value = (double)NAN; /* an empty cell */
+        good = at != NULL && (*(cell = strsep(&at, ",")) == '\0' || lg_number_parse(cell, value) == LG_OK);
     }
-    const char *epochs = strsep(&at, ",");
-    out->failed = at != NULL && strcmp(at, "ok") != 0;
-    return at != NULL && lg_integer_parse(epochs, &out->epochs) == LG_OK;
+    good = good && at != NULL && lg_integer_parse(strsep(&at, ","), &out->result.epochs) == LG_OK;
+    out->result.failed = at != NULL && strcmp(at, "ok") != 0;
+    return good && at != NULL && out->integrator[0] != '\0';
 }
 
-/* Reads a row without its protocol. `key` gets the begin of the run's key, up to the repeat: a program for
- * tables may have written the numbers in another way. */
-static bool parse_row(char *at, lg_text *key, study_result *out) {
-    double value;
-    uint64_t whole = 0;
-    const char *cell = strsep(&at, ",");
-    bool good = cell[0] != '\0';
-    lg_text_add(key, "%s,", cell);
-    for (int axis = AXIS_INTEGRATOR + 1; axis < AXES && good; axis++) {
-        good = at != NULL && lg_number_parse(strsep(&at, ","), &value) == LG_OK;
-        if (good) add_number(key, value);
-    }
-    for (int seed = 0; seed < 2 && good; seed++) {
-        good = at != NULL && lg_integer_parse(strsep(&at, ","), &whole) == LG_OK;
-        if (good && seed == 0) lg_text_add(key, "%llu,", (unsigned long long)whole);
-    }
-    return good && at != NULL && parse_result(at, out);
+static bool is_run(const study_table *table, size_t run, const row *of) {
+    bool same = run / study_cells(table) + 1 == of->repeat &&
+                strcmp(table->integrators[study_at(table, run, AXIS_INTEGRATOR)]->name, of->integrator) == 0;
+    for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
+        same = same && study_value(table, run, axis) == of->value[axis];
+    return same;
 }
 
 /* A row without a run is of an earlier grid with other values. */
@@ -115,21 +112,19 @@ static lg_status parse_line(study_table *table, const lg_csv *csv, lg_error *err
     char *protocol = strrchr(csv->line, ',');
     const size_t runs = study_runs(table);
     size_t run = 0;
-    study_result result = {.epochs = 0};
-    APP_CLEAN(lg_text_destroy) lg_text key = app_text();
+    row found;
     lg_text_add(&table->text, "%s\n", csv->line);
     if (protocol != NULL) *protocol++ = '\0';
-    const bool good = protocol != NULL && parse_row(csv->line, &key, &result);
-    while (run < runs && strncmp(key.data, table->keys[run], key.length) != 0) run++;
-    if (!good)
+    if (protocol == NULL || !parse_row(csv->line, &found))
         return lg_fail(error, LG_FORMAT, "%s: line %zu: not a row of a study", table->path, csv->number);
     if (strcmp(protocol, table->protocol) != 0)
         return lg_fail(error, LG_FORMAT,
                        "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
                        table->path, csv->number, protocol, table->protocol);
     table->rows++;
+    while (run < runs && !is_run(table, run, &found)) run++;
     if (run == runs || table->done[run]) return LG_OK;
-    table->results[run] = result;
+    table->results[run] = found.result;
     table->done[run] = true;
     return LG_OK;
 }
@@ -154,10 +149,8 @@ lg_status study_table_open(study_table *table, const char *path, lg_error *error
     lg_csv csv;
     table->path = path;
     table->text = app_text();
-    table->keys = app_alloc(runs, sizeof *table->keys);
     table->results = app_alloc(runs, sizeof *table->results);
     table->done = app_alloc(runs, sizeof *table->done);
-    for (size_t i = 0; i < runs; i++) make_key(table, i, table->keys[i]);
     for (size_t i = 0; i < AXES; i++) lg_text_add(&table->text, "%s,", axis_names[i]);
     lg_text_add(&table->text, "repeat,seed");
     for (size_t i = 0; i < MEASURES; i++) lg_text_add(&table->text, ",%s", measure_names[i]);
@@ -177,7 +170,6 @@ lg_status study_table_save(study_table *table, lg_error *error) {
 
 void study_table_close(study_table *table) {
     lg_text_destroy(&table->text);
-    free(table->keys);
     free(table->results);
     free(table->done);
 }

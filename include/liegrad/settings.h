@@ -1,4 +1,4 @@
-/* Settings: fields, which describe everything that a user can set, and random search over them.
+/* Settings: fields, which describe everything that a user can set, and searches over them.
  *
  * A field is a row of a table. It says where a value lies in a structure (the "run"), its type, range,
  * default and meaning. Command lines, ranges of searches, grids of studies, attributes of files, the
@@ -196,14 +196,16 @@ LG_API lg_status lg_number_parse(const char *text, double *out);
  * anything else, also for a larger number. */
 LG_API lg_status lg_integer_parse(const char *text, uint64_t *out);
 
-/* ---- random search ----
+/* ---- searches ----
  *
- * Random search over hyperparameters. A search can be resumed, and bad trials are stopped early. It knows
- * nothing of the model: for the search a trial is a list of drawn values, an objective to be minimised, and
- * the reports that it makes while it runs.
+ * A search over hyperparameters can be resumed, and bad trials are stopped early. It knows nothing of the
+ * model: for the search a trial is a list of values, an objective to be minimised, and the reports that it
+ * makes while it runs.
  *
- * The values of trial t depend only on the seed, the ranges and t. So an interrupted search continues with
- * the same trials, and trials may run in any order. */
+ * A sampler chooses the values of trial t. Those of "random" depend only on the seed, the ranges and t. So an
+ * interrupted search continues with the same trials, and trials may run in any order. Those of "tpe" (the
+ * tree-structured Parzen estimator with the defaults of Optuna, each range alone) depend on the trials that
+ * have ended, too: the same trials give the same values. */
 
 typedef enum lg_range_kind {
     LG_RANGE_UNIFORM,     /* uniform in [low, high) */
@@ -261,8 +263,11 @@ typedef struct lg_search_options {
     /* Default 0.5, in (0, 1]. A trial is stopped at a rung if at least this part of the earlier trials that
      * reached the rung were better there. */
     double quantile;
+    uint32_t sampler; /* default 0, random; lg_search_sampler_name lists them */
 } lg_search_options;
 LG_API void lg_search_options_init(lg_search_options *options);
+/* The name of a sampler: "random", "tpe", ...; NULL beyond the last one. */
+LG_API const char *lg_search_sampler_name(uint32_t sampler);
 
 /* Checks a space. Errors: LG_INVALID_ARGUMENT with a sentence for
  * - no range, more than LG_RANGE_MAX ranges, or two ranges with the same name
@@ -297,7 +302,10 @@ typedef struct lg_search_problem {
 /* The search calls this when `trial` passes a rung, to get the other trials that it is compared with. It sets
  * *trials and *count to the trials with lower numbers, after lg_search_settle, and returns true. It returns
  * false if one of them has neither reached the rung nor ended; `trial` then goes on, and lg_search_settle
- * decides later whether it should have stopped. `user` is problem->user. */
+ * decides later whether it should have stopped. `user` is problem->user. A sampler that learns also calls it
+ * before the trial, with rung LG_TRIAL_BEGINS, to get the trials from which it chooses the values; false:
+ * there are none. */
+#define LG_TRIAL_BEGINS UINT32_MAX
 typedef bool (*lg_search_known)(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **trials,
                                 size_t *count);
 /* Runs the trial `number` and fills *trial. `known` NULL means that nothing is known of other trials. Returns

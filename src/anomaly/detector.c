@@ -3,8 +3,10 @@
 #include <string.h>
 
 #include "kernels/kernels.h"
-#include "core/core.h"
+#include "core/clean.h"
 #include "anomaly/detector_internal.h"
+
+LG_AT(lg_detector_plan_destroy, lg_detector_plan)
 
 static const char *const loss_names[LG_DETECTOR_LOSS_COUNT] = {"mse", "cross-entropy"};
 
@@ -124,27 +126,21 @@ lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *
                                   lg_detector_plan **out, lg_error *error) {
     LG_NEEDS(error, model, scaler, theta, out);
     const size_t channels = model->net.channels;
-    lg_detector_plan *made = lg_alloc(context, 1, sizeof *made);
-    double *numbers = lg_alloc(context, 2 * channels, sizeof *numbers);
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (made == NULL || numbers == NULL) {
-        LG_FREE_ALL(context, numbers, made);
-        return lg_fail(error, status, "no memory for a detector of %zu channels", channels);
-    }
+    LG_SCRATCH(double, numbers, context, 2 * channels);
+    LG_CLEAN(lg_detector_plan_destroy_at)
+    lg_detector_plan *made = numbers != NULL ? lg_alloc(context, 1, sizeof *made) : NULL;
+    if (made == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a detector of %zu channels", channels);
     memcpy(numbers, scaler->mean, channels * sizeof *numbers);
     memcpy(numbers + channels, scaler->scale, channels * sizeof *numbers);
     *made = (lg_detector_plan){
         .context = context,
         .model = *model,
         .scaler = {.channels = scaler->channels, .mean = numbers, .scale = numbers + channels},
-        .numbers = numbers,
+        .numbers = LG_KEEP(numbers),
         .dtype = dtype};
-    status = make_scores(made, theta, error);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_detector_plan_destroy(made);
-    return status;
+    LG_TRY(make_scores(made, theta, error));
+    return LG_MOVE(out, made);
 }
 
 void lg_detector_plan_destroy(lg_detector_plan *plan) {

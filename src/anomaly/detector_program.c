@@ -7,7 +7,7 @@
  * parameters: `mean`, which is rounded to single precision, and the remainder `mean_rest`. m_c is computed
  * from the differences between the samples and the window's first sample. A large constant offset of a sensor
  * therefore causes no rounding errors, even if the program runs in single precision. */
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/anomaly.h"
 #include "liegrad/ops.h"
 #include "anomaly/detector_internal.h"
@@ -90,9 +90,9 @@ lg_status lg_detector_build(const lg_context *context, const lg_detector *model,
         void *user;
     } pointer = {.borrowed = model};
     const uint32_t channels = model->net.channels;
-    double *numbers = lg_alloc(context, 3 * (size_t)channels, sizeof *numbers);
-    if (numbers == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a detector's scaling");
-    double *mean = numbers, *rest = numbers + channels, *inverse = rest + channels;
+    LG_TRY_SCRATCH(double, mean, context, 3 * (size_t)channels,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a detector's scaling"));
+    double *rest = mean + channels, *inverse = rest + channels;
     for (uint32_t c = 0; c < channels; c++) {
         mean[c] = (double)(float)scaler->mean[c];
         rest[c] = scaler->mean[c] - mean[c];
@@ -120,9 +120,7 @@ lg_status lg_detector_build(const lg_context *context, const lg_detector *model,
     spec.functions = scores_alone ? functions + SCORES : functions;
     spec.function_count = scores_alone ? 1 : LG_COUNT(functions);
     spec.description = "detector of the class of a window";
-    const lg_status status = lg_program_build(context, &spec, out, error);
-    lg_free(context, numbers);
-    return status;
+    return lg_program_build(context, &spec, out, error);
 }
 
 lg_status lg_detector_program(const lg_context *context, const lg_detector *model, const lg_scaler *scaler,

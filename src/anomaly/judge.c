@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 
 enum { BUNDLE = 64 }; /* number of windows per task of the thread pool */
 
@@ -24,14 +24,13 @@ static void visit_bundle(void *user, size_t index) {
     const visit *self = user;
     const size_t begin = index * BUNDLE, count = self->part->count,
                  end = begin + BUNDLE < count ? begin + BUNDLE : count;
-    float *x = lg_alloc(self->context, (size_t)self->series->channels * self->windows->length, sizeof *x);
-    void *work = lg_alloc(self->context, 1, self->work);
+    LG_SCRATCH(float, x, self->context, (size_t)self->series->channels * self->windows->length);
+    LG_SCRATCH(char, work, self->context, self->work);
     lg_status status = x != NULL && work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
     for (size_t i = begin; i < end && status == LG_OK; i++) {
         lg_windows_copy(self->series, self->windows, self->part->list != NULL ? self->part->list[i] : i, x);
         status = lg_cancelled(self->context) ? LG_CANCELLED : self->each(self->user, i, x, work);
     }
-    LG_FREE_ALL(self->context, x, work);
     self->status[index] = status;
 }
 
@@ -41,17 +40,13 @@ lg_status lg_windows_each(const lg_context *context, const lg_series *series, co
     const size_t bundles = (part->count + BUNDLE - 1) / BUNDLE;
     lg_thread_pool *pool;
     if (bundles == 0) return LG_OK;
-    lg_status *each_status = lg_alloc(context, bundles, sizeof *each_status);
-    if (each_status == NULL) return LG_OUT_OF_MEMORY;
-    visit all = {context, series, windows, part, work, each, user, each_status};
-    lg_status status = lg_thread_pool_create(context, (int)(threads < bundles ? threads : bundles), &pool);
-    if (status == LG_OK) {
-        lg_thread_pool_run(pool, bundles, visit_bundle, &all);
-        lg_thread_pool_destroy(pool);
-    }
-    for (size_t i = 0; i < bundles && status == LG_OK; i++) status = each_status[i];
-    lg_free(context, each_status);
-    return status;
+    LG_TRY_SCRATCH(lg_status, status, context, bundles, LG_OUT_OF_MEMORY);
+    visit all = {context, series, windows, part, work, each, user, status};
+    LG_TRY(lg_thread_pool_create(context, (int)(threads < bundles ? threads : bundles), &pool));
+    lg_thread_pool_run(pool, bundles, visit_bundle, &all);
+    lg_thread_pool_destroy(pool);
+    for (size_t i = 0; i < bundles; i++) LG_TRY(status[i]);
+    return LG_OK;
 }
 
 /* ---- metrics from scores ---- */

@@ -67,18 +67,12 @@ lg_novelty lg_novelty_sized(uint32_t channels, uint32_t length, uint32_t classes
 
 lg_status lg_novelty_allocate(const lg_context *context, uint32_t channels, uint32_t length, uint32_t classes,
                               uint32_t bands, lg_novelty *out, lg_error *error) {
-    lg_novelty v = lg_novelty_sized(channels, length, classes, bands);
+    LG_CLEAN(lg_novelty_destroy) lg_novelty v = lg_novelty_sized(channels, length, classes, bands);
     v.context = context;
-    lg_status status = allocate_arrays(&v);
-    if (status != LG_OK)
-        (void)lg_fail(error, status, "no memory for the distribution of %u features", v.features);
-    else if (bands > 0)
-        status = lg_spectrum_create(context, length, bands, &v.spectrum, error);
-    if (status == LG_OK)
-        *out = v;
-    else
-        lg_novelty_destroy(&v);
-    return status;
+    if (allocate_arrays(&v) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the distribution of %u features", v.features);
+    if (bands > 0) LG_TRY(lg_spectrum_create(context, length, bands, &v.spectrum, error));
+    return LG_HAND(out, v);
 }
 
 void lg_novelty_destroy(lg_novelty *v) {
@@ -95,8 +89,8 @@ lg_status lg_novelty_factor(lg_novelty *v, lg_error *error) {
     size_t largest = 0;
     for (uint32_t g = 1; g < lg_novelty_groups(v); g++)
         if (lg_novelty_group(v, g).count > largest) largest = lg_novelty_group(v, g).count;
-    double *part = lg_alloc(v->context, largest * largest, sizeof *part);
-    if (part == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the distances of windows");
+    LG_TRY_SCRATCH(double, part, v->context, largest *largest,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the distances of windows"));
     size_t wrong = 0;
     for (uint32_t c = 0; c < v->classes; c++)
         for (uint32_t g = 1; g < lg_novelty_groups(v) && v->windows[c] > 0; g++) {
@@ -107,7 +101,6 @@ lg_status lg_novelty_factor(lg_novelty *v, lg_error *error) {
             wrong += lg_kernels_for(LG_F64)->spd_factor(1, group.count, part,
                                                         v->block + c * lg_novelty_block(v) + group.block);
         }
-    lg_free(v->context, part);
     if (wrong > 0) return lg_fail(error, LG_FORMAT, "novelty/precision is not positive definite");
     return LG_OK;
 }

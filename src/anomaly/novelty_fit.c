@@ -197,7 +197,7 @@ static void set_limits(const fitting *f, size_t measured) {
  * would be in one fold, runs take the place of groups, and if that fails too, single rows. */
 static lg_status deal(const fitting *f, lg_error *error) {
     const uint32_t *const units[] = {f->series->group, f->series->run, NULL};
-    uint32_t *unit = lg_alloc(f->context, f->rows, sizeof *unit);
+    LG_SCRATCH(uint32_t, unit, f->context, f->rows);
     lg_status status = unit == NULL ? LG_OUT_OF_MEMORY : LG_OK;
     bool dealt = false;
     for (size_t u = 0; u < LG_COUNT(units) && status == LG_OK && !dealt; u++) {
@@ -206,7 +206,6 @@ static lg_status deal(const fitting *f, lg_error *error) {
         status = lg_series_folds(f->context, f->label, unit, f->rows, f->options->folds, f->fold, NULL);
         for (size_t i = 1; i < f->rows && units[u] != NULL && !dealt; i++) dealt = f->fold[i] != f->fold[0];
     }
-    lg_free(f->context, unit);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "no memory for %zu windows", f->rows);
 }
 
@@ -289,7 +288,7 @@ lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *op
     LG_NEEDS(error, options, series, windows, out);
     (void)lg_fail(error, LG_OK, "%s", "");
     LG_TRY(check(options, series, windows, count, threads, error));
-    lg_novelty made;
+    LG_CLEAN(lg_novelty_destroy) lg_novelty made = {0};
     lg_scaler scaler;
     const uint32_t bands = bands_of(options->bands, series->channels, windows->length);
     LG_TRY(lg_novelty_allocate(context, series->channels, windows->length, series->classes, bands, &made,
@@ -307,9 +306,6 @@ lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *op
     }
     if (status == LG_OK) status = fit_all(&f, threads, error);
     release(&f);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_novelty_destroy(&made);
-    return status;
+    LG_TRY(status);
+    return LG_HAND(out, made);
 }

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/ops.h"
 #include "liegrad/series.h"
 
@@ -231,27 +231,19 @@ lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, cons
     if (series == NULL || windows == NULL || out == NULL || count == 0) return LG_INVALID_ARGUMENT;
     if (!in_range(windows, chosen, count)) return LG_INVALID_ARGUMENT;
     const size_t channels = series->channels;
-    lg_scaler made = {.channels = series->channels, .context = context};
-    scan s = {series, windows, chosen, count, NULL};
-    s.window = lg_alloc(context, channels * windows->length, sizeof *s.window);
-    double *mean = lg_alloc(context, 3 * channels, sizeof *mean);
+    LG_CLEAN(lg_scaler_destroy) lg_scaler made = {.channels = series->channels, .context = context};
+    LG_TRY_SCRATCH(float, window, context, channels * windows->length, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(double, mean, context, 3 * channels, LG_OUT_OF_MEMORY);
+    scan s = {series, windows, chosen, count, window};
     made.mean = lg_alloc(context, channels, sizeof *made.mean);
     made.scale = lg_alloc(context, channels, sizeof *made.scale);
-    const bool good = s.window != NULL && mean != NULL && made.mean != NULL && made.scale != NULL;
-    if (good) {
-        for (size_t c = 0; c < channels; c++) mean[2 * channels + c] = 1.0;
-        if (!centred) fit_means(&s, mean);
-        memcpy(made.mean, mean, channels * sizeof *mean);
-        if (centred) memset(made.mean, 0, channels * sizeof *made.mean);
-        fit_scales(&s, centred, made.mean, made.scale);
-    }
-    LG_FREE_ALL(context, s.window, mean);
-    if (!good) {
-        lg_scaler_destroy(&made);
-        return LG_OUT_OF_MEMORY;
-    }
-    *out = made;
-    return LG_OK;
+    if (made.mean == NULL || made.scale == NULL) return LG_OUT_OF_MEMORY;
+    for (size_t c = 0; c < channels; c++) mean[2 * channels + c] = 1.0;
+    if (!centred) fit_means(&s, mean);
+    memcpy(made.mean, mean, channels * sizeof *mean);
+    if (centred) memset(made.mean, 0, channels * sizeof *made.mean);
+    fit_scales(&s, centred, made.mean, made.scale);
+    return LG_HAND(out, made);
 }
 
 void lg_scaler_destroy(lg_scaler *scaler) {

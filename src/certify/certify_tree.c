@@ -4,6 +4,7 @@
 
 #include "certify/certificate.h"
 #include "certify/certify.h"
+#include "core/widen.h"
 
 void lg_certify_states(const lg_certify *c, const double *low, const double *high, double *x_low,
                        double *x_high) {
@@ -45,13 +46,6 @@ static lg_status reject(lg_certify *c, const char *reason) {
     return LG_OK;
 }
 
-static char *grow(const lg_context *context, char *text, size_t length, size_t room) {
-    char *grown = lg_alloc(context, room, 1);
-    if (grown != NULL && text != NULL) memcpy(grown, text, length);
-    lg_free(context, text);
-    return grown;
-}
-
 /* A new certificate gets the numbers of the proof. Those of a file are examined: |y_i| <= sqrt(c) (1 + 3e-7)
  * on {V <= c}, as T^T P T is 1 to 1e-7. */
 lg_status lg_certify_root(lg_certify *c) {
@@ -71,7 +65,7 @@ lg_status lg_certify_root(lg_certify *c) {
         memcpy(made->near, c->near, sizeof c->near);
         memcpy(made->from, c->stack, n * sizeof *c->stack);
         memcpy(made->to, c->stack + n, n * sizeof *c->stack);
-        made->tree = grow(made->context, NULL, 0, 3);
+        made->tree = lg_alloc(made->context, 3, 1);
         return made->tree != NULL ? LG_OK : LG_OUT_OF_MEMORY;
     }
     for (size_t i = 0; i < n; i++) {
@@ -130,8 +124,9 @@ lg_status lg_certify_deeper(lg_certify *c) {
     for (size_t i = 0; i < count; i++) splits += is_split(c, of[i]);
     const size_t next = c->depth_at + count + 1;
     if (c->made != NULL) {
-        char *tree = grow(c->made->context, c->made->tree, next - 1, next + 2 * splits + 2);
-        if ((c->made->tree = tree) == NULL) return LG_OUT_OF_MEMORY;
+        char *tree = lg_widen(c->made->context, c->made->tree, next - 1, next + 2 * splits + 2, 1);
+        if (tree == NULL) return LG_OUT_OF_MEMORY;
+        c->made->tree = tree;
         tree[next - 1] = '\n';
         c->made->boxes = c->boxes;
         if (next + 2 * splits > LG_CERTIFICATE_BOXES)

@@ -7,18 +7,16 @@
 #include <string.h>
 
 #include "core/bytes.h"
+#include "core/clean.h"
+#include "core/widen.h"
 
 void lg_text_append(lg_text *to, const char *data, size_t length) {
     if (to->failed) return;
     if (to->length + length + 1 > to->room) {
         const size_t room = 2 * to->room + length + 256;
-        char *grown = lg_alloc(to->context, room, 1);
-        if (grown == NULL) {
-            to->failed = true;
-            return;
-        }
-        if (to->length > 0) memcpy(grown, to->data, to->length);
-        lg_free(to->context, to->data);
+        char *grown = lg_widen(to->context, to->data, to->length, room, 1);
+        to->failed = grown == NULL;
+        if (to->failed) return;
         to->data = grown;
         to->room = room;
     }
@@ -50,14 +48,10 @@ void lg_text_add(lg_text *to, const char *format, ...) {
     if (length >= 0 && (size_t)length < sizeof small) {
         lg_text_append(to, small, (size_t)length);
     } else if (length > 0) {
-        char *large = lg_alloc(to->context, (size_t)length + 1, 1);
-        if (large != NULL) {
-            (void)lg_format_list(large, (size_t)length + 1, format, again);
-            lg_text_append(to, large, (size_t)length);
-        } else {
-            to->failed = true;
-        }
-        lg_free(to->context, large);
+        LG_SCRATCH(char, large, to->context, (size_t)length + 1);
+        if (large != NULL) (void)lg_format_list(large, (size_t)length + 1, format, again);
+        to->failed = to->failed || large == NULL;
+        lg_text_append(to, large, (size_t)length);
     }
     va_end(again);
 }

@@ -44,13 +44,12 @@ static lg_status find_torn(const lg_context *context, const char *path, const lg
     size_t stretches = 0;
     *torn = false;
     if (s->run == NULL) return LG_OK;
-    uint32_t *sorted = lg_alloc(context, s->count, sizeof *sorted);
-    if (sorted == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    LG_TRY_SCRATCH(uint32_t, sorted, context, s->count,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path)));
     for (size_t i = 0; i < s->count; i++)
         if (i == 0 || s->run[i] != s->run[i - 1]) sorted[stretches++] = s->run[i];
     qsort(sorted, stretches, sizeof *sorted, compare_runs);
     for (size_t i = 1; i < stretches && !*torn; i++) *torn = sorted[i] == sorted[i - 1], *which = sorted[i];
-    lg_free(context, sorted);
     return LG_OK;
 }
 
@@ -105,44 +104,36 @@ static lg_status read_shape(read_call *call, lg_error *error) {
 /* Reads the labels first, because they give the number of classes; then allocates the set. */
 static lg_status read_labels(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
-    lg_labels labels = {.context = call->context};
-    lg_names names = {.context = call->context};
-    lg_status status = lg_labels_read(call->h5, "y", s->count, &labels, error);
-    if (status == LG_OK) status = lg_labels_classes(call->h5, call->ours, call->like, &labels, &names, error);
-    if (status == LG_OK) {
-        s->classes = names.count;
-        status =
-            lg_series_allocate(call->context, s, lg_h5_has(call->h5, "group"), lg_h5_has(call->h5, "run"));
-        if (status != LG_OK) (void)no_memory(call, error);
-    }
-    if (status == LG_OK) {
-        memcpy(s->class_name, names.name, names.count * sizeof *names.name);
-        for (size_t i = 0; i < s->count; i++) s->label[i] = labels.class_of[labels.label[i]];
-        if (labels.of_class.count > 0) s->class_label = lg_names_take(&labels.of_class);
-        call->by_number = labels.by_number;
-        call->guessed = labels.guessed;
-    }
-    lg_names_destroy(&names);
-    lg_labels_destroy(&labels);
-    return status;
+    LG_CLEAN(lg_labels_destroy) lg_labels labels = {.context = call->context};
+    LG_CLEAN(lg_names_destroy) lg_names names = {.context = call->context};
+    LG_TRY(lg_labels_read(call->h5, "y", s->count, &labels, error));
+    LG_TRY(lg_labels_classes(call->h5, call->ours, call->like, &labels, &names, error));
+    s->classes = names.count;
+    if (lg_series_allocate(call->context, s, lg_h5_has(call->h5, "group"), lg_h5_has(call->h5, "run")) !=
+        LG_OK)
+        return no_memory(call, error);
+    memcpy(s->class_name, names.name, names.count * sizeof *names.name);
+    for (size_t i = 0; i < s->count; i++) s->label[i] = labels.class_of[labels.label[i]];
+    if (labels.of_class.count > 0) s->class_label = lg_names_take(&labels.of_class);
+    call->by_number = labels.by_number;
+    call->guessed = labels.guessed;
+    return LG_OK;
 }
 
 /* Reads /group or /run. Numbers stay as they are; texts become 0, 1, ... in ascending order of the texts. */
 static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg_error *error) {
     const lg_series *s = &call->out->series;
     if (out == NULL) return LG_OK;
-    lg_labels units = {.context = call->context};
-    lg_status status = lg_labels_read(call->h5, name, s->count, &units, error);
-    for (size_t i = 0; i < s->count && status == LG_OK; i++) {
+    LG_CLEAN(lg_labels_destroy) lg_labels units = {.context = call->context};
+    LG_TRY(lg_labels_read(call->h5, name, s->count, &units, error));
+    for (size_t i = 0; i < s->count; i++) {
         const int64_t value = units.whole ? units.value[units.label[i]] : (int64_t)units.label[i];
         if (value < 0 || value > UINT32_MAX)
-            status = lg_fail(error, LG_FORMAT, "%s: /%s: is %lld at index (%zu), expected 0 to %u",
-                             lg_shown_path(call->path), name, (long long)value, i, UINT32_MAX);
-        else
-            out[i] = (uint32_t)value;
+            return lg_fail(error, LG_FORMAT, "%s: /%s: is %lld at index (%zu), expected 0 to %u",
+                           lg_shown_path(call->path), name, (long long)value, i, UINT32_MAX);
+        out[i] = (uint32_t)value;
     }
-    lg_labels_destroy(&units);
-    return status;
+    return LG_OK;
 }
 
 static lg_status check_runs(read_call *call, lg_error *error) {
@@ -260,22 +251,16 @@ static void warn(const read_call *call) {
 
 lg_status lg_series_read(const lg_context *context, const char *path, const lg_read_options *options,
                          const lg_series *like, lg_series_data *out, lg_error *error) {
-    if (path == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");
+    LG_NEEDS(error, path, out);
     if (like != NULL && (like->classes < 1 || like->class_name == NULL))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%s: the series that gives the expected classes has no classes", lg_shown_path(path));
-    lg_series_data made = {.series = {.context = context}};
+    LG_CLEAN(lg_series_data_destroy) lg_series_data made = {.series = {.context = context}};
     read_call call = {.context = context, .path = path, .like = like, .out = &made};
-    const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
-    if (status != LG_OK) {
-        lg_series_data_destroy(&made);
-        return status;
-    }
+    LG_TRY(lg_h5_read(context, path, options, read_checked, &call, error));
     warn(&call);
     hash(&made);
-    *out = made;
-    return LG_OK;
+    return LG_HAND(out, made);
 }
 
 /* ---- writing ---- */
@@ -364,16 +349,14 @@ lg_status lg_series_write(const lg_context *context, const char *path, lg_series
 /* ---- names of classes and channels in files of any kind ---- */
 
 lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error) {
-    if (writer == NULL || series == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file or the series is NULL");
+    LG_NEEDS(error, writer, series);
     lg_h5 *h5 = lg_file_writer_h5(writer);
     LG_TRY(lg_sensing_check(h5->context, h5->path, series, error));
     return lg_sensing_put(h5, series, error);
 }
 
 lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error) {
-    if (reader == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file or `out` is NULL");
+    LG_NEEDS(error, reader, out);
     lg_h5 *h5 = lg_file_reader_h5(reader);
     lg_series names = {.classes = 0};
     LG_TRY(lg_sensing_get(h5, &names, error));

@@ -58,14 +58,13 @@ static void number_values(const int64_t *values, lg_labels *labels) {
 
 static lg_status read_whole(lg_h5 *h5, const char *name, const lg_h5_about *about, lg_labels *labels,
                             lg_error *error) {
-    int64_t *values = lg_alloc(h5->context, labels->count, sizeof *values);
+    LG_SCRATCH(int64_t, values, h5->context, labels->count);
     labels->value = lg_alloc(h5->context, labels->count, sizeof *labels->value);
-    lg_status status = values != NULL && labels->value != NULL ? LG_OK : lg_h5_no_memory(h5, error);
+    if (values == NULL || labels->value == NULL) return lg_h5_no_memory(h5, error);
     labels->whole = true;
-    if (status == LG_OK) status = lg_h5_get_wholes(h5, name, about, values, error);
-    if (status == LG_OK) number_values(values, labels);
-    lg_free(h5->context, values);
-    return status;
+    LG_TRY(lg_h5_get_wholes(h5, name, about, values, error));
+    number_values(values, labels);
+    return LG_OK;
 }
 
 /* ---- texts ---- */
@@ -91,24 +90,16 @@ static lg_status meet_text(void *user, uint64_t index, const char *text, lg_erro
 /* The names were numbered in the order of occurrence. This renumbers them in ascending order. */
 static lg_status sort_texts(const lg_h5 *h5, lg_labels *labels, lg_error *error) {
     lg_names *text = &labels->text;
-    lg_names sorted = {.context = h5->context};
-    lg_status status = LG_OK;
-    uint32_t *place = lg_alloc(h5->context, text->count, sizeof *place);
-    if (place == NULL) status = LG_OUT_OF_MEMORY;
-    for (uint32_t i = 0; i < text->count && status == LG_OK; i++) {
+    LG_CLEAN(lg_names_destroy) lg_names sorted = {.context = h5->context};
+    LG_TRY_SCRATCH(uint32_t, place, h5->context, text->count, lg_h5_no_memory(h5, error));
+    for (uint32_t i = 0; i < text->count; i++) {
         place[text->order[i]] = i;
-        status = lg_names_add(&sorted, text->name[text->order[i]]);
+        if (lg_names_add(&sorted, text->name[text->order[i]]) != LG_OK) return lg_h5_no_memory(h5, error);
     }
-    for (size_t i = 0; i < labels->count && status == LG_OK; i++) labels->label[i] = place[labels->label[i]];
-    lg_free(h5->context, place);
-    if (status != LG_OK) {
-        lg_names_destroy(&sorted);
-        return lg_h5_no_memory(h5, error);
-    }
+    for (size_t i = 0; i < labels->count; i++) labels->label[i] = place[labels->label[i]];
     labels->distinct = text->count;
     lg_names_destroy(text);
-    *text = sorted;
-    return LG_OK;
+    return LG_HAND(text, sorted);
 }
 
 static lg_status read_texts(lg_h5 *h5, const char *name, lg_labels *labels, lg_error *error) {

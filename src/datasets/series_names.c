@@ -219,17 +219,15 @@ lg_status lg_sensing_put(lg_h5 *h5, const lg_series *sensing, lg_error *error) {
 
 lg_status lg_names_list(lg_h5 *h5, const char *key, bool unique, uint32_t *count,
                         char (**out)[LG_SERIES_NAME], lg_error *error) {
-    lg_names names = {.context = h5->context};
-    lg_status status = lg_names_get(h5, key, unique, &names, error);
-    if (status == LG_OK && *count != 0 && names.count != 0 && names.count != *count)
-        status = lg_fail(error, LG_FORMAT, "%s: %s: %u names, expected %u", lg_shown_path(h5->path), key,
-                         names.count, *count);
-    if (status == LG_OK && names.count > 0) {
-        *count = names.count;
-        *out = lg_names_take(&names);
-    }
-    lg_names_destroy(&names);
-    return status;
+    LG_CLEAN(lg_names_destroy) lg_names names = {.context = h5->context};
+    LG_TRY(lg_names_get(h5, key, unique, &names, error));
+    if (names.count == 0) return LG_OK;
+    if (*count != 0 && names.count != *count)
+        return lg_fail(error, LG_FORMAT, "%s: %s: %u names, expected %u", lg_shown_path(h5->path), key,
+                       names.count, *count);
+    *count = names.count;
+    *out = lg_names_take(&names);
+    return LG_OK;
 }
 
 lg_status lg_rate_get(lg_h5 *h5, double *rate, lg_error *error) {
@@ -243,16 +241,12 @@ lg_status lg_rate_get(lg_h5 *h5, double *rate, lg_error *error) {
 }
 
 lg_status lg_sensing_get(lg_h5 *h5, lg_series *sensing, lg_error *error) {
+    LG_CLEAN(lg_series_destroy)
     lg_series got = {.classes = sensing->classes, .channels = sensing->channels, .context = h5->context};
-    lg_status status = lg_names_list(h5, "classes", true, &got.classes, &got.class_name, error);
-    if (status == LG_OK && got.classes > 0)
-        status = lg_names_list(h5, "class_labels", true, &got.classes, &got.class_label, error);
-    if (status == LG_OK)
-        status = lg_names_list(h5, "channels", false, &got.channels, &got.channel_name, error);
-    if (status == LG_OK) status = lg_rate_get(h5, &got.rate, error);
-    if (status == LG_OK)
-        *sensing = got;
-    else
-        lg_series_destroy(&got);
-    return status;
+    LG_TRY(lg_names_list(h5, "classes", true, &got.classes, &got.class_name, error));
+    if (got.classes > 0)
+        LG_TRY(lg_names_list(h5, "class_labels", true, &got.classes, &got.class_label, error));
+    LG_TRY(lg_names_list(h5, "channels", false, &got.channels, &got.channel_name, error));
+    LG_TRY(lg_rate_get(h5, &got.rate, error));
+    return LG_HAND(sensing, got);
 }

@@ -78,12 +78,13 @@ static void name_channel(const lg_series *s, uint32_t channel, char *text, size_
 
 lg_status lg_series_convert(lg_h5 *h5, lg_series *series, lg_precision *out, lg_error *error) {
     const char *shown = lg_shown_path(h5->path);
-    conversion all = {series, lg_alloc(h5->context, series->channels, sizeof *all.channel)};
     *out = (lg_precision){.part = 0};
-    if (all.channel == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown);
-    const lg_status status = lg_h5_each_rows(h5, "X", convert_rows, &all, error);
+    LG_TRY_SCRATCH(channel_sums, channel, h5->context, series->channels,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown));
+    conversion all = {series, channel};
+    LG_TRY(lg_h5_each_rows(h5, "X", convert_rows, &all, error));
     const double n = (double)series->count * series->length;
-    for (uint32_t k = 0; k < series->channels && status == LG_OK; k++) {
+    for (uint32_t k = 0; k < series->channels; k++) {
         const double part = part_lost(&all.channel[k], n);
         if (!(part > worth_a_warning)) continue;
         out->channels++;
@@ -91,8 +92,7 @@ lg_status lg_series_convert(lg_h5 *h5, lg_series *series, lg_precision *out, lg_
         out->part = part;
         name_channel(series, k, out->name, sizeof out->name);
     }
-    lg_free(h5->context, all.channel);
-    return status;
+    return LG_OK;
 }
 
 lg_status lg_precision_check(const char *path, const lg_precision *precision, lg_error *error) {

@@ -159,16 +159,12 @@ static lg_status copy_names(const lg_frame *f, lg_table_names *out, lg_error *er
 lg_status lg_table_names_read(const lg_context *context, const char *path, const lg_read_options *options,
                               lg_table_names *out, lg_error *error) {
     LG_NEEDS(error, path, out);
-    lg_table_names made = {.context = context};
+    LG_CLEAN(lg_table_names_destroy) lg_table_names made = {.context = context};
+    LG_CLEAN(lg_frame_close)
     lg_frame f = {.context = context, .path = path, .what = "table", .options = options};
-    lg_status status = lg_frame_open(&f, error);
-    if (status == LG_OK) status = copy_names(&f, &made, error);
-    lg_frame_close(&f);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_table_names_destroy(&made);
-    return status;
+    LG_TRY(lg_frame_open(&f, error));
+    LG_TRY(copy_names(&f, &made, error));
+    return LG_HAND(out, made);
 }
 
 /* Reads all rows and keeps them. */
@@ -195,22 +191,17 @@ lg_status lg_table_read(const lg_context *context, const char *path, const char 
                         const char *class_column, const lg_read_options *options, lg_table_data *out,
                         lg_error *error) {
     LG_NEEDS(error, path, names, out);
-    lg_table_data made = {.context = context};
+    LG_CLEAN(lg_table_data_destroy) lg_table_data made = {.context = context};
+    LG_TRY_SCRATCH(lg_frame_want, want, context, (uint64_t)count + 1, lg_no_memory(error));
+    LG_CLEAN(lg_frame_close)
     lg_frame f = {.context = context,
                   .path = path,
                   .what = "table",
                   .options = options,
-                  .want = lg_alloc(context, (uint64_t)count + 1, sizeof *f.want),
+                  .want = want,
                   .wants = (size_t)count + (class_column != NULL)};
-    for (uint32_t i = 0; f.want != NULL && i < count; i++) f.want[i].name = names[i];
-    if (f.want != NULL && class_column != NULL)
-        f.want[count] = (lg_frame_want){.name = class_column, .as = LG_FRAME_TEXT};
-    const lg_status status = f.want != NULL ? read_rows(&f, class_column, &made, error) : lg_no_memory(error);
-    lg_frame_close(&f);
-    lg_free(context, f.want);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_table_data_destroy(&made);
-    return status;
+    for (uint32_t i = 0; i < count; i++) want[i].name = names[i];
+    if (class_column != NULL) want[count] = (lg_frame_want){.name = class_column, .as = LG_FRAME_TEXT};
+    LG_TRY(read_rows(&f, class_column, &made, error));
+    return LG_HAND(out, made);
 }

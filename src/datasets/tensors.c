@@ -97,21 +97,19 @@ static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const 
     if (mapping->type != YAML_MAPPING_NODE) return LG_OK;
     const yaml_node_pair_t *first = mapping->data.mapping.pairs.start;
     const size_t pairs = (size_t)(mapping->data.mapping.pairs.top - first);
-    lg_lookup *sorted = lg_alloc(r->context, pairs, sizeof *sorted);
-    lg_status status = sorted == NULL ? no_memory(r, error) : LG_OK;
-    for (size_t i = 0; i < pairs && status == LG_OK; i++) {
+    LG_TRY_SCRATCH(lg_lookup, sorted, r->context, pairs, no_memory(r, error));
+    for (size_t i = 0; i < pairs; i++) {
         sorted[i] =
             (lg_lookup){text_of(yaml_document_get_node(lg_yaml_document(r->header), first[i].key)), i};
         if (sorted[i].name == NULL)
-            status = lg_fail(error, LG_FORMAT, "%s: %s: a key is not a text", lg_shown_path(r->path), what);
+            return lg_fail(error, LG_FORMAT, "%s: %s: a key is not a text", lg_shown_path(r->path), what);
     }
-    if (status == LG_OK) lg_lookup_sort(sorted, pairs);
-    for (size_t i = 1; i < pairs && status == LG_OK; i++)
+    lg_lookup_sort(sorted, pairs);
+    for (size_t i = 1; i < pairs; i++)
         if (strcmp(sorted[i].name, sorted[i - 1].name) == 0)
-            status = lg_fail(error, LG_FORMAT, "%s: %s: key '%.64s' is there twice", lg_shown_path(r->path),
-                             what, sorted[i].name);
-    lg_free(r->context, sorted);
-    return status;
+            return lg_fail(error, LG_FORMAT, "%s: %s: key '%.64s' is there twice", lg_shown_path(r->path),
+                           what, sorted[i].name);
+    return LG_OK;
 }
 
 /* Reads a list of at most `most` nonnegative integers. */
@@ -267,17 +265,14 @@ static lg_status read_all(reading *r, lg_error *error) {
 
 lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensors *out, lg_error *error) {
     LG_NEEDS(error, path, out);
-    lg_tensors made = {.context = context};
+    LG_CLEAN(lg_tensors_destroy) lg_tensors made = {.context = context};
     reading r = {.context = context, .path = path, .out = &made};
     const lg_status status = read_all(&r, error);
     lg_yaml_close(r.header);
     if (r.from != NULL) (void)fclose(r.from);
     LG_FREE_ALL(context, r.text, r.places);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_tensors_destroy(&made);
-    return status;
+    LG_TRY(status);
+    return LG_HAND(out, made);
 }
 
 void lg_tensors_destroy(lg_tensors *tensors) {

@@ -180,8 +180,7 @@ static size_t minimum_rank(const branch_list *list, size_t index) {
  * minima passes over a saddle. */
 static lg_status search_between(const lg_beam *beam, lg_beam_work *w, branch_list *list) {
     const size_t n = beam->n, nodes = list->nodes;
-    double *ends = lg_alloc(w->context, 2 * nodes, sizeof *ends);
-    if (!ends) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(double, ends, w->context, 2 * nodes, LG_OUT_OF_MEMORY);
     size_t other = 0;
     const size_t count = list->count;
     if (count > 0) memcpy(ends, list->theta, nodes * sizeof *ends);
@@ -199,7 +198,6 @@ static lg_status search_between(const lg_beam *beam, lg_beam_work *w, branch_lis
             search_saddles(beam, w, list);
         }
     }
-    lg_free(w->context, ends);
     return lg_cancelled(w->context) ? LG_CANCELLED : LG_OK;
 }
 
@@ -246,26 +244,24 @@ lg_status lg_beam_search(const lg_beam *beam, lg_beam_work *work, bool saddles, 
     coarse.n = lg_beam_coarse(beam);
     branch_list list = {.room = room, .nodes = beam->n + 1, .theta = theta, .branches = branches};
     branch_list first = {.room = room, .nodes = coarse.n + 1};
-    lg_status status;
+    LG_TRY_SCRATCH(double, angles, work->context, room *first.nodes, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(lg_beam_branch, found, work->context, room, LG_OUT_OF_MEMORY);
+    first.theta = angles, first.branches = found;
     if (coarse.n == beam->n) {
-        status = search(beam, work, saddles, quick, &list);
+        LG_TRY(search(beam, work, saddles, quick, &list));
     } else {
-        first.theta = lg_alloc(work->context, room * first.nodes, sizeof(double));
-        first.branches = lg_alloc(work->context, room, sizeof(lg_beam_branch));
-        status =
-            first.theta && first.branches ? search(&coarse, work, saddles, quick, &first) : LG_OUT_OF_MEMORY;
-        if (status == LG_OK) status = refine_all(&first, beam, work, saddles, &list);
-        LG_FREE_ALL(work->context, first.theta, first.branches);
+        LG_TRY(search(&coarse, work, saddles, quick, &first));
+        LG_TRY(refine_all(&first, beam, work, saddles, &list));
     }
-    if (status == LG_OK) *count = list.count;
-    return status;
+    *count = list.count;
+    return LG_OK;
 }
 
 lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *problem,
                                const lg_elastica_options *options, bool saddles, size_t room, double *theta,
                                lg_elastica_solution *solutions, size_t *count, lg_error *error) {
     lg_elastica_options o;
-    lg_beam_work work;
+    LG_CLEAN(lg_beam_work_destroy) lg_beam_work work = {.memory = NULL};
     LG_TRY(lg_elastica_check(problem, error));
     LG_TRY(lg_elastica_options_take(options, &o, error));
     if (room == 0 || !theta || !solutions || !count)
@@ -277,23 +273,17 @@ lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *pro
         return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory");
     work.tolerance = o.gradient_tolerance;
     work.limit = o.max_iterations;
-    lg_beam_branch *branches = lg_alloc(context, room, sizeof *branches);
-    double *angles = lg_alloc(context, room, (n + 1) * sizeof *angles);
-    double *curve = lg_alloc(context, 4 * (n + 1), sizeof *curve);
+    LG_SCRATCH(lg_beam_branch, branches, context, room);
+    LG_SCRATCH(double, angles, context, room <= SIZE_MAX / 16 / (n + 1) ? room * (n + 1) : SIZE_MAX);
+    LG_SCRATCH(double, curve, context, 4 * (n + 1));
     size_t found = 0;
-    lg_status status = branches && angles && curve ? lg_beam_search(&frame.beam, &work, saddles, false, room,
-                                                                    angles, branches, &found)
-                                                   : LG_OUT_OF_MEMORY;
-    if (status == LG_OK) {
-        for (size_t i = 0; i < found; i++)
-            lg_beam_export(problem, &frame, &branches[i], angles + i * (n + 1), curve, theta + i * (n + 1),
-                           &solutions[i]);
-        *count = found;
-        (void)lg_fail(error, LG_OK, "%s", "");
-    } else {
-        lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
-    }
-    LG_FREE_ALL(context, branches, angles, curve);
-    lg_beam_work_destroy(&work);
-    return status;
+    const lg_status status = branches && angles && curve ? lg_beam_search(&frame.beam, &work, saddles, false,
+                                                                          room, angles, branches, &found)
+                                                         : LG_OUT_OF_MEMORY;
+    if (status != LG_OK) return lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
+    for (size_t i = 0; i < found; i++)
+        lg_beam_export(problem, &frame, &branches[i], angles + i * (n + 1), curve, theta + i * (n + 1),
+                       &solutions[i]);
+    *count = found;
+    return lg_fail(error, LG_OK, "%s", "");
 }

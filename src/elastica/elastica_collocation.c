@@ -130,14 +130,11 @@ static void reference_make(reference *r) {
 /* ---- memory ---- */
 
 lg_status lg_collocation_create(const lg_context *context, lg_collocation **out) {
-    lg_collocation *c = lg_alloc(context, 1, sizeof *c);
+    LG_SCRATCH(panel, panels, context, 2 * PANELS_MAX);
+    lg_collocation *c = panels ? lg_alloc(context, 1, sizeof *c) : NULL;
     if (!c) return LG_OUT_OF_MEMORY;
     c->context = context;
-    c->panels = lg_alloc(context, 2 * PANELS_MAX, sizeof *c->panels);
-    if (!c->panels) {
-        lg_free(context, c);
-        return LG_OUT_OF_MEMORY;
-    }
+    c->panels = LG_KEEP(panels);
     c->halves = c->panels + PANELS_MAX;
     reference_make(&c->reference);
     *out = c;

@@ -136,10 +136,9 @@ static lg_beam_end refine(size_t from, const lg_beam *beam, lg_beam_work *work) 
 
 static lg_status solve_anyhow(const lg_beam *beam, lg_beam_work *work, lg_beam_end *end) {
     const size_t n = beam->n;
-    double *theta = lg_alloc(work->context, BRANCHES * (n + 1), sizeof *theta);
+    LG_TRY_SCRATCH(double, theta, work->context, BRANCHES *(n + 1), LG_OUT_OF_MEMORY);
     lg_beam_branch branches[BRANCHES];
     size_t count = 0;
-    if (!theta) return LG_OUT_OF_MEMORY;
     const uint32_t limit = work->limit;
     work->limit = limit < SEARCH_LIMIT ? limit : SEARCH_LIMIT;
     const lg_status status = lg_beam_search(beam, work, false, true, BRANCHES, theta, branches, &count);
@@ -148,7 +147,6 @@ static lg_status solve_anyhow(const lg_beam *beam, lg_beam_work *work, lg_beam_e
         memcpy(work->theta, theta, (n + 1) * sizeof *theta);
         *end = lg_beam_minimise(beam, work);
     }
-    lg_free(work->context, theta);
     return status;
 }
 
@@ -230,7 +228,7 @@ lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *proble
                             const lg_elastica_options *options, double *theta, lg_elastica_solution *solution,
                             lg_error *error) {
     lg_elastica_options o;
-    lg_beam_work work;
+    LG_CLEAN(lg_beam_work_destroy) lg_beam_work work = {.memory = NULL};
     lg_beam_end end = LG_BEAM_LOST;
     LG_TRY(lg_elastica_check(problem, error));
     LG_TRY(lg_elastica_options_take(options, &o, error));
@@ -239,7 +237,7 @@ lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *proble
     const size_t n = frame.beam.n;
     if (lg_beam_work_create(context, n, &work) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory");
-    double *curve = lg_alloc(context, 4 * (n + 1), sizeof *curve);
+    LG_SCRATCH(double, curve, context, 4 * (n + 1));
     work.tolerance = o.gradient_tolerance;
     work.limit = o.max_iterations;
     work.keep_saddles = o.guess != NULL;
@@ -265,7 +263,5 @@ lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *proble
     } else if (status != LG_NOT_FINITE) {
         lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
     }
-    lg_free(context, curve);
-    lg_beam_work_destroy(&work);
     return status;
 }

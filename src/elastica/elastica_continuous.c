@@ -134,10 +134,9 @@ lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elast
                                        const lg_elastica_options *options, double *theta, double *q,
                                        lg_elastica_solution *solution, lg_error *error) {
     lg_elastica_options o;
-    lg_beam_work work = {.memory = NULL};
+    LG_CLEAN(lg_beam_work_destroy) lg_beam_work work = {.memory = NULL};
     lg_beam_end end = LG_BEAM_LOST;
     lg_collocation *c = NULL;
-    double *guess = NULL;
     LG_TRY(lg_elastica_check(problem, error));
     LG_TRY(lg_elastica_options_take(options, &o, error));
     if (!theta) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: the place for the angles is NULL");
@@ -149,13 +148,12 @@ lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elast
     work.tolerance = o.gradient_tolerance;
     work.limit = o.max_iterations;
     work.keep_saddles = o.guess != NULL;
-    if (status == LG_OK && o.guess) {
-        guess = lg_alloc(context, frame.beam.n + 1, sizeof *guess);
+    LG_SCRATCH(double, guess, context, frame.beam.n + 1);
+    if (status == LG_OK && o.guess)
         status = guess ? lg_beam_take_guess(&frame, o.guess, guess, error) : LG_OUT_OF_MEMORY;
-    }
     if (status == LG_OK)
-        status = guess ? solve_from(c, &fine, guess, frame.beam.n, o.max_step, &work, &end)
-                       : solve(c, &fine, o.max_step, &work, &end);
+        status = o.guess ? solve_from(c, &fine, guess, frame.beam.n, o.max_step, &work, &end)
+                         : solve(c, &fine, o.max_step, &work, &end);
     if (status == LG_OK) {
         lg_collocation_export(c, problem, &frame, theta, q);
         if (solution) report(&frame, c, &work, solution);
@@ -165,8 +163,6 @@ lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elast
     } else if (status != LG_NOT_FINITE) {
         lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
     }
-    lg_free(context, guess);
     lg_collocation_destroy(context, c);
-    if (work.memory) lg_beam_work_destroy(&work);
     return status;
 }

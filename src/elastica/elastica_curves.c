@@ -200,32 +200,21 @@ static lg_status run(job *j, size_t tasks, lg_error *error) {
 
 lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_sampling *sampling,
                                lg_elastica_curves *out, lg_error *error) {
-    if (!sampling || !out)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "elastica: the sampling or the place for the curves is NULL");
+    LG_NEEDS(error, sampling, out);
     LG_TRY(check_sampling(sampling, error));
     const size_t families = (size_t)sampling->both_ends + sampling->right_end;
     const size_t blocks = (sampling->count - 1) / BLOCK + 1;
-    lg_elastica_curves curves = {.count = 0};
-    job j = {.context = context, .sampling = sampling, .curves = &curves, .blocks = blocks};
-    lg_status status = sampling->count <= SIZE_MAX / 16
-                           ? lg_elastica_curves_create(context, families * sampling->count,
-                                                       sampling->problem.intervals, true, &curves)
-                           : LG_OUT_OF_MEMORY;
-    if (status == LG_OK) j.errors = lg_alloc(context, families * blocks, sizeof *j.errors);
-    if (status != LG_OK || !j.errors) {
-        lg_elastica_curves_destroy(&curves);
+    LG_CLEAN(lg_elastica_curves_destroy) lg_elastica_curves curves = {.count = 0};
+    LG_SCRATCH(lg_error, errors, context, families * blocks);
+    job j = {.context = context, .sampling = sampling, .curves = &curves, .blocks = blocks, .errors = errors};
+    if (errors == NULL || sampling->count > SIZE_MAX / 16 ||
+        lg_elastica_curves_create(context, families * sampling->count, sampling->problem.intervals, true,
+                                  &curves) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory for %zu curves", sampling->count);
-    }
     curves.length = sampling->problem.length;
     curves.stiffness = sampling->problem.stiffness;
     curves.continuous = sampling->continuous;
-    status = run(&j, families * blocks, error);
-    lg_free(context, j.errors);
-    if (status != LG_OK) {
-        lg_elastica_curves_destroy(&curves);
-        return status;
-    }
-    *out = curves;
-    return lg_fail(error, LG_OK, "%s", "");
+    LG_TRY(run(&j, families * blocks, error));
+    (void)lg_fail(error, LG_OK, "%s", "");
+    return LG_HAND(out, curves);
 }

@@ -94,8 +94,7 @@ static lg_status check(const lg_surrogate_options *o, uint32_t intervals, double
 
 lg_status lg_surrogate_init(lg_surrogate *model, const lg_surrogate_options *options, uint32_t intervals,
                             double length, double centre, lg_error *error) {
-    if (model == NULL || options == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the model or the options are NULL");
+    LG_NEEDS(error, model, options);
     LG_TRY(check(options, intervals, length, centre, error));
     static const uint32_t inputs[] = {8, 9, 3};
     const uint32_t nodes = options->angles ? intervals - 1 : 4 * (intervals - 1);

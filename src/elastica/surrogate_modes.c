@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "kernels/lapack.h"
 #include "liegrad/ops.h"
 #include "elastica/surrogate_internal.h"
@@ -78,8 +78,8 @@ lg_status lg_surrogate_coefficients(const lg_context *context, const lg_surrogat
     double rest = 0.0;
     LG_TRY(check(model, curves, training, count, error));
     LG_TRY(lg_surrogate_check_modes(model, error));
-    double *y = lg_alloc(context, n, sizeof *y);
-    if (y == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the %zu numbers of a curve", n);
+    LG_TRY_SCRATCH(double, y, context, n,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the %zu numbers of a curve", n));
     for (size_t i = 0; i < count; i++) {
         numbers_of(model, curves, training[i], y);
         for (size_t j = 0; j < n; j++) y[j] -= model->modes[j];
@@ -87,7 +87,6 @@ lg_status lg_surrogate_coefficients(const lg_context *context, const lg_surrogat
             coefficients[modes * i + k] = take_out(model->modes + n * (k + 1), n, y);
         for (size_t j = 0; j < n; j++) rest += y[j] * y[j];
     }
-    lg_free(context, y);
     if (truncation != NULL) *truncation = count > 0 ? rest / ((double)n * (double)count) : 0.0;
     return LG_OK;
 }

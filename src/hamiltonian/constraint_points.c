@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "hamiltonian/constraint.h"
 #include "integrators/taped_internal.h"
 #include "kernels/matrix.h"
@@ -189,20 +189,18 @@ lg_status lg_constraint_look(const lg_constraint *constraint, double size, const
                              lg_constraint_view *out, lg_error *error) {
     LG_NEEDS(error, constraint, state, out);
     const size_t n = constraint->n;
-    lg_constraint_work work;
+    LG_CLEAN(lg_constraint_end) lg_constraint_work work = {.of = constraint};
     double p[MOST], whole = lg_matrix_norm(n, state + n);
     LG_TRY(lg_constraint_begin(constraint, size, state, &work, error));
     lg_constraint_value(&work, state);
     lg_constraint_normals(&work, state);
-    const lg_status status = lg_constraint_view_of(&work, state, out, error);
+    LG_TRY(lg_constraint_view_of(&work, state, out, error));
     memcpy(p, state + n, n * sizeof *p);
-    if (status == LG_OK && whole > 0.0) {
-        (void)lg_constraint_clear(&work, NULL, p); /* the rank is high enough */
-        for (size_t i = 0; i < n; i++) p[i] -= state[n + i];
-        out->across = lg_matrix_norm(n, p) / whole;
-    }
-    lg_constraint_end(&work);
-    return status;
+    if (!(whole > 0.0)) return LG_OK;
+    (void)lg_constraint_clear(&work, NULL, p); /* the rank is high enough */
+    for (size_t i = 0; i < n; i++) p[i] -= state[n + i];
+    out->across = lg_matrix_norm(n, p) / whole;
+    return LG_OK;
 }
 
 bool lg_constraint_settled(double moved, double before, double size) {
@@ -240,17 +238,14 @@ lg_status lg_constraint_project(const lg_constraint *constraint, double size, do
                                 lg_error *error) {
     LG_NEEDS(error, constraint, state);
     const size_t n = constraint->n;
-    lg_constraint_work work;
+    LG_CLEAN(lg_constraint_end) lg_constraint_work work = {.of = constraint};
     lg_constraint_view view;
     double moved[2 * MOST];
     memcpy(moved, state, 2 * n * sizeof *moved);
     LG_TRY(lg_constraint_begin(constraint, size, state, &work, error));
-    lg_status status = land(&work, moved, error);
-    if (status == LG_OK) status = lg_constraint_view_of(&work, moved, &view, error);
-    if (status == LG_OK) {
-        (void)lg_constraint_clear(&work, NULL, moved + n); /* the rank is high enough */
-        memcpy(state, moved, 2 * n * sizeof *state);
-    }
-    lg_constraint_end(&work);
-    return status;
+    LG_TRY(land(&work, moved, error));
+    LG_TRY(lg_constraint_view_of(&work, moved, &view, error));
+    (void)lg_constraint_clear(&work, NULL, moved + n); /* the rank is high enough */
+    memcpy(state, moved, 2 * n * sizeof *state);
+    return LG_OK;
 }

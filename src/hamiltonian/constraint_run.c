@@ -3,11 +3,13 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "hamiltonian/constraint.h"
 #include "integrators/taped_internal.h"
 #include "kernels/matrix.h"
 #include "mechanics/system.h"
+
+LG_AT(lg_stepper_destroy, lg_stepper)
 
 enum { MOST = LG_CONSTRAINT_MOST };
 
@@ -210,22 +212,17 @@ lg_status lg_constraint_flow(const lg_constraint *constraint, double tolerance, 
     const size_t n = constraint->n;
     flow self = {.of = constraint};
     lg_ode ode = {.field = field, .user = &self};
-    lg_stepper *stepper = NULL;
+    LG_CLEAN(lg_stepper_destroy_at) lg_stepper *stepper = NULL;
     double size = 0.0;
     for (size_t i = 0; i < n; i++) size += y0[i] * y0[i];
     LG_TRY(lg_space_init_rn(&ode.space, 2 * n));
-    self.work = lg_alloc(constraint->context, lg_plan_work_size(constraint->field), 1);
-    lg_status status = self.work != NULL
-                           ? lg_stepper_create(constraint->context, lg_scheme_find("dp85"), &ode, &stepper)
-                           : LG_OUT_OF_MEMORY;
-    if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
-    if (status == LG_OK) {
-        memmove(out, y0, 2 * n * sizeof *y0);
-        status = follow(stepper, constraint, sqrt(size), tolerance, times, count, out, error);
-    }
-    lg_stepper_destroy(stepper);
-    lg_free(constraint->context, self.work);
-    return status;
+    LG_TRY_SCRATCH(char, work, constraint->context, lg_plan_work_size(constraint->field),
+                   lg_no_memory(error));
+    self.work = work;
+    const lg_status status = lg_stepper_create(constraint->context, lg_scheme_find("dp85"), &ode, &stepper);
+    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
+    memmove(out, y0, 2 * n * sizeof *y0);
+    return follow(stepper, constraint, sqrt(size), tolerance, times, count, out, error);
 }
 
 /* ---- samples ---- */
@@ -271,25 +268,19 @@ lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_traje
     const size_t d = 2 * (size_t)constraint->n;
     const char *fault = lg_trajectory_fault(&how);
     if (fault != NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "%s", fault);
-    double *grid = lg_alloc(constraint->context, how.points, sizeof *grid);
-    if (grid == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for times");
+    LG_TRY_SCRATCH(double, grid, constraint->context, how.points,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for times"));
     for (size_t j = 0; j < how.points; j++) grid[j] = how.t_end * (double)j / (double)(how.points - 1);
     if (t != NULL) memcpy(t, grid, how.points * sizeof *t);
-    lg_status status = LG_OK;
-    for (size_t i = 0; status == LG_OK && i < how.trajectories; i++) {
-        double *y = data + i * how.points * d, start[2 * MOST], energy = (double)NAN;
-        if (lg_cancelled(constraint->context)) status = lg_fail(error, LG_CANCELLED, "cancelled");
-        if (status == LG_OK) status = draw_start(constraint, &how, how.first + i, start, error);
-        if (status == LG_OK)
-            status = lg_constraint_flow(constraint, exact, grid, how.points, start, y, error);
-        if (status == LG_OK && hamiltonian != NULL) {
-            status = lg_constraint_energy(constraint, start, &energy, error);
-            hamiltonian[i] = energy;
-        }
-        if (status != LG_OK || !(how.noise > 0.0)) continue;
+    for (size_t i = 0; i < how.trajectories; i++) {
+        double *y = data + i * how.points * d, start[2 * MOST];
+        if (lg_cancelled(constraint->context)) return lg_fail(error, LG_CANCELLED, "cancelled");
+        LG_TRY(draw_start(constraint, &how, how.first + i, start, error));
+        LG_TRY(lg_constraint_flow(constraint, exact, grid, how.points, start, y, error));
+        if (hamiltonian != NULL) LG_TRY(lg_constraint_energy(constraint, start, &hamiltonian[i], error));
+        if (!(how.noise > 0.0)) continue;
         lg_trajectory_disturb(&how, d, how.first + i, y);
-        if (how.noise_first) status = lg_constraint_project(constraint, 0.0, y, error);
+        if (how.noise_first) LG_TRY(lg_constraint_project(constraint, 0.0, y, error));
     }
-    lg_free(constraint->context, grid);
-    return status;
+    return LG_OK;
 }

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "hamiltonian/internal.h"
 #include "hamiltonian/learned.h"
 
@@ -155,8 +155,7 @@ static int compare_trajectories(const void *a, const void *b) {
 lg_status lg_hamiltonian_different(const lg_context *context, const lg_hamiltonian_problem *problem,
                                    size_t *out, size_t *count) {
     const size_t n = problem->trajectories, size = trajectory_size(problem);
-    sorted *rows = lg_alloc(context, n, sizeof *rows);
-    if (rows == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(sorted, rows, context, n, LG_OUT_OF_MEMORY);
     for (size_t i = 0; i < n; i++) rows[i] = (sorted){problem->data + i * size, i, size * sizeof(double)};
     qsort(rows, n, sizeof *rows, compare_trajectories);
     *count = 0;
@@ -164,7 +163,6 @@ lg_status lg_hamiltonian_different(const lg_context *context, const lg_hamiltoni
         const bool again = i > 0 && memcmp(rows[last].data, rows[i].data, rows[i].size) == 0;
         if (!again) out[(*count)++] = rows[last = i].index;
     }
-    lg_free(context, rows);
     return LG_OK;
 }
 
@@ -172,11 +170,9 @@ lg_status lg_hamiltonian_warn_of_data(const lg_context *context, const lg_hamilt
                                       const char *path) {
     const size_t parameters = lg_hamiltonian_parameters(problem->model), given = problem->trajectories;
     const size_t d = lg_hamiltonian_state_dim(problem->model);
-    size_t *index = lg_alloc(context, given, sizeof *index), count = 0;
-    const lg_status status =
-        index != NULL ? lg_hamiltonian_different(context, problem, index, &count) : LG_OUT_OF_MEMORY;
-    lg_free(context, index);
-    if (status != LG_OK) return status;
+    size_t count = 0;
+    LG_TRY_SCRATCH(size_t, index, context, given, LG_OUT_OF_MEMORY);
+    LG_TRY(lg_hamiltonian_different(context, problem, index, &count));
     const double numbers = (double)count * (double)(problem->points - 1) * (double)d;
     if (!lg_hamiltonian_moves(problem))
         WARN("%s: nothing moves: every trajectory stays at its first point, so any constant H explains the "

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "hamiltonian/internal.h"
 
 enum { MOST_STATES = 256 };
@@ -73,12 +73,11 @@ lg_status lg_hamiltonian_scale(const lg_context *context, const lg_hamiltonian_p
     const size_t size = 4 * count * lg_hamiltonian_state_dim(problem->model);
     double ratio = 1.0;
     lg_tape *tape = NULL;
-    double *memory = lg_alloc(context, size + lg_hamiltonian_parameters(problem->model), sizeof(*memory));
-    if (memory == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(double, memory, context, size + lg_hamiltonian_parameters(problem->model),
+                   LG_OUT_OF_MEMORY);
     lg_status status = lg_tape_create(context, NULL, &tape);
     if (status == LG_OK) status = ratio_with(tape, problem, count, theta, memory, &ratio);
     lg_tape_destroy(tape);
-    lg_free(context, memory);
     LG_TRY(status);
     const double scale = ratio > 1.0 && ratio <= DBL_MAX ? cbrt(ratio) : 1.0;
     for (size_t i = lg_mlp_weight_offset(net, net->layers - 1); i < lg_mlp_parameters(net); i++)

@@ -131,9 +131,8 @@ lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, s
     const white of = {P, clear_open(count, n, P, h)};
     *block = 0;
     if (most == 0 || of.trace < nothing) return LG_OK;
-    double *work = lg_alloc(context, n * n + (TOGETHER + 1) * n, sizeof *work);
-    if (work == NULL) return LG_OUT_OF_MEMORY;
-    double *parts = work, *sums = work + n * n;
+    LG_TRY_SCRATCH(double, parts, context, n *n + (TOGETHER + 1) * n, LG_OUT_OF_MEMORY);
+    double *sums = parts + n * n;
     centre(count, n, h);
     for (size_t i = 0; i < count * n; i++) h[i] /= sqrt(share);
     const size_t near = block_of(count, n, h, least, most);
@@ -147,6 +146,5 @@ lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, s
         status = take_root(context, n, far ? spread : trace, worth(count, *block), &of, F, sums);
         if (status != LG_OK) *block = 0;
     }
-    lg_free(context, work);
     return status == LG_NOT_FINITE ? LG_OK : status; /* scores that are not finite give no errors */
 }

@@ -252,10 +252,9 @@ static lg_status settle(walk *x, lg_error *error) {
 static lg_status estimate_states(const lg_context *context, const lg_machine_problem *problem, double *q,
                                  double *v, lg_error *error) {
     const size_t n = lg_machine_problem_parameters(problem);
-    double *memory = lg_alloc(context, 2 * n + problem->windows, sizeof *memory);
+    LG_TRY_SCRATCH(double, memory, context, 2 * n + problem->windows, lg_no_memory(error));
     walk x = {.context = context};
-    lg_status status =
-        memory != NULL ? open_walk(context, problem, memory, memory + 2 * n, &x) : LG_OUT_OF_MEMORY;
+    lg_status status = open_walk(context, problem, memory, memory + 2 * n, &x);
     if (status == LG_OK) {
         x.before = memory + n;
         memset(memory, 0, n * sizeof *memory);
@@ -266,7 +265,6 @@ static lg_status estimate_states(const lg_context *context, const lg_machine_pro
         (void)lg_machine_conclude(x.tape, status, error);
     }
     close_walk(&x);
-    lg_free(context, memory);
     return status;
 }
 
@@ -289,14 +287,11 @@ lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine
                        "states are estimated from accelerations, but the log has no accelerations");
     memcpy(q, log->q, log->rows * machine->positions * sizeof *q);
     memcpy(v, log->v, log->rows * machine->velocities * sizeof *v);
-    size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    if (start == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(size_t, start, context, log->rows, lg_no_memory(error));
     problem.windows = lg_machine_windows(machine, log, window, window - 1, true, start);
     problem.start = start;
     lg_machine_scale_loss(&problem);
-    lg_status status = LG_OK;
-    if (problem.windows > 0) status = lg_machine_problem_check(&problem, error);
-    if (problem.windows > 0 && status == LG_OK) status = estimate_states(context, &problem, q, v, error);
-    lg_free(context, start);
-    return status;
+    if (problem.windows == 0) return LG_OK;
+    LG_TRY(lg_machine_problem_check(&problem, error));
+    return estimate_states(context, &problem, q, v, error);
 }

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "machine/internal.h"
 
 typedef struct estimate {
@@ -117,17 +117,16 @@ lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine
                                   .starts = LG_MACHINE_STARTS_ESTIMATED,
                                   .theta = theta,
                                   .log = *log};
-    estimate e = {.context = context};
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
+    LG_TRY_SCRATCH(double, numbers, context, LG_FIT_CHUNK *(size_t)lg_machine_start_numbers(machine),
+                   lg_no_memory(error));
     lg_machine_scale_loss(&problem);
-    e.numbers = lg_alloc(context, LG_FIT_CHUNK * lg_machine_start_numbers(machine), sizeof *e.numbers);
-    lg_status status = e.numbers != NULL ? lg_tape_create(context, NULL, &e.tape) : LG_OUT_OF_MEMORY;
-    if (status != LG_OK) (void)lg_fail(error, status, "%s", lg_status_sentence(status));
-    for (size_t first = 0; first < count && status == LG_OK; first += problem.windows) {
+    if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
+    estimate e = {.context = context, .tape = tape, .numbers = numbers};
+    for (size_t first = 0; first < count; first += problem.windows) {
         next_group(&problem, start + first, count - first, window);
-        status = estimate_group(&e, &problem, positions + first * machine->positions,
-                                velocities + first * machine->velocities, error);
+        LG_TRY(estimate_group(&e, &problem, positions + first * machine->positions,
+                              velocities + first * machine->velocities, error));
     }
-    lg_tape_destroy(e.tape);
-    lg_free(context, e.numbers);
-    return status;
+    return LG_OK;
 }

@@ -246,7 +246,7 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
                    .noise = noise,
                    .n = many ? 0 : machine->parameters,
                    .own = lg_machine_start_numbers(machine)};
-    lg_tape *tape = NULL;
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     lg_fit_problem fit;
     e.problem.starts = LG_MACHINE_STARTS_ESTIMATED;
     if (many) e.problem.theta = theta;
@@ -259,21 +259,15 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
     const size_t numbers[] = {given + starts, rows * columns, rows + 3 * e.rows, e.rows * columns};
     size_t sum = (2 * e.n + 1) * e.n;
     for (size_t i = 0; i < LG_COUNT(numbers); i++) sum += numbers[i];
-    double *all = lg_alloc(context, sum, sizeof *all);
-    lg_status status = all != NULL ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
-    if (status == LG_OK) {
-        e.jacobian = all + numbers[0];
-        e.residuals = e.jacobian + numbers[1];
-        e.columns = e.residuals + numbers[2];
-        e.J = e.columns + numbers[3];
-        e.K = e.J + e.n * e.n;
-        memcpy(all, theta, given * sizeof *all);
-        if (!measured) memcpy(all + given, theta + given, starts * sizeof *all);
-        e.theta = many ? all + given : all;
-        status = expect(&e, tape, e.J + 2 * e.n * e.n, out);
-    }
-    (void)lg_machine_conclude(tape, status, error);
-    lg_tape_destroy(tape);
-    lg_free(context, all);
-    return status;
+    LG_TRY_SCRATCH(double, all, context, sum, lg_no_memory(error));
+    if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
+    e.jacobian = all + numbers[0];
+    e.residuals = e.jacobian + numbers[1];
+    e.columns = e.residuals + numbers[2];
+    e.J = e.columns + numbers[3];
+    e.K = e.J + e.n * e.n;
+    memcpy(all, theta, given * sizeof *all);
+    if (!measured) memcpy(all + given, theta + given, starts * sizeof *all);
+    e.theta = many ? all + given : all;
+    return lg_machine_conclude(tape, expect(&e, tape, e.J + 2 * e.n * e.n, out), error);
 }

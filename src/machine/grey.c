@@ -430,13 +430,12 @@ lg_status lg_grey_energy(const lg_machine *machine, double *out) {
     lg_machine plain = *machine;
     double masses[LG_MACHINE_VELOCITIES], logs = 0.0;
     uint32_t n = 0;
-    lg_tape *tape = NULL;
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     *out = 0.0;
     if (machine->grey.system == NULL) return LG_OK;
     plain.scales.energy = 1.0;
     lg_status status = lg_tape_create(NULL, NULL, &tape);
     if (status == LG_OK) status = read_masses(tape, &plain, &n, masses);
-    lg_tape_destroy(tape);
     for (uint32_t i = 0; i < n; i++) logs += log(masses[i]);
     if (status == LG_OK) *out = exp(logs / n);
     return status == LG_OUT_OF_MEMORY ? status : LG_OK;

@@ -90,15 +90,13 @@ static bool triangulate(const lg_context *context, size_t m, size_t n, double *m
     else
         dgeqrf_(&rows, &columns, matrix, &rows, &want, &want, &query, &info);
     const int room = (int)want;
-    double *tau = lg_alloc(context, n + (size_t)room, sizeof *tau);
-    if (tau == NULL) return false;
+    LG_TRY_SCRATCH(double, tau, context, n + (size_t)room, false);
     if (order != NULL)
         dgeqp3_(&rows, &columns, matrix, &rows, order, tau, tau + n, &room, &info);
     else
         dgeqrf_(&rows, &columns, matrix, &rows, tau, tau + n, &room, &info);
     for (size_t j = 0; j < n; j++)
         for (size_t i = 0; i < n; i++) triangle[j * n + i] = i <= j ? matrix[j * m + i] : 0.0;
-    lg_free(context, tau);
     return true;
 }
 
@@ -348,24 +346,21 @@ static lg_status colour(const normal *s, bool prior, double *W, double *block) {
     const size_t n = s->n, count = s->used * s->stretches;
     const double c = s->neighbours / fmax(s->squares, DBL_MIN), least = 0.02;
     const bool coloured = c > fmax(least, 4.0 / sqrt(fmax(s->weighted, 1.0)));
-    double *F = lg_alloc(s->context, (count + 3 * n) * n, sizeof *F);
+    LG_TRY_SCRATCH(double, F, s->context, (count + 3 * n) * n, LG_OUT_OF_MEMORY);
     size_t stretches = 0;
-    if (F == NULL) return LG_OUT_OF_MEMORY;
     double *apart = F + n * n, *P = F + 2 * n * n, *h = F + 3 * n * n;
     for (size_t j = 0; j < n; j++)
         for (size_t i = 0; i < n; i++) apart[j * n + i] = W[j * n + i] / bound(s, i, prior);
     product(n, n, 1.0, apart, apart, P);
     product(count, n, 1.0 / variance_of(s), s->scores, W, h);
-    const lg_status status =
-        lg_machine_colour(s->context, count, n, s->stretches, (double)s->used / (double)s->windows, coloured,
-                          P, h, F, &stretches);
-    if (status == LG_OK && stretches > 0) { /* Columns of W F: column-major W is W^T row by row. */
+    LG_TRY(lg_machine_colour(s->context, count, n, s->stretches, (double)s->used / (double)s->windows,
+                             coloured, P, h, F, &stretches));
+    if (stretches > 0) { /* Columns of W F: column-major W is W^T row by row. */
         k->gemm(n, n, n, F, n, 1, W, n, F + n * n, n, false);
         memcpy(W, F + n * n, n * n * sizeof *W);
         *block = (double)stretches * seconds_of(&s->problem->log) / (double)(s->windows * s->stretches);
     }
-    lg_free(s->context, F);
-    return status;
+    return LG_OK;
 }
 
 /* changes (count): what a Gauss-Newton step would change of the numbers. `gradient` (count, n): their
@@ -373,8 +368,7 @@ static lg_status colour(const normal *s, bool prior, double *W, double *block) {
 static lg_status find_changes(normal *s, size_t count, const double *gradient, double prior, double *work,
                               int *order, double *changes) {
     const size_t n = s->n;
-    double *W = lg_alloc(s->context, (n + 2) * n, sizeof *W);
-    if (W == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(double, W, s->context, (n + 2) * n, LG_OUT_OF_MEMORY);
     double *slope = W + n * n, *step = slope + n;
     s->deviation = prior > 0.0 ? prior : 1e6;
     const bool room = invert(s, true, work, order, W);
@@ -388,7 +382,6 @@ static lg_status find_changes(normal *s, size_t count, const double *gradient, d
     }
     for (size_t i = 0; i < count && room; i++) changes[i] = dot(gradient + i * n, step, n);
     s->deviation = 1.0;
-    lg_free(s->context, W);
     return room ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
@@ -493,9 +486,9 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     for (size_t i = 0; out->correlations != NULL && i < count * count; i++) out->correlations[i] = 0.0;
     if (count == 0) return LG_OK;
     const size_t all = lg_machine_problem_parameters(problem);
-    lg_identified *moved = lg_alloc(context, 2 * count, sizeof *moved);
-    double *at = lg_alloc(context, all + (4 * s.n + 1 + count) * s.n + (1 + count) * count, sizeof *at);
-    int *order = lg_alloc(context, s.n, sizeof *order);
+    LG_SCRATCH(lg_identified, moved, context, 2 * count);
+    LG_SCRATCH(double, at, context, all + (4 * s.n + 1 + count) * s.n + (1 + count) * count);
+    LG_SCRATCH(int, order, context, s.n);
     const bool room = moved != NULL && at != NULL && order != NULL;
     choose_windows(&s, s.n > SMALL ? LG_MACHINE_MOST_WINDOWS : MOST_OF_SMALL);
     lg_status status = LG_OUT_OF_MEMORY;
@@ -510,7 +503,6 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
         if (status == LG_OK) status = conclude(&s, count, at + all, order, moved, out);
     }
     if (status == LG_OK && missing == LG_OUT_OF_MEMORY) status = missing;
-    LG_FREE_ALL(context, at, moved, order);
     return finish(&s, status, error);
 }
 
@@ -532,8 +524,8 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
                                const lg_fit_problem *fit, const double *x, size_t n,
                                lg_machine_uncertainty *out, lg_error *error) {
     normal s = {.context = context, .problem = problem, .fit = *fit, .theta = x, .n = n};
-    double *work = lg_alloc(context, 4 * n * n, sizeof *work);
-    int *order = lg_alloc(context, n, sizeof *order);
+    LG_SCRATCH(double, work, context, 4 * n * n);
+    LG_SCRATCH(int, order, context, n);
     choose_windows(&s, MOST_OF_SMALL);
     lg_status status = work != NULL && order != NULL ? gather(&s, true) : LG_OUT_OF_MEMORY;
     if (status == LG_OK && !invert(&s, false, work + n * n, order, out->W)) status = LG_OUT_OF_MEMORY;
@@ -544,7 +536,6 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
         out->widened = widened(n, work, out->W);
         out->variance = variance_of(&s);
     }
-    LG_FREE_ALL(context, work, order);
     return finish(&s, status, error);
 }
 

@@ -2,7 +2,10 @@
 #ifndef LG_MACHINE_INTERNAL_H
 #define LG_MACHINE_INTERNAL_H
 
+#include "core/clean.h"
 #include "liegrad/machine.h"
+
+LG_AT(lg_tape_destroy, lg_tape)
 
 /* Indices of the parts of a state in an array of parts; -1 where the machine has no such part. */
 typedef struct lg_machine_places {

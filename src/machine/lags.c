@@ -134,13 +134,11 @@ lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *
                                    const lg_machine_log *log, lg_machine_filter **out, lg_error *error) {
     LG_NEEDS(error, machine, log, out);
     const uint32_t n = machine->lags;
-    lg_machine_filter *made = lg_alloc(context, 1, sizeof *made);
-    double *start = lg_alloc(context, log->parts * n + 1, sizeof *start);
-    if (made == NULL || start == NULL) {
-        LG_FREE_ALL(context, made, start);
+    LG_SCRATCH(double, start, context, log->parts *n + 1);
+    lg_machine_filter *made = start != NULL ? lg_alloc(context, 1, sizeof *made) : NULL;
+    if (made == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the lags of %u inputs", machine->input_count);
-    }
-    *made = (lg_machine_filter){.context = context, .log = *log, .lags = n, .start = start};
+    *made = (lg_machine_filter){.context = context, .log = *log, .lags = n, .start = LG_KEEP(start)};
     made->log.filter = NULL;
     pthread_mutex_init(&made->mutex, NULL);
     for (size_t p = 0; p < log->parts; p++) start_at(machine, log, p, start + p * n);
@@ -225,14 +223,13 @@ lg_status lg_machine_lag_states(const lg_machine *machine, const lg_machine_log 
 /* Time constants of all lags, in seconds. */
 static lg_status read_taus(const lg_context *context, const lg_machine *machine, const double *theta,
                            double *tau) {
-    lg_tape *tape = NULL;
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     lg_machine_vars vars;
     LG_TRY(lg_tape_create(context, NULL, &tape));
-    lg_status status = lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars);
-    if (status == LG_OK) status = lg_read(tape, vars.lag, machine->lags, tau);
-    lg_tape_destroy(tape);
+    LG_TRY(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars));
+    LG_TRY(lg_read(tape, vars.lag, machine->lags, tau));
     for (uint32_t k = 0; k < machine->lags; k++) tau[k] = machine->scales.time * exp(tau[k]);
-    return status;
+    return LG_OK;
 }
 
 lg_status lg_machine_lagged_inputs(const lg_context *context, const lg_machine *machine, const double *theta,
@@ -240,13 +237,13 @@ lg_status lg_machine_lagged_inputs(const lg_context *context, const lg_machine *
                                    lg_error *error) {
     LG_NEEDS(error, machine, log, at, out);
     if (machine->parameters > 0) LG_NEEDS(error, theta);
-    double tau[LG_MACHINE_LAGS], *states;
+    double tau[LG_MACHINE_LAGS];
     const size_t n = count * machine->lags;
     if (n == 0) return LG_OK;
-    states = lg_alloc(context, 3 * n, sizeof *states);
-    lg_status status = states != NULL ? read_taus(context, machine, theta, tau) : LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(double, states, context, 3 * n, lg_no_memory(error));
+    lg_status status = read_taus(context, machine, theta, tau);
     if (status == LG_OK) status = lg_machine_lag_states(machine, log, tau, at, count, states);
-    for (size_t i = 0; i < n && status == LG_OK; i++) out[i] = states[3 * i];
-    lg_free(context, states);
-    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_status_sentence(status));
+    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
+    for (size_t i = 0; i < n; i++) out[i] = states[3 * i];
+    return LG_OK;
 }

@@ -132,24 +132,16 @@ lg_status lg_machine_find_missing(const lg_context *context, const lg_machine_pr
     const size_t own = machine->parameters, starts = lg_machine_problem_parameters(problem) - own;
     *out = (lg_machine_missing){.loss = 0.0};
     if (machine->weights > 0 || own > MOST_COLUMNS || problem->theta != NULL) return LG_OK;
-    lg_machine *extended = lg_alloc(context, 1, sizeof *extended);
+    LG_TRY_SCRATCH(lg_machine, extended, context, 1, lg_no_memory(error));
     uint32_t degree = HIGHEST;
-    while (extended != NULL && degree > 0 && !extend(machine, degree, extended)) degree--;
-    if (extended != NULL && degree == 0) {
-        lg_free(context, extended);
-        return LG_OK;
-    }
-    const size_t n = extended != NULL ? extended->parameters + 1 : 1;
-    double *at = lg_alloc(context, n + starts, sizeof *at), *work = lg_alloc(context, 4 * n * n, sizeof *at);
-    const bool room = extended != NULL && at != NULL && work != NULL;
-    lg_status status = room ? LG_OK : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu columns", n);
-    if (status == LG_OK) {
-        lg_machine_problem more = *problem;
-        more.machine = extended;
-        memcpy(at, theta, own * sizeof *at);
-        memcpy(at + n - 1, theta + own, starts * sizeof *at);
-        status = look(context, &more, at, own, work, out, error);
-    }
-    LG_FREE_ALL(context, extended, at, work);
-    return status;
+    while (degree > 0 && !extend(machine, degree, extended)) degree--;
+    if (degree == 0) return LG_OK;
+    const size_t n = extended->parameters + 1;
+    LG_TRY_SCRATCH(double, at, context, n + starts + 4 * n * n,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu columns", n));
+    lg_machine_problem more = *problem;
+    more.machine = extended;
+    memcpy(at, theta, own * sizeof *at);
+    memcpy(at + n - 1, theta + own, starts * sizeof *at);
+    return look(context, &more, at, own, at + n + starts, out, error);
 }

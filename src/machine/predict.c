@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "machine/internal.h"
 
 /* A run: its first row of the log, the row in which its part ends, and the row of the results that gets its
@@ -126,7 +126,7 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
                               double *velocities, lg_error *error) {
     LG_NEEDS(error, machine, scheme, log, start);
     lg_space space;
-    lg_tape *tape = NULL;
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     const bool to_end = steps == LG_MACHINE_TO_END;
     if ((count == 0 && !to_end) || count > UINT32_MAX || substeps == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "free runs need at least one start and one substep");
@@ -134,27 +134,32 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
     if (to_end) fill(positions, log->rows * machine->positions, (double)NAN);
     if (to_end) fill(velocities, log->rows * machine->velocities, (double)NAN);
     if (count == 0) return LG_OK;
-    runs r = {machine, theta,     scheme,     substeps, log,  count, steps, space.dim,
-              to_end,  positions, velocities, NULL,     NULL, NULL,  NULL};
-    r.state =
-        lg_alloc(context, count * (space.dim + machine->positions + machine->velocities), sizeof *r.state);
-    r.at = lg_alloc(context, count, sizeof *r.at);
-    r.run = lg_alloc(context, count, sizeof *r.run);
-    lg_status status = r.state != NULL && r.at != NULL && r.run != NULL ? LG_OK : LG_OUT_OF_MEMORY;
-    if (status == LG_OK) status = lg_tape_create(context, NULL, &tape);
-    if (status == LG_OK) {
-        r.row = r.state + count * space.dim;
-        for (size_t i = 0; i < count; i++)
-            r.run[i] = (one){start[i], log->first[lg_machine_log_part(log, start[i]) + 1],
-                             to_end ? start[i] : i * (steps + 1)};
-        status = run_all(context, tape, &r);
-        if (status != LG_OK)
-            (void)lg_fail(error, status, "%s",
-                          status == LG_CANCELLED ? "the runs were stopped" : lg_tape_message(tape));
-    } else {
-        (void)lg_fail(error, status, "%s", lg_status_sentence(status));
-    }
-    lg_tape_destroy(tape);
-    LG_FREE_ALL(context, r.state, r.at, r.run);
-    return status;
+    LG_TRY_SCRATCH(double, state, context, count *(space.dim + machine->positions + machine->velocities),
+                   lg_no_memory(error));
+    LG_TRY_SCRATCH(size_t, at, context, count, lg_no_memory(error));
+    LG_TRY_SCRATCH(one, run, context, count, lg_no_memory(error));
+    runs r = {machine,
+              theta,
+              scheme,
+              substeps,
+              log,
+              count,
+              steps,
+              space.dim,
+              to_end,
+              positions,
+              velocities,
+              state,
+              state + count * space.dim,
+              run,
+              at};
+    if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
+    for (size_t i = 0; i < count; i++)
+        run[i] = (one){start[i], log->first[lg_machine_log_part(log, start[i]) + 1],
+                       to_end ? start[i] : i * (steps + 1)};
+    const lg_status status = run_all(context, tape, &r);
+    return status == LG_OK
+               ? status
+               : lg_fail(error, status, "%s",
+                         status == LG_CANCELLED ? "the runs were stopped" : lg_tape_message(tape));
 }

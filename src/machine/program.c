@@ -9,6 +9,8 @@
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
+LG_AT(lg_program_destroy, lg_program)
+
 /* Bound on the numbers of a state: of positions, velocities, bristles and lagged inputs together. */
 enum { MOST = LG_MACHINE_POSITIONS + 2 * LG_MACHINE_VELOCITIES + LG_MACHINE_LAGS };
 
@@ -397,7 +399,7 @@ static lg_status make(const lg_context *context, const lg_machine *machine, cons
     if (machine->parameters > 0) LG_NEEDS(error, theta);
     recording r = {
         .machine = machine, .scheme = scheme != NULL ? scheme : lg_scheme_find("cf4"), .seen = seen};
-    lg_program *made;
+    LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
     if (scheme != NULL && scheme->kind == LG_SCHEME_VARIATIONAL)
         return lg_fail(error, LG_UNSUPPORTED,
                        "%s finds its step by iteration, which a program cannot do; take cf4, rkmk4 or "
@@ -408,14 +410,10 @@ static lg_status make(const lg_context *context, const lg_machine *machine, cons
     fill_state(&r);
     fill_log(&r);
     LG_TRY(build(context, &r, theta, &made, error));
-    lg_status status = add_step(made, &r, error);
-    if (status == LG_OK && seen > 0) status = add_lag(made, &r, error);
-    if (status == LG_OK) status = lg_program_jacobian(made, "velocity", error);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_program_destroy(made);
-    return status;
+    LG_TRY(add_step(made, &r, error));
+    if (seen > 0) LG_TRY(add_lag(made, &r, error));
+    LG_TRY(lg_program_jacobian(made, "velocity", error));
+    return LG_MOVE(out, made);
 }
 
 lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,

@@ -16,12 +16,10 @@ lg_status lg_machine_eigen(const lg_context *context, size_t n, double *matrix, 
         if (!isfinite(matrix[i])) return LG_NOT_FINITE;
     dsyevd_("V", "U", &size, matrix, &size, values, &want, &query, &iwant, &query, &info);
     const int room = (int)want, iroom = iwant;
-    double *work = lg_alloc(context, (size_t)room, sizeof *work);
-    int *iwork = lg_alloc(context, (size_t)iroom, sizeof *iwork);
-    const bool room_left = work != NULL && iwork != NULL;
-    if (room_left) dsyevd_("V", "U", &size, matrix, &size, values, work, &room, iwork, &iroom, &info);
-    LG_FREE_ALL(context, work, iwork);
-    return !room_left ? LG_OUT_OF_MEMORY : info == 0 ? LG_OK : LG_NOT_FINITE;
+    LG_TRY_SCRATCH(double, work, context, (size_t)room, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(int, iwork, context, (size_t)iroom, LG_OUT_OF_MEMORY);
+    dsyevd_("V", "U", &size, matrix, &size, values, work, &room, iwork, &iroom, &info);
+    return info == 0 ? LG_OK : LG_NOT_FINITE;
 }
 
 static void correlate(size_t n, const double *covariance, const lg_identified *numbers, double *out) {
@@ -77,12 +75,10 @@ lg_status lg_machine_relate(const lg_context *context, size_t count, double *cov
     if (out->correlations != NULL) correlate(count, covariance, out->numbers, out->correlations);
     out->open_count = 0;
     if (out->open == NULL) return LG_OK;
-    double *variances = lg_alloc(context, count, sizeof *variances);
-    const lg_status status =
-        variances != NULL ? lg_machine_eigen(context, count, covariance, variances) : LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(double, variances, context, count, LG_OUT_OF_MEMORY);
+    const lg_status status = lg_machine_eigen(context, count, covariance, variances);
     for (size_t k = count; status == LG_OK && k-- > 0 && variances[k] > open;)
         memcpy(out->open + count * out->open_count++, covariance + k * count, count * sizeof *covariance);
-    lg_free(context, variances);
     if (status == LG_OUT_OF_MEMORY) return status;
     reduce(out->open_count, count, out->open);
     return LG_OK;

@@ -74,7 +74,7 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
                                const lg_machine_log *log, double *rate, lg_error *error) {
     enum { ROWS = 32 };
     size_t rows[ROWS], count = 0;
-    lg_tape *tape = NULL;
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     LG_NEEDS(error, machine, log, rate);
     *rate = 0.0;
     for (size_t i = 0; i < ROWS && log->rows > 0; i++) {
@@ -83,9 +83,8 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
     }
     if (count == 0 || !has_damping(machine)) return LG_OK;
     const size_t n = machine->velocities, all = count * n;
-    double *memory =
-        lg_alloc(context, all * (machine->positions + 2 * n + machine->input_count), sizeof *memory);
-    if (memory == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(double, memory, context, all *(machine->positions + 2 * n + machine->input_count),
+                   lg_no_memory(error));
     probe p = {.count = (uint32_t)all, .v = memory, .after = memory + all * n, .q = memory + 2 * all * n};
     p.u = p.q + all * machine->positions;
     fill(machine, log, rows, count, &p);
@@ -99,8 +98,5 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
         }
         lg_tape_reset(tape);
     }
-    (void)lg_machine_conclude(tape, status, error);
-    lg_tape_destroy(tape);
-    lg_free(context, memory);
-    return status;
+    return lg_machine_conclude(tape, status, error);
 }

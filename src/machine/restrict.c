@@ -204,12 +204,10 @@ lg_status lg_machine_adapt(const lg_context *context, const lg_machine_restricti
     const size_t n = restriction->count;
     adapting a = {.context = context, .of = restriction};
     lg_machine_restricted_problem(restriction, &a.fit);
-    a.x = lg_alloc(context, 2 * a.fit.parameters + 2 * n * n + n, sizeof *a.x);
-    if (a.x == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(double, x, context, 2 * a.fit.parameters + 2 * n * n + n, lg_no_memory(error));
+    a.x = x;
     a.decay = a.x + a.fit.parameters;
     a.fit.decay = a.decay;
     a.found.W = a.decay + a.fit.parameters;
-    const lg_status status = adapt(&a, a.found.W + n * n, out, error);
-    lg_free(context, a.x);
-    return status;
+    return adapt(&a, a.found.W + n * n, out, error);
 }

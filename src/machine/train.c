@@ -327,10 +327,7 @@ lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *p
         fit.loss = shard_floor;
         return floor != NULL ? lg_fit_problem_loss(context, &fit, theta, floor, error) : LG_OK;
     }
-    lg_tape *tape = NULL;
-    lg_status status = lg_tape_create(context, NULL, &tape);
-    if (status == LG_OK) status = add_windows(tape, problem, theta, loss, floor);
-    (void)lg_machine_conclude(tape, status, error);
-    lg_tape_destroy(tape);
-    return status;
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
+    if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
+    return lg_machine_conclude(tape, add_windows(tape, problem, theta, loss, floor), error);
 }

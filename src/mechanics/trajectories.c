@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "liegrad/geometry.h"
+#include "core/clean.h"
 #include "mechanics/system.h"
 
 /* ---- starts ---- */
@@ -232,16 +233,15 @@ lg_status lg_system_generate(const lg_context *context, const lg_system *system,
     lg_trajectory_options defaults;
     lg_trajectory_options_init(&defaults);
     const lg_trajectory_options *o = options ? options : &defaults;
-    if (!system || !t || !trajectories || !hamiltonian)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    LG_NEEDS(error, system, t, trajectories, hamiltonian);
     const char *fault = lg_trajectory_fault(o);
     if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "%s", fault);
     const size_t d = system->space.dim, n = o->trajectories;
     if (n > SIZE_MAX / sizeof(double) / 4 / d / o->points)
         return lg_fail(error, LG_OUT_OF_MEMORY, "too many points");
     const size_t states = n * o->points * d;
-    double *memory = lg_alloc(context, states + n + o->points, sizeof(double));
-    if (!memory) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n);
+    LG_TRY_SCRATCH(double, memory, context, states + n + o->points,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n));
     sampling s = {.context = context,
                   .system = system,
                   .options = o,
@@ -249,20 +249,15 @@ lg_status lg_system_generate(const lg_context *context, const lg_system *system,
                   .trajectories = memory,
                   .hamiltonian = memory + states};
     lg_status status = reference_create(context, system, o->rtol, o->atol, &s.reference);
-    if (status == LG_OK) {
-        status = sample_all(&s, error);
-        reference_destroy(context, &s.reference);
-    } else {
-        (void)lg_fail(error, status, "%s: %s", system->row->name, lg_status_sentence(status));
-    }
-    if (status == LG_OK) {
-        memcpy(t, s.t, o->points * sizeof(*t));
-        memcpy(trajectories, s.trajectories, states * sizeof(*trajectories));
-        memcpy(hamiltonian, s.hamiltonian, n * sizeof(*hamiltonian));
-        (void)lg_fail(error, LG_OK, "%s", "");
-    }
-    lg_free(context, memory);
-    return status;
+    if (status != LG_OK)
+        return lg_fail(error, status, "%s: %s", system->row->name, lg_status_sentence(status));
+    status = sample_all(&s, error);
+    reference_destroy(context, &s.reference);
+    LG_TRY(status);
+    memcpy(t, s.t, o->points * sizeof(*t));
+    memcpy(trajectories, s.trajectories, states * sizeof(*trajectories));
+    memcpy(hamiltonian, s.hamiltonian, n * sizeof(*hamiltonian));
+    return lg_fail(error, LG_OK, "%s", "");
 }
 
 /* ---- reference solutions ---- */
@@ -288,20 +283,15 @@ lg_status lg_system_solve(const lg_context *context, const lg_system *system, co
         return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL, empty or not finite");
     const size_t d = system->space.dim;
     if (n > SIZE_MAX / sizeof(double) / d / count) return lg_fail(error, LG_OUT_OF_MEMORY, "too many points");
-    double *memory = lg_alloc(context, n * count * d, sizeof(double));
-    if (!memory) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n);
+    LG_TRY_SCRATCH(double, memory, context, n *count *d,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n));
     lg_status status =
         reference_create(context, system, rtol > 0.0 ? rtol : 1e-12, atol != 0.0 ? atol : -1e-13, &r);
-    if (status == LG_OK) {
-        status = run_references(context, &r, d, starts, n, times, count, memory, error);
-        reference_destroy(context, &r);
-    } else {
-        (void)lg_fail(error, status, "%s: %s", system->row->name, lg_status_sentence(status));
-    }
-    if (status == LG_OK) {
-        memcpy(out, memory, n * count * d * sizeof(*out));
-        (void)lg_fail(error, LG_OK, "%s", "");
-    }
-    lg_free(context, memory);
-    return status;
+    if (status != LG_OK)
+        return lg_fail(error, status, "%s: %s", system->row->name, lg_status_sentence(status));
+    status = run_references(context, &r, d, starts, n, times, count, memory, error);
+    reference_destroy(context, &r);
+    LG_TRY(status);
+    memcpy(out, memory, n * count * d * sizeof(*out));
+    return lg_fail(error, LG_OK, "%s", "");
 }

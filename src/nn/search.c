@@ -1,4 +1,4 @@
-/* Random search with early stopping: draws, stops and runs trials. */
+/* Searches with early stopping: spaces, stopping and running trials. */
 #include "nn/search.h"
 
 #include <math.h>
@@ -8,8 +8,12 @@
 #include "core/core.h"
 #include "liegrad/core.h"
 
-/* Random streams that draw trials; they differ from the streams of training with the same seed. */
-#define STREAM_TAG UINT64_C(0x7365617263680000)
+#define SAMPLERS(X)   X(random) X(tpe)
+#define SAMPLER(name) extern const lg_sampler lg_sampler_##name;
+SAMPLERS(SAMPLER)
+#undef SAMPLER
+#define SAMPLER(name) &lg_sampler_##name,
+static const lg_sampler *const samplers[] = {SAMPLERS(SAMPLER)};
 
 struct lg_search {
     const lg_search_options *options;
@@ -23,6 +27,10 @@ const char *lg_trial_state_name(lg_trial_state state) {
     static const char *const names[LG_TRIAL_STATE_COUNT] = {
         [LG_TRIAL_DONE] = "done", [LG_TRIAL_PRUNED] = "pruned", [LG_TRIAL_FAILED] = "failed"};
     return (int)state >= 0 && (int)state < LG_TRIAL_STATE_COUNT ? names[state] : "unknown";
+}
+
+const char *lg_search_sampler_name(uint32_t sampler) {
+    return sampler < LG_COUNT(samplers) ? samplers[sampler]->name : NULL;
 }
 
 void lg_search_options_init(lg_search_options *options) {
@@ -109,40 +117,6 @@ lg_status lg_search_space_check(const lg_search_space *space, lg_error *error) {
     return LG_OK;
 }
 
-static double clamp(double x, double low, double high) {
-    return x < low ? low : x > high ? high : x;
-}
-
-/* Draws a value of the range. Rounding can take it neither out of the range nor to the open end `high` of a
- * uniform range. */
-static double draw(const lg_range *range, lg_rng *rng) {
-    const double low = range->low, high = range->high;
-    switch (range->kind) {
-    case LG_RANGE_UNIFORM: {
-        const double u = lg_rng_uniform(rng), x = low * (1 - u) + high * u;
-        return low == high ? low : clamp(x, low, nextafter(high, low));
-    }
-    case LG_RANGE_LOG_UNIFORM: {
-        const double u = lg_rng_uniform(rng);
-        return clamp(exp(log(low) * (1 - u) + log(high) * u), low, high);
-    }
-    case LG_RANGE_INTEGER:
-        return (double)((int64_t)low +
-                        (int64_t)lg_rng_below(rng, (uint64_t)((int64_t)high - (int64_t)low) + 1));
-    case LG_RANGE_CHOICE:
-        break;
-    }
-    return (double)lg_rng_below(rng, range->choices);
-}
-
-void lg_search_draw(const lg_search_space *space, uint64_t seed, uint64_t number, double *value) {
-    for (size_t i = 0; i < space->count; i++) {
-        lg_rng rng;
-        lg_rng_seed(&rng, seed, STREAM_TAG ^ (number * LG_RANGE_MAX + i));
-        value[i] = draw(&space->ranges[i], &rng);
-    }
-}
-
 /* ---- early stopping ---- */
 
 bool lg_search_prune(const lg_search_options *options, const lg_trial *trials, size_t count, uint64_t number,
@@ -203,6 +177,8 @@ static lg_status check_options(const lg_search_options *options, lg_error *error
                        options->rungs, LG_TRIAL_REPORTS);
     if (!(options->quantile > 0 && options->quantile <= 1))
         return lg_fail(error, LG_INVALID_ARGUMENT, "quantile: %g is outside (0, 1]", options->quantile);
+    if (lg_search_sampler_name(options->sampler) == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "there is no sampler %u", options->sampler);
     return LG_OK;
 }
 
@@ -217,14 +193,24 @@ static void explain(const lg_trial *trial, lg_status status, lg_error *why) {
     why->status = status == LG_OK ? LG_NOT_FINITE : status;
 }
 
+static lg_status choose_values(const lg_search *search, const lg_search_space *space) {
+    const lg_sampler *sampler = samplers[search->options->sampler];
+    const lg_trial *done = NULL;
+    lg_trial *trial = search->trial;
+    size_t count = 0;
+    const bool any = sampler->learns && search->known != NULL &&
+                     search->known(search->user, trial, LG_TRIAL_BEGINS, &done, &count);
+    return sampler->next(space, search->options->seed, trial->number, done, any ? count : 0, trial->value);
+}
+
 /* Runs the trial of `search`. Returns false if the trial was cancelled; the trial is not kept then. */
 static bool run_trial(lg_search *search, const lg_search_problem *problem, const lg_search_space *space,
                       uint64_t number, lg_error *why) {
     lg_trial *trial = search->trial;
     *trial = (lg_trial){.number = number, .objective = NAN};
-    lg_search_draw(space, search->options->seed, number, trial->value);
+    lg_status status = choose_values(search, space);
     const double start = lg_seconds();
-    lg_status status = problem->run(problem->user, search, trial, why);
+    if (status == LG_OK) status = problem->run(problem->user, search, trial, why);
     trial->seconds = lg_seconds() - start;
     trial->number = number;
     if (status == LG_CANCELLED && search->stopped) status = LG_OK;

@@ -242,8 +242,7 @@ lg_status lg_table_evidence(const lg_context *context, const lg_table_problem *p
                             const lg_table_evidence_options *options, double *theta, double *decay,
                             lg_table_evidence_result *result, lg_error *error) {
     lg_table_evidence_options chosen;
-    if (problem == NULL || theta == NULL || decay == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the problem, theta or decay is NULL");
+    LG_NEEDS(error, problem, theta, decay);
     lg_table_evidence_options_init(&chosen);
     if (options != NULL) chosen = *options;
     if (problem->model->options.task != LG_TABLE_REGRESSION)

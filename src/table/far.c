@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "core/median.h"
 #include "liegrad/table.h"
 
@@ -65,8 +65,7 @@ lg_status lg_table_find_far(const lg_context *context, const double *values, siz
                             lg_table_far *out) {
     static const double TIMES = 30.0;
     if (values == NULL || out == NULL || stride == 0 || rows == 0) return LG_INVALID_ARGUMENT;
-    double *x = lg_alloc(context, 2 * rows, sizeof *x);
-    if (x == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(double, x, context, 2 * rows, LG_OUT_OF_MEMORY);
     double *distance = x + rows;
     lg_table_far made = {.limit = INFINITY};
     size_t still = 0;
@@ -79,7 +78,6 @@ lg_status lg_table_find_far(const lg_context *context, const double *values, siz
     if (still < rows) made.limit = TIMES * distance[still + (rows - still) / 2];
     count_far(distance, rows, raise_limit(x, distance, rows, &made), &made);
     while (half_distance(values[made.farthest * stride], made.median) < distance[rows - 1]) made.farthest++;
-    lg_free(context, x);
     *out = made;
     return LG_OK;
 }

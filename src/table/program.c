@@ -1,7 +1,7 @@
 /* Table networks as programs. The mean of the inputs is stored as the sum of two parameters, the first of
  * which is a single-precision number. In single precision an offset of the inputs then makes no rounding
  * errors. */
-#include "core/core.h"
+#include "core/clean.h"
 #include "model/record.h"
 #include "table/internal.h"
 
@@ -66,9 +66,9 @@ lg_status lg_table_program(const lg_context *context, const lg_table *model, con
     const bool regression = model->options.task == LG_TABLE_REGRESSION;
     LG_TRY(check_scaler(inputs, n, "inputs", error));
     if (regression) LG_TRY(check_scaler(outputs, m, "outputs", error));
-    double *numbers = lg_alloc(context, 3 * (size_t)n, sizeof *numbers);
-    if (numbers == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the scaling of a table");
-    double *mean = numbers, *rest = numbers + n, *inverse = rest + n;
+    LG_TRY_SCRATCH(double, mean, context, 3 * (size_t)n,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the scaling of a table"));
+    double *rest = mean + n, *inverse = rest + n;
     for (uint32_t c = 0; c < n; c++) {
         const float near = (float)inputs->mean[c];
         mean[c] =
@@ -96,7 +96,5 @@ lg_status lg_table_program(const lg_context *context, const lg_table *model, con
     spec.functions = functions;
     spec.function_count = regression ? 2 : 3;
     spec.description = regression ? "regression of a table" : "classification of a table";
-    const lg_status status = lg_program_build(context, &spec, out, error);
-    lg_free(context, numbers);
-    return status;
+    return lg_program_build(context, &spec, out, error);
 }

@@ -1,4 +1,4 @@
-/* Random search: draws, early stopping, and interruptions. */
+/* Searches: random draws, early stopping, and interruptions. */
 #include "test_support.h"
 #include "liegrad/core.h"
 #include "nn/search.h"

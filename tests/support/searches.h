@@ -20,6 +20,19 @@ static inline bool serial_known(void *user, const lg_trial *trial, uint32_t rung
     return true;
 }
 
+static inline lg_status search_nothing(void *user, lg_search *search, lg_trial *trial, lg_error *error) {
+    (void)user, (void)search, (void)error;
+    trial->objective = 0;
+    return LG_OK;
+}
+
+/* The values that the sampler chooses after the trials of serial_before. */
+static inline lg_status search_values(const lg_search_space *space, const lg_search_options *options,
+                                      uint64_t number, lg_trial *trial) {
+    const lg_search_problem problem = {search_nothing, NULL};
+    return lg_search_run_trial(space, options, &problem, serial_known, number, trial, NULL);
+}
+
 /* Runs all numbers below `planned` that are not among the first *count trials, and appends them. */
 static inline lg_status serial_search(const volatile int *cancel, const lg_search_space *space,
                                       const lg_search_options *options, uint64_t planned,

@@ -69,12 +69,11 @@ static lg_status fit_chain(fitting *f, const double *x, const uint32_t *label, c
     }
     LG_TRY(lg_pca_fit(f->context, f->x, f->n, f->d, f->options->components, &c->pca, error));
     const uint32_t k = lg_pca_outputs(&c->pca);
-    double *work = lg_alloc(f->context, d, sizeof *work);
+    LG_SCRATCH(double, work, f->context, d);
     f->p = c->pca.components == 0 ? f->x : lg_alloc(f->context, f->n, k * sizeof *f->p);
-    const bool good = work != NULL && f->p != NULL;
-    if (good) lg_pca_eval(&c->pca, f->x, f->n, f->p, work);
-    lg_free(f->context, work);
-    if (!good) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu rows of %u components", f->n, k);
+    if (work == NULL || f->p == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu rows of %u components", f->n, k);
+    lg_pca_eval(&c->pca, f->x, f->n, f->p, work);
     return fit_method(f, k, c, error);
 }
 
@@ -98,19 +97,15 @@ lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_optio
     if (count == 0 || d == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%zu rows of %u features: nothing to learn from", count,
                        d);
-    lg_classifier made = {.method = options->method, .classes = classes};
+    LG_CLEAN(free_fitted) lg_classifier made = {.method = options->method, .classes = classes};
     fitting f = {.context = context, .options = options, .n = count, .d = d};
-    lg_status status = fit_chain(&f, x, label, chosen, &made, error);
+    const lg_status status = fit_chain(&f, x, label, chosen, &made, error);
     if (f.p != f.x) lg_free(context, f.p);
     LG_FREE_ALL(context, f.x, f.label);
     made.features = out->features;
-    if (status == LG_OK) status = lg_classifier_ready(context, &made, error);
-    if (status != LG_OK) {
-        free_fitted(&made);
-        return status;
-    }
-    *out = made;
-    return LG_OK;
+    LG_TRY(status);
+    LG_TRY(lg_classifier_ready(context, &made, error));
+    return LG_HAND(out, made);
 }
 
 void lg_classifier_destroy(lg_classifier *classifier) {
@@ -157,8 +152,8 @@ lg_status lg_classifier_largest(const lg_context *context, const lg_classifier *
                        "only logistic and ridge regression without components have a weight per feature");
     if (count > d || groups == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%zu of %zu features in %zu groups", count, d, groups);
-    weighted *all = lg_alloc(context, d, sizeof *all);
-    if (all == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu features", d);
+    LG_TRY_SCRATCH(weighted, all, context, d,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu features", d));
     for (size_t i = 0; i < d; i++) weigh(c, (uint32_t)i, &all[i]);
     for (size_t g = 0, done = 0; g < groups; g++) {
         const size_t begin = d * g / groups, end = d * (g + 1) / groups, until = count * (g + 1) / groups;
@@ -166,7 +161,6 @@ lg_status lg_classifier_largest(const lg_context *context, const lg_classifier *
         for (size_t i = begin; done < until; i++) index[done++] = all[i].index;
     }
     qsort(index, count, sizeof *index, by_index);
-    lg_free(context, all);
     return LG_OK;
 }
 

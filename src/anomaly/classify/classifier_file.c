@@ -237,12 +237,11 @@ static const char *unpack_nodes(lg_tree *tree, const double *rows, uint32_t *dep
 }
 
 static lg_status check_tree(const lg_context *context, lg_tree *tree, const double *rows, lg_error *error) {
-    uint32_t *depth = lg_alloc(context, tree->count, sizeof *depth);
+    LG_SCRATCH(uint32_t, depth, context, tree->count);
     tree->node = lg_alloc(context, tree->count, sizeof *tree->node);
-    const bool good = depth != NULL && tree->node != NULL;
-    const char *what = good ? unpack_nodes(tree, rows, depth) : NULL;
-    lg_free(context, depth);
-    if (!good) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u nodes", tree->count);
+    if (depth == NULL || tree->node == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u nodes", tree->count);
+    const char *what = unpack_nodes(tree, rows, depth);
     if (what != NULL) return wrong(error, "tree/node", what);
     for (uint32_t i = 0; i < tree->count; i++) {
         uint64_t sum = 0;

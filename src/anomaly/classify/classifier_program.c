@@ -169,8 +169,8 @@ static lg_var reached(lg_tape *t, const lg_tree *tree, lg_var edges, uint32_t *i
 
 static lg_status fractions(lg_tape *t, const lg_tree *tree, const lg_var *w, lg_var z, lg_var *y) {
     const uint32_t splits = tree->count / 2, rows = lg_var_shape(t, z).dims[0];
-    uint32_t *index = lg_alloc(NULL, tree->count, 2 * sizeof *index), n = 0;
-    if (index == NULL) return LG_OUT_OF_MEMORY;
+    uint32_t n = 0;
+    LG_TRY_SCRATCH(uint32_t, index, NULL, 2 * (size_t)tree->count, LG_OUT_OF_MEMORY);
     for (uint32_t i = 0; i < tree->count; i++)
         if (tree->node[i].left != 0) index[n++] = tree->node[i].feature;
     if (splits > 0) {
@@ -183,7 +183,6 @@ static lg_status fractions(lg_tape *t, const lg_tree *tree, const lg_var *w, lg_
     } else {
         *y = lg_broadcast_to(t, w[FRACTION], lg_shape2(rows, tree->classes));
     }
-    lg_free(NULL, index);
     return LG_OK;
 }
 

@@ -16,12 +16,10 @@ typedef struct search {
     const uint32_t *chosen;
     size_t rows;
     uint32_t d, classes;
-    uint32_t *fold;     /* (rows) fold of each chosen row */
-    uint32_t *own;      /* (rows) label of each chosen row */
-    uint32_t *own_unit; /* (rows) unit of each chosen row, or NULL */
-    double *part;       /* (count, folds) accuracy of each option in each fold */
-    lg_status *status;  /* (count, folds) */
-    lg_error *error;    /* (count, folds) */
+    uint32_t *fold;    /* (rows) fold of each chosen row */
+    double *part;      /* (count, folds) accuracy of each option in each fold */
+    lg_status *status; /* (count, folds) */
+    lg_error *error;   /* (count, folds) */
 } search;
 
 /* Collects the table rows that fold `fold` is tested on (`test`), or the rows that it is trained on. Without
@@ -44,29 +42,19 @@ static double accuracy_of(const search *s, const lg_classifier *c, const uint32_
 }
 
 static lg_status try_fold(const search *s, size_t option, uint32_t fold, double *accuracy, lg_error *error) {
-    uint32_t *rows = lg_alloc(s->context, s->rows, sizeof *rows);
-    if (rows == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(uint32_t, rows, s->context, s->rows, LG_OUT_OF_MEMORY);
     size_t n = gather(s, fold, false, rows);
     lg_classifier_options o = s->options[option];
     /* Training on a part of the rows may allow fewer components than training on all rows. */
     const size_t most = n < s->d ? n : s->d;
     if (o.components > most && most < s->rows) o.components = (uint32_t)most;
-    lg_classifier c = {0};
-    lg_status status =
-        lg_classifier_fit(s->context, &o, s->x, s->label, rows, n, s->d, s->classes, &c, error);
-    if (status == LG_OK) {
-        double *work =
-            lg_alloc(s->context, lg_classifier_work_size(&c) / sizeof(double) + s->classes, sizeof *work);
-        n = gather(s, fold, true, rows);
-        if (work != NULL)
-            *accuracy = accuracy_of(s, &c, rows, n, work, work + s->classes);
-        else
-            status = LG_OUT_OF_MEMORY;
-        lg_free(s->context, work);
-    }
-    lg_classifier_destroy(&c);
-    lg_free(s->context, rows);
-    return status;
+    LG_CLEAN(lg_classifier_destroy) lg_classifier c = {0};
+    LG_TRY(lg_classifier_fit(s->context, &o, s->x, s->label, rows, n, s->d, s->classes, &c, error));
+    LG_TRY_SCRATCH(double, work, s->context, lg_classifier_work_size(&c) / sizeof(double) + s->classes,
+                   LG_OUT_OF_MEMORY);
+    n = gather(s, fold, true, rows);
+    *accuracy = accuracy_of(s, &c, rows, n, work, work + s->classes);
+    return LG_OK;
 }
 
 static void search_task(void *user, size_t index) {
@@ -78,33 +66,23 @@ static void search_task(void *user, size_t index) {
 }
 
 /* Deals the rows to the folds, of which there are at most as many as rows, or units, of the rarest class. */
-static lg_status deal(search *s, uint32_t folds, size_t *counts, lg_error *error) {
+static lg_status deal(search *s, uint32_t folds, lg_error *error) {
     uint32_t rarest;
-    LG_TRY(lg_check_labels(s->own, s->rows, s->classes, counts, error));
-    LG_TRY(lg_series_folds(s->context, s->own, s->own_unit, s->rows, folds, s->fold, &rarest));
-    s->folds = folds < rarest ? folds : rarest;
-    return s->folds == folds
-               ? LG_OK
-               : lg_series_folds(s->context, s->own, s->own_unit, s->rows, s->folds, s->fold, NULL);
-}
-
-static lg_status prepare(search *s, uint32_t folds, lg_error *error) {
-    s->fold = lg_alloc(s->context, s->rows, sizeof *s->fold);
-    s->own = lg_alloc(s->context, s->rows, sizeof *s->own);
-    if (s->unit != NULL) s->own_unit = lg_alloc(s->context, s->rows, sizeof *s->own_unit);
-    size_t *counts = lg_alloc(s->context, s->classes, sizeof *counts);
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (s->fold != NULL && s->own != NULL && (s->unit == NULL || s->own_unit != NULL) && counts != NULL) {
-        for (size_t i = 0; i < s->rows; i++) {
-            const size_t row = lg_chosen_row(s->chosen, i);
-            s->own[i] = s->label[row];
-            if (s->unit != NULL) s->own_unit[i] = s->unit[row];
-        }
-        status = deal(s, folds, counts, error);
+    LG_SCRATCH(size_t, counts, s->context, s->classes);
+    LG_SCRATCH(uint32_t, label, s->context, s->rows);
+    LG_SCRATCH(uint32_t, own, s->context, s->rows);
+    if (counts == NULL || label == NULL || own == NULL) return LG_OUT_OF_MEMORY;
+    const uint32_t *unit = s->unit != NULL ? own : NULL;
+    for (size_t i = 0; i < s->rows; i++) {
+        const size_t row = lg_chosen_row(s->chosen, i);
+        label[i] = s->label[row];
+        if (unit != NULL) own[i] = s->unit[row];
     }
-    lg_free(s->context, counts);
-    if (status != LG_OUT_OF_MEMORY) return status;
-    return lg_fail(error, status, "no memory for %zu rows", s->rows);
+    LG_TRY(lg_check_labels(label, s->rows, s->classes, counts, error));
+    LG_TRY(lg_series_folds(s->context, label, unit, s->rows, folds, s->fold, &rarest));
+    s->folds = folds < rarest ? folds : rarest;
+    return s->folds == folds ? LG_OK
+                             : lg_series_folds(s->context, label, unit, s->rows, s->folds, s->fold, NULL);
 }
 
 /* Averages the accuracy of each option over its folds and finds the best option. An option that did not
@@ -133,13 +111,18 @@ static lg_status collect(const search *s, double *accuracy, size_t *best, lg_err
 
 static lg_status run(search *s, uint32_t folds, int threads, double *accuracy, size_t *best,
                      lg_error *error) {
-    LG_TRY(prepare(s, folds, error));
+    LG_SCRATCH(uint32_t, fold, s->context, s->rows);
+    s->fold = fold;
+    const lg_status dealt = fold != NULL ? deal(s, folds, error) : LG_OUT_OF_MEMORY;
+    if (dealt == LG_OUT_OF_MEMORY) return lg_fail(error, dealt, "no memory for %zu rows", s->rows);
+    LG_TRY(dealt);
     const size_t jobs = s->count * (s->folds < 2 ? 1 : s->folds);
-    s->part = lg_alloc(s->context, jobs, sizeof *s->part);
-    s->status = lg_alloc(s->context, jobs, sizeof *s->status);
-    s->error = lg_alloc(s->context, jobs, sizeof *s->error);
-    if (s->part == NULL || s->status == NULL || s->error == NULL)
+    LG_SCRATCH(double, part, s->context, jobs);
+    LG_SCRATCH(lg_status, status, s->context, jobs);
+    LG_SCRATCH(lg_error, errors, s->context, jobs);
+    if (part == NULL || status == NULL || errors == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu fits", jobs);
+    s->part = part, s->status = status, s->error = errors;
     lg_thread_pool *pool = NULL;
     const lg_status made =
         lg_thread_pool_create(s->context, (size_t)threads < jobs ? threads : (int)jobs, &pool);
@@ -172,7 +155,5 @@ lg_status lg_classifier_search(const lg_context *context, const lg_classifier_op
                 .rows = rows,
                 .d = d,
                 .classes = classes};
-    const lg_status status = run(&s, folds, threads, accuracy, best, error);
-    LG_FREE_ALL(context, s.fold, s.own, s.own_unit, s.part, s.status, s.error);
-    return status;
+    return run(&s, folds, threads, accuracy, best, error);
 }

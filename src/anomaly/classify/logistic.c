@@ -469,7 +469,7 @@ static lg_status fit_model(const lg_context *context, const double *x, const uin
     if (p.unknowns > INT_MAX / 2)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes with %u features are too many", classes, d);
     span s = {0};
-    double *mean = lg_alloc(context, d, sizeof *mean);
+    LG_SCRATCH(double, mean, context, d);
     model->weight = lg_alloc(context, rows, d * sizeof *model->weight);
     model->intercept = lg_alloc(context, rows, sizeof *model->intercept);
     lg_status status = LG_OUT_OF_MEMORY;
@@ -477,7 +477,6 @@ static lg_status fit_model(const lg_context *context, const double *x, const uin
         status = solve(&p, x, label, counts, mean, &s, model);
     problem_free(&p);
     span_free(context, &s);
-    lg_free(context, mean);
     if (status == LG_OK) return LG_OK;
     return lg_fail(error, status, "logistic regression of %zu rows and %u features, C = %g: %s", n, d, c,
                    lg_status_sentence(status));
@@ -493,17 +492,12 @@ lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes: 2 to %u are expected", classes,
                        LG_CLASSES_MAX);
     LG_TRY(lg_check_table(x, n, d, error));
-    size_t *counts = lg_alloc(context, classes, sizeof *counts);
-    if (counts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes);
+    LG_TRY_SCRATCH(size_t, counts, context, classes,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes));
+    LG_CLEAN(lg_logistic_destroy)
     lg_logistic model = {.inputs = d, .classes = classes, .context = context};
-    const lg_status status = fit_model(context, x, label, n, c, counts, &model, error);
-    lg_free(context, counts);
-    if (status != LG_OK) {
-        lg_logistic_destroy(&model);
-        return status;
-    }
-    *out = model;
-    return LG_OK;
+    LG_TRY(fit_model(context, x, label, n, c, counts, &model, error));
+    return LG_HAND(out, model);
 }
 
 void lg_logistic_destroy(lg_logistic *model) {

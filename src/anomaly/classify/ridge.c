@@ -386,18 +386,16 @@ static lg_status check(const lg_context *context, const double *x, const uint32_
     if (threads < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%d threads: at least one is needed", threads);
     LG_TRY(lg_check_table(x, n, d, error));
-    size_t *counts = lg_alloc(context, classes, sizeof *counts);
-    if (counts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes);
-    const lg_status status = lg_check_labels(label, n, classes, counts, error);
-    lg_free(context, counts);
-    return status;
+    LG_TRY_SCRATCH(size_t, counts, context, classes,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes));
+    return lg_check_labels(label, n, classes, counts, error);
 }
 
 lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *label, size_t n, uint32_t d,
                        uint32_t classes, int threads, lg_logistic *out, lg_error *error) {
     LG_NEEDS(error, x, label, out);
     LG_TRY(check(context, x, label, n, d, classes, threads, error));
-    lg_logistic made = {.inputs = d, .classes = classes, .context = context};
+    LG_CLEAN(lg_logistic_destroy) lg_logistic made = {.inputs = d, .classes = classes, .context = context};
     ridge r = {.context = context, .n = n, .d = d, .targets = classes == 2 ? 1 : classes, .x = x};
     r.order = by_rows(&r) ? n : d;
     r.parts = smaller((size_t)threads, (n + WIDTH - 1) / WIDTH);
@@ -408,9 +406,6 @@ lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *lab
     double *const own[] = {r.x_mean, r.y_mean, r.y, r.gram, r.factor, r.c, r.best, r.rest, r.h, r.scratch};
     for (size_t i = 0; i < LG_COUNT(own); i++) lg_free(context, own[i]);
     lg_thread_pool_destroy(r.pool);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_logistic_destroy(&made);
-    return status;
+    LG_TRY(status);
+    return LG_HAND(out, made);
 }

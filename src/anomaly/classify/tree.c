@@ -337,8 +337,7 @@ lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options,
                       const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
                       lg_error *error) {
     grower g = {.context = context, .n = n};
-    if (options == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the options or the place for the tree is NULL");
+    LG_NEEDS(error, options, out);
     LG_TRY(check_options(options, error));
     LG_TRY(check_table(x, label, n, d, classes, error));
     g.options = *options;

@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "anomaly/classify/tree.h"
-#include "core/core.h"
+#include "core/clean.h"
 
 #define NO_NODE UINT32_MAX
 
@@ -49,21 +49,15 @@ static void copy_kept(const lg_tree *tree, const bool *cut, visit *stack, lg_tre
 }
 
 lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const bool *cut, lg_tree *out) {
-    lg_tree copy = *tree;
+    LG_CLEAN(lg_tree_destroy) lg_tree copy = *tree;
     copy.context = context;
-    visit *stack = lg_alloc(context, (size_t)tree->count + 1, sizeof *stack);
-    if (stack == NULL) return LG_OUT_OF_MEMORY;
+    copy.node = NULL, copy.counts = NULL;
+    LG_TRY_SCRATCH(visit, stack, context, (size_t)tree->count + 1, LG_OUT_OF_MEMORY);
     copy.node = lg_alloc(context, copy.count, sizeof *copy.node);
     copy.counts = lg_alloc(context, (size_t)copy.count * copy.classes, sizeof *copy.counts);
-    const bool all = copy.node != NULL && copy.counts != NULL;
-    if (all) {
-        copy_kept(tree, cut, stack, &copy);
-        *out = copy;
-    } else {
-        lg_tree_destroy(&copy);
-    }
-    lg_free(context, stack);
-    return all ? LG_OK : LG_OUT_OF_MEMORY;
+    if (copy.node == NULL || copy.counts == NULL) return LG_OUT_OF_MEMORY;
+    copy_kept(tree, cut, stack, &copy);
+    return LG_HAND(out, copy);
 }
 
 /* ---- the weakest links ---- */
@@ -142,29 +136,21 @@ lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, s
                                lg_pruning_step *steps, size_t *count) {
     if (tree == NULL || tree->count == 0 || count == NULL || (steps == NULL && room > 0))
         return LG_INVALID_ARGUMENT;
-    pruner p = {.nodes = 0};
-    const lg_status status = pruner_create(context, tree, &p);
-    if (status == LG_OK) {
-        size_t done = 0;
-        do {
-            if (done < room) steps[done] = (lg_pruning_step){p.alpha, p.at[0].below, p.nodes};
-            done++;
-        } while (cut_weakest(&p, (double)INFINITY));
-        *count = done;
-    }
-    pruner_free(&p);
-    return status;
+    LG_CLEAN(pruner_free) pruner p = {.nodes = 0};
+    LG_TRY(pruner_create(context, tree, &p));
+    *count = 0;
+    do {
+        if (*count < room) steps[*count] = (lg_pruning_step){p.alpha, p.at[0].below, p.nodes};
+        ++*count;
+    } while (cut_weakest(&p, (double)INFINITY));
+    return LG_OK;
 }
 
 lg_status lg_tree_prune(const lg_context *context, const lg_tree *tree, double alpha, lg_tree *out) {
     if (tree == NULL || tree->count == 0 || out == NULL || !(alpha >= 0.0)) return LG_INVALID_ARGUMENT;
-    pruner p = {.nodes = 0};
-    lg_status status = pruner_create(context, tree, &p);
-    if (status == LG_OK) {
-        while (cut_weakest(&p, alpha)) {
-        }
-        status = lg_tree_compact(context, &p.tree, p.cut, out);
+    LG_CLEAN(pruner_free) pruner p = {.nodes = 0};
+    LG_TRY(pruner_create(context, tree, &p));
+    while (cut_weakest(&p, alpha)) {
     }
-    pruner_free(&p);
-    return status;
+    return lg_tree_compact(context, &p.tree, p.cut, out);
 }

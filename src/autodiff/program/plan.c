@@ -193,8 +193,7 @@ static lg_status choose(const lg_plan_options *options, lg_plan_options *chosen,
 
 lg_status lg_plan_create(const lg_program *program, size_t function, const lg_plan_options *options,
                          lg_plan **out, lg_error *error) {
-    if (program == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or `out` is NULL");
+    LG_NEEDS(error, program, out);
     lg_plan_options chosen;
     lg_error ignored;
     if (error == NULL) error = &ignored;

@@ -216,9 +216,7 @@ lg_status lg_program_eval(const lg_context *context, const lg_program *program, 
     lg_plan_options options;
     lg_plan *plan = NULL;
     size_t number;
-    if (program == NULL || function == NULL || inputs == NULL || outputs == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the program, the function's name, `inputs` or `outputs` is NULL");
+    LG_NEEDS(error, program, function, inputs, outputs);
     LG_TRY(lg_program_find(program, function, &number, error));
     lg_plan_options_init(&options);
     options.rows = rows;

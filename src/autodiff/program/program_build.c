@@ -9,7 +9,7 @@
 
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/program/program_call.h"
-#include "liegrad/core.h"
+#include "core/clean.h"
 
 /* A derivative consists of known operations, so three numbers of rows suffice. The caller's own code may
  * branch on values, which recordings at more points reveal. */
@@ -104,15 +104,14 @@ static lg_status record(building *b, size_t which, lg_var *leaves) {
 static lg_status record_all(building *b) {
     const lg_context *context = b->program->context;
     const size_t leaves = b->program->parameters + b->spec->input_count;
-    lg_var *leaf = memory(b, leaves, sizeof *leaf);
-    lg_status status = leaf != NULL ? LG_OK : LG_OUT_OF_MEMORY;
-    for (size_t k = 0; status == LG_OK && k < b->recordings; k++) {
+    LG_TRY_SCRATCH(lg_var, leaf, context, leaves, LG_OUT_OF_MEMORY);
+    for (size_t k = 0; k < b->recordings; k++) {
         b->r[k].output = memory(b, b->spec->output_count, sizeof *b->r[k].output);
-        status = b->r[k].output != NULL ? lg_tape_create(context, NULL, &b->r[k].tape) : LG_OUT_OF_MEMORY;
-        if (status == LG_OK) status = record(b, k, leaf);
+        if (b->r[k].output == NULL) return LG_OUT_OF_MEMORY;
+        LG_TRY(lg_tape_create(context, NULL, &b->r[k].tape));
+        LG_TRY(record(b, k, leaf));
     }
-    lg_free(context, leaf);
-    return status;
+    return LG_OK;
 }
 
 /* ---- refusal of a function ---- */

@@ -260,8 +260,7 @@ static void release(writing *w) {
 
 lg_status lg_program_write_c(const lg_program *program, const lg_c_options *options, lg_c_source **out,
                              lg_error *error) {
-    if (program == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or `out` is NULL");
+    LG_NEEDS(error, program, out);
     const lg_context *context = program->context;
     if (options == NULL || options->size != sizeof *options ||
         (options->dtype != LG_F64 && options->dtype != LG_F32))

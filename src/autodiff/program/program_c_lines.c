@@ -1,4 +1,5 @@
 #include "autodiff/program/program_c_lines.h"
+#include "core/clean.h"
 
 #include <string.h>
 
@@ -124,8 +125,8 @@ static void mark(uint8_t *used, const lg_c_graph *g) {
 /* Sorts the instructions. Only needed instructions become siblings. Operands always have smaller numbers than
  * the instructions that use them. */
 static bool sort(lg_c_graph *g) {
-    uint8_t *used = lg_alloc(g->c->context, g->count, 1);
-    if (used == NULL) return lg_c_fail(g->c, LG_OUT_OF_MEMORY, "out of memory");
+    LG_TRY_SCRATCH(uint8_t, used, g->c->context, g->count,
+                   lg_c_fail(g->c, LG_OUT_OF_MEMORY, "out of memory"));
     mark(used, g);
     for (uint32_t i = g->count; i-- > 0;)
         if (used[i] && has_siblings(&g->code[i])) {
@@ -133,7 +134,6 @@ static bool sort(lg_c_graph *g) {
             g->first[g->code[i].in[0]] = i + 1;
         }
     for (uint32_t r = 0; r < g->roots; r++) sort_from(g, g->root[r]);
-    lg_free(g->c->context, used);
     return true;
 }
 

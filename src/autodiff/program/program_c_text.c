@@ -1,6 +1,7 @@
 /* Programs as C, pieces: text made of tokens, fragments and functions that are written once, arrays of
  * numbers, and statements. */
 #include "autodiff/program/program_c.h"
+#include "core/widen.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -38,10 +39,8 @@ bool lg_c_takes(lg_c *c, const lg_text *text) {
 bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t size) {
     if (needed <= *capacity) return true;
     const size_t grown = 2 * *capacity + needed + 16;
-    void *memory = lg_alloc(c->context, grown, size);
+    void *memory = lg_widen(c->context, *array, *capacity, grown, size);
     if (memory == NULL) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
-    if (*capacity > 0) memcpy(memory, *array, *capacity * size);
-    lg_free(c->context, *array);
     *array = memory;
     *capacity = grown;
     return true;

@@ -5,6 +5,7 @@
 
 #include "autodiff/program/plan.h"
 #include "autodiff/program/program_c.h"
+#include "core/widen.h"
 
 /* ---- the operation as it is used in plans ---- */
 
@@ -72,10 +73,9 @@ const lg_call_mark *lg_calls_find(const lg_calls *calls, uint32_t node) {
 static lg_call_mark *new_mark(lg_calls *calls) {
     if (calls->count == calls->capacity) {
         const size_t capacity = calls->capacity == 0 ? 8 : 2 * calls->capacity;
-        lg_call_mark *grown = lg_alloc(calls->program->context, capacity, sizeof *grown);
+        lg_call_mark *grown =
+            lg_widen(calls->program->context, calls->mark, calls->count, capacity, sizeof *grown);
         if (grown == NULL) return NULL;
-        if (calls->count > 0) memcpy(grown, calls->mark, calls->count * sizeof *grown);
-        lg_free(calls->program->context, calls->mark);
         calls->mark = grown;
         calls->capacity = capacity;
     }

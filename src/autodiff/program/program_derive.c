@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "autodiff/program/program.h"
-#include "liegrad/core.h"
+#include "core/clean.h"
 #include "liegrad/ops.h"
 
 enum { PORTS = LG_PROGRAM_MAX_PORTS, NAME = LG_PROGRAM_MAX_NAME + 1 };
@@ -404,12 +404,9 @@ lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_e
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the program, the derivative or its function's name is NULL, or the derivative's size "
                        "or kind is wrong");
-    deriving *d = lg_alloc(program->context, 1, sizeof *d);
-    if (d == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a derivative of '%s'", what->function);
-    const lg_status status = derive(d, program, what, error);
-    lg_free(program->context, d);
-    return status;
+    LG_TRY_SCRATCH(deriving, d, program->context, 1,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a derivative of '%s'", what->function));
+    return derive(d, program, what, error);
 }
 
 lg_status lg_program_jacobian(lg_program *program, const char *function, lg_error *error) {

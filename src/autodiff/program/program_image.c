@@ -240,8 +240,7 @@ static lg_status make_function(making *m) {
 }
 
 lg_status lg_program_add_image(lg_program *program, const lg_function_image *image, lg_error *error) {
-    if (program == NULL || image == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or the image is NULL");
+    LG_NEEDS(error, program, image);
     making m = {.program = program, .from = image, .error = error};
     lg_error ignored;
     if (error == NULL) m.error = &ignored;

@@ -124,8 +124,7 @@ static lg_status find(spreading *s, const lg_program *program, const lg_function
 
 lg_status lg_program_sparsity(const lg_program *program, size_t function, size_t output, size_t input,
                               unsigned char *pattern, lg_error *error) {
-    if (program == NULL || pattern == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the program or the pattern is NULL");
+    LG_NEEDS(error, program, pattern);
     if (function >= program->functions || output >= program->function[function].outputs ||
         input >= program->function[function].inputs)
         return lg_fail(error, LG_NOT_FOUND, "the program has no such function, output or input");

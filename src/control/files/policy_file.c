@@ -73,8 +73,7 @@ static lg_status put_all(lg_h5 *h5, lg_policy *p, const char *text, const lg_pro
 lg_status lg_policy_save(const lg_context *context, const char *path, const lg_policy *policy,
                          const char *text, const lg_provenance *provenance, lg_error *error) {
     lg_h5 *h5;
-    if (path == NULL || policy == NULL || text == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, the policy or its text is NULL");
+    LG_NEEDS(error, path, policy, text);
     if (strlen(text) >= LG_H5_TEXT)
         return lg_fail(error, LG_FORMAT,
                        "the task has %zu bytes, more than the %d that a policy's file keeps", strlen(text),

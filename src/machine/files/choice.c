@@ -7,15 +7,17 @@
 /* ---- what trials share ---- */
 
 lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, size_t windows,
-                            lg_error *error) {
+                            size_t most, lg_error *error) {
     const lg_machine_state *s = self->state;
-    *out = (lg_choosing){.self = self};
+    *out = (lg_choosing){.self = self, .most_windows = most};
     if (lg_context_quiet(self->context, &out->quiet) != LG_OK) return lg_no_memory(error);
     return lg_held_out_plan(self->context, &s->data.file.machine, &s->data.training, part, windows,
                             s->estimated || s->noisy, &out->held, error);
 }
 
 void lg_choosing_end(lg_choosing *choosing) {
+    for (size_t i = 0; i < choosing->count; i++) lg_machine_trial_destroy(choosing, &choosing->trials[i]);
+    lg_free(choosing->quiet, choosing->trials);
     lg_held_out_destroy(&choosing->held);
     lg_context_destroy(choosing->quiet);
     *choosing = (lg_choosing){.self = NULL};
@@ -89,22 +91,21 @@ static lg_status judge_fit(const trial_training *t, const lg_machine_problem *be
     const size_t P = t->run.machine.parameters, all = before->windows,
                  start = (lg_machine_problem_parameters(before) - P) / all;
     lg_machine_problem one = *before;
-    double *theta = lg_alloc(self->context, P + start + 1, sizeof *theta);
+    LG_TRY_SCRATCH(double, theta, self->context, P + start + 1, lg_no_memory(error));
     out->left = lg_alloc(self->context, all, sizeof *out->left);
-    lg_status status = theta != NULL && out->left != NULL ? LG_OK : lg_no_memory(error);
+    if (out->left == NULL) return lg_no_memory(error);
     one.substeps = t->run.substeps;
     one.windows = 1;
     one.validation = 0;
     out->rows = one.window;
     out->fits = all - before->validation;
-    if (status == LG_OK) memcpy(theta, self->theta, P * sizeof *theta);
-    for (size_t w = 0; w < out->fits && status == LG_OK; w++) {
+    memcpy(theta, self->theta, P * sizeof *theta);
+    for (size_t w = 0; w < out->fits; w++) {
         one.start = before->start + w;
         memcpy(theta + P, self->theta + P + w * start, start * sizeof *theta);
-        status = lg_machine_loss(self->context, &one, theta, &out->left[w], NULL, error);
+        LG_TRY(lg_machine_loss(self->context, &one, theta, &out->left[w], NULL, error));
     }
-    lg_free(self->context, theta);
-    return status;
+    return LG_OK;
 }
 
 static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error) {
@@ -132,14 +133,10 @@ static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error
 static lg_status judge(const trial_training *t, lg_machine_trial *out, lg_error *error) {
     const lg_learned_machine model =
         lg_model_learned(t->training.context, &t->run, out->learned.theta, t->state.estimated);
-    out->square = lg_alloc(t->training.context, t->held.count, sizeof *out->square);
-    if (out->square == NULL) return lg_no_memory(error);
-    const lg_status status = lg_held_out_judge(&t->held, &model, &t->state.data.training, out->square, error);
-    if (status != LG_OK) {
-        lg_free(t->training.context, out->square);
-        out->square = NULL;
-    }
-    return status;
+    LG_TRY_SCRATCH(double, square, t->training.context, t->held.count, lg_no_memory(error));
+    LG_TRY(lg_held_out_judge(&t->held, &model, &t->state.data.training, square, error));
+    out->square = LG_KEEP(square);
+    return LG_OK;
 }
 
 static void begin_trial(const lg_choosing *c, const lg_machine_trial *from, trial_training *t) {
@@ -165,18 +162,14 @@ lg_status lg_machine_try(const lg_choosing *c, lg_text *text, const lg_machine_t
                          lg_machine_trial *out, lg_error *error) {
     *out = (lg_machine_trial){.text = *text};
     *text = (lg_text){.context = c->quiet};
-    trial_training *t = lg_alloc(c->quiet, 1, sizeof *t);
-    if (out->text.failed || t == NULL) {
-        lg_free(c->quiet, t);
-        return lg_no_memory(error);
-    }
+    LG_TRY_SCRATCH(trial_training, t, c->quiet, 1, lg_no_memory(error));
+    if (out->text.failed) return lg_no_memory(error);
     begin_trial(c, from, t);
     out->status = read_trial(c, out->text.data, t, &out->why);
     if (out->status == LG_OK) out->status = learn(t, out, &out->why);
     if (out->status == LG_OK) out->status = judge(t, out, &out->why);
     lg_training_close(&t->training);
     lg_held_out_destroy(&t->held);
-    lg_free(c->quiet, t);
     const bool ends = out->status == LG_OUT_OF_MEMORY || out->status == LG_CANCELLED;
     return ends ? lg_fail(error, out->status, "%s", out->why.message) : LG_OK;
 }
@@ -197,9 +190,14 @@ static double loss_of(const lg_machine_trial *trial) {
     return isfinite(sum) ? sum / (double)trial->fits : INFINITY;
 }
 
-lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest *contest,
-                                 lg_machine_trial *trials, size_t *winner, lg_error *error) {
+lg_status lg_machine_contest_run(lg_choosing *c, const lg_machine_contest *contest, size_t *winner,
+                                 lg_error *error) {
     const lg_machine_trial *from = NULL, *best = NULL;
+    lg_machine_trial *trials = c->trials = lg_alloc(c->quiet, contest->count, sizeof *trials);
+    if (trials == NULL) return lg_no_memory(error);
+    c->count = contest->count;
+    *winner = 0;
+    if (c->held.count == 0) return LG_OK;
     for (size_t i = 0; i < contest->count; i++) {
         LG_CLEAN(lg_text_destroy)
         lg_text text =
@@ -210,7 +208,6 @@ lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest 
         if (trials[i].square != NULL && (best == NULL || contest->compare(c, &trials[i], best).ratio < 1))
             best = &trials[i];
     }
-    *winner = 0;
     while (best != NULL && &trials[*winner] != best &&
            (trials[*winner].square == NULL || contest->compare(c, best, &trials[*winner]).beats))
         ++*winner;
@@ -219,15 +216,12 @@ lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest 
 
 lg_status lg_machine_reread(lg_training *self, const lg_text *text, lg_error *error) {
     lg_machine_state *s = self->state;
-    lg_machine_data data = {.failed = NULL};
+    LG_CLEAN(lg_machine_data_destroy) lg_machine_data data = {.failed = NULL};
     if (text->failed) return lg_no_memory(error);
-    const lg_status status = read_again(self->context, self, text->data, false, &data, error);
-    if (status == LG_OK) {
-        const lg_machine_data before = s->data;
-        s->data = data;
-        data = before;
-        lg_machine_look(s);
-    }
-    lg_machine_data_destroy(&data);
-    return status;
+    LG_TRY(read_again(self->context, self, text->data, false, &data, error));
+    const lg_machine_data before = s->data;
+    s->data = data;
+    data = before;
+    lg_machine_look(s);
+    return LG_OK;
 }

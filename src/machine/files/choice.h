@@ -3,7 +3,6 @@
 #ifndef LG_MACHINE_CHOICE_H
 #define LG_MACHINE_CHOICE_H
 
-#include "core/clean.h"
 #include "core/text.h"
 #include "machine/files/recipe.h"
 #include "model/files/training.h"
@@ -79,12 +78,14 @@ typedef struct lg_choosing {
     lg_context *quiet;       /* its context without messages */
     lg_held_out held;
     size_t most_windows;
+    lg_machine_trial *trials; /* (count), of a contest; owned */
+    size_t count;
 } lg_choosing;
 
 /* Begins a choice for the machine and logs in the training's state, with `part` of the rows held out in
- * `windows` windows or more. */
+ * `windows` windows or more, by fits of at most `most` windows. End it after an error, too. */
 lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, size_t windows,
-                            lg_error *error);
+                            size_t most, lg_error *error);
 void lg_choosing_end(lg_choosing *choosing);
 /* The text of a machine's file, and the beginning of a change behind it, to which the caller adds lines. */
 lg_text lg_machine_changed(const lg_context *context, const char *text);
@@ -110,10 +111,10 @@ typedef struct lg_machine_contest {
                                      const lg_machine_trial *other);
     const void *user;
 } lg_machine_contest;
-/* Learns all machines, from simple ones to others. *winner: the first one that the one with the least error
- * does not beat; its `square` is NULL if none was learned. trials (count) are the caller's. */
-lg_status lg_machine_contest_run(const lg_choosing *c, const lg_machine_contest *contest,
-                                 lg_machine_trial *trials, size_t *winner, lg_error *error);
+/* Learns all machines, from simple ones to others: c->trials. *winner: the first one that the one with the
+ * least error does not beat; its `square` is NULL if none was learned, as without windows. */
+lg_status lg_machine_contest_run(lg_choosing *c, const lg_machine_contest *contest, size_t *winner,
+                                 lg_error *error);
 
 /* Reads the machine's file again from `text`, and the logs as this file says. */
 lg_status lg_machine_reread(lg_training *self, const lg_text *text, lg_error *error);

@@ -219,16 +219,14 @@ lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *m
     const lg_machine *m = model->machine;
     const size_t points = held->steps + 1, all = held->count * points;
     lg_learned_machine runs = *model;
-    double *q = lg_alloc(held->context, all * (m->positions + m->velocities), sizeof *q);
-    if (q == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(double, q, held->context, all *(m->positions + m->velocities), lg_no_memory(error));
     double *v = q + all * m->positions;
     runs.start_rows = held->estimated ? (uint32_t)held->before + 1 : 0;
-    const lg_status status = lg_machine_run(&runs, log, held->start, held->count, held->steps, q, v, error);
-    for (size_t w = 0; w < held->count && status == LG_OK; w++)
+    LG_TRY(lg_machine_run(&runs, log, held->start, held->count, held->steps, q, v, error));
+    for (size_t w = 0; w < held->count; w++)
         square[w] = judge_window(held, m, log, held->start[w], q + w * points * m->positions,
                                  v + w * points * m->velocities);
-    lg_free(held->context, q);
-    return status;
+    return LG_OK;
 }
 
 /* ---- comparing ---- */

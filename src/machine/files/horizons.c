@@ -25,13 +25,12 @@ typedef void judge(void *user, const runs *r);
 static lg_status judge_runs(const lg_context *context, lg_runner *runner, const void *model, runs *r,
                             judge *look, void *user, lg_error *error) {
     const size_t points = r->count * (r->steps + 1), nq = r->machine->positions;
-    r->q = lg_alloc(context, points * (nq + r->machine->velocities), sizeof *r->q);
-    if (r->q == NULL) return lg_no_memory(error);
-    r->v = r->q + points * nq;
-    const lg_status status = runner(model, r->from, r->start, r->count, r->steps, r->q, r->v, error);
-    if (status == LG_OK) look(user, r);
-    lg_free(context, r->q);
-    return status;
+    LG_TRY_SCRATCH(double, q, context, points *(nq + r->machine->velocities), lg_no_memory(error));
+    r->q = q;
+    r->v = q + points * nq;
+    LG_TRY(runner(model, r->from, r->start, r->count, r->steps, r->q, r->v, error));
+    look(user, r);
+    return LG_OK;
 }
 
 static lg_status free_run(const lg_learned_machine *m, const lg_machine_log *log, const size_t *start,
@@ -170,17 +169,13 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
                         lg_error *error) {
     *out = (lg_horizon){.seconds = seconds};
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
-    size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    horizon h = {out, lg_alloc(context, log->rows * LG_RUN_ERRORS, sizeof *h.own)};
-    lg_status status = start != NULL && h.own != NULL ? LG_OK : lg_no_memory(error);
+    LG_TRY_SCRATCH(size_t, start, context, log->rows, lg_no_memory(error));
+    LG_TRY_SCRATCH(double, own, context, log->rows *LG_RUN_ERRORS, lg_no_memory(error));
+    horizon h = {out, own};
     runs r = {
         .machine = machine, .log = log, .from = from, .steps = most_steps(log, seconds), .start = start};
-    if (status == LG_OK && r.steps > 0)
-        out->starts = r.count = find_starts(machine, from, start_rows, r.steps, every, start);
-    if (status == LG_OK && r.count > 0)
-        status = judge_runs(context, runner, user, &r, judge_horizon, &h, error);
-    LG_FREE_ALL(context, start, h.own);
-    return status;
+    if (r.steps > 0) out->starts = r.count = find_starts(machine, from, start_rows, r.steps, every, start);
+    return r.count > 0 ? judge_runs(context, runner, user, &r, judge_horizon, &h, error) : LG_OK;
 }
 
 /* ---- estimated starts ---- */
@@ -192,30 +187,24 @@ lg_status lg_started_log_create(const lg_learned_machine *model, const lg_machin
     const size_t nq = machine->positions, nv = machine->velocities;
     *out = (lg_started_log){.log = *log, .context = context};
     out->log.q = out->q = lg_alloc(context, log->rows * (nq + nv), sizeof *out->q);
-    double *q = lg_alloc(context, count * (nq + nv), sizeof *q);
-    if (out->q == NULL || q == NULL) {
-        lg_free(context, q);
-        return lg_no_memory(error);
-    }
+    LG_TRY_SCRATCH(double, q, context, count *(nq + nv), lg_no_memory(error));
+    if (out->q == NULL) return lg_no_memory(error);
     double *v = q + count * nq;
     lg_machine_log guessed = *log;
     const uint32_t rows = model->start_rows;
-    lg_status status = LG_OK;
     out->log.v = out->v = out->q + log->rows * nq;
     if (machine->accelerations) { /* the guesses of the log are not good enough for the model's own starts */
-        status = lg_machine_estimate_states(context, machine, model->theta, model->scheme, model->substeps,
-                                            log, rows, out->q, out->v, error);
+        LG_TRY(lg_machine_estimate_states(context, machine, model->theta, model->scheme, model->substeps, log,
+                                          rows, out->q, out->v, error));
         guessed.q = out->q, guessed.v = out->v;
     }
-    if (status == LG_OK)
-        status = lg_machine_estimate_starts(context, machine, model->theta, model->scheme, model->substeps,
-                                            &guessed, row, count, rows, q, v, error);
-    for (size_t i = 0; i < count && status == LG_OK; i++) {
+    LG_TRY(lg_machine_estimate_starts(context, machine, model->theta, model->scheme, model->substeps,
+                                      &guessed, row, count, rows, q, v, error));
+    for (size_t i = 0; i < count; i++) {
         memcpy(out->q + row[i] * nq, q + i * nq, nq * sizeof *q);
         memcpy(out->v + row[i] * nv, v + i * nv, nv * sizeof *v);
     }
-    lg_free(context, q);
-    return status;
+    return LG_OK;
 }
 
 void lg_started_log_destroy(lg_started_log *started) {
@@ -239,22 +228,16 @@ lg_status lg_machine_run(const void *user, const lg_machine_log *log, const size
     const lg_machine *m = model->machine;
     const size_t nq = m->positions, before = model->start_rows > 0 ? model->start_rows - 1 : 0,
                  points = count * (before + steps + 1);
-    lg_started_log begun = {.context = context};
+    LG_CLEAN(lg_started_log_destroy) lg_started_log begun = {.context = context};
     if (model->start_rows == 0) return free_run(model, log, start, count, steps, q, v, error);
-    size_t *from = lg_alloc(context, count, sizeof *from);
-    double *all = lg_alloc(context, points * (nq + m->velocities), sizeof *all);
-    lg_status status = from != NULL && all != NULL ? LG_OK : lg_no_memory(error);
-    for (size_t i = 0; i < count && status == LG_OK; i++) from[i] = start[i] - before;
-    if (status == LG_OK) status = lg_started_log_create(model, log, from, count, &begun, error);
-    if (status == LG_OK)
-        status = free_run(model, &begun.log, from, count, before + steps, all, all + points * nq, error);
-    if (status == LG_OK) {
-        keep_ends(all, count, before, steps, nq, q);
-        keep_ends(all + points * nq, count, before, steps, m->velocities, v);
-    }
-    lg_started_log_destroy(&begun);
-    LG_FREE_ALL(context, from, all);
-    return status;
+    LG_TRY_SCRATCH(size_t, from, context, count, lg_no_memory(error));
+    LG_TRY_SCRATCH(double, all, context, points *(nq + m->velocities), lg_no_memory(error));
+    for (size_t i = 0; i < count; i++) from[i] = start[i] - before;
+    LG_TRY(lg_started_log_create(model, log, from, count, &begun, error));
+    LG_TRY(free_run(model, &begun.log, from, count, before + steps, all, all + points * nq, error));
+    keep_ends(all, count, before, steps, nq, q);
+    keep_ends(all + points * nq, count, before, steps, m->velocities, v);
+    return LG_OK;
 }
 
 lg_status lg_machine_horizon(const lg_learned_machine *model, const lg_machine_log *log, double seconds,
@@ -270,23 +253,20 @@ lg_status lg_machine_states(const lg_learned_machine *model, const lg_machine_lo
     const size_t nq = machine->positions, nv = machine->velocities, n = nq + nv;
     *out = (lg_started_log){.log = *log, .context = context};
     out->log.q = out->q = lg_alloc(context, log->rows * n, sizeof *out->q);
-    double *states = lg_alloc(context, log->rows * n, sizeof *states), *v = states;
-    size_t *start = lg_alloc(context, log->rows, sizeof *start), count = 0;
-    lg_status status = out->q != NULL && states != NULL && start != NULL ? LG_OK : lg_no_memory(error);
-    if (status == LG_OK) {
-        out->log.v = out->v = out->q + log->rows * nq;
-        memcpy(out->q, log->q, log->rows * nq * sizeof *out->q);
-        for (size_t i = 0; i < log->rows * nv; i++) out->v[i] = (double)NAN;
-        count = find_starts(machine, log, model->start_rows, 0, every, start);
-        v = states + count * nq;
-    }
-    if (count > 0) status = lg_machine_run(model, log, start, count, 0, states, v, error);
-    for (size_t i = 0; i < count && status == LG_OK; i++) {
+    LG_TRY_SCRATCH(double, states, context, log->rows *n, lg_no_memory(error));
+    LG_TRY_SCRATCH(size_t, start, context, log->rows, lg_no_memory(error));
+    if (out->q == NULL) return lg_no_memory(error);
+    out->log.v = out->v = out->q + log->rows * nq;
+    memcpy(out->q, log->q, log->rows * nq * sizeof *out->q);
+    for (size_t i = 0; i < log->rows * nv; i++) out->v[i] = (double)NAN;
+    const size_t count = find_starts(machine, log, model->start_rows, 0, every, start);
+    double *v = states + count * nq;
+    if (count > 0) LG_TRY(lg_machine_run(model, log, start, count, 0, states, v, error));
+    for (size_t i = 0; i < count; i++) {
         memcpy(out->q + start[i] * nq, states + i * nq, nq * sizeof *v);
         memcpy(out->v + start[i] * nv, v + i * nv, nv * sizeof *v);
     }
-    LG_FREE_ALL(context, states, start);
-    return status;
+    return LG_OK;
 }
 
 /* ---- the rows that estimate a start ---- */
@@ -321,24 +301,21 @@ lg_status lg_machine_choose_start_rows(lg_learned_machine *model, const lg_machi
                  most = part < MOST_ROWS ? part : MOST_ROWS;
     lg_learned_machine tried = *model;
     double best = INFINITY;
-    size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    lg_status status = start != NULL ? LG_OK : lg_no_memory(error);
+    LG_TRY_SCRATCH(size_t, start, context, log->rows, lg_no_memory(error));
     runs r = {
         .machine = machine, .log = log, .from = log, .steps = most < LONG ? STEPS : LONG, .start = start};
     model->start_rows = (uint32_t)usual;
-    if (status == LG_OK)
-        r.count = find_starts(machine, log, most > usual ? most : usual, r.steps, every, start);
-    for (size_t i = 0; i < LG_COUNT(parts) && status == LG_OK && r.count > 0; i++) {
+    r.count = find_starts(machine, log, most > usual ? most : usual, r.steps, every, start);
+    for (size_t i = 0; i < LG_COUNT(parts) && r.count > 0; i++) {
         double score = 0;
         tried.start_rows = (uint32_t)(parts[i] * (double)usual + 0.5);
         if (tried.start_rows > most && parts[i] > 1) continue;
-        status = judge_runs(context, lg_machine_run, &tried, &r, judge_rows, &score, error);
-        if (status != LG_OK || !(score < best - clear)) continue;
+        LG_TRY(judge_runs(context, lg_machine_run, &tried, &r, judge_rows, &score, error));
+        if (!(score < best - clear)) continue;
         best = score;
         model->start_rows = tried.start_rows;
     }
-    lg_free(context, start);
-    return status;
+    return LG_OK;
 }
 
 /* ---- the range of states that no column shows ---- */
@@ -354,28 +331,23 @@ lg_status lg_machine_widen_range(const lg_learned_machine *model, const lg_machi
     bool known = true;
     for (size_t i = 0; i < nq + nv; i++) known = known && range->low[i] <= range->high[i];
     if (known || count == 0) return LG_OK;
-    lg_started_log begun = {.context = context};
+    LG_CLEAN(lg_started_log_destroy) lg_started_log begun = {.context = context};
     lg_machine_range found;
-    double *q = lg_alloc(context, count * rows * (nq + nv), sizeof *q), *v = q;
-    size_t *start = lg_alloc(context, count, sizeof *start);
-    lg_status status = q != NULL && start != NULL ? LG_OK : lg_no_memory(error);
-    if (status == LG_OK) {
-        v = q + count * rows * nq;
-        for (size_t i = 0; i < count; i++) start[i] = problem->start[lg_spread(i, all, count)];
-        status = lg_started_log_create(model, &problem->log, start, count, &begun, error);
-    }
-    if (status == LG_OK) status = free_run(model, &begun.log, start, count, rows - 1, q, v, error);
+    LG_TRY_SCRATCH(double, q, context, count *rows *(nq + nv), lg_no_memory(error));
+    LG_TRY_SCRATCH(size_t, start, context, count, lg_no_memory(error));
+    double *v = q + count * rows * nq;
+    for (size_t i = 0; i < count; i++) start[i] = problem->start[lg_spread(i, all, count)];
+    LG_TRY(lg_started_log_create(model, &problem->log, start, count, &begun, error));
+    LG_TRY(free_run(model, &begun.log, start, count, rows - 1, q, v, error));
     lg_machine_log shown = {.rows = count * rows, .q = q, .v = v};
     if (states.accelerations) /* v of a run has accelerations */
         shown.rows = begun.log.rows, shown.q = begun.q, shown.v = begun.v;
     states.accelerations = false, states.input_count = 0;
-    if (status == LG_OK) lg_machine_find_range(&states, &shown, &found);
-    for (size_t i = 0; i < nq + nv && status == LG_OK; i++)
+    lg_machine_find_range(&states, &shown, &found);
+    for (size_t i = 0; i < nq + nv; i++)
         if (range->low[i] > range->high[i] && isfinite(found.low[i]) && isfinite(found.high[i]))
             range->low[i] = found.low[i], range->high[i] = found.high[i];
-    lg_started_log_destroy(&begun);
-    LG_FREE_ALL(context, q, start);
-    return status;
+    return LG_OK;
 }
 
 /* ---- windows ---- */
@@ -421,17 +393,13 @@ static void judge_windows(void *user, const runs *r) {
 
 lg_status lg_machine_window_loss(const lg_learned_machine *model, const lg_machine_log *log, uint32_t window,
                                  double *out, lg_error *error) {
-    size_t *start = lg_alloc(model->context, log->rows, sizeof *start);
     *out = (double)NAN;
-    if (start == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(size_t, start, model->context, log->rows, lg_no_memory(error));
     runs r = {.machine = model->machine, .log = log, .from = log, .steps = window - 1, .start = start};
     if (!model->machine->accelerations)
         r.count = lg_machine_windows(model->machine, log, window, 1, false, start);
-    const lg_status status =
-        r.count > 0 ? judge_runs(model->context, lg_machine_run, model, &r, judge_windows, out, error)
-                    : LG_OK;
-    lg_free(model->context, start);
-    return status;
+    return r.count > 0 ? judge_runs(model->context, lg_machine_run, model, &r, judge_windows, out, error)
+                       : LG_OK;
 }
 
 /* ---- residuals of windows ---- */

@@ -14,7 +14,7 @@ typedef struct grid {
     const lg_training *self;
     bool hold[LG_MACHINE_INPUTS], delay[LG_MACHINE_INPUTS];
     uint32_t holds, delays;
-    lg_machine_trial trial[LG_INPUT_HOLD_COUNT * LG_MACHINE_DELAYS]; /* holds of the first delay come first */
+    const lg_machine_trial *trial; /* (holds delays): holds of the first delay come first */
 } grid;
 
 static const lg_machine_trial *trial_at(const grid *g, uint32_t hold, uint32_t delay) {
@@ -214,19 +214,15 @@ static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) 
     static const double part = 0.2;
     const lg_machine_state *s = self->state;
     const lg_machine_contest contest = {g->holds * g->delays, true, write_change, compare, g};
-    lg_choosing c;
+    LG_CLEAN(lg_choosing_end) lg_choosing c;
     size_t winner = 0;
-    lg_status status = lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, error);
-    c.most_windows = MOST_WINDOWS;
+    LG_TRY(lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, MOST_WINDOWS, error));
     g->self = self;
-    if (status == LG_OK && c.held.count == 0 && tell && (g->delays > 1 || s->data.file.hold_given))
+    if (c.held.count == 0 && tell && (g->delays > 1 || s->data.file.hold_given))
         LG_WARN(self, "the log is too short to choose how the inputs act: hold zero and no delay are taken");
-    if (status == LG_OK && c.held.count > 0)
-        status = lg_machine_contest_run(&c, &contest, g->trial, &winner, error);
-    if (status == LG_OK) status = take(self, &c, g, winner, tell, error);
-    for (size_t i = 0; i < LG_COUNT(g->trial); i++) lg_machine_trial_destroy(&c, &g->trial[i]);
-    lg_choosing_end(&c);
-    return status;
+    LG_TRY(lg_machine_contest_run(&c, &contest, &winner, error));
+    g->trial = c.trials;
+    return take(self, &c, g, winner, tell, error);
 }
 
 /* First one hold and one delay for all inputs that have `auto`, then those of one such input after the
@@ -251,11 +247,8 @@ static lg_status choose(lg_training *self, grid *g, lg_error *error) {
 lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
     const lg_machine *machine = &((const lg_machine_state *)self->state)->data.file.machine;
     if (machine->input_count == 0 || machine->parameters == 0) return LG_OK;
-    grid *g = lg_alloc(self->context, 1, sizeof *g);
-    if (g == NULL) return lg_no_memory(error);
-    const lg_status status = choose(self, g, error);
-    lg_free(self->context, g);
-    return status;
+    grid g;
+    return choose(self, &g, error);
 }
 
 /* Multiplies a parameter's row of W by the largest factor of the numbers that change with this parameter.

@@ -593,14 +593,12 @@ static lg_status check_files(check where) {
 lg_status lg_log_check(lg_log_table *table) {
     for (uint32_t i = 0; i < LG_MACHINE_COORDINATES; i++) table->out->motion[i] = (double)NAN;
     if (table->machine->measured != LG_MEASURED_VELOCITIES) return LG_OK;
-    check where = {.table = table,
-                   .sorted = lg_alloc(table->context, LG_LOG_SAMPLES, sizeof *where.sorted),
-                   .left_out = lg_alloc(table->context, table->rows, sizeof *where.left_out)};
-    lg_status status = where.sorted != NULL && where.left_out != NULL ? LG_OK : lg_log_no_memory(table);
-    if (status == LG_OK) status = check_files(where);
+    LG_TRY_SCRATCH(double, sorted, table->context, LG_LOG_SAMPLES, lg_log_no_memory(table));
+    LG_TRY_SCRATCH(bool, left_out, table->context, table->rows, lg_log_no_memory(table));
+    check where = {.table = table, .sorted = sorted, .left_out = left_out};
+    LG_TRY(check_files(where));
     where.end = table->parts;
-    if (status == LG_OK) look_at_coordinates(&where);
-    if (status == LG_OK && table->options->clocks) find_lags(&where, table->out);
-    LG_FREE_ALL(table->context, where.sorted, where.left_out);
-    return status;
+    look_at_coordinates(&where);
+    if (table->options->clocks) find_lags(&where, table->out);
+    return LG_OK;
 }

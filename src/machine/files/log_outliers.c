@@ -245,16 +245,14 @@ lg_status lg_log_leave_out_outliers(lg_log_table *t) {
     size_t longest = 0;
     for (size_t part = 0; part < t->parts; part++)
         if (t->first[part + 1] - t->first[part] > longest) longest = t->first[part + 1] - t->first[part];
-    x.all = lg_alloc(t->context, longest, sizeof *x.all);
-    x.row = lg_alloc(t->context, longest, sizeof *x.row);
-    x.off = lg_alloc(t->context, 2 * longest, sizeof *x.off);
-    x.out = lg_alloc(t->context, 2 * longest, sizeof *x.out);
-    const bool made = x.all != NULL && x.row != NULL && x.off != NULL && x.out != NULL;
-    if (made) x.work = x.off + longest, x.stepped = x.out + longest;
-    for (x.column = 0; x.column < t->columns && made; x.column++)
+    LG_TRY_SCRATCH(candidate, all, t->context, longest, lg_log_no_memory(t));
+    LG_TRY_SCRATCH(size_t, row, t->context, longest, lg_log_no_memory(t));
+    LG_TRY_SCRATCH(double, off, t->context, 2 * longest, lg_log_no_memory(t));
+    LG_TRY_SCRATCH(bool, out, t->context, 2 * longest, lg_log_no_memory(t));
+    x.all = all, x.row = row, x.off = off, x.work = off + longest, x.out = out, x.stepped = out + longest;
+    for (x.column = 0; x.column < t->columns; x.column++)
         if (is_continuous(t, x.column)) mend_column(&x);
-    LG_FREE_ALL(t->context, x.all, x.row, x.off, x.out);
-    return made ? LG_OK : lg_log_no_memory(t);
+    return LG_OK;
 }
 
 /* ---- values far from the range of their column ---- */
@@ -330,18 +328,17 @@ static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t firs
 }
 
 lg_status lg_log_compare_with_range(lg_log_table *t) {
-    double *work = lg_alloc(t->context, LG_LOG_SAMPLES, sizeof *work);
-    lg_status status = work != NULL ? LG_OK : lg_log_no_memory(t);
-    for (size_t first = 0, end; first < t->rows && status == LG_OK; first = end) {
+    LG_TRY_SCRATCH(double, work, t->context, LG_LOG_SAMPLES, lg_log_no_memory(t));
+    for (size_t first = 0, end; first < t->rows; first = end) {
         end = lg_log_file_end(t, first);
-        for (uint32_t i = 0; i < t->columns && status == LG_OK; i++) {
+        for (uint32_t i = 0; i < t->columns; i++) {
             bulk b;
             if (!lg_log_is_value(t, i)) continue;
             const bool known = find_bulk(t, i, first, end, work, &b);
-            status = refuse_huge(t, i, first, end, known ? &b : NULL);
+            const lg_status status = refuse_huge(t, i, first, end, known ? &b : NULL);
             if (known) warn_of_jumps(t, i, first, end, &b);
+            LG_TRY(status);
         }
     }
-    lg_free(t->context, work);
-    return status;
+    return LG_OK;
 }

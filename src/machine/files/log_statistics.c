@@ -115,11 +115,9 @@ static void find_noise(const lg_log_table *table, uint32_t column, double *work)
 }
 
 lg_status lg_log_find_noise(const lg_log_table *table) {
-    double *work = lg_alloc(table->context, LG_LOG_SAMPLES, sizeof *work);
-    if (work == NULL) return lg_log_no_memory(table);
+    LG_TRY_SCRATCH(double, work, table->context, LG_LOG_SAMPLES, lg_log_no_memory(table));
     for (uint32_t i = 0; i < table->columns; i++)
         if (lg_log_is_value(table, i)) find_noise(table, i, work);
-    lg_free(table->context, work);
     return LG_OK;
 }
 

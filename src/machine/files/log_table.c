@@ -115,9 +115,8 @@ static lg_status read_file(lg_log_table *t, uint32_t file, lg_frame *f) {
 }
 
 lg_status lg_log_read_files(lg_log_table *t) {
-    lg_frame_want *want = lg_alloc(t->context, t->columns, sizeof *want);
-    lg_status status = want != NULL ? LG_OK : lg_log_no_memory(t);
-    for (uint32_t file = 0; file < t->files && status == LG_OK; file++) {
+    LG_TRY_SCRATCH(lg_frame_want, want, t->context, t->columns, lg_log_no_memory(t));
+    for (uint32_t file = 0; file < t->files; file++) {
         lg_frame f = {.context = t->context,
                       .path = t->paths[file],
                       .what = "log",
@@ -129,9 +128,9 @@ lg_status lg_log_read_files(lg_log_table *t) {
                                       .as = i == t->machine->run    ? LG_FRAME_TEXT
                                             : i == t->machine->time ? LG_FRAME_ROUNDED
                                                                     : LG_FRAME_NUMBER};
-        status = read_file(t, file, &f);
+        const lg_status status = read_file(t, file, &f);
         lg_frame_close(&f);
+        LG_TRY(status);
     }
-    lg_free(t->context, want);
-    return status;
+    return LG_OK;
 }

@@ -5,6 +5,7 @@
 #ifndef LG_LOG_TABLE_H
 #define LG_LOG_TABLE_H
 
+#include "core/clean.h"
 #include "core/text.h"
 #include "liegrad/machine.h"
 

@@ -67,10 +67,8 @@ static lg_status find_steps(lg_log_table *t, double *steps) {
 }
 
 static lg_status measure_steps(lg_log_table *t) {
-    double *steps = lg_alloc(t->context, t->rows, sizeof *steps);
-    const lg_status status = steps != NULL ? find_steps(t, steps) : lg_log_no_memory(t);
-    lg_free(t->context, steps);
-    return status;
+    LG_TRY_SCRATCH(double, steps, t->context, t->rows, lg_log_no_memory(t));
+    return find_steps(t, steps);
 }
 
 /* ---- statistics of columns ---- */
@@ -293,22 +291,17 @@ static lg_status fill(lg_log_table *t) {
     lg_logs *out = t->out;
     const lg_machine *m = &t->machine->machine;
     LG_TRY(allocate(t));
-    double *work = lg_alloc(t->context, 3 * t->rows, sizeof *work);
-    if (work == NULL) return lg_log_no_memory(t);
+    LG_TRY_SCRATCH(double, work, t->context, 3 * t->rows, lg_log_no_memory(t));
     for (size_t row = 0; row < t->rows; row++) {
         out->t[row] = lg_log_time(t, row);
         fill_state(t, row, out->q + row * m->positions, out->v + row * m->velocities);
     }
-    if (lg_log_integrate(t, out) != LG_OK) {
-        lg_free(t->context, work);
-        return lg_log_no_memory(t);
-    }
+    if (lg_log_integrate(t, out) != LG_OK) return lg_log_no_memory(t);
     for (size_t part = 0; part < t->parts; part++) {
         out->part_file[part] = t->origin[t->first[part]].file;
         out->part_run[part] = t->origin[t->first[part]].run;
         fill_inputs(t, part, work);
     }
-    lg_free(t->context, work);
     out->first = t->first;
     t->first = NULL;
     out->log = (lg_machine_log){.rows = t->rows,
@@ -373,8 +366,8 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
                       .options = options,
                       .error = error,
                       .columns = file->column_count};
-    lg_logs *made = t.out = lg_alloc(context, 1, sizeof *made);
-    if (made == NULL) return lg_log_no_memory(&t);
+    LG_TRY_SCRATCH(lg_logs, made, context, 1, lg_log_no_memory(&t));
+    t.out = made;
     made->context = context;
     t.place = lg_alloc(context, count, sizeof *t.place);
     const lg_status status = t.place != NULL ? read_logs(&t) : lg_log_no_memory(&t);
@@ -383,7 +376,6 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
         *out = *made;
     else
         lg_logs_destroy(made);
-    lg_free(context, made);
     return status;
 }
 

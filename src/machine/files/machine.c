@@ -435,28 +435,21 @@ static lg_status read_documents(reading *r, lg_key_value *values) {
 
 lg_status lg_machine_file_parse(const lg_context *context, const char *name, const char *text, size_t bytes,
                                 lg_machine_file *out, lg_error *error) {
-    if (name == NULL || text == NULL || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the name, the text or the place for the machine is NULL");
-    lg_yaml *yaml = NULL;
+    LG_NEEDS(error, name, text, out);
+    LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = NULL;
     LG_TRY(lg_yaml_open_several(context, name, text, bytes, &yaml, error));
-    lg_machine_file *made = lg_alloc(context, 1, sizeof *made);
-    lg_key_value *values = lg_alloc(context, KEY_COUNT, sizeof *values);
-    char *copy = lg_alloc(context, bytes + 1, 1);
+    LG_SCRATCH(lg_machine_file, made, context, 1);
+    LG_SCRATCH(lg_key_value, values, context, KEY_COUNT);
+    LG_SCRATCH(char, copy, context, bytes + 1);
     reading r = {.yaml = yaml, .out = made, .error = error};
-    const bool room = made != NULL && values != NULL && copy != NULL;
-    const lg_status status = room
-                                 ? read_documents(&r, values)
-                                 : lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(name));
-    if (status == LG_OK) {
-        *out = *made;
-        out->context = context;
-        out->text = memcpy(copy, text, bytes);
-        out->text_bytes = bytes;
-        copy = NULL;
-    }
-    lg_yaml_close(yaml);
-    LG_FREE_ALL(context, made, values, copy);
-    return status;
+    if (made == NULL || values == NULL || copy == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(name));
+    LG_TRY(read_documents(&r, values));
+    *out = *made;
+    out->context = context;
+    out->text = memcpy(LG_KEEP(copy), text, bytes);
+    out->text_bytes = bytes;
+    return LG_OK;
 }
 
 lg_status lg_machine_file_read(const lg_context *context, const char *path, lg_machine_file *out,

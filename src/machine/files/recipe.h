@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/machine.h"
 
 /* A model keeps the covariance of its parameters up to this number of parameters. */

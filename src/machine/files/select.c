@@ -115,8 +115,8 @@ static lg_machine_comparison compare(const lg_choosing *c, const lg_machine_tria
     return (lg_machine_comparison){found.ratio, found.better, c->held.steps};
 }
 
-static void tell_race(const lg_training *self, const lg_choosing *c, const lg_machine_trial *trials,
-                      size_t winner) {
+static void tell_race(const lg_training *self, const lg_choosing *c, size_t winner) {
+    const lg_machine_trial *trials = c->trials;
     char text[256] = "";
     for (size_t i = 0; i < LG_COUNT(widths); i++)
         if (i != winner && trials[i].square != NULL)
@@ -131,21 +131,17 @@ static void tell_race(const lg_training *self, const lg_choosing *c, const lg_ma
 static lg_status choose_widths(lg_training *self, double part, const char **width, lg_error *error) {
     enum { MOST_WINDOWS = 200 };
     const lg_machine_contest contest = {LG_COUNT(widths), false, write_width, compare, NULL};
-    lg_machine_trial trials[LG_COUNT(widths)] = {{.square = NULL}};
-    lg_choosing c;
+    LG_CLEAN(lg_choosing_end) lg_choosing c;
     size_t winner = 0;
-    lg_status status = lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, error);
-    c.most_windows = MOST_WINDOWS;
-    if (status == LG_OK && c.held.count > 0) {
-        status = lg_machine_contest_run(&c, &contest, trials, &winner, error);
-        if (status == LG_OK && trials[winner].square == NULL)
-            status = lg_fail(error, trials[0].status, "%s", trials[0].why.message);
-        if (status == LG_OK) tell_race(self, &c, trials, winner);
-    }
+    LG_TRY(lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, MOST_WINDOWS, error));
+    *width = widths[0];
+    if (c.held.count == 0) return LG_OK;
+    LG_TRY(lg_machine_contest_run(&c, &contest, &winner, error));
+    if (c.trials[winner].square == NULL)
+        return lg_fail(error, c.trials[0].status, "%s", c.trials[0].why.message);
+    tell_race(self, &c, winner);
     *width = widths[winner];
-    for (size_t i = 0; i < LG_COUNT(widths); i++) lg_machine_trial_destroy(&c, &trials[i]);
-    lg_choosing_end(&c);
-    return status;
+    return LG_OK;
 }
 
 /* ---- before training ---- */

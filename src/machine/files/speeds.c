@@ -131,15 +131,13 @@ lg_status lg_log_integrate(const lg_log_table *table, lg_logs *out) {
     const size_t n = table->machine->machine.velocities;
     if (table->machine->measured == LG_MEASURED_VELOCITIES_ONLY) integrate(table, out->v, out->q);
     if (table->machine->measured != LG_MEASURED_ACCELERATIONS) return LG_OK;
-    double *work = lg_alloc(table->context, table->rows, sizeof *work);
+    LG_TRY_SCRATCH(double, work, table->context, table->rows, LG_OUT_OF_MEMORY);
     out->a = lg_alloc(table->context, table->rows, n * sizeof *out->a);
-    if (work != NULL && out->a != NULL) {
-        memcpy(out->a, out->v, table->rows * n * sizeof *out->a);
-        integrate(table, out->a, out->v);
-        remove_drifts(table, out->v, work);
-        integrate(table, out->v, out->q);
-        remove_drifts(table, out->q, work);
-    }
-    lg_free(table->context, work);
-    return out->a != NULL && work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    if (out->a == NULL) return LG_OUT_OF_MEMORY;
+    memcpy(out->a, out->v, table->rows * n * sizeof *out->a);
+    integrate(table, out->a, out->v);
+    remove_drifts(table, out->v, work);
+    integrate(table, out->v, out->q);
+    remove_drifts(table, out->q, work);
+    return LG_OK;
 }

@@ -305,19 +305,18 @@ static void drop_round(search *s) {
 
 /* One round. *more: a candidate was taken. */
 static lg_status play_round(search *s, bool *more, lg_error *error) {
-    lg_machine_file file;
+    LG_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.text = NULL};
     candidate *taken = NULL;
     s->first = ((const lg_machine_state *)s->self->state)->suggestion.count;
     LG_TRY(lg_machine_file_parse(s->choosing.quiet, s->self->paths[0], s->present.text.data,
                                  s->present.text.length, &file, error));
-    lg_status status = try_all(s, &file, false, &taken, error);
-    if (status == LG_OK && taken == NULL && goes_off(s)) {
+    LG_TRY(try_all(s, &file, false, &taken, error));
+    if (taken == NULL && goes_off(s)) {
         drop_round(s);
-        status = try_all(s, &file, true, &taken, error);
+        LG_TRY(try_all(s, &file, true, &taken, error));
     }
-    lg_machine_file_destroy(&file);
-    *more = status == LG_OK && taken != NULL;
-    if (!*more) return status;
+    *more = taken != NULL;
+    if (!*more) return LG_OK;
     LG_WARN(
         s->self,
         "the log asks for %s%s%s: it leaves %.2g of the error (free runs of %.3g s that were not trained on)",
@@ -354,12 +353,10 @@ static lg_status write_machine(lg_training *self, lg_error *error) {
     const char *text = state->data.file.text;
     const size_t head = sizeof LG_SUGGEST_HEAD - 1, bytes = state->data.file.text_bytes,
                  known = strncmp(text, LG_SUGGEST_HEAD, head) == 0 ? head : 0;
-    char *whole = lg_alloc(self->context, head + bytes - known, 1);
-    if (whole == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(char, whole, self->context, head + bytes - known, lg_no_memory(error));
     memcpy(whole, LG_SUGGEST_HEAD, head);
     memcpy(whole + head, text + known, bytes - known);
     const lg_status status = lg_file_write(self->context, state->suggest, whole, head + bytes - known, error);
-    lg_free(self->context, whole);
     if (status != LG_OK) self->failed = state->suggest;
     return status;
 }
@@ -368,15 +365,13 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     enum { MOST_WINDOWS = 150, ENOUGH = 2 * LG_HELD_OUT_WINDOWS };
     static const double part = 0.2, larger = 0.4;
     lg_machine_state *state = self->state;
-    search *s = lg_alloc(self->context, 1, sizeof *s);
-    if (s == NULL) return lg_no_memory(error);
+    LG_TRY_SCRATCH(search, s, self->context, 1, lg_no_memory(error));
     s->self = self;
-    lg_status status = lg_choosing_begin(&s->choosing, self, part, LG_HELD_OUT_WINDOWS, error);
+    lg_status status = lg_choosing_begin(&s->choosing, self, part, LG_HELD_OUT_WINDOWS, MOST_WINDOWS, error);
     if (status == LG_OK && s->choosing.held.count < ENOUGH) {
         lg_choosing_end(&s->choosing);
-        status = lg_choosing_begin(&s->choosing, self, larger, ENOUGH, error);
+        status = lg_choosing_begin(&s->choosing, self, larger, ENOUGH, MOST_WINDOWS, error);
     }
-    s->choosing.most_windows = MOST_WINDOWS;
     state->suggestion.windows = s->choosing.held.count;
     state->suggestion.seconds = (double)s->choosing.held.steps * state->data.logs.dt_median;
     if (status == LG_OK && s->choosing.held.count == 0)
@@ -387,7 +382,6 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     if (status == LG_OK) status = write_machine(self, error);
     lg_machine_trial_destroy(&s->choosing, &s->present);
     lg_choosing_end(&s->choosing);
-    lg_free(self->context, s);
     return status;
 }
 

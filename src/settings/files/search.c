@@ -1,4 +1,4 @@
-/* Files of a random search: ranges in YAML, trials in CSV. */
+/* Files of a search: ranges in YAML, trials in CSV. */
 #include <float.h>
 #include <inttypes.h>
 #include <math.h>

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/clean.h"
 #include "core/rounding.h"
 #include "files/csv.h"
 #include "table/files/recipe.h"
@@ -19,13 +20,10 @@ static lg_status load(const lg_context *context, const char *path, const lg_tabl
                       lg_error *error) {
     const uint32_t count = inputs->count + outputs->count;
     *out = (lg_table_sheet){.path = path, .inputs = inputs->count, .outputs = outputs->count};
-    const char **names = lg_alloc(context, count, sizeof *names);
-    if (names == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
+    LG_TRY_SCRATCH(const char *, names, context, count, lg_fail(error, LG_OUT_OF_MEMORY, "out of memory"));
     for (uint32_t i = 0; i < count; i++)
         names[i] = i < inputs->count ? inputs->name[i] : outputs->name[i - inputs->count];
-    const lg_status status = lg_table_read(context, path, names, count, classes, NULL, &out->data, error);
-    lg_free(context, names);
-    return status;
+    return lg_table_read(context, path, names, count, classes, NULL, &out->data, error);
 }
 
 static void warn_cut(const lg_context *context, const lg_table_sheet *sheet) {
