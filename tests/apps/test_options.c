@@ -46,10 +46,10 @@ static const char *const meanings[][2] = {
 
 /* Options with one description whose default or range differs between commands. */
 static const char *const defaults[][2] = {
-    {"adam-eps", "presets"},
-    {"architecture", "presets"},     {"clip", "presets"},
-    {"lr", "presets"},           {"lr-gamma", "presets"},
-    {"lr-step", "presets"},      {"patience", "presets"},
+    {"adam-eps", "presets"},     {"architecture", "presets"},
+    {"clip", "presets"},         {"lr", "presets"},
+    {"lr-gamma", "presets"},     {"lr-step", "presets"},
+    {"optimizer", "presets"},    {"patience", "presets"},
     {"prior", "presets"},        {"schedule", "presets"},
     {"shards", "presets"},       {"substeps", "of data, of a machine, of its model"},
     {"weight-decay", "presets"},
