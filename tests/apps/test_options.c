@@ -307,9 +307,9 @@ static void read_aliases(void) {
 }
 
 /* What the command says of this option with an empty value, which no option takes; of a switch, and of an old
- * spelling with a value of its own, what it says of missing arguments. */
+ * spelling with a value of its own, what it says of another option with a wrong value. */
 static const char *answer(const char *program, const char *verb, const char *name, bool alone) {
-    cli_run_limited(program, test_text(alone ? "%s --%s" : "%s --%s=", verb, name), 0);
+    cli_run_limited(program, test_text(alone ? "%s --%s --seed=x" : "%s --%s=", verb, name), 0);
     if (strstr(result.err, "allow an argument") != NULL && !alone) return answer(program, verb, name, true);
     if (strstr(result.err, "unrecognized") != NULL) fail_msg("%s %s has no --%s", program, verb, name);
     return test_text("%d %s", result.code, result.err);
