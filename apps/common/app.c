@@ -14,7 +14,7 @@
 #include "liegrad/settings.h"
 #include "model/files/training.h"
 
-enum { KEY_HELP_ALL = 0x800, KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000, KEY_SWITCH = 0x3000, KEY_END = 0x4000 };
+enum { KEY_HELP_ALL = 0x800, KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000, KEY_SWITCH = 0x3000 };
 
 /* number of the first signal that asked the program to end; 0: there was none */
 static volatile int stopped_by;
@@ -191,9 +191,14 @@ static error_t parse_option(int key, char *text, struct argp_state *state, app *
         if (strcmp(slot.name, "seed") == 0) self->seed_given = true;
         return 0;
     }
-    if (key >= KEY_SWITCH && key < KEY_END) {
+    if (key >= KEY_SWITCH && key < 2 * KEY_SWITCH) {
         const app_alias *alias = &app_aliases[key - KEY_SWITCH];
-        store(state, slot_named(self, alias->now), alias->value);
+        app_slot *slot = slot_named(self, alias->now);
+        char value[LG_FIELD_TEXT_SIZE];
+        lg_field_show(slot->row, slot->values, value, sizeof value);
+        if (slot->given && strcmp(value, alias->value) != 0)
+            complain(state, "--%s: --%s is already %s: give one of the two", alias->old, alias->now, value);
+        store(state, slot, alias->value);
         return 0;
     }
     if (key != KEY_HELP_ALL) return ARGP_ERR_UNKNOWN;

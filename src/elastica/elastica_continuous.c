@@ -149,8 +149,8 @@ lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elast
     work.limit = o.max_iterations;
     work.keep_saddles = o.guess != NULL;
     LG_SCRATCH(double, guess, context, frame.beam.n + 1);
-    if (status == LG_OK && o.guess)
-        status = guess ? lg_beam_take_guess(&frame, o.guess, guess, error) : LG_OUT_OF_MEMORY;
+    if (guess == NULL) status = LG_OUT_OF_MEMORY;
+    if (status == LG_OK && o.guess) status = lg_beam_take_guess(&frame, o.guess, guess, error);
     if (status == LG_OK)
         status = o.guess ? solve_from(c, &fine, guess, frame.beam.n, o.max_step, &work, &end)
                          : solve(c, &fine, o.max_step, &work, &end);

@@ -1,5 +1,5 @@
 /* The tree-structured Parzen estimator (Bergstra et al. 2011) of each range alone, with the defaults of
- * Optuna. The best tenth of the trials and the other trials give a density each, good and bad; of 24 draws from
+ * Optuna. The best tenth of the trials and the others give a density each, good and bad; of 24 draws from
  * `good` the one with the largest good/bad is taken. A density is a mixture: a kernel around each trial's
  * value, and a wide one, the prior. The first 10 trials are random. */
 #include "nn/search.h"

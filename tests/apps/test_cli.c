@@ -129,13 +129,13 @@ TEST("with --newton a linear potential's loss is lower than with Adam alone, and
     assert_true(json_number(result.out, "loss") < 3 * json_number(result.out, "floor"));
     assert_non_null(strstr(result.err, "warning: the loss "));
     assert_non_null(strstr(result.err, "use --substeps 2 (floor about "));
-    assert_non_null(strstr(result.err, "higher order, --integrator rkmk5"));
+    assert_non_null(strstr(result.err, "higher order, --scheme rkmk5"));
     cli_json(lg, "train train.h5 --potential linear --epochs 3 --newton --substeps 2 --out l.h5",
              "floor >1e-22");
     assert_non_null(strstr(result.err, "use --substeps 4"));
     cli_expect(lg, "train train.h5 --potential linear --epochs 3 --newton --integrator lie-euler --out l.h5",
                0, "l.h5");
-    assert_non_null(strstr(result.err, "--integrator rkmk5"));
+    assert_non_null(strstr(result.err, "--scheme rkmk5"));
     cli_json(lg, "train train.h5 --potential linear --epochs 3 --stop-after 1 --newton --out l.h5",
              "newton_iterations 0"); /* only after the last epoch */
 }

@@ -131,7 +131,7 @@ TEST("the loop that runs is proved, with inputs that are held; --continuous is a
         cli_expect(
             control, test_text("certify weak.yaml --box th=1,w=1 --lyapunov %s", kinds[i]), 2,
             test_text("--lyapunov %s: this proof is about inputs that follow the state at all times, but "
-                      "the controller holds them for a period: give --continuous",
+                      "the controller holds them for a period: give --loop continuous",
                       kinds[i]));
 }
 
@@ -187,7 +187,7 @@ TEST("the rounding of the controller is in the claim, unless it is exact or inpu
         assert_says(result.out, rows[i].more);
     }
     cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --continuous --precision f32", 2,
-               "--precision");
+               "--dtype");
 }
 
 TEST("levels and errors of the model") {

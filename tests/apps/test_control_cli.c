@@ -454,7 +454,7 @@ TEST("friction sticks whatever its width in the file, and inputs act late in all
     assert_true(json_number(result.out, "success") < 0.5);
     cli_expect(control, "certify truck.h5 --box x=1,v=1", 2, "as where dry friction sticks");
     cli_expect(control, "certify truck.h5 --box x=1,v=1 --continuous", 2,
-               "--continuous: the input u acts late");
+               "--loop continuous: the input u acts late");
     write_truck("open.yaml", 10, 0.06, 0, "");
     cli_write("auto.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\ninputs: "
                            "{columns: [u], delay: auto}\nmass: {kind: known, values: [1]}\ninput_map: {kind: "

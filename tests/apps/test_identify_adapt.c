@@ -79,7 +79,7 @@ TEST("numbers that cannot be adapted are refused with a list of those that can, 
     assert_says(result.err, "\"mass\" is no number that can be adapted; take of: offset, friction");
     cli_expect(identify, "adapt m.h5 second.csv --seconds 30", 2, "");
     assert_says(result.err, "leaves 1001 rows for the fit and 0 for the judgement");
-    cli_expect(identify, "adapt m.h5 second.csv", 2, "--seconds S is missing");
+    cli_expect(identify, "adapt m.h5 second.csv", 2, "--beginning S is missing");
     cli_json(identify, "adapt m.h5 second.csv --seconds 0.1", "adapted {");
     assert_says(result.err, "are too short to tell");
     cli_expect(identify, "fit known.yaml first.csv --out k.h5", 0, "");

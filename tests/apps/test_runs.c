@@ -245,7 +245,7 @@ TEST("Ctrl-C keeps the table of a search") {
         cli_start("lg-elastica", "search ranges.yaml beam.h5 --trials 100000 --rungs 5,2 --out long.csv", 0);
     cli_wait_for("long.csv");
     cli_interrupt(child);
-    assert_says(result.err, "continue with --resume");
+    assert_says(result.err, "continue with --continue");
     const char *finished = read_trials("long.csv");
     int trials = -2;
     for (const char *s = finished; *s != '\0'; s++) trials += *s == '\n';

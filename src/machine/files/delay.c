@@ -93,11 +93,9 @@ lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *ma
     const bool plain = linear != NULL;
     const size_t numbers = log->rows > 1 ? fill(machine, log, plain, 0, z) : 0;
     const size_t n = 1 + numbers + (plain ? 0 : numbers * (numbers + 1) / 2), nv = machine->velocities;
-    regression r = {
-        .linear = plain, .n = n, .nv = nv, .matrix = lg_alloc(context, n * (n + nv + 1), sizeof *r.matrix)};
     *out = (double)NAN;
-    if (r.matrix == NULL) return lg_no_memory(error);
-    r.right = r.matrix + n * n;
+    LG_TRY_SCRATCH(double, matrix, context, n *(n + nv + 1), lg_no_memory(error));
+    regression r = {.linear = plain, .n = n, .nv = nv, .matrix = matrix, .right = matrix + n * n};
     r.x = r.right + n * nv;
     pass(machine, log, &r);
     if (r.rows > 0 && lg_normal_equations(n, nv, plain ? 1e-10 : 1e-9, r.matrix, r.right) == LG_OK) {
@@ -106,6 +104,5 @@ lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *ma
         *out = r.left / r.rows;
         for (size_t i = 0; i < n * nv && plain; i++) linear[i] = r.A[i];
     }
-    lg_free(context, r.matrix);
     return LG_OK;
 }
