@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "kernels/kernels.h"
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/ops.h"
 #include "anomaly/detector_internal.h"
 
@@ -52,31 +52,25 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
     LG_TRY(check_data(model, scaler, series, windows, chosen, count, error));
     const lg_kernels *k = lg_kernels_for(dtype);
     const size_t numbers = (size_t)model->net.length * model->net.channels;
+    LG_CLEAN(lg_detector_data_destroy)
     lg_detector_data made = {.count = count, .dtype = dtype, .context = context};
-    lg_status status = LG_OK;
     made.x = lg_alloc(context, count, numbers * k->size);
     made.label = lg_alloc(context, count, sizeof *made.label);
-    float *window = lg_alloc(context, numbers, sizeof *window);
+    LG_SCRATCH(float, window, context, numbers);
     if (made.x == NULL || made.label == NULL || window == NULL)
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu scaled windows of %zu numbers", count,
-                         numbers);
-    for (size_t i = 0; status == LG_OK && i < count; i++) {
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu scaled windows of %zu numbers", count,
+                       numbers);
+    for (size_t i = 0; i < count; i++) {
         const size_t index = chosen != NULL ? chosen[i] : i;
         char *row = (char *)made.x + i * numbers * k->size;
         lg_windows_copy(series, windows, index, window);
         lg_detector_scale(model, scaler, dtype, window, row);
         made.label[i] = series->label[windows->first[index]];
         if (!k->all_finite(numbers, row))
-            status = lg_fail(error, LG_NOT_FINITE, "window %zu has numbers that are not finite after scaling",
-                             index);
+            return lg_fail(error, LG_NOT_FINITE, "window %zu has numbers that are not finite after scaling",
+                           index);
     }
-    lg_free(context, window);
-    if (status != LG_OK) {
-        lg_detector_data_destroy(&made);
-        return status;
-    }
-    *out = made;
-    return LG_OK;
+    return LG_GIVE(out, made);
 }
 
 void lg_detector_data_destroy(lg_detector_data *data) {

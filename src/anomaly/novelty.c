@@ -67,18 +67,12 @@ lg_novelty lg_novelty_sized(uint32_t channels, uint32_t length, uint32_t classes
 
 lg_status lg_novelty_allocate(const lg_context *context, uint32_t channels, uint32_t length, uint32_t classes,
                               uint32_t bands, lg_novelty *out, lg_error *error) {
-    lg_novelty v = lg_novelty_sized(channels, length, classes, bands);
+    LG_CLEAN(lg_novelty_destroy) lg_novelty v = lg_novelty_sized(channels, length, classes, bands);
     v.context = context;
-    lg_status status = allocate_arrays(&v);
-    if (status != LG_OK)
-        (void)lg_fail(error, status, "no memory for the distribution of %u features", v.features);
-    else if (bands > 0)
-        status = lg_spectrum_create(context, length, bands, &v.spectrum, error);
-    if (status == LG_OK)
-        *out = v;
-    else
-        lg_novelty_destroy(&v);
-    return status;
+    if (allocate_arrays(&v) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the distribution of %u features", v.features);
+    if (bands > 0) LG_TRY(lg_spectrum_create(context, length, bands, &v.spectrum, error));
+    return LG_GIVE(out, v);
 }
 
 void lg_novelty_destroy(lg_novelty *v) {

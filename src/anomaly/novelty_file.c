@@ -81,15 +81,11 @@ lg_status lg_novelty_load(const lg_context *context, const lg_archive_reader *r,
     lg_stored rows[ARRAYS];
     *out = (lg_novelty){.channels = 0};
     LG_TRY(read_sizes(r, size, error));
-    lg_novelty made = lg_novelty_sized(size[0], size[1], size[2], size[3]);
+    LG_CLEAN(lg_novelty_destroy) lg_novelty made = lg_novelty_sized(size[0], size[1], size[2], size[3]);
     list(&made, rows);
     LG_TRY(lg_as_format(lg_stored_check(r, rows, ARRAYS, error), error)); /* before memory is allocated */
     LG_TRY(lg_novelty_allocate(context, size[0], size[1], size[2], size[3], &made, error));
-    lg_status status = read_arrays(r, rows, error);
-    if (status == LG_OK) status = lg_novelty_factor(&made, error);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_novelty_destroy(&made);
-    return status;
+    LG_TRY(read_arrays(r, rows, error));
+    LG_TRY(lg_novelty_factor(&made, error));
+    return LG_GIVE(out, made);
 }

@@ -2,7 +2,7 @@
 #ifndef LG_NOVELTY_INTERNAL_H
 #define LG_NOVELTY_INTERNAL_H
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/anomaly.h"
 
 /* Order of the features of a channel. The features of channel c begin at index c (NOVELTY_BAND + bands). The

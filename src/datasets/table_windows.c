@@ -72,22 +72,16 @@ static lg_status fill(const lg_context *context, const char *path, const lg_tabl
 lg_status lg_table_windows_read(const lg_context *context, const char *path, const char *time,
                                 const char *run, const char *const *names, uint32_t count, size_t steps,
                                 lg_table_windows *out, lg_error *error) {
-    lg_table_data stamps = {.rows = 0};
-    lg_table_windows made = {.steps = steps};
+    LG_CLEAN(lg_table_data_destroy) lg_table_data stamps = {.rows = 0};
+    LG_CLEAN(lg_table_windows_destroy) lg_table_windows made = {.steps = steps};
     LG_NEEDS(error, path, time, names, out);
     if (steps < 1 || steps >= UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "windows of %zu steps: expected at least one", steps);
-    lg_status status = lg_table_read(context, path, &time, 1, run, NULL, &stamps, error);
-    if (status == LG_OK) status = lg_table_read(context, path, names, count, NULL, NULL, &made.data, error);
-    if (status == LG_OK)
-        status = lg_table_keep_complete((lg_table_data *[]){&stamps, &made.data}, 2, &made.left_out, error);
-    if (status == LG_OK) status = fill(context, path, &stamps, &made, error);
-    lg_table_data_destroy(&stamps);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_table_windows_destroy(&made);
-    return status;
+    LG_TRY(lg_table_read(context, path, &time, 1, run, NULL, &stamps, error));
+    LG_TRY(lg_table_read(context, path, names, count, NULL, NULL, &made.data, error));
+    LG_TRY(lg_table_keep_complete((lg_table_data *[]){&stamps, &made.data}, 2, &made.left_out, error));
+    LG_TRY(fill(context, path, &stamps, &made, error));
+    return LG_GIVE(out, made);
 }
 
 void lg_table_windows_destroy(lg_table_windows *windows) {

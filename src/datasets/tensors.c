@@ -24,28 +24,18 @@ static double of_half(uint16_t h) {
     return sign ? -value : value;
 }
 
-static double read_f64(const unsigned char *raw) {
-    return lg_f64_of_bits(lg_bytes_get(raw, 8));
-}
-
-static double read_f32(const unsigned char *raw) {
-    return (double)lg_f32_of_bits((uint32_t)lg_bytes_get(raw, 4));
-}
-
-static double read_f16(const unsigned char *raw) {
-    return of_half((uint16_t)lg_bytes_get(raw, 2));
-}
-
-/* A bfloat16 is the upper half of a float. */
-static double read_bf16(const unsigned char *raw) {
-    return (double)lg_f32_of_bits((uint32_t)lg_bytes_get(raw, 2) << 16);
-}
-
 static const struct {
     const char *name;
     size_t bytes;
-    double (*read)(const unsigned char *raw);
-} types[] = {{"F64", 8, read_f64}, {"F32", 4, read_f32}, {"F16", 2, read_f16}, {"BF16", 2, read_bf16}};
+} types[] = {{"F64", 8}, {"F32", 4}, {"F16", 2}, {"BF16", 2}};
+
+static double read_number(const unsigned char *raw, size_t type) {
+    const uint64_t bits = lg_bytes_get(raw, types[type].bytes);
+    return type == 0   ? lg_f64_of_bits(bits)
+           : type == 1 ? (double)lg_f32_of_bits((uint32_t)bits)
+           : type == 2 ? of_half((uint16_t)bits)
+                       : (double)lg_f32_of_bits((uint32_t)bits << 16); /* the upper half of a float */
+}
 
 /* ---- the header ---- */
 
@@ -97,21 +87,19 @@ static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const 
     if (mapping->type != YAML_MAPPING_NODE) return LG_OK;
     const yaml_node_pair_t *first = mapping->data.mapping.pairs.start;
     const size_t pairs = (size_t)(mapping->data.mapping.pairs.top - first);
-    lg_lookup *sorted = lg_alloc(r->context, pairs, sizeof *sorted);
-    lg_status status = sorted == NULL ? no_memory(r, error) : LG_OK;
-    for (size_t i = 0; i < pairs && status == LG_OK; i++) {
+    LG_TRY_SCRATCH(lg_lookup, sorted, r->context, pairs, no_memory(r, error));
+    for (size_t i = 0; i < pairs; i++) {
         sorted[i] =
             (lg_lookup){text_of(yaml_document_get_node(lg_yaml_document(r->header), first[i].key)), i};
         if (sorted[i].name == NULL)
-            status = lg_fail(error, LG_FORMAT, "%s: %s: a key is not a text", lg_shown_path(r->path), what);
+            return lg_fail(error, LG_FORMAT, "%s: %s: a key is not a text", lg_shown_path(r->path), what);
     }
-    if (status == LG_OK) lg_lookup_sort(sorted, pairs);
-    for (size_t i = 1; i < pairs && status == LG_OK; i++)
+    lg_lookup_sort(sorted, pairs);
+    for (size_t i = 1; i < pairs; i++)
         if (strcmp(sorted[i].name, sorted[i - 1].name) == 0)
-            status = lg_fail(error, LG_FORMAT, "%s: %s: key '%.64s' is there twice", lg_shown_path(r->path),
-                             what, sorted[i].name);
-    lg_free(r->context, sorted);
-    return status;
+            return lg_fail(error, LG_FORMAT, "%s: %s: key '%.64s' is there twice", lg_shown_path(r->path),
+                           what, sorted[i].name);
+    return LG_OK;
 }
 
 /* Reads a list of at most `most` nonnegative integers. */
@@ -228,7 +216,7 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
         if (fread(raw, bytes, n, r->from) != n)
             return lg_fail(error, LG_FILE, "%s: cannot be read to its end", lg_shown_path(r->path));
         for (size_t i = 0; i < n; i++) {
-            t->values[at + i] = types[p->type].read(raw + i * bytes);
+            t->values[at + i] = read_number(raw + i * bytes, p->type);
             if (!isfinite(t->values[at + i]))
                 return bad(r, error, t->name, "has numbers that are not finite");
         }
@@ -267,17 +255,14 @@ static lg_status read_all(reading *r, lg_error *error) {
 
 lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensors *out, lg_error *error) {
     LG_NEEDS(error, path, out);
-    lg_tensors made = {.context = context};
+    LG_CLEAN(lg_tensors_destroy) lg_tensors made = {.context = context};
     reading r = {.context = context, .path = path, .out = &made};
     const lg_status status = read_all(&r, error);
     lg_yaml_close(r.header);
     if (r.from != NULL) (void)fclose(r.from);
     LG_FREE_ALL(context, r.text, r.places);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_tensors_destroy(&made);
-    return status;
+    LG_TRY(status);
+    return LG_GIVE(out, made);
 }
 
 void lg_tensors_destroy(lg_tensors *tensors) {

@@ -5,7 +5,7 @@
 #ifndef LG_ELASTICA_INTERNAL_H
 #define LG_ELASTICA_INTERNAL_H
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/elastica.h"
 
 #define LG_PI 3.14159265358979323846

@@ -246,19 +246,17 @@ lg_status lg_beam_search(const lg_beam *beam, lg_beam_work *work, bool saddles, 
     coarse.n = lg_beam_coarse(beam);
     branch_list list = {.room = room, .nodes = beam->n + 1, .theta = theta, .branches = branches};
     branch_list first = {.room = room, .nodes = coarse.n + 1};
-    lg_status status;
     if (coarse.n == beam->n) {
-        status = search(beam, work, saddles, quick, &list);
+        LG_TRY(search(beam, work, saddles, quick, &list));
     } else {
-        first.theta = lg_alloc(work->context, room * first.nodes, sizeof(double));
-        first.branches = lg_alloc(work->context, room, sizeof(lg_beam_branch));
-        status =
-            first.theta && first.branches ? search(&coarse, work, saddles, quick, &first) : LG_OUT_OF_MEMORY;
-        if (status == LG_OK) status = refine_all(&first, beam, work, saddles, &list);
-        LG_FREE_ALL(work->context, first.theta, first.branches);
+        LG_TRY_SCRATCH(double, angles, work->context, room *first.nodes, LG_OUT_OF_MEMORY);
+        LG_TRY_SCRATCH(lg_beam_branch, found, work->context, room, LG_OUT_OF_MEMORY);
+        first.theta = angles, first.branches = found;
+        LG_TRY(search(&coarse, work, saddles, quick, &first));
+        LG_TRY(refine_all(&first, beam, work, saddles, &list));
     }
-    if (status == LG_OK) *count = list.count;
-    return status;
+    *count = list.count;
+    return LG_OK;
 }
 
 lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *problem,

@@ -206,26 +206,21 @@ lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_samp
     LG_TRY(check_sampling(sampling, error));
     const size_t families = (size_t)sampling->both_ends + sampling->right_end;
     const size_t blocks = (sampling->count - 1) / BLOCK + 1;
-    lg_elastica_curves curves = {.count = 0};
+    LG_CLEAN(lg_elastica_curves_destroy) lg_elastica_curves curves = {.count = 0};
     job j = {.context = context, .sampling = sampling, .curves = &curves, .blocks = blocks};
     lg_status status = sampling->count <= SIZE_MAX / 16
                            ? lg_elastica_curves_create(context, families * sampling->count,
                                                        sampling->problem.intervals, true, &curves)
                            : LG_OUT_OF_MEMORY;
     if (status == LG_OK) j.errors = lg_alloc(context, families * blocks, sizeof *j.errors);
-    if (status != LG_OK || !j.errors) {
-        lg_elastica_curves_destroy(&curves);
+    if (status != LG_OK || !j.errors)
         return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory for %zu curves", sampling->count);
-    }
     curves.length = sampling->problem.length;
     curves.stiffness = sampling->problem.stiffness;
     curves.continuous = sampling->continuous;
     status = run(&j, families * blocks, error);
     lg_free(context, j.errors);
-    if (status != LG_OK) {
-        lg_elastica_curves_destroy(&curves);
-        return status;
-    }
-    *out = curves;
-    return lg_fail(error, LG_OK, "%s", "");
+    LG_TRY(status);
+    (void)lg_fail(error, LG_OK, "%s", "");
+    return LG_GIVE(out, curves);
 }

@@ -5,9 +5,12 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/program.h"
 #include "elastica/surrogate_internal.h"
+
+LG_AT(lg_program_destroy, lg_program)
+LG_AT(lg_surrogate_curves_destroy, lg_surrogate_curves)
 
 /* BLOCK: largest number of rows in a batch of the network. PANELS: least number of panels of the
  * quadrature. */
@@ -113,28 +116,24 @@ static lg_status make_plan(lg_surrogate_curves *c, const lg_program *program, as
 }
 
 static lg_status make_plans(lg_surrogate_curves *c, const double *theta, lg_error *error) {
-    lg_program *program = NULL;
-    lg_status status = lg_surrogate_program(c->context, &c->model, theta, &program, error);
-    for (int which = 0; which < ASKED && status == LG_OK; which++) {
-        status = make_plan(c, program, (asked)which, 1, &c->one[which], error);
-        if (status == LG_OK && functions[which].many && c->rows > 1)
-            status = make_plan(c, program, (asked)which, c->rows, &c->all[which], error);
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
+    LG_TRY(lg_surrogate_program(c->context, &c->model, theta, &program, error));
+    for (int which = 0; which < ASKED; which++) {
+        LG_TRY(make_plan(c, program, (asked)which, 1, &c->one[which], error));
+        if (functions[which].many && c->rows > 1)
+            LG_TRY(make_plan(c, program, (asked)which, c->rows, &c->all[which], error));
     }
-    lg_program_destroy(program);
-    return status;
+    return LG_OK;
 }
 
 static lg_status create(const lg_context *context, const lg_surrogate *model, const double *theta,
                         lg_dtype dtype, size_t rows, lg_surrogate_curves **out, lg_error *error) {
+    LG_CLEAN(lg_surrogate_curves_destroy_at)
     lg_surrogate_curves *made = lg_alloc(context, 1, sizeof *made);
     if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the curves of a network");
     *made = (lg_surrogate_curves){.context = context, .model = *model, .dtype = dtype, .rows = rows};
-    const lg_status status = make_plans(made, theta, error);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_surrogate_curves_destroy(made);
-    return status;
+    LG_TRY(make_plans(made, theta, error));
+    return LG_MOVE(out, made);
 }
 
 /* Number of panels of the quadrature. It does not depend on the points. Panels are equal parts of the data's

@@ -5,10 +5,12 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "autodiff/program/program.h"
 #include "integrators/taped_internal.h"
 #include "kernels/matrix.h"
+
+LG_AT(lg_constraint_destroy, lg_constraint)
 
 /* ---- on a tape ---- */
 
@@ -305,15 +307,11 @@ static lg_status fill(lg_constraint *c, const lg_program *program, lg_error *err
 lg_status lg_constraint_create(const lg_context *context, const lg_program *program, lg_constraint **out,
                                lg_error *error) {
     LG_NEEDS(error, program, out);
-    lg_constraint *made = lg_alloc(context, 1, sizeof *made);
+    LG_CLEAN(lg_constraint_destroy_at) lg_constraint *made = lg_alloc(context, 1, sizeof *made);
     if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a constraint");
     made->context = context;
-    const lg_status status = fill(made, program, error);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_constraint_destroy(made);
-    return status;
+    LG_TRY(fill(made, program, error));
+    return LG_MOVE(out, made);
 }
 
 void lg_constraint_destroy(lg_constraint *constraint) {

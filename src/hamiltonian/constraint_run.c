@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "hamiltonian/constraint.h"
 #include "integrators/taped_internal.h"
 #include "kernels/matrix.h"
@@ -271,25 +271,19 @@ lg_status lg_constraint_generate(const lg_constraint *constraint, const lg_traje
     const size_t d = 2 * (size_t)constraint->n;
     const char *fault = lg_trajectory_fault(&how);
     if (fault != NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "%s", fault);
-    double *grid = lg_alloc(constraint->context, how.points, sizeof *grid);
-    if (grid == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for times");
+    LG_TRY_SCRATCH(double, grid, constraint->context, how.points,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for times"));
     for (size_t j = 0; j < how.points; j++) grid[j] = how.t_end * (double)j / (double)(how.points - 1);
     if (t != NULL) memcpy(t, grid, how.points * sizeof *t);
-    lg_status status = LG_OK;
-    for (size_t i = 0; status == LG_OK && i < how.trajectories; i++) {
-        double *y = data + i * how.points * d, start[2 * MOST], energy = (double)NAN;
-        if (lg_cancelled(constraint->context)) status = lg_fail(error, LG_CANCELLED, "cancelled");
-        if (status == LG_OK) status = draw_start(constraint, &how, how.first + i, start, error);
-        if (status == LG_OK)
-            status = lg_constraint_flow(constraint, exact, grid, how.points, start, y, error);
-        if (status == LG_OK && hamiltonian != NULL) {
-            status = lg_constraint_energy(constraint, start, &energy, error);
-            hamiltonian[i] = energy;
-        }
-        if (status != LG_OK || !(how.noise > 0.0)) continue;
+    for (size_t i = 0; i < how.trajectories; i++) {
+        double *y = data + i * how.points * d, start[2 * MOST];
+        if (lg_cancelled(constraint->context)) return lg_fail(error, LG_CANCELLED, "cancelled");
+        LG_TRY(draw_start(constraint, &how, how.first + i, start, error));
+        LG_TRY(lg_constraint_flow(constraint, exact, grid, how.points, start, y, error));
+        if (hamiltonian != NULL) LG_TRY(lg_constraint_energy(constraint, start, &hamiltonian[i], error));
+        if (!(how.noise > 0.0)) continue;
         lg_trajectory_disturb(&how, d, how.first + i, y);
-        if (how.noise_first) status = lg_constraint_project(constraint, 0.0, y, error);
+        if (how.noise_first) LG_TRY(lg_constraint_project(constraint, 0.0, y, error));
     }
-    lg_free(constraint->context, grid);
-    return status;
+    return LG_OK;
 }

@@ -1,8 +1,10 @@
 /* A learned Hamiltonian as a program, a set of named functions. */
-#include "core/core.h"
+#include "core/clean.h"
 #include "autodiff/program/program.h"
 #include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
+
+LG_AT(lg_program_destroy, lg_program)
 
 typedef struct recording {
     const lg_hamiltonian *model;
@@ -152,19 +154,13 @@ lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian
                                  const lg_scheme *scheme, lg_program **out, lg_error *error) {
     LG_NEEDS(error, model, theta, out);
     recording r = {model, scheme != NULL ? scheme : lg_scheme_find(model->family->scheme)};
-    lg_program *made;
+    LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
     lg_rng rng;
-    double *initial = lg_alloc(context, lg_hamiltonian_parameters(model), sizeof *initial);
-    if (initial == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model");
+    LG_TRY_SCRATCH(double, initial, context, lg_hamiltonian_parameters(model),
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model"));
     lg_rng_seed(&rng, 1, 0);
     lg_hamiltonian_initialise(model, &rng, initial);
-    lg_status status = build(context, &r, initial, &made, error);
-    lg_free(context, initial);
-    if (status != LG_OK) return status;
-    status = finish(&r, made, theta, error);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_program_destroy(made);
-    return status;
+    LG_TRY(build(context, &r, initial, &made, error));
+    LG_TRY(finish(&r, made, theta, error));
+    return LG_MOVE(out, made);
 }

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "core/exact_sum.h"
 #include "liegrad/ensemble.h"
 
@@ -230,19 +230,17 @@ lg_status lg_statistics_save(const lg_statistics *s, const lg_archive_writer *ar
     LG_NEEDS(NULL, s, archive);
     const size_t cells = s->rows * s->columns;
     uint64_t dims[3] = {s->rows, s->columns, s->bins + 2};
-    char *values = lg_alloc(s->context, cells, 8 * LG_EXACT_PARTS);
-    if (!values) return LG_OUT_OF_MEMORY;
-    lg_status status = archive->array(archive->user, "bins", LG_ELEMENT_U64, 3, dims, s->bin);
-    for (size_t m = 0; m < LG_COUNT(members) && status == LG_OK; m++) {
+    LG_TRY_SCRATCH(char, values, s->context, cells * 8 * LG_EXACT_PARTS, LG_OUT_OF_MEMORY);
+    LG_TRY(archive->array(archive->user, "bins", LG_ELEMENT_U64, 3, dims, s->bin));
+    for (size_t m = 0; m < LG_COUNT(members); m++) {
         const size_t size = 8 * members[m].count;
         for (size_t i = 0; i < cells; i++)
             memcpy(values + i * size, (const char *)&s->cells[i] + members[m].offset, size);
         dims[2] = members[m].count;
-        status = archive->array(archive->user, members[m].name, members[m].type, members[m].count > 1 ? 3 : 2,
-                                dims, values);
+        LG_TRY(archive->array(archive->user, members[m].name, members[m].type, members[m].count > 1 ? 3 : 2,
+                              dims, values));
     }
-    lg_free(s->context, values);
-    return status;
+    return LG_OK;
 }
 
 /* Whether a sum of `count` numbers, added singly or in blocks, can have parts of this size. */
@@ -272,19 +270,17 @@ lg_status lg_statistics_load(lg_statistics *s, const lg_archive_reader *archive)
     LG_NEEDS(NULL, s, archive);
     const size_t cells = s->rows * s->columns;
     uint64_t dims[3] = {s->rows, s->columns, s->bins + 2};
-    char *values = lg_alloc(s->context, cells, 8 * LG_EXACT_PARTS);
-    if (!values) return LG_OUT_OF_MEMORY;
-    lg_status status = archive->array(archive->user, "bins", LG_ELEMENT_U64, 3, dims, s->bin);
-    for (size_t m = 0; m < LG_COUNT(members) && status == LG_OK; m++) {
+    LG_TRY_SCRATCH(char, values, s->context, cells * 8 * LG_EXACT_PARTS, LG_OUT_OF_MEMORY);
+    LG_TRY(archive->array(archive->user, "bins", LG_ELEMENT_U64, 3, dims, s->bin));
+    for (size_t m = 0; m < LG_COUNT(members); m++) {
         const size_t size = 8 * members[m].count;
         dims[2] = members[m].count;
-        status = archive->array(archive->user, members[m].name, members[m].type, members[m].count > 1 ? 3 : 2,
-                                dims, values);
-        for (size_t i = 0; i < cells && status == LG_OK; i++)
+        LG_TRY(archive->array(archive->user, members[m].name, members[m].type, members[m].count > 1 ? 3 : 2,
+                              dims, values));
+        for (size_t i = 0; i < cells; i++)
             memcpy((char *)&s->cells[i] + members[m].offset, values + i * size, size);
     }
-    lg_free(s->context, values);
-    for (size_t i = 0; i < cells && status == LG_OK; i++)
-        if (!is_cell(s, i)) status = LG_CHECK_FAILED;
-    return status;
+    for (size_t i = 0; i < cells; i++)
+        if (!is_cell(s, i)) return LG_CHECK_FAILED;
+    return LG_OK;
 }

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "core/rounding.h"
 #include "table/internal.h"
 
@@ -108,17 +108,13 @@ static lg_status fit_column(const double *values, uint32_t columns, const uint32
 lg_status lg_table_scaler_fit(const lg_context *context, const double *values, uint32_t columns,
                               const uint32_t *chosen, size_t count, lg_scaler *out) {
     if (values == NULL || out == NULL || count == 0) return LG_INVALID_ARGUMENT;
-    lg_scaler made = {.channels = columns, .context = context};
+    LG_CLEAN(lg_scaler_destroy) lg_scaler made = {.channels = columns, .context = context};
     made.mean = lg_alloc(context, columns, sizeof *made.mean);
     made.scale = lg_alloc(context, columns, sizeof *made.scale);
-    lg_status status = made.mean == NULL || made.scale == NULL ? LG_OUT_OF_MEMORY : LG_OK;
-    for (uint32_t c = 0; c < columns && status == LG_OK; c++)
-        status = fit_column(values + c, columns, chosen, count, &made.mean[c], &made.scale[c]);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_scaler_destroy(&made);
-    return status;
+    if (made.mean == NULL || made.scale == NULL) return LG_OUT_OF_MEMORY;
+    for (uint32_t c = 0; c < columns; c++)
+        LG_TRY(fit_column(values + c, columns, chosen, count, &made.mean[c], &made.scale[c]));
+    return LG_GIVE(out, made);
 }
 
 /* ---- on a tape ---- */

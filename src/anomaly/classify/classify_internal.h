@@ -2,7 +2,7 @@
 #ifndef LG_CLASSIFY_INTERNAL_H
 #define LG_CLASSIFY_INTERNAL_H
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "liegrad/classify.h"
 
 /* Largest number of features per window. */

@@ -129,27 +129,20 @@ lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, boo
                             const lg_series *series, uint32_t length, const lg_scaler *scaler,
                             lg_features *out, lg_error *error) {
     LG_TRY(check_create(kind, series, length, scaler, error));
+    LG_CLEAN(lg_features_destroy)
     lg_features f = {.kind = kind, .channels = series->channels, .length = length, .context = context};
     f.select = lg_alloc(context, f.channels, sizeof *f.select);
     f.pair = lg_alloc(context, 2 * (size_t)f.channels, sizeof *f.pair);
     f.scale = lg_alloc(context, f.channels, sizeof *f.scale);
-    lg_status status = LG_OK;
-    if (f.select == NULL || f.pair == NULL || f.scale == NULL) {
-        status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the features of %u channels", f.channels);
-    } else {
-        f.segments = kinds[kind]->segments;
-        f.bands = lg_spectrum_bands(length, kinds[kind]->bands);
-        for (uint32_t i = 0; i < f.channels; i++) f.scale[i] = scaler != NULL ? scaler->scale[i] : 1.0;
-        choose_channels(series, directions_x, &f);
-        status = check_made(&f, directions_x, error);
-        if (status == LG_OK && f.bands > 0)
-            status = lg_spectrum_create(context, length, f.bands, &f.spectrum, error);
-    }
-    if (status == LG_OK)
-        *out = f;
-    else
-        lg_features_destroy(&f);
-    return status;
+    if (f.select == NULL || f.pair == NULL || f.scale == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the features of %u channels", f.channels);
+    f.segments = kinds[kind]->segments;
+    f.bands = lg_spectrum_bands(length, kinds[kind]->bands);
+    for (uint32_t i = 0; i < f.channels; i++) f.scale[i] = scaler != NULL ? scaler->scale[i] : 1.0;
+    choose_channels(series, directions_x, &f);
+    LG_TRY(check_made(&f, directions_x, error));
+    if (f.bands > 0) LG_TRY(lg_spectrum_create(context, length, f.bands, &f.spectrum, error));
+    return LG_GIVE(out, f);
 }
 
 lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,

@@ -44,29 +44,19 @@ static double accuracy_of(const search *s, const lg_classifier *c, const uint32_
 }
 
 static lg_status try_fold(const search *s, size_t option, uint32_t fold, double *accuracy, lg_error *error) {
-    uint32_t *rows = lg_alloc(s->context, s->rows, sizeof *rows);
-    if (rows == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(uint32_t, rows, s->context, s->rows, LG_OUT_OF_MEMORY);
     size_t n = gather(s, fold, false, rows);
     lg_classifier_options o = s->options[option];
     /* Training on a part of the rows may allow fewer components than training on all rows. */
     const size_t most = n < s->d ? n : s->d;
     if (o.components > most && most < s->rows) o.components = (uint32_t)most;
-    lg_classifier c = {0};
-    lg_status status =
-        lg_classifier_fit(s->context, &o, s->x, s->label, rows, n, s->d, s->classes, &c, error);
-    if (status == LG_OK) {
-        double *work =
-            lg_alloc(s->context, lg_classifier_work_size(&c) / sizeof(double) + s->classes, sizeof *work);
-        n = gather(s, fold, true, rows);
-        if (work != NULL)
-            *accuracy = accuracy_of(s, &c, rows, n, work, work + s->classes);
-        else
-            status = LG_OUT_OF_MEMORY;
-        lg_free(s->context, work);
-    }
-    lg_classifier_destroy(&c);
-    lg_free(s->context, rows);
-    return status;
+    LG_CLEAN(lg_classifier_destroy) lg_classifier c = {0};
+    LG_TRY(lg_classifier_fit(s->context, &o, s->x, s->label, rows, n, s->d, s->classes, &c, error));
+    LG_TRY_SCRATCH(double, work, s->context, lg_classifier_work_size(&c) / sizeof(double) + s->classes,
+                   LG_OUT_OF_MEMORY);
+    n = gather(s, fold, true, rows);
+    *accuracy = accuracy_of(s, &c, rows, n, work, work + s->classes);
+    return LG_OK;
 }
 
 static void search_task(void *user, size_t index) {

@@ -493,17 +493,12 @@ lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes: 2 to %u are expected", classes,
                        LG_CLASSES_MAX);
     LG_TRY(lg_check_table(x, n, d, error));
-    size_t *counts = lg_alloc(context, classes, sizeof *counts);
-    if (counts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes);
+    LG_TRY_SCRATCH(size_t, counts, context, classes,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes));
+    LG_CLEAN(lg_logistic_destroy)
     lg_logistic model = {.inputs = d, .classes = classes, .context = context};
-    const lg_status status = fit_model(context, x, label, n, c, counts, &model, error);
-    lg_free(context, counts);
-    if (status != LG_OK) {
-        lg_logistic_destroy(&model);
-        return status;
-    }
-    *out = model;
-    return LG_OK;
+    LG_TRY(fit_model(context, x, label, n, c, counts, &model, error));
+    return LG_GIVE(out, model);
 }
 
 void lg_logistic_destroy(lg_logistic *model) {

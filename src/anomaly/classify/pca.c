@@ -174,15 +174,10 @@ lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint3
             error, LG_INVALID_ARGUMENT,
             "principal components need at most %d rows or %d features; here are %zu rows and %u features",
             LG_EIGEN_MAX, LG_EIGEN_MAX, n, d);
-    lg_pca p = {.inputs = d, .components = components, .context = context};
+    LG_CLEAN(lg_pca_destroy) lg_pca p = {.inputs = d, .components = components, .context = context};
     p.variances = components > 0 ? (uint32_t)small : 0;
-    const lg_status status = fit_into(context, x, n, &p, error);
-    if (status != LG_OK) {
-        lg_pca_destroy(&p);
-        return status;
-    }
-    *out = p;
-    return LG_OK;
+    LG_TRY(fit_into(context, x, n, &p, error));
+    return LG_GIVE(out, p);
 }
 
 void lg_pca_destroy(lg_pca *pca) {

@@ -155,7 +155,7 @@ static lg_status check_fit(const lg_rocket_options *o, const lg_windows *windows
 lg_status lg_rocket_fit(const lg_context *context, const lg_rocket_options *options, const lg_series *series,
                         const lg_windows *windows, const uint32_t *chosen, size_t count,
                         const lg_scaler *scaler, lg_features *out, lg_error *error) {
-    lg_features f = {0};
+    LG_CLEAN(lg_features_destroy) lg_features f = {0};
     LG_NEEDS(error, options, series, windows, scaler, out);
     LG_TRY(check_fit(options, windows, count, error));
     LG_TRY(lg_features_begin(context, LG_FEATURES_ROCKET, options->directions_x, series, windows->length,
@@ -163,19 +163,13 @@ lg_status lg_rocket_fit(const lg_context *context, const lg_rocket_options *opti
     fitting fit = {.series = series, .windows = windows, .chosen = chosen, .count = count};
     lg_rng_seed(&fit.rng, options->seed, 0);
     f.rocket.mean = lg_alloc(context, f.channels, sizeof *f.rocket.mean);
-    lg_status status = LG_OUT_OF_MEMORY;
     if (f.rocket.mean == NULL)
-        (void)lg_fail(error, status, "no memory for %u channels", f.channels);
-    else {
-        memcpy(f.rocket.mean, scaler->mean, f.channels * sizeof *f.rocket.mean);
-        status = draw(&fit, context, options->features / LG_ROCKET_KERNELS, &f, error);
-    }
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u channels", f.channels);
+    memcpy(f.rocket.mean, scaler->mean, f.channels * sizeof *f.rocket.mean);
+    const lg_status status = draw(&fit, context, options->features / LG_ROCKET_KERNELS, &f, error);
     LG_FREE_ALL(context, fit.deck, fit.x, fit.work);
-    if (status == LG_OK)
-        *out = f;
-    else
-        lg_features_destroy(&f);
-    return status;
+    LG_TRY(status);
+    return LG_GIVE(out, f);
 }
 
 /* ---- pruning ---- */

@@ -332,6 +332,7 @@ lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, doub
     (void)lg_fail(error, LG_OK, "%s", "");
     LG_TRY(check_fit(kernel, c, gamma, label, classes, out, error));
     LG_TRY(lg_check_table(x, n, d, error));
+    LG_CLEAN(lg_svm_destroy)
     lg_svm svm = {.kernel = kernel, .c = c, .inputs = d, .classes = classes, .context = context};
     training t = {.context = context, .x = x, .n = n, .d = d, .classes = classes, .factor = 1.0};
     if (kernel == LG_KERNEL_RBF) svm.gamma = gamma > 0.0 ? gamma : default_gamma(x, n * d, d);
@@ -346,16 +347,11 @@ lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, doub
     if (!isfinite(t.parameter.C) || t.parameter.C == 0.0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "C = %g does not fit the size of the features: scale them",
                        c);
-    t.counts = lg_alloc(context, classes, sizeof *t.counts);
-    if (t.counts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes);
-    const lg_status status = fit_model(&t, label, &svm, error);
-    lg_free(context, t.counts);
-    if (status != LG_OK) {
-        lg_svm_destroy(&svm);
-        return status;
-    }
-    *out = svm;
-    return LG_OK;
+    LG_TRY_SCRATCH(size_t, counts, context, classes,
+                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes));
+    t.counts = counts;
+    LG_TRY(fit_model(&t, label, &svm, error));
+    return LG_GIVE(out, svm);
 }
 
 void lg_svm_destroy(lg_svm *svm) {

@@ -41,23 +41,18 @@ static lg_status order_channels(const lg_context *context, lg_series *series, ch
     const uint32_t m = series->channels;
     const size_t n = series->length;
     if (name == NULL || series->channel_name == NULL) return LG_OK;
-    uint32_t *from = lg_alloc(context, m, sizeof *from);
-    lg_lookup *sorted = lg_alloc(context, m, sizeof *sorted);
-    bool *taken = lg_alloc(context, m, sizeof *taken);
-    float *window = lg_alloc(context, m * n, sizeof *window);
-    const bool room = from != NULL && sorted != NULL && taken != NULL && window != NULL;
-    const bool all = room && find_channels(series, name, sorted, taken, from);
-    for (size_t i = 0; i < series->count && all; i++) {
+    LG_TRY_SCRATCH(uint32_t, from, context, m, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(lg_lookup, sorted, context, m, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(bool, taken, context, m, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(float, window, context, m *n, LG_OUT_OF_MEMORY);
+    if (!find_channels(series, name, sorted, taken, from)) return LG_OK;
+    for (size_t i = 0; i < series->count; i++) {
         float *x = series->x + i * m * n;
         memcpy(window, x, m * n * sizeof *x);
         for (uint32_t c = 0; c < m; c++) memcpy(x + c * n, window + from[c] * n, n * sizeof *x);
     }
-    if (all) memcpy(series->channel_name, name, m * sizeof *name);
-    lg_free(context, from);
-    lg_free(context, sorted);
-    lg_free(context, taken);
-    lg_free(context, window);
-    return room ? LG_OK : LG_OUT_OF_MEMORY;
+    memcpy(series->channel_name, name, m * sizeof *name);
+    return LG_OK;
 }
 
 lg_status lg_series_read_like(const lg_context *context, const char *path, const lg_series *like,
@@ -152,17 +147,16 @@ lg_status lg_detector_window(const lg_training *self, uint64_t *window, uint64_t
 lg_status lg_window_part(const lg_context *context, const lg_cut_series *from, const lg_detector_run *run,
                          lg_part wanted, lg_window_list *out, lg_error *error) {
     const size_t count = from->windows.count;
-    uint8_t *parts = lg_alloc(context, count, 1);
+    LG_SCRATCH(uint8_t, parts, context, count);
     *out = (lg_window_list){lg_alloc(context, count, sizeof *out->list), 0};
-    lg_status status = parts != NULL && out->list != NULL ? LG_OK : LG_OUT_OF_MEMORY;
-    if (status != LG_OK) (void)lg_fail(error, status, "out of memory: %zu windows", count);
-    if (status == LG_OK && run != NULL)
-        status = lg_series_split(context, &from->data.series, &from->windows, run->split, run->test_fraction,
-                                 run->validation_fraction, run->training.seed, parts, error);
-    for (size_t i = 0; i < count && status == LG_OK; i++)
+    if (parts == NULL || out->list == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory: %zu windows", count);
+    if (run != NULL)
+        LG_TRY(lg_series_split(context, &from->data.series, &from->windows, run->split, run->test_fraction,
+                               run->validation_fraction, run->training.seed, parts, error));
+    for (size_t i = 0; i < count; i++)
         if (run == NULL || parts[i] == (uint8_t)wanted) out->list[out->count++] = (uint32_t)i;
-    lg_free(context, parts);
-    return status;
+    return LG_OK;
 }
 
 const lg_cut_series *lg_detector_tested(const lg_detector_state *state) {

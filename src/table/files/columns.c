@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "core/clean.h"
 #include "files/csv.h"
 #include "table/files/recipe.h"
 
@@ -48,20 +49,19 @@ lg_status lg_table_names_parse(const lg_context *context, const char *option, co
     size_t count = 1;
     for (const char *c = text; *c != '\0'; c++) count += *c == ',';
     LG_TRY(make_names(context, count, out, error));
-    char *copy = lg_strdup(context, text), *at = copy, *name = NULL;
-    lg_status status = copy != NULL ? LG_OK : lg_no_memory(error);
-    while (status == LG_OK && at != NULL) {
+    LG_CLEAN(lg_owned_free) lg_owned copy = {context, lg_strdup(context, text)};
+    char *at = copy.memory, *name = NULL;
+    if (at == NULL) return lg_no_memory(error);
+    while (at != NULL) {
         if (!take_name(&at, &name))
-            status = lg_fail(error, LG_INVALID_ARGUMENT,
-                             "--%s: expected names of 1 to %d bytes, with commas between them", option,
-                             LG_TABLE_NAME - 1);
-        else if (has_name(out, name))
-            status = lg_fail(error, LG_INVALID_ARGUMENT, "--%s: '%s' is given twice", option, name);
-        else
-            add_name(out, name);
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "--%s: expected names of 1 to %d bytes, with commas between them", option,
+                           LG_TABLE_NAME - 1);
+        if (has_name(out, name))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--%s: '%s' is given twice", option, name);
+        add_name(out, name);
     }
-    lg_free(context, copy);
-    return status;
+    return LG_OK;
 }
 
 lg_status lg_table_class_parse(const char *text, lg_table_text out, lg_error *error) {
