@@ -5,6 +5,8 @@
 #ifndef LG_RECIPE_H
 #define LG_RECIPE_H
 
+#include <float.h>
+
 #include "liegrad/files.h"
 #include "liegrad/fit.h"
 #include "liegrad/integrators.h"
@@ -122,7 +124,7 @@ typedef struct lg_item {
     { offsetof(struct_, member), sizeof(((struct_ *)0)->member), what_ }
 #define LG_ATTRIBUTE(struct_, type_, name_, member, ...)                                                     \
     {                                                                                                        \
-        .type = LG_ITEM_ATTRIBUTE, .field = LG_FIELD(struct_, "", name_, type_, member, .high = 1e300),      \
+        .type = LG_ITEM_ATTRIBUTE, .field = LG_FIELD(struct_, "", name_, type_, member, .high = DBL_MAX),    \
         __VA_ARGS__                                                                                          \
     }
 lg_status lg_items_put(lg_h5 *h5, const lg_recipe *kind, const void *file, lg_error *error);
