@@ -1,13 +1,13 @@
 /* Errors, memory, numbers, clocks and threads. */
 #include "common/app.h"
 
-#include <pthread.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
+#include "core/core.h"
 #include "liegrad/settings.h"
 
 /* The only table that maps statuses to exit codes. */
@@ -190,37 +190,13 @@ double app_seconds(void) {
 
 /* ---- threads ---- */
 
-typedef struct crew {
-    pthread_mutex_t mutex;
-    size_t next, count;
-    void (*task)(void *, size_t);
-    void *user;
-} crew;
-
-static void *crew_work(void *argument) {
-    crew *c = argument;
-    for (;;) {
-        (void)pthread_mutex_lock(&c->mutex);
-        const size_t index = c->next < c->count ? c->next++ : c->count;
-        (void)pthread_mutex_unlock(&c->mutex);
-        if (index == c->count) return NULL;
-        c->task(c->user, index);
-    }
-}
-
 void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_t index), void *user) {
-    crew c = {.count = count, .task = task, .user = user};
+    lg_thread_pool *pool;
     if (threads > count) threads = count;
     if (threads < 1) threads = 1;
-    (void)pthread_mutex_init(&c.mutex, NULL);
-    pthread_t *workers = app_try_alloc((size_t)threads, sizeof *workers);
-    size_t started = 0;
-    /* If a thread cannot be started, the others take over its work. */
-    while (workers != NULL && started + 1 < threads &&
-           pthread_create(&workers[started], NULL, crew_work, &c) == 0)
-        started++;
-    (void)crew_work(&c);
-    for (size_t i = 0; i < started; i++) (void)pthread_join(workers[i], NULL);
-    (void)pthread_mutex_destroy(&c.mutex);
-    free(workers);
+    /* If the threads cannot be started, one does all the work. */
+    if (lg_thread_pool_create(NULL, (int)threads, &pool) != LG_OK)
+        (void)app_had_memory(lg_thread_pool_create(NULL, 1, &pool));
+    lg_thread_pool_run(pool, count, task, user);
+    lg_thread_pool_destroy(pool);
 }

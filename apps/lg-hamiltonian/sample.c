@@ -62,5 +62,5 @@ lg_status sample_scene(const lg_context *context, const lg_scene *scene, const l
     LG_TRY(sample_create(context, scene, how, &data, error));
     LG_TRY(sample_part(context, scene, how, 0, data.count, &data, error));
     LG_TRY(lg_trajectories_set_truth(&data, scene->system));
-    return LG_HAND(out, data);
+    return LG_GIVE(out, data);
 }

@@ -6,6 +6,7 @@
 #include "core/clean.h"
 #include "anomaly/detector_internal.h"
 
+LG_AT(lg_program_destroy, lg_program)
 LG_AT(lg_detector_plan_destroy, lg_detector_plan)
 
 static const char *const loss_names[LG_DETECTOR_LOSS_COUNT] = {"mse", "cross-entropy"};
@@ -109,16 +110,14 @@ size_t lg_detector_work_size(const lg_detector_plan *plan) {
 }
 
 static lg_status make_scores(lg_detector_plan *made, const double *theta, lg_error *error) {
-    lg_program *program;
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
     lg_plan_options options;
     size_t function;
     LG_TRY(lg_detector_build(made->context, &made->model, &made->scaler, theta, true, &program, error));
     lg_plan_options_init(&options);
     options.dtype = made->dtype;
-    lg_status status = lg_program_find(program, "scores", &function, NULL);
-    if (status == LG_OK) status = lg_plan_create(program, function, &options, &made->scores, error);
-    lg_program_destroy(program);
-    return status;
+    LG_TRY(lg_program_find(program, "scores", &function, NULL));
+    return lg_plan_create(program, function, &options, &made->scores, error);
 }
 
 lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *model,
@@ -126,10 +125,10 @@ lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *
                                   lg_detector_plan **out, lg_error *error) {
     LG_NEEDS(error, model, scaler, theta, out);
     const size_t channels = model->net.channels;
+    LG_CLEAN(lg_detector_plan_destroy_at) lg_detector_plan *made = lg_alloc(context, 1, sizeof *made);
     LG_SCRATCH(double, numbers, context, 2 * channels);
-    LG_CLEAN(lg_detector_plan_destroy_at)
-    lg_detector_plan *made = numbers != NULL ? lg_alloc(context, 1, sizeof *made) : NULL;
-    if (made == NULL)
+    if (made != NULL) made->context = context;
+    if (made == NULL || numbers == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a detector of %zu channels", channels);
     memcpy(numbers, scaler->mean, channels * sizeof *numbers);
     memcpy(numbers + channels, scaler->scale, channels * sizeof *numbers);

@@ -67,7 +67,7 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
             return lg_fail(error, LG_NOT_FINITE, "window %zu has numbers that are not finite after scaling",
                            index);
     }
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }
 
 void lg_detector_data_destroy(lg_detector_data *data) {

@@ -72,7 +72,7 @@ lg_status lg_novelty_allocate(const lg_context *context, uint32_t channels, uint
     if (allocate_arrays(&v) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the distribution of %u features", v.features);
     if (bands > 0) LG_TRY(lg_spectrum_create(context, length, bands, &v.spectrum, error));
-    return LG_HAND(out, v);
+    return LG_GIVE(out, v);
 }
 
 void lg_novelty_destroy(lg_novelty *v) {

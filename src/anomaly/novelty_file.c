@@ -87,5 +87,5 @@ lg_status lg_novelty_load(const lg_context *context, const lg_archive_reader *r,
     LG_TRY(lg_novelty_allocate(context, size[0], size[1], size[2], size[3], &made, error));
     LG_TRY(read_arrays(r, rows, error));
     LG_TRY(lg_novelty_factor(&made, error));
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }

@@ -288,24 +288,19 @@ lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *op
     LG_NEEDS(error, options, series, windows, out);
     (void)lg_fail(error, LG_OK, "%s", "");
     LG_TRY(check(options, series, windows, count, threads, error));
-    LG_CLEAN(lg_novelty_destroy) lg_novelty made = {0};
-    lg_scaler scaler;
+    LG_CLEAN(lg_novelty_destroy) lg_novelty made = {.channels = 0};
+    LG_CLEAN(lg_scaler_destroy) lg_scaler scaler = {.channels = 0};
     const uint32_t bands = bands_of(options->bands, series->channels, windows->length);
     LG_TRY(lg_novelty_allocate(context, series->channels, windows->length, series->classes, bands, &made,
                                error));
+    LG_CLEAN(release)
     fitting f = {.context = context, .options = options, .series = series, .windows = windows, .v = &made};
     f.rows = count < options->most ? count : options->most;
-    lg_status status = lg_scaler_fit(context, series, windows, chosen, count, false, &scaler);
-    if (status != LG_OK) {
-        (void)lg_fail(error, status, "scaling: %s", lg_status_sentence(status));
-    } else {
-        memcpy(made.mean, scaler.mean, made.channels * sizeof *made.mean);
-        memcpy(made.scale, scaler.scale, made.channels * sizeof *made.scale);
-        lg_scaler_destroy(&scaler);
-        status = allocate(&f, chosen, count, error);
-    }
-    if (status == LG_OK) status = fit_all(&f, threads, error);
-    release(&f);
-    LG_TRY(status);
-    return LG_HAND(out, made);
+    const lg_status status = lg_scaler_fit(context, series, windows, chosen, count, false, &scaler);
+    if (status != LG_OK) return lg_fail(error, status, "scaling: %s", lg_status_sentence(status));
+    memcpy(made.mean, scaler.mean, made.channels * sizeof *made.mean);
+    memcpy(made.scale, scaler.scale, made.channels * sizeof *made.scale);
+    LG_TRY(allocate(&f, chosen, count, error));
+    LG_TRY(fit_all(&f, threads, error));
+    return LG_GIVE(out, made);
 }

@@ -14,6 +14,7 @@ lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool 
     if (series == NULL || series->count == 0 || series->channels == 0 || series->length == 0 ||
         series->classes == 0)
         return LG_INVALID_ARGUMENT;
+    LG_CLEAN(lg_series_destroy)
     lg_series made = {.count = series->count,
                       .channels = series->channels,
                       .length = series->length,
@@ -28,14 +29,11 @@ lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool 
     if (with_group) made.group = lg_alloc(context, made.count, sizeof *made.group);
     if (with_run) made.run = lg_alloc(context, made.count, sizeof *made.run);
     if (made.x == NULL || made.label == NULL || made.class_name == NULL ||
-        (with_group && made.group == NULL) || (with_run && made.run == NULL)) {
-        lg_series_destroy(&made);
+        (with_group && made.group == NULL) || (with_run && made.run == NULL))
         return LG_OUT_OF_MEMORY;
-    }
     for (uint32_t c = 0; c < made.classes; c++)
         (void)snprintf(made.class_name[c], sizeof made.class_name[c], "%" PRIu32, c);
-    *series = made;
-    return LG_OK;
+    return LG_GIVE(series, made);
 }
 
 void lg_series_destroy(lg_series *series) {
@@ -106,7 +104,7 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%zu stored windows, cut into windows of %zu samples: both must be below 2^32",
                        series->count, length);
-    lg_windows made = {.length = (uint32_t)length, .context = context};
+    LG_CLEAN(lg_windows_destroy) lg_windows made = {.length = (uint32_t)length, .context = context};
     const uint64_t all = (uint64_t)series->count * series->length;
     /* start + hop must not overflow; any hop beyond the end gives the same windows */
     const uint64_t step = hop < all ? hop : all;
@@ -125,13 +123,10 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
                        made.count);
     made.first = lg_alloc(context, made.count, sizeof *made.first);
     made.offset = lg_alloc(context, made.count, sizeof *made.offset);
-    if (made.first == NULL || made.offset == NULL) {
-        lg_windows_destroy(&made);
+    if (made.first == NULL || made.offset == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the places of the windows");
-    }
     (void)cut_all(series, step, &made);
-    *out = made;
-    return LG_OK;
+    return LG_GIVE(out, made);
 }
 
 void lg_windows_destroy(lg_windows *windows) {
@@ -234,16 +229,17 @@ lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, cons
     LG_CLEAN(lg_scaler_destroy) lg_scaler made = {.channels = series->channels, .context = context};
     LG_TRY_SCRATCH(float, window, context, channels * windows->length, LG_OUT_OF_MEMORY);
     LG_TRY_SCRATCH(double, mean, context, 3 * channels, LG_OUT_OF_MEMORY);
-    scan s = {series, windows, chosen, count, window};
+    const scan s = {series, windows, chosen, count, window};
     made.mean = lg_alloc(context, channels, sizeof *made.mean);
     made.scale = lg_alloc(context, channels, sizeof *made.scale);
     if (made.mean == NULL || made.scale == NULL) return LG_OUT_OF_MEMORY;
     for (size_t c = 0; c < channels; c++) mean[2 * channels + c] = 1.0;
-    if (!centred) fit_means(&s, mean);
-    memcpy(made.mean, mean, channels * sizeof *mean);
-    if (centred) memset(made.mean, 0, channels * sizeof *made.mean);
+    if (!centred) {
+        fit_means(&s, mean);
+        memcpy(made.mean, mean, channels * sizeof *mean);
+    }
     fit_scales(&s, centred, made.mean, made.scale);
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }
 
 void lg_scaler_destroy(lg_scaler *scaler) {

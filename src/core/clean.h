@@ -16,7 +16,7 @@
 /* Gives the pointer `from` to its new owner: returns LG_OK, and `from` is not destroyed. */
 #define LG_MOVE(to, from) (*(to) = (from), (from) = NULL, LG_OK)
 /* The same for a structure, which becomes zeros. */
-#define LG_HAND(to, from) (*(to) = (from), memset(&(from), 0, sizeof(from)), LG_OK)
+#define LG_GIVE(to, from) (*(to) = (from), memset(&(from), 0, sizeof(from)), LG_OK)
 /* Memory that is freed where its block ends. LG_SCRATCH declares `name`, which points to `count` zeros, or is
  * NULL without memory. LG_KEEP(name) is its value, and from then on its owner must free it. */
 typedef struct lg_owned {

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "datasets/series_files.h"
+#include "settings/files/attributes.h"
 
 void lg_series_data_destroy(lg_series_data *data) {
     if (data == NULL) return;
@@ -127,7 +128,7 @@ static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg
     LG_CLEAN(lg_labels_destroy) lg_labels units = {.context = call->context};
     LG_TRY(lg_labels_read(call->h5, name, s->count, &units, error));
     for (size_t i = 0; i < s->count; i++) {
-        const int64_t value = units.whole ? units.value[units.label[i]] : (int64_t)units.label[i];
+        const int64_t value = units.value != NULL ? units.value[i] : (int64_t)units.label[i];
         if (value < 0 || value > UINT32_MAX)
             return lg_fail(error, LG_FORMAT, "%s: /%s: is %lld at index (%zu), expected 0 to %u",
                            lg_shown_path(call->path), name, (long long)value, i, UINT32_MAX);
@@ -154,27 +155,24 @@ static lg_status read_samples(read_call *call, lg_error *error) {
 
 /* ---- attributes ---- */
 
-/* Reads a number; NaN if it is unknown. If another program wrote the file, an attribute that is not a number
- * counts as unknown. */
-static lg_status optional_number(read_call *call, const char *name, double *out, lg_error *error) {
-    double value = NAN;
-    *out = NAN;
-    if (!lg_h5_has_attribute(call->h5, "", name)) return LG_OK;
-    const lg_status status =
-        lg_h5_number(call->h5, "", name, LG_ELEMENT_F64, &value, call->ours ? error : NULL);
-    if (status == LG_OK && isfinite(value)) *out = value;
-    if (!call->ours || (status == LG_OK && isfinite(value))) return LG_OK;
-    return status != LG_OK ? status
-                           : lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite",
-                                     lg_shown_path(call->path), name);
-}
+static const lg_field about[] = {LG_FIELD(lg_series_data, "", "noise", REAL, noise, LG_ANY_REAL),
+                                 LG_FIELD(lg_series_data, "", "severity", REAL, severity, LG_ANY_REAL),
+                                 LG_FIELD(lg_series_data, "", "housing", TEXT, housing, .low = 0),
+                                 LG_FIELD_END};
 
-static lg_status read_housing(read_call *call, lg_error *error) {
-    char *housing = call->out->housing;
-    if (!lg_h5_has_attribute(call->h5, "", "housing")) return LG_OK;
-    const lg_status status =
-        lg_h5_text(call->h5, "", "housing", housing, sizeof call->out->housing, call->ours ? error : NULL);
-    return call->ours ? lg_as_format(status, error) : LG_OK;
+/* A number that is unknown is NaN. If another program wrote the file, so is an attribute that is not a
+ * number. */
+static lg_status read_about(read_call *call, lg_error *error) {
+    for (const lg_field *row = about; row->name != NULL; row++) {
+        const double unknown = NAN;
+        const bool there = lg_h5_has_attribute(call->h5, "", row->name);
+        const lg_status status =
+            there ? lg_field_get(call->h5, row, call->out, call->ours ? error : NULL) : LG_NOT_FOUND;
+        if (there && call->ours) LG_TRY(status);
+        if (status != LG_OK && row->type == LG_FIELD_REAL)
+            memcpy((char *)call->out + row->offset, &unknown, sizeof unknown);
+    }
+    return LG_OK;
 }
 
 /* With `like` the class may be one that `like` does not have; then it is unknown. */
@@ -196,14 +194,12 @@ static lg_status read_healthy(read_call *call, lg_error *error) {
 static lg_status read_attributes(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
     LG_TRY(lg_names_list(call->h5, "channels", false, &s->channels, &s->channel_name, error));
-    const lg_status status = lg_rate_get(call->h5, &s->rate, call->ours ? error : NULL);
+    const lg_status status = lg_rate_get(call->h5, s, call->ours ? error : NULL);
     if (status != LG_OK && call->ours) return status;
     call->bad_rate = status != LG_OK;
     if (call->bad_rate) s->rate = 0;
     LG_TRY(read_healthy(call, error));
-    LG_TRY(optional_number(call, "noise", &call->out->noise, error));
-    LG_TRY(optional_number(call, "severity", &call->out->severity, error));
-    return read_housing(call, error);
+    return read_about(call, error);
 }
 
 static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
@@ -260,7 +256,7 @@ lg_status lg_series_read(const lg_context *context, const char *path, const lg_r
     LG_TRY(lg_h5_read(context, path, options, read_checked, &call, error));
     warn(&call);
     hash(&made);
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }
 
 /* ---- writing ---- */
@@ -314,10 +310,9 @@ static lg_status put_attributes(lg_h5 *h5, const lg_series_data *data, lg_error 
     names.class_label = NULL; /* the /y that is written holds class numbers 0, 1, ... */
     LG_TRY(lg_h5_put_header(h5, "series", &data->provenance, error));
     LG_TRY(lg_sensing_put(h5, &names, error));
-    if (!isnan(data->noise)) LG_TRY(lg_h5_put_number(h5, "", "noise", LG_ELEMENT_F64, &data->noise, error));
-    if (!isnan(data->severity))
-        LG_TRY(lg_h5_put_number(h5, "", "severity", LG_ELEMENT_F64, &data->severity, error));
-    if (data->housing[0] != '\0') LG_TRY(lg_h5_put_text(h5, "", "housing", data->housing, error));
+    for (const lg_field *row = about; row->name != NULL; row++)
+        if (row->type == LG_FIELD_REAL ? !isnan(lg_field_number(row, data)) : data->housing[0] != '\0')
+            LG_TRY(lg_field_write(h5, row, data, error));
     if (data->healthy[0] != '\0') LG_TRY(put_healthy(h5, data, error));
     return lg_h5_put_text(h5, "", "data_sha256", data->sha256, error);
 }
@@ -358,12 +353,9 @@ lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, 
 lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error) {
     LG_NEEDS(error, reader, out);
     lg_h5 *h5 = lg_file_reader_h5(reader);
-    lg_series names = {.classes = 0};
+    LG_CLEAN(lg_series_destroy) lg_series names = {.classes = 0};
     LG_TRY(lg_sensing_get(h5, &names, error));
-    if (names.class_name == NULL) {
-        lg_series_destroy(&names);
+    if (names.class_name == NULL)
         return lg_fail(error, LG_FORMAT, "%s: attribute classes is missing", lg_shown_path(h5->path));
-    }
-    *out = names;
-    return LG_OK;
+    return LG_GIVE(out, names);
 }

@@ -15,8 +15,9 @@ typedef struct lg_names {
     const lg_context *context;
     uint32_t count, room;
     char (*name)[LG_SERIES_NAME];
-    /* (count) Indices of the names in ascending order, compared bytewise. Only lg_names_meet maintains it. */
+    /* (count) Indices of the names in ascending order. Only lg_names_meet maintains it. */
     uint32_t *order;
+    int (*compare)(const char *a, const char *b); /* NULL: bytewise */
 } lg_names;
 
 void lg_names_destroy(lg_names *names);
@@ -26,6 +27,9 @@ lg_status lg_names_add(lg_names *names, const char *text);
 /* Gets the index of a name and adds the name if it is new. *known says whether it was in the list before. Do
  * not use it on a list that was filled by lg_names_add. */
 lg_status lg_names_meet(lg_names *names, const char *text, uint32_t *index, bool *known);
+/* Puts names that were met into ascending order, and changes their indices in label (count) accordingly.
+ * Numbers that are no index stay as they are. Fails with LG_OUT_OF_MEMORY. */
+lg_status lg_names_sort(lg_names *names, uint32_t *label, size_t count);
 
 /* Reads names from a file. They are in the attribute `key` of the root (one text with the names joined by |,
  * or a list of texts), else in the data set /key (count) of texts; else count becomes 0. Attributes and data
@@ -43,7 +47,7 @@ void lg_names_show(char (*list)[LG_SERIES_NAME], uint32_t count, char *text, siz
 char (*lg_names_take(lg_names *names))[LG_SERIES_NAME];
 
 /* Reads the attribute `rate` of the root, in Hz; 0 if it is missing. */
-lg_status lg_rate_get(lg_h5 *h5, double *rate, lg_error *error);
+lg_status lg_rate_get(lg_h5 *h5, lg_series *out, lg_error *error);
 
 /* Classes, channels and rate of a model or data set, in the attributes `classes`, `class_labels`, `channels`
  * and `rate` of the root; these members of the series are checked, written and read. When reading, class_name
@@ -76,13 +80,10 @@ void lg_precision_warn(const lg_context *context, const char *path, const lg_pre
 typedef struct lg_labels {
     const lg_context *context;
     size_t count;
-    uint32_t *label;   /* (count) index into the distinct values */
-    uint32_t distinct; /* number of distinct values */
-    bool whole;        /* the labels are numbers, not texts */
-    int64_t *value;    /* (distinct) ascending; for numbers only */
-    /* (distinct) The values as texts, in the same order. For numbers, set by lg_labels_classes. */
-    lg_names text;
-    uint32_t *class_of; /* (distinct) class of each value; set by lg_labels_classes */
+    uint32_t *label;    /* (count) index into the distinct values; of numbers, set by lg_labels_classes */
+    int64_t *value;     /* (count) the labels if they are numbers; NULL: they are texts */
+    lg_names text;      /* the distinct values as texts, in ascending order */
+    uint32_t *class_of; /* (text.count) class of each value; set by lg_labels_classes */
     /* The label that each class has in /y; empty if the labels are the class names. Set by
      * lg_labels_classes. */
     lg_names of_class;

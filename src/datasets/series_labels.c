@@ -19,54 +19,6 @@ static lg_status too_many(const lg_h5 *h5, const char *name, lg_error *error) {
                    LG_SERIES_CLASSES);
 }
 
-/* ---- whole numbers ---- */
-
-static int compare_values(const void *a, const void *b) {
-    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-    return (x > y) - (x < y);
-}
-
-/* Sorts and removes duplicates. Returns how many are left. */
-static size_t sort_distinct(int64_t *values, size_t count) {
-    size_t kept = 0;
-    qsort(values, count, sizeof *values, compare_values);
-    for (size_t i = 0; i < count; i++)
-        if (i == 0 || values[i] != values[kept - 1]) values[kept++] = values[i];
-    return kept;
-}
-
-static lg_status name_values(const lg_h5 *h5, lg_labels *labels, lg_error *error) {
-    for (uint32_t i = 0; i < labels->distinct; i++) {
-        char text[LG_SERIES_NAME];
-        (void)snprintf(text, sizeof text, "%" PRId64, labels->value[i]);
-        if (lg_names_add(&labels->text, text) != LG_OK) return lg_h5_no_memory(h5, error);
-    }
-    return LG_OK;
-}
-
-/* Fills labels->value and labels->label from `values` (count), the numbers of the file. labels->value must
- * have room for `count` numbers. */
-static void number_values(const int64_t *values, lg_labels *labels) {
-    memcpy(labels->value, values, labels->count * sizeof *values);
-    const size_t distinct = sort_distinct(labels->value, labels->count);
-    labels->distinct = (uint32_t)distinct;
-    for (size_t i = 0; i < labels->count; i++) {
-        const int64_t *at = bsearch(&values[i], labels->value, distinct, sizeof *values, compare_values);
-        labels->label[i] = (uint32_t)(at - labels->value);
-    }
-}
-
-static lg_status read_whole(lg_h5 *h5, const char *name, const lg_h5_about *about, lg_labels *labels,
-                            lg_error *error) {
-    LG_SCRATCH(int64_t, values, h5->context, labels->count);
-    labels->value = lg_alloc(h5->context, labels->count, sizeof *labels->value);
-    if (values == NULL || labels->value == NULL) return lg_h5_no_memory(h5, error);
-    labels->whole = true;
-    LG_TRY(lg_h5_get_wholes(h5, name, about, values, error));
-    number_values(values, labels);
-    return LG_OK;
-}
-
 /* ---- texts ---- */
 
 typedef struct text_call {
@@ -87,25 +39,32 @@ static lg_status meet_text(void *user, uint64_t index, const char *text, lg_erro
     return status == LG_OK ? LG_OK : too_many(call->h5, call->name, error);
 }
 
-/* The names were numbered in the order of occurrence. This renumbers them in ascending order. */
 static lg_status sort_texts(const lg_h5 *h5, lg_labels *labels, lg_error *error) {
-    lg_names *text = &labels->text;
-    LG_CLEAN(lg_names_destroy) lg_names sorted = {.context = h5->context};
-    LG_TRY_SCRATCH(uint32_t, place, h5->context, text->count, lg_h5_no_memory(h5, error));
-    for (uint32_t i = 0; i < text->count; i++) {
-        place[text->order[i]] = i;
-        if (lg_names_add(&sorted, text->name[text->order[i]]) != LG_OK) return lg_h5_no_memory(h5, error);
-    }
-    for (size_t i = 0; i < labels->count; i++) labels->label[i] = place[labels->label[i]];
-    labels->distinct = text->count;
-    lg_names_destroy(text);
-    return LG_HAND(text, sorted);
+    return lg_names_sort(&labels->text, labels->label, labels->count) == LG_OK ? LG_OK
+                                                                               : lg_h5_no_memory(h5, error);
 }
 
 static lg_status read_texts(lg_h5 *h5, const char *name, lg_labels *labels, lg_error *error) {
     text_call call = {h5, name, labels};
     LG_TRY(lg_h5_each_text(h5, name, meet_text, &call, error));
     return sort_texts(h5, labels, error);
+}
+
+/* Finds the distinct numbers and sorts them. */
+static lg_status name_values(lg_h5 *h5, lg_labels *labels, lg_error *error) {
+    text_call call = {h5, "y", labels};
+    labels->text.compare = lg_label_compare;
+    for (size_t i = 0; i < labels->count; i++) {
+        char text[LG_SERIES_NAME];
+        (void)snprintf(text, sizeof text, "%" PRId64, labels->value[i]);
+        LG_TRY(meet_text(&call, i, text, error));
+    }
+    return sort_texts(h5, labels, error);
+}
+
+/* Distinct number i. */
+static int64_t value_at(const lg_labels *labels, uint32_t i) {
+    return strtoll(labels->text.name[i], NULL, 10);
 }
 
 /* ---- numbers or texts ---- */
@@ -138,14 +97,17 @@ lg_status lg_labels_read(lg_h5 *h5, const char *name, size_t count, lg_labels *l
     labels->count = count;
     labels->label = lg_alloc(h5->context, count, sizeof *labels->label);
     if (labels->label == NULL) return lg_h5_no_memory(h5, error);
-    return about.kind == LG_H5_WORDS ? read_texts(h5, name, labels, error)
-                                     : read_whole(h5, name, &about, labels, error);
+    if (about.kind == LG_H5_WORDS) return read_texts(h5, name, labels, error);
+    labels->value = lg_alloc(h5->context, count, sizeof *labels->value);
+    return labels->value != NULL ? lg_h5_get_wholes(h5, name, &about, labels->value, error)
+                                 : lg_h5_no_memory(h5, error);
 }
 
 /* ---- classes ---- */
 
 static bool all_within(const lg_labels *labels, int64_t low, int64_t high) {
-    return labels->whole && labels->value[0] >= low && labels->value[labels->distinct - 1] <= high;
+    return labels->value != NULL && value_at(labels, 0) >= low &&
+           value_at(labels, labels->text.count - 1) <= high;
 }
 
 static int by_label(const void *a, const void *b) {
@@ -188,10 +150,10 @@ static bool find_labels(char (*list)[LG_SERIES_NAME], uint32_t count, lg_labels 
     uint32_t i = 0;
     lg_lookup *sorted = sort_list(labels, list, count);
     if (sorted == NULL) return false;
-    while (i < labels->distinct && find_in(sorted, count, labels->text.name[i], &labels->class_of[i])) i++;
+    while (i < labels->text.count && find_in(sorted, count, labels->text.name[i], &labels->class_of[i])) i++;
     lg_free(labels->context, sorted);
-    if (i < labels->distinct) *missing = i;
-    return i == labels->distinct;
+    if (i < labels->text.count) *missing = i;
+    return i == labels->text.count;
 }
 
 static bool any_number(char (*list)[LG_SERIES_NAME], uint32_t count) {
@@ -223,7 +185,8 @@ static lg_status unknown_label(const lg_h5 *h5, const char *label, char (*list)[
 /* The label `low` becomes class 0, low + 1 becomes class 1, and so on, for `count` classes. */
 static lg_status number_from(const lg_h5 *h5, int64_t low, uint32_t count, lg_labels *labels,
                              lg_error *error) {
-    for (uint32_t i = 0; i < labels->distinct; i++) labels->class_of[i] = (uint32_t)(labels->value[i] - low);
+    for (uint32_t i = 0; i < labels->text.count; i++)
+        labels->class_of[i] = (uint32_t)(value_at(labels, i) - low);
     for (uint32_t c = 0; c < count; c++) {
         char text[LG_SERIES_NAME];
         (void)snprintf(text, sizeof text, "%" PRId64, low + c);
@@ -274,7 +237,7 @@ static lg_status labels_like(lg_h5 *h5, const lg_series *like, lg_labels *labels
     uint32_t missing = 0;
     if (like == NULL || like->class_label == NULL || !same_names(names, like)) return LG_OK;
     *done = find_labels(like->class_label, like->classes, labels, &missing);
-    if (*done || !labels->whole || !any_number(like->class_label, like->classes)) return LG_OK;
+    if (*done || labels->value == NULL || !any_number(like->class_label, like->classes)) return LG_OK;
     return unknown_label(h5, labels->text.name[missing], like->class_label, like->classes, like->class_name,
                          error);
 }
@@ -284,21 +247,21 @@ static lg_status own_rule(const lg_h5 *h5, bool ours, lg_labels *labels, const l
                           lg_error *error) {
     const int64_t count = names->count;
     uint32_t missing = 0;
-    if (all_within(labels, 1, count) && labels->value[labels->distinct - 1] == count && !ours)
+    if (all_within(labels, 1, count) && value_at(labels, labels->text.count - 1) == count && !ours)
         return number_from(h5, 1, names->count, labels, error);
     if (all_within(labels, 0, count - 1)) {
-        labels->guessed = labels->value[0] != 0 && !ours;
+        labels->guessed = value_at(labels, 0) != 0 && !ours;
         return number_from(h5, 0, names->count, labels, error);
     }
-    if (!labels->whole && find_labels(names->name, names->count, labels, &missing)) return LG_OK;
-    for (uint32_t i = 0; i < labels->distinct; i++) labels->class_of[i] = i;
-    if (labels->distinct == names->count)
+    if (labels->value == NULL && find_labels(names->name, names->count, labels, &missing)) return LG_OK;
+    for (uint32_t i = 0; i < labels->text.count; i++) labels->class_of[i] = i;
+    if (labels->text.count == names->count)
         return copy_list(h5, labels->text.name, labels->text.count, &labels->of_class, error);
     return lg_fail(error, LG_FORMAT,
                    "%s: classes: %u names, but /y has %u different labels from '%s' to '%s', which are not "
                    "the numbers 0..%u or 1..%u: attribute class_labels can say which label is which class",
-                   lg_shown_path(h5->path), names->count, labels->distinct, labels->text.name[0],
-                   labels->text.name[labels->distinct - 1], names->count - 1, names->count);
+                   lg_shown_path(h5->path), names->count, labels->text.count, labels->text.name[0],
+                   labels->text.name[labels->text.count - 1], names->count - 1, names->count);
 }
 
 static lg_status own_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels,
@@ -312,16 +275,15 @@ static lg_status own_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_lab
 /* Replaces the classes of the file by the classes of `like` with the same names. */
 static lg_status match_names(const lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
                              lg_error *error) {
-    lg_status status = LG_OK;
-    lg_lookup *sorted = sort_list(labels, like->class_name, like->classes);
-    if (sorted == NULL) return LG_OUT_OF_MEMORY;
-    for (uint32_t i = 0; i < labels->distinct && status == LG_OK; i++) {
+    LG_CLEAN(lg_owned_free)
+    lg_owned sorted = {labels->context, sort_list(labels, like->class_name, like->classes)};
+    if (sorted.memory == NULL) return LG_OUT_OF_MEMORY;
+    for (uint32_t i = 0; i < labels->text.count; i++) {
         const char *name = names->name[labels->class_of[i]];
-        if (!find_in(sorted, like->classes, name, &labels->class_of[i]))
-            status = unknown_label(h5, name, like->class_name, like->classes, like->class_name, error);
+        if (!find_in(sorted.memory, like->classes, name, &labels->class_of[i]))
+            return unknown_label(h5, name, like->class_name, like->classes, like->class_name, error);
     }
-    lg_free(labels->context, sorted);
-    return status;
+    return LG_OK;
 }
 
 /* Maps labels of a file without class names to the classes of `like`: by the labels of `like`, or else by its
@@ -332,12 +294,12 @@ static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels 
     uint32_t missing = 0, unnamed = 0;
     if (like->class_label != NULL && find_labels(like->class_label, count, labels, &missing)) return LG_OK;
     if (find_labels(like->class_name, count, labels, &unnamed)) return LG_OK;
-    labels->by_number = all_within(labels, 0, (int64_t)count - 1) && labels->value[0] == 0 &&
+    labels->by_number = all_within(labels, 0, (int64_t)count - 1) && value_at(labels, 0) == 0 &&
                         !any_number(like->class_label, count) && !any_number(like->class_name, count);
-    for (uint32_t i = 0; i < labels->distinct && labels->by_number; i++)
-        labels->class_of[i] = (uint32_t)labels->value[i];
+    for (uint32_t i = 0; i < labels->text.count && labels->by_number; i++)
+        labels->class_of[i] = (uint32_t)value_at(labels, i);
     if (labels->by_number) return LG_OK;
-    return like->class_label != NULL && labels->whole == any_number(like->class_label, count)
+    return like->class_label != NULL && (labels->value != NULL) == any_number(like->class_label, count)
                ? unknown_label(h5, labels->text.name[missing], like->class_label, count, like->class_name,
                                error)
                : unknown_label(h5, labels->text.name[unnamed], like->class_name, count, like->class_name,
@@ -346,10 +308,9 @@ static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels 
 
 static lg_status choose_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels,
                                 lg_names *names, lg_error *error) {
-    labels->class_of = lg_alloc(h5->context, labels->distinct, sizeof *labels->class_of);
+    if (labels->value != NULL) LG_TRY(name_values(h5, labels, error));
+    labels->class_of = lg_alloc(h5->context, labels->text.count, sizeof *labels->class_of);
     if (labels->class_of == NULL) return lg_h5_no_memory(h5, error);
-    if (labels->distinct > LG_SERIES_CLASSES) return too_many(h5, "y", error);
-    if (labels->whole) LG_TRY(name_values(h5, labels, error));
     LG_TRY(lg_names_get(h5, "classes", true, names, error));
     if (names->count > 0) {
         LG_TRY(own_classes(h5, ours, like, labels, names, error));
@@ -357,7 +318,7 @@ static lg_status choose_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_
     } else if (like != NULL) {
         LG_TRY(match_labels(h5, like, labels, error));
     } else {
-        for (uint32_t i = 0; i < labels->distinct; i++) labels->class_of[i] = i;
+        for (uint32_t i = 0; i < labels->text.count; i++) labels->class_of[i] = i;
         return copy_list(h5, labels->text.name, labels->text.count, names, error);
     }
     if (like == NULL) return LG_OK;

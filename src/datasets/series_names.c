@@ -1,10 +1,10 @@
 /* Lists of names, and the names of classes and channels in files. */
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "datasets/series_files.h"
 #include "files/frame.h"
+#include "settings/files/attributes.h"
 
 enum { FIRST_ROOM = 16 };
 
@@ -12,7 +12,7 @@ enum { FIRST_ROOM = 16 };
 
 void lg_names_destroy(lg_names *names) {
     LG_FREE_ALL(names->context, names->name, names->order);
-    *names = (lg_names){.context = names->context};
+    *names = (lg_names){.context = names->context, .compare = names->compare};
 }
 
 char (*lg_names_take(lg_names *names))[LG_SERIES_NAME] {
@@ -44,10 +44,11 @@ lg_status lg_names_add(lg_names *names, const char *text) {
 
 /* Position in `order` of the first name that is not less than `text`. */
 static uint32_t place_of(const lg_names *names, const char *text) {
+    int (*const compare)(const char *, const char *) = names->compare != NULL ? names->compare : strcmp;
     uint32_t low = 0, high = names->count;
     while (low < high) {
         const uint32_t middle = low + (high - low) / 2;
-        if (strcmp(names->name[names->order[middle]], text) < 0)
+        if (compare(names->name[names->order[middle]], text) < 0)
             low = middle + 1;
         else
             high = middle;
@@ -73,30 +74,42 @@ lg_status lg_names_meet(lg_names *names, const char *text, uint32_t *index, bool
     return LG_OK;
 }
 
+lg_status lg_names_sort(lg_names *names, uint32_t *label, size_t count) {
+    LG_CLEAN(lg_names_destroy) lg_names sorted = {.context = names->context, .compare = names->compare};
+    LG_TRY_SCRATCH(uint32_t, place, names->context, names->count, LG_OUT_OF_MEMORY);
+    for (uint32_t i = 0; i < names->count; i++) {
+        place[names->order[i]] = i;
+        LG_TRY(lg_names_add(&sorted, names->name[names->order[i]]));
+    }
+    for (size_t i = 0; i < count; i++)
+        if (label[i] < names->count) label[i] = place[label[i]];
+    lg_names_destroy(names);
+    return LG_GIVE(names, sorted);
+}
+
 /* ---- reading ---- */
 
 typedef struct names_call {
-    lg_h5 *h5;
-    const char *key;
+    const char *path, *key;
     bool unique;
+    lg_status wrong; /* what a name that does not fit is */
     lg_names *names;
-    bool joined; /* a single text that holds all names, separated by | */
 } names_call;
 
 static lg_status add_name(const names_call *call, const char *text, lg_error *error) {
-    const char *shown = lg_shown_path(call->h5->path);
+    const char *shown = lg_shown_path(call->path);
     uint32_t index;
     bool known = false;
     if (call->unique && *text == '\0')
-        return lg_fail(error, LG_FORMAT, "%s: %s: name number %u is empty", shown, call->key,
+        return lg_fail(error, call->wrong, "%s: %s: name number %u is empty", shown, call->key,
                        call->names->count + 1);
     const lg_status status =
         call->unique ? lg_names_meet(call->names, text, &index, &known) : lg_names_add(call->names, text);
     if (status == LG_OUT_OF_MEMORY) return lg_fail(error, status, "%s: out of memory", shown);
     if (status != LG_OK)
-        return lg_fail(error, status, "%s: %s: more than %u names, or one of more than %d bytes: %.80s",
+        return lg_fail(error, call->wrong, "%s: %s: more than %u names, or one of more than %d bytes: %.80s",
                        shown, call->key, LG_SERIES_CLASSES, LG_SERIES_NAME - 1, text);
-    if (known) return lg_fail(error, LG_FORMAT, "%s: %s: '%s' is there twice", shown, call->key, text);
+    if (known) return lg_fail(error, call->wrong, "%s: %s: '%s' is there twice", shown, call->key, text);
     return LG_OK;
 }
 
@@ -128,7 +141,7 @@ static lg_status count_text(void *user, uint64_t index, const char *text, lg_err
 }
 
 lg_status lg_names_get(lg_h5 *h5, const char *key, bool unique, lg_names *names, lg_error *error) {
-    names_call call = {.h5 = h5, .key = key, .unique = unique, .names = names};
+    names_call call = {h5->path, key, unique, LG_FORMAT, names};
     uint64_t texts = 0;
     bool words;
     LG_TRY(lg_h5_each_attribute_text(h5, "", key, &words, count_text, &texts, error));
@@ -147,26 +160,18 @@ lg_status lg_names_get(lg_h5 *h5, const char *key, bool unique, lg_names *names,
 static lg_status check_names(const lg_context *context, const char *path, const char *what,
                              const char (*name)[LG_SERIES_NAME], uint32_t count, bool unique,
                              lg_error *error) {
-    const char *shown = lg_shown_path(path);
-    lg_names met = {.context = context};
-    lg_status status = LG_OK;
+    LG_CLEAN(lg_names_destroy) lg_names met = {.context = context};
+    const names_call call = {path, what, unique, LG_INVALID_ARGUMENT, &met};
     if (count > LG_SERIES_CLASSES)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: more than %u %s", shown, LG_SERIES_CLASSES, what);
-    for (uint32_t i = 0; i < count && status == LG_OK; i++) {
-        uint32_t index;
-        bool known = false;
-        if (memchr(name[i], '\0', LG_SERIES_NAME) == NULL || (unique && name[i][0] == '\0'))
-            status = lg_fail(error, LG_INVALID_ARGUMENT,
-                             "%s: %s: name number %u is empty or does not end with a zero byte", shown, what,
-                             i + 1);
-        else if (unique)
-            status = lg_names_meet(&met, name[i], &index, &known);
-        if (status == LG_OUT_OF_MEMORY) (void)lg_fail(error, status, "%s: out of memory", shown);
-        if (known)
-            status = lg_fail(error, LG_INVALID_ARGUMENT, "%s: %s: '%s' is there twice", shown, what, name[i]);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: more than %u %s", lg_shown_path(path),
+                       LG_SERIES_CLASSES, what);
+    for (uint32_t i = 0; i < count; i++) {
+        if (memchr(name[i], '\0', LG_SERIES_NAME) == NULL)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %s: name number %u does not end with a zero byte",
+                           lg_shown_path(path), what, i + 1);
+        LG_TRY(add_name(&call, name[i], error));
     }
-    lg_names_destroy(&met);
-    return status;
+    return LG_OK;
 }
 
 /* Writes the names as one joined attribute if they are short and contain no |, else as a data set. */
@@ -186,12 +191,11 @@ static lg_status put_names(lg_h5 *h5, const char *key, const char (*name)[LG_SER
 
 /* ---- classes, channels, rate ---- */
 
+static const lg_field rate = LG_FIELD(lg_series, "", "rate", REAL, rate, .high = 1e300);
+
 lg_status lg_sensing_check(const lg_context *context, const char *path, const lg_series *sensing,
                            lg_error *error) {
-    if (!(isfinite(sensing->rate) && sensing->rate >= 0))
-        return lg_fail(error, isfinite(sensing->rate) ? LG_INVALID_ARGUMENT : LG_NOT_FINITE,
-                       "%s: the rate is %g, expected 0 (unknown) or more", lg_shown_path(path),
-                       sensing->rate);
+    LG_TRY(lg_field_check(path, &rate, sensing, LG_INVALID_ARGUMENT, error));
     if (sensing->class_name == NULL || sensing->classes < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the classes have no names", lg_shown_path(path));
     LG_TRY(check_names(context, path, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name,
@@ -213,31 +217,25 @@ lg_status lg_sensing_put(lg_h5 *h5, const lg_series *sensing, lg_error *error) {
     if (sensing->channel_name != NULL)
         LG_TRY(put_names(h5, "channels", (const char(*)[LG_SERIES_NAME])sensing->channel_name,
                          sensing->channels, error));
-    if (sensing->rate == 0) return LG_OK;
-    return lg_h5_put_number(h5, "", "rate", LG_ELEMENT_F64, &sensing->rate, error);
+    return sensing->rate == 0 ? LG_OK : lg_field_write(h5, &rate, sensing, error);
 }
 
 lg_status lg_names_list(lg_h5 *h5, const char *key, bool unique, uint32_t *count,
                         char (**out)[LG_SERIES_NAME], lg_error *error) {
     LG_CLEAN(lg_names_destroy) lg_names names = {.context = h5->context};
     LG_TRY(lg_names_get(h5, key, unique, &names, error));
-    if (names.count == 0) return LG_OK;
-    if (*count != 0 && names.count != *count)
+    if (*count != 0 && names.count != 0 && names.count != *count)
         return lg_fail(error, LG_FORMAT, "%s: %s: %u names, expected %u", lg_shown_path(h5->path), key,
                        names.count, *count);
+    if (names.count == 0) return LG_OK;
     *count = names.count;
     *out = lg_names_take(&names);
     return LG_OK;
 }
 
-lg_status lg_rate_get(lg_h5 *h5, double *rate, lg_error *error) {
-    *rate = 0;
-    if (!lg_h5_has_attribute(h5, "", "rate")) return LG_OK;
-    LG_TRY(lg_h5_number(h5, "", "rate", LG_ELEMENT_F64, rate, error));
-    if (isfinite(*rate) && *rate >= 0) return LG_OK;
-    return lg_fail(error, isfinite(*rate) ? LG_FORMAT : LG_NOT_FINITE,
-                   "%s: attribute rate is %g, expected a number of samples per second",
-                   lg_shown_path(h5->path), *rate);
+lg_status lg_rate_get(lg_h5 *h5, lg_series *out, lg_error *error) {
+    out->rate = 0;
+    return lg_h5_has_attribute(h5, "", "rate") ? lg_field_get(h5, &rate, out, error) : LG_OK;
 }
 
 lg_status lg_sensing_get(lg_h5 *h5, lg_series *sensing, lg_error *error) {
@@ -247,6 +245,6 @@ lg_status lg_sensing_get(lg_h5 *h5, lg_series *sensing, lg_error *error) {
     if (got.classes > 0)
         LG_TRY(lg_names_list(h5, "class_labels", true, &got.classes, &got.class_label, error));
     LG_TRY(lg_names_list(h5, "channels", false, &got.channels, &got.channel_name, error));
-    LG_TRY(lg_rate_get(h5, &got.rate, error));
-    return LG_HAND(sensing, got);
+    LG_TRY(lg_rate_get(h5, &got, error));
+    return LG_GIVE(sensing, got);
 }

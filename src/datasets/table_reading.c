@@ -4,8 +4,8 @@
 
 #include "core/core.h"
 #include "core/lookup.h"
+#include "datasets/series_files.h"
 #include "files/frame.h"
-#include "files/h5.h"
 #include "liegrad/table.h"
 
 _Static_assert((int)LG_TABLE_NAME == (int)LG_FRAME_NAME, "texts of a frame are names of a table");
@@ -25,20 +25,6 @@ void lg_table_data_destroy(lg_table_data *data) {
 
 /* ---- classes ---- */
 
-/* Returns the position of the class, or the position where it would have to be inserted. */
-static uint32_t place_of(const lg_table_data *out, const char *text, bool *known) {
-    uint32_t low = 0, high = out->classes;
-    while (low < high) {
-        const uint32_t middle = low + (high - low) / 2;
-        if (lg_label_compare(out->class_name[middle], text) < 0)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    *known = low < out->classes && strcmp(out->class_name[low], text) == 0;
-    return low;
-}
-
 /* Labels are texts as written, so 1 and 1.0 are two classes. A warning says so. */
 static void warn_of_equals(const lg_frame *f, const char *column, const lg_table_data *out) {
     for (uint32_t c = 1; c < out->classes; c++) {
@@ -51,26 +37,29 @@ static void warn_of_equals(const lg_frame *f, const char *column, const lg_table
     }
 }
 
-static lg_status name_classes(const lg_frame *f, const char *column, lg_table_data *out, lg_error *error) {
-    bool known;
-    out->class_name = lg_alloc(f->context, MOST_CLASSES, sizeof *out->class_name);
-    out->label = lg_alloc(f->context, f->rows, sizeof *out->label);
-    if (out->class_name == NULL || out->label == NULL) return lg_frame_no_memory(f, error);
+/* Numbers the classes that occur; rows with an empty text have none. */
+static lg_status meet_classes(const lg_frame *f, const char *column, uint32_t *label, lg_names *met,
+                              lg_error *error) {
     for (size_t i = 0; i < f->rows; i++) {
-        const uint32_t at = place_of(out, f->text[i], &known);
-        if (known || *f->text[i] == '\0') continue;
-        if (out->classes == MOST_CLASSES)
+        bool known = true;
+        label[i] = LG_TABLE_NO_CLASS;
+        if (*f->text[i] != '\0' && lg_names_meet(met, f->text[i], &label[i], &known) != LG_OK)
+            return lg_frame_no_memory(f, error);
+        if (met->count > MOST_CLASSES)
             return lg_fail(error, LG_FORMAT,
                            "%s: column %s: has more than %d different values: it does not look like classes",
                            f->shown, column, MOST_CLASSES);
-        memmove(out->class_name[at + 1], out->class_name[at], (out->classes - at) * sizeof *out->class_name);
-        memcpy(out->class_name[at], f->text[i], sizeof *out->class_name);
-        out->classes++;
     }
-    for (size_t i = 0; i < f->rows; i++) {
-        const uint32_t at = place_of(out, f->text[i], &known);
-        out->label[i] = known ? at : LG_TABLE_NO_CLASS;
-    }
+    return lg_names_sort(met, label, f->rows) == LG_OK ? LG_OK : lg_frame_no_memory(f, error);
+}
+
+static lg_status name_classes(const lg_frame *f, const char *column, lg_table_data *out, lg_error *error) {
+    LG_CLEAN(lg_names_destroy) lg_names met = {.context = f->context, .compare = lg_label_compare};
+    out->label = lg_alloc(f->context, f->rows, sizeof *out->label);
+    if (out->label == NULL) return lg_frame_no_memory(f, error);
+    LG_TRY(meet_classes(f, column, out->label, &met, error));
+    out->classes = met.count;
+    out->class_name = lg_names_take(&met);
     warn_of_equals(f, column, out);
     return LG_OK;
 }
@@ -164,7 +153,7 @@ lg_status lg_table_names_read(const lg_context *context, const char *path, const
     lg_frame f = {.context = context, .path = path, .what = "table", .options = options};
     LG_TRY(lg_frame_open(&f, error));
     LG_TRY(copy_names(&f, &made, error));
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }
 
 /* Reads all rows and keeps them. */
@@ -191,8 +180,8 @@ lg_status lg_table_read(const lg_context *context, const char *path, const char 
                         const char *class_column, const lg_read_options *options, lg_table_data *out,
                         lg_error *error) {
     LG_NEEDS(error, path, names, out);
-    LG_CLEAN(lg_table_data_destroy) lg_table_data made = {.context = context};
     LG_TRY_SCRATCH(lg_frame_want, want, context, (uint64_t)count + 1, lg_no_memory(error));
+    LG_CLEAN(lg_table_data_destroy) lg_table_data made = {.context = context};
     LG_CLEAN(lg_frame_close)
     lg_frame f = {.context = context,
                   .path = path,
@@ -203,5 +192,5 @@ lg_status lg_table_read(const lg_context *context, const char *path, const char 
     for (uint32_t i = 0; i < count; i++) want[i].name = names[i];
     if (class_column != NULL) want[count] = (lg_frame_want){.name = class_column, .as = LG_FRAME_TEXT};
     LG_TRY(read_rows(&f, class_column, &made, error));
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }

@@ -81,7 +81,7 @@ lg_status lg_table_windows_read(const lg_context *context, const char *path, con
     LG_TRY(lg_table_read(context, path, names, count, NULL, NULL, &made.data, error));
     LG_TRY(lg_table_keep_complete((lg_table_data *[]){&stamps, &made.data}, 2, &made.left_out, error));
     LG_TRY(fill(context, path, &stamps, &made, error));
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }
 
 void lg_table_windows_destroy(lg_table_windows *windows) {

@@ -24,28 +24,18 @@ static double of_half(uint16_t h) {
     return sign ? -value : value;
 }
 
-static double read_f64(const unsigned char *raw) {
-    return lg_f64_of_bits(lg_bytes_get(raw, 8));
-}
-
-static double read_f32(const unsigned char *raw) {
-    return (double)lg_f32_of_bits((uint32_t)lg_bytes_get(raw, 4));
-}
-
-static double read_f16(const unsigned char *raw) {
-    return of_half((uint16_t)lg_bytes_get(raw, 2));
-}
-
-/* A bfloat16 is the upper half of a float. */
-static double read_bf16(const unsigned char *raw) {
-    return (double)lg_f32_of_bits((uint32_t)lg_bytes_get(raw, 2) << 16);
-}
-
 static const struct {
     const char *name;
     size_t bytes;
-    double (*read)(const unsigned char *raw);
-} types[] = {{"F64", 8, read_f64}, {"F32", 4, read_f32}, {"F16", 2, read_f16}, {"BF16", 2, read_bf16}};
+} types[] = {{"F64", 8}, {"F32", 4}, {"F16", 2}, {"BF16", 2}};
+
+static double read_number(const unsigned char *raw, size_t type) {
+    const uint64_t bits = lg_bytes_get(raw, types[type].bytes);
+    return type == 0   ? lg_f64_of_bits(bits)
+           : type == 1 ? (double)lg_f32_of_bits((uint32_t)bits)
+           : type == 2 ? of_half((uint16_t)bits)
+                       : (double)lg_f32_of_bits((uint32_t)bits << 16); /* the upper half of a float */
+}
 
 /* ---- the header ---- */
 
@@ -226,7 +216,7 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
         if (fread(raw, bytes, n, r->from) != n)
             return lg_fail(error, LG_FILE, "%s: cannot be read to its end", lg_shown_path(r->path));
         for (size_t i = 0; i < n; i++) {
-            t->values[at + i] = types[p->type].read(raw + i * bytes);
+            t->values[at + i] = read_number(raw + i * bytes, p->type);
             if (!isfinite(t->values[at + i]))
                 return bad(r, error, t->name, "has numbers that are not finite");
         }
@@ -272,7 +262,7 @@ lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensor
     if (r.from != NULL) (void)fclose(r.from);
     LG_FREE_ALL(context, r.text, r.places);
     LG_TRY(status);
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }
 
 void lg_tensors_destroy(lg_tensors *tensors) {

@@ -244,12 +244,12 @@ lg_status lg_beam_search(const lg_beam *beam, lg_beam_work *work, bool saddles, 
     coarse.n = lg_beam_coarse(beam);
     branch_list list = {.room = room, .nodes = beam->n + 1, .theta = theta, .branches = branches};
     branch_list first = {.room = room, .nodes = coarse.n + 1};
-    LG_TRY_SCRATCH(double, angles, work->context, room *first.nodes, LG_OUT_OF_MEMORY);
-    LG_TRY_SCRATCH(lg_beam_branch, found, work->context, room, LG_OUT_OF_MEMORY);
-    first.theta = angles, first.branches = found;
     if (coarse.n == beam->n) {
         LG_TRY(search(beam, work, saddles, quick, &list));
     } else {
+        LG_TRY_SCRATCH(double, angles, work->context, room *first.nodes, LG_OUT_OF_MEMORY);
+        LG_TRY_SCRATCH(lg_beam_branch, found, work->context, room, LG_OUT_OF_MEMORY);
+        first.theta = angles, first.branches = found;
         LG_TRY(search(&coarse, work, saddles, quick, &first));
         LG_TRY(refine_all(&first, beam, work, saddles, &list));
     }

@@ -205,16 +205,20 @@ lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_samp
     const size_t families = (size_t)sampling->both_ends + sampling->right_end;
     const size_t blocks = (sampling->count - 1) / BLOCK + 1;
     LG_CLEAN(lg_elastica_curves_destroy) lg_elastica_curves curves = {.count = 0};
-    LG_SCRATCH(lg_error, errors, context, families * blocks);
-    job j = {.context = context, .sampling = sampling, .curves = &curves, .blocks = blocks, .errors = errors};
-    if (errors == NULL || sampling->count > SIZE_MAX / 16 ||
-        lg_elastica_curves_create(context, families * sampling->count, sampling->problem.intervals, true,
-                                  &curves) != LG_OK)
+    job j = {.context = context, .sampling = sampling, .curves = &curves, .blocks = blocks};
+    lg_status status = sampling->count <= SIZE_MAX / 16
+                           ? lg_elastica_curves_create(context, families * sampling->count,
+                                                       sampling->problem.intervals, true, &curves)
+                           : LG_OUT_OF_MEMORY;
+    if (status == LG_OK) j.errors = lg_alloc(context, families * blocks, sizeof *j.errors);
+    if (status != LG_OK || !j.errors)
         return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory for %zu curves", sampling->count);
     curves.length = sampling->problem.length;
     curves.stiffness = sampling->problem.stiffness;
     curves.continuous = sampling->continuous;
-    LG_TRY(run(&j, families * blocks, error));
+    status = run(&j, families * blocks, error);
+    lg_free(context, j.errors);
+    LG_TRY(status);
     (void)lg_fail(error, LG_OK, "%s", "");
-    return LG_HAND(out, curves);
+    return LG_GIVE(out, curves);
 }

@@ -113,7 +113,7 @@ lg_status lg_table_scaler_fit(const lg_context *context, const double *values, u
     if (made.mean == NULL || made.scale == NULL) return LG_OUT_OF_MEMORY;
     for (uint32_t c = 0; c < columns; c++)
         LG_TRY(fit_column(values + c, columns, chosen, count, &made.mean[c], &made.scale[c]));
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }
 
 /* ---- on a tape ---- */

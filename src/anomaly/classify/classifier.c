@@ -105,7 +105,7 @@ lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_optio
     made.features = out->features;
     LG_TRY(status);
     LG_TRY(lg_classifier_ready(context, &made, error));
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }
 
 void lg_classifier_destroy(lg_classifier *classifier) {

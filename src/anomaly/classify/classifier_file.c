@@ -291,19 +291,18 @@ lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader 
                              lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     if (reader == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    LG_CLEAN(lg_classifier_destroy)
     lg_classifier c = {.features = {.context = context},
                        .pca = {.context = context},
                        .logistic = {.context = context},
                        .tree = {.context = context},
                        .svm = {.context = context}};
     double *nodes = NULL;
-    lg_status status = read_classifier(context, reader, &c, &nodes, error);
+    *out = (lg_classifier){0};
+    const lg_status status = read_classifier(context, reader, &c, &nodes, error);
     lg_free(context, nodes);
-    if (status == LG_OK) {
-        forget_others(&c);
-        status = lg_classifier_ready(context, &c, error);
-    }
-    if (status != LG_OK) lg_classifier_destroy(&c);
-    *out = c;
-    return status;
+    LG_TRY(status);
+    forget_others(&c);
+    LG_TRY(lg_classifier_ready(context, &c, error));
+    return LG_GIVE(out, c);
 }

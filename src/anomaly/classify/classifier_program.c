@@ -21,6 +21,8 @@ static const char *const names[PARAMETERS] = {"mean",   "rest",    "inverse",   
                                               "bias",   "vector",  "threshold", "fraction",   "sign",
                                               "living", "present", "order",     "eps"};
 
+LG_AT(lg_program_destroy, lg_program)
+
 typedef struct chain {
     const lg_classifier *c;
     lg_parameter_spec parameter[PARAMETERS];
@@ -265,15 +267,13 @@ lg_status lg_classifier_program(const lg_context *context, const lg_classifier *
 }
 
 lg_status lg_classifier_ready(const lg_context *context, lg_classifier *classifier, lg_error *error) {
-    lg_program *program;
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
     lg_plan_options options;
     size_t scores;
     if (classifier->method == LG_METHOD_TREE) return LG_OK; /* a plan would visit all nodes */
     LG_TRY(lg_classifier_program(context, classifier, &program, error));
     lg_plan_options_init(&options);
     options.max_size = SIZE_MAX;
-    lg_status status = lg_program_find(program, "scores", &scores, error);
-    if (status == LG_OK) status = lg_plan_create(program, scores, &options, &classifier->scores, error);
-    lg_program_destroy(program);
-    return status;
+    LG_TRY(lg_program_find(program, "scores", &scores, error));
+    return lg_plan_create(program, scores, &options, &classifier->scores, error);
 }

@@ -142,7 +142,7 @@ lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, boo
     choose_channels(series, directions_x, &f);
     LG_TRY(check_made(&f, directions_x, error));
     if (f.bands > 0) LG_TRY(lg_spectrum_create(context, length, f.bands, &f.spectrum, error));
-    return LG_HAND(out, f);
+    return LG_GIVE(out, f);
 }
 
 lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,

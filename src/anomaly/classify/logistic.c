@@ -497,7 +497,7 @@ lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint
     LG_CLEAN(lg_logistic_destroy)
     lg_logistic model = {.inputs = d, .classes = classes, .context = context};
     LG_TRY(fit_model(context, x, label, n, c, counts, &model, error));
-    return LG_HAND(out, model);
+    return LG_GIVE(out, model);
 }
 
 void lg_logistic_destroy(lg_logistic *model) {

@@ -177,7 +177,7 @@ lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint3
     LG_CLEAN(lg_pca_destroy) lg_pca p = {.inputs = d, .components = components, .context = context};
     p.variances = components > 0 ? (uint32_t)small : 0;
     LG_TRY(fit_into(context, x, n, &p, error));
-    return LG_HAND(out, p);
+    return LG_GIVE(out, p);
 }
 
 void lg_pca_destroy(lg_pca *pca) {

@@ -395,7 +395,8 @@ lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *lab
                        uint32_t classes, int threads, lg_logistic *out, lg_error *error) {
     LG_NEEDS(error, x, label, out);
     LG_TRY(check(context, x, label, n, d, classes, threads, error));
-    LG_CLEAN(lg_logistic_destroy) lg_logistic made = {.inputs = d, .classes = classes, .context = context};
+    LG_CLEAN(lg_logistic_destroy)
+    lg_logistic made = {.inputs = d, .classes = classes, .context = context};
     ridge r = {.context = context, .n = n, .d = d, .targets = classes == 2 ? 1 : classes, .x = x};
     r.order = by_rows(&r) ? n : d;
     r.parts = smaller((size_t)threads, (n + WIDTH - 1) / WIDTH);
@@ -407,5 +408,5 @@ lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *lab
     for (size_t i = 0; i < LG_COUNT(own); i++) lg_free(context, own[i]);
     lg_thread_pool_destroy(r.pool);
     LG_TRY(status);
-    return LG_HAND(out, made);
+    return LG_GIVE(out, made);
 }

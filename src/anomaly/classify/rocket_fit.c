@@ -169,7 +169,7 @@ lg_status lg_rocket_fit(const lg_context *context, const lg_rocket_options *opti
     const lg_status status = draw(&fit, context, options->features / LG_ROCKET_KERNELS, &f, error);
     LG_FREE_ALL(context, fit.deck, fit.x, fit.work);
     LG_TRY(status);
-    return LG_HAND(out, f);
+    return LG_GIVE(out, f);
 }
 
 /* ---- pruning ---- */

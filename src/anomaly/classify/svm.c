@@ -351,7 +351,7 @@ lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, doub
                    lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes));
     t.counts = counts;
     LG_TRY(fit_model(&t, label, &svm, error));
-    return LG_HAND(out, svm);
+    return LG_GIVE(out, svm);
 }
 
 void lg_svm_destroy(lg_svm *svm) {

@@ -57,7 +57,7 @@ lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const 
     copy.counts = lg_alloc(context, (size_t)copy.count * copy.classes, sizeof *copy.counts);
     if (copy.node == NULL || copy.counts == NULL) return LG_OUT_OF_MEMORY;
     copy_kept(tree, cut, stack, &copy);
-    return LG_HAND(out, copy);
+    return LG_GIVE(out, copy);
 }
 
 /* ---- the weakest links ---- */

@@ -1,5 +1,4 @@
 /* Files with sets of curves: /boundary (n, 8), /q and /v (n, N + 1, 2), /energy, /x, /case (n). */
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,10 +7,11 @@
 
 #include "core/median.h"
 #include "files/h5.h"
+#include "settings/files/attributes.h"
 #include "settings/names.h"
 
-#define END_TOLERANCE 1e-6
-#define STIFFNESS     10.0
+#define END_TOLERANCE   1e-6
+#define USUAL_STIFFNESS 10.0
 enum { BOUNDARY = 8, Q0 = 0, V0 = 2, QN = 4, VN = 6 };
 
 void lg_elastica_data_destroy(lg_elastica_data *data) {
@@ -196,12 +196,10 @@ static lg_status estimate_length(lg_h5 *h5, lg_elastica_data *data, lg_error *er
     return LG_OK;
 }
 
-static lg_status positive_attribute(lg_h5 *h5, const char *name, double *out, lg_error *error) {
-    LG_TRY(lg_h5_number(h5, "", name, LG_ELEMENT_F64, out, error));
-    if (*out > 0 && *out <= DBL_MAX) return LG_OK;
-    return lg_fail(error, isfinite(*out) ? LG_FORMAT : LG_NOT_FINITE,
-                   "%s: attribute %s is %g, expected a positive number", lg_shown_path(h5->path), name, *out);
-}
+#define ROW(type, name, member, ...) LG_FIELD(lg_elastica_curves, "", name, type, member, __VA_ARGS__)
+static const lg_field attributes[] = {ROW(REAL, "length", length, LG_POSITIVE),
+                                      ROW(REAL, "stiffness", stiffness, LG_POSITIVE),
+                                      ROW(NAME, "values", continuous, .value_name = lg_name_values)};
 
 /* Checks that no curve is shorter than the distance of its ends. */
 static lg_status check_length(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
@@ -218,30 +216,13 @@ static lg_status check_length(lg_h5 *h5, lg_elastica_data *data, lg_error *error
     return LG_OK;
 }
 
-static lg_status read_values(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
-    char text[64];
-    uint32_t value = 0;
-    if (!lg_h5_has_attribute(h5, "", "values")) return LG_OK;
-    const lg_status status = lg_h5_text(h5, "", "values", text, sizeof text, error);
-    if (status != LG_OK && status != LG_SHAPE) return status;
-    const char *name = status == LG_OK ? lg_name_values(0) : NULL;
-    while (name != NULL && strcmp(name, text) != 0) name = lg_name_values(++value);
-    if (name == NULL)
-        return lg_fail(error, LG_FORMAT, "%s: attribute values: expected 'discrete' or 'continuous'",
-                       lg_shown_path(h5->path));
-    data->curves.continuous = value == 1;
-    return LG_OK;
-}
-
 static lg_status read_attributes(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
     lg_elastica_curves *c = &data->curves;
-    c->stiffness = STIFFNESS;
-    if (lg_h5_has_attribute(h5, "", "stiffness"))
-        LG_TRY(positive_attribute(h5, "stiffness", &c->stiffness, error));
-    LG_TRY(read_values(h5, data, error));
-    if (!lg_h5_has_attribute(h5, "", "length")) return estimate_length(h5, data, error);
-    LG_TRY(positive_attribute(h5, "length", &c->length, error));
-    return check_length(h5, data, error);
+    c->stiffness = USUAL_STIFFNESS;
+    for (const lg_field *row = attributes; row < attributes + LG_COUNT(attributes); row++)
+        if (lg_h5_has_attribute(h5, "", row->name)) LG_TRY(lg_field_get(h5, row, c, error));
+    return lg_h5_has_attribute(h5, "", "length") ? check_length(h5, data, error)
+                                                 : estimate_length(h5, data, error);
 }
 
 static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
@@ -261,19 +242,14 @@ lg_status lg_elastica_data_read(const lg_context *context, const char *path, con
     LG_CLEAN(lg_elastica_data_destroy) lg_elastica_data made = {.curves = {.context = context}};
     LG_TRY(lg_h5_read(context, path, options, read_checked, &made, error));
     hash(&made);
-    *out = made;
-    made = (lg_elastica_data){.sha256 = ""};
-    return LG_OK;
+    return LG_GIVE(out, made);
 }
 
 /* ---- writing ---- */
 
 static lg_status check_written(const char *path, const lg_elastica_curves *c, lg_error *error) {
-    if (!isfinite(c->length) || !isfinite(c->stiffness))
-        return lg_fail(error, LG_NOT_FINITE, "%s: length or stiffness is not finite", lg_shown_path(path));
-    if (c->length <= 0 || c->stiffness <= 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: length and stiffness must be positive",
-                       lg_shown_path(path));
+    for (size_t i = 0; i < LG_COUNT(attributes); i++)
+        LG_TRY(lg_field_check(path, &attributes[i], c, LG_INVALID_ARGUMENT, error));
     for (size_t i = 0; c->kind != NULL && i < c->count; i++)
         if (c->kind[i] >= LG_ELASTICA_CASE_COUNT)
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /case: is %u at index (%zu), expected 0 to %d",
@@ -290,9 +266,7 @@ static lg_status put_all(lg_h5 *h5, const lg_elastica_data *data, lg_error *erro
     sizes s = sizes_of(c);
     list_arrays(&copy, &s, arrays);
     LG_TRY(lg_h5_put_header(h5, "elastica", &data->provenance, error));
-    LG_TRY(lg_h5_put_number(h5, "", "length", LG_ELEMENT_F64, &c->length, error));
-    LG_TRY(lg_h5_put_number(h5, "", "stiffness", LG_ELEMENT_F64, &c->stiffness, error));
-    LG_TRY(lg_h5_put_text(h5, "", "values", lg_name_values(c->continuous), error));
+    for (size_t i = 0; i < LG_COUNT(attributes); i++) LG_TRY(lg_field_write(h5, &attributes[i], c, error));
     LG_TRY(lg_h5_put_text(h5, "", "data_sha256", data->sha256, error));
     LG_TRY(lg_h5_put_arrays(h5, arrays, ARRAYS, error));
     return c->kind != NULL ? lg_h5_put(h5, "case", LG_ELEMENT_U32, 1, &n, c->kind, error) : LG_OK;

@@ -157,9 +157,7 @@ lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out
     LG_SCRATCH(lg_key_value, values, context, KEYS + FILE_KEYS);
     if (values == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     LG_TRY(read_grid(context, yaml, &keys, values, &made, error));
-    *out = made;
-    made = (lg_grid){.repeats = 0};
-    return LG_OK;
+    return LG_GIVE(out, made);
 }
 
 void lg_grid_destroy(lg_grid *grid) {

@@ -468,9 +468,7 @@ lg_status lg_trajectories_read(const lg_context *context, const char *path, cons
     if (options != NULL) call.constraint = options->constraint;
     LG_TRY(lg_h5_read(context, path, options, read_checked, &call, error));
     hash(&made);
-    *out = made;
-    made = (lg_trajectories){0};
-    return LG_OK;
+    return LG_GIVE(out, made);
 }
 
 /* ---- writing ---- */

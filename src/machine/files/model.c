@@ -93,7 +93,7 @@ static lg_status read_lags(lg_h5 *h5, lg_machine_model_run *run, lg_error *error
     lg_machine_scales_init(&fallback);
     memcpy(run->scales.lag, fallback.lag, sizeof fallback.lag);
     if (lg_h5_has_attribute(h5, lag_range.group, lag_range.name))
-        LG_TRY(lg_as_format(lg_field_read(h5, &lag_range, run, error), error));
+        LG_TRY(lg_field_get(h5, &lag_range, run, error));
     if (run->scales.lag[0] > 0.0 && run->scales.lag[1] > run->scales.lag[0]) return LG_OK;
     return lg_fail(error, LG_FORMAT, "%s: /model: attribute lag_range: expected two rising numbers above 0",
                    lg_shown_path(h5->path));

@@ -115,9 +115,7 @@ lg_status lg_model_load(const lg_context *context, const char *path, const lg_re
     LG_CLEAN(end_reading) reading r = {.made.context = context};
     LG_TRY(lg_h5_read(context, path, options, read_model, &r, error));
     LG_TRY(make_model(&r, path, error));
-    *out = r.made;
-    r.made = (lg_model_file){.model = NULL};
-    return LG_OK;
+    return LG_GIVE(out, r.made);
 }
 
 void lg_model_file_destroy(lg_model_file *file) {

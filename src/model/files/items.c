@@ -93,15 +93,9 @@ static bool is_known(const lg_item *item, const void *file) {
     return item->lenient ? *(const double *)at > 0 : !isnan(*(const double *)at);
 }
 
-static lg_status check_number(const lg_h5 *h5, const lg_item *item, const void *file, lg_error *error) {
-    if (item->field.type != LG_FIELD_REAL || isfinite(lg_field_number(&item->field, file))) return LG_OK;
-    return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path),
-                   item->field.name);
-}
-
 static lg_status put_attribute(lg_h5 *h5, const lg_item *item, const void *file, lg_error *error) {
     if (!is_known(item, file)) return LG_OK;
-    LG_TRY(check_number(h5, item, file, error));
+    LG_TRY(lg_field_check(h5->path, &item->field, file, LG_INVALID_ARGUMENT, error));
     return lg_field_write(h5, &item->field, file, error);
 }
 
@@ -111,8 +105,7 @@ static lg_status get_attribute(lg_h5 *h5, const lg_item *item, void *file, lg_er
     if (item->known != 0 && !item->optional) *((bool *)file + item->known) = has;
     if (item->field.type == LG_FIELD_REAL && !item->lenient) *(double *)(void *)at = (double)NAN;
     if (!has) return LG_OK;
-    lg_status status = lg_field_read(h5, &item->field, file, item->lenient ? NULL : error);
-    if (status == LG_OK) status = check_number(h5, item, file, item->lenient ? NULL : error);
+    const lg_status status = lg_field_get(h5, &item->field, file, item->lenient ? NULL : error);
     if (!item->lenient) return status;
     if (status != LG_OK || !is_known(item, file)) memset(at, 0, item->field.size);
     return LG_OK;

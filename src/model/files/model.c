@@ -117,16 +117,11 @@ static lg_status fit_array(void *user, const char *path, lg_element type, uint32
     return lg_h5_put(target->h5, path, type, rank, dims, data, &target->error);
 }
 
-static lg_status fit_text(void *user, const char *path, const char *value) {
-    fit_target *target = user;
-    return lg_h5_put_text(target->h5, "train", path, value, &target->error);
-}
-
 /* A minimiser's state is far larger than the model: only checkpoints keep it; model files keep the
  * history. */
 static lg_status put_fit(lg_h5 *h5, const lg_fit *fit, lg_error *error) {
     fit_target target = {.h5 = h5, .history = !lg_fit_method_batches(lg_fit_method_now(fit))};
-    const lg_archive_writer writer = {.user = &target, .array = fit_array, .text = fit_text};
+    const lg_archive_writer writer = {.user = &target, .array = fit_array};
     return lg_fit_save(fit, &writer, error);
 }
 

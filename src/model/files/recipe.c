@@ -2,7 +2,6 @@
 #include "files/h5.h"
 #include "model/files/recipe.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -26,14 +25,7 @@ static bool is_unknown(const lg_recipe *kind, const lg_field *r, const void *run
 
 static lg_status check_row(const char *path, const lg_recipe *kind, const lg_field *r, const void *run,
                            lg_status status, lg_error *error) {
-    char place[64];
-    if (r->type == LG_FIELD_REAL && !isfinite(lg_field_number(r, run)))
-        return lg_fail(error, LG_NOT_FINITE, "%s: %s is not finite", lg_shown_path(path),
-                       lg_field_place(r, place, sizeof place));
-    if (!lg_field_fits(r, run) && !is_unknown(kind, r, run))
-        return lg_fail(error, status, "%s: %s is out of range", lg_shown_path(path),
-                       lg_field_place(r, place, sizeof place));
-    return LG_OK;
+    return is_unknown(kind, r, run) ? LG_OK : lg_field_check(path, r, run, status, error);
 }
 
 lg_status lg_run_check(const char *path, const lg_recipe *kind, const void *run, lg_error *error) {

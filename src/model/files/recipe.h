@@ -5,6 +5,8 @@
 #ifndef LG_RECIPE_H
 #define LG_RECIPE_H
 
+#include <float.h>
+
 #include "liegrad/files.h"
 #include "liegrad/fit.h"
 #include "liegrad/integrators.h"
@@ -121,7 +123,10 @@ typedef struct lg_item {
 #define LG_DIM(struct_, member, what_)                                                                       \
     { offsetof(struct_, member), sizeof(((struct_ *)0)->member), what_ }
 #define LG_ATTRIBUTE(struct_, type_, name_, member, ...)                                                     \
-    { .type = LG_ITEM_ATTRIBUTE, .field = LG_FIELD(struct_, "", name_, type_, member, .low = 0), __VA_ARGS__ }
+    {                                                                                                        \
+        .type = LG_ITEM_ATTRIBUTE, .field = LG_FIELD(struct_, "", name_, type_, member, .high = DBL_MAX),    \
+        __VA_ARGS__                                                                                          \
+    }
 lg_status lg_items_put(lg_h5 *h5, const lg_recipe *kind, const void *file, lg_error *error);
 lg_status lg_items_get(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error);
 void lg_items_release(const lg_context *context, const lg_recipe *kind, void *file);

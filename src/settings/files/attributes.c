@@ -1,12 +1,15 @@
 /* Reads and writes fields as attributes of HDF5 files. */
 #include "settings/files/attributes.h"
 
+#include <math.h>
 #include <stdio.h>
 
 #include "settings/settings.h"
 
-const char *lg_field_place(const lg_field *r, char *text, size_t size) {
-    (void)snprintf(text, size, "/%s: attribute %s", r->group, r->name);
+/* Formats "/run: attribute lr" for error messages. Returns `text`. */
+static const char *place_of(const lg_field *r, char *text, size_t size) {
+    const bool root = r->group[0] == '\0';
+    (void)snprintf(text, size, "%s%s%sattribute %s", root ? "" : "/", r->group, root ? "" : ": ", r->name);
     return text;
 }
 
@@ -28,18 +31,33 @@ lg_status lg_field_write(lg_h5 *h5, const lg_field *r, const void *run, lg_error
     }
 }
 
-static lg_status attribute_format(lg_h5 *h5, const lg_field *r, const char *what, lg_error *error) {
+static lg_status attribute_format(lg_h5 *h5, const lg_field *r, const char *what, const char *why,
+                                  lg_error *error) {
     char place[64];
-    return lg_fail(error, LG_FORMAT, "%s: %s %s", lg_shown_path(h5->path),
-                   lg_field_place(r, place, sizeof place), what);
+    return lg_fail(error, LG_FORMAT, "%s: %s %s%s", lg_shown_path(h5->path), place_of(r, place, sizeof place),
+                   what, why);
 }
 
 static lg_status get_flag(lg_h5 *h5, const lg_field *r, bool *flag, lg_error *error) {
     uint32_t value;
     LG_TRY(lg_h5_number(h5, r->group, r->name, LG_ELEMENT_U32, &value, error));
-    if (value > 1) return attribute_format(h5, r, "is neither 0 nor 1", error);
+    if (value > 1) return attribute_format(h5, r, "is neither 0 nor 1", "", error);
     *flag = value != 0;
     return LG_OK;
+}
+
+lg_status lg_field_check(const char *path, const lg_field *r, const void *run, lg_status status,
+                         lg_error *error) {
+    char place[64], range[64] = "";
+    const double x = lg_field_number(r, run);
+    const bool infinite = r->type == LG_FIELD_REAL && !isfinite(x);
+    if (!infinite && lg_field_fits(r, run)) return LG_OK;
+    if (r->above && r->low == 0)
+        (void)snprintf(range, sizeof range, ": expected a positive number");
+    else if (r->value_name == NULL)
+        (void)lg_format(range, sizeof range, ": expected %g to %g", r->low, r->high);
+    return lg_fail(error, infinite ? LG_NOT_FINITE : status, "%s: %s is %s%s", lg_shown_path(path),
+                   place_of(r, place, sizeof place), infinite ? "not finite" : "out of range", range);
 }
 
 /* Reads a text, list, name or phrase. An empty text is an empty list if the field allows a list of length
@@ -47,19 +65,19 @@ static lg_status get_flag(lg_h5 *h5, const lg_field *r, bool *flag, lg_error *er
 static lg_status get_text(lg_h5 *h5, const lg_field *r, void *run, lg_error *error) {
     char text[LG_H5_TEXT];
     lg_error reason = {LG_OK, ""};
-    const bool plain = r->type == LG_FIELD_TEXT, name = r->type == LG_FIELD_NAME;
+    const bool plain = r->type == LG_FIELD_TEXT;
     const lg_status status = lg_h5_text(h5, r->group, r->name, plain ? (char *)run + r->offset : text,
                                         plain ? r->size : sizeof text, error);
-    if (status == LG_SHAPE)
-        return attribute_format(h5, r, name ? "is not a known name" : "is too long", error);
+    if (status == LG_SHAPE) return attribute_format(h5, r, "is too long", "", error);
     if (status != LG_OK || plain) return status;
-    if (text[0] == '\0' && !name && r->type != LG_FIELD_PHRASE) {
-        if (r->least > 0) return attribute_format(h5, r, "is empty", error);
+    if (text[0] == '\0' && r->type != LG_FIELD_NAME && r->type != LG_FIELD_PHRASE) {
+        if (r->least > 0) return attribute_format(h5, r, "is empty", "", error);
         lg_field_fill(r, NULL, 0, run);
         return LG_OK;
     }
     if (lg_field_set(r, text, run, &reason) == LG_OK) return LG_OK;
-    return attribute_format(h5, r, name ? "is not a known name" : reason.message, error);
+    return attribute_format(h5, r, r->type == LG_FIELD_NAME ? "is not a known name: " : "", reason.message,
+                            error);
 }
 
 lg_status lg_field_read(lg_h5 *h5, const lg_field *r, void *run, lg_error *error) {
@@ -83,4 +101,9 @@ lg_status lg_field_read(lg_h5 *h5, const lg_field *r, void *run, lg_error *error
         break;
     }
     return LG_OK;
+}
+
+lg_status lg_field_get(lg_h5 *h5, const lg_field *r, void *run, lg_error *error) {
+    LG_TRY(lg_as_format(lg_field_read(h5, r, run, error), error));
+    return lg_field_check(h5->path, r, run, LG_FORMAT, error);
 }

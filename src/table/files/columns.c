@@ -52,14 +52,17 @@ lg_status lg_table_names_parse(const lg_context *context, const char *option, co
     size_t count = 1;
     for (const char *c = text; *c != '\0'; c++) count += *c == ',';
     LG_TRY(make_names(context, count, out, error));
-    LG_TRY_SCRATCH(char, copy, context, strlen(text) + 1, lg_no_memory(error));
-    for (char *at = strcpy(copy, text), *name = NULL; at != NULL; add_name(out, name)) {
+    LG_CLEAN(lg_owned_free) lg_owned copy = {context, lg_strdup(context, text)};
+    char *at = copy.memory, *name = NULL;
+    if (at == NULL) return lg_no_memory(error);
+    while (at != NULL) {
         if (!take_name(&at, &name))
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "--%s: expected names of 1 to %d bytes, with commas between them", option,
                            LG_TABLE_NAME - 1);
         if (has_name(out, name))
             return lg_fail(error, LG_INVALID_ARGUMENT, "--%s: '%s' is given twice", option, name);
+        add_name(out, name);
     }
     return LG_OK;
 }
