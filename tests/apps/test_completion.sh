@@ -29,17 +29,17 @@ expect 'demo evaluate generate predict study train' lg-hamiltonian ''
 expect 'evaluate' lg-hamiltonian --seed 3 ev
 expect '--penalty-form= --penalty-integral= --penalty=' lg-hamiltonian train --pen
 expect '--json' lg-hamiltonian --js
-expect 'cf32a cf32b cf4 cf43' lg-hamiltonian train --integrator = cf
-expect 'cf32a cf32b cf4 cf43' lg-hamiltonian train --integrator cf
-expect '--integrator=cf43' lg-hamiltonian train --integrator=cf43 --integrator=cf43
+expect 'cf32a cf32b cf4 cf43' lg-hamiltonian train --scheme = cf
+expect 'cf32a cf32b cf4 cf43' lg-hamiltonian train --scheme cf
+expect '--scheme=cf43' lg-hamiltonian train --scheme=cf43 --scheme=cf43
 expect 'best thesis' lg-hamiltonian train --preset =
-methods=$("$LG_BIN_DIR/lg-hamiltonian" train x --out y --method none 2>&1 | sed -n 's/.*there are //p' | tr -d , | tr ' ' '\n' | LC_ALL=C sort | tr '\n' ' ')
-expect "${methods% }" lg-hamiltonian train --method ''
+methods=$("$LG_BIN_DIR/lg-hamiltonian" train x --out y --optimizer none 2>&1 | sed -n 's/.*there are //p' | tr -d , | tr ' ' '\n' | LC_ALL=C sort | tr '\n' ' ')
+expect "${methods% }" lg-hamiltonian train --optimizer ''
 expect 'model.h5 runs scene.yaml' lg-hamiltonian predict ''
 expect 'runs scene.yaml' lg-simulate ''
 expect 'notes.txt' lg-hamiltonian train --out = no
 expect '' lg-hamiltonian train --epochs = ''
-expect '' lg-hamiltonian nothing --integrator = cf
+expect '' lg-hamiltonian nothing --scheme = cf
 
 # Every option in --help-all must be completed.
 for program in "$LG_BIN_DIR"/lg-*; do

@@ -186,8 +186,7 @@ TEST("the rounding of the controller is in the claim, unless it is exact or inpu
                    rows[i].says);
         assert_says(result.out, rows[i].more);
     }
-    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --continuous --precision f32", 2,
-               "--dtype");
+    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --continuous --precision f32", 2, "--dtype");
 }
 
 TEST("levels and errors of the model") {

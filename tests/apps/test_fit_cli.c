@@ -619,7 +619,7 @@ TEST("a constant column and one that --without excludes have no effect: the bits
 TEST("the help says what --plot draws, where the plot's data are written, and how the width is chosen") {
     static char text[1 << 17];
     size_t used = 0;
-    cli_expect(fit, "train --help", 0, "");
+    cli_expect(fit, "train --help-all", 0, "");
     /* all in one line, several blanks replaced by one */
     for (const char *c = result.out; *c != '\0' && used + 1 < sizeof text; c++)
         if (strchr(" \n", *c) == NULL || (used > 0 && text[used - 1] != ' '))

@@ -295,10 +295,12 @@ static void read_aliases(void) {
     assert_non_null(file);
     while (fgets(line, sizeof line, file) != NULL) {
         alias row = {.used = false};
+        const char *at = strstr(line, "{\"");
+        if (at == NULL) continue;
         const bool every =
-            sscanf(line, " {\"\", \"%31[^\"]\", \"%31[^\"]\", %31[^}]", row.old, row.now, row.value) == 3;
-        if (!every && sscanf(line, " {\"%63[^\"]\", \"%31[^\"]\", \"%31[^\"]\", %31[^}]", row.command,
-                             row.old, row.now, row.value) != 4)
+            sscanf(at, "{\"\", \"%31[^\"]\", \"%31[^\"]\", %31[^}]", row.old, row.now, row.value) == 3;
+        if (!every && sscanf(at, "{\"%63[^\"]\", \"%31[^\"]\", \"%31[^\"]\", %31[^}]", row.command, row.old,
+                             row.now, row.value) != 4)
             continue;
         assert_true(alias_count < LG_COUNT(aliases));
         aliases[alias_count++] = row;
