@@ -5,6 +5,7 @@
 
 #include "core/core.h"
 #include "lg-identify/identify.h"
+#include "machine/internal.h"
 
 /* ---- the model's terms at given states, on a tape ---- */
 
@@ -25,21 +26,14 @@ typedef struct asked {
 
 static void scale_rows(const lg_machine *machine, const asked *a, size_t first, size_t count, double *q,
                        double *v, double *u) {
-    const lg_machine_scales *s = &machine->scales;
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
-    memcpy(q, a->q + first * nq, count * nq * sizeof *q);
-    for (size_t r = 0; r < count; r++) {
-        double *at = q + r * nq;
-        size_t place = 0;
-        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const lg_coordinate_kind kind = machine->coordinates[i].kind;
-            for (uint32_t k = 0; k < lg_coordinate_row_of(kind)->places; k++) at[k] /= s->place[place++];
-            at += lg_coordinate_positions(kind);
-        }
-        for (size_t k = 0; k < nv; k++) v[r * nv + k] = a->v[(first + r) * nv + k] * s->time / s->velocity[k];
-        for (size_t k = 0; k < m; k++)
-            u[r * m + k] = a->u != NULL ? a->u[(first + r) * m + k] / s->input[k] : 0;
-    }
+    double unit[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
+    for (size_t i = 0; i < nq + nv; i++) unit[i] = 1;
+    lg_machine_unscale_row(machine, unit, unit + nq);
+    for (size_t i = 0; i < count * nq; i++) q[i] = a->q[first * nq + i] / unit[i % nq];
+    for (size_t i = 0; i < count * nv; i++) v[i] = a->v[first * nv + i] / unit[nq + i % nv];
+    for (size_t i = 0; i < count * m; i++)
+        u[i] = a->u != NULL ? a->u[first * m + i] / machine->scales.input[i % m] : 0;
 }
 
 static lg_status read_force(lg_tape *tape, const lg_machine *machine, lg_var f, const double *v, size_t count,
