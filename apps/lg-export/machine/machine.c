@@ -99,7 +99,7 @@ static void tell(export_model *m) {
     export_units(source, "those of the log; momenta are mass times velocity");
     lg_text_add(about,
                 "manifold      A state off it is not projected; steps keep the distance but for rounding.\n");
-    export_tell_motion(m, "field", "by how much the machine multiplies rounding, and the tolerance");
+    export_tell_motion(m);
     lg_text_add(about, "%s", source->range.data);
     tell_training(m);
 }
