@@ -8,15 +8,6 @@ static void tangent_coordinates(const real *state, const real *vector, real *c) 
         }
 }
 
-/* out (STATE) = jx (STATE, numbers of a copy) direction */
-static void move_along(int numbers, const real *jx, const real *direction, real *out) {
-    for (int i = 0; i < STATE; i++) {
-        real sum = REAL(0.0);
-        for (int k = 0; k < numbers; k++) sum += jx[i * STATE + k] * direction[k];
-        out[i] = sum;
-    }
-}
-
 void NAME_linearise(const NAME_real *state, const NAME_real *input, NAME_real *A, NAME_real *B,
                     NAME_real *work) {
     real *jx = work, *ju = jx + STATE * STATE, *vector = ju + STATE * INPUT, *c = vector + STATE;
@@ -28,7 +19,10 @@ void NAME_linearise(const NAME_real *state, const NAME_real *input, NAME_real *A
         for (int j = 0; j < factors[f][1] * tangent_of(factors[f][0]); j++) {
             const int numbers = factors[f][0], k = j % tangent_of(numbers);
             copy_direction(numbers, state + at, k, direction);
-            move_along(numbers, jx + at, direction, vector);
+            for (int i = 0; i < STATE; i++) {
+                vector[i] = REAL(0.0);
+                for (int l = 0; l < numbers; l++) vector[i] += jx[i * STATE + at + l] * direction[l];
+            }
             tangent_coordinates(state, vector, c);
             for (int i = 0; i < TANGENT; i++) A[i * TANGENT + column] = c[i];
             column++;
