@@ -1,4 +1,4 @@
-/* Learned Hamiltonians: the description in NAME.h. */
+/* Learned Hamiltonians: the condition of the mass matrix, and the description in NAME.h. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -6,6 +6,30 @@
 #include "lg-export/faces.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/minimise.h"
+
+/* ---- the mass matrix ---- */
+
+/* Sets the condition of the source from the mass matrix m without the model's scales: with W = m^-1, max_i
+ * m_ii W_ii >= 1 multiplies the rounding errors of systems solved with m. It says how nearly the rows of m are
+ * linearly dependent, whatever their scale. Up to 20 it needs no factor: the tolerance, 20 eps depth, has room
+ * for that. Returns false if W has numbers that the exported type cannot hold. */
+static bool find_condition(export_source *source, const lg_hamiltonian *model, const double *theta) {
+    const size_t k = model->n;
+    APP_FREE double *m = app_alloc(k * k, sizeof *m), *W = app_alloc(k * k, sizeof *W),
+                    *diagonal = app_alloc(k, sizeof *diagonal);
+    lg_hamiltonian inner = *model;
+    bool fits = true;
+    inner.scales = (lg_hamiltonian_scales){1.0, {1.0, 1.0}};
+    if (lg_hamiltonian_mass(&inner, theta, m) != LG_OK) return true;
+    for (size_t i = 0; i < k; i++) diagonal[i] = m[i * k + i], W[i * k + i] = 1.0;
+    if (lg_normal_equations(k, k, 0.0, m, W) != LG_OK) return false;
+    for (size_t i = 0; i < k; i++) {
+        source->condition = fmax(source->condition, diagonal[i] * W[i * k + i] / 20.0);
+        fits = fits && diagonal[i] > 0.0;
+        for (size_t j = 0; j < k; j++) fits = fits && isfinite(export_round(source->options, W[i * k + j]));
+    }
+    return fits;
+}
 
 /* ---- description in NAME.h ---- */
 
@@ -124,14 +148,14 @@ static size_t depth_of(const void *contents) {
 static void begin(export_model *m) {
     const lg_hamiltonian_file *file = m->file->contents;
     const lg_hamiltonian *model = &file->run.model;
-    const size_t k = model->n;
-    APP_FREE double *mass = app_alloc(k * k + k, sizeof *mass);
     char copies[64];
     (void)snprintf(copies, sizeof copies, "copies, each a %s", model->family->copy);
-    export_size(m->source, "LINKS", k, copies);
-    if (lg_hamiltonian_mass(model, file->theta, mass) == LG_OK &&
-        lg_normal_equations(k, 1, 0, mass, mass + k * k) != LG_OK)
-        app_stop(m->self, LG_FORMAT, "%s: the mass matrix is not positive definite", m->self->arguments[0]);
+    export_size(m->source, "LINKS", model->n, copies);
+    if (!find_condition(m->source, model, file->theta))
+        app_stop(m->self, LG_FORMAT,
+                 "%s: the mass matrix is not positive definite, or its inverse is not a number of the "
+                 "exported type",
+                 m->self->arguments[0]);
 }
 
 const export_kind export_kind_hamiltonian = {
