@@ -9,10 +9,10 @@
 
 /* ---- the mass matrix ---- */
 
-/* Sets the condition of the source from the mass matrix m without the model's scales: with W = m^-1, max_i
- * m_ii W_ii >= 1 multiplies the rounding errors of systems solved with m. It says how nearly the rows of m are
- * linearly dependent, whatever their scale. Up to 20 it needs no factor: the tolerance, 20 eps depth, has room
- * for that. Returns false if W has numbers that the exported type cannot hold. */
+/* Sets the condition of the source from the mass matrix m without the model's scales: with W = m^-1, the
+ * largest m_ii W_ii >= 1 multiplies the rounding errors of systems solved with m. It says how nearly the rows
+ * of m are linearly dependent, whatever their scale. Up to 20 it needs no factor: the tolerance, 20 eps
+ * depth, has room for that. Returns false if W has numbers that the exported type cannot hold. */
 static bool find_condition(export_source *source, const lg_hamiltonian *model, const double *theta) {
     const size_t k = model->n;
     APP_FREE double *m = app_alloc(k * k, sizeof *m), *W = app_alloc(k * k, sizeof *W),
