@@ -56,8 +56,8 @@ int lg_taped_invert(size_t n, double *a, double *swaps);
 lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                  const lg_taped_span *over, const lg_parts *y, lg_parts *out);
 
-/* Adds the functions velocity (x, u) -> x' and jac_velocity, unless the program has them, to a program with the
- * function field (x, u -> algebra element of the space); u may be missing. */
+/* Adds the functions velocity (x, u) -> x' and jac_velocity, unless the program has them, to a program with
+ * the function field (x, u -> algebra element of the space); u may be missing. */
 lg_status lg_program_add_velocity(lg_program *program, const lg_space *space, lg_error *error);
 
 /* Equations r(x) = 0 of independent rows; x and r are (B, n). They may use variables that were made before,

@@ -167,8 +167,9 @@ typedef struct lg_point_error {
     uint32_t coordinate, number;
     lg_run_error kind;
 } lg_point_error;
-/* The errors of a predicted row of a log, at most LG_POINT_ERRORS; returns how many. Differences of angles are
- * wrapped. turned: directions and rotations have one angle each, instead of differences of their numbers. */
+/* The errors of a predicted row of a log, at most LG_POINT_ERRORS; returns how many. Differences of angles
+ * are wrapped. turned: directions and rotations have one angle each, instead of differences of their
+ * numbers. */
 size_t lg_point_errors(const lg_machine *machine, const double *q, const double *v, const double *given_q,
                        const double *given_v, bool turned, lg_point_error *out);
 
@@ -365,8 +366,8 @@ lg_status lg_machine_approach(struct lg_training *self, const lg_machine_problem
  * in and out: the parameters of `machine`, then those of all starts (short_fits.c). */
 lg_status lg_machine_fit_candidates(struct lg_training *self, const lg_machine *machine, double *theta,
                                     lg_error *error);
-/* Positions q and velocities v of all rows from polynomials of a degree up to 3 through 2 half + 1 rows, fewer
- * at the ends of parts. NaN where too few rows have a position (smooth.c). */
+/* Positions q and velocities v of all rows from polynomials of a degree up to 3 through 2 half + 1 rows,
+ * fewer at the ends of parts. NaN where too few rows have a position (smooth.c). */
 void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uint32_t half, uint32_t degree,
                        double *q, double *v);
 /* The trainer's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
