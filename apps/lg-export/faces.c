@@ -182,17 +182,13 @@ static lg_status add_golden(export_model *m) {
 
 /* ---- condition ---- */
 
-lg_status export_keep_condition(export_model *m, lg_error *error) {
-    return LG_OK;
-}
-
 /* Windows at which the condition is measured besides the golden ones, which may be few. */
 enum { WINDOWS = 48 };
 
 /* Sets source->condition to the largest factor by which one of these functions multiplies rounding errors at
  * the golden vectors: grad, field and step of models that move; value and grad of other models, rounded up to
  * a whole number. A gradient with kinks is left out: rounding may choose either side. */
-lg_status export_measure_condition(export_model *m, lg_error *error) {
+static lg_status measure_condition(export_model *m, lg_error *error) {
     static const char *const names[] = {"value", "grad", "field", "step"};
     const export_golden *golden = &m->source->golden;
     const bool kinks = m->kind->kinks != NULL && m->kind->kinks(m->file->contents);
@@ -232,13 +228,12 @@ static size_t parameters_of(const lg_program *program) {
 static void write_model(export_model *m) {
     lg_error error = {LG_OK, ""};
     add_code(m);
-    lg_status status = add_golden(m);
+    const lg_status status = add_golden(m);
     if (status != LG_OK)
         app_stop(m->self, status == LG_NOT_FINITE ? LG_FILE : status,
                  "%s: golden vectors of its field and step: %s", m->source->options->file,
                  lg_status_sentence(status));
-    status = m->kind->condition != NULL ? m->kind->condition(m, &error) : export_measure_condition(m, &error);
-    app_must_file(m->self, status, &error, m->source->options->file);
+    app_must_file(m->self, measure_condition(m, &error), &error, m->source->options->file);
     m->kind->tell(m);
     export_warn_delay(m->self, m->source);
 }

@@ -63,9 +63,6 @@ struct export_face {
 struct export_kind {
     const lg_recipe *recipe; /* NULL in the row for all other kinds. */
     uint64_t stream;         /* Stream of the random numbers that golden vectors are drawn from. */
-    /* NAME_STEP_EVALUATIONS is described as the number of evaluations of the network's gradient, not of the
-     * field. */
-    bool gradient;
     /* Describes the state, the input and the range of the data in words, and sets the data's dt; used for
      * every target. */
     void (*words)(const void *contents, export_source *source);
@@ -84,8 +81,6 @@ struct export_kind {
     /* Whether the gradient of these contents jumps somewhere. NULL: it does not. */
     bool (*kinks)(const void *contents);
     size_t (*depth)(const void *contents); /* NULL: the depth of the written functions. */
-    /* Sets source->condition. NULL: the condition is measured at the golden vectors. */
-    lg_status (*condition)(export_model *m, lg_error *error);
     /* Fills in the names of the classes and the shape of the window. NULL: the classes have no names. */
     void (*window)(const void *contents, export_window *out);
     void (*tell)(export_model *m); /* Adds lines to source->about. */
@@ -119,14 +114,9 @@ size_t export_work_of(const export_model *m, const char *function);
 /* Turns `y` (dim numbers, all 0) into the state at rest: places 0, directions down, rotations the identity
  * (load.c). */
 void export_rest(const lg_space *space, double *y);
-/* The `condition` of kinds whose condition is 1 or was set before the code is written: changes nothing. */
-lg_status export_keep_condition(export_model *m, lg_error *error);
-/* The `condition` that is measured at the golden vectors. */
-lg_status export_measure_condition(export_model *m, lg_error *error);
 /* Adds a line such as "state (6)     q1 p1" to `about`: what (count), words. */
 void export_tell_numbers(text *about, const char *what, size_t count, const char *words);
-/* Adds lines about the scheme, about `what` (the function that a step evaluates), and about the condition if
- * it exceeds 1 (motion.c). */
-void export_tell_motion(const export_model *m, const char *what, const char *condition);
+/* Adds lines about the scheme, and about the condition if it exceeds 1 (motion.c). */
+void export_tell_motion(const export_model *m);
 
 #endif

@@ -89,13 +89,6 @@ static bool moves(const export_model *m) {
            (!forced || numbers_of(in, ins, 1) == m->forces);
 }
 
-/* Returns whether the field has as many numbers as the state, and the model has neither the face of states
- * nor the face of the linearisation. */
-static bool is_plain(const export_model *m) {
-    return m->dim == m->algebra && !export_has(m, &export_face_states) &&
-           !export_has(m, &export_face_linearise);
-}
-
 /* Evaluations of the field (or of the force, with splitting schemes) per step. */
 static size_t evaluations_of(const export_model *m) {
     static const char *const callees[] = {"field", "force"};
@@ -107,29 +100,26 @@ static size_t evaluations_of(const export_model *m) {
     return count;
 }
 
-static void add_evaluations(export_model *m) {
-    export_size(m->source, "STEP_EVALUATIONS", evaluations_of(m),
-                m->kind->gradient ? "of the network's gradient in a step" : "of the field in a step");
-}
-
 static void motion_code(export_model *m) {
     export_source *source = m->source;
     const char *name = source->options->name;
     const bool energy = export_has(m, &export_face_value) && source->outputs == 1;
     lg_text_add(&source->code, "\n");
     export_constant(source, "STATE", m->dim);
-    if (m->forces > 0) export_constant(source, "INPUT", m->forces);
+    export_constant(source, "INPUT", m->forces);
+    /* Functions of models without an input have no such argument. */
+    lg_text_add(&source->code, m->forces > 0 ? "static const real no_input[INPUT] = {REAL(0.0)};\n"
+                                               "#define GIVEN (input != NULL ? input : no_input),\n"
+                                               "#define INTO(ju) ju,\n"
+                                             : "#define GIVEN\n#define INTO(ju)\n");
     add_arrival(source, m->space, export_has(m, &export_face_linearise));
-    export_code(source, m->forces > 0 ? "forced" : "unforced");
-    lg_text_add(&source->code, "\n");
     if (energy) export_code(source, "hamiltonian");
     export_code(source, "motion");
     source->work += m->dim;
-    export_size(source, "STATE_SIZE", m->dim,
-                is_plain(m) ? "numbers in state, next and field" : "numbers in state and next");
-    if (!is_plain(m)) export_size(source, "FIELD_SIZE", m->algebra, "numbers in field");
+    export_size(source, "STATE_SIZE", m->dim, "numbers in state and next");
+    export_size(source, "FIELD_SIZE", m->algebra, "numbers in field");
     export_size(source, "INPUT_SIZE", m->forces, "numbers in an input");
-    if (!export_has(m, &export_face_states)) add_evaluations(m);
+    export_size(source, "STEP_EVALUATIONS", evaluations_of(m), "of the field, or of the force, in a step");
     if (energy) lg_text_add_named(&source->declarations, name, energy_declaration);
     lg_text_add_named(&source->declarations, name, motion_declarations);
 }
@@ -137,7 +127,6 @@ static void motion_code(export_model *m) {
 static void states_code(export_model *m) {
     export_size(m->source, "POSITIONS", m->positions, "in the order of the log");
     export_size(m->source, "VELOCITIES", m->velocities, "likewise");
-    add_evaluations(m);
 }
 
 /* ---- the linearisation ---- */
@@ -156,10 +145,8 @@ static const char linearise_declaration[] =
 static void linearise_code(export_model *m) {
     export_source *source = m->source;
     const size_t work = export_work_of(m, "jac_velocity") + m->dim * (m->dim + m->forces + 1) + m->tangent;
-    if (m->forces == 0) export_constant(source, "INPUT", 0);
     export_constant(source, "TANGENT", m->tangent);
-    export_code(source, m->forces > 0 ? "linear_forced" : "linear_unforced");
-    lg_text_add(&source->code, "\n");
+    export_code(source, "tangent");
     export_code(source, "linearise");
     if (work > source->work) source->work = work;
     export_size(source, "TANGENT", m->tangent, "coordinates of the linearisation");
@@ -233,15 +220,7 @@ static void write_golden(const export_model *m) {
     lg_text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", n);
     lg_text_add_reals(&source->test, dtype, 4, m->input, n);
     lg_text_add(&source->test, "};\n");
-    if (is_plain(m)) {
-        export_test_code(source, "test_hamiltonian");
-        return;
-    }
-    const bool states = export_has(m, &export_face_states);
-    export_test_code(source, states ? "test_machine" : "test_motion");
-    export_test_code(source, !export_has(m, &export_face_linearise) ? "test_plain"
-                             : states                               ? "test_linearise"
-                                                                    : "test_linearise_motion");
+    export_test_code(source, "test_motion");
 }
 
 static lg_status motion_golden(export_model *m, size_t at) {
@@ -323,15 +302,18 @@ void export_tell_numbers(text *about, const char *what, size_t count, const char
 }
 
 /* Describes the scheme, the evaluations per step, and the condition. */
-void export_tell_motion(const export_model *m, const char *what, const char *condition) {
+void export_tell_motion(const export_model *m) {
     const lg_scheme *scheme = m->source->options->scheme;
     const size_t evaluations = evaluations_of(m);
     text *about = &m->source->about;
     if (scheme != NULL)
         lg_text_add(about, "step          %s, order %d: %zu evaluation%s of the %s\n", scheme_name(scheme),
-                    scheme->order, evaluations, evaluations == 1 ? "" : "s", what);
+                    scheme->order, evaluations, evaluations == 1 ? "" : "s",
+                    scheme->kind == LG_SCHEME_SPLITTING ? "force" : "field");
     else
         lg_text_add(about, "step          as the file holds it\n");
     if (m->source->condition > 1.0)
-        lg_text_add(about, "condition     %.1f: %s\n", m->source->condition, condition);
+        lg_text_add(about,
+                    "condition     %.1f: by how much the model multiplies rounding, and the tolerance\n",
+                    m->source->condition);
 }

@@ -29,8 +29,7 @@ static void tell(export_model *m) {
     }
     for (size_t i = 0; i < m->count; i++) tell_ports(m, m->functions[i].function, about);
     export_units(m->source, "as the functions say");
-    if (export_has(m, &export_face_motion))
-        export_tell_motion(m, "field", "by how much the model multiplies rounding, and the tolerance");
+    if (export_has(m, &export_face_motion)) export_tell_motion(m);
     export_file_provenance(m->self, m->source, m->self->arguments[0]);
 }
 

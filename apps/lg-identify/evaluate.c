@@ -230,12 +230,10 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     const lg_learned_machine *model = &given->model;
     const lg_machine_log *log = &given->data.logs.log;
     lg_machine_log simple = *log;
-    const lg_machine *machine = model->machine;
-    APP_FREE double *v = app_alloc(log->rows * (machine->velocities + machine->positions), sizeof *v);
+    APP_FREE double *slopes = NULL;
     APP_CLEAN(lg_started_log_destroy) lg_started_log states = {.log = *log};
     if (model->start_rows > 0) {
-        lg_machine_smooth(machine, log, IDENTIFY_HALF, v + log->rows * machine->velocities, v);
-        simple.v = v;
+        simple.v = slopes = identify_slopes(model->machine, log);
         APP_MUST(self, lg_machine_states(model, log, values.every, &states, &error));
     }
     identify_linear linear;
@@ -252,31 +250,27 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     warn_of_horizons(self, out);
 }
 
-/* Adds the terms of one row to *square and *sum. Returns the logarithm of |z - z'|/|z + z'| + 1e-8. */
-static double relative_of(const double *a, const double *b, size_t n, double *square, double *sum) {
-    for (size_t k = 0; k < n; k++) {
-        if (isnan(a[k])) continue;
-        *square += (a[k] - b[k]) * (a[k] - b[k]);
-        *sum += (a[k] + b[k]) * (a[k] + b[k]);
-    }
-    return log((*square > 0 ? sqrt(*square / *sum) : 0) + 1e-8);
-}
-
-static void judge_relative(const lg_machine *machine, const lg_machine_log *log, const size_t *start,
+/* The geometric mean over rows of |z - z'|/|z + z'| + 1e-8. */
+static void judge_relative(const lg_machine *machine, const lg_machine_log *data, const size_t *start,
                            size_t count, verdict *out) {
     const size_t nq = machine->positions, nv = machine->velocities;
     double sum = 0, worst = -INFINITY;
     size_t part = 0;
     for (size_t i = 0; i < count; i++) {
-        while (log->first[part + 1] <= start[i]) part++;
+        while (data->first[part + 1] <= start[i]) part++;
         double mean = 0;
-        for (size_t row = start[i]; row < log->first[part + 1]; row++) {
+        for (size_t row = start[i]; row < data->first[part + 1]; row++) {
             double square = 0, total = 0;
-            if (!machine->accelerations)
-                (void)relative_of(log->q + row * nq, out->q + row * nq, nq, &square, &total);
-            mean += relative_of(lg_log_shown(log) + row * nv, out->v + row * nv, nv, &square, &total);
+            for (size_t k = machine->accelerations ? nq : 0; k < nq + nv; k++) {
+                const size_t at = k < nq ? row * nq + k : row * nv + k - nq;
+                const double a = (k < nq ? data->q : lg_log_shown(data))[at],
+                             b = (k < nq ? out->q : out->v)[at];
+                if (isnan(a)) continue;
+                square += (a - b) * (a - b), total += (a + b) * (a + b);
+            }
+            mean += log((square > 0 ? sqrt(square / total) : 0) + 1e-8);
         }
-        mean /= (double)(log->first[part + 1] - start[i]);
+        mean /= (double)(data->first[part + 1] - start[i]);
         sum += mean;
         worst = fmax(worst, mean);
     }

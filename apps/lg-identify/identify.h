@@ -152,7 +152,8 @@ typedef struct identify_offset {
  * NaN, nothing is compared. */
 void identify_find_offsets(const app *self, const identify_given *given, const size_t *start, size_t count,
                            const double *q, identify_offset *out);
-enum { IDENTIFY_HALF = 10 }; /* of lg_machine_smooth: rows on each side that give a row its velocity */
+/* Velocities (rows, velocities) from lines through 21 positions; the caller frees them. */
+double *identify_slopes(const lg_machine *machine, const lg_machine_log *log);
 /* Velocities (n, velocities), and on each the learned friction plus the force that the model lacks, from n
  * stretches of 20 intervals. Returns n. */
 size_t identify_lacking(const app *self, const identify_given *given, double **velocity, double **force);

@@ -50,25 +50,29 @@ static double force_of(const pushed *p, uint32_t k) {
 /* Sums over the rows of a column of errors e and of the response s to a constant force. */
 typedef struct sums {
     double ee, es, ss, early, late; /* early, late: ss of the second and of the last quarter of each run */
-    size_t early_count, late_count;
+    size_t count, early_count, late_count;
 } sums;
 
 static double column_error(const lg_machine *machine, uint32_t coordinate, double a, double b) {
     return machine->coordinates[coordinate].kind == LG_COORDINATE_ANGLE ? lg_machine_wrap(a - b) : a - b;
 }
 
-static void add_run(const lg_machine *machine, const lg_machine_log *log, const double *q, const double *with,
-                    size_t part, uint32_t coordinate, uint32_t position, sums *out) {
-    const size_t first = log->first[part], rows = log->first[part + 1] - first, nq = machine->positions;
-    for (size_t i = 0; i < rows; i++) {
-        const size_t at = (first + i) * nq + position;
-        const double e = column_error(machine, coordinate, q[at], log->q[at]),
-                     s = column_error(machine, coordinate, with[at], q[at]);
-        if (!isfinite(e) || !isfinite(s)) continue;
-        out->ee += e * e, out->es += e * s, out->ss += s * s;
-        if (4 * i >= rows && 2 * i < rows) out->early += s * s, out->early_count++;
-        if (4 * i >= 3 * rows) out->late += s * s, out->late_count++;
+static sums add_runs(const lg_machine *machine, const lg_machine_log *log, const double *q,
+                     const double *with, uint32_t coordinate, uint32_t position) {
+    sums out = {0};
+    for (size_t part = 0; part < log->parts; part++) {
+        const size_t first = log->first[part], rows = log->first[part + 1] - first;
+        for (size_t i = 0; i < rows; i++) {
+            const size_t at = (first + i) * machine->positions + position;
+            const double e = column_error(machine, coordinate, q[at], log->q[at]),
+                         s = column_error(machine, coordinate, with[at], q[at]);
+            if (!isfinite(e) || !isfinite(s)) continue;
+            out.ee += e * e, out.es += e * s, out.ss += s * s, out.count++;
+            if (4 * i >= rows && 2 * i < rows) out.early += s * s, out.early_count++;
+            if (4 * i >= 3 * rows) out.late += s * s, out.late_count++;
+        }
     }
+    return out;
 }
 
 /* Whether the response to a force still grows at the end, like t or t^2. */
@@ -78,47 +82,26 @@ static bool grows(const sums *s) {
     return s->late / (double)s->late_count > growth * growth * s->early / (double)s->early_count;
 }
 
-static double error_of(const lg_machine *machine, const lg_machine_log *log, const double *q,
-                       uint32_t coordinate, uint32_t position) {
-    double sum = 0;
-    size_t count = 0;
-    for (size_t row = 0; row < log->rows; row++) {
-        const size_t at = row * machine->positions + position;
-        const double e = column_error(machine, coordinate, q[at], log->q[at]);
-        if (isfinite(e)) sum += e * e, count++;
-    }
-    return count > 0 ? sqrt(sum / (double)count) : (double)NAN;
-}
-
-/* Rows that `q` does not predict are not compared. */
-static void hide(const double *q, size_t count, double *with) {
-    for (size_t i = 0; i < count; i++)
-        if (isnan(q[i])) with[i] = (double)NAN;
-}
-
 static void look_at(const app *self, const identify_given *given, pushed *p, const size_t *start,
                     size_t count, const double *q, uint32_t i, double *with, double *v,
                     identify_offset *out) {
     const lg_machine_log *log = &given->data.logs.log;
     const lg_machine *machine = given->model.machine;
-    const size_t all = log->rows * machine->positions;
     const uint32_t position = lg_log_place_of(machine, i).position,
                    velocity = lg_log_place_of(machine, i).velocity;
-    sums s = {0};
     push(p, velocity, 1);
     identify_run_log(self, &p->model, log, start, count, with, v);
     push(p, velocity, -1);
-    hide(q, all, with);
-    for (size_t part = 0; part < log->parts; part++) add_run(machine, log, q, with, part, i, position, &s);
+    const sums s = add_runs(machine, log, q, with, i, position);
     if (!(s.ee > 0 && s.ss > 0) || !grows(&s)) return;
     const double x = -s.es / s.ss;
     push(p, velocity, x);
     identify_run_log(self, &p->model, log, start, count, with, v);
     push(p, velocity, -x);
-    hide(q, all, with);
+    const sums left = add_runs(machine, log, with, q, i, position);
     out->force = x * force_of(p, velocity);
-    out->without = error_of(machine, log, q, i, position);
-    out->with = error_of(machine, log, with, i, position);
+    out->without = sqrt(s.ee / (double)s.count);
+    out->with = sqrt(left.ee / (double)left.count);
     out->integrates = out->with < 0.7 * out->without;
 }
 
@@ -136,6 +119,16 @@ void identify_find_offsets(const app *self, const identify_given *given, const s
         if (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE)
             look_at(self, given, &p, start, count, q, i, with, v, &out[i]);
     }
+}
+
+/* ---- velocities of logs that have positions alone ---- */
+
+double *identify_slopes(const lg_machine *machine, const lg_machine_log *log) {
+    enum { HALF = 10, LINE = 1 };
+    APP_FREE double *q = app_alloc(log->rows * machine->positions, sizeof *q);
+    double *v = app_alloc(log->rows * machine->velocities, sizeof *v);
+    lg_machine_smooth(machine, log, HALF, LINE, q, v);
+    return v;
 }
 
 /* ---- forces that the model lacks ---- */
@@ -160,14 +153,11 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
     const size_t nq = machine->positions, nv = machine->velocities, points = STEPS + 1;
     lg_machine_log log = given->data.logs.log;
     APP_CLEAN(pushed_destroy) pushed p = {.model = {.machine = NULL}};
-    APP_FREE double *slopes = app_alloc(log.rows * (nv + nq), sizeof *slopes);
+    APP_FREE double *slopes = NULL;
     APP_FREE size_t *start = app_alloc(log.rows, sizeof *start);
     *velocity = *force = NULL;
     if (machine->accelerations || !pushed_create(self, given, &p)) return 0;
-    if (given->model.start_rows > 0) {
-        lg_machine_smooth(machine, &log, IDENTIFY_HALF, slopes + log.rows * nv, slopes);
-        log.v = slopes;
-    }
+    if (given->model.start_rows > 0) log.v = slopes = identify_slopes(machine, &log);
     const size_t count = find_stretches(machine, &log, STEPS, start);
     if (count == 0) return 0;
     APP_FREE double *q = app_alloc(count * points * nq, sizeof *q);

@@ -16,8 +16,8 @@ struct lg_ekf {
     bool exact; /* all sensors measure numbers of the state, so H is exact */
     lg_sensor *sensors;
     double *state, *root, *noise; /* estimate (d), L (r, r), W^1/2 (r, r) */
-    /* Scratch. next .. column: states and velocities (d); c: coordinates (r). */
-    double *next, *middle, *from, *to, *column, *c;
+    /* Scratch. next .. to: states and velocities (d); c: coordinates (r). */
+    double *next, *middle, *from, *to, *c;
     double *J, *basis, *stage, *slope, *X; /* J (d, d), the others (d, r) */
     double *F, *array;                     /* (r, r); array (r, 2 r) or (k + r, k + r) */
     double *H, *nu, *high, *low;           /* H (k, r), the others (k) */
@@ -34,7 +34,7 @@ static size_t plan_memory(const lg_model *model, const lg_scheme *scheme, size_t
     lg_portions from = {memory, 0};
     const size_t d = model->inputs, r = lg_model_tangent_dim(model), side = k + r;
     const size_t array = side * side > 2 * r * r ? side * side : 2 * r * r;
-    double **const states[] = {&e->state, &e->next, &e->middle, &e->from, &e->to, &e->column};
+    double **const states[] = {&e->state, &e->next, &e->middle, &e->from, &e->to};
     double **const frames[] = {&e->basis, &e->stage, &e->slope, &e->X};
     double **const squares[] = {&e->root, &e->noise, &e->F};
     double **const measured[] = {&e->nu, &e->high, &e->low};
@@ -153,15 +153,6 @@ void lg_ekf_covariance(const lg_ekf *ekf, double *P) {
                 lg_kernels_for(LG_F64)->dot(j + 1, ekf->root + i * r, ekf->root + j * r);
 }
 
-/* Column j of out (r, r) = coordinates at `state` of the tangent vector in column j of X (d, r). */
-static void coordinates(const lg_ekf *e, const double *state, const double *X, double *out) {
-    for (size_t j = 0; j < e->r; j++) {
-        for (size_t i = 0; i < e->d; i++) e->column[i] = X[i * e->r + j];
-        lg_space_coordinates(&e->model->space, state, e->column, e->c);
-        for (size_t i = 0; i < e->r; i++) out[i * e->r + j] = e->c[i];
-    }
-}
-
 /* ---- predict ---- */
 
 /* One stage of the Runge-Kutta method for X' = J X: with k = J (basis + ahead slope), X += weight k and then
@@ -211,7 +202,7 @@ lg_status lg_ekf_predict(lg_ekf *ekf, double h, const double *input) {
     if (!(h > 0.0) || !isfinite(h)) return LG_INVALID_ARGUMENT;
     LG_TRY(lg_stepper_step(e->stepper, 0.0, h, e->state, input, e->next));
     flow_derivative(e, h, input);
-    coordinates(e, e->next, e->X, e->F);
+    lg_model_coordinates(e->model, e->next, e->X, r, e->array, e->F); /* d + r <= (1 + r)^2 numbers */
     lg_kernels_for(LG_F64)->gemm(r, r, r, e->F, r, 1, e->root, r, e->array, 2 * r, false);
     for (size_t i = 0; i < r; i++)
         for (size_t j = 0; j < r; j++) e->array[i * 2 * r + r + j] = sqrt(h) * e->noise[i * r + j];

@@ -5,7 +5,7 @@
 
 #include "autodiff/tape/tape_internal.h"
 #include "control/policy.h"
-#include "liegrad/geometry.h"
+#include "liegrad/integrators.h"
 #include "model/record.h"
 
 typedef struct motion {
@@ -206,18 +206,12 @@ static bool moves(const lg_policy_coordinate *c) {
     return c->velocity[0] != '\0';
 }
 
-/* Two unit vectors across g. */
+/* Two unit vectors across g, from the basis of the tangent space. */
 static void plane_across(const double *g, double *E) {
-    double e[3] = {0, 0, 0}, first[3], second[3];
-    const int least = fabs(g[0]) <= fabs(g[1]) && fabs(g[0]) <= fabs(g[2]) ? 0
-                      : fabs(g[1]) <= fabs(g[2])                           ? 1
-                                                                           : 2;
-    e[least] = 1.0;
-    lg_cross3(g, e, first);
-    const double length = sqrt(lg_dot3(first, first));
-    for (int i = 0; i < 3; i++) first[i] /= length;
-    lg_cross3(g, first, second);
-    for (int i = 0; i < 3; i++) E[2 * i] = first[i], E[2 * i + 1] = second[i];
+    const double y[6] = {g[0], g[1], g[2]};
+    double basis[6 * 4];
+    lg_space_kind_entry(LG_SPACE_TS2)->basis(y, 4, basis);
+    for (int i = 0; i < 3; i++) E[2 * i] = basis[4 * i + 1], E[2 * i + 1] = -basis[4 * i];
 }
 
 void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out) {

@@ -61,14 +61,6 @@ static lg_status drift(void *user, lg_tape *tape, const lg_var *theta, const lg_
     return lg_tape_status(tape);
 }
 
-static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_hamiltonian_vars vars;
-    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = lg_hamiltonian_record_velocity(tape, &vars, x[0], input_of(r, x));
-    return lg_tape_status(tape);
-}
-
 /* The functions of liegrad/constraint.h, of the learned system. */
 
 static lg_status constraint(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
@@ -102,7 +94,7 @@ static lg_status mass(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     return lg_tape_status(tape);
 }
 
-enum { MOST_FUNCTIONS = 9 };
+enum { MOST_FUNCTIONS = 8 };
 
 static lg_status build(const lg_context *context, recording *r, const double *theta, lg_program **out,
                        lg_error *error) {
@@ -120,7 +112,6 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         functions[count++] = (lg_function_spec){"force", half, 2, &rate, 1, force, r};
         functions[count++] = (lg_function_spec){"drift", half, 1, &rate, 1, drift, r};
     }
-    functions[count++] = (lg_function_spec){"velocity", in, inputs, &rate, 1, velocity, r};
     const lg_port q = {.name = "q", .shape = lg_shape1(d / 2)};
     const lg_port of_q[] = {{.name = "g"}, {.name = "V"}, {.name = "M"}};
     if (model->constraint != NULL) {
@@ -143,7 +134,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
 static lg_status finish(const recording *r, lg_program *program, const double *theta, lg_error *error) {
     const lg_space space = lg_hamiltonian_space_of(r->model->family, r->model->n);
     LG_TRY(lg_program_add_step(program, &space, r->scheme, 0.001, 0.05, error));
-    LG_TRY(lg_program_jacobian(program, "velocity", error));
+    LG_TRY(lg_program_add_velocity(program, &space, error));
     const lg_status status = lg_program_set_parameter(program, 0, theta);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "a parameter is not finite");
 }

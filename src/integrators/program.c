@@ -1,6 +1,7 @@
-/* A step as a function of a program. Its right-hand sides call functions of the same program. */
+/* Steps and velocities as functions of a program. They call functions of the same program. */
 #include <math.h>
 
+#include "autodiff/program/program.h"
 #include "core/core.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/program.h"
@@ -78,4 +79,27 @@ lg_status lg_program_add_step(lg_program *program, const lg_space *space, const 
     const lg_port in[3] = {of_field[0], count > 1 ? of_field[1] : h, h};
     const lg_function_spec spec = {"step", in, count + 1, &next, 1, step, &r};
     return lg_program_add_function(program, &spec, error);
+}
+
+static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const lg_space *space = user;
+    lg_var state[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS], rate[LG_TAPED_MAX_PARTS];
+    LG_TRY(lg_taped_split(tape, space, x[0], state));
+    LG_TRY(lg_taped_split_algebra(tape, space, lg_program_call(tape, "field", 0, x), algebra));
+    LG_TRY(lg_taped_generator(tape, space, algebra, state, rate));
+    y[0] = lg_taped_join(tape, space, rate);
+    return lg_tape_status(tape);
+}
+
+lg_status lg_program_add_velocity(lg_program *program, const lg_space *space, lg_error *error) {
+    size_t at, count;
+    const lg_port out = {.name = "f"};
+    if (lg_program_find(program, "jac_velocity", &at, NULL) == LG_OK) return LG_OK;
+    if (lg_program_find(program, "velocity", &at, NULL) != LG_OK) {
+        LG_TRY(lg_program_find(program, "field", &at, error));
+        const lg_port *in = lg_program_inputs(program, at, &count);
+        const lg_function_spec spec = {"velocity", in, count, &out, 1, velocity, (void *)(uintptr_t)space};
+        LG_TRY(lg_program_add_function(program, &spec, error));
+    }
+    return lg_program_jacobian(program, "velocity", error);
 }

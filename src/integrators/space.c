@@ -42,6 +42,24 @@ static double nan_in(size_t n, const double *y) {
         for (size_t i = 0; i < count; i++) ONE(y + (N)*i, g + (N)*i);                                        \
     }
 
+/* ---- tangent coordinates, whose C is also what lg-export writes ---- */
+
+typedef double real;
+#define REAL(number) number
+#define SQRT         sqrt
+#define FABS         fabs
+enum { DIRECTION = 6, ROTATION = 9 }; /* numbers of a copy of T*S^2 and of SO(3) */
+#include "integrators/code/tangent.c"
+
+/* Writes the directions of a copy's coordinates as columns, whose rows are `stride` numbers apart. */
+static void place_directions(int numbers, const double *y, size_t stride, double *out) {
+    double direction[ROTATION];
+    for (int k = 0; k < tangent_of(numbers); k++) {
+        copy_direction(numbers, y, k, direction);
+        for (int i = 0; i < numbers; i++) out[stride * (size_t)i + (size_t)k] = direction[i];
+    }
+}
+
 /* ---- R^n ---- */
 
 static void rn_act(size_t count, const double *a, const double *y, double *out) {
@@ -119,36 +137,12 @@ static void sphere_gradient(const double *q, double *g) {
 }
 EACH_IN_PLACE(ts2_gradient, sphere_gradient, 6)
 
-/* The tangent vectors e_1 and e_2 at q, as defined in liegrad/integrators.h. */
-static void frame_at(const double *q, double e[2][3]) {
-    size_t least = 0;
-    for (size_t c = 1; c < 3; c++)
-        if (fabs(q[c]) < fabs(q[least])) least = c;
-    for (size_t c = 0; c < 3; c++) e[0][c] = (c == least ? 1.0 : 0.0) - q[least] * q[c];
-    const double length = sqrt(lg_dot3(e[0], e[0]));
-    for (size_t c = 0; c < 3; c++) e[0][c] /= length;
-    lg_cross3(q, e[0], e[1]);
-}
-
 static void ts2_basis(const double *y, size_t stride, double *directions) {
-    double e[2][3];
-    frame_at(y, e);
-    for (size_t j = 0; j < 2; j++)
-        for (size_t c = 0; c < 3; c++) {
-            double *dq = directions + stride * c, *dp = dq + 3 * stride;
-            dq[j] = e[j][c];
-            dq[2 + j] = 0.0;
-            dp[j] = -y[c] * lg_dot3(e[j], y + 3);
-            dp[2 + j] = e[j][c];
-        }
+    place_directions(DIRECTION, y, stride, directions);
 }
 
 static void ts2_coordinates(size_t count, const double *y, const double *vector, double *c) {
-    for (size_t i = 0; i < count; i++, y += 6, vector += 6, c += 4) {
-        double e[2][3];
-        frame_at(y, e);
-        for (size_t j = 0; j < 4; j++) c[j] = lg_dot3(e[j % 2], vector + 3 * (j / 2));
-    }
+    for (size_t i = 0; i < count; i++) copy_coordinates(DIRECTION, y + 6 * i, vector + 6 * i, c + 4 * i);
 }
 
 /* Solves (u x q, u x p + v x q) = (dq, dp) for u and v orthogonal to q: u = q x dq, v = q x (dp - u x p). */
@@ -279,26 +273,12 @@ static double se3_manifold_error(size_t count, const double *y) {
 EACH_IN_PLACE(so3_gradient, rotation_gradient, SO3_STATE)
 EACH_IN_PLACE(se3_gradient, rotation_gradient, SE3_STATE)
 
-/* dR = R hat(c), so column j of dR is R (c x e_j). */
 static void so3_basis(const double *R, size_t stride, double *directions) {
-    for (size_t row = 0; row < 3; row++)
-        for (size_t j = 0; j < 3; j++) {
-            const size_t k = (j + 1) % 3, l = (j + 2) % 3; /* e_k x e_j = -e_l, e_l x e_j = e_k */
-            double *out = directions + stride * (3 * row + j);
-            out[j] = 0.0;
-            out[k] = -R[3 * row + l];
-            out[l] = R[3 * row + k];
-        }
+    place_directions(ROTATION, R, stride, directions);
 }
 
 static void rotation_coordinates(const double *R, const double *dR, double *c) {
-    double a[9];
-    for (size_t i = 0; i < 3; i++)
-        for (size_t j = 0; j < 3; j++)
-            a[3 * i + j] = R[i] * dR[j] + R[3 + i] * dR[3 + j] + R[6 + i] * dR[6 + j];
-    c[0] = 0.5 * (a[7] - a[5]);
-    c[1] = 0.5 * (a[2] - a[6]);
-    c[2] = 0.5 * (a[3] - a[1]);
+    copy_coordinates(ROTATION, R, dR, c);
 }
 
 /* Solves dR = hat(u) R: with dR = R hat(c), u = R c. */

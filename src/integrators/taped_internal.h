@@ -3,6 +3,7 @@
 #define LG_TAPED_INTERNAL_H
 
 #include "core/core.h"
+#include "liegrad/program.h"
 #include "liegrad/taped.h"
 
 /* A point of a space or an element of its algebra. */
@@ -54,6 +55,10 @@ int lg_taped_invert(size_t n, double *a, double *swaps);
 /* One step of LG_SCHEME_IMPLICIT or LG_SCHEME_SLGI; `out` may be `y`. */
 lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                  const lg_taped_span *over, const lg_parts *y, lg_parts *out);
+
+/* Adds the functions velocity (x, u) -> x' and jac_velocity, unless the program has them, to a program with
+ * the function field (x, u -> algebra element of the space); u may be missing. */
+lg_status lg_program_add_velocity(lg_program *program, const lg_space *space, lg_error *error);
 
 /* Equations r(x) = 0 of independent rows; x and r are (B, n). They may use variables that were made before,
  * and must not keep variables that they make. */

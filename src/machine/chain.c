@@ -125,18 +125,21 @@ static lg_status tape_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *a
     return LG_OK;
 }
 
-lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
-    const uint32_t n = c->axes.numbers;
+void lg_chain_move(const lg_kernels *k, lg_chain *c, uint32_t j, const double *A) {
     const size_t d = c->axes.count;
-    if (!lg_chain_plan_interval(tape, c, j)) LG_TRY(tape_interval(tape, c, j, at));
+    double *spare = c->S;
     if (j > 0 || c->own > 0)
         for (size_t s = 0; s < c->count; s++)
-            tape->k->gemm(d, c->columns, d, c->A + s * d * d, d, 1, c->S + s * d * c->columns, c->columns,
-                          c->moved + s * d * c->columns, c->columns, true);
-    double *spare = c->S;
+            k->gemm(d, c->columns, d, A + s * d * d, d, 1, c->S + s * d * c->columns, c->columns,
+                    c->moved + s * d * c->columns, c->columns, true);
     c->S = c->moved;
     c->moved = spare;
-    memcpy(c->z, c->next, c->count * n * sizeof *c->z);
+}
+
+lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
+    if (!lg_chain_plan_interval(tape, c, j)) LG_TRY(tape_interval(tape, c, j, at));
+    lg_chain_move(tape->k, c, j, c->A);
+    memcpy(c->z, c->next, c->count * c->axes.numbers * sizeof *c->z);
     return LG_OK;
 }
 

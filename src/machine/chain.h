@@ -79,6 +79,8 @@ static inline size_t lg_chain_row(const lg_chain *c, size_t sample, uint32_t poi
 }
 /* Sets z and S at the first points of all windows. */
 lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c);
+/* Moves S over the interval from point j: S becomes A S plus `moved`, the derivatives by theta. */
+void lg_chain_move(const lg_kernels *k, lg_chain *c, uint32_t j, const double *A);
 /* Moves z and S over the interval from point j to point j + 1. at: LG_FIT_CHUNK numbers of memory. */
 lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at);
 /* The part of it that recordings take: fills `next`, A and the derivatives by theta in the first columns of

@@ -195,20 +195,6 @@ typedef struct mapping {
     uint32_t used;                                           /* filled rows of S */
 } mapping;
 
-/* Two unit vectors e and f, orthogonal to the unit vector n and to each other. */
-static void across(const double *n, double *e, double *f) {
-    int least = 0;
-    for (int i = 1; i < 3; i++)
-        if (fabs(n[i]) < fabs(n[least])) least = i;
-    double square = 0.0;
-    for (int i = 0; i < 3; i++) {
-        e[i] = (i == least) - n[least] * n[i];
-        square += e[i] * e[i];
-    }
-    for (int i = 0; i < 3; i++) e[i] /= sqrt(square);
-    for (int i = 0; i < 3; i++) f[i] = n[(i + 1) % 3] * e[(i + 2) % 3] - n[(i + 2) % 3] * e[(i + 1) % 3];
-}
-
 static void map_entry(const lg_machine_grey *grey, const lg_parameter_entry *p, uint32_t at, size_t n,
                       mapping *m) {
     const bool positive = p->rule == LG_PARAMETER_POSITIVE;
@@ -217,7 +203,10 @@ static void map_entry(const lg_machine_grey *grey, const lg_parameter_entry *p, 
     for (size_t i = at; i < at + n; i++) m->map[i] = (lg_number_map){.b = grey->start[i], .s = 1.0};
     if (p->rule == LG_PARAMETER_UNIT_VECTOR) {
         if (!grey->unknown[at]) return;
-        across(grey->start + at, rows, rows + grey->count);
+        const double n_at_rest[6] = {grey->start[at], grey->start[at + 1], grey->start[at + 2]};
+        double basis[6 * 4]; /* of the tangent space; its first columns are orthogonal to n */
+        lg_space_kind_entry(LG_SPACE_TS2)->basis(n_at_rest, 4, basis);
+        for (int i = 0; i < 3; i++) rows[i] = basis[4 * i], rows[grey->count + i] = basis[4 * i + 1];
         m->used += 2;
         return;
     }

@@ -421,8 +421,9 @@ lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const
  * rows. */
 void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log, const size_t *at,
                             size_t count, double *positions, double *velocities);
-/* Converts one row of scaled numbers to the units of the log, in place. */
-void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities);
+/* Converts one row of scaled numbers to the units of the log, in place; exported because lg-identify uses
+ * it. */
+LG_API void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities);
 
 /* ---- windows (machine/windows.c, machine/starts.c, machine/train.c, machine/jacobian.c) ---- */
 

@@ -113,11 +113,7 @@ static void pass_S(const lg_kernels *k, run *x, uint32_t j) {
     memset(c->moved, 0, d * c->columns * sizeof *c->moved);
     for (size_t i = 0; i < d; i++)
         memcpy(c->moved + i * c->columns, x->B + (j * d + i) * c->shared, c->shared * sizeof *c->moved);
-    if (j > 0 || c->own > 0)
-        k->gemm(d, c->columns, d, x->A + j * d * d, d, 1, c->S, c->columns, c->moved, c->columns, true);
-    double *spare = c->S;
-    c->S = c->moved;
-    c->moved = spare;
+    lg_chain_move(k, c, j, x->A + j * d * d);
 }
 
 /* As pass_window, for a chain of one window. */

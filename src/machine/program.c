@@ -62,16 +62,11 @@ static void fill_state(recording *r) {
 
 static void fill_log(recording *r) {
     const lg_machine *machine = r->machine;
-    const lg_machine_scales *s = &machine->scales;
     for (uint32_t k = 0; k < machine->positions; k++) r->positions[k] = 1.0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const uint32_t places = lg_coordinate_row_of(machine->coordinates[i].kind)->places;
-        for (uint32_t k = 0; k < places; k++) r->positions[at.position + k] = s->place[at.place + k];
-    }
+    for (uint32_t k = 0; k < machine->velocities; k++) r->velocities[k] = 1.0;
+    lg_machine_unscale_row(machine, r->positions, r->velocities);
     for (uint32_t k = 0; k < r->seen; k++)
-        r->positions[machine->positions + k] = s->input[machine->lagged[k]];
-    for (uint32_t k = 0; k < machine->velocities; k++) r->velocities[k] = s->velocity[k] / s->time;
+        r->positions[machine->positions + k] = machine->scales.input[machine->lagged[k]];
 }
 
 /* Multiplies the columns of x (B, n) by their factors, or divides by them; returns x itself where all factors
@@ -147,17 +142,6 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     LG_TRY(lg_machine_record_field(tape, &vars, parts, u, algebra));
     y[0] = times(tape, lg_taped_join_algebra(tape, &r->full, algebra), r->field,
                  (uint32_t)r->full.algebra_dim, false);
-    return lg_tape_status(tape);
-}
-
-/* Inputs of the function: x, then u if the machine has inputs. */
-static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_var algebra[LG_TAPED_MAX_PARTS], parts[LG_TAPED_MAX_PARTS], rate[LG_TAPED_MAX_PARTS];
-    LG_TRY(lg_taped_split_algebra(tape, &r->full, lg_program_call(tape, "field", 0, x), algebra));
-    LG_TRY(lg_taped_split(tape, &r->full, x[0], parts));
-    LG_TRY(lg_taped_generator(tape, &r->full, algebra, parts, rate));
-    y[0] = lg_taped_join(tape, &r->full, rate);
     return lg_tape_status(tape);
 }
 
@@ -378,7 +362,6 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         {"value", in, 1, energy, 1, value, r},
         {"grad", in, 1, energy, 2, gradient, r},
         {"field", in, inputs, &rate, 1, field, r},
-        {"velocity", in, inputs, &rate, 1, velocity, r},
         {"momenta", logged, 2, &state, 1, momenta, r},
         {"velocities", in, 1, &logged[1], 1, velocities, r},
         {"positions", in, 1, &logged[0], 1, positions, r},
@@ -412,7 +395,7 @@ static lg_status make(const lg_context *context, const lg_machine *machine, cons
     LG_TRY(build(context, &r, theta, &made, error));
     LG_TRY(add_step(made, &r, error));
     if (seen > 0) LG_TRY(add_lag(made, &r, error));
-    LG_TRY(lg_program_jacobian(made, "velocity", error));
+    LG_TRY(lg_program_add_velocity(made, &r.full, error));
     return LG_MOVE(out, made);
 }
 

@@ -35,6 +35,10 @@ void lg_model_run(const lg_model *model, lg_model_function function, const doubl
                   void *work);
 /* Bytes of work, behind the plans' work, that the functions of a moving model need. */
 size_t lg_model_linear_work_size(const lg_model *model);
+/* out (r, columns): the tangent coordinates at `state` of the columns of `matrix` (d, columns). `vector` is
+ * scratch of d + r numbers. */
+void lg_model_coordinates(const lg_model *model, const double *state, const double *matrix, size_t columns,
+                          double *vector, double *out);
 /* c (r): tangent coordinates of the velocity y' at (state, input); input may be NULL, which is zero. */
 void lg_model_drift(const lg_model *model, const double *state, const double *input, double *c, void *work);
 /* The velocity y' (d), and its Jacobian (d, d) by the state, in ambient coordinates. Either may be NULL. */

@@ -19,8 +19,8 @@ typedef struct linear_parts {
     double *zeros;    /* (m): an input of zeros */
     double *jx, *ju;  /* (d, d), (d, m): Jacobians of y' */
     double *basis;    /* (d, r): of the tangent space */
-    double *velocity; /* (d): an ambient vector, scratch */
-    double *c;        /* (r): coordinates, scratch */
+    double *moved;    /* (d, r): jx basis */
+    double *velocity; /* (d + r): an ambient vector and coordinates, scratch */
     double *search;   /* (2 d + 3 r + 2 r r): for lg_model_equilibrium */
 } linear_parts;
 
@@ -29,7 +29,7 @@ typedef struct linear_parts {
 static linear_parts parts_of(const lg_model *model, void *work, size_t *doubles) {
     const size_t d = lg_model_moves(model) ? model->inputs : 0, m = lg_model_input_dim(model),
                  r = lg_model_tangent_dim(model);
-    const size_t sizes[] = {m, d * d, d * m, d * r, d, r, 2 * d + 3 * r + 2 * r * r};
+    const size_t sizes[] = {m, d * d, d * m, d * r, d * r, d + r, 2 * d + 3 * r + 2 * r * r};
     double *at[LG_COUNT(sizes)] = {NULL};
     *doubles = 0;
     for (size_t i = 0; i < LG_COUNT(sizes); i++) {
@@ -52,28 +52,13 @@ const double *lg_model_no_input(const lg_model *model, void *work) {
     return zeros;
 }
 
-/* out (r, columns) = C times `matrix` (d, columns). */
-static void to_coordinates(const lg_model *model, const double *state, const double *matrix, size_t columns,
-                           const linear_parts *w, double *out) {
+void lg_model_coordinates(const lg_model *model, const double *state, const double *matrix, size_t columns,
+                          double *vector, double *out) {
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);
     for (size_t j = 0; j < columns; j++) {
-        for (size_t i = 0; i < d; i++) w->velocity[i] = matrix[i * columns + j];
-        lg_space_coordinates(&model->space, state, w->velocity, w->c);
-        for (size_t i = 0; i < r; i++) out[i * columns + j] = w->c[i];
-    }
-}
-
-/* A = C jx basis, column by column. */
-static void fill_A(const lg_model *model, const double *state, const linear_parts *w, double *A) {
-    const size_t d = model->inputs, r = lg_model_tangent_dim(model);
-    for (size_t j = 0; j < r; j++) {
-        for (size_t i = 0; i < d; i++) {
-            double sum = 0.0;
-            for (size_t k = 0; k < d; k++) sum += w->jx[i * d + k] * w->basis[k * r + j];
-            w->velocity[i] = sum;
-        }
-        lg_space_coordinates(&model->space, state, w->velocity, w->c);
-        for (size_t i = 0; i < r; i++) A[i * r + j] = w->c[i];
+        for (size_t i = 0; i < d; i++) vector[i] = matrix[i * columns + j];
+        lg_space_coordinates(&model->space, state, vector, vector + d);
+        for (size_t i = 0; i < r; i++) out[i * columns + j] = vector[d + i];
     }
 }
 
@@ -88,8 +73,11 @@ lg_status lg_model_linearise(const lg_model *model, const double *state, const d
     double *const y[] = {A != NULL ? w.jx : NULL, m > 0 && B != NULL ? w.ju : NULL};
     lg_model_run(model, LG_MODEL_LINEAR, x, y, work);
     lg_space_basis(&model->space, state, w.basis);
-    if (A != NULL) fill_A(model, state, &w, A);
-    if (B != NULL) to_coordinates(model, state, w.ju, m, &w, B);
+    if (A != NULL) {
+        lg_matrix_multiply(d, r, d, w.jx, w.basis, w.moved);
+        lg_model_coordinates(model, state, w.moved, r, w.velocity, A);
+    }
+    if (B != NULL) lg_model_coordinates(model, state, w.ju, m, w.velocity, B);
     if (basis != NULL) memcpy(basis, w.basis, d * r * sizeof *basis);
     return LG_OK;
 }
@@ -136,18 +124,9 @@ lg_status lg_model_retract(const lg_model *model, const double *state, const dou
     size_t doubles;
     const linear_parts w = parts_of(model, work, &doubles);
     lg_space_basis(&model->space, state, w.basis);
-    for (size_t i = 0; i < d; i++) {
-        w.velocity[i] = 0.0;
-        for (size_t j = 0; j < r; j++) w.velocity[i] += w.basis[i * r + j] * c[j];
-    }
+    lg_matrix_multiply(d, 1, r, w.basis, c, w.velocity);
     lg_space_retract(&model->space, state, w.velocity, out, NULL);
     return LG_OK;
-}
-
-static double squares(size_t n, const double *x) {
-    double sum = 0.0;
-    for (size_t i = 0; i < n; i++) sum += x[i] * x[i];
-    return sum;
 }
 
 typedef struct search {
@@ -174,7 +153,7 @@ static bool descend(const lg_model *model, const double *input, const search *s,
     for (int halving = 0; halving < 40; halving++) {
         if (lg_model_retract(model, s->at, s->step, s->trial, work) != LG_OK) return false;
         lg_model_drift(model, s->trial, input, s->ahead, work);
-        if (squares(r, s->ahead) < squares(r, s->drift)) {
+        if (lg_matrix_norm(r, s->ahead) < lg_matrix_norm(r, s->drift)) {
             memcpy(s->at, s->trial, d * sizeof *s->at);
             memcpy(s->drift, s->ahead, r * sizeof *s->drift);
             return true;
@@ -205,7 +184,7 @@ lg_status lg_model_equilibrium(const lg_model *model, const double *input, doubl
         norm = lg_matrix_norm(r * r, s.A);
         if (!newton_step(r, &s) || !descend(model, input, &s, work)) break;
     }
-    if (!(sqrt(squares(r, s.drift)) <= 1e-9 * norm)) return LG_NO_CONVERGENCE;
+    if (!(lg_matrix_norm(r, s.drift) <= 1e-9 * norm)) return LG_NO_CONVERGENCE;
     for (size_t i = 0; i < r; i++) most = fmax(most, fabs(s.drift[i]));
     memcpy(state, s.at, d * sizeof *state);
     if (drift != NULL) *drift = most;

@@ -84,41 +84,19 @@ static lg_status check_functions(const lg_model *model, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- the velocity and its Jacobian, from the field ---- */
-
-static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const lg_space *space = user;
-    lg_var state[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS], rate[LG_TAPED_MAX_PARTS];
-    (void)theta;
-    LG_TRY(lg_taped_split(tape, space, x[0], state));
-    LG_TRY(lg_taped_split_algebra(tape, space, lg_program_call(tape, "field", 0, x), algebra));
-    LG_TRY(lg_taped_generator(tape, space, algebra, state, rate));
-    y[0] = lg_taped_join(tape, space, rate);
-    return lg_tape_status(tape);
-}
-
-static lg_status add_velocity(lg_model *model, lg_error *error) {
-    size_t field, inputs;
-    const lg_port out = {.name = "f"};
-    if (lg_program_find(model->program, "field", &field, NULL) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "the model has a space, but no function 'field'");
-    const lg_port *in = lg_program_inputs(model->program, field, &inputs);
-    LG_TRY(check_state(model, lg_shape_count(in[0].shape), error));
-    const lg_function_spec spec = {"velocity", in, inputs, &out, 1, velocity, &model->space};
-    return lg_program_record_function(model->program, &spec, false, error);
-}
-
-static lg_status add_jacobian(lg_model *model, lg_error *error) {
-    size_t at;
-    if (lg_program_find(model->program, function_names[LG_MODEL_LINEAR], &at, NULL) == LG_OK) return LG_OK;
-    if (lg_program_find(model->program, "velocity", &at, NULL) != LG_OK) LG_TRY(add_velocity(model, error));
-    return lg_program_jacobian(model->program, "velocity", error);
-}
-
 /* ---- the handle ---- */
 
+static lg_status add_velocity(lg_model *model, lg_error *error) {
+    size_t field, count;
+    if (lg_program_find(model->program, "field", &field, NULL) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "the model has a space, but no function 'field'");
+    const lg_port *in = lg_program_inputs(model->program, field, &count);
+    LG_TRY(check_state(model, lg_shape_count(in[0].shape), error));
+    return lg_program_add_velocity(model->program, &model->space, error);
+}
+
 static lg_status complete(lg_model *made, lg_error *error) {
-    if (lg_model_moves(made)) LG_TRY(add_jacobian(made, error));
+    if (lg_model_moves(made)) LG_TRY(add_velocity(made, error));
     LG_TRY(make_plans(made, error));
     const lg_plan *value = made->plan[LG_MODEL_VALUE], *field = made->plan[LG_MODEL_FIELD];
     if (value == NULL && field == NULL)

@@ -1,6 +1,7 @@
 /* Parts of the recipe of machines: windows that are held out, numbers that are adapted, the text that a model
  * keeps.
  * ctest-labels: src/machine */
+#include "liegrad/geometry.h"
 #include "machine/files/choice.h"
 #include "machine/internal.h"
 #include "support/machine_models.h"
@@ -248,6 +249,44 @@ TEST("a model has no error on its own run; what is missing does not count, and a
     assert_true(isnan(found.pooled[LG_ERROR_ACCELERATION]) && found.unchanged[LG_ERROR_LINE] > 1e-3);
 }
 
+/* Predicts x 2 too far, the angle 0.3 too far and a turn, the rod 0.5 off, the body 0.7 off. */
+TEST("errors of a point: wrapped angles, angles of attitudes or their numbers, missing and infinite ones") {
+    enum { X, A, ROD = 2, BODY = 5 };
+    static const double turn = 6.283185307179586;
+    const double given_q[14] = {1, 0.1, 0, 0, 1, 1, 0, 0, 0, 1, 0, 0, 0, 1}, given_v[8] = {0};
+    const double v[8] = {0.5, 0, 0, 0, 0, 0, 0, -2};
+    double q[14] = {3, 0.4 + turn, 0, sin(0.5), cos(0.5)};
+    lg_point_error e[LG_POINT_ERRORS];
+    const lg_machine_model_file *file = make_machine_model(
+        "coordinates: [{name: x, kind: line, velocity: vx}, {name: a, kind: angle, velocity: va},\n"
+        "  {name: rod, kind: direction, columns: [p, q, r], velocity: [d, e, f]},\n"
+        "  {name: body, kind: rotation, columns: [g, h, i, j], velocity: [k, l, m]}]\n"
+        "mass: diagonal\n",
+        0);
+    const lg_machine *machine = &file->run.machine;
+    lg_so3_exp((const double[3]){0, 0.7, 0}, q + BODY);
+    const double errors[4] = {2, 0.3, 0.5, 0.7}, numbers[4] = {X, A, ROD, BODY};
+    assert_int_equal(lg_point_errors(machine, q, v, given_q, given_v, true, e), 4 + 8);
+    for (uint32_t i = 0, at = 0; i < 4; i++) {
+        assert_close(e[at].error, errors[i], 1e-12, 0);
+        assert_true(e[at].coordinate == i && e[at].kind == (lg_run_error)i && e[at].number == numbers[i]);
+        at += 1 + lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+    }
+    assert_true(e[11].kind == LG_ERROR_VELOCITY && e[11].number == 21 && e[11].coordinate == 3);
+    assert_close(e[11].error, -2, 0, 0);
+    assert_int_equal(lg_point_errors(machine, q, v, given_q, given_v, false, e), 14 + 8);
+    for (uint32_t k = 0; k < 9; k++) {
+        assert_true(e[10 + k].kind == LG_ERROR_ROTATION && e[10 + k].number == BODY + k);
+        assert_close(e[10 + k].error, q[BODY + k] - given_q[BODY + k], 0, 0);
+    }
+    q[X] = (double)NAN, q[A] = q[ROD] = (double)INFINITY;
+    assert_int_equal(lg_point_errors(machine, q, v, given_q, given_v, true, e), 12);
+    assert_true(isinf(e[0].error * e[0].error) && isinf(e[2].error * e[2].error));
+    assert_close(e[4].error, turn / 2, 1e-15, 0);
+    assert_int_equal(lg_point_errors(machine, q, v, q, given_v, true, e), 12);
+    assert_true(isnan(e[0].error));
+}
+
 /* ---- velocities from positions, and the share of forces that inputs explain ---- */
 
 /* Positions of a machine with a line, a direction, a rotation and a pose that all turn about one axis, and
@@ -286,7 +325,7 @@ TEST("velocities of every kind of coordinate follow from local cubics of positio
     for (size_t i = 0; i < N; i++) turning(t[i] = 0.02 * (double)i, q + i * NQ, v + i * NV);
     q[20 * NQ] = (double)NAN;
     const lg_machine_log log = {.rows = N, .parts = 3, .first = first, .t = t, .q = q, .v = v};
-    lg_machine_smooth(&machine, &log, 6, found_q, found_v);
+    lg_machine_smooth(&machine, &log, 6, 3, found_q, found_v);
     for (size_t i = 0; i < N - 3; i++) { /* the last row has no row after it */
         for (int k = 0; k < NV; k++) assert_close(found_v[i * NV + k], v[i * NV + k], 2e-3, 2e-3);
         assert_close(found_q[i * NQ], 1 + 2 * t[i] - t[i] * t[i] * t[i], 1e-9, 1e-9);
@@ -301,12 +340,12 @@ TEST("velocities of every kind of coordinate follow from local cubics of positio
     for (int k = 0; k < NV; k++) assert_close(row_v[k], v[10 * NV + k], 2e-3, 2e-3);
     for (size_t row = 0; row < N; row++)
         if (row % 20 > 3) q[row * NQ] = q[row * NQ + 13] = (double)NAN;
-    lg_machine_smooth(&machine, &log, 6, found_q, found_v);
+    lg_machine_smooth(&machine, &log, 6, 3, found_q, found_v);
     assert_true(isnan(found_v[10 * NV]) && isnan(found_v[10 * NV + 7])); /* no row near it */
     assert_true(isnan(found_v[17 * NV]));                                /* all rows come later */
     assert_true(isfinite(found_v[10 * NV + 1]));
     for (size_t row = 0; row < N; row++) t[row] = 1e-9 * (double)row + (row < 5 ? 0 : 1);
-    lg_machine_smooth(&machine, &log, 6, found_q, found_v);
+    lg_machine_smooth(&machine, &log, 6, 3, found_q, found_v);
     assert_true(isnan(found_v[4 * NV + 1])); /* two times do not determine a cubic */
 }
 

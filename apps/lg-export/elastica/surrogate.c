@@ -308,9 +308,5 @@ const export_face export_face_points = CURVE(is_beam, {"point", "point", false},
 const export_face export_face_angle = CURVE(is_beam, {"ends", "ends", false}, {"point", "point", false});
 const export_face export_face_nodes = CURVE(has_nodes, {"value", "eval", false});
 
-const export_kind export_kind_surrogate = {.recipe = &lg_recipe_surrogate,
-                                           .stream = 0x676f6c64,
-                                           .draw = draw,
-                                           .depth = depth_of,
-                                           .condition = export_keep_condition,
-                                           .tell = tell};
+const export_kind export_kind_surrogate = {
+    .recipe = &lg_recipe_surrogate, .stream = 0x676f6c64, .draw = draw, .depth = depth_of, .tell = tell};

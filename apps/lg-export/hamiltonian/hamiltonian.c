@@ -3,63 +3,31 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "liegrad/hamiltonian.h"
-
 #include "lg-export/faces.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/minimise.h"
 
 /* ---- the mass matrix ---- */
 
-/* W = m^-1 by the Cholesky factor; NaN if m is not positive definite. */
-static void invert(size_t k, const double *m, double *W) {
-    APP_FREE double *l = app_alloc(k * k, sizeof *l);
-    for (size_t j = 0; j < k; j++)
-        for (size_t i = j; i < k; i++) {
-            double sum = m[i * k + j];
-            for (size_t p = 0; p < j; p++) sum -= l[i * k + p] * l[j * k + p];
-            l[i * k + j] = i == j ? (sum > 0.0 ? sqrt(sum) : (double)NAN) : sum / l[j * k + j];
-        }
-    for (size_t c = 0; c < k; c++) {
-        for (size_t i = 0; i < k; i++) {
-            double sum = i == c ? 1.0 : 0.0;
-            for (size_t p = 0; p < i; p++) sum -= l[i * k + p] * W[p * k + c];
-            W[i * k + c] = sum / l[i * k + i];
-        }
-        for (size_t i = k; i-- > 0;) {
-            for (size_t p = i + 1; p < k; p++) W[i * k + c] -= l[p * k + i] * W[p * k + c];
-            W[i * k + c] /= l[i * k + i];
-        }
-    }
-}
-
-/* Computes W = m^-1 (k, k) for the mass matrix m without the model's scales, and *condition = max_i m_ii W_ii
- * >= 1. This number multiplies the rounding errors of systems solved with W; it says how nearly the rows of m
- * are linearly dependent, whatever their scale. Returns false if the family has no mass matrix. */
-static bool invert_mass(const lg_hamiltonian *model, const double *theta, double *W, double *condition) {
-    const size_t k = model->n;
-    APP_FREE double *m = app_alloc(k * k, sizeof *m);
-    lg_hamiltonian inner = *model;
-    inner.scales = (lg_hamiltonian_scales){1.0, {1.0, 1.0}};
-    const bool has_mass = lg_hamiltonian_mass(&inner, theta, m) == LG_OK;
-    *condition = 1.0;
-    if (has_mass) invert(k, m, W);
-    for (size_t i = 0; has_mass && i < k; i++) *condition = fmax(*condition, m[i * k + i] * W[i * k + i]);
-    return has_mass;
-}
-
-/* Conditions up to this number need no factor: the 20 in the tolerance, 20 eps depth, has room for them. */
-enum { LEAST_CONDITION = 20 };
-
-/* Sets the condition of the source from the mass matrix, if the family has one. Returns false if the inverse
- * has numbers that the exported type cannot hold. */
+/* Sets the condition of the source from the mass matrix m without the model's scales: with W = m^-1, the
+ * largest m_ii W_ii >= 1 multiplies the rounding errors of systems solved with m. It says how nearly the rows
+ * of m are linearly dependent, whatever their scale. Up to 20 it needs no factor: the tolerance, 20 eps
+ * depth, has room for that. Returns false if W has numbers that the exported type cannot hold. */
 static bool find_condition(export_source *source, const lg_hamiltonian *model, const double *theta) {
     const size_t k = model->n;
-    double condition, *W = app_alloc(k * k, sizeof *W);
+    APP_FREE double *m = app_alloc(k * k, sizeof *m), *W = app_alloc(k * k, sizeof *W),
+                    *diagonal = app_alloc(k, sizeof *diagonal);
+    lg_hamiltonian inner = *model;
     bool fits = true;
-    const bool has_mass = invert_mass(model, theta, W, &condition);
-    source->condition = fmax(1.0, condition / LEAST_CONDITION);
-    for (size_t i = 0; has_mass && i < k * k; i++)
-        fits = fits && isfinite(export_round(source->options, W[i]));
-    free(W);
+    inner.scales = (lg_hamiltonian_scales){1.0, {1.0, 1.0}};
+    if (lg_hamiltonian_mass(&inner, theta, m) != LG_OK) return true;
+    for (size_t i = 0; i < k; i++) diagonal[i] = m[i * k + i], W[i * k + i] = 1.0;
+    if (lg_normal_equations(k, k, 0.0, m, W) != LG_OK) return false;
+    for (size_t i = 0; i < k; i++) {
+        source->condition = fmax(source->condition, diagonal[i] * W[i * k + i] / 20.0);
+        fits = fits && diagonal[i] > 0.0;
+        for (size_t j = 0; j < k; j++) fits = fits && isfinite(export_round(source->options, W[i * k + j]));
+    }
     return fits;
 }
 
@@ -166,13 +134,7 @@ static void tell_training(text *about, const lg_hamiltonian_file *file) {
 static void tell(export_model *m) {
     const lg_hamiltonian_file *file = m->file->contents;
     tell_model(m->source, &file->run.model);
-    export_tell_motion(
-        m, m->source->options->scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field",
-        file->run.model.constraint != NULL
-            ? "the normals of the constraint, or the mass matrix, multiply rounding at the\n    "
-              "          self-test's random points, and the tolerance, by this factor"
-            : "the mass matrix is nearly singular, which multiplies rounding and the\n    "
-              "          tolerance by this factor");
+    export_tell_motion(m);
     tell_training(&m->source->about, file);
     export_provenance(m->source, &file->provenance, file->run.data_sha256);
 }
@@ -196,16 +158,5 @@ static void begin(export_model *m) {
                  m->self->arguments[0]);
 }
 
-/* The golden vectors are random: the normals of a constraint may be nearly dependent there. */
-static lg_status condition_of(export_model *m, lg_error *error) {
-    const lg_hamiltonian *model = &((const lg_hamiltonian_file *)m->file->contents)->run.model;
-    return model->constraint != NULL ? export_measure_condition(m, error) : export_keep_condition(m, error);
-}
-
-const export_kind export_kind_hamiltonian = {.recipe = &lg_recipe_hamiltonian,
-                                             .gradient = true,
-                                             .words = give_words,
-                                             .begin = begin,
-                                             .depth = depth_of,
-                                             .condition = condition_of,
-                                             .tell = tell};
+const export_kind export_kind_hamiltonian = {
+    .recipe = &lg_recipe_hamiltonian, .words = give_words, .begin = begin, .depth = depth_of, .tell = tell};

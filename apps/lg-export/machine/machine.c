@@ -1,6 +1,7 @@
 /* Learned machines: golden states like the training data, and the description in NAME.h. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "lg-export/faces.h"
 #include "liegrad/machine.h"
@@ -17,14 +18,12 @@ static double draw_in(const lg_machine_range *range, size_t at, lg_rng *rng) {
     return known ? lg_rng_uniform_in(rng, low, high) : lg_rng_uniform_in(rng, -1.0, 1.0);
 }
 
-/* Draws directions and rotations anywhere: a random group element acts on upright ones. Overwrites the whole
+/* Draws directions and rotations anywhere: a random group element acts on those at rest. Overwrites the whole
  * state. */
 static void draw_attitudes(export_model *m, double *x) {
-    const lg_machine *machine = &run_of(m)->machine;
-    double *element = app_alloc(m->algebra, sizeof *element), *at = x + machine->places;
-    for (size_t k = 0; k < m->dim; k++) x[k] = 0.0;
-    for (uint32_t i = 0; i < machine->directions; i++, at += 6) at[2] = 1.0;
-    for (uint32_t i = 0; i < machine->rotations; i++, at += 9) at[0] = at[4] = at[8] = 1.0;
+    double *element = app_alloc(m->algebra, sizeof *element);
+    memset(x, 0, m->dim * sizeof *x);
+    export_rest(m->space, x);
     for (size_t k = 0; k < m->algebra; k++) element[k] = lg_rng_normal(&m->rng);
     lg_space_act(m->space, element, x, x);
     free(element);
@@ -99,7 +98,7 @@ static void tell(export_model *m) {
     export_units(source, "those of the log; momenta are mass times velocity");
     lg_text_add(about,
                 "manifold      A state off it is not projected; steps keep the distance but for rounding.\n");
-    export_tell_motion(m, "field", "by how much the machine multiplies rounding, and the tolerance");
+    export_tell_motion(m);
     lg_text_add(about, "%s", source->range.data);
     tell_training(m);
 }

@@ -10,25 +10,11 @@ static size_t rows_before(const lg_machine *machine, bool estimated) {
 
 /* ---- numbers of a row ---- */
 
-/* Number i of a row: positions first, then velocities. */
-static double number_at(const lg_machine *machine, const double *q, const double *v, size_t row, size_t i) {
-    const size_t nq = machine->positions, nv = machine->velocities;
-    return i < nq ? q[row * nq + i] : v[row * nv + i - nq];
-}
-
-/* The same of a row of the log; positions are missing where accelerations are measured. */
+/* Number i of a row of the log, positions first; positions are missing where accelerations are measured. */
 static double logged_at(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t i) {
-    const bool guess = machine->accelerations && i < machine->positions;
-    return guess ? (double)NAN : number_at(machine, log->q, lg_log_shown(log), row, i);
-}
-
-/* Whether a position is an angle, whose differences are wrapped. */
-static void find_angles(const lg_machine *machine, bool *angle) {
-    for (uint32_t i = 0, first = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        if (kind == LG_COORDINATE_ANGLE) angle[first] = true;
-        first += lg_coordinate_positions(kind);
-    }
+    const size_t nq = machine->positions;
+    if (i >= nq) return lg_log_shown(log)[row * machine->velocities + i - nq];
+    return machine->accelerations ? (double)NAN : log->q[row * nq + i];
 }
 
 /* ---- the length of windows ---- */
@@ -194,23 +180,23 @@ lg_status lg_held_out_match(const lg_held_out *held, const lg_logs *from, const 
 
 /* ---- judging ---- */
 
-/* Predictions q, v of one window: (steps + 1, ...). */
-static double judge_window(const lg_held_out *held, const lg_machine *machine, const lg_machine_log *log,
-                           size_t start, const double *q, const double *v) {
-    const size_t n = machine->positions + machine->velocities;
-    bool angle[LG_MACHINE_POSITIONS] = {false};
+/* The weighted mean square of window w, whose predictions begin at q and v. */
+static double window_square(const lg_held_out *held, const lg_machine *machine, const lg_machine_log *log,
+                            size_t w, const double *q, const double *v) {
+    const size_t nq = machine->positions, nv = machine->velocities;
+    lg_point_error e[LG_POINT_ERRORS];
     double sum = 0, count = 0;
-    find_angles(machine, angle);
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 1; j <= held->steps && held->weight[i] > 0; j++) {
-            const double given = logged_at(machine, log, start + j, i);
-            double e = number_at(machine, q, v, j, i) - given;
-            if (isnan(given)) continue;
-            if (!isfinite(e)) return (double)INFINITY;
-            if (i < machine->positions && angle[i]) e = lg_machine_wrap(e);
-            sum += held->weight[i] * e * e;
+    for (size_t j = 1; j <= held->steps; j++) {
+        const size_t row = held->start[w] + j;
+        for (size_t k = lg_point_errors(machine, q + j * nq, v + j * nv, log->q + row * nq,
+                                        lg_log_shown(log) + row * nv, false, e);
+             k-- > 0;) {
+            const double weight = held->weight[e[k].number];
+            if (!(weight > 0) || isnan(e[k].error)) continue;
+            sum += weight * e[k].error * e[k].error;
             count++;
         }
+    }
     return count > 0 ? sum / count : (double)NAN;
 }
 
@@ -224,8 +210,8 @@ lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *m
     runs.start_rows = held->estimated ? (uint32_t)held->before + 1 : 0;
     LG_TRY(lg_machine_run(&runs, log, held->start, held->count, held->steps, q, v, error));
     for (size_t w = 0; w < held->count; w++)
-        square[w] = judge_window(held, m, log, held->start[w], q + w * points * m->positions,
-                                 v + w * points * m->velocities);
+        square[w] =
+            window_square(held, m, log, w, q + w * points * m->positions, v + w * points * m->velocities);
     return LG_OK;
 }
 

@@ -192,7 +192,7 @@ static lg_status find_scales(lg_training *self, lg_error *error) {
     if (s->positions && s->noisy) {
         LG_TRAINING_ARRAY(self, q, log.rows * run->machine.positions, error);
         LG_TRAINING_ARRAY(self, v, log.rows * run->machine.velocities, error);
-        lg_machine_smooth(&run->machine, &log, window_of_noise(run, s, 60) / PART, q, v);
+        lg_machine_smooth(&run->machine, &log, window_of_noise(run, s, 60) / PART, 3, q, v);
         log.q = q;
         log.v = v;
     }

@@ -160,6 +160,19 @@ typedef enum lg_run_error {
 } lg_run_error;
 extern const char *const lg_run_error_names[LG_RUN_ERRORS];
 
+/* A difference between a prediction and a row of the log. number: of the row, positions first. */
+enum { LG_POINT_ERRORS = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
+typedef struct lg_point_error {
+    double error; /* NaN: the log has no number; 1e300: the prediction is not finite */
+    uint32_t coordinate, number;
+    lg_run_error kind;
+} lg_point_error;
+/* The errors of a predicted row of a log, at most LG_POINT_ERRORS; returns how many. Differences of angles
+ * are wrapped. turned: directions and rotations have one angle each, instead of differences of their
+ * numbers. */
+size_t lg_point_errors(const lg_machine *machine, const double *q, const double *v, const double *given_q,
+                       const double *given_v, bool turned, lg_point_error *out);
+
 /* Root mean square errors of runs up to a horizon of H seconds; NaN for kinds of coordinates that the machine
  * does not have. */
 typedef struct lg_horizon {
@@ -353,10 +366,10 @@ lg_status lg_machine_approach(struct lg_training *self, const lg_machine_problem
  * in and out: the parameters of `machine`, then those of all starts (short_fits.c). */
 lg_status lg_machine_fit_candidates(struct lg_training *self, const lg_machine *machine, double *theta,
                                     lg_error *error);
-/* Positions q and velocities v of all rows from cubics through 2 half + 1 rows, fewer at the ends of parts.
- * NaN where too few rows have a position (smooth.c). */
-void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uint32_t half, double *q,
-                       double *v);
+/* Positions q and velocities v of all rows from polynomials of a degree up to 3 through 2 half + 1 rows,
+ * fewer at the ends of parts. NaN where too few rows have a position (smooth.c). */
+void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uint32_t half, uint32_t degree,
+                       double *q, double *v);
 /* The trainer's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
 lg_status lg_machine_judge(struct lg_training *self, double *theta, lg_error *error);
 

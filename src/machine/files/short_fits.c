@@ -185,7 +185,7 @@ static lg_status fit_smoothed(stages *s, const candidate *from, double *theta, l
     LG_TRAINING_ARRAY(self, q, log->rows * machine->positions, error);
     LG_TRAINING_ARRAY(self, v, log->rows * machine->velocities, error);
     LG_TRAINING_ARRAY(self, start, log->rows, error);
-    lg_machine_smooth(machine, log, half, q, v);
+    lg_machine_smooth(machine, log, half, 3, q, v);
     log->q = q;
     log->v = v;
     problem.starts = LG_MACHINE_STARTS_MEASURED;

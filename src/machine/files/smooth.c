@@ -2,51 +2,33 @@
 #include <math.h>
 #include <string.h>
 
+#include "liegrad/minimise.h"
 #include "machine/files/recipe.h"
 
-enum { DEGREE = 3, TERMS = DEGREE + 1, SPARE = 2 };
-
-/* Solves A x = b, of which `n` rows are filled; A is symmetric and positive definite. False: it is not. */
-static bool solve(int n, double A[TERMS][TERMS], double b[TERMS]) {
-    for (int i = 0; i < n; i++)
-        for (int j = i; j < n; j++) {
-            double sum = A[j][i];
-            for (int k = 0; k < i; k++) sum -= A[i][k] * A[j][k];
-            if (i == j && !(sum > 1e-12 * A[i][i])) return false;
-            A[j][i] = i == j ? sqrt(sum) : sum / A[i][i];
-        }
-    for (int i = 0; i < n; i++) {
-        for (int k = 0; k < i; k++) b[i] -= A[i][k] * b[k];
-        b[i] /= A[i][i];
-    }
-    for (int i = n; i-- > 0;) {
-        for (int k = i + 1; k < n; k++) b[i] -= A[k][i] * b[k];
-        b[i] /= A[i][i];
-    }
-    return true;
-}
-
-/* Value and derivative at row `row` of the cubic through the numbers of rows first .. last in the least
+/* Value and derivative at row `row` of the polynomial through the numbers of rows first .. last in the least
  * squares sense; of a lower degree where numbers are few. False: there are too few numbers. */
 static bool local(const lg_machine_log *log, const double *x, size_t stride, size_t first, size_t last,
-                  size_t row, double out[2]) {
+                  size_t row, size_t degree, double out[2]) {
+    enum { TERMS = 4, SPARE = 2 };
     const double span = log->t[last] - log->t[first];
-    double A[TERMS][TERMS] = {{0}}, b[TERMS] = {0};
-    int count = 0, before = 0;
+    double A[TERMS * TERMS] = {0}, b[TERMS] = {0};
+    size_t count = 0, before = 0;
+    for (size_t i = first; i <= last; i++)
+        if (!isnan(x[i * stride])) count++, before += i <= row;
+    if (count < 2 + SPARE || before == 0 || before == count) return false;
+    const size_t terms = count > degree + SPARE ? degree + 1 : count - SPARE;
     for (size_t i = first; i <= last; i++) {
         double power[2 * TERMS] = {1};
         const double y = x[i * stride], s = (log->t[i] - log->t[row]) / span;
         if (isnan(y)) continue;
-        for (int k = 1; k < 2 * TERMS; k++) power[k] = power[k - 1] * s;
-        for (int k = 0; k < TERMS; k++) {
+        for (size_t k = 1; k < 2 * TERMS; k++) power[k] = power[k - 1] * s;
+        for (size_t k = 0; k < terms; k++) {
             b[k] += power[k] * y;
-            for (int l = 0; l <= k; l++) A[k][l] += power[k + l];
+            for (size_t l = 0; l <= k; l++) A[k * terms + l] += power[k + l];
         }
-        count++;
-        before += i <= row;
     }
-    const int terms = count >= TERMS + SPARE ? TERMS : count - SPARE;
-    if (terms < 2 || before == 0 || before == count || !solve(terms, A, b)) return false;
+    /* The negative ridge rejects rows that hardly determine the polynomial. */
+    if (lg_normal_equations(terms, 1, -1e-12, A, b) != LG_OK) return false;
     out[0] = b[0];
     out[1] = b[1] / span;
     return true;
@@ -74,7 +56,7 @@ static void velocity_of(lg_coordinate_kind kind, const double *q, const double *
 }
 
 static void smooth_row(const lg_machine *machine, const lg_machine_log *log, size_t first, size_t last,
-                       size_t row, double *q, double *v) {
+                       size_t row, size_t degree, double *q, double *v) {
     const uint32_t n = machine->positions;
     const double *logged = log->q;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
@@ -85,7 +67,7 @@ static void smooth_row(const lg_machine *machine, const lg_machine_log *log, siz
         bool there = true;
         for (uint32_t k = 0; k < count; k++) {
             double found[2] = {NAN, NAN};
-            there = local(log, logged + k, n, first, last, row, found) && there;
+            there = local(log, logged + k, n, first, last, row, degree, found) && there;
             /* Attitudes keep the logged numbers: smoothed ones are not on the manifold. */
             if (k < is->places && there) q[k] = found[0];
             dq[k] = found[1];
@@ -97,8 +79,8 @@ static void smooth_row(const lg_machine *machine, const lg_machine_log *log, siz
     }
 }
 
-void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uint32_t half, double *q,
-                       double *v) {
+void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uint32_t half, uint32_t degree,
+                       double *q, double *v) {
     memcpy(q, log->q, log->rows * machine->positions * sizeof *q);
     for (size_t i = 0; i < log->rows * machine->velocities; i++) v[i] = NAN;
     for (size_t p = 0; p < log->parts; p++)
@@ -107,7 +89,7 @@ void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uin
             const size_t first = row - begin > half ? row - half : begin,
                          last = end - row > half ? row + half : end;
             if (last > first)
-                smooth_row(machine, log, first, last, row, q + row * machine->positions,
+                smooth_row(machine, log, first, last, row, degree, q + row * machine->positions,
                            v + row * machine->velocities);
         }
 }

@@ -1,5 +1,0 @@
-/* field and step with a constant input */
-static void extra(const NAME_real *x, NAME_real *out, NAME_real *work) {
-    NAME_field(x, golden_input, out, work);
-    NAME_step(golden_step, x, golden_input, out + NAME_INPUTS, work);
-}
