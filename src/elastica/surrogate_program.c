@@ -81,25 +81,28 @@ static lg_var reflected(const drawing *d, lg_var y, lg_var sign) {
 
 /* ---- discrete and continuous networks ---- */
 
-/* Computes the network's input from x: relative to q0, on the network's side of the mirror, and with
- * `normalise` with the x-coordinates of the ends as (input - centre)/centre. s/L comes first if the network
- * has it. Sets R. */
-static lg_var net_input(const drawing *d, lg_var s, lg_var x, lg_var *sign) {
+/* x (B, 8) relative to q0. */
+static lg_var relative(const drawing *d, lg_var x) {
     static const double counted[BOUNDARY] = {1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0};
+    const lg_var q0 = lg_columns(d->tape, x, LG_AT_Q0, 2), twice = beside(d, q0, q0);
+    return lg_sub(d->tape, x, lg_mul(d->tape, beside(d, twice, twice), row(d, counted, BOUNDARY)));
+}
+
+/* Evaluates the network at s (B, 1), if it has s, and at the relative conditions z (B, 8), on its side of the
+ * mirror: (B, outputs). With `normalise` the x-coordinates of the ends enter as (input - centre)/centre. */
+static lg_var net_at(const drawing *d, lg_var s, lg_var z, lg_var sign) {
     lg_tape *t = d->tape;
-    double centre[BOUNDARY], scale[BOUNDARY];
-    const lg_var q0 = lg_columns(t, x, LG_AT_Q0, 2), twice = beside(d, q0, q0);
-    const lg_var start = lg_mul(t, beside(d, twice, twice), row(d, counted, BOUNDARY));
-    *sign = sign_of(d, x);
-    lg_var seen = reflected(d, lg_sub(t, x, start), *sign);
+    double centre[BOUNDARY], inverse[BOUNDARY];
+    lg_var seen = reflected(d, z, sign);
     for (size_t c = 0; c < BOUNDARY; c++) {
         const bool point = c == LG_AT_Q0 || c == LG_AT_QN;
         centre[c] = point ? d->model->centre : 0.0;
-        scale[c] = point ? d->model->centre : 1.0;
+        inverse[c] = point ? 1.0 / d->model->centre : 1.0;
     }
     if (d->model->options.normalise)
-        seen = lg_div(t, lg_sub(t, seen, row(d, centre, BOUNDARY)), row(d, scale, BOUNDARY));
-    return places(d->model) == 0 ? seen : beside(d, lg_scale(t, s, 1.0 / d->model->length), seen);
+        seen = lg_mul(t, lg_sub(t, seen, row(d, centre, BOUNDARY)), row(d, inverse, BOUNDARY));
+    if (places(d->model) > 0) seen = beside(d, lg_scale(t, s, 1.0 / d->model->length), seen);
+    return net(d, seen);
 }
 
 /* Number of outputs that are positions relative to q0. They come before the tangents. */
@@ -131,12 +134,11 @@ lg_var lg_surrogate_hold_ends(lg_tape *tape, const lg_surrogate *model, lg_var s
     return sum;
 }
 
-/* Converts the network's output f (B, outputs) to the outputs of the program (B, outputs): undoes the mirror,
- * then adds q0 or, with held ends, combines with H. */
-static lg_var hand_over(const drawing *d, lg_var f, lg_var s, lg_var x, lg_var sign) {
+/* Computes the outputs of the program (B, outputs) from those of the network, y: adds q0 or, with held ends,
+ * combines with H. */
+static lg_var hand_over(const drawing *d, lg_var y, lg_var s, lg_var x) {
     lg_tape *t = d->tape;
-    const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model), rows = rows_of(d, f);
-    const lg_var y = reflected(d, f, sign);
+    const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model), rows = rows_of(d, y);
     if (is_held(d->model)) return lg_surrogate_hold_ends(t, d->model, s, x, y);
     const lg_var pairs = lg_reshape(t, lg_columns(d->tape, y, 0, n), lg_shape3(rows, n / 2, 2));
     const lg_var q0 = lg_reshape(t, lg_columns(d->tape, x, LG_AT_Q0, 2), lg_shape3(rows_of(d, x), 1, 2));
@@ -144,12 +146,14 @@ static lg_var hand_over(const drawing *d, lg_var f, lg_var s, lg_var x, lg_var s
     return n == outputs ? q : beside(d, q, lg_columns(d->tape, y, n, outputs - n));
 }
 
+static lg_var value_at(const drawing *d, lg_var s, lg_var x) {
+    const lg_var sign = sign_of(d, x);
+    return hand_over(d, reflected(d, net_at(d, s, relative(d, x), sign), sign), s, x);
+}
+
 static lg_status curve_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
-    const lg_var x = lg_columns(d.tape, in[0], places(d.model), BOUNDARY),
-                 s = lg_columns(d.tape, in[0], 0, 1);
-    lg_var sign = LG_NONE, input = net_input(&d, s, x, &sign);
-    y[0] = hand_over(&d, net(&d, input), s, x, sign);
+    y[0] = value_at(&d, lg_columns(t, in[0], 0, 1), lg_columns(t, in[0], places(d.model), BOUNDARY));
     return lg_tape_status(t);
 }
 
@@ -247,33 +251,54 @@ static lg_var identity(const drawing *d) {
     return lg_pad(d->tape, lg_reshape(d->tape, all, lg_shape3(1, n, 2)), 1, 0, outputs - n);
 }
 
-/* Program function `grad`: y and its Jacobian g (B, outputs, inputs), by one batch of the function `value`.
- * The batch has a row for each output, or, for the many outputs of the discrete network, for each of the
- * directions v0, qN and vN: moving q0 and qN together moves points and leaves tangents. */
-static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+/* Program function `grad` where positions are q0 plus the network's: y and its Jacobian g (B, outputs,
+ * inputs), by one batch of the network. It has a row for each output or, for the many outputs of the discrete
+ * network, for each of the directions v0, qN - q0 and vN. */
+static lg_status free_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     enum { DIRECTIONS = BOUNDARY - LG_AT_V0 };
     static const uint32_t column[DIRECTIONS] = {2, 3, 4, 5, 6, 7};
     const drawing d = {t, user, theta};
-    const lg_record_function value = d.model->options.kind == LG_SURROGATE_ANGLE ? angle_value : curve_value;
-    const bool forward = d.model->options.kind == LG_SURROGATE_DISCRETE;
     const uint32_t rows = rows_of(&d, in[0]), outputs = lg_surrogate_outputs(d.model),
-                   inputs = places(d.model) + BOUNDARY, count = forward ? DIRECTIONS : outputs;
-    const lg_var copies = lg_record_copies(t, in[0], count);
-    const lg_var units = lg_record_units(t, rows, forward ? column : NULL, count, forward ? inputs : outputs);
-    lg_var by = LG_NONE;
-    LG_TRY(value(user, t, theta, in, y));
-    lg_var f = y[0];
-    if (count > 1) LG_TRY(value(user, t, theta, &copies, &f));
-    if (!forward) {
-        LG_TRY(lg_vjp(t, &f, &units, 1, &copies, 1, &by));
-        y[1] = lg_reshape(t, by, lg_shape3(rows, outputs, inputs));
-        return lg_tape_status(t);
+                   first = places(d.model), count = first == 0 ? DIRECTIONS : outputs;
+    const lg_var x = lg_columns(t, in[0], first, BOUNDARY), s = lg_columns(t, in[0], 0, 1);
+    const lg_var z = relative(&d, x), sign = sign_of(&d, x);
+    const lg_var of[2] = {lg_record_copies(t, z, count), lg_record_copies(t, s, count)};
+    const lg_var units =
+        lg_record_units(t, rows, first == 0 ? column : NULL, count, first == 0 ? BOUNDARY : outputs);
+    const lg_var signs = lg_record_copies(t, sign, count), f = net_at(&d, of[1], of[0], signs);
+    lg_var by[2] = {LG_NONE, LG_NONE};
+    y[0] = hand_over(&d, reflected(&d, net_at(&d, s, z, sign), sign), s, x);
+    if (first == 0) {
+        LG_TRY(lg_jvp(t, &f, 1, of, &units, 1, by));
+        by[0] = reflected(&d, by[0], signs);
+        by[0] = lg_transpose(t, lg_reshape(t, by[0], lg_shape3(rows, count, outputs)));
+    } else {
+        LG_TRY(lg_vjp(t, &f, &units, 1, of, 2, by));
+        const lg_var one = lg_full(t, lg_var_shape(t, sign), 1.0);
+        const lg_var side = lg_reshape(t, beside(&d, one, sign), lg_shape3(rows, count, 1));
+        by[0] = lg_slice(t, lg_reshape(t, by[0], lg_shape3(rows, count, BOUNDARY)), 2, LG_AT_V0, DIRECTIONS);
+        by[0] = lg_mul(t, by[0], side);
+        by[1] = lg_mul(t, lg_reshape(t, by[1], lg_shape3(rows, count, 1)), side);
     }
-    LG_TRY(lg_jvp(t, &f, 1, &copies, &units, 1, &by));
-    by = lg_transpose(t, lg_reshape(t, by, lg_shape3(rows, count, outputs)));
-    const lg_var chord = lg_slice(t, by, 2, LG_AT_QN - LG_AT_V0, 2);
-    const lg_var parts[2] = {lg_sub(t, identity(&d), chord), by};
-    y[1] = lg_concat(t, parts, 2, 2);
+    const lg_var chord = lg_slice(t, by[0], 2, LG_AT_QN - LG_AT_V0, 2);
+    const lg_var parts[3] = {by[1], lg_sub(t, identity(&d), chord), by[0]};
+    y[1] = lg_concat(t, parts + 1 - first, 2 + first, 2);
+    return lg_tape_status(t);
+}
+
+/* The same for all other networks, from the function `value`. */
+static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta};
+    const bool angle = d.model->options.kind == LG_SURROGATE_ANGLE;
+    const uint32_t rows = rows_of(&d, in[0]), outputs = lg_surrogate_outputs(d.model);
+    const lg_var copies = lg_record_copies(t, in[0], outputs);
+    const lg_var units = lg_record_units(t, rows, NULL, outputs, outputs);
+    lg_var f = LG_NONE, by = LG_NONE;
+    if (!angle && !is_held(d.model)) return free_gradient(user, t, theta, in, y);
+    LG_TRY((angle ? angle_value : curve_value)(user, t, theta, in, y));
+    LG_TRY((angle ? angle_value : curve_value)(user, t, theta, &copies, &f));
+    LG_TRY(lg_vjp(t, &f, &units, 1, &copies, 1, &by));
+    y[1] = lg_reshape(t, by, lg_shape3(rows, outputs, 1 + BOUNDARY));
     return lg_tape_status(t);
 }
 
@@ -288,10 +313,8 @@ static lg_var for_all(const drawing *d, lg_var numbers, uint32_t count, lg_var s
 /* Program function `point` of the continuous network: s, and x of the curve -> q, v. */
 static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
-    const lg_var x = for_all(&d, in[1], BOUNDARY, in[0]);
     const lg_var forward = lg_full(t, lg_var_shape(t, in[0]), 1.0);
-    lg_var sign = LG_NONE, input = net_input(&d, in[0], x, &sign);
-    y[0] = hand_over(&d, net(&d, input), in[0], x, sign);
+    y[0] = value_at(&d, in[0], for_all(&d, in[1], BOUNDARY, in[0]));
     return lg_jvp(t, y, 1, in, &forward, 1, y + 1);
 }
 
