@@ -92,15 +92,15 @@ static lg_var relative(const drawing *d, lg_var x) {
  * mirror: (B, outputs). With `normalise` the x-coordinates of the ends enter as (input - centre)/centre. */
 static lg_var net_at(const drawing *d, lg_var s, lg_var z, lg_var sign) {
     lg_tape *t = d->tape;
-    double centre[BOUNDARY], inverse[BOUNDARY];
+    double centre[BOUNDARY], scale[BOUNDARY];
     lg_var seen = reflected(d, z, sign);
     for (size_t c = 0; c < BOUNDARY; c++) {
         const bool point = c == LG_AT_Q0 || c == LG_AT_QN;
         centre[c] = point ? d->model->centre : 0.0;
-        inverse[c] = point ? 1.0 / d->model->centre : 1.0;
+        scale[c] = point ? d->model->centre : 1.0;
     }
     if (d->model->options.normalise)
-        seen = lg_mul(t, lg_sub(t, seen, row(d, centre, BOUNDARY)), row(d, inverse, BOUNDARY));
+        seen = lg_div(t, lg_sub(t, seen, row(d, centre, BOUNDARY)), row(d, scale, BOUNDARY));
     if (places(d->model) > 0) seen = beside(d, lg_scale(t, s, 1.0 / d->model->length), seen);
     return net(d, seen);
 }
