@@ -237,7 +237,7 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
         APP_MUST(self, lg_machine_states(model, log, values.every, &states, &error));
     }
     identify_linear linear;
-    identify_linear_fit(self, machine, &simple, &linear);
+    identify_linear_fit(self, model->machine, &simple, &linear);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];

@@ -432,12 +432,12 @@ LG_API void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit
  * x of `point` and `place` are: s per row, x (8) or ends (5) shared by all rows.
  *   value  all kinds: x -> y, and grad  x -> y, g: y and its Jacobian, with the inputs and outputs that
  *          liegrad/model.h lists for the kind
- *   side   discrete, continuous: x (8) -> 9 numbers: R, and the boundary conditions as the network reads
- *          them. R is -1 if `mirror` reflects x, and otherwise 1
  *   point  continuous: s, x -> q, v at s; angle: s, ends -> theta at s
  *   place  continuous: s, x -> q at s
- *   ends   angle: x (8) -> ends: R, theta_0, theta_N, theta_0 - pi f(0), theta_N - pi f(L). The last two
- *          numbers are 0 without `boundary`
+ *   ends   angle: x (8) -> ends: R, theta_0, theta_N, theta_0 - pi f(0), theta_N - pi f(L). R is -1 if
+ *          `mirror` reflects x, and otherwise 1. The last two numbers are 0 without `boundary`
+ *   span   angle: s, ends, length -> the integral of (cos theta, sin theta) from s to s + length, by Gauss's
+ *          rule of 3 points
  * theta (lg_surrogate_parameters) is copied. Free *out with lg_program_destroy. Errors: LG_INVALID_ARGUMENT
  * (a model with modes whose model->modes is NULL), the errors of lg_program_build. */
 LG_API lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model,
@@ -446,8 +446,8 @@ LG_API lg_status lg_surrogate_program(const lg_context *context, const lg_surrog
 /* ---- evaluation without a tape ---- */
 
 /* Makes plans that compute the curves of a network. They are immutable; threads may share them, each with its
- * own work memory. theta is copied and rounded to `dtype`, in which the network computes; the cubics and
- * integrals around it are computed in double. `points` is the usual number of points per curve and affects
+ * own work memory. theta is copied and rounded to `dtype`, in which the program's functions compute; cubics
+ * and sums of integrals are computed in double. `points` is the usual number of points per curve and affects
  * only the speed. Errors: the errors of lg_surrogate_program and lg_plan_create. */
 typedef struct lg_surrogate_curves lg_surrogate_curves;
 LG_API lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,

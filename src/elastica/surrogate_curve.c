@@ -1,95 +1,82 @@
 /* Surrogates without a tape: plans of the model's program compute curves in the caller's memory. Also
- * computes errors against given curves. Cubics and integrals around the network's functions are computed in
+ * computes errors against given curves. Cubics and sums around the program's functions are computed in
  * double. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
-#include "core/clean.h"
+#include "core/core.h"
+#include "core/portions.h"
 #include "liegrad/program.h"
 #include "elastica/surrogate_internal.h"
 
-LG_AT(lg_program_destroy, lg_program)
-LG_AT(lg_surrogate_curves_destroy, lg_surrogate_curves)
+/* What lg-export writes, too. */
+typedef double real;
+#define REAL(number) number
+#define REAL_EPSILON DBL_EPSILON
+#define FABS         fabs
+#include "elastica/code/curve_nodes.c"
 
 /* BLOCK: largest number of rows in a batch of the network. PANELS: least number of panels of the
  * quadrature. */
 enum { BLOCK = 64, PANELS = 50 };
 
-/* Program functions that curves need. `many`: there is also a plan for many rows at once. */
-typedef enum asked { VALUE, ENDS, POINT, PLACE, ASKED } asked;
-static const struct {
-    const char *name;
-    bool many;
-} functions[ASKED] = {[VALUE] = {"value", true},
-                      [ENDS] = {"ends", false},
-                      [POINT] = {"point", true},
-                      [PLACE] = {"place", true}};
+/* Program functions that curves need. MADE is what is computed once per curve: `value` of the discrete
+ * network, `ends` of the angle network. */
+typedef enum asked { MADE, POINT, PLACE, SPAN, ASKED } asked;
 
 struct lg_surrogate_curves {
     const lg_context *context;
     lg_surrogate model;
     lg_dtype dtype;
-    size_t rows;                      /* rows of the plans `all`: points, or curves (discrete network) */
-    lg_plan *one[ASKED], *all[ASKED]; /* NULL: not needed for this kind; `all` also if rows is 1 */
-    size_t plan_work;                 /* work memory of the largest plan in bytes */
+    size_t rows[ASKED];
+    lg_plan *plan[ASKED]; /* NULL: the kind does not need it */
+    size_t plan_work;     /* work memory of the largest plan in bytes */
 };
 
-/* Number of outputs of the function that is evaluated once per curve: `value` of the discrete network, `ends`
- * of the angle network. */
+/* Number of outputs of MADE. */
 static size_t made_numbers(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_DISCRETE ? lg_surrogate_outputs(model) : LG_SURROGATE_ENDS;
 }
 
+/* Number of panels of the quadrature. It does not depend on the points. Panels are equal parts of the data's
+ * intervals, at least PANELS in total. So the data's nodes are ends of panels, as in training. */
+static size_t panels_of(const lg_surrogate *model) {
+    const size_t n = model->intervals;
+    return n * ((PANELS + n - 1) / n);
+}
+
 /* ---- memory ---- */
 
-typedef enum role { WHOLE, PART, ASKED_FOR } role;
-/* A point at which the angle network is evaluated. It is a point of the curve that was asked for (ASKED_FOR),
- * or a Gauss point, with its weight `share`, of an integral over a whole panel (WHOLE) or a part of a panel
- * (PART). */
-typedef struct place {
-    double share;
-    role role;
-} place;
-
-/* The caller's work memory, cut into arrays. All numbers except `places` and `curve` have the plans' type. */
+/* The caller's work memory, cut into arrays. All numbers except `curve` and `value` have the plans' type. */
 typedef struct run {
     const lg_surrogate_curves *c;
-    /* x: boundary conditions (8); made: the outputs computed from them once per curve (made_numbers). The
-     * discrete network has (rows) of each. */
-    char *x, *made;
-    char *s;       /* (rows) */
-    char *q, *v;   /* (rows, 2); the angle network writes theta (rows) to q */
-    place *places; /* (rows) */
-    double *curve; /* discrete network: nodes (N + 1, 2), then tangents */
+    char *x, *made;   /* of each curve of a batch: boundary conditions (8), and the outputs of MADE */
+    char *s, *length; /* (BLOCK) */
+    char *q, *v;      /* (BLOCK, 2); the angle network writes theta to q */
+    double *curve;    /* discrete network: nodes (N + 1, 2), then tangents; angle network: see integrate() */
+    double *value;    /* discrete network in single precision: its outputs for one curve */
     char *plan;
 } run;
-
-static char *cut(char *base, size_t *at, size_t count, size_t size) {
-    char *here = base == NULL ? NULL : base + *at;
-    *at += (count * size + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-    return here;
-}
 
 static size_t size_of(lg_dtype dtype) {
     return dtype == LG_F64 ? sizeof(double) : sizeof(float);
 }
 
 static run cut_run(const lg_surrogate_curves *c, void *work, size_t *bytes) {
-    const size_t size = size_of(c->dtype), nodes = (size_t)c->model.intervals + 1;
-    const bool discrete = c->model.options.kind == LG_SURROGATE_DISCRETE;
-    size_t at = 0;
+    const size_t size = size_of(c->dtype), made = made_numbers(&c->model);
+    lg_portions from = {work, 0};
     run r = {.c = c};
-    const size_t curves = discrete ? c->rows : 1;
-    r.x = cut(work, &at, 8 * curves, size);
-    r.made = cut(work, &at, made_numbers(&c->model) * curves, size);
-    r.s = cut(work, &at, c->rows, size);
-    r.q = cut(work, &at, 2 * c->rows, size);
-    r.v = cut(work, &at, 2 * c->rows, size);
-    r.places = (place *)(void *)cut(work, &at, c->rows, sizeof(place));
-    r.curve = (double *)(void *)cut(work, &at, discrete ? 4 * nodes : 0, sizeof(double));
-    r.plan = cut(work, &at, c->plan_work, 1);
-    *bytes = at;
+    r.x = lg_portion(&from, 8 * c->rows[MADE], size);
+    r.made = lg_portion(&from, made * c->rows[MADE], size);
+    r.s = lg_portion(&from, BLOCK, size);
+    r.length = lg_portion(&from, BLOCK, size);
+    r.q = lg_portion(&from, 2 * (size_t)BLOCK, size);
+    r.v = lg_portion(&from, 2 * (size_t)BLOCK, size);
+    r.curve = lg_portion(&from, made + 8 + 2 * panels_of(&c->model), sizeof(double));
+    r.value = lg_portion(&from, made, sizeof(double));
+    r.plan = lg_portion(&from, c->plan_work, 1);
+    *bytes = from.used;
     return r;
 }
 
@@ -101,256 +88,205 @@ size_t lg_surrogate_curves_work_size(const lg_surrogate_curves *curves) {
 
 /* ---- plans ---- */
 
-static lg_status make_plan(lg_surrogate_curves *c, const lg_program *program, asked which, size_t rows,
-                           lg_plan **out, lg_error *error) {
+static lg_status make_plan(lg_surrogate_curves *c, const lg_program *program, asked which, lg_error *error) {
+    const bool discrete = c->model.options.kind == LG_SURROGATE_DISCRETE;
+    const char *const names[ASKED] = {discrete ? "value" : "ends", "point", "place", "span"};
     lg_plan_options options;
     size_t function;
-    const bool unused = which == VALUE && c->model.options.kind != LG_SURROGATE_DISCRETE;
-    if (unused || lg_program_find(program, functions[which].name, &function, NULL) != LG_OK) return LG_OK;
+    if (lg_program_find(program, names[which], &function, NULL) != LG_OK) return LG_OK;
     lg_plan_options_init(&options);
-    options.rows = rows;
+    options.rows = c->rows[which];
     options.dtype = c->dtype;
-    LG_TRY(lg_plan_create(program, function, &options, out, error));
-    if (lg_plan_work_size(*out) > c->plan_work) c->plan_work = lg_plan_work_size(*out);
+    LG_TRY(lg_plan_create(program, function, &options, &c->plan[which], error));
+    const size_t work = lg_plan_work_size(c->plan[which]);
+    c->plan_work = work > c->plan_work ? work : c->plan_work;
     return LG_OK;
 }
 
-static lg_status make_plans(lg_surrogate_curves *c, const double *theta, lg_error *error) {
-    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
-    LG_TRY(lg_surrogate_program(c->context, &c->model, theta, &program, error));
-    for (int which = 0; which < ASKED; which++) {
-        LG_TRY(make_plan(c, program, (asked)which, 1, &c->one[which], error));
-        if (functions[which].many && c->rows > 1)
-            LG_TRY(make_plan(c, program, (asked)which, c->rows, &c->all[which], error));
-    }
-    return LG_OK;
+/* Number of rows per batch, if `count` rows are divided into batches of equal size, at most `most`. */
+static size_t rows_for(size_t count, size_t most) {
+    const size_t blocks = (count + most - 1) / most;
+    return count == 0 ? 1 : (count + blocks - 1) / blocks;
 }
 
+/* curves: for how many curves MADE is computed at once. */
 static lg_status create(const lg_context *context, const lg_surrogate *model, const double *theta,
-                        lg_dtype dtype, size_t rows, lg_surrogate_curves **out, lg_error *error) {
-    LG_CLEAN(lg_surrogate_curves_destroy_at)
+                        lg_dtype dtype, size_t curves, size_t points, lg_surrogate_curves **out,
+                        lg_error *error) {
+    const size_t at_once = rows_for(points, BLOCK),
+                 spans = rows_for(panels_of(model), BLOCK / LG_GAUSS_POINTS);
+    lg_program *program = NULL;
     lg_surrogate_curves *made = lg_alloc(context, 1, sizeof *made);
     if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the curves of a network");
-    *made = (lg_surrogate_curves){.context = context, .model = *model, .dtype = dtype, .rows = rows};
-    LG_TRY(make_plans(made, theta, error));
-    return LG_MOVE(out, made);
-}
-
-/* Number of panels of the quadrature. It does not depend on the points. Panels are equal parts of the data's
- * intervals, at least PANELS in total. So the data's nodes are ends of panels, as in training. */
-static size_t panels_of(const lg_surrogate *model) {
-    const size_t n = model->intervals;
-    return n * ((PANELS + n - 1) / n);
-}
-
-/* Number of rows per batch. The evaluations for a curve of `points` points are divided into batches of equal
- * size, at most BLOCK. */
-static size_t rows_for(const lg_surrogate *model, size_t points) {
-    const bool angle = model->options.kind == LG_SURROGATE_ANGLE;
-    const size_t places = points + (angle ? LG_GAUSS_POINTS * panels_of(model) : 0);
-    const size_t blocks = (places + BLOCK - 1) / BLOCK;
-    if (model->options.kind == LG_SURROGATE_DISCRETE || places == 0) return 1;
-    return (places + blocks - 1) / blocks;
+    *made = (lg_surrogate_curves){context, *model, dtype, {curves, at_once, at_once, spans}, {NULL}, 0};
+    lg_status status = lg_surrogate_program(context, model, theta, &program, error);
+    for (int which = 0; which < ASKED && status == LG_OK; which++)
+        status = make_plan(made, program, (asked)which, error);
+    lg_program_destroy(program);
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_surrogate_curves_destroy(made);
+    return status;
 }
 
 lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,
                                      const double *theta, lg_dtype dtype, size_t points,
                                      lg_surrogate_curves **out, lg_error *error) {
     LG_NEEDS(error, model, theta, out);
-    return create(context, model, theta, dtype, rows_for(model, points), out, error);
+    return create(context, model, theta, dtype, 1, points, out, error);
 }
 
 void lg_surrogate_curves_destroy(lg_surrogate_curves *curves) {
     if (curves == NULL) return;
-    for (size_t i = 0; i < ASKED; i++) {
-        lg_plan_destroy(curves->one[i]);
-        lg_plan_destroy(curves->all[i]);
-    }
+    for (size_t i = 0; i < ASKED; i++) lg_plan_destroy(curves->plan[i]);
     lg_free(curves->context, curves);
 }
 
-/* Computes r->made from the boundary conditions in r->x. */
-static void make_of_ends(const run *r, asked which) {
-    const lg_plan *plan = r->c->all[which] != NULL ? r->c->all[which] : r->c->one[which];
-    lg_plan_eval(plan, (const void *const[]){r->x}, (void *const[]){r->made}, r->plan);
-}
-
-/* Computes r->q and r->v at the first `count` points in r->s; `shared` is the input that all points of the
- * curve share. If count is less than a quarter of the plan's rows, the points are evaluated one by one;
- * otherwise in one batch, which is filled up with copies of the last point. */
-static void ask(const run *r, asked which, const char *shared, size_t count) {
-    const size_t rows = r->c->rows, size = size_of(r->c->dtype);
-    const size_t width = size * (r->c->model.options.kind == LG_SURROGATE_CONTINUOUS ? 2 : 1);
-    if (r->c->all[which] != NULL && 4 * count >= rows) {
-        for (size_t i = count; i < rows; i++) memcpy(r->s + i * size, r->s + (count - 1) * size, size);
-        lg_plan_eval(r->c->all[which], (const void *const[]){r->s, shared}, (void *const[]){r->q, r->v},
-                     r->plan);
-        return;
-    }
-    for (size_t i = 0; i < count; i++)
-        lg_plan_eval(r->c->one[which], (const void *const[]){r->s + i * size, shared},
-                     (void *const[]){r->q + i * width, r->v + i * width}, r->plan);
+static void put(const run *r, char *values, size_t at, double number) {
+    lg_surrogate_put(r->c->dtype, values, at, &number, 1);
 }
 
 static double number(const run *r, const char *values, size_t at) {
     return lg_surrogate_get(r->c->dtype, values, at);
 }
 
-/* A curve to be computed: its boundary conditions, and the arrays for its points. q and v may be NULL. */
+/* A curve to be computed: its number in the batch, boundary conditions, and the arrays for its points. q and
+ * v may be NULL. */
 typedef struct target {
+    size_t curve;
     const double *x;
     double *q, *v;
 } target;
 
-static void hand_over(const target *t, size_t i, const double *q, const double *v) {
-    if (t->q != NULL) memcpy(t->q + 2 * i, q, 2 * sizeof *q);
-    if (t->v != NULL) memcpy(t->v + 2 * i, v, 2 * sizeof *v);
+/* Computes MADE of all curves whose boundary conditions are in r->x. */
+static void make(const run *r) {
+    if (r->c->plan[MADE] != NULL)
+        lg_plan_eval(r->c->plan[MADE], (const void *const[]){r->x}, (void *const[]){r->made}, r->plan);
+}
+
+/* Number of rows of the next batch, if `rest` rows are left. */
+static size_t batch(const run *r, asked which, size_t rest) {
+    return rest < r->c->rows[which] ? rest : r->c->rows[which];
+}
+
+/* Computes r->q and r->v at the first `count` points in r->s. The batch is filled up with copies of the last
+ * point. */
+static void ask(const run *r, const target *t, asked which, size_t count) {
+    const size_t size = size_of(r->c->dtype) * t->curve;
+    const char *shared = r->c->plan[MADE] != NULL ? r->made + LG_SURROGATE_ENDS * size : r->x + 8 * size;
+    for (size_t i = count; i < r->c->rows[which]; i++) {
+        put(r, r->s, i, number(r, r->s, count - 1));
+        put(r, r->length, i, 0.0);
+    }
+    lg_plan_eval(r->c->plan[which], (const void *const[]){r->s, shared, r->length},
+                 (void *const[]){r->q, r->v}, r->plan);
 }
 
 /* ---- discrete network ---- */
 
-/* Fills r->curve with the network's numbers values[first ...] (4(N - 1)) between the ends given by x. */
-static void spread_nodes(const run *r, const char *values, size_t first, const double *x) {
-    const size_t n = r->c->model.intervals, inner = 2 * (n - 1);
-    for (size_t part = 0; part < 2; part++) {
-        double *to = r->curve + part * 2 * (n + 1);
-        memcpy(to, x + (part == 0 ? LG_AT_Q0 : LG_AT_V0), 2 * sizeof *to);
-        memcpy(to + 2 * n, x + (part == 0 ? LG_AT_QN : LG_AT_VN), 2 * sizeof *to);
-        for (size_t i = 0; i < inner; i++) to[2 + i] = number(r, values, first + part * inner + i);
-    }
-}
-
-void lg_surrogate_hermite(const double *q, const double *v, double h, double t, double *point,
-                          double *tangent) {
-    for (size_t c = 0; c < 2; c++) {
-        const double chord = q[2 + c] - q[c], a = h * v[c] - chord, b = chord - h * v[2 + c];
-        const double u = 1.0 - t;
-        point[c] = u * q[c] + t * q[2 + c] + t * u * (a * u + b * t);
-        tangent[c] = (chord + (1.0 - 2.0 * t) * (a * u + b * t) + t * u * (b - a)) / h;
-    }
-}
-
-static void read_nodes(const run *r, const target *t, const double *s, size_t points) {
-    const uint32_t n = r->c->model.intervals;
-    const double *q = r->curve, *v = q + 2 * (n + 1), h = r->c->model.length / n;
-    for (size_t i = 0; i < points; i++) {
-        double place_in = s[i] / r->c->model.length * n, point[2], tangent[2];
-        if (!(place_in > 0.0)) place_in = 0.0;
-        if (place_in > n) place_in = n;
-        const double node = floor(place_in + 0.5);
-        size_t k = (size_t)node;
-        if (fabs(place_in - node) <= 4.0 * DBL_EPSILON * n) {
-            hand_over(t, i, q + 2 * k, v + 2 * k);
-            continue;
-        }
-        k = (size_t)place_in;
-        lg_surrogate_hermite(q + 2 * k, v + 2 * k, h, place_in - (double)k, point, tangent);
-        hand_over(t, i, point, tangent);
-    }
-}
-
 static void discrete_curve(const run *r, const target *t, const double *s, size_t points) {
-    make_of_ends(r, VALUE);
-    spread_nodes(r, r->made, 0, t->x);
-    read_nodes(r, t, s, points);
+    const size_t n = made_numbers(&r->c->model);
+    const int intervals = (int)r->c->model.intervals;
+    const double *value = (const double *)(const void *)r->made + n * t->curve;
+    double q[2], v[2];
+    for (size_t i = 0; i < n && r->c->dtype == LG_F32; i++)
+        r->value[i] = number(r, r->made, n * t->curve + i);
+    spread_nodes(intervals, t->x, r->c->dtype == LG_F32 ? r->value : value, r->curve);
+    for (size_t i = 0; i < points; i++) {
+        read_curve(intervals, r->c->model.length, r->curve, s[i], q, v);
+        if (t->q != NULL) memcpy(t->q + 2 * i, q, sizeof q);
+        if (t->v != NULL) memcpy(t->v + 2 * i, v, sizeof v);
+    }
 }
 
-/* ---- continuous network ---- */
+/* ---- continuous and angle networks ---- */
+
+/* Computes q and v by POINT or PLACE; of the angle network v from theta. */
+static void points_of(const run *r, const target *t, asked which, const double *s, size_t points) {
+    const bool angle = r->c->model.options.kind == LG_SURROGATE_ANGLE;
+    for (size_t at = 0, rows; at < points; at += rows) {
+        rows = batch(r, which, points - at);
+        lg_surrogate_put(r->c->dtype, r->s, 0, s + at, rows);
+        ask(r, t, which, rows);
+        for (size_t i = 0; i < 2 * rows; i++) {
+            const double f = number(r, r->q, angle ? i / 2 : i);
+            if (t->q != NULL && !angle) t->q[2 * at + i] = f;
+            if (t->v != NULL) t->v[2 * at + i] = !angle ? number(r, r->v, i) : i % 2 == 0 ? cos(f) : sin(f);
+        }
+    }
+}
 
 static void continuous_curve(const run *r, const target *t, const double *s, size_t points) {
-    const size_t most = r->c->rows;
-    for (size_t at = 0; at < points; at += most) {
-        const size_t rows = points - at < most ? points - at : most;
-        lg_surrogate_put(r->c->dtype, r->s, 0, s + at, rows);
-        ask(r, t->v == NULL ? PLACE : POINT, r->x, rows);
-        for (size_t i = 0; i < 2 * rows; i++) {
-            if (t->q != NULL) t->q[2 * at + i] = number(r, r->q, i);
-            if (t->v != NULL) t->v[2 * at + i] = number(r, r->v, i);
+    points_of(r, t, t->v == NULL ? PLACE : POINT, s, points);
+}
+
+/* Number of whole panels before s. *part: the length from their end to s, 0 if it may be rounding. */
+static size_t whole_panels(const lg_surrogate *model, double s, double *part) {
+    const double panels = (double)panels_of(model), h = model->length / panels;
+    const double whole = fmin(fmax(floor(s / h + 1e-9), 0.0), panels); /* NaN: 0 */
+    *part = s / h > whole + 1e-9 ? s - h * whole : 0.0;
+    return (size_t)whole;
+}
+
+/* Integrals of (cos theta, sin theta) from 0 to the points s (count), or, if s is NULL, to the ends of the
+ * first panels: to (count, 2). r->curve (panels + 1, 2) has the integrals to ends of panels before them. */
+static void integrate(const run *r, const target *t, const double *s, size_t count, double *to) {
+    const lg_surrogate *model = &r->c->model;
+    const double h = model->length / (double)panels_of(model);
+    size_t whole[BLOCK];
+    for (size_t at = 0, rows; at < count; at += rows) {
+        bool between = false;
+        double part = h;
+        rows = batch(r, SPAN, count - at);
+        for (size_t i = 0; i < rows; i++) {
+            whole[i] = s == NULL ? at + i : whole_panels(model, s[at + i], &part);
+            between = between || part != 0.0;
+            put(r, r->s, i, h * (double)whole[i]);
+            put(r, r->length, i, part);
         }
+        if (between) ask(r, t, SPAN, rows);
+        for (size_t i = 0; i < 2 * rows; i++)
+            to[2 * at + i] = r->curve[2 * whole[i / 2] + i % 2] + (between ? number(r, r->q, i) : 0.0);
     }
 }
 
-/* ---- angle network ---- */
-
-/* State of the integration along a curve. */
-typedef struct walk {
-    double whole[2], part[2]; /* integral over the whole panels, and from their end to the next point */
-    size_t panels;            /* number of whole panels so far */
-    size_t filled;            /* number of places that wait for evaluation */
-    size_t done;              /* number of points written */
-} walk;
-
-/* Evaluates the waiting places and processes them in their order: Gauss points add to the integral, asked
- * points are written. */
-static void empty(const run *r, const target *t, walk *w) {
-    if (w->filled == 0) return;
-    ask(r, POINT, r->made, w->filled);
-    for (size_t i = 0; i < w->filled; i++) {
-        const double angle = number(r, r->q, i), v[2] = {cos(angle), sin(angle)};
-        const place *p = &r->places[i];
-        double q[2];
-        for (size_t c = 0; c < 2; c++) {
-            if (p->role == WHOLE) w->whole[c] += p->share * v[c];
-            if (p->role == PART) w->part[c] += p->share * v[c];
-            q[c] = t->x[LG_AT_Q0 + c] + (w->whole[c] + w->part[c]);
-        }
-        if (p->role != ASKED_FOR) continue;
-        hand_over(t, w->done++, q, v);
-        w->part[0] = w->part[1] = 0.0;
+/* Points of the curve. With `symmetric`, what is missing to qN is spread along the beam. */
+static void angle_points(const run *r, const target *t, const double *s, size_t points) {
+    const lg_surrogate *model = &r->c->model;
+    size_t last = model->options.symmetric ? panels_of(model) : 0;
+    double part, missing[2] = {0.0, 0.0};
+    for (size_t i = 0; i < points; i++) {
+        const size_t panels = whole_panels(model, s[i], &part);
+        last = panels > last ? panels : last;
     }
-    w->filled = 0;
-}
-
-static void wait_for(const run *r, const target *t, walk *w, double s, double share, role as) {
-    lg_surrogate_put(r->c->dtype, r->s, w->filled, &s, 1);
-    r->places[w->filled++] = (place){share, as};
-    if (w->filled == r->c->rows) empty(r, t, w);
-}
-
-static void gauss(const run *r, const target *t, walk *w, double a, double b, role as) {
-    for (int g = 0; g < LG_GAUSS_POINTS; g++)
-        wait_for(r, t, w, a + lg_gauss_at[g] * (b - a), (b - a) * lg_gauss_weight[g], as);
-}
-
-/* Queues the Gauss points of the integral up to s: whole panels, then the part of the next panel. */
-static void integrate_to(const run *r, const target *t, walk *w, double s) {
-    const double panels = (double)panels_of(&r->c->model), h = r->c->model.length / panels;
-    const double place_in = s / h;
-    while ((double)w->panels + 1.0 <= place_in + 1e-9 && (double)w->panels < panels) {
-        gauss(r, t, w, h * (double)w->panels, h * ((double)w->panels + 1.0), WHOLE);
-        w->panels++;
-    }
-    if (place_in > (double)w->panels + 1e-9) gauss(r, t, w, h * (double)w->panels, s, PART);
-}
-
-/* For `symmetric`: distributes the distance that is missing to qN linearly along the beam. */
-static void close_curve(const run *r, const target *t, walk *w, const double *s, size_t points) {
-    const double length = r->c->model.length;
-    integrate_to(r, t, w, length);
-    empty(r, t, w);
-    for (size_t i = 0; i < 2 * points; i++) {
-        const size_t c = i % 2;
-        t->q[i] += s[i / 2] / length * (t->x[LG_AT_QN + c] - t->x[LG_AT_Q0 + c] - w->whole[c]);
-    }
+    r->curve[0] = r->curve[1] = 0.0;
+    integrate(r, t, NULL, last, r->curve + 2);
+    integrate(r, t, s, points, t->q);
+    for (size_t c = 0; c < 2 && model->options.symmetric; c++)
+        missing[c] = (t->x[LG_AT_QN + c] - t->x[LG_AT_Q0 + c] - r->curve[2 * last + c]) / model->length;
+    for (size_t i = 0; i < 2 * points; i++) t->q[i] += t->x[LG_AT_Q0 + i % 2] + s[i / 2] * missing[i % 2];
 }
 
 static void angle_curve(const run *r, const target *t, const double *s, size_t points) {
-    walk w = {.filled = 0};
-    make_of_ends(r, ENDS);
-    for (size_t i = 0; i < points; i++) {
-        if (t->q != NULL) integrate_to(r, t, &w, s[i]);
-        wait_for(r, t, &w, s[i], 0.0, ASKED_FOR);
-    }
-    empty(r, t, &w);
-    if (r->c->model.options.symmetric && t->q != NULL) close_curve(r, t, &w, s, points);
+    if (t->q != NULL) angle_points(r, t, s, points);
+    if (t->v != NULL) points_of(r, t, POINT, s, points);
 }
 
 /* ---- curves of all kinds ---- */
 
-/* Makes the whole curve NaN if a number of x is not finite, and a point NaN if its s is not finite. Otherwise
- * a ReLU, or the limitation of s to the ends of the beam, could hide such a number. */
-static void mark_unfit(const target *t, const double *s, size_t points) {
+/* Reads the points of a curve after `make`. The whole curve becomes NaN if a number of x is not finite, and a
+ * point becomes NaN if its s is not finite. Otherwise a ReLU, or the limitation of s to the ends of the beam,
+ * could hide such a number. */
+static void read_points(const run *r, const target *t, const double *s, size_t points) {
+    static void (*const kinds[LG_SURROGATE_KIND_COUNT])(const run *, const target *, const double *,
+                                                        size_t) = {
+        [LG_SURROGATE_DISCRETE] = discrete_curve,
+        [LG_SURROGATE_CONTINUOUS] = continuous_curve,
+        [LG_SURROGATE_ANGLE] = angle_curve,
+    };
     double mark = 0.0;
+    kinds[r->c->model.options.kind](r, t, s, points);
     for (size_t i = 0; i < 8; i++) mark += 0.0 * t->x[i];
     for (size_t i = 0; i < 2 * points; i++) {
         if (t->q != NULL) t->q[i] += mark + 0.0 * s[i / 2];
@@ -360,18 +296,12 @@ static void mark_unfit(const target *t, const double *s, size_t points) {
 
 void lg_surrogate_curve(const lg_surrogate_curves *curves, const double *x, const double *s, size_t points,
                         double *q, double *v, void *work) {
-    static void (*const kinds[LG_SURROGATE_KIND_COUNT])(const run *, const target *, const double *,
-                                                        size_t) = {
-        [LG_SURROGATE_DISCRETE] = discrete_curve,
-        [LG_SURROGATE_CONTINUOUS] = continuous_curve,
-        [LG_SURROGATE_ANGLE] = angle_curve,
-    };
-    const target t = {x, q, v};
+    const target t = {0, x, q, v};
     size_t bytes;
     const run r = cut_run(curves, work, &bytes);
     lg_surrogate_put(curves->dtype, r.x, 0, x, 8);
-    kinds[curves->model.options.kind](&r, &t, s, points);
-    mark_unfit(&t, s, points);
+    make(&r);
+    read_points(&r, &t, s, points);
 }
 
 /* ---- evaluation ---- */
@@ -447,39 +377,24 @@ static void judge_between(judging *j) {
     j->e.unit_tangent_between = larger(j->e.unit_tangent_between, off_unit(j->v, j->curves->intervals));
 }
 
-/* Evaluates the discrete network for many curves at once, so that its parameters are read from memory once
- * for all of them. */
-static void judge_discrete(judging *j, const run *r) {
-    const size_t nodes = (size_t)r->c->model.intervals + 1, outputs = made_numbers(&r->c->model);
-    const target t = {NULL, j->q, j->v};
-    for (size_t start = 0; start < j->count; start += r->c->rows) {
-        const size_t rows = j->count - start < r->c->rows ? j->count - start : r->c->rows;
-        for (size_t i = 0; i < r->c->rows; i++)
-            lg_surrogate_put(r->c->dtype, r->x, 8 * i, boundary_of(j, start + (i < rows ? i : 0)), 8);
-        make_of_ends(r, VALUE);
-        for (size_t i = 0; i < rows; i++) {
-            spread_nodes(r, r->made, i * outputs, boundary_of(j, start + i));
-            read_nodes(r, &t, j->s, nodes);
-            judge(j, &r->c->model, start + i);
-            read_nodes(r, &t, j->half_way, nodes - 1);
-            judge_between(j);
-        }
-    }
-}
-
+/* MADE is computed for many curves at once, so that the discrete network's parameters are read from memory
+ * once for all of them. */
 static void judge_all(judging *j, const lg_surrogate_curves *curves, void *work) {
     const size_t nodes = (size_t)j->curves->intervals + 1;
     size_t bytes;
     const run r = cut_run(curves, work, &bytes);
-    if (curves->model.options.kind == LG_SURROGATE_DISCRETE) {
-        judge_discrete(j, &r);
-        return;
-    }
-    for (size_t i = 0; i < j->count; i++) {
-        lg_surrogate_curve(curves, boundary_of(j, i), j->s, nodes, j->q, j->v, work);
-        judge(j, &curves->model, i);
-        lg_surrogate_curve(curves, boundary_of(j, i), j->half_way, nodes - 1, NULL, j->v, work);
-        judge_between(j);
+    for (size_t start = 0, count; start < j->count; start += count) {
+        count = batch(&r, MADE, j->count - start);
+        for (size_t i = 0; i < curves->rows[MADE]; i++)
+            lg_surrogate_put(curves->dtype, r.x, 8 * i, boundary_of(j, start + (i < count ? i : 0)), 8);
+        make(&r);
+        for (size_t i = 0; i < count; i++) {
+            const double *x = boundary_of(j, start + i);
+            read_points(&r, &(target){i, x, j->q, j->v}, j->s, nodes);
+            judge(j, &curves->model, start + i);
+            read_points(&r, &(target){i, x, NULL, j->v}, j->half_way, nodes - 1);
+            judge_between(j);
+        }
     }
 }
 
@@ -530,15 +445,19 @@ lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *m
     LG_TRY(lg_surrogate_check_curves(model, curves, error));
     LG_TRY(check_chosen(&j, error));
     const size_t nodes = (size_t)curves->intervals + 1;
-    const bool discrete = model->options.kind == LG_SURROGATE_DISCRETE;
-    const size_t rows = discrete ? (j.count < BLOCK ? j.count : BLOCK) : rows_for(model, nodes);
-    LG_CLEAN(lg_surrogate_curves_destroy_at) lg_surrogate_curves *plans = NULL;
-    LG_TRY(create(context, model, theta, LG_F64, rows, &plans, error));
-    LG_SCRATCH(char, work, context, lg_surrogate_curves_work_size(plans));
-    LG_SCRATCH(double, numbers, context, 8 * nodes);
-    if (work == NULL || numbers == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for curves of %zu nodes", nodes);
-    place_nodes(&j, model, nodes, numbers);
-    judge_all(&j, plans, work);
-    return finish(&j, model, node_error, out, error);
+    lg_surrogate_curves *plans = NULL;
+    LG_TRY(create(context, model, theta, LG_F64, j.count < BLOCK ? j.count : BLOCK, nodes, &plans, error));
+    void *work = lg_alloc(context, 1, lg_surrogate_curves_work_size(plans));
+    double *numbers = lg_alloc(context, 8 * nodes, sizeof(double));
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (work != NULL && numbers != NULL) {
+        place_nodes(&j, model, nodes, numbers);
+        judge_all(&j, plans, work);
+        status = finish(&j, model, node_error, out, error);
+    } else {
+        (void)lg_fail(error, status, "no memory for curves of %zu nodes", nodes);
+    }
+    LG_FREE_ALL(context, numbers, work);
+    lg_surrogate_curves_destroy(plans);
+    return status;
 }

@@ -29,10 +29,6 @@ void lg_surrogate_angles(const double *x, double sign, double *angles);
 /* For training with `between`: returns how far the point of a sample is from its node, in intervals. The
  * number is pseudo-random, uniform in [-1/2, 1/2), and depends only on the number of the sample. */
 double lg_surrogate_shift(uint64_t sample);
-/* Evaluates the cubic on an interval of length h between two nodes q (2, 2) with the tangents v (2, 2), at t
- * in [0, 1]. `tangent` becomes its derivative with respect to arc length. */
-void lg_surrogate_hermite(const double *q, const double *v, double h, double t, double *point,
-                          double *tangent);
 /* Computes one row of the network's input at s: 8 numbers (discrete), 9 (continuous) or 3 (angle). */
 void lg_surrogate_row(const lg_surrogate *model, const double *x, double sign, double s, double *row);
 /* Computes the weights at s with which the errors of the two end angles are corrected. They are (1, 0) at s =
@@ -47,6 +43,11 @@ lg_status lg_surrogate_check_modes(const lg_surrogate *model, lg_error *error);
 lg_var lg_surrogate_sum_modes(lg_tape *tape, const lg_surrogate *model, lg_var c);
 /* Returns the angles (B, 1) of the tangents v (B, 2), each in (-pi, pi]. */
 lg_var lg_surrogate_angle(lg_tape *tape, lg_var v);
+/* Makes rows (1, N + 1) with the numbers k/N, and with the numbers 1 - k/N, for k = 0..N. */
+void lg_surrogate_shares(lg_tape *tape, uint32_t intervals, lg_var *rising, lg_var *falling);
+/* Returns the sums over the first 1, 2, ..., n entries along axis 1 of x, which has n of them. They are
+ * computed by doubling: after the step with d, an entry is the sum over the 2d entries that end there. */
+lg_var lg_surrogate_running_sums(lg_tape *tape, lg_var x, uint32_t n);
 /* For a model with `angles`: the angles of all nodes (B, N + 1), ends included. x (B, 8) is the network's
  * input. */
 lg_var lg_surrogate_node_angles(lg_tape *tape, const lg_surrogate *model, lg_var theta, lg_var x);

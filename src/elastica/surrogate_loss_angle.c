@@ -71,8 +71,7 @@ static lg_var angles_of(const part *b, lg_var theta, uint32_t places, lg_var *tu
 }
 
 /* Integrals from 0 to s_k, k = 0..N, of the function with the values `trig` (2B, R): (2B, N + 1). Only the
- * values at Gauss points are used. The integrals over the intervals are summed up by doubling: after the step
- * with d, each column is the sum over the 2d intervals that end there (or over all, if there are fewer). */
+ * values at Gauss points are used. */
 static lg_var integrals(const part *b, lg_var trig) {
     const uint32_t n = b->problem->curves->intervals;
     const double h = b->problem->model->length / n;
@@ -82,10 +81,8 @@ static lg_var integrals(const part *b, lg_var trig) {
         at[g] = lg_slice(b->tape, trig, 1, n + 1 + g * n, n);
         weight[g] = h * lg_gauss_weight[g];
     }
-    lg_var sum = lg_linear_combination(b->tape, at, weight, LG_GAUSS_POINTS);
-    for (uint32_t d = 1; d < n; d *= 2)
-        sum = lg_add(b->tape, sum, lg_pad(b->tape, lg_slice(b->tape, sum, 1, 0, n - d), 1, d, 0));
-    return lg_pad(b->tape, sum, 1, 1, 0);
+    const lg_var parts = lg_linear_combination(b->tape, at, weight, LG_GAUSS_POINTS);
+    return lg_pad(b->tape, lg_surrogate_running_sums(b->tape, parts, n), 1, 1, 0);
 }
 
 /* Writes points relative to `start` into values (2B, N + 1): the x-components of all curves, then the
@@ -109,15 +106,9 @@ static lg_var missing_chord(const part *b, lg_var integral) {
 
 /* For `symmetric`: the integrals I(s) (2B, N + 1) plus (s/L) (qN - q0 - I(L)). */
 static lg_var from_both_ends(const part *b, lg_var integral) {
-    const uint32_t n = b->problem->curves->intervals;
-    void *share_values;
-    const lg_var shares = lg_input_buffer(b->tape, lg_shape2(1, n + 1), &share_values);
-    if (lg_is_none(shares)) return LG_NONE;
-    for (uint32_t k = 0; k <= n; k++) {
-        const double share = (double)k / n;
-        lg_surrogate_put(lg_tape_dtype(b->tape), share_values, k, &share, 1);
-    }
-    return lg_matmul_add(b->tape, missing_chord(b, integral), shares, integral);
+    lg_var rising = LG_NONE, falling = LG_NONE;
+    lg_surrogate_shares(b->tape, b->problem->curves->intervals, &rising, &falling);
+    return lg_matmul_add(b->tape, missing_chord(b, integral), rising, integral);
 }
 
 /* Rows first .. first + B - 1 of x- or y-components (2B, n). */

@@ -6,9 +6,8 @@
  *   continuous  q = q0 + R f(s/L, v0, qN - q0, vN); with held ends q = H + w R f
  *   angle       theta = R (pi f(s) + m_0 w_0(s) + m_N w_N(s)), f(s) = f(theta_0/pi, theta_N/pi, s),
  *               m_0 = theta_0 - pi f(0), m_N = theta_N - pi f(L)
- * For the discrete and the continuous network, the derivative with respect to q0 is minus the derivative with
- * respect to qN, plus the identity for q. w_0 and w_N are the weights of the ends; they are 0 without
- * `boundary`. A tangent of length 0 has no angle: derivatives with respect to it are NaN.
+ * w_0 and w_N are the weights of the ends; they are 0 without `boundary`. A tangent of length 0 has no angle:
+ * derivatives with respect to it are NaN.
  *
  * x are boundary conditions (B, 8). For the continuous and the angle network the functions' input begins with
  * s. */
@@ -20,7 +19,7 @@
 #include "model/record.h"
 #include "elastica/surrogate_internal.h"
 
-enum { BOUNDARY = 8, MOST_DIRECTIONS = 7 };
+enum { BOUNDARY = 8 };
 enum { THETA, MEAN, MODES, PARAMETERS };
 
 /* The recording of a model on a tape. */
@@ -70,44 +69,40 @@ static lg_var sign_of(const drawing *d, lg_var x) {
     return lg_select(t, turn, lg_sign(t, turn), lg_select(t, v0, lg_sign(t, v0), lg_sign(t, rise)));
 }
 
-/* Returns (1, R) with the shape (B, 1, 2), a factor for pairs of an x- and a y-component. */
-static lg_var mirror(const drawing *d, lg_var sign) {
-    const lg_var one = lg_full(d->tape, lg_var_shape(d->tape, sign), 1.0);
-    return lg_reshape(d->tape, beside(d, one, sign), lg_shape3(rows_of(d, sign), 1, 2));
-}
-
 /* Multiplies the y-components of y (B, n) by R; y consists of pairs (x, y). */
 static lg_var reflected(const drawing *d, lg_var y, lg_var sign) {
     const lg_shape shape = lg_var_shape(d->tape, y);
     if (!d->model->options.mirror) return y;
+    const lg_var one = lg_full(d->tape, lg_var_shape(d->tape, sign), 1.0);
+    const lg_var factors = lg_reshape(d->tape, beside(d, one, sign), lg_shape3(shape.dims[0], 1, 2));
     const lg_var pairs = lg_reshape(d->tape, y, lg_shape3(shape.dims[0], shape.dims[1] / 2, 2));
-    return lg_reshape(d->tape, lg_mul(d->tape, pairs, mirror(d, sign)), shape);
+    return lg_reshape(d->tape, lg_mul(d->tape, pairs, factors), shape);
 }
 
 /* ---- discrete and continuous networks ---- */
 
-/* Computes the scaling of the network's input, (input - centre)/scale. With `normalise` the x-coordinates of
- * the ends have centre and scale model->centre; all other inputs have 0 and 1. */
-static void scaling(const lg_surrogate *model, double *centre, double *scale) {
-    for (size_t c = 0; c < BOUNDARY; c++) {
-        const bool point = c == LG_AT_Q0 || c == LG_AT_QN;
-        centre[c] = point ? model->centre : 0.0;
-        scale[c] = point ? model->centre : 1.0;
-    }
+/* x (B, 8) relative to q0. */
+static lg_var relative(const drawing *d, lg_var x) {
+    static const double counted[BOUNDARY] = {1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0};
+    const lg_var q0 = lg_columns(d->tape, x, LG_AT_Q0, 2), twice = beside(d, q0, q0);
+    return lg_sub(d->tape, x, lg_mul(d->tape, beside(d, twice, twice), row(d, counted, BOUNDARY)));
 }
 
-/* Computes the network's input (B, 8) from x: relative to q0, on the network's side of the mirror, and
- * scaled. */
-static lg_var boundary_input(const drawing *d, lg_var x, lg_var sign) {
-    static const double counted[BOUNDARY] = {1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0};
+/* Evaluates the network at s (B, 1), if it has s, and at the relative conditions z (B, 8), on its side of the
+ * mirror: (B, outputs). With `normalise` the x-coordinates of the ends enter as (input - centre)/centre. */
+static lg_var net_at(const drawing *d, lg_var s, lg_var z, lg_var sign) {
     lg_tape *t = d->tape;
     double centre[BOUNDARY], scale[BOUNDARY];
-    const lg_var q0 = lg_columns(d->tape, x, LG_AT_Q0, 2), twice = beside(d, q0, q0);
-    const lg_var start = lg_mul(t, beside(d, twice, twice), row(d, counted, BOUNDARY));
-    const lg_var seen = reflected(d, lg_sub(t, x, start), sign);
-    if (!d->model->options.normalise) return seen;
-    scaling(d->model, centre, scale);
-    return lg_div(t, lg_sub(t, seen, row(d, centre, BOUNDARY)), row(d, scale, BOUNDARY));
+    lg_var seen = reflected(d, z, sign);
+    for (size_t c = 0; c < BOUNDARY; c++) {
+        const bool point = c == LG_AT_Q0 || c == LG_AT_QN;
+        centre[c] = point ? d->model->centre : 0.0;
+        scale[c] = point ? d->model->centre : 1.0;
+    }
+    if (d->model->options.normalise)
+        seen = lg_div(t, lg_sub(t, seen, row(d, centre, BOUNDARY)), row(d, scale, BOUNDARY));
+    if (places(d->model) > 0) seen = beside(d, lg_scale(t, s, 1.0 / d->model->length), seen);
+    return net(d, seen);
 }
 
 /* Number of outputs that are positions relative to q0. They come before the tangents. */
@@ -139,12 +134,11 @@ lg_var lg_surrogate_hold_ends(lg_tape *tape, const lg_surrogate *model, lg_var s
     return sum;
 }
 
-/* Converts the network's output f (B, outputs) to the outputs of the program (B, outputs): undoes the mirror,
- * then adds q0 or, with held ends, combines with H. */
-static lg_var hand_over(const drawing *d, lg_var f, lg_var s, lg_var x, lg_var sign) {
+/* Computes the outputs of the program (B, outputs) from those of the network, y: adds q0 or, with held ends,
+ * combines with H. */
+static lg_var hand_over(const drawing *d, lg_var y, lg_var s, lg_var x) {
     lg_tape *t = d->tape;
-    const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model), rows = rows_of(d, f);
-    const lg_var y = reflected(d, f, sign);
+    const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model), rows = rows_of(d, y);
     if (is_held(d->model)) return lg_surrogate_hold_ends(t, d->model, s, x, y);
     const lg_var pairs = lg_reshape(t, lg_columns(d->tape, y, 0, n), lg_shape3(rows, n / 2, 2));
     const lg_var q0 = lg_reshape(t, lg_columns(d->tape, x, LG_AT_Q0, 2), lg_shape3(rows_of(d, x), 1, 2));
@@ -152,131 +146,14 @@ static lg_var hand_over(const drawing *d, lg_var f, lg_var s, lg_var x, lg_var s
     return n == outputs ? q : beside(d, q, lg_columns(d->tape, y, n, outputs - n));
 }
 
-/* Program function `side`: x -> R and the network's input from the boundary conditions, (B, 9). */
-static lg_status curve_side(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta};
-    const lg_var sign = sign_of(&d, in[0]);
-    y[0] = beside(&d, sign, boundary_input(&d, in[0], sign));
-    return lg_tape_status(t);
-}
-
-/* Calls `side`. Returns the network's input, with s/L in front if the network needs it, and sets R. */
-static lg_var called_input(const drawing *d, lg_var s, lg_var x, lg_var *sign) {
-    const lg_var side = lg_program_call(d->tape, "side", 0, &x);
-    const lg_var ends = lg_columns(d->tape, side, 1, BOUNDARY);
-    *sign = lg_columns(d->tape, side, 0, 1);
-    return places(d->model) == 0 ? ends : beside(d, lg_scale(d->tape, s, 1.0 / d->model->length), ends);
+static lg_var value_at(const drawing *d, lg_var s, lg_var x) {
+    const lg_var sign = sign_of(d, x);
+    return hand_over(d, reflected(d, net_at(d, s, relative(d, x), sign), sign), s, x);
 }
 
 static lg_status curve_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
-    const lg_var x = lg_columns(d.tape, in[0], places(d.model), BOUNDARY),
-                 s = lg_columns(d.tape, in[0], 0, 1);
-    lg_var sign = LG_NONE, input = called_input(&d, s, x, &sign);
-    y[0] = hand_over(&d, net(&d, input), s, x, sign);
-    return lg_tape_status(t);
-}
-
-/* Derivatives of the network's input with respect to the directions: (B, 1, directions). The directions are s
- * (if the network has it), then v0, qN - q0 and vN. Each direction changes one column of the input only. */
-static lg_var moves(const drawing *d, lg_var sign, uint32_t rows) {
-    lg_tape *t = d->tape;
-    double centre[BOUNDARY], scale[BOUNDARY], ones[BOUNDARY];
-    scaling(d->model, centre, scale);
-    for (size_t c = 0; c < BOUNDARY; c++) ones[c] = d->model->options.normalise ? 1.0 / scale[c] : 1.0;
-    const uint32_t count = BOUNDARY - LG_AT_V0;
-    lg_var all = lg_broadcast_to(t, row(d, ones + LG_AT_V0, count), lg_shape2(rows, count));
-    all = reflected(d, all, sign);
-    if (places(d->model) > 0) all = beside(d, lg_full(t, lg_shape2(rows, 1), 1.0 / d->model->length), all);
-    return lg_reshape(t, all, lg_shape3(rows, 1, count + places(d->model)));
-}
-
-/* dq/dq0 while the network's input stays the same: (1, outputs, 2). */
-static lg_var identity(const drawing *d) {
-    static const double pair[4] = {1.0, 0.0, 0.0, 1.0};
-    const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model);
-    const lg_var one = lg_input_f64(d->tape, lg_shape3(1, 2, 2), pair);
-    const lg_var all = lg_broadcast_to(d->tape, one, lg_shape3(n / 2, 2, 2));
-    return lg_pad(d->tape, lg_reshape(d->tape, all, lg_shape3(1, n, 2)), 1, 0, outputs - n);
-}
-
-/* Converts derivatives with respect to the directions, by (B, outputs, directions), to derivatives with
- * respect to the columns of x: (B, outputs, inputs). */
-static lg_var input_columns(const drawing *d, lg_var by) {
-    lg_tape *t = d->tape;
-    const uint32_t first = places(d->model), count = BOUNDARY - LG_AT_V0;
-    const lg_var chord = lg_slice(t, by, 2, first + LG_AT_QN - LG_AT_V0, 2);
-    const lg_var parts[3] = {first > 0 ? lg_slice(t, by, 2, 0, 1) : LG_NONE, lg_sub(t, identity(d), chord),
-                             lg_slice(t, by, 2, first, count)};
-    return lg_concat(t, parts + 1 - first, 2 + first, 2);
-}
-
-/* Picks the columns of the network's input that the directions change: s if the network has it, then all
- * except q0. */
-static lg_var moved_columns(const drawing *d, lg_var by) {
-    const uint32_t first = places(d->model);
-    const lg_var ends = lg_slice(d->tape, by, 2, first + LG_AT_V0, BOUNDARY - LG_AT_V0);
-    const lg_var both[2] = {first > 0 ? lg_slice(d->tape, by, 2, 0, 1) : LG_NONE, ends};
-    return first > 0 ? lg_concat(d->tape, both, 2, 2) : ends;
-}
-
-/* Derivatives of f with respect to these columns (B, outputs, directions), in one batch. Reverse mode is used
- * if there are no more outputs than directions, otherwise forward mode. */
-static lg_var net_jacobian(const drawing *d, lg_var input, uint32_t directions) {
-    static const uint32_t column[MOST_DIRECTIONS] = {0, 3, 4, 5, 6, 7, 8};
-    lg_tape *t = d->tape;
-    const uint32_t rows = rows_of(d, input), outputs = lg_surrogate_outputs(d->model),
-                   inputs = d->model->net.inputs;
-    const bool forward = directions < outputs;
-    const uint32_t count = forward ? directions : outputs, first = places(d->model);
-    uint32_t at[MOST_DIRECTIONS];
-    for (uint32_t k = 0; k < directions; k++) at[k] = column[k + 1 - first] - (1 - first);
-    const lg_var copies = lg_record_copies(t, input, count), f = net(d, copies);
-    const lg_var units = lg_record_units(t, rows, forward ? at : NULL, count, forward ? inputs : outputs);
-    lg_var by = LG_NONE;
-    if (forward) {
-        (void)lg_jvp(t, &f, 1, &copies, &units, 1, &by);
-        return lg_transpose(t, lg_reshape(t, by, lg_shape3(rows, count, outputs)));
-    }
-    (void)lg_vjp(t, &f, &units, 1, &copies, 1, &by);
-    return moved_columns(d, lg_reshape(t, by, lg_shape3(rows, count, inputs)));
-}
-
-/* Multiplies the rows of `by` (B, outputs, directions) that belong to y-components by R. */
-static lg_var reflected_rows(const drawing *d, lg_var by, lg_var sign) {
-    const lg_shape shape = lg_var_shape(d->tape, by);
-    const uint32_t rows = shape.dims[0];
-    if (!d->model->options.mirror) return by;
-    const lg_var pairs = lg_reshape(
-        d->tape, by, lg_shape_of(4, (const uint32_t[]){rows, shape.dims[1] / 2, 2, shape.dims[2]}));
-    const lg_var factor =
-        lg_reshape(d->tape, mirror(d, sign), lg_shape_of(4, (const uint32_t[]){rows, 1, 2, 1}));
-    return lg_reshape(d->tape, lg_mul(d->tape, pairs, factor), shape);
-}
-
-/* Outputs y and the derivatives of both components of q, in reverse mode. */
-static lg_status held_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta};
-    const lg_shape row = lg_shape3(rows_of(&d, in[0]), 1, 1 + BOUNDARY);
-    lg_var by[2] = {LG_NONE, LG_NONE};
-    LG_TRY(curve_value(user, t, theta, in, y));
-    for (uint32_t c = 0; c < 2; c++) {
-        LG_TRY(lg_grad(t, lg_columns(d.tape, y[0], c, 1), in, 1, &by[c]));
-        by[c] = lg_reshape(t, by[c], row);
-    }
-    y[1] = lg_concat(t, by, 2, 1);
-    return lg_tape_status(t);
-}
-
-static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta};
-    const uint32_t first = places(d.model), rows = rows_of(&d, in[0]);
-    const lg_var x = lg_columns(d.tape, in[0], first, BOUNDARY), s = lg_columns(d.tape, in[0], 0, 1);
-    if (is_held(d.model)) return held_gradient(user, t, theta, in, y);
-    lg_var sign = LG_NONE, input = called_input(&d, s, x, &sign);
-    y[0] = hand_over(&d, net(&d, input), s, x, sign);
-    const lg_var by = net_jacobian(&d, input, MOST_DIRECTIONS - 1 + first);
-    y[1] = input_columns(&d, lg_mul(t, reflected_rows(&d, by, sign), moves(&d, sign, rows)));
+    y[0] = value_at(&d, lg_columns(t, in[0], 0, 1), lg_columns(t, in[0], places(d.model), BOUNDARY));
     return lg_tape_status(t);
 }
 
@@ -363,11 +240,65 @@ static lg_status angle_value(void *user, lg_tape *t, const lg_var *theta, const 
     return lg_tape_status(t);
 }
 
-static lg_status angle_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    lg_var gradient = LG_NONE;
-    LG_TRY(angle_value(user, t, theta, in, y));
-    LG_TRY(lg_grad(t, y[0], in, 1, &gradient));
-    y[1] = lg_reshape(t, gradient, lg_shape3(lg_var_shape(t, in[0]).dims[0], 1, 1 + BOUNDARY));
+/* ---- Jacobians ---- */
+
+/* dq/dq0 while the network's input stays the same: (1, outputs, 2). */
+static lg_var identity(const drawing *d) {
+    static const double pair[4] = {1.0, 0.0, 0.0, 1.0};
+    const uint32_t n = points_in(d->model), outputs = lg_surrogate_outputs(d->model);
+    const lg_var one = lg_input_f64(d->tape, lg_shape3(1, 2, 2), pair);
+    const lg_var all = lg_broadcast_to(d->tape, one, lg_shape3(n / 2, 2, 2));
+    return lg_pad(d->tape, lg_reshape(d->tape, all, lg_shape3(1, n, 2)), 1, 0, outputs - n);
+}
+
+/* Program function `grad` where positions are q0 plus the network's: y and its Jacobian g (B, outputs,
+ * inputs), by one batch of the network. It has a row for each output or, for the many outputs of the discrete
+ * network, for each of the directions v0, qN - q0 and vN. */
+static lg_status free_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    enum { DIRECTIONS = BOUNDARY - LG_AT_V0 };
+    static const uint32_t column[DIRECTIONS] = {2, 3, 4, 5, 6, 7};
+    const drawing d = {t, user, theta};
+    const uint32_t rows = rows_of(&d, in[0]), outputs = lg_surrogate_outputs(d.model),
+                   first = places(d.model), count = first == 0 ? DIRECTIONS : outputs;
+    const lg_var x = lg_columns(t, in[0], first, BOUNDARY), s = lg_columns(t, in[0], 0, 1);
+    const lg_var z = relative(&d, x), sign = sign_of(&d, x);
+    const lg_var of[2] = {lg_record_copies(t, z, count), lg_record_copies(t, s, count)};
+    const lg_var units =
+        lg_record_units(t, rows, first == 0 ? column : NULL, count, first == 0 ? BOUNDARY : outputs);
+    const lg_var signs = lg_record_copies(t, sign, count), f = net_at(&d, of[1], of[0], signs);
+    lg_var by[2] = {LG_NONE, LG_NONE};
+    y[0] = hand_over(&d, reflected(&d, net_at(&d, s, z, sign), sign), s, x);
+    if (first == 0) {
+        LG_TRY(lg_jvp(t, &f, 1, of, &units, 1, by));
+        by[0] = reflected(&d, by[0], signs);
+        by[0] = lg_transpose(t, lg_reshape(t, by[0], lg_shape3(rows, count, outputs)));
+    } else {
+        LG_TRY(lg_vjp(t, &f, &units, 1, of, 2, by));
+        const lg_var one = lg_full(t, lg_var_shape(t, sign), 1.0);
+        const lg_var side = lg_reshape(t, beside(&d, one, sign), lg_shape3(rows, count, 1));
+        by[0] = lg_slice(t, lg_reshape(t, by[0], lg_shape3(rows, count, BOUNDARY)), 2, LG_AT_V0, DIRECTIONS);
+        by[0] = lg_mul(t, by[0], side);
+        by[1] = lg_mul(t, lg_reshape(t, by[1], lg_shape3(rows, count, 1)), side);
+    }
+    const lg_var chord = lg_slice(t, by[0], 2, LG_AT_QN - LG_AT_V0, 2);
+    const lg_var parts[3] = {by[1], lg_sub(t, identity(&d), chord), by[0]};
+    y[1] = lg_concat(t, parts + 1 - first, 2 + first, 2);
+    return lg_tape_status(t);
+}
+
+/* The same for all other networks, from the function `value`. */
+static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta};
+    const bool angle = d.model->options.kind == LG_SURROGATE_ANGLE;
+    const uint32_t rows = rows_of(&d, in[0]), outputs = lg_surrogate_outputs(d.model);
+    const lg_var copies = lg_record_copies(t, in[0], outputs);
+    const lg_var units = lg_record_units(t, rows, NULL, outputs, outputs);
+    lg_var f = LG_NONE, by = LG_NONE;
+    if (!angle && !is_held(d.model)) return free_gradient(user, t, theta, in, y);
+    LG_TRY((angle ? angle_value : curve_value)(user, t, theta, in, y));
+    LG_TRY((angle ? angle_value : curve_value)(user, t, theta, &copies, &f));
+    LG_TRY(lg_vjp(t, &f, &units, 1, &copies, 1, &by));
+    y[1] = lg_reshape(t, by, lg_shape3(rows, outputs, 1 + BOUNDARY));
     return lg_tape_status(t);
 }
 
@@ -382,10 +313,8 @@ static lg_var for_all(const drawing *d, lg_var numbers, uint32_t count, lg_var s
 /* Program function `point` of the continuous network: s, and x of the curve -> q, v. */
 static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta};
-    const lg_var x = for_all(&d, in[1], BOUNDARY, in[0]);
     const lg_var forward = lg_full(t, lg_var_shape(t, in[0]), 1.0);
-    lg_var sign = LG_NONE, input = called_input(&d, in[0], x, &sign);
-    y[0] = hand_over(&d, net(&d, input), in[0], x, sign);
+    y[0] = value_at(&d, in[0], for_all(&d, in[1], BOUNDARY, in[0]));
     return lg_jvp(t, y, 1, in, &forward, 1, y + 1);
 }
 
@@ -419,6 +348,23 @@ static lg_status angle_point(void *user, lg_tape *t, const lg_var *theta, const 
     return lg_tape_status(t);
 }
 
+/* Program function `span` of the angle network: s, the outputs of `ends`, a length -> the integral of
+ * (cos theta, sin theta) from s over this length, by Gauss's rule. */
+static lg_status angle_span(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const uint32_t rows = lg_var_shape(t, in[0]).dims[0];
+    const lg_shape points = lg_shape2(rows, LG_GAUSS_POINTS);
+    const lg_var share = lg_input_f64(t, lg_shape2(1, LG_GAUSS_POINTS), lg_gauss_at);
+    const lg_var weight = lg_input_f64(t, lg_shape2(LG_GAUSS_POINTS, 1), lg_gauss_weight);
+    const lg_var at = lg_add(t, in[0], lg_mul(t, in[2], share));
+    const lg_var of[2] = {lg_reshape(t, at, lg_shape2(rows * LG_GAUSS_POINTS, 1)), in[1]};
+    lg_var angle = LG_NONE;
+    LG_TRY(angle_point(user, t, theta, of, &angle));
+    angle = lg_reshape(t, angle, points);
+    const lg_var sums[2] = {lg_matmul(t, lg_cos(t, angle), weight), lg_matmul(t, lg_sin(t, angle), weight)};
+    y[0] = lg_mul(t, lg_concat(t, sums, 2, 1), in[2]);
+    return lg_tape_status(t);
+}
+
 /* ---- functions of each kind of network ---- */
 
 /* Inputs and outputs of the functions. */
@@ -426,11 +372,13 @@ static const lg_port x8 = {.name = "x", .shape = {1, {BOUNDARY}}},
                      x9 = {.name = "x", .shape = {1, {1 + BOUNDARY}}};
 static const lg_port point_in[2] = {{.name = "s", .shape = {1, {1}}},
                                     {.name = "x", .shape = {1, {BOUNDARY}}, .shared = true}};
-static const lg_port angle_in[2] = {{.name = "s", .shape = {1, {1}}},
-                                    {.name = "ends", .shape = {1, {CURVE_NUMBERS}}, .shared = true}};
+static const lg_port angle_in[3] = {{.name = "s", .shape = {1, {1}}},
+                                    {.name = "ends", .shape = {1, {CURVE_NUMBERS}}, .shared = true},
+                                    {.name = "length", .shape = {1, {1}}}};
 static const lg_port value_out[2] = {{.name = "y"}, {.name = "g"}};
 static const lg_port point_out[2] = {{.name = "q"}, {.name = "v"}};
-static const lg_port side_out = {.name = "side"}, ends_out = {.name = "ends"}, theta_out = {.name = "theta"};
+static const lg_port ends_out = {.name = "ends"}, theta_out = {.name = "theta"},
+                     span_out = {.name = "integral"};
 
 enum { MOST_FUNCTIONS = 5 };
 static const struct bundle {
@@ -438,20 +386,19 @@ static const struct bundle {
     lg_function_spec function[MOST_FUNCTIONS];
 } bundles[LG_SURROGATE_KIND_COUNT] = {
     [LG_SURROGATE_DISCRETE] = {"discrete surrogate of a beam",
-                               {{"side", &x8, 1, &side_out, 1, curve_side, NULL},
-                                {"value", &x8, 1, value_out, 1, curve_value, NULL},
-                                {"grad", &x8, 1, value_out, 2, curve_gradient, NULL}}},
+                               {{"value", &x8, 1, value_out, 1, curve_value, NULL},
+                                {"grad", &x8, 1, value_out, 2, gradient, NULL}}},
     [LG_SURROGATE_CONTINUOUS] = {"continuous surrogate of a beam",
-                                 {{"side", &x8, 1, &side_out, 1, curve_side, NULL},
-                                  {"value", &x9, 1, value_out, 1, curve_value, NULL},
-                                  {"grad", &x9, 1, value_out, 2, curve_gradient, NULL},
+                                 {{"value", &x9, 1, value_out, 1, curve_value, NULL},
+                                  {"grad", &x9, 1, value_out, 2, gradient, NULL},
                                   {"point", point_in, 2, point_out, 2, curve_point, NULL},
                                   {"place", point_in, 2, point_out, 1, curve_place, NULL}}},
     [LG_SURROGATE_ANGLE] = {"angle surrogate of a beam",
                             {{"value", &x9, 1, value_out, 1, angle_value, NULL},
-                             {"grad", &x9, 1, value_out, 2, angle_gradient, NULL},
+                             {"grad", &x9, 1, value_out, 2, gradient, NULL},
                              {"ends", &x8, 1, &ends_out, 1, angle_ends, NULL},
-                             {"point", angle_in, 2, &theta_out, 1, angle_point, NULL}}},
+                             {"point", angle_in, 2, &theta_out, 1, angle_point, NULL},
+                             {"span", angle_in, 3, &span_out, 1, angle_span, NULL}}},
 };
 
 lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model, const double *theta,

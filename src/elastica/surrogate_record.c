@@ -21,8 +21,7 @@ lg_var lg_surrogate_chord(lg_tape *tape, const lg_surrogate *model, lg_var x) {
                   lg_input_f64(tape, lg_shape2(1, 2), centre));
 }
 
-/* Rows (1, N + 1) with the numbers k/N, and with the numbers 1 - k/N, for k = 0..N. */
-static void put_shares(lg_tape *tape, uint32_t intervals, lg_var *rising, lg_var *falling) {
+void lg_surrogate_shares(lg_tape *tape, uint32_t intervals, lg_var *rising, lg_var *falling) {
     const lg_shape shape = lg_shape2(1, intervals + 1);
     void *up, *down;
     *rising = lg_input_buffer(tape, shape, &up);
@@ -37,7 +36,7 @@ static void put_shares(lg_tape *tape, uint32_t intervals, lg_var *rising, lg_var
 
 lg_var lg_surrogate_node_angles(lg_tape *tape, const lg_surrogate *model, lg_var theta, lg_var x) {
     lg_var rising = LG_NONE, falling = LG_NONE;
-    put_shares(tape, model->intervals, &rising, &falling);
+    lg_surrogate_shares(tape, model->intervals, &rising, &falling);
     const lg_var first = lg_surrogate_angle(tape, lg_columns(tape, x, LG_AT_V0, 2));
     const lg_var last = lg_surrogate_angle(tape, lg_columns(tape, x, LG_AT_VN, 2));
     const lg_var line = lg_add(tape, lg_mul(tape, first, falling), lg_mul(tape, last, rising));
@@ -45,8 +44,7 @@ lg_var lg_surrogate_node_angles(lg_tape *tape, const lg_surrogate *model, lg_var
     return lg_add(tape, line, lg_pad(tape, f, 1, 1, 1));
 }
 
-/* Sums over the first 1, 2, ..., n of the points (B, n, 2), computed by doubling. */
-static lg_var running_sums(lg_tape *tape, lg_var points, uint32_t n) {
+lg_var lg_surrogate_running_sums(lg_tape *tape, lg_var points, uint32_t n) {
     for (uint32_t d = 1; d < n; d *= 2)
         points = lg_add(tape, points, lg_pad(tape, lg_slice(tape, points, 1, 0, n - d), 1, d, 0));
     return points;
@@ -58,12 +56,12 @@ static lg_var curve_of_angles(lg_tape *tape, const lg_surrogate *model, lg_var a
     const uint32_t n = model->intervals, rows = lg_var_shape(tape, angles).dims[0];
     const lg_shape one = lg_shape3(rows, n + 1, 1), flat = lg_shape2(rows, 2 * (n - 1));
     lg_var rising = LG_NONE, falling = LG_NONE;
-    put_shares(tape, n, &rising, &falling);
+    lg_surrogate_shares(tape, n, &rising, &falling);
     const lg_var parts[2] = {lg_reshape(tape, lg_cos(tape, angles), one),
                              lg_reshape(tape, lg_sin(tape, angles), one)};
     const lg_var v = lg_concat(tape, parts, 2, 2);
     const lg_var pairs = lg_add(tape, lg_slice(tape, v, 1, 0, n), lg_slice(tape, v, 1, 1, n));
-    const lg_var sums = running_sums(tape, lg_scale(tape, pairs, 0.5 * model->length / n), n);
+    const lg_var sums = lg_surrogate_running_sums(tape, lg_scale(tape, pairs, 0.5 * model->length / n), n);
     const lg_var whole = lg_slice(tape, sums, 1, n - 1, 1);
     const lg_var r = lg_sub(tape, lg_reshape(tape, chord, lg_shape3(rows, 1, 2)), whole);
     const lg_var shares = lg_reshape(tape, lg_columns(tape, rising, 1, n - 1), lg_shape3(1, n - 1, 1));

@@ -70,6 +70,15 @@ static inline void curve_of(const small *s, const double *x, const double *at, s
     typed_curve_of(s, LG_F64, x, at, points, q, v);
 }
 
+/* The cubic on an interval of length h between two nodes q (2, 2) with the tangents v (2, 2), at t in
+ * [0, 1], in Hermite's basis. */
+static inline void test_cubic(const double *q, const double *v, double h, double t, double *point) {
+    const double u = 1.0 - t;
+    for (size_t c = 0; c < 2; c++)
+        point[c] = u * u * ((1.0 + 2.0 * t) * q[c] + h * t * v[c]) +
+                   t * t * ((1.0 + 2.0 * u) * q[2 + c] - h * u * v[2 + c]);
+}
+
 /* theta(s) of curve i; even and odd curves bend to opposite sides. */
 static inline double test_angle(size_t i, double t) {
     const double a = 0.4 + 0.23 * (double)i, side = i % 2 == 0 ? 1.0 : -1.0;

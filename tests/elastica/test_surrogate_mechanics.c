@@ -190,10 +190,7 @@ static beam beam_of(const small *s, const double *x) {
     slopes_of(s, x, places, b.points, a);
     for (size_t k = 0; k < b.points; k++) {
         const size_t node = k / LG_GAUSS_POINTS;
-        double tangent[2];
-        if (angle)
-            lg_surrogate_hermite(q + 2 * node, v + 2 * node, h, lg_gauss_at[k % LG_GAUSS_POINTS], b.q + 2 * k,
-                                 tangent);
+        if (angle) test_cubic(q + 2 * node, v + 2 * node, h, lg_gauss_at[k % LG_GAUSS_POINTS], b.q + 2 * k);
         b.turning[k] = cross(b.v + 2 * k, a + 2 * k);
     }
     return b;

@@ -135,9 +135,8 @@ static void against_tape(const example *e, const double *x) {
     const double t = x[0] / e->model.length, u = 1.0 - t, weight = held ? 16.0 * t * t * u * u : 1.0;
     double pair[2];
     if (held)
-        lg_surrogate_hermite((const double[]){ends[0], ends[1], ends[4], ends[5]},
-                             (const double[]){ends[2], ends[3], ends[6], ends[7]}, e->model.length, t, pair,
-                             (double[2]){0.0, 0.0});
+        test_cubic((const double[]){ends[0], ends[1], ends[4], ends[5]},
+                   (const double[]){ends[2], ends[3], ends[6], ends[7]}, e->model.length, t, pair);
     for (size_t o = 0; o < e->outputs; o++) {
         const double f = weight * of_network(e, row, o);
         const double from = held ? pair[o] : o < points ? ends[o % 2] : 0.0;

@@ -28,45 +28,32 @@ static const char *const boundary_names[NUMBERS] = {"q0x", "q0y", "v0x", "v0y", 
 
 /* ---- code ---- */
 
-static void add_constants(export_source *source, const lg_surrogate *model) {
-    const double length = model->length;
-    const size_t n = model->intervals, panels = n * ((50 + n - 1) / n);
-    const double eps = export_eps(source->options);
-    if (model->options.kind == LG_SURROGATE_DISCRETE) {
-        export_real(source, "LENGTH", length);
-        export_constant(source, "INTERVALS", n);
-        export_real(source, "INTERVAL", length / (double)n);
-    }
-    if (model->options.kind == LG_SURROGATE_ANGLE) {
-        export_constant(source, "PANELS", panels);
-        export_real(source, "PANEL", length / (double)panels);
-        export_real(source, "PANEL_SLACK", fmax(1e-9, 4 * eps * (double)panels));
-    }
-}
-
-/* fragment: C of the curve. functions: functions of the program that the fragment calls. work: reals of work
- * memory that the fragment needs besides these functions. */
-static const struct {
-    const char *fragment;
-    size_t work;
-    const char *functions[2];
-} forms[LG_SURROGATE_KIND_COUNT] = {
-    [LG_SURROGATE_DISCRETE] = {"curve_discrete", 0, {"value", NULL}},
-    [LG_SURROGATE_CONTINUOUS] = {"curve_continuous", 0, {"point", "place"}},
-    [LG_SURROGATE_ANGLE] = {"curve_angle", 8, {"point", "ends"}},
-};
-
 static void curve_code(export_model *m) {
+    export_source *source = m->source;
     const lg_surrogate *model = &file_of(m)->run.model;
     const lg_surrogate_kind kind = model->options.kind;
-    size_t least = forms[kind].work;
-    add_constants(m->source, model);
-    export_code(m->source, "curve_mark");
-    export_code(m->source, forms[kind].fragment);
-    if (kind == LG_SURROGATE_DISCRETE) least = 4 * (2 * (size_t)model->intervals);
-    for (size_t i = 0; i < 2 && forms[kind].functions[i] != NULL; i++) {
-        const size_t work = least + export_work_of(m, forms[kind].functions[i]);
-        if (work > m->source->work) m->source->work = work;
+    const size_t n = model->intervals, panels = n * ((50 + n - 1) / n);
+    /* Reals of work memory that the fragment needs besides its functions. */
+    const size_t least[LG_SURROGATE_KIND_COUNT] = {[LG_SURROGATE_DISCRETE] = 8 * n, [LG_SURROGATE_ANGLE] = 8};
+    char fragment[32];
+    (void)snprintf(fragment, sizeof fragment, "curve_%s", lg_surrogate_kind_name(kind));
+    if (kind != LG_SURROGATE_CONTINUOUS) {
+        export_code(source, "curve_mark");
+        export_real(source, "LENGTH", model->length);
+    }
+    if (kind == LG_SURROGATE_DISCRETE) {
+        export_constant(source, "INTERVALS", n);
+        export_code(source, "curve_nodes");
+    } else if (kind == LG_SURROGATE_ANGLE) {
+        export_constant(source, "SYMMETRIC", model->options.symmetric);
+        export_constant(source, "PANELS", panels);
+        export_real(source, "PANEL", model->length / (double)panels);
+        export_real(source, "PANEL_SLACK", fmax(1e-9, 4 * export_eps(source->options) * (double)panels));
+    }
+    export_code(source, fragment);
+    for (size_t i = 0; i < m->count; i++) {
+        const size_t work = least[kind] + m->functions[i].work;
+        if (strcmp(m->functions[i].function, "grad") != 0 && work > source->work) source->work = work;
     }
 }
 
@@ -305,7 +292,8 @@ static bool has_nodes(const export_model *m) {
         .golden = curve_golden, .extra_name = "curve", .stack = 2048, .calls = 6                             \
     }
 const export_face export_face_points = CURVE(is_beam, {"point", "point", false}, {"place", "place", false});
-const export_face export_face_angle = CURVE(is_beam, {"ends", "ends", false}, {"point", "point", false});
+const export_face export_face_angle =
+    CURVE(is_beam, {"ends", "ends", false}, {"point", "point", false}, {"span", "span", true});
 const export_face export_face_nodes = CURVE(has_nodes, {"value", "eval", false});
 
 const export_kind export_kind_surrogate = {

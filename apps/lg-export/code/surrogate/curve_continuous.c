@@ -6,6 +6,4 @@ void NAME_curve(const NAME_real *x, const NAME_real *s, int points, NAME_real *q
         else if (q != NULL)
             NAME_place(s + i, x, q + 2 * i, work);
     }
-    mark_curve(x, s, points, q);
-    mark_curve(x, s, points, v);
 }
