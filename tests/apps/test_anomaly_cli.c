@@ -546,7 +546,8 @@ TEST("the healthy class is the one given, or that of the data, or one whose name
     }
     cli_expect(lg, "train plain.h5 --healthy up --method tree --out h.h5", 2,
                "'up' is none of the classes left|right");
-    cli_expect(lg, "train plain.h5 --method novelty --out h.h5", 2, "--classifier novelty: it is unknown which");
+    cli_expect(lg, "train plain.h5 --method novelty --out h.h5", 2,
+               "--classifier novelty: it is unknown which");
     cli_run(lg, "train plain.h5 --healthy left --method novelty --out n.h5");
     cli_expect(lg, "evaluate n.h5 plain.h5 --healthy unlike", 2, "'unlike' is none of the classes left");
     cli_run(lg, "train plain.h5 --method tree --out h.h5");
