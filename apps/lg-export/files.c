@@ -108,6 +108,9 @@ static void add_sizes(const export_source *source, text *to) {
         "-O3\n"
         " * and -Os, with any set of instructions); `make stack` checks it. */\n#define %s_STACK_SIZE %zu\n",
         name, source->stack);
+    char times[64] = "";
+    if (source->condition != 1)
+        (void)lg_format(times, sizeof times, " times the condition %.6g", source->condition);
     lg_text_add(
         to,
         "/* Maps one after another, and the tolerance of the self-test: 20 eps DEPTH%s.\n"
@@ -116,7 +119,7 @@ static void add_sizes(const export_source *source, text *to) {
         " * the norm of the result or the root mean square of that norm over the golden vectors, whichever "
         "is\n"
         " * larger. */\n",
-        source->condition != 1 ? " times the condition told above" : "");
+        times);
     lg_text_add(to, "#define %s_DEPTH %zu\n#define %s_TOLERANCE ", name, source->depth, name);
     lg_text_add_real(to, LG_F64, export_tolerance(source));
     lg_text_add(to, "\n%s\n", source->sizes.data != NULL && !source->bundle ? source->sizes.data : "");

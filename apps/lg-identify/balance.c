@@ -6,6 +6,7 @@
 #include "lg-identify/identify.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
+#include "machine/internal.h"
 
 /* ---- the model's terms at given states ---- */
 
@@ -24,11 +25,8 @@ static lg_status record(void *user, lg_tape *t, const lg_var *theta, const lg_va
     lg_machine_vars vars;
     lg_var parts[LG_TAPED_MAX_PARTS], power[POWERS];
     for (uint32_t k = 0; k < nq; k++) place[k] = 1;
-    for (uint32_t i = 0, at = 0; i < machine->coordinate_count; i++)
-        for (uint32_t k = 0; k < lg_coordinate_row_of(machine->coordinates[i].kind)->places; k++)
-            place[lg_log_place_of(machine, i).position + k] = s->place[at++];
-    for (uint32_t k = 0; k < nv; k++)
-        speed[k] = s->velocity[k] / s->time, force[k] = s->energy / s->velocity[k];
+    for (uint32_t k = 0; k < nv; k++) speed[k] = 1, force[k] = s->energy / s->velocity[k];
+    lg_machine_unscale_row(machine, place, speed);
     LG_TRY(lg_machine_bind(t, machine, machine->parameters > 0 ? theta[0] : LG_NONE, &vars));
     const lg_var q = lg_div(t, in[0], lg_input_f64(t, lg_shape2(1, nq), place)),
                  v = lg_div(t, in[1], lg_input_f64(t, lg_shape2(1, nv), speed)),

@@ -51,7 +51,7 @@ void lg_matrix_add_twice(size_t count, const double *x, lg_matrix_pair y) {
 
 double lg_matrix_norm(size_t count, const double *x) {
     double largest = 0.0, sum = 0.0;
-    for (size_t i = 0; i < count; i++)
+    for (size_t i = 0; i < count && !isnan(largest); i++)
         if (!(fabs(x[i]) <= largest)) largest = fabs(x[i]);
     if (!(largest > 0.0) || !isfinite(largest)) return largest;
     for (size_t i = 0; i < count; i++) sum += (x[i] / largest) * (x[i] / largest);

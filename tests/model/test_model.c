@@ -604,6 +604,37 @@ TEST("functions that do not fit each other or the space are refused") {
     }
 }
 
+/* (log x0, -x1): Newton's step from 5 leads to a negative x0, where the drift is (NaN, 0). */
+static lg_status record_logarithm(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *out) {
+    const lg_var rate[2] = {lg_log(t, lg_slice(t, x[0], 1, 0, 1)), lg_neg(t, lg_slice(t, x[0], 1, 1, 1))};
+    (void)user;
+    (void)theta;
+    out[0] = lg_concat(t, rate, 2, 1);
+    return lg_tape_status(t);
+}
+
+TEST("a drift that is not a number is never an equilibrium") {
+    const lg_port in = {.name = "x", .shape = lg_shape1(2), .low = 0.5, .high = 1.5}, out = {.name = "rate"};
+    const lg_function_spec field = {"field", &in, 1, &out, 1, record_logarithm, NULL};
+    lg_program_spec spec;
+    lg_program *program;
+    lg_model *model;
+    lg_space space;
+    double x[2] = {5, 0}, drift = -1;
+    lg_program_spec_init(&spec);
+    spec.functions = &field, spec.function_count = 1;
+    assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+    assert_ok(lg_space_init_rn(&space, 2));
+    assert_ok(lg_model_create(NULL, program, &space, &model, NULL));
+    void *work = malloc(lg_model_work_size(model));
+    assert_ok(lg_model_equilibrium(model, NULL, x, &drift, work));
+    assert_float_equal(x[0], 1.0, 1e-9);
+    assert_float_equal(x[1], 0.0, 1e-9);
+    assert_true(drift <= 1e-9);
+    free(work);
+    lg_model_destroy(model);
+}
+
 TEST("NULL has no numbers and is refused, and what does not move has no equilibrium") {
     const lg_port in = {.name = "x", .shape = lg_shape1(3)}, out = {.name = "y"};
     static const uint32_t one = 1;

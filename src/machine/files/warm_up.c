@@ -122,7 +122,7 @@ static lg_status balance(lg_training *self, const lg_machine *machine, const dou
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const double q = found.position[i] / run->position_scale[i],
                      v = found.velocity[i] / run->velocity_scale[i];
-        if (!(q > tolerated * v && v > 0.0) || s->noise.position[i] > 0.0) continue;
+        if (!(q > tolerated * v && v > 0.0 && isfinite(q)) || s->noise.position[i] > 0.0) continue;
         run->position_scale[i] = s->problem.position_scale[i] *= q / v;
         *changed = true;
     }
