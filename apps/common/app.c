@@ -473,7 +473,8 @@ static void check_together(const app *self) {
         if (!slot->given) continue;
         const app_slot *other = slot->row->needs != NULL ? app_find_slot(self, slot->row->needs) : slot;
         if (!other->given)
-            app_stop_usage(self, "--%s: needs --%s %s", slot->name, other->name,
+            app_stop_usage(self, "--%s: needs --%s%s%s", slot->name, other->name,
+                           other->row->unit != NULL ? " " : "",
                            other->row->unit != NULL ? other->row->unit : "");
         APP_FREE char *others = app_format("%s", slot->row->without != NULL ? slot->row->without : "");
         for (char *save = NULL, *at = strtok_r(others, ",", &save); at != NULL;

@@ -154,6 +154,23 @@ static lg_status check_method(const app *v, const train_task *task, const lg_sea
     return LG_OK;
 }
 
+/* Two spellings of an option are the same option. */
+static lg_status check_spellings(const app *v, const lg_search_file *file, uint32_t *line, lg_error *error) {
+    const lg_range *ranges = file->space.ranges;
+    for (size_t i = 0; i < file->fixed_count + file->space.count; i++)
+        for (size_t k = 0; k < i; k++) {
+            const bool fixed = i < file->fixed_count;
+            const char *name = fixed ? file->fixed_name[i] : ranges[i - file->fixed_count].name,
+                       *other =
+                           k < file->fixed_count ? file->fixed_name[k] : ranges[k - file->fixed_count].name;
+            *line = fixed ? file->fixed_line[i] : file->line[i - file->fixed_count];
+            if (app_find_slot(v, name) == app_find_slot(v, other))
+                return lg_fail(error, LG_FORMAT, "'%s' is the same option as '%s': leave one out", name,
+                               other);
+        }
+    return LG_OK;
+}
+
 static void check_names(const app *self, const app_command *train, train_task *task,
                         const lg_search_file *file) {
     lg_error error = {LG_OK, ""};
@@ -161,6 +178,7 @@ static void check_names(const app *self, const app_command *train, train_task *t
     uint32_t line = 0;
     lg_status status = set_all(&v, task, file, NULL, &line, &error);
     if (status == LG_OK) status = check_method(&v, task, file, &line, &error);
+    if (status == LG_OK) status = check_spellings(&v, file, &line, &error);
     if (status != LG_OK) app_stop(self, status, "%s: line %u: %s", self->arguments[0], line, error.message);
 }
 

@@ -3,6 +3,7 @@
 #include "lg-simulate/simulate.h"
 
 #include <string.h>
+#include <unistd.h>
 
 /* ---- which methods apply ---- */
 
@@ -57,8 +58,9 @@ static method method_read(const simulation *sim, const char *option, const char 
 }
 
 method method_named(const simulation *sim, const char *option, const char *name) {
-    if (strpbrk(name, "./") != NULL) return method_read(sim, option, name);
     const lg_scheme *scheme = lg_scheme_find(name);
+    if (scheme == NULL && (strpbrk(name, "./") != NULL || access(name, F_OK) == 0))
+        return method_read(sim, option, name);
     if (scheme == NULL)
         app_stop_usage(sim->self, "--%s: '%s' is not one of %s", option, name,
                        method_names(sim, false, false));

@@ -1,7 +1,7 @@
 /* The tree-structured Parzen estimator (Bergstra et al. 2011) of each range alone, with the defaults of
  * Optuna. The best tenth of the trials and the others give a density each, good and bad; of 24 draws from
  * `good` the one with the largest good/bad is taken. A density is a mixture: a kernel around each trial's
- * value, and a wide one, the prior. The first 10 trials are random. */
+ * value, and a wide one, the prior. Trials are random until 10 have ended; failed ones do not count. */
 #include "nn/search.h"
 
 #include <math.h>
@@ -160,22 +160,24 @@ static size_t good_of(size_t count) {
 static lg_status next(const lg_search_space *space, uint64_t seed, uint64_t number, const lg_trial *done,
                       size_t count, double *value) {
     static const uint64_t tag = UINT64_C(0x7470650000000000);
-    const size_t good = good_of(count);
+    size_t ended = 0;
+    for (size_t i = 0; i < count; i++) ended += done[i].state != LG_TRIAL_FAILED;
+    const size_t good = good_of(ended);
     lg_search_draw(space, seed, number, value);
-    if (count < STARTUP) return LG_OK;
+    if (ended < STARTUP) return LG_OK;
     LG_TRY_SCRATCH(const lg_trial *, order, NULL, count, LG_OUT_OF_MEMORY);
     LG_TRY_SCRATCH(kernel, kernels, NULL, count + 2, LG_OUT_OF_MEMORY);
     mixture side[2] = {{.kernel = kernels}, {.kernel = kernels + good + 1}};
     for (size_t i = 0; i < count; i++) order[i] = &done[i];
     qsort(order, count, sizeof *order, by_merit);
-    qsort(order + good, count - good, sizeof *order, by_number);
+    qsort(order + good, ended - good, sizeof *order, by_number);
     for (size_t at = 0; at < space->count; at++) {
         const lg_range *range = &space->ranges[at];
         lg_rng rng = lg_search_rng(tag, seed, number, at);
         double best = -INFINITY;
         if (range->kind != LG_RANGE_CHOICE && range->low == range->high) continue;
         fill(range, at, order, good, &side[0]);
-        fill(range, at, order + good, count - good, &side[1]);
+        fill(range, at, order + good, ended - good, &side[1]);
         for (int i = 0; i < DRAWS; i++) {
             const double place = draw(&side[0], &rng),
                          ratio = density(&side[0], place) / density(&side[1], place);

@@ -138,6 +138,24 @@ TEST("the density of real numbers is 1 over the range, and draws follow it") {
     assert_close(whole, 1, 1e-5, 0);
 }
 
+TEST("trials that failed do not count: tpe draws at random until ten others have ended") {
+    enum { COUNT = 30, ENDED = 9 };
+    const lg_search_space space = space_of(LG_COUNT(ranges), ranges);
+    lg_trial done[COUNT];
+    double value[LG_RANGE_MAX], expected[LG_RANGE_MAX];
+    make_done(&space, COUNT, done);
+    for (size_t i = ENDED; i < COUNT; i++) done[i].state = LG_TRIAL_FAILED, done[i].objective = NAN;
+    lg_search_draw(&space, 5, COUNT, expected);
+    assert_ok(next(&space, 5, COUNT, done, COUNT, value));
+    assert_memory_equal(value, expected, space.count * sizeof *value);
+    done[ENDED].state = LG_TRIAL_DONE, done[ENDED].objective = 1;
+    assert_ok(next(&space, 5, COUNT, done, COUNT, value));
+    assert_memory_not_equal(value, expected, space.count * sizeof *value);
+    double again[LG_RANGE_MAX]; /* the failed ones change nothing */
+    assert_ok(next(&space, 5, COUNT, done, ENDED + 1, again));
+    assert_memory_equal(value, again, space.count * sizeof *value);
+}
+
 /* ---- all samplers ---- */
 
 TEST("every sampler gives possible values that depend on its arguments alone, in any order of the trials") {

@@ -46,7 +46,7 @@ void lg_machine_carry(const lg_machine *from, const double *theta, const lg_mach
 
 /* A trial keeps the options that say how windows are predicted; the method and its epochs are its own. */
 static bool is_given(const lg_training *self, const char *option) {
-    static const char *const kept[] = {"window", "stride", "starts", "substeps", "integrator"};
+    static const char *const kept[] = {"window", "hop", "initial-states", "substeps", "scheme"};
     const lg_training *whole = self->user;
     for (size_t i = 0; i < LG_COUNT(kept); i++)
         if (strcmp(option, kept[i]) == 0) return whole->given(whole, option);
