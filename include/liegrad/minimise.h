@@ -165,8 +165,8 @@ LG_API lg_status lg_least_squares(const lg_context *context, size_t n, size_t m,
  * the rows of A: `matrix` = A^T A (n, n), of which the lower triangle is read, and `right` = A^T y (columns,
  * n), one right side per row. `right` becomes x; `matrix` is overwritten. Each diagonal element is first
  * multiplied by 1 + `ridge`. With a ridge of 1e-12 or more, the solution is divided among columns of A that
- * are linearly dependent up to rounding, and a column of zeros gets x_i = 0; with 0 or -1e-12 such columns are
- * an error. Errors: LG_CHECK_FAILED (the matrix is not positive definite or holds NaN; both arrays are
+ * are linearly dependent up to rounding, and a column of zeros gets x_i = 0; with 0 or -1e-12 such columns
+ * are an error. Errors: LG_CHECK_FAILED (the matrix is not positive definite or holds NaN; both arrays are
  * overwritten), LG_INVALID_ARGUMENT (NULL). */
 LG_API lg_status lg_normal_equations(size_t n, size_t columns, double ridge, double *matrix, double *right);
 

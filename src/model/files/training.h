@@ -75,7 +75,7 @@ typedef struct lg_trainer {
     size_t state_size;
     const lg_field *options; /* fields of `state` that a user sets and no file stores; may be NULL */
     const char *method;      /* name of the field that `methods` in other rows refers to; NULL: none */
-    /* field that a search does not vary, since --validation-fraction of the search replaces it; may be NULL */
+    /* field that a search does not vary, since its own --validation-fraction replaces it; may be NULL */
     const char *held_out;
     const char *kept; /* option that names another input file; may be NULL */
     /* values of the field "hidden" that --size auto compares, from small to large, ended by NULL; NULL: the

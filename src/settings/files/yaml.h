@@ -65,8 +65,8 @@ bool lg_yaml_has(const lg_yaml *yaml, const char *key);
 lg_status lg_yaml_name(lg_yaml *yaml, const lg_field *key, lg_key_value *value, lg_error *error);
 /* Reads the top mapping. A key is a row's name, or its option. Fails, with the line in the message, for
  * unknown, duplicate and missing keys, wrong shapes, texts where numbers are expected, and numbers out of
- * range. `elsewhere` (may be NULL) returns true for keys of other systems; `system` is the name of this system.
- * Both serve the message about an unknown key. */
+ * range. `elsewhere` (may be NULL) returns true for keys of other systems; `system` is the name of this
+ * system. Both serve the message about an unknown key. */
 lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
                        bool (*elsewhere)(const char *name), const char *system, lg_error *error);
 /* Reads the mapping of a NODE, or of an item of a NODE, in the same way. `what` names it in error
