@@ -124,6 +124,33 @@ TEST("a sampled analogue input is recognised where a slow force hides it in long
     assert_true(ratio_of("hold", "zero") > 1.05);
 }
 
+/* The ratios of the holds after a fit with these options, as they are printed. */
+static const char *ratios_with(const char *options) {
+    cli_json(identify, test_text("fit open.yaml log.csv --out m.h5 %s", options), "loss *");
+    const char *ratios = json_find(json_find(result.out, "hold"), "ratios");
+    assert_non_null(ratios);
+    return test_text("%.*s", (int)strcspn(ratios, "}"), ratios);
+}
+
+TEST("candidates are fitted with the options that say how windows are predicted, in either spelling") {
+    static const char *const pairs[][2] = {{"--hop 7", "--stride 7"},
+                                           {"--initial-states estimated", "--starts estimated"},
+                                           {"--initial-states measured", "--starts measured"},
+                                           {"--scheme lie-euler", "--integrator lie-euler"},
+                                           {"--substeps 3", "--substeps 3"},
+                                           {"--window 9", "--window 9"}};
+    const char *ratios[LG_COUNT(pairs)];
+    write_log("log.csv", &(plant){none, false, 0, 400, 1, 0.2, 0});
+    const char *usual = ratios_with("");
+    for (size_t i = 0; i < LG_COUNT(pairs); i++) {
+        ratios[i] = ratios_with(pairs[i][0]);
+        print_message("%s: %s\n", pairs[i][0], ratios[i]);
+        assert_string_equal(ratios[i], ratios_with(pairs[i][1]));
+        if (strstr(pairs[i][0], "initial") == NULL) assert_string_not_equal(ratios[i], usual);
+    }
+    assert_string_not_equal(ratios[1], ratios[2]);
+}
+
 /* Standard deviation of number i of a model with the model's covariance, by difference quotients. */
 static double error_of_model(const char *path, size_t i) {
     enum { MOST = 32 };
