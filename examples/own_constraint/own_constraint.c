@@ -53,7 +53,6 @@ int main(int argc, char **argv) {
 
     lg_trajectory_options how;
     lg_trajectory_options_init(&how);
-    how.trajectories = 1, how.points = 2;
     how.trajectories = N, how.points = M, how.t_end = 0.2;
     NEED(lg_constraint_generate(bead, &how, NULL, data, energies, &error));
 
@@ -100,8 +99,7 @@ int main(int argc, char **argv) {
         for (int j = 0; j < 3; j++) gap = fmax(gap, fabs(learned[i * D + j] - truth[i * D + j]));
     }
     printf("%u constraints; in %g s the learned bead leaves them by %.1e and the true motion by %.1e; the "
-           "true energy "
-           "drifts by %.1e\n",
+           "true energy drifts by %.1e\n",
            lg_constraint_equations(bead), times[STEPS], off, gap, fabs(H[1] - H[0]));
     return off < 1e-14 && gap < 0.1 ? 0 : 1;
 }
