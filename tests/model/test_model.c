@@ -623,16 +623,15 @@ TEST("a drift that is not a number is never an equilibrium") {
     double x[2] = {5, 0}, drift = -1;
     lg_program_spec_init(&spec);
     spec.functions = &field, spec.function_count = 1;
-    assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+    assert_told(lg_program_build(NULL, &spec, &program, &told));
     assert_ok(lg_space_init_rn(&space, 2));
-    assert_ok(lg_model_create(NULL, program, &space, &model, NULL));
-    void *work = malloc(lg_model_work_size(model));
+    assert_int_equal(lg_model_create(NULL, program, &space, &model, NULL), LG_OK); /* called once */
+    lg_test_owns(model, release_model);
+    void *work = test_work(lg_model_work_size(model));
     assert_ok(lg_model_equilibrium(model, NULL, x, &drift, work));
     assert_float_equal(x[0], 1.0, 1e-9);
     assert_float_equal(x[1], 0.0, 1e-9);
     assert_true(drift <= 1e-9);
-    free(work);
-    lg_model_destroy(model);
 }
 
 TEST("NULL has no numbers and is refused, and what does not move has no equilibrium") {
