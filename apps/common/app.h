@@ -122,14 +122,14 @@ bool app_given(const app *app, const char *option);
 /* Sets the command and gives its settings their defaults. No option counts as given. Its plots have no
  * options: they are those of the command line. */
 void app_choose_command(app *app, const app_command *command);
-/* An old spelling of an option, for the commands whose title (app->title) begins with `command`. It counts
- * only where the command has the option `now`, and no option of its own with the old name. */
+/* `old` is an earlier name of the option `now`, in commands whose title (app->title) begins with `command`. A
+ * command that has an option named `old` keeps it; a command without the option `now` rejects `old`. */
 typedef struct app_alias {
     const char *command, *old, *now;
     const char *value; /* The old spelling is a switch for --now=value; NULL: it takes the value of --now. */
 } app_alias;
 extern const app_alias app_aliases[]; /* aliases.c; a last row of NULL */
-/* Finds the option with this name, or with this old spelling; NULL when the command has no such option. */
+/* Returns the option that has this name now or had it earlier; NULL: the command has no such option. */
 app_slot *app_find_slot(const app *app, const char *option);
 /* Sets the option's value from `text`, as the command line does, and marks the option as given. A string
  * value points to `text`, which must live on. LG_INVALID_ARGUMENT: nothing is stored, and `error` says

@@ -303,8 +303,8 @@ typedef struct lg_search_problem {
  * *trials and *count to the trials with lower numbers, after lg_search_settle, and returns true. It returns
  * false if one of them has neither reached the rung nor ended; `trial` then goes on, and lg_search_settle
  * decides later whether it should have stopped. `user` is problem->user. A sampler that learns also calls it
- * before the trial, with rung LG_TRIAL_BEGINS, to get the trials from which it chooses the values; false:
- * there are none. */
+ * before the trial, with rung LG_TRIAL_BEGINS, to get the trials from which it chooses the values; false
+ * means that no trial has ended. */
 #define LG_TRIAL_BEGINS UINT32_MAX
 typedef bool (*lg_search_known)(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **trials,
                                 size_t *count);

@@ -165,7 +165,7 @@ static void make(const run *r) {
         lg_plan_eval(r->c->plan[MADE], (const void *const[]){r->x}, (void *const[]){r->made}, r->plan);
 }
 
-/* Number of rows of the next batch, if `rest` rows are left. */
+/* Returns how many rows the next batch has when `rest` rows remain. */
 static size_t batch(const run *r, asked which, size_t rest) {
     return rest < r->c->rows[which] ? rest : r->c->rows[which];
 }

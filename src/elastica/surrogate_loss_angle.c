@@ -70,8 +70,8 @@ static lg_var angles_of(const part *b, lg_var theta, uint32_t places, lg_var *tu
     return model->options.boundary ? hold_ends(b, angle, places, turning) : angle;
 }
 
-/* Integrals from 0 to s_k, k = 0..N, of the function with the values `trig` (2B, R): (2B, N + 1). Only the
- * values at Gauss points are used. */
+/* Integrals from 0 to s_k, k = 0..N, of the function with the values `trig` (2B, R): (2B, N + 1). The
+ * quadrature uses the values at the Gauss points and leaves the others out. */
 static lg_var integrals(const part *b, lg_var trig) {
     const uint32_t n = b->problem->curves->intervals;
     const double h = b->problem->model->length / n;

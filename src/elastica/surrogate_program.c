@@ -251,9 +251,9 @@ static lg_var identity(const drawing *d) {
     return lg_pad(d->tape, lg_reshape(d->tape, all, lg_shape3(1, n, 2)), 1, 0, outputs - n);
 }
 
-/* Program function `grad` where positions are q0 plus the network's: y and its Jacobian g (B, outputs,
- * inputs), by one batch of the network. It has a row for each output or, for the many outputs of the discrete
- * network, for each of the directions v0, qN - q0 and vN. */
+/* Program function `grad` of networks whose positions are relative to q0: y and its Jacobian g (B, outputs,
+ * inputs). One batch evaluates the network. The batch has a row for each output or, as the discrete network
+ * has many outputs, for each of the inputs v0, qN - q0 and vN. */
 static lg_status free_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     enum { DIRECTIONS = BOUNDARY - LG_AT_V0 };
     static const uint32_t column[DIRECTIONS] = {2, 3, 4, 5, 6, 7};

@@ -73,7 +73,7 @@ static void find_widths(mixture *m) {
 }
 
 /* The mixture of the values of trials (count), which lie in the order of their numbers if they are more than
- * 25. The weights of all but the last 25 rise from 1/count to 1. */
+ * 25. The last 25 have weight 1; the weights of earlier ones rise linearly with the number from 1/count. */
 static void fill(const lg_range *range, size_t at, const lg_trial *const *trials, size_t count, mixture *m) {
     const double early = count > RECENT ? (double)(count - RECENT) : 0, n = (double)count;
     double sum = 1;

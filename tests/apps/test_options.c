@@ -308,8 +308,8 @@ static void read_aliases(void) {
     assert_int_equal(fclose(file), 0);
 }
 
-/* What the command says of this option with an empty value, which no option takes; of a switch, and of an old
- * spelling with a value of its own, what it says of another option with a wrong value. */
+/* Returns the command's message about this option with an empty value, which every option rejects. `alone`:
+ * the option takes no value; then a wrong --seed follows, and the message is about --seed. */
 static const char *answer(const char *program, const char *verb, const char *name, bool alone) {
     cli_run_limited(program, test_text(alone ? "%s --%s --seed=x" : "%s --%s=", verb, name), 0);
     if (strstr(result.err, "allow an argument") != NULL && !alone) return answer(program, verb, name, true);

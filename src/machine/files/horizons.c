@@ -83,7 +83,7 @@ static lg_status free_run(const lg_learned_machine *m, const lg_machine_log *log
                                steps, q, v, error);
 }
 
-/* The errors of a step of run i; with `unchanged` those of the prediction that nothing changes. */
+/* Writes the errors of a step of run i. `unchanged`: the prediction is the state at the start of the run. */
 static size_t errors_at(const runs *r, size_t i, size_t step, bool unchanged, bool turned,
                         lg_point_error *out) {
     const size_t nq = r->machine->positions, nv = r->machine->velocities, row = r->start[i] + step,

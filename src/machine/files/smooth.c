@@ -27,7 +27,7 @@ static bool local(const lg_machine_log *log, const double *x, size_t stride, siz
             for (size_t l = 0; l <= k; l++) A[k * terms + l] += power[k + l];
         }
     }
-    /* The negative ridge rejects rows that hardly determine the polynomial. */
+    /* With the negative ridge the call fails if the rows do not determine the polynomial beyond rounding. */
     if (lg_normal_equations(terms, 1, -1e-12, A, b) != LG_OK) return false;
     out[0] = b[0];
     out[1] = b[1] / span;

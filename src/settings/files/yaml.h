@@ -20,7 +20,8 @@ typedef struct lg_key_value {
     const void *node; /* value of a NODE row */
 } lg_key_value;
 
-/* Rows of keys without a member: any node, and a mapping; any designated initialisers may follow. */
+/* A row of a key whose value is read by other code: LG_NODE takes any YAML node, LG_MAP a mapping. Further
+ * members of the row may follow the name. */
 #define LG_NODE(...)                                                                                         \
     { .type = LG_FIELD_NODE, .name = __VA_ARGS__ }
 #define LG_MAP(...)                                                                                          \
