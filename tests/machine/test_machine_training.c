@@ -110,11 +110,18 @@ static void set_options(learning *l) {
         char *value = strchr(word, '=');
         *value++ = '\0';
         const lg_field *row = lg_field_find(lg_recipe_machine_model.fields, word);
-        if (row != NULL) assert_ok(lg_field_set(row, value, &l->run, NULL));
-        if (strcmp(word, "select") == 0) l->state.select = 1;
-        if (strcmp(word, "suggest") == 0) l->state.suggest = test_text("%s", value);
-        if (strcmp(word, "again") == 0) l->state.validation = l->paths[1];
-        if (strcmp(word, "size") == 0) l->state.size = test_text("%s", value);
+        if (row != NULL)
+            assert_ok(lg_field_set(row, value, &l->run, NULL));
+        else if (strcmp(word, "select") == 0)
+            l->state.select = 1;
+        else if (strcmp(word, "suggest") == 0)
+            l->state.suggest = test_text("%s", value);
+        else if (strcmp(word, "again") == 0)
+            l->state.validation = l->paths[1];
+        else if (strcmp(word, "size") == 0)
+            l->state.size = test_text("%s", value);
+        else if (strcmp(word, "seconds") != 0) /* learn_once reads it */
+            fail_msg("no option %s", word);
     }
 }
 
@@ -340,7 +347,7 @@ static const struct {
      0},
     {ASKS("hold: zero, delay: estimate"),
      {2, 40, 1, 2, USUAL},
-     "stride=0 seconds=1",
+     "hop=0 seconds=1",
      "act 1 row after",
      LG_OK,
      1e-4},
@@ -377,7 +384,7 @@ static const struct {
      0},
     {LINE INPUT KNOWN SPRING_OF("2") MAP,
      {1, 8100, 0, 2, USUAL},
-     "starts=measured window=5",
+     "initial-states=measured window=5",
      "everything is known",
      LG_INVALID_ARGUMENT,
      0},
@@ -405,13 +412,13 @@ static const struct {
     {"measured: positions\nnoise: {x: 2}\ncoordinates: [{name: x, kind: angle}]\ncolumns: {run: run}\n" INPUT
          KNOWN "damping: {kind: known, values: [0.3]}\n" MAP,
      {1, 500, 0, 2, USUAL},
-     "starts=measured",
+     "initial-states=measured",
      "everything is known",
      LG_INVALID_ARGUMENT,
      0},
     {ACCELERATIONS INPUT "mass: diagonal\npotential: {kind: network, of: x, hidden: [2]}\n" MAP,
      {1, 1500, 0, 2, USUAL},
-     "size=auto starts=measured",
+     "size=auto initial-states=measured",
      "leave the option out",
      LG_INVALID_ARGUMENT,
      0},
@@ -485,12 +492,7 @@ static const struct {
      LG_OK,
      0},
     {ASKS("hold: zero, lag: [unknown, none]"), {2, 20, 0, 2, USUAL}, "", "", LG_OK, 0},
-    {LINE INPUT LAW MAP,
-     {2, 20, 0, 2, USUAL},
-     "substeps=1 integrator=lie-euler",
-     "steps are too long",
-     LG_OK,
-     0},
+    {LINE INPUT LAW MAP, {2, 20, 0, 2, USUAL}, "substeps=1 scheme=lie-euler", "steps are too long", LG_OK, 0},
     {LINE INPUT LAW MAP, {2, 20, 0, 2, USUAL}, "substeps=1", "give --substeps 2", LG_OK, 0},
     {LINE INPUT "mass: diagonal\n" SPRING "damping: [diagonal, stribeck]\n" MAP,
      {2, 20, 0, 2, USUAL},
