@@ -3,5 +3,5 @@
 #include "interval_support.h"
 
 TEST("bounds contain the exact values of every operation at ten million points") {
-    assert_true(check_bounds(14, 38) >= 10000000);
+    assert_true(check_bounds(16, 38) >= 10000000);
 }
