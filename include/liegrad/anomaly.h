@@ -14,18 +14,8 @@
 #ifndef LIEGRAD_ANOMALY_H
 #define LIEGRAD_ANOMALY_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/files.h"
-#include "liegrad/fit.h"
 #include "liegrad/model.h"
-#include "liegrad/networks.h"
-#include "liegrad/program.h"
 #include "liegrad/series.h"
-#include "liegrad/settings.h"
 
 LG_BEGIN_DECLS
 

@@ -24,10 +24,6 @@
 #ifndef LIEGRAD_CERTIFY_H
 #define LIEGRAD_CERTIFY_H
 
-#include <stdbool.h>
-#include <stddef.h>
-
-#include "liegrad/core.h"
 #include "liegrad/program.h"
 
 LG_BEGIN_DECLS

@@ -19,12 +19,6 @@
 #ifndef LIEGRAD_CLASSIFY_H
 #define LIEGRAD_CLASSIFY_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/program.h"
 #include "liegrad/series.h"
 
 LG_BEGIN_DECLS

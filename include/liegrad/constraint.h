@@ -30,13 +30,7 @@
 #ifndef LIEGRAD_CONSTRAINT_H
 #define LIEGRAD_CONSTRAINT_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/mechanics.h"
-#include "liegrad/program.h"
 
 LG_BEGIN_DECLS
 

@@ -14,11 +14,6 @@
 #ifndef LIEGRAD_CONTROL_H
 #define LIEGRAD_CONTROL_H
 
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/integrators.h"
 #include "liegrad/model.h"
 
 LG_BEGIN_DECLS

@@ -17,12 +17,6 @@
 #ifndef LIEGRAD_ENSEMBLE_H
 #define LIEGRAD_ENSEMBLE_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/integrators.h"
 #include "liegrad/mechanics.h"
 
 LG_BEGIN_DECLS

@@ -38,10 +38,6 @@
 #ifndef LIEGRAD_FILES_H
 #define LIEGRAD_FILES_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/core.h"
 
 LG_BEGIN_DECLS

@@ -26,14 +26,8 @@
 #ifndef LIEGRAD_FIT_H
 #define LIEGRAD_FIT_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/networks.h"
 #include "liegrad/program.h"
-#include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
 

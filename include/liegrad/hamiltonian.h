@@ -50,22 +50,9 @@
 #ifndef LIEGRAD_HAMILTONIAN_H
 #define LIEGRAD_HAMILTONIAN_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/constraint.h"
-#include "liegrad/core.h"
-#include "liegrad/files.h"
 #include "liegrad/fit.h"
-#include "liegrad/integrators.h"
-#include "liegrad/mechanics.h"
 #include "liegrad/model.h"
-#include "liegrad/networks.h"
-#include "liegrad/program.h"
-#include "liegrad/settings.h"
-#include "liegrad/tape.h"
-#include "liegrad/taped.h"
 
 LG_BEGIN_DECLS
 

@@ -23,10 +23,6 @@
 #ifndef LIEGRAD_INTEGRATORS_H
 #define LIEGRAD_INTEGRATORS_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/core.h"
 
 LG_BEGIN_DECLS

@@ -33,11 +33,6 @@
 #ifndef LIEGRAD_INTERVAL_H
 #define LIEGRAD_INTERVAL_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/program.h"
 
 LG_BEGIN_DECLS

@@ -8,11 +8,6 @@
 #ifndef LIEGRAD_LYAPUNOV_H
 #define LIEGRAD_LYAPUNOV_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/program.h"
 
 LG_BEGIN_DECLS

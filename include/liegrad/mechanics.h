@@ -22,12 +22,6 @@
 #ifndef LIEGRAD_MECHANICS_H
 #define LIEGRAD_MECHANICS_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/integrators.h"
 #include "liegrad/taped.h"
 
 LG_BEGIN_DECLS

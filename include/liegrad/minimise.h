@@ -44,10 +44,6 @@
 #ifndef LIEGRAD_MINIMISE_H
 #define LIEGRAD_MINIMISE_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/core.h"
 
 LG_BEGIN_DECLS

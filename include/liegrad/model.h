@@ -33,11 +33,6 @@
 #ifndef LIEGRAD_MODEL_H
 #define LIEGRAD_MODEL_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/integrators.h"
 #include "liegrad/networks.h"

@@ -20,11 +20,6 @@
 #ifndef LIEGRAD_NETWORKS_H
 #define LIEGRAD_NETWORKS_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/tape.h"
 
 LG_BEGIN_DECLS

@@ -60,11 +60,6 @@
 #ifndef LIEGRAD_POLICY_H
 #define LIEGRAD_POLICY_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/program.h"
 

@@ -35,11 +35,6 @@
 #ifndef LIEGRAD_PROGRAM_H
 #define LIEGRAD_PROGRAM_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/tape.h"
 
 LG_BEGIN_DECLS

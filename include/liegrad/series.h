@@ -9,14 +9,8 @@
 #ifndef LIEGRAD_SERIES_H
 #define LIEGRAD_SERIES_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/fit.h"
-#include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
 

@@ -16,10 +16,6 @@
 #ifndef LIEGRAD_SETTINGS_H
 #define LIEGRAD_SETTINGS_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/core.h"
 
 LG_BEGIN_DECLS

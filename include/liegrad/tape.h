@@ -23,10 +23,6 @@
 #ifndef LIEGRAD_TAPE_H
 #define LIEGRAD_TAPE_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/core.h"
 
 LG_BEGIN_DECLS

@@ -28,13 +28,8 @@
 #ifndef LIEGRAD_TAPED_H
 #define LIEGRAD_TAPED_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/integrators.h"
 #include "liegrad/program.h"
-#include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
 
