@@ -67,13 +67,13 @@ LG_API void lg_elastica_init(lg_elastica *problem);
  * With this rotation the minimum is the global one. The curves of x and of 2 pi - x are mirror images. */
 typedef enum lg_elastica_case { LG_ELASTICA_BOTH_ENDS, LG_ELASTICA_RIGHT_END } lg_elastica_case;
 #define LG_ELASTICA_CASE_COUNT 2
-/* "both-ends" or "right-end"; "unknown" for any other value. Static storage. */
+/* "both-ends" or "right-end"; "unknown" for any other value. */
 LG_API const char *lg_elastica_case_name(lg_elastica_case kind);
 /* Sets theta0 and rotation of *problem. An unknown family changes nothing. */
 LG_API void lg_elastica_set_case(lg_elastica *problem, lg_elastica_case kind, double x);
 
-/* Checks the ranges that are named in lg_elastica. Errors, with a sentence: LG_NOT_FINITE;
- * LG_INVALID_ARGUMENT (a number is out of range, the ends are L or more apart). */
+/* Checks the ranges that are named in lg_elastica. Errors: LG_NOT_FINITE; LG_INVALID_ARGUMENT (a number is
+ * out of range, the ends are L or more apart). */
 LG_API lg_status lg_elastica_check(const lg_elastica *problem, lg_error *error);
 
 /* The comments give the values of lg_elastica_options_init. */
@@ -117,7 +117,7 @@ typedef struct lg_elastica_solution {
  * theta becomes the N + 1 angles: theta[0] = theta0, and theta[N] = theta0 + rotation up to rounding.
  * Neighbouring angles differ by less than pi. `options` NULL stands for the defaults; `solution` may be NULL.
  * Errors: the errors of lg_elastica_check, LG_INVALID_ARGUMENT (an option out of range), LG_NOT_FINITE (the
- * guess), LG_OUT_OF_MEMORY, LG_CANCELLED, and LG_NO_CONVERGENCE in two cases:
+ * guess), LG_CANCELLED, and LG_NO_CONVERGENCE in two cases:
  * - No solution was found. The sentence has the gradient that was reached. Possible reasons are too few
  *   intervals for the loops of the rotation, or a loop far from both ends of a taut beam, whose position is
  *   undetermined.
@@ -152,7 +152,7 @@ LG_API double lg_elastica_euler_lagrange(const lg_elastica *problem, const doubl
  * If more are found than `room`, the lowest are kept. *count becomes the number stored, 0 if none was found.
  * The rotation is fixed: a problem with the same end tangents and one more turn is another problem. The
  * result is deterministic. options->guess is not used. Errors: the errors of lg_elastica_check,
- * LG_INVALID_ARGUMENT (room is 0, an option out of range), LG_OUT_OF_MEMORY, LG_CANCELLED. */
+ * LG_INVALID_ARGUMENT (room is 0, an option out of range), LG_CANCELLED. */
 LG_API lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *problem,
                                       const lg_elastica_options *options, bool saddles, size_t room,
                                       double *theta, lg_elastica_solution *solutions, size_t *count,
@@ -188,12 +188,11 @@ LG_API void lg_elastica_sampling_init(lg_elastica_sampling *sampling);
 /* Generates the curves of the chosen families: all both-ends curves, then all right-end curves. In each
  * family x takes equidistant values in the interval [gap pi, (1 - gap) pi] and in its mirror image, the ends
  * of the intervals included: count/2 values in each interval, one more in the first if count is odd. A single
- * value lies at the beginning of its interval. energy, x and kind of *out are filled too. Free *out with
- * lg_elastica_curves_destroy. The result does not depend on `threads`. Errors: LG_INVALID_ARGUMENT, the
- * errors of the solver (the sentence has the family and x of the curve). */
+ * value lies at the beginning of its interval. energy, x and kind of *out are filled too. The result does not
+ * depend on `threads`. Errors: LG_INVALID_ARGUMENT, the errors of the solver (the sentence has the family and
+ * x of the curve). */
 LG_API lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_sampling *sampling,
                                       lg_elastica_curves *out, lg_error *error);
-/* Frees the arrays and zeroes the structure. NULL is fine. */
 LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves);
 
 /* ---- surrogates ----
@@ -290,7 +289,7 @@ typedef enum lg_surrogate_kind {
     LG_SURROGATE_ANGLE
 } lg_surrogate_kind;
 #define LG_SURROGATE_KIND_COUNT 3
-/* "discrete", "continuous" or "angle"; "unknown" for any other value. Static storage. */
+/* "discrete", "continuous" or "angle"; "unknown" for any other value. */
 LG_API const char *lg_surrogate_kind_name(lg_surrogate_kind kind);
 
 typedef enum lg_surrogate_loss { LG_SURROGATE_MSE, LG_SURROGATE_ENERGY } lg_surrogate_loss;
@@ -298,7 +297,7 @@ typedef enum lg_surrogate_loss { LG_SURROGATE_MSE, LG_SURROGATE_ENERGY } lg_surr
 /* How gamma enters the loss of the discrete network: as a weight of differences, or in the matrix W. */
 typedef enum lg_surrogate_penalty { LG_SURROGATE_DIFFERENCES, LG_SURROGATE_WEIGHTED } lg_surrogate_penalty;
 #define LG_SURROGATE_PENALTY_COUNT 2
-/* "mse" or "energy"; "unknown" for any other value. Static storage. */
+/* "mse" or "energy"; "unknown" for any other value. */
 LG_API const char *lg_surrogate_loss_name(lg_surrogate_loss loss);
 
 /* Settings of a network. The sizes of its input and output follow from the data. */
@@ -348,23 +347,21 @@ LG_API size_t lg_surrogate_modes_size(const lg_surrogate *model);
 /* Computes how many modes the training curves need. training (count) has the indices of these curves. *modes
  * becomes the least K <= options.modes for which one of two conditions holds: the modes after K have at most
  * 1e-12 of the variance of the curves; or, as in noise, mode K + 1 has less than a tenth of the variance of
- * all modes after K. If there is no such K, *modes is options.modes. Errors, *modes is untouched: the errors
- * of lg_surrogate_find_modes. */
+ * all modes after K. If there is no such K, *modes is options.modes. Errors: the errors of
+ * lg_surrogate_find_modes. */
 LG_API lg_status lg_surrogate_count_modes(const lg_context *context, const lg_surrogate *model,
                                           const lg_elastica_curves *curves, const uint32_t *training,
                                           size_t count, uint32_t *modes, lg_error *error);
 /* Computes the mean and the modes of the training curves, whose indices are training (count), and writes them
- * to modes (lg_surrogate_modes_size). Errors, modes is untouched: LG_INVALID_ARGUMENT (a model without modes,
- * fewer than K + 1 curves, an index out of range), LG_SHAPE (curves that do not fit the model),
- * LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
+ * to modes (lg_surrogate_modes_size). Errors: LG_INVALID_ARGUMENT (a model without modes, fewer than K + 1
+ * curves, an index out of range), LG_SHAPE (curves that do not fit the model), LG_NOT_FINITE. */
 LG_API lg_status lg_surrogate_find_modes(const lg_context *context, const lg_surrogate *model,
                                          const lg_elastica_curves *curves, const uint32_t *training,
                                          size_t count, double *modes, lg_error *error);
 /* Computes the targets coefficients (count, K) of the curves with the indices training (count), from
  * model->modes. *truncation (may be NULL) becomes the mean square that the modes leave out:
  *   c*_k = u_k . (y - mean)/s_k, 0 for s_k = 0;  truncation = mean |y - mean - sum_k c*_k s_k u_k|^2/(4(N-1))
- * Errors: LG_INVALID_ARGUMENT (a model without modes, model->modes NULL, an index out of range), LG_SHAPE,
- * LG_OUT_OF_MEMORY. */
+ * Errors: LG_INVALID_ARGUMENT (a model without modes, model->modes NULL, an index out of range), LG_SHAPE. */
 LG_API lg_status lg_surrogate_coefficients(const lg_context *context, const lg_surrogate *model,
                                            const lg_elastica_curves *curves, const uint32_t *training,
                                            size_t count, double *coefficients, double *truncation,
@@ -385,7 +382,7 @@ typedef struct lg_surrogate_preset {
     uint64_t most_curves; /* largest number of curves to learn from; 0: the whole training part */
 } lg_surrogate_preset;
 /* Returns the preset with this name, kind, boundary, model.loss and merged. Of several, it returns the one
- * whose fraction is nearest. NULL for an unknown name or a combination without a preset. Static storage. */
+ * whose fraction is nearest. NULL for an unknown name or a combination without a preset. */
 LG_API const lg_surrogate_preset *lg_surrogate_preset_find(const char *name, lg_surrogate_kind kind,
                                                            bool boundary, lg_surrogate_loss loss, bool merged,
                                                            double fraction);
@@ -429,8 +426,8 @@ LG_API void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit
  *          `mirror` reflects x, and otherwise 1. The last two numbers are 0 without `boundary`
  *   span   angle: s, ends, length -> the integral of (cos theta, sin theta) from s to s + length, by Gauss's
  *          rule of 3 points
- * theta (lg_surrogate_parameters) is copied. Free *out with lg_program_destroy. Errors: LG_INVALID_ARGUMENT
- * (a model with modes whose model->modes is NULL), the errors of lg_program_build. */
+ * theta (lg_surrogate_parameters) is copied. Errors: LG_INVALID_ARGUMENT (a model with modes whose
+ * model->modes is NULL), the errors of lg_program_build. */
 LG_API lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model,
                                       const double *theta, lg_program **out, lg_error *error);
 
@@ -444,7 +441,7 @@ typedef struct lg_surrogate_curves lg_surrogate_curves;
 LG_API lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,
                                             const double *theta, lg_dtype dtype, size_t points,
                                             lg_surrogate_curves **out, lg_error *error);
-LG_API void lg_surrogate_curves_destroy(lg_surrogate_curves *curves); /* NULL is fine */
+LG_API void lg_surrogate_curves_destroy(lg_surrogate_curves *curves);
 /* Bytes of work memory for lg_surrogate_curve; the memory must be aligned to 64 bytes. */
 LG_API size_t lg_surrogate_curves_work_size(const lg_surrogate_curves *curves);
 /* Computes the curve for the boundary conditions x (8) at the arc lengths s (points), 0 <= s <= L, in rising
@@ -474,7 +471,7 @@ typedef struct lg_surrogate_errors {
 /* Computes the errors over the curves with the indices chosen (count). `chosen` NULL stands for all curves;
  * `count` is then not read. node_error (N + 1, 2), or NULL, becomes the means over the curves of |q - q_k|
  * and of |v - v_k| at each node. Errors: LG_SHAPE (curves that do not fit the model), LG_INVALID_ARGUMENT (no
- * curves, an index out of range), LG_OUT_OF_MEMORY, LG_NOT_FINITE (the differences). */
+ * curves, an index out of range), LG_NOT_FINITE (the differences). */
 LG_API lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *model,
                                        const double *theta, const lg_elastica_curves *curves,
                                        const uint32_t *chosen, size_t count, double *node_error,
@@ -529,19 +526,17 @@ typedef struct lg_elastica_data {
  * rounds the median over the curves to three significant digits, which changes it by at most 0.5 %. A length
  * with more digits needs the attribute.
  *
- * Errors: the errors of readers (liegrad/files.h). LG_FORMAT also for N outside LG_ELASTICA_MIN_INTERVALS ..
- * LG_ELASTICA_MAX_INTERVALS, a tangent at an end whose length differs from 1 by more than 1e-6, first or last
- * nodes or tangents that differ from /boundary by more than 1e-6 (1 + size), and ends that are farther apart
- * than `length`. Free *out with lg_elastica_data_destroy. */
+ * LG_FORMAT also for N outside LG_ELASTICA_MIN_INTERVALS .. LG_ELASTICA_MAX_INTERVALS, a tangent at an end
+ * whose length differs from 1 by more than 1e-6, first or last nodes or tangents that differ from /boundary
+ * by more than 1e-6 (1 + size), and ends that are farther apart than `length`. */
 LG_API lg_status lg_elastica_data_read(const lg_context *context, const char *path,
                                        const lg_read_options *options, lg_elastica_data *out,
                                        lg_error *error);
 /* Writes a file of curves in this form (kind "elastica") and fills data->sha256. Errors: LG_NOT_FINITE (a
  * number is not finite), LG_INVALID_ARGUMENT (a length or stiffness that is not positive, an unknown family),
- * LG_FILE, LG_OUT_OF_MEMORY. */
+ * LG_FILE. */
 LG_API lg_status lg_elastica_data_write(const lg_context *context, const char *path, lg_elastica_data *data,
                                         lg_error *error);
-/* Frees the arrays and zeroes the structure. NULL is fine. */
 LG_API void lg_elastica_data_destroy(lg_elastica_data *data);
 
 /* ---- files of surrogates ---- */
@@ -577,17 +572,15 @@ typedef struct lg_surrogate_file {
  * `file` is only read. If `fit` is not NULL its history is stored instead of the history of `file`, and
  * during training by Adam also the state of the optimizer; see lg_hamiltonian_save. Errors:
  * LG_INVALID_ARGUMENT (a model that lg_surrogate_init would refuse, a wrong number of parameters, modes
- * without their numbers), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
+ * without their numbers), LG_NOT_FINITE, LG_FILE. */
 LG_API lg_status lg_surrogate_save(const lg_context *context, const char *path, const lg_surrogate_file *file,
                                    const lg_fit *fit, lg_error *error);
-/* Loads a file of kind "surrogate"; free *out with lg_surrogate_file_destroy. A file written by hand needs
- * the attribute `kind`, the weights, and the attributes of /model: `network`, `architecture`, `activation`,
- * `embedding`, `hidden`, `layers`, `normalise`, `mirror`, `boundary`, `intervals`, `length` and `centre`; for
- * `modes` above 0 also /model/mean and /model/modes. Without /trained, trained is NULL. Errors: the errors of
- * readers (liegrad/files.h). */
+/* Loads a file of kind "surrogate". A file written by hand needs the attribute `kind`, the weights, and the
+ * attributes of /model: `network`, `architecture`, `activation`, `embedding`, `hidden`, `layers`,
+ * `normalise`, `mirror`, `boundary`, `intervals`, `length` and `centre`; for `modes` above 0 also /model/mean
+ * and /model/modes. Without /trained, trained is NULL. */
 LG_API lg_status lg_surrogate_load(const lg_context *context, const char *path,
                                    const lg_read_options *options, lg_surrogate_file *out, lg_error *error);
-/* Frees the arrays and zeroes the structure. NULL is fine. */
 LG_API void lg_surrogate_file_destroy(lg_surrogate_file *file);
 
 LG_END_DECLS

@@ -179,7 +179,7 @@ typedef struct lg_fit_plan {
     } phase[LG_FIT_MAX_PHASES];
 } lg_fit_plan;
 /* Reads a plan from a text: "ssbroyden", or "adam:100,ssbroyden" (100 epochs of Adam, then SSBroyden).
- * Errors: LG_INVALID_ARGUMENT (NULL, an unknown method, or bad numbers); then *out is unchanged. */
+ * Errors: LG_INVALID_ARGUMENT (an unknown method, or bad numbers). */
 LG_API lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error);
 /* The same, but methods that need a sum of squares are unknown. For losses that are no sum of squares. */
 LG_API lg_status lg_fit_plan_parse_any_loss(const char *text, lg_fit_plan *out, lg_error *error);
@@ -307,14 +307,13 @@ LG_API void lg_fit_settings_apply(const lg_fit_settings *training, lg_fit_option
 
 /* ---- training: running ---- */
 
-/* Makes a fit that starts from `theta` (problem->parameters doubles, copied); the caller destroys it.
- * `options` is copied, NULL means the defaults. The context must outlive the fit. With ranks it is
- * collective. Errors: LG_INVALID_ARGUMENT (the message names the option), LG_NOT_FINITE (theta),
- * LG_OUT_OF_MEMORY. */
+/* Makes a fit that starts from `theta` (problem->parameters doubles, copied). `options` is copied, NULL means
+ * the defaults. The context must outlive the fit. With ranks it is collective. Errors: LG_INVALID_ARGUMENT
+ * (the message names the option), LG_NOT_FINITE (theta). */
 LG_API lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem,
                                const lg_fit_options *options, const double *theta, lg_fit **out,
                                lg_error *error);
-LG_API void lg_fit_destroy(lg_fit *fit); /* NULL is allowed */
+LG_API void lg_fit_destroy(lg_fit *fit);
 
 /* Trains, and returns LG_OK when training is finished (at once if it was before), or when options.stop_after
  * epochs are done. Otherwise it returns an error. In every case the state is between two batches: it can be
@@ -344,14 +343,14 @@ LG_API lg_fit_method lg_fit_method_now(const lg_fit *fit);
  *   train/{permutation,epoch,...}, train/history/{loss,validation,seconds,rate}, train/options/...
  *   with options.restarts: train/restarts, train/restart_seconds
  * With ranks, only rank 0 can save, in `checkpoint` and after lg_fit_run; the state can be loaded by any
- * number of ranks. Errors: the status of the writer, LG_INVALID_ARGUMENT (NULL), LG_UNSUPPORTED (this rank
- * does not have the whole state). */
+ * number of ranks. Errors: the status of the writer, LG_UNSUPPORTED (this rank does not have the whole
+ * state). */
 LG_API lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error);
 /* Replaces the state by a saved one. On failure the state is unchanged. With ranks it is collective. Errors:
- * LG_INVALID_ARGUMENT (NULL; or a hyperparameter, the number of parameters or the number of samples differs:
- * the message names it and both values), LG_FORMAT (an impossible state: an order of samples that is no
- * permutation, a position that is no batch boundary, numbers that are not finite), the status of the reader,
- * LG_OUT_OF_MEMORY. */
+ * LG_INVALID_ARGUMENT (a hyperparameter, the number of parameters or the number of samples differs: the
+ * message names it and both values), LG_FORMAT (an impossible state: an order of samples that is no
+ * permutation, a position that is no batch boundary, numbers that are not finite), the status of the
+ * reader. */
 LG_API lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *error);
 
 /* Copies the result to theta (problem->parameters doubles): with options.keep_best the parameters of the best
@@ -389,8 +388,7 @@ LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 
 /* The loss of all samples but the validation part, as one batch, in double precision: problem->loss is
  * recorded for problem->chunk samples at a time. Of the problem only parameters, samples, validation, chunk,
- * loss and user are read. Errors, `loss` is then untouched: LG_INVALID_ARGUMENT (NULL), LG_OUT_OF_MEMORY, the
- * status of the loss callback or of the tape, with its sentence. */
+ * loss and user are read. Errors: the status of the loss callback or of the tape, with its sentence. */
 LG_API lg_status lg_fit_problem_loss(const lg_context *context, const lg_fit_problem *problem,
                                      const double *theta, double *loss, lg_error *error);
 
@@ -408,8 +406,8 @@ typedef struct lg_fit_newton_result {
  * (problem->parameters doubles) is the start on entry and the result on return. Of the problem only
  * parameters, samples, loss and user are read. All samples are on one tape of doubles. `result` may be NULL.
  * Returns LG_OK also where lg_minimise returns LG_NO_CONVERGENCE. On failure theta is unchanged. Errors:
- * LG_INVALID_ARGUMENT (NULL, no samples, or the number of parameters is not in 1..LG_NEWTON_MAX_PARAMETERS),
- * LG_OUT_OF_MEMORY, LG_NOT_FINITE, LG_CANCELLED, the status of the loss callback or of the tape. */
+ * LG_INVALID_ARGUMENT (no samples, or the number of parameters is not in 1..LG_NEWTON_MAX_PARAMETERS),
+ * LG_NOT_FINITE, LG_CANCELLED, the status of the loss callback or of the tape. */
 LG_API lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *problem, double *theta,
                                lg_fit_newton_result *result);
 
@@ -472,10 +470,10 @@ typedef struct lg_fit_starts {
  * is skipped. The result describes the best start, but its seconds are the time of all starts.
  *
  * On success the parameters of the program are replaced. On failure the program is unchanged. `result` may be
- * NULL. Errors: LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (NULL, no rows, no starts; the output
- * depends on no parameter, is shared and has several numbers, or fails the test above), LG_UNSUPPORTED (more
- * than LG_PROGRAM_FIT_MOST parameters), LG_NOT_FINITE (data; as in lg_fit_run, in all starts),
- * LG_OUT_OF_MEMORY, the errors of lg_fit_create, lg_fit_run and of operations. */
+ * NULL. Errors: LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (no rows, no starts; the output depends
+ * on no parameter, is shared and has several numbers, or fails the test above), LG_UNSUPPORTED (more than
+ * LG_PROGRAM_FIT_MOST parameters), LG_NOT_FINITE (data; as in lg_fit_run, in all starts), the errors of
+ * lg_fit_create, lg_fit_run and of operations. */
 LG_API lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
                                 const double *const *data, size_t rows, const lg_fit_options *options,
                                 const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error);

@@ -44,9 +44,7 @@
  *
  * The flat parameter vector theta has the layers of V in order (weight (in, out) row-major, then bias), then
  * the `arrays` of the family: Gamma (n, n) and b (n) of a chain and of a constrained system, A (n, n) of a
- * separable system, Gamma (k, k), b (k) and e (l, 3) of bodies with k vectors and l lines.
- *
- * Functions with an lg_error explain errors there; it may be NULL. */
+ * separable system, Gamma (k, k), b (k) and e (l, 3) of bodies with k vectors and l lines. */
 #ifndef LIEGRAD_HAMILTONIAN_H
 #define LIEGRAD_HAMILTONIAN_H
 
@@ -377,7 +375,7 @@ LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg
 /* Writes the mean squared difference of predicted and given points over all trajectories, in the units of
  * the data, with the ambient distance, without weights and penalty, in double precision. `theta` has the
  * fit's parameters. *out is not finite where a prediction is not. Errors: those of
- * lg_hamiltonian_problem_check and of the integrator; *out is then untouched. */
+ * lg_hamiltonian_problem_check and of the integrator. */
 LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
                                                    const lg_hamiltonian_problem *problem, const double *theta,
                                                    double *out, lg_error *error);
@@ -393,7 +391,7 @@ typedef struct lg_momentum_motion {
     bool moves;
 } lg_momentum_motion;
 /* Measures this for the trajectories and the symmetry of the model (docs/hamiltonians.md has the momenta).
- * Errors: LG_INVALID_ARGUMENT (no model or data), LG_OUT_OF_MEMORY. */
+ * Errors: LG_INVALID_ARGUMENT (no model or data). */
 LG_API lg_status lg_hamiltonian_momentum_motion(const lg_context *context,
                                                 const lg_hamiltonian_problem *problem,
                                                 lg_momentum_motion *out);
@@ -433,7 +431,7 @@ LG_API lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamilt
  * point of a trajectory. The sums are over up to 256 trajectories and over the components of the state in
  * which g is not 0. The whole factor s would make V too steep, which takes longer to train; the power 1/3 was
  * found by measurement (docs/reports/training.md). `factor` (may be NULL) becomes the factor.
- * Errors: those of lg_hamiltonian_problem_check, LG_OUT_OF_MEMORY. */
+ * Errors: those of lg_hamiltonian_problem_check. */
 LG_API lg_status lg_hamiltonian_scale(const lg_context *context, const lg_hamiltonian_problem *problem,
                                       double *theta, double *factor);
 
@@ -453,7 +451,7 @@ LG_API lg_status lg_hamiltonian_scale(const lg_context *context, const lg_hamilt
  * state or an input of another shape). */
 
 /* Makes the variables that depend on theta only; theta is the flat vector (lg_hamiltonian_parameters).
- * Errors stick to the tape (LG_SHAPE: theta has another length); `vars` is then untouched. */
+ * Errors stick to the tape (LG_SHAPE: theta has another length). */
 LG_API lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
                                      lg_hamiltonian_vars *vars);
 /* state (B, d) -> H (B, 1) */
@@ -470,8 +468,7 @@ LG_API lg_var lg_hamiltonian_record_field(lg_tape *tape, const lg_hamiltonian_va
 LG_API lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
                                              lg_var input);
 
-/* Makes a program (liegrad/program.h) of the model with the parameter theta. The caller destroys it.
- * Functions:
+/* Makes a program (liegrad/program.h) of the model with the parameter theta. Functions:
  *   value (x) -> y                H
  *   grad  (x) -> y, g             H and its gradient as lg_hamiltonian_record_gradient
  *   field (x, u) -> f             as lg_hamiltonian_record_field
@@ -528,13 +525,13 @@ typedef struct lg_trajectories {
 /* Makes a data set: sets system (may be ""), family, n, the sizes, dt and t = 0, dt, ..., t_end, and
  * allocates t, data and, where asked for, hamiltonian and inputs; all but t are zero. The earlier contents
  * of `out` are overwritten. Errors: LG_INVALID_ARGUMENT (sizes; the system is known and has another family
- * or n), LG_OUT_OF_MEMORY. */
+ * or n). */
 LG_API lg_status lg_trajectories_create(const lg_context *context, const char *system,
                                         const lg_hamiltonian_family *family, uint32_t n, size_t count,
                                         size_t points, double t_end, bool with_hamiltonian,
                                         uint32_t input_dim, lg_trajectories *out);
 /* Sets data->truth to a copy of the system that made the data; an earlier one is destroyed. Errors:
- * LG_INVALID_ARGUMENT (a system of another name, family or n), LG_OUT_OF_MEMORY. */
+ * LG_INVALID_ARGUMENT (a system of another name, family or n). */
 LG_API lg_status lg_trajectories_set_truth(lg_trajectories *data, const lg_system *system);
 /* Sets data->constraint from a program (liegrad/constraint.h); an earlier one is destroyed. Errors:
  * LG_INVALID_ARGUMENT (data of another family or n), those of lg_constraint_create. */
@@ -549,8 +546,7 @@ LG_API lg_status lg_trajectories_set_constraint(lg_trajectories *data, const lg_
  * chain are on T*S^2 within 1e-6, or with options->project_starts are projected there. Later points may
  * carry noise. If the file or the options have a function `constraint` (liegrad/constraint.h), the family is
  * "constrained", out->constraint is made, first points are checked or projected in the same way, and G must
- * have full rank at all points. `options` may be NULL. Errors: LG_NOT_FOUND (no such file), LG_FILE,
- * LG_FORMAT (a check), LG_OUT_OF_MEMORY; `out` is then untouched. */
+ * have full rank at all points. Errors: LG_FORMAT (a check). */
 LG_API lg_status lg_trajectories_read(const lg_context *context, const char *path,
                                       const lg_read_options *options, lg_trajectories *out, lg_error *error);
 /* Writes a data set to a file, and sets data->sha256. Errors: LG_NOT_FINITE (a number is not finite: such
@@ -614,14 +610,13 @@ typedef struct lg_hamiltonian_file {
  * history comes from the fit instead of `file`. So do optimizer and rng when the fit trains by Adam; when
  * it trains by another method they are left out, because the state of such a method is far larger than the
  * model and is only kept in checkpoints. Errors: LG_NOT_FINITE (a parameter is not finite),
- * LG_INVALID_ARGUMENT (a model that lg_hamiltonian_init would refuse), LG_FILE, LG_OUT_OF_MEMORY. */
+ * LG_INVALID_ARGUMENT (a model that lg_hamiltonian_init would refuse), LG_FILE. */
 LG_API lg_status lg_hamiltonian_save(const lg_context *context, const char *path,
                                      const lg_hamiltonian_file *file, const lg_fit *fit, lg_error *error);
-/* Reads a model file; lg_hamiltonian_file_destroy frees it. Checks that weights are finite and that
- * lg_hamiltonian_init accepts the model. A model written by hand needs `kind`, `family`, `links`,
- * `potential`, `activation`, `hidden` and /model; everything else becomes zero or the default. Files of
- * earlier versions lack `schedule`; the schedule is then LG_SCHEDULE_STEP. `options` may be NULL. Errors:
- * LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT, LG_OUT_OF_MEMORY. */
+/* Reads a model file. Checks that weights are finite and that lg_hamiltonian_init accepts the model. A model
+ * written by hand needs `kind`, `family`, `links`, `potential`, `activation`, `hidden` and /model; everything
+ * else becomes zero or the default. Files of earlier versions lack `schedule`; the schedule is then
+ * LG_SCHEDULE_STEP. */
 LG_API lg_status lg_hamiltonian_load(const lg_context *context, const char *path,
                                      const lg_read_options *options, lg_hamiltonian_file *out,
                                      lg_error *error);
@@ -666,8 +661,7 @@ typedef struct lg_grid {
     uint64_t seed;                           /* Default 1. */
 } lg_grid;
 
-/* Reads the grid of a study from a YAML file. Errors, explained in `error`: the errors of readers
- * (liegrad/files.h). */
+/* Reads the grid of a study from a YAML file. */
 LG_API lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error);
 LG_API void lg_grid_destroy(lg_grid *grid); /* Frees what the grid owns and zeroes it; NULL is allowed. */
 

@@ -109,8 +109,7 @@ typedef struct lg_space {
 LG_API const lg_space_entry *lg_space_kind_entry(lg_space_kind kind);
 
 /* Fills `space` with the product of factors[0..count-1]. Errors: LG_INVALID_ARGUMENT (unknown kind, count
- * 0 or above LG_SPACE_MAX_FACTORS, a factor without copies or with so many that sizes would overflow);
- * `space` is then untouched. */
+ * 0 or above LG_SPACE_MAX_FACTORS, a factor without copies or with so many that sizes would overflow). */
 LG_API lg_status lg_space_init(lg_space *space, const lg_space_factor *factors, size_t count);
 /* Fills `space` with R^n. Errors: those of lg_space_init. */
 LG_API lg_status lg_space_init_rn(lg_space *space, size_t n);
@@ -121,7 +120,7 @@ LG_API bool lg_space_is_abelian(const lg_space *space);
 /* Spaces as text, such as "T*S^2 x 3, R^2": the names of the factors in order; a factor with several
  * copies has their number after " x ", and R^n has its dimension n in the name. lg_space_text writes the
  * text with its terminator. lg_space_read accepts exactly the texts that lg_space_text writes. Errors of
- * lg_space_read: LG_FORMAT; `error` (may be NULL) quotes the text from the place of the fault on. */
+ * lg_space_read: LG_FORMAT; `error` quotes the text from the place of the fault on. */
 #define LG_SPACE_TEXT 256
 LG_API void lg_space_text(const lg_space *space, char text[LG_SPACE_TEXT]);
 LG_API lg_status lg_space_read(const char *text, lg_space *out, lg_error *error);
@@ -361,7 +360,7 @@ LG_API const lg_scheme *lg_scheme_find(const char *name);
  *   of a equals b.
  * - What the kind cannot have is absent: embedded solution, dense output, commutators, projection.
  *
- * The order is not checked. Errors: LG_INVALID_ARGUMENT, with the reason in `error` (may be NULL). */
+ * The order is not checked. Errors: LG_INVALID_ARGUMENT, with the reason in `error`. */
 LG_API lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error);
 
 /* ---- Steps ---- */
@@ -383,10 +382,10 @@ LG_API size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode);
 LG_API lg_status lg_stepper_init(const lg_scheme *scheme, const lg_ode *ode, lg_stepper **out, void *memory,
                                  size_t bytes);
 /* Like lg_stepper_init, in memory that the function takes from the context (NULL: the C library's memory).
- * The caller destroys the stepper. Errors: those of lg_stepper_init, LG_OUT_OF_MEMORY. */
+ * Errors: those of lg_stepper_init. */
 LG_API lg_status lg_stepper_create(const lg_context *context, const lg_scheme *scheme, const lg_ode *ode,
                                    lg_stepper **out);
-LG_API void lg_stepper_destroy(lg_stepper *stepper); /* NULL is allowed. */
+LG_API void lg_stepper_destroy(lg_stepper *stepper);
 
 /* One step: y_next (dim) becomes the state at t + h, from the state y (dim) at t; y_next may equal y. h
  * may be negative. `input` goes to the field and is constant over the step; it may be NULL. When it is
@@ -513,9 +512,9 @@ LG_API lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_contro
  *   }
  *   lg_ode_solve(NULL, "R^2", pendulum, NULL, 1e-8, times, 101, (double[]){1, 0}, out, &error);
  *
- * Errors, with the time that was reached in `error`: LG_FORMAT (the space), LG_OUT_OF_MEMORY,
- * LG_INVALID_ARGUMENT (NULL, tolerance, times, a start that is not finite), the other errors of
- * lg_integrate_adaptive. Rows of times that were reached are written. */
+ * Errors, with the time that was reached in `error`: LG_FORMAT (the space), LG_INVALID_ARGUMENT (tolerance,
+ * times, a start that is not finite), the other errors of lg_integrate_adaptive. Rows of times that were
+ * reached are written. */
 LG_API lg_status lg_ode_solve(const lg_context *context, const char *space, lg_vector_field field, void *user,
                               double tolerance, const double *times, size_t count, const double *y0,
                               double *out, lg_error *error);
@@ -554,8 +553,7 @@ LG_API lg_status lg_ode_solve(const lg_context *context, const char *space, lg_v
  *   b: [1/6, 2/3, 1/6]
  *
  * The caller frees *out with lg_scheme_destroy, which also allows NULL but no scheme of another origin.
- * Errors, explained in `error` (may be NULL): LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT (with the
- * line), LG_OUT_OF_MEMORY. */
+ * Errors: LG_FORMAT (with the line). */
 LG_API lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out,
                                 lg_error *error);
 LG_API void lg_scheme_destroy(lg_scheme *scheme);

@@ -59,10 +59,10 @@ LG_API void lg_interval_options_init(lg_interval_options *options);
  * functions must have the same inputs. `options` NULL means the defaults. The evaluator keeps nothing of the
  * program but its context. Errors: LG_UNSUPPORTED (an operation without interval form, which the message
  * names; more than a million operations on numbers), LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT
- * (NULL, no functions, inputs that differ), LG_SHAPE, LG_OUT_OF_MEMORY. */
+ * (no functions, inputs that differ), LG_SHAPE. */
 LG_API lg_status lg_interval_create(const lg_program *program, const size_t *functions, size_t count,
                                     const lg_interval_options *options, lg_interval **out, lg_error *error);
-LG_API void lg_interval_destroy(lg_interval *interval); /* NULL is allowed */
+LG_API void lg_interval_destroy(lg_interval *interval);
 
 /* ---- motions ---- */
 
@@ -87,8 +87,8 @@ LG_API void lg_interval_taylor_spec_init(lg_interval_taylor_spec *spec);
  * At a kink that a box does not decide, x_1 and x_2 and the Jacobian of x_1 are hulls, which hold for
  * remainders, too; further ones are -inf to inf and LG_INTERVAL_UNDEFINED. Flags of coefficients say nothing
  * where the rate itself is not Lipschitz continuous. `options` NULL means the defaults. Errors: those of
- * lg_interval_create; LG_INVALID_ARGUMENT (NULL, orders, ports), LG_UNSUPPORTED (lg_stop_gradient, lg_select
- * by a value that is no comparison, Stumpff functions of too high an order). */
+ * lg_interval_create; LG_INVALID_ARGUMENT (orders, ports), LG_UNSUPPORTED (lg_stop_gradient, lg_select by a
+ * value that is no comparison, Stumpff functions of too high an order). */
 LG_API lg_status lg_interval_taylor(const lg_program *program, const lg_interval_taylor_spec *spec,
                                     const lg_interval_options *options, lg_interval **out, lg_error *error);
 
@@ -119,8 +119,8 @@ LG_API lg_status lg_interval_eval(const lg_interval *interval, size_t boxes, con
  * rounded to half a unit in the last place, too; sums in any order; +, -, *, / and the root err by at most
  * a unit times the result, functions as exp by 8, Stumpff functions by 64. Numbers below the smallest normal
  * one may become 0. A bound is inf where rounding may decide a jump, where a number may overflow or leave
- * the domain of an operation, and for coefficients of dexpinv. Errors: LG_INVALID_ARGUMENT (NULL, the unit,
- * a box that is empty or not finite), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form), LG_OUT_OF_MEMORY. */
+ * the domain of an operation, and for coefficients of dexpinv. Errors: LG_INVALID_ARGUMENT (the unit, a box
+ * that is empty or not finite), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form). */
 LG_API lg_status lg_interval_rounding(const lg_program *program, size_t function, const double *low,
                                       const double *high, double unit, double *bound, lg_error *error);
 

@@ -58,9 +58,7 @@
  * Scaled units. Internally all quantities are divided by the scales of the machine: times by T
  * (scales.time), positions and velocities of lines and of places of poses by L and L/T (L = 1 for angles,
  * directions and rotations), inputs by U, energies by E. Parameters are then numbers around 1. Everything
- * that is recorded on a tape is in scaled units.
- *
- * Functions with an lg_error explain errors there in a sentence; it may be NULL. */
+ * that is recorded on a tape is in scaled units. */
 #ifndef LIEGRAD_MACHINE_H
 #define LIEGRAD_MACHINE_H
 
@@ -286,7 +284,7 @@ LG_API double lg_machine_width(const lg_machine *machine, const lg_machine_term 
 /* Checks a machine and fills its other members. Errors: LG_INVALID_ARGUMENT (no or too many coordinates, a
  * term that does not fit its part or the coordinates, a wrong number of values, features or widths, names
  * that are not unique, known masses or dampings that are not positive, inputs without an input map, no
- * mass, more than 64 numbers with a prior), LG_OUT_OF_MEMORY. */
+ * mass, more than 64 numbers with a prior). */
 LG_API lg_status lg_machine_init(lg_machine *machine, lg_error *error);
 /* Adds the terms of a named system to a machine that already has its coordinates: a mass and, if the
  * system has one, a potential. Call it before lg_machine_init. All numbers of the system are then known
@@ -396,14 +394,13 @@ typedef struct lg_machine_log {
 
 /* Keeps the lagged inputs of a log (lg_machine.lagged) at all its rows for the last time constants that were
  * asked for. Threads may share it. It reads t, u, lag and the velocities of the log that it was made of,
- * which must outlive it. Errors: LG_OUT_OF_MEMORY. */
+ * which must outlive it. */
 typedef struct lg_machine_filter lg_machine_filter;
 LG_API lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *machine,
                                           const lg_machine_log *log, lg_machine_filter **out,
                                           lg_error *error);
-LG_API void lg_machine_filter_destroy(lg_machine_filter *filter); /* NULL is allowed. */
-/* Writes the lagged inputs (count, lags) at the rows at[0..count-1], in the log's units. Errors:
- * LG_OUT_OF_MEMORY. */
+LG_API void lg_machine_filter_destroy(lg_machine_filter *filter);
+/* Writes the lagged inputs (count, lags) at the rows at[0..count-1], in the log's units. */
 LG_API lg_status lg_machine_lagged_inputs(const lg_context *context, const lg_machine *machine,
                                           const double *theta, const lg_machine_log *log, const size_t *at,
                                           size_t count, double *out, lg_error *error);
@@ -416,12 +413,12 @@ LG_API bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_
 /* Sets the scales of a machine from a log: T from root mean squares of velocities and accelerations; L of
  * a line or pose as T times the root mean square of its velocity; U as the root mean squares of the
  * inputs; E such that masses are around 1. Call lg_machine_init before; what it filled stays. Errors:
- * LG_FORMAT (nothing moves, all velocities are constant, or numbers overflow), LG_OUT_OF_MEMORY. */
+ * LG_FORMAT (nothing moves, all velocities are constant, or numbers overflow). */
 LG_API lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error);
 
 /* Finds the largest rate, in 1/s, at which damping slows a motion near rest: the largest quotient of slope of
  * the force and mass at rows of the log. Explicit steps over h come to rest where h rate <= 2.5. Errors:
- * LG_OUT_OF_MEMORY, those of the tape. */
+ * those of the tape. */
 LG_API lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *machine,
                                       const double *theta, const lg_machine_log *log, double *rate,
                                       lg_error *error);
@@ -512,7 +509,7 @@ LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_pro
  * becomes the state that the other one predicts there if that at least halves its loss; likewise backwards
  * in time, except with lags and bristles. This goes on along the log. theta, in and out: the parameters of
  * the fit. losses (windows): sums over points and columns of each window's squared residuals, in units of
- * the loss, with the starts of theta. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, those of the tape. */
+ * the loss, with the starts of theta. Errors: LG_INVALID_ARGUMENT, those of the tape. */
 LG_API lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine_problem *problem,
                                             double *theta, double *losses, lg_error *error);
 /* As lg_machine_fit_problem, but the windows become a regression of momenta: over each window the changes of
@@ -546,7 +543,7 @@ typedef struct lg_machine_expected {
     lg_machine_noise change;
 } lg_machine_expected;
 /* Computes the expected loss; `noise` has standard deviations, and `theta` is as for lg_machine_identify.
- * Errors: LG_OUT_OF_MEMORY, those of the tape. */
+ * Errors: those of the tape. */
 LG_API lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem *problem,
                                    const double *theta, const lg_machine_noise *noise,
                                    lg_machine_expected *out, lg_error *error);
@@ -563,8 +560,7 @@ typedef struct lg_machine_missing {
      * the machine is the true one. */
     double ratio;
 } lg_machine_missing;
-/* Makes the test; `theta` is as for lg_machine_identify and must be a best fit. Errors: LG_OUT_OF_MEMORY,
- * those of the tape. */
+/* Makes the test; `theta` is as for lg_machine_identify and must be a best fit. Errors: those of the tape. */
 LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_machine_problem *problem,
                                          const double *theta, lg_machine_missing *out, lg_error *error);
 
@@ -622,7 +618,7 @@ typedef struct lg_identification {
     double step;
 } lg_identification;
 /* Fills `out`. `theta` has the parameters of the fit, with the starts if they are estimated;
- * problem->theta must be NULL. Errors: LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
+ * problem->theta must be NULL. Errors: LG_CANCELLED, those of the tape. */
 LG_API lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
                                      const double *theta, lg_identification *out, lg_error *error);
 /* Writes row `row` of `open` in words, such as "m and L appear only as a product: give one of them";
@@ -670,8 +666,7 @@ LG_API lg_status lg_machine_adapt(const lg_context *context, const lg_machine_re
  * their sensors. A run that becomes infinite or NaN continues as NaN. With `steps` LG_MACHINE_TO_END each
  * run goes to the end of its part, and the results are positions (rows, positions) and velocities (rows,
  * velocities) at the rows of the log: NaN in rows that no run reaches, infinite where a run is NaN; count
- * may be 0. Errors: LG_CANCELLED, LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the scheme), LG_OUT_OF_MEMORY,
- * those of the tape. */
+ * may be 0. Errors: LG_CANCELLED, LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the scheme), those of the tape. */
 #define LG_MACHINE_TO_END SIZE_MAX
 LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machine,
                                      const double *theta, const lg_scheme *scheme, uint32_t substeps,
@@ -684,8 +679,7 @@ LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine
  * weigh positions against velocities; a machine of `accelerations` is compared with these alone. Writes
  * positions (count, positions) and velocities (count, velocities) in the units of the log. A state whose
  * run is not finite keeps the logged positions and velocities; difference quotients of the positions
- * replace missing velocities. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the
- * tape. */
+ * replace missing velocities. Errors: LG_INVALID_ARGUMENT, LG_CANCELLED, those of the tape. */
 LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine *machine,
                                             const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                             const lg_machine_log *log, const size_t *start, size_t count,
@@ -695,7 +689,7 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
 /* Estimates the states at all rows of a log of accelerations: windows of `window` rows (2 or more) that
  * touch are fitted, and lg_machine_continue_starts replaces starts that are far off. q (rows, positions)
  * and v (rows, velocities), in the units of the log, get the runs of the windows; rows in no window keep
- * the log's guesses. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
+ * the log's guesses. Errors: LG_INVALID_ARGUMENT, LG_CANCELLED, those of the tape. */
 LG_API lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine *machine,
                                             const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                             const lg_machine_log *log, uint32_t window, double *q, double *v,
@@ -809,15 +803,14 @@ typedef struct lg_machine_file {
     const lg_context *context;
 } lg_machine_file;
 
-/* Reads a machine file; lg_machine_file_destroy frees `out`. YAML documents behind the first one are changes
- * of the machine. Errors: LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT (with the line; also for a machine
- * that lg_machine_init rejects), LG_OUT_OF_MEMORY. */
+/* Reads a machine file. YAML documents behind the first one are changes of the machine. Errors: LG_FORMAT
+ * (with the line; also for a machine that lg_machine_init rejects). */
 LG_API lg_status lg_machine_file_read(const lg_context *context, const char *path, lg_machine_file *out,
                                       lg_error *error);
 /* The same from text in memory; `name` stands for the file in messages. */
 LG_API lg_status lg_machine_file_parse(const lg_context *context, const char *name, const char *text,
                                        size_t bytes, lg_machine_file *out, lg_error *error);
-LG_API void lg_machine_file_destroy(lg_machine_file *file); /* NULL and zeros are allowed. */
+LG_API void lg_machine_file_destroy(lg_machine_file *file);
 
 /* ---- Logs of machines ---- */
 
@@ -886,15 +879,14 @@ typedef struct lg_logs {
     const lg_context *context;
 } lg_logs;
 
-/* Reads logs from CSV or HDF5 files; lg_logs_destroy frees `out`. `options` may be NULL for the defaults.
- * Errors: LG_NOT_FOUND, LG_FILE, LG_OUT_OF_MEMORY; LG_FORMAT with file, line (HDF5: row, from 1) and
- * column: text instead of a number; a missing column; a number so large that the rest of its column is
- * lost in its rounding; time that does not increase; numbers that are not an attitude; columns that do not
- * fit together. */
+/* Reads logs from CSV or HDF5 files. Errors: LG_FORMAT with file, line (HDF5: row, from 1) and column: text
+ * instead of a number; a missing column; a number so large that the rest of its column is lost in its
+ * rounding; time that does not increase; numbers that are not an attitude; columns that do not fit
+ * together. */
 LG_API lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file,
                               const char *const *paths, size_t count, const lg_log_options *options,
                               lg_logs *out, lg_error *error);
-LG_API void lg_logs_destroy(lg_logs *logs); /* NULL and zeros are allowed. */
+LG_API void lg_logs_destroy(lg_logs *logs);
 
 /* ---- Model files of machines ----
  *

@@ -93,16 +93,16 @@ LG_API const lg_parameter_entry *lg_system_parameters(const char *name, const ch
 LG_API const lg_state_entry *lg_system_state(const char *name, const char *form);
 
 /* Makes a system. `options` may be NULL for the defaults; its arrays are copied. options->form NULL means
- * the system's first form. The caller destroys the system. Errors, explained in `error` (may be NULL):
- * LG_NOT_FOUND (unknown name or form), LG_INVALID_ARGUMENT (an unknown or repeated key, a wrong number of
- * values, a value against its rule, a missing parameter, links 0 or above a million), LG_OUT_OF_MEMORY. */
+ * the system's first form. Errors: LG_NOT_FOUND (unknown name or form), LG_INVALID_ARGUMENT (an unknown or
+ * repeated key, a wrong number of values, a value against its rule, a missing parameter, links 0 or above a
+ * million). */
 LG_API lg_status lg_system_create(const lg_context *context, const char *name,
                                   const lg_system_options *options, lg_system **out, lg_error *error);
-LG_API void lg_system_destroy(lg_system *system); /* NULL is allowed. */
-/* lg_system_copy makes a second system with the same parameters; the caller destroys it.
- * lg_system_set_parameters changes all parameters of a system that no other thread uses; `values` has
- * lg_system_parameter_count numbers in the order of lg_system_parameters. Errors: LG_OUT_OF_MEMORY (copy);
- * LG_INVALID_ARGUMENT (set: a value against its rule; nothing is changed then). */
+LG_API void lg_system_destroy(lg_system *system);
+/* lg_system_copy makes a second system with the same parameters. lg_system_set_parameters changes all
+ * parameters of a system that no other thread uses; `values` has lg_system_parameter_count numbers in the
+ * order of lg_system_parameters. Errors: LG_OUT_OF_MEMORY (copy); LG_INVALID_ARGUMENT (set: a value against
+ * its rule; nothing is changed then). */
 LG_API lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_system **out);
 LG_API lg_status lg_system_set_parameters(lg_system *system, const double *values);
 
@@ -291,8 +291,8 @@ LG_API lg_status lg_system_draw_start(const lg_system *system, const lg_trajecto
  * first point without noise. Noise is added after the integration, in ambient coordinates, to all points
  * but the first (see noise_first). The start and the noise of trajectory i depend only on (seed, i) when
  * segments = 1, so the starts are the same for every noise, N, M and T. `options` NULL means the defaults.
- * Errors, explained in `error` (may be NULL): LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the kind of starts),
- * LG_OUT_OF_MEMORY, LG_CANCELLED, those of lg_integrate_adaptive. On failure nothing is written. */
+ * Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the kind of starts), LG_CANCELLED, those of
+ * lg_integrate_adaptive. */
 LG_API lg_status lg_system_generate(const lg_context *context, const lg_system *system,
                                     const lg_trajectory_options *options, double *t, double *trajectories,
                                     double *hamiltonian, lg_error *error);
@@ -300,7 +300,7 @@ LG_API lg_status lg_system_generate(const lg_context *context, const lg_system *
 /* The same reference integration from given starts (n, d), without noise, for judging models. `times`
  * (count) are as in lg_integrate_adaptive, from t0 = 0; out has shape (n, count, d). rtol <= 0 means
  * 1e-12, and atol = 0 means -1e-13; else both are as in lg_step_controller. Errors: those of
- * lg_system_generate. On failure nothing is written. */
+ * lg_system_generate. */
 LG_API lg_status lg_system_solve(const lg_context *context, const lg_system *system, const double *starts,
                                  size_t n, const double *times, size_t count, double rtol, double atol,
                                  double *out, lg_error *error);
@@ -347,13 +347,12 @@ typedef struct lg_scene {
  * The form of the scene is `form_wanted` if this is not NULL and the system has such a form. Otherwise it
  * is the value of the key `form`; without this key, the first form for which `initial` has all required
  * parts; and without such a form, the system's first form. When a start is projected, a warning with its
- * line is logged. Errors, explained in `error` (may be NULL): LG_NOT_FOUND (no such file), LG_FILE,
- * LG_FORMAT (with the line), LG_OUT_OF_MEMORY. On failure `out` is untouched. */
+ * line is logged. Errors: LG_FORMAT (with the line). */
 LG_API lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted,
                                lg_scene *out, lg_error *error);
 /* Draws the start of a scene without `initial` as `starts`, `low` and `high` say; `ahead` is not used. It
  * is the first start of lg_system_generate with this seed and ahead = 0. Errors: LG_INVALID_ARGUMENT
- * (the scene has a start), LG_OUT_OF_MEMORY, those of lg_system_draw_start. */
+ * (the scene has a start), those of lg_system_draw_start. */
 LG_API lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed);
 /* Frees what the scene owns and zeroes the struct. NULL and a zeroed scene are allowed. */
 LG_API void lg_scene_destroy(lg_scene *scene);

@@ -14,8 +14,7 @@
  *
  * Rules for all functions: B is the number of rows of a batch. Functions that get a tape keep errors on it
  * (liegrad/tape.h), and return LG_NONE or its status: LG_INVALID_ARGUMENT (theta is too short), LG_SHAPE (x
- * has another shape), LG_STALE_HANDLE, LG_OUT_OF_MEMORY. Several threads may use the same network, each with
- * its own tape.
+ * has another shape), LG_STALE_HANDLE. Several threads may use the same network, each with its own tape.
  */
 #ifndef LIEGRAD_NETWORKS_H
 #define LIEGRAD_NETWORKS_H
@@ -40,9 +39,8 @@ typedef struct lg_mlp {
 } lg_mlp;
 
 /* Describes a network with widths inputs, hidden[0], ..., hidden[hidden_layers - 1], outputs. hidden_layers
- * may be 0, for an affine map; then `hidden` may be NULL. Errors: LG_INVALID_ARGUMENT (NULL, a width of 0
- * or above 2^20, more than LG_MLP_MAX_LAYERS - 1 hidden layers, an unknown activation); then *net is
- * unchanged. */
+ * may be 0, for an affine map; then `hidden` may be NULL. Errors: LG_INVALID_ARGUMENT (a width of 0 or above
+ * 2^20, more than LG_MLP_MAX_LAYERS - 1 hidden layers, an unknown activation). */
 LG_API lg_status lg_mlp_init(lg_mlp *net, uint32_t inputs, const uint32_t *hidden, uint32_t hidden_layers,
                              uint32_t outputs, lg_activation activation, bool last_bias);
 LG_API size_t lg_mlp_parameters(const lg_mlp *net); /* number of parameters */
@@ -83,7 +81,7 @@ typedef struct lg_mlp_vars {
 } lg_mlp_vars;
 
 /* Cuts the flat vector theta (rank 1) into weights and biases. The network's parameters are its elements
- * offset .. offset + lg_mlp_parameters - 1. Errors: the status of the tape; then *vars is unchanged. */
+ * offset .. offset + lg_mlp_parameters - 1. Errors: the status of the tape. */
 LG_API lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset,
                              lg_mlp_vars *vars);
 /* Applies the network to x (B, in) -> (B, out), with the weights of lg_mlp_bind. */
@@ -131,8 +129,8 @@ typedef struct lg_net {
     lg_activation activation;
 } lg_net;
 
-/* Describes a network. Errors: LG_INVALID_ARGUMENT (NULL, a width of 0 or above 2^20, too many layers, an
- * unknown kind or activation); then *net is unchanged. `embedding` may be 0. */
+/* Describes a network. Errors: LG_INVALID_ARGUMENT (a width of 0 or above 2^20, too many layers, an unknown
+ * kind or activation). `embedding` may be 0. */
 LG_API lg_status lg_net_init(lg_net *net, lg_net_kind kind, uint32_t inputs, uint32_t embedding,
                              uint32_t hidden, uint32_t layers, uint32_t outputs, lg_activation activation);
 LG_API size_t lg_net_parameters(const lg_net *net); /* number of parameters */
@@ -192,7 +190,7 @@ typedef enum lg_pooling { LG_POOL_NONE, LG_POOL_AVERAGE, LG_POOL_MAX } lg_poolin
 #define LG_POOLING_COUNT 3
 /* Returns "none", "average" or "max"; "unknown" for another value. */
 LG_API const char *lg_pooling_name(lg_pooling kind);
-/* Gives the pooling with this name. Errors: LG_NOT_FOUND (no such name), LG_INVALID_ARGUMENT (NULL). */
+/* Gives the pooling with this name. Errors: LG_NOT_FOUND (no such name). */
 LG_API lg_status lg_pooling_parse(const char *name, lg_pooling *out);
 
 typedef struct lg_cnn_block {
@@ -223,8 +221,8 @@ typedef struct lg_cnn {
  * lg_cnn_init. Otherwise it is not valid, and a further call of lg_cnn_init tells why. */
 LG_API void lg_cnn_init_default(lg_cnn *net, uint32_t channels, uint32_t length, uint32_t outputs,
                                 lg_activation activation);
-/* Checks the members and sets `lengths`. Errors: LG_INVALID_ARGUMENT (NULL, sizes of 0 or above 2^20, more
- * than 2^31 parameters, or a block that leaves no sample). Then the message names the block, and *net is
+/* Checks the members and sets `lengths`. Errors: LG_INVALID_ARGUMENT (sizes of 0 or above 2^20, more than
+ * 2^31 parameters, or a block that leaves no sample). Then the message names the block, and *net is
  * unchanged. */
 LG_API lg_status lg_cnn_init(lg_cnn *net, lg_error *error);
 

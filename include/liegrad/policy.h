@@ -54,9 +54,7 @@
  *            the circle no continuous feedback brings every state to the goal.
  *
  * Terminal cost: W = w log(1 + V/(13 c)), where w is .6 times the mean cost of the machine under u0 from the
- * starts over the horizon. The logarithm has a slope wherever a run ends.
- *
- * Functions with an lg_error explain errors there in a sentence; it may be NULL. */
+ * starts over the horizon. The logarithm has a slope wherever a run ends. */
 #ifndef LIEGRAD_POLICY_H
 #define LIEGRAD_POLICY_H
 
@@ -131,7 +129,7 @@ typedef struct lg_policy_input {
 } lg_policy_input;
 
 /* Makes a plant with softer dry friction: over speeds (velocities) of this size, or none if `speed` is NULL.
- * *out NULL: the plant has no dry friction. The caller destroys *out. */
+ * *out NULL: the plant has no dry friction. */
 typedef lg_status (*lg_policy_soften)(void *user, const double *speed, lg_program **out, lg_error *error);
 
 typedef struct lg_policy_task {
@@ -182,7 +180,7 @@ typedef struct lg_policy lg_policy;
  * residual; no regulator holds it), those of lg_program_build. */
 LG_API lg_status lg_policy_create(const lg_context *context, const lg_policy_task *task, lg_program *plant,
                                   uint64_t seed, lg_policy **out, lg_error *error);
-LG_API void lg_policy_destroy(lg_policy *policy); /* NULL is allowed */
+LG_API void lg_policy_destroy(lg_policy *policy);
 /* The task, with the substeps that were chosen; it belongs to the policy. */
 LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
 /* The plant's functions and parameters; parameter `policy` (theta); and the functions
@@ -337,11 +335,11 @@ typedef struct lg_policy_train_result {
  *
  * `options` NULL means the defaults. The policy must outlive the trainer. After LG_CANCELLED
  * lg_policy_trainer_save stores the state; a trainer with the same policy and options loads it and runs
- * on, with the same bits (unless options.seconds bounds them). Errors of create: LG_INVALID_ARGUMENT,
- * LG_OUT_OF_MEMORY; of run: LG_NOT_FINITE (all seeds), LG_CANCELLED (the context's cancel flag; the
- * policy has the best parameters so far), LG_OUT_OF_MEMORY; of load: LG_INVALID_ARGUMENT (other options),
- * LG_FORMAT (the trainer must then be destroyed). `result` may be NULL. If one rank alone fails, such as
- * for memory, the caller must end the other ranks (lg_mpi_abort). */
+ * on, with the same bits (unless options.seconds bounds them). Errors of create: LG_INVALID_ARGUMENT; of run:
+ * LG_NOT_FINITE (all seeds), LG_CANCELLED (the context's cancel flag; the policy has the best parameters so
+ * far); of load: LG_INVALID_ARGUMENT (other options), LG_FORMAT (the trainer must then be destroyed).
+ * `result` may be NULL. If one rank alone fails, such as for memory, the caller must end the other ranks
+ * (lg_mpi_abort). */
 typedef struct lg_policy_trainer lg_policy_trainer;
 LG_API lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
                                           lg_policy_trainer **out, lg_error *error);
@@ -354,7 +352,7 @@ LG_API lg_status lg_policy_trainer_save(const lg_policy_trainer *trainer, const 
 /* Restores the state of a training. */
 LG_API lg_status lg_policy_trainer_load(lg_policy_trainer *trainer, const lg_archive_reader *from,
                                         lg_error *error);
-LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer); /* NULL is allowed */
+LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer);
 
 /* ---- evaluation ---- */
 
@@ -406,7 +404,7 @@ typedef enum lg_policy_test {
 
 /* Runs the policy from `starts` random starts over task.within seconds. `runs` (may be NULL): arrays that
  * the caller provides are filled; count and x are not read. Errors: LG_INVALID_ARGUMENT (also: the task has
- * no disturbances), LG_OUT_OF_MEMORY. */
+ * no disturbances). */
 LG_API lg_status lg_policy_evaluate(const lg_policy *policy, lg_policy_test test, uint64_t starts,
                                     uint64_t seed, int threads, lg_policy_outcome *out, lg_policy_runs *runs,
                                     lg_error *error);
@@ -425,8 +423,8 @@ typedef struct lg_policy_gap {
  * of the seven starts after it. Inputs may pass their limits at a price that grows from round to round, but
  * `best` is the cost of a run with inputs in their limits. The search ends after `seconds` of wall time (0:
  * no bound), and *complete (may be NULL) is then false. It runs in the calling thread. The function `planned`
- * is added to the policy's program. On failure *out is untouched. Errors: LG_INVALID_ARGUMENT (not 1 to 1000
- * starts), LG_OUT_OF_MEMORY, LG_CANCELLED, those of lg_program_add_function. */
+ * is added to the policy's program. Errors: LG_INVALID_ARGUMENT (not 1 to 1000 starts), LG_CANCELLED, those
+ * of lg_program_add_function. */
 LG_API lg_status lg_policy_find_gaps(lg_policy *policy, size_t starts, uint64_t seed, double seconds,
                                      lg_policy_gap *out, bool *complete, lg_error *error);
 

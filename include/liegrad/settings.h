@@ -155,8 +155,7 @@ LG_API void lg_field_option(const lg_field *entry, char *text, size_t size);
 LG_API int lg_field_describe(const lg_field *entry, char *text, size_t size);
 
 /* Sets the value in `run` from a text. A SWITCH becomes true, whatever the text. Errors, `run` is then
- * untouched: LG_INVALID_ARGUMENT with a sentence that says which values are possible, the errors of
- * `parse`. */
+ * untouched: LG_INVALID_ARGUMENT with a sentence that says which values are possible, those of `parse`. */
 LG_API lg_status lg_field_set(const lg_field *entry, const char *text, void *run, lg_error *error);
 /* Sets a number, or a list with one number, to exactly this double if it is in the range. In all other cases
  * it calls lg_field_set with the number as text. */
@@ -355,7 +354,7 @@ LG_API lg_status lg_search_file_read(const lg_context *context, const char *path
  * The second hash is of the fixed options and of `setting` (NULL stands for ""), any text that says what
  * else the results depend on, such as the SHA-256 of the data and the options of the search. Errors:
  * LG_INVALID_ARGUMENT (a space that lg_search_space_check refuses, a trial that could not be read back),
- * LG_FILE, LG_OUT_OF_MEMORY. */
+ * LG_FILE. */
 LG_API lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
                                  uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
                                  lg_error *error);
@@ -368,7 +367,7 @@ LG_API void lg_search_label(const lg_search_file *search, uint64_t seed, const c
  * must be the ones that were written. A last line without its line end is ignored: this trial was not saved
  * completely and must run again. Errors: LG_NOT_FOUND (no such file), LG_INVALID_ARGUMENT (the file belongs
  * to another search, and the sentence says what differs; or it has more than `room` trials), LG_FORMAT (with
- * the line), LG_FILE, LG_OUT_OF_MEMORY. */
+ * the line), LG_FILE. */
 LG_API lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
                                 uint64_t seed, const char *setting, size_t room, lg_trial *trials,
                                 size_t *count, lg_error *error);
