@@ -200,88 +200,15 @@ LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves);
  * Networks that give the curve of a clamped beam from its boundary conditions x = (q0, v0, qN, vN), 8
  * numbers. "The thesis" is the published work that docs/reports/accuracy.md reproduces.
  *
- * - LG_SURROGATE_DISCRETE: x -> the inner nodes and tangents (q_1, ..., q_{N-1}, v_1, ..., v_{N-1}), 4(N-1)
- *   numbers. The ends are taken from x.
- *   Loss: the mean square of the 4(N-1) errors, plus gamma times the mean square of the 4N differences
- *   e_{k+1} - e_k (2N of q, 2N of v). Here e_k are the errors at node k, and e_0 = e_N = 0.
- *   With `penalty` LG_SURROGATE_WEIGHTED the loss is the mean square of W e instead, where e is the vector of
- *   the 4(N-1) errors, W = I + gamma G'G, G = S - I, and (S e)_i = e_{i+1} with 0 after the last number. This
- *   is (5.4.1) of the thesis as printed; the program of the thesis computes the former loss.
- * - LG_SURROGATE_CONTINUOUS: (s/L, x) -> q(s). The tangent v = dq/ds is its derivative (forward mode).
- *   Loss: the mean over points of (|q - q_k|^2 + |v - v_k|^2 + gamma (|v|^2 - 1)^2)/2. In the notation of the
- *   published program this is MSE(q) + MSE(v) + (gamma/2) mean (|v|^2 - 1)^2. A sample is a point (s_k, x).
- *   With the option `boundary`, q and v at both ends are exact by construction:
- *     q = H(s) + 16 t^2 (1 - t)^2 f(t, x),
- *   where f is the network, t = s/L, and H is the cubic from q0 to qN with the tangents v0 and vN.
- * - LG_SURROGATE_ANGLE: theta(s) = pi f(theta_0/pi, theta_N/pi, s), where f is the network and theta_0 and
- *   theta_N in (-pi, pi] are the angles of v0 and vN. v = (cos theta, sin theta). q = q_0 + int v ds,
- *   computed by Gauss's rule of 3 points on panels.
- *   With the option `boundary` the end angles are exact by construction:
- *     theta = pi f(s) + (theta_0 - pi f(0)) e^{-100 s^2} + (theta_N - pi f(L)) e^{-100 (s-L)^2}
- *   For a short beam, whose e^{-100 L^2} is not negligible, the two weights are combined linearly so that
- *   each weight is 1 at its own end and 0 at the other end.
- *   The option `symmetric` reconstructs q from both ends, so that q is as exact at s = L as at s = 0:
- *     q(s) = (1 - s/L) (q_0 + int_0^s v ds) + (s/L) (q_N - int_s^L v ds)
- *   Loss: the mean over nodes of (|q - q_k|^2 + |v - v_k|^2)/2, without gamma. A sample is a curve. The Gauss
- *   points, 3 on each interval between two nodes, serve all nodes of the curve.
+ *   LG_SURROGATE_DISCRETE    x -> the inner nodes and tangents (q_1, ..., q_{N-1}, v_1, ..., v_{N-1}), 4(N-1)
+ *                            numbers; the ends are taken from x
+ *   LG_SURROGATE_CONTINUOUS  (s/L, x) -> q(s); the tangent v = dq/ds is its derivative (forward mode)
+ *   LG_SURROGATE_ANGLE       theta(s) = pi f(theta_0/pi, theta_N/pi, s), where f is the network, and theta_0 and
+ *                            theta_N in (-pi, pi] are the angles of v0 and vN; v = (cos theta, sin theta), and
+ *                            q = q_0 + int v ds by Gauss's rule of 3 points on panels
  *
- * `energy` and `residual`: weights of terms that are added to the loss and know the mechanics of the beam,
- * free of units. Means are over curves.
- *   `residual` (continuous and angle network) is the mean over points of
- *     (L theta' - m - fx y/L + fy x/L)^2,
- *   the differential equation EI theta'' = lx sin theta - ly cos theta, integrated once: the bending moment
- *   is linear in the position. m and f = (lx, ly) L^2/EI are eliminated: in each curve they are the numbers
- *   with the smallest mean. The points are those of the samples (continuous network) or the Gauss points.
- *   The continuous network has theta' = q' x q'', from its second derivative.
- *   `energy` is the mean energy with the multiplier of the closure, in units of EI/L. Its gradient vanishes
- *   at a solution:
- *     (L/2) int theta'^2 ds + f r/L + 18 N^2 |r/L|^2,   r = qN - q0 - int (cos theta, sin theta) ds,
- *   where f is the force in the given curve, by least squares of its angles. It needs `boundary`. The
- *   continuous network has theta' = q' x q''/|q'|^2, the integrals over its nodes need `between` false. The
- *   discrete network needs `angles` and has the energy E of this header, whose closure needs no multiplier.
- *   The energy of the given curve is subtracted, where it is known; it has no influence on the gradient.
- *   With one of these weights a sample of the continuous network is a curve.
- *
- * `normalise` (discrete and continuous network): the x-coordinates of both ends enter as (x - centre)/centre.
- * `centre` is half of the largest distance between the ends of a curve in the data. Positions always enter
- * relative to q0, so a beam that is moved has the moved curve.
- *
- * `between` (continuous network): a network that is trained at the nodes alone may oscillate between them.
- * With this option sample k of a curve is a point within half an interval of node k, at a different place in
- * each curve. For continuous data, q and v at this point come from polynomials of degree 11 through six nodes
- * and their tangents. The tangents of discrete data are not exactly the derivative of the curve; there, q and
- * v come from two separate polynomials through six nodes.
- *
- * `modes` (discrete network): K > 0 means that the last layer is fixed. The network gives K coefficients
- * c(x), and the 4(N-1) numbers of the curve (relative to q0, and reflected by `mirror`) are
- *     y = mean + sum_k c_k(x) s_k u_k.
- *   `mean` is the mean of the training curves. u_k are the leading singular vectors of the differences of the
- *   training curves from it (orthonormal). s_k is the root mean square of the coefficients along u_k, so each
- *   target of c_k has mean 0 and standard deviation 1 on the training curves. With gamma = 0 the loss is the
- *   mean over curves of sum_k s_k^2 (c_k - c_k*)^2/(4(N-1)), where c* are the targets
- *   (lg_surrogate_coefficients). The part of a curve that the modes leave out is orthogonal to the u_k. So
- *   for any set of curves
- *     mean square error of the curves = loss + truncation,
- *   where truncation is the mean square of the part left out, which training cannot lower. With gamma > 0 the
- *   loss is the loss of LG_SURROGATE_DISCRETE above. mean and s_k u_k are constants of the model, not
- *   parameters.
- *
- * `angles` (discrete network): the network gives N - 1 numbers f(x). The inner angles and tangents are
- *     theta_k = theta_0 + (theta_N - theta_0) k/N + f_k(x),  v_k = (cos theta_k, sin theta_k),
- *   where theta_0 and theta_N in (-pi, pi] are the angles of v0 and vN. The nodes follow from the tangents by
- *   the formula at the top of this header. So |v_k| = 1 and both ends are exact.
- *
- * `loss` LG_SURROGATE_ENERGY (needs `angles`): the network does not learn from curves. The loss is
- *     mean of (E(theta) - E_curve) L/EI
- *   over the boundary conditions, where E is the discrete energy. Its minimum is the solution of the beam
- *   problems, because the constraints hold for all angles. E_curve, the energy of the curve in the data, does
- *   not depend on the network and has no influence on the gradient; it makes the loss 0 where the network is
- *   as good as the data. `gamma` is not used.
- *
- * `mirror`: the reflection y -> -y turns solutions of the beam problem into solutions. Boundary conditions
- * with v0y < vNy are therefore reflected together with their curve. So the network learns only one half of
- * the boundary conditions and is exactly equivariant. If v0y = vNy, boundary conditions with v0y < 0 are
- * reflected; if v0y = vNy = 0, those with qNy < q0y. */
+ * docs/beams.md ("How the networks learn") has the formulas of the losses, and of what the options below
+ * change. A sample is a curve; of the continuous network without `energy` and `residual` a point (s_k, x). */
 
 typedef enum lg_surrogate_kind {
     LG_SURROGATE_DISCRETE,
@@ -479,30 +406,25 @@ LG_API lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surro
 
 /* ---- trained range ----
  *
- * The curve that a network gives is meaningless outside the boundary conditions that it was trained on. The
- * functions below measure this. `trained` (n, 8) has the boundary conditions of the training part. The
- * distance of two boundary conditions is the Euclidean distance of (v0, (qN - q0)/u, vN), where u is the
- * largest |qN - q0| in `trained` (or the model's length if all are 0). A query is outside the trained range
- * if its lg_surrogate_distance is more than twice the lg_surrogate_reach, or its lg_surrogate_off_family more
- * than twice the lg_surrogate_spread. The second test finds a query next to a family of conditions but not of
- * it, such as other end angles between those of a family with theta(L) = -theta(0). */
+ * The curve that a network gives is meaningless outside the boundary conditions that it was trained on.
+ * `trained` (n, 8) has those of the training part. docs/beams.md ("Range") has the definitions: a query is
+ * outside if its lg_surrogate_distance is more than twice the lg_surrogate_reach, or its
+ * lg_surrogate_off_family more than twice the lg_surrogate_spread. */
 
-/* Returns the reach of the trained boundary conditions: each of them has a distance from its nearest trained
- * neighbour. The n/100 largest of these distances (at most 32) are left out, because a few conditions may
- * stand alone; the largest of the others is the reach. 0 for n < 2. */
+/* The largest distance of a trained boundary condition from its nearest neighbour, after the n/100 largest
+ * (at most 32) are left out, because a few conditions may stand alone. 0 for n < 2. */
 LG_API double lg_surrogate_reach(const double *trained, size_t n);
-/* Returns the distance of x (8) from the nearest trained boundary condition; for a model with `mirror` the
- * smaller of the distances of x and of its mirror image. Infinite for n = 0 or a NaN in x. */
+/* The distance of x (8) from the nearest trained boundary condition; for a model with `mirror` the smaller of
+ * the distances of x and of its mirror image. Infinite for n = 0 or a NaN in x. */
 LG_API double lg_surrogate_distance(const lg_surrogate *model, const double *trained, size_t n,
                                     const double *x);
-/* Returns the distance of x (8) from the family of the trained boundary conditions: the distance from the
- * nearest line through two of the six nearest ones, extended at both ends by the distance of the two. Mirror
- * images, n = 0 and a NaN: as for lg_surrogate_distance. */
+/* The distance of x (8) from the nearest line through two of the six nearest trained boundary conditions,
+ * extended at both ends by the distance of the two. Mirror images, n = 0, NaN: as for lg_surrogate_distance. */
 LG_API double lg_surrogate_off_family(const lg_surrogate *model, const double *trained, size_t n,
                                       const double *x);
-/* Returns the spread of the trained boundary conditions: the largest distance of one of them from the family
- * of the others, without the n/100 largest ones; but at least r^2/2 and 2 % of r for the reach r. r^2/2 is
- * the height of an arc of unit curvature above a chord of 2 r. */
+/* The largest distance of a trained boundary condition from the family of the others, without the n/100
+ * largest ones; but at least r^2/2 (the height of an arc of unit curvature above a chord of 2 r) and 2 % of r
+ * for the reach r. */
 LG_API double lg_surrogate_spread(const double *trained, size_t n);
 
 /* ---- files of curves (library liegrad_io from here on) ---- */
@@ -513,22 +435,10 @@ typedef struct lg_elastica_data {
     lg_provenance provenance;
 } lg_elastica_data;
 
-/* Reads an HDF5 file. It needs the datasets /boundary (n, 8) with q0, v0, qN, vN, /q and /v (n, N + 1, 2).
- * Optional are /energy and /x (n) and /case (n; 0 both-ends, 1 right-end), and the attributes of the root
- * `length`, `stiffness` (default 10) and `values` ("discrete", the default, or "continuous"). Datasets may
- * have any integer or float type and any byte order, and may be chunked and compressed.
- *
- * Without the attribute `length` the reader estimates L from the curves in two ways. The first estimate joins
- * the nodes by circular arcs: the sum over the intervals of chord (phi/2)/sin(phi/2), where phi is the angle
- * by which the tangent turns. The second estimate is N times the regression coefficient of the second
- * differences of the q_k on (v_{k+1} - v_{k-1})/2; it is exact for minimisers of the discrete energy. The
- * reader takes the estimate that varies less over the curves (between the 10th and the 90th percentile), and
- * rounds the median over the curves to three significant digits, which changes it by at most 0.5 %. A length
- * with more digits needs the attribute.
- *
- * LG_FORMAT also for N outside LG_ELASTICA_MIN_INTERVALS .. LG_ELASTICA_MAX_INTERVALS, a tangent at an end
- * whose length differs from 1 by more than 1e-6, first or last nodes or tangents that differ from /boundary
- * by more than 1e-6 (1 + size), and ends that are farther apart than `length`. */
+/* Reads an HDF5 file of curves: the datasets /boundary, /q and /v and what else docs/files.md lists, with the
+ * way in which it estimates a length that the file does not have. Errors: LG_FORMAT also for N outside
+ * LG_ELASTICA_MIN_INTERVALS .. LG_ELASTICA_MAX_INTERVALS, curves that do not begin and end as /boundary says,
+ * and ends that are farther apart than `length`. */
 LG_API lg_status lg_elastica_data_read(const lg_context *context, const char *path,
                                        const lg_read_options *options, lg_elastica_data *out,
                                        lg_error *error);

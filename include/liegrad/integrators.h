@@ -521,39 +521,8 @@ LG_API lg_status lg_ode_solve(const lg_context *context, const char *space, lg_v
 
 /* ---- Files of schemes (library liegrad_io) ---- */
 
-/* lg_scheme_read reads a scheme from a YAML (or JSON) file and checks it with lg_scheme_check. Numbers are
- * decimals or quotients a/b. Keys of all kinds:
- *   name            default: the name of the file, without its folder
- *   kind            rkmk | runge-kutta (ambient) | commutator-free | splitting; required
- *   order           order of the method; required
- * Keys of rkmk, runge-kutta and commutator-free, for adaptive steps; both or none:
- *   embedded        the embedded solution, see below
- *   embedded_order  its order
- * Keys of rkmk and runge-kutta:
- *   a               a list of coefficients per stage; the list of the first stage is empty
- *   b, embedded     one number per stage
- *   c               one number per stage; default: the sums of the rows of a
- * Keys of rkmk only:
- *   dexpinv         `exact` or the truncation K; default exact, or 0 with commutators
- *   commutators     a list of [row, first, second, weight]; stages count from 1, row = stages + 1 is the step
- * Keys of commutator-free:
- *   rows            one row per stage and one for the end of the step
- *   embedded        one row
- *   c               one number per stage; default: the sums of the coefficients
- *   A row is a list of exponentials. An exponential is a list of coefficients, one per stage; the first
- *   exponential of a row is applied first. A row with one exponential may be the list of coefficients itself.
- *   The row {base: i, exponentials: [...]} is applied to stage i instead of the start; i counts from 1.
- * Keys of splitting:
- *   kick, drift     one number per stage
- *
- * Example:
- *   kind: rkmk
- *   order: 3
- *   a: [[], [1/2], [-1, 2]]
- *   b: [1/6, 2/3, 1/6]
- *
- * The caller frees *out with lg_scheme_destroy, which also allows NULL but no scheme of another origin.
- * Errors: LG_FORMAT (with the line). */
+/* Reads a scheme from a YAML (or JSON) file, whose keys are in docs/files.md ("Schemes"), and checks it with
+ * lg_scheme_check. lg_scheme_destroy allows no scheme of another origin. */
 LG_API lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out,
                                 lg_error *error);
 LG_API void lg_scheme_destroy(lg_scheme *scheme);

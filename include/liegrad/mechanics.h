@@ -170,22 +170,11 @@ typedef struct lg_system_user {
 
 /* Fills `ode`: the space, the functions, `user`, and for AMBIENT the manifold. It also fills `user`. `user`,
  * `system` and `work` (lg_system_work_size bytes) must outlive the use of `ode`. The ambient field is the
- * generator of the LIE field, f(t, y) . y, except for chains in Hamiltonian form. The fields of chains, with
- * e3 pointing up:
- *
- * Lagrangian form, state q_1, omega_1, q_2, omega_2, ... The tensions lambda of the links solve a symmetric
- * tridiagonal system, d_i lambda_i + e_{i-1} lambda_{i-1} + e_i lambda_{i+1} = b_i with
- *   d_i = 1/m_i + [i > 1]/m_{i-1}, e_i = -q_i.q_{i+1}/m_i, b_i = L_i |omega_i|^2 - [i = 1] g e3.q_1;
- *   a_i = (lambda_{i+1} q_{i+1} - lambda_i q_i)/m_i - g e3 is the acceleration of mass i, a_0 = 0;
- *   q_i'' = (a_i - a_{i-1})/L_i
- *   LIE:     f_i = (omega_i, q_i (q_i.q_i'') - q_i'')
- *   AMBIENT: q_i' = omega_i x q_i, omega_i' = q_i x q_i''; the same formulas hold off the manifold
- *
- * Hamiltonian form, with v_i = dH/dp_i and g_i = dH/dq_i:
- *   LIE:     f_i = (xi_i, eta_i) = (q_i x v_i, g_i x q_i + v_i x p_i)
- *   AMBIENT: q_i' = v_i - q_i (q_i.v_i), p_i' = -g_i + q_i (q_i.g_i) + p_i (q_i.v_i) - q_i (p_i.v_i)
- * AMBIENT takes v and g from an extension of H to the ambient space, because a classical scheme leaves the
- * manifold (src/mechanics/chain.h). The field returns LG_NOT_FINITE where the kinetic energy is not defined.
+ * generator of the LIE field, f(t, y) . y; docs/simulate.md has the fields of all systems. Exception: for
+ * chains in Hamiltonian form AMBIENT is, with v_i = dH/dp_i and g_i = dH/dq_i,
+ *   q_i' = v_i - q_i (q_i.v_i), p_i' = -g_i + q_i (q_i.g_i) + p_i (q_i.v_i) - q_i (p_i.v_i)
+ * of an extension of H to the ambient space, because a classical scheme leaves the manifold
+ * (src/mechanics/chain.h). The field returns LG_NOT_FINITE where the kinetic energy is not defined.
  *
  * ode.step, for variational schemes, is set for two systems. For the oscillator it is the midpoint rule
  * (discrete Lagrangian h L((q0 + q1)/2, (q1 - q0)/h)). For chains in both forms it is the trapezoidal
@@ -337,12 +326,8 @@ typedef struct lg_scene {
     const lg_context *context; /* The memory of the arrays comes from it. */
 } lg_scene;
 
-/* Reads a scene from a YAML (or JSON) file into `out`, whose earlier contents are overwritten. The caller
- * calls lg_scene_destroy. Keys: `system`; `form`; the parameters of the system; `links`, which may be left
- * out where lists with one entry per link determine it; `initial` with the parts of the state; `t_end`;
- * `starts` {kind, low, high, segments, ahead}; `ensemble`, a text; for quadrotors `reference` (parabola).
- * Chains in either form take `omega` or `p` and convert it: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j',
- * q_i' = omega_i x q_i.
+/* Reads a scene from a YAML (or JSON) file into `out`, whose earlier contents are overwritten. docs/files.md
+ * has the keys. Chains in either form take `omega` or `p` and convert it.
  *
  * The form of the scene is `form_wanted` if this is not NULL and the system has such a form. Otherwise it
  * is the value of the key `form`; without this key, the first form for which `initial` has all required

@@ -230,48 +230,14 @@ typedef struct lg_series_data {
     lg_provenance provenance;
 } lg_series_data;
 
-/* Reads a set of series from an HDF5 file. The file needs two datasets:
- *   - /X (n, channels, length), or (n, length) for one channel, of any float or integer type, byte order and
- *     chunking. It is converted to floats without a second copy.
- *   - /y (n) or (n, 1), numbers also (1, n): the labels. They are whole numbers (integers, booleans, or
- *     floats with whole values, also negative) or texts (of fixed or variable length, 1 to 63 bytes), at most
- *     65536 different ones.
- * Everything else is optional:
- *   - Attribute `classes`: the names of the K classes, as one text with the names joined by |, or as a list
- *     of texts. Without it the labels themselves, in rising order, are the names. With it the first of these
- *     rules that applies says which label belongs to which name:
- *       1. There is an attribute `class_labels` (K texts in the same form): the label of each class.
- *       2. `like` (see below) has a class_label and the same names in the same order: as in `like`. A numeric
- *          label that is not among numeric labels of `like` is an error.
- *       3. The labels are whole numbers within 1..K, and K occurs: they count from 1. (This rule is not used
- *          for files that this library wrote.)
- *       4. The labels are whole numbers within 0..K-1: they count from 0. If 0 does not occur this is a
- *          guess, and there is a warning (but not for files that this library wrote).
- *       5. The labels are texts and all are among the names: by name.
- *       6. There are K different labels: in rising order (texts are compared bytewise).
- *     The label of each class is stored in series.class_label; with `like` the class_label of `like` is
- *     copied instead.
- *   - Attribute `channels`: the names of the channels, in the same form.
- *   - Attribute `healthy`: the name or the label of the class that means "all is well".
- *   - Attribute `rate`: samples per second. In a file of another program a `rate` that is not a valid number
- *     counts as unknown, with a warning.
- *   - /group and /run (n) or (n, 1): whole numbers 0 to 2^32 - 1, or texts, which become 0, 1, ... in rising
- *     order. If the windows of a run are not consecutive, the runs count as unknown, with a warning.
- *   - Attributes `noise`, `severity` and `housing`, which this library writes.
- * Attributes `classes` and `channels` that are numbers instead of texts are ignored.
+/* Reads a set of series from an HDF5 file: the datasets /X and /y and what else docs/files.md lists, with the
+ * rules that say which label belongs to which class. /X is converted to floats without a second copy. The
+ * label of each class is stored in series.class_label.
  *
  * `like` (may be NULL) is a series that was read before, or the names of a model (lg_file_reader_names). If
- * it is given, the result has the classes of `like`. The classes of the file are matched to them by name, or
- * by value if both names are whole numbers. In a file without `classes` the labels must all be among the
- * class_label of `like`, or all be among its names. One exception: if neither the labels nor the names of
- * `like` are numbers, and the labels of the file are whole numbers from 0 on that are all below the number of
- * classes of `like`, then the labels are taken as class numbers, with a warning.
+ * it is given, the file is a test file in these rules: the result has the classes and class_label of `like`.
  *
- * If /X has more than single precision, the loss by rounding to floats (root mean square) is compared with
- * the standard deviation of each channel. Above 1 % there is a warning. Above 50 % the file is refused
- * (LG_FORMAT), unless the channel is constant up to 1e-13 of its largest value.
- *
- * LG_FORMAT also for labels that are empty or not whole, a label or class that `like` does not have, an
+ * Errors: LG_FORMAT also for labels that are empty or not whole, a label or class that `like` does not have, an
  * attribute `healthy` that names no class, and a file without windows. LG_NOT_FINITE also for numbers that a
  * float cannot hold; the sentence has window, channel and sample. */
 LG_API lg_status lg_series_read(const lg_context *context, const char *path, const lg_read_options *options,

@@ -334,27 +334,17 @@ typedef struct lg_search_file {
     /* Lines of the file on which the ranges and the fixed options stand, for messages of the caller. */
     uint32_t line[LG_RANGE_MAX], fixed_line[LG_RANGE_MAX];
 } lg_search_file;
-/* Reads a YAML (or JSON) file such as
- *   fixed: {network: discrete, batch: 32}
- *   ranges:
- *     architecture: {choice: [mlp, resnet]}
- *     layers: {integer: [0, 4]}
- *     gamma: {uniform: [0, 1e-2]}
- *     lr: {log-uniform: [1e-4, 1e-1]}
- * `fixed` may be missing. Errors, with the line: the statuses of readers (liegrad/files.h); LG_FORMAT also
- * for a space that lg_search_space_check refuses, a name that occurs twice (also as a fixed option and a
- * range), and names that do not begin with a letter or have other characters than letters, digits, - and
- * _. */
+/* Reads the YAML (or JSON) file of a search (docs/files.md). Errors, with the line: LG_FORMAT also for a space
+ * that lg_search_space_check refuses, a name that occurs twice (also as a fixed option and a range), and names
+ * that do not begin with a letter or have other characters than letters, digits, - and _. */
 LG_API lg_status lg_search_file_read(const lg_context *context, const char *path, lg_search_file *out,
                                      lg_error *error);
-/* Writes trials as CSV, one per line; their numbers must rise. The columns are trial, state, objective,
- * parameters, epochs, seconds, one column per range (choices by name), and the reports rung1, rung2, ... up
- * to the largest number of reports of any trial. Numbers have 17 digits, or are nan, inf or -inf. The first
- * line, `# seed S space HASH setting HASH`, ties the file to its search. The first hash is of the ranges.
- * The second hash is of the fixed options and of `setting` (NULL stands for ""), any text that says what
- * else the results depend on, such as the SHA-256 of the data and the options of the search. Errors:
- * LG_INVALID_ARGUMENT (a space that lg_search_space_check refuses, a trial that could not be read back),
- * LG_FILE. */
+/* Writes trials as CSV (docs/files.md); their numbers must rise. Numbers have 17 digits, or are nan, inf or
+ * -inf. The first line, `# seed S space HASH setting HASH`, ties the file to its search. The first hash is of
+ * the ranges. The second hash is of the fixed options and of `setting` (NULL stands for ""), any text that
+ * says what else the results depend on, such as the SHA-256 of the data and the options of the search.
+ * Errors: LG_INVALID_ARGUMENT (a space that lg_search_space_check refuses, a trial that could not be read
+ * back). */
 LG_API lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
                                  uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
                                  lg_error *error);

@@ -242,28 +242,8 @@ LG_API void lg_table_file_destroy(lg_table_file *file);
 
 /* ---- tables of numbers ----
  *
- * These functions read columns by name from CSV, HDF5 and numpy files.
- *
- * - CSV: a header line with the names, then one row per line, separated by commas, semicolons or tabs.
- *   Quotes, CRLF, a byte order mark, blank lines and lines that begin with # are understood; a cell in quotes
- *   may hold anything, also newlines. The cells "", nan, NA, N/A and null are missing values, except as
- *   labels in quotes. If the first line that is no comment is a row of numbers, the comment before it is the
- *   header (numpy.savetxt), and blanks may separate the cells.
- * - HDF5: each dataset of the root with one number per row is a column with the name of the dataset, and so
- *   is each member of a dataset of records, with its own name. The columns are in the order of the datasets.
- *   A dataset (rows, k) is k columns. Its attribute `columns` (a list of texts, or one text with commas)
- *   names them; without it the names are NAME0, NAME1, ..., where NAME is the name of the dataset. Datasets
- *   of texts can be class columns. A user block is skipped. MATLAB writes arrays transposed: a dataset with
- *   the attribute MATLAB_class is (k, rows). A vector, (rows, 1) or (1, rows), is a column with the name of
- *   the dataset if another dataset of the root has as many rows, or if it is the only array and its name is
- *   wanted; otherwise, or with the attribute `columns`, it is one row where its program shows it as a row.
- *   The names have no single number if another dataset has more rows.
- * - numpy: one array (.npy, version 1 to 3) of numbers, (rows) or (rows, k), in C or Fortran order. The
- *   columns are called c0, c1, ...
- *
- * Labels are texts as written. In HDF5 and numpy files an integer is its exact decimal text, and a real
- * number the shortest text that reads back as the same number of its type. Labels that are the same number
- * in two writings (1 and 1.0) are two classes, with a warning to the log. */
+ * These functions read columns by name from CSV, HDF5 and numpy files. docs/tables.md says what a column, a
+ * name, a label and a missing cell are in each of them. */
 
 typedef char lg_table_text[LG_TABLE_NAME];
 
