@@ -393,11 +393,9 @@ typedef struct lg_riser_parameters {
  * only beyond the gap is accepted; it leans. */
 LG_API lg_status lg_riser_parameters_check(const lg_riser_parameters *parameters, lg_error *error);
 
-/* Changes the parameters of a drilling riser to those of a completion. The BOP then stands on a Christmas
- * tree: mass 50e3 kg, added mass 25e3 kg, displaced volume 10 m^3, submerged weight 390e3 N, height H = 4 m,
- * its centre at H/2. BOP and tree become one block: masses, volumes, weights and heights add; bop_centre is
- * the centre of all masses with added mass. The sensor on the BOP and the wires of the load relief rise by H.
- * In the riser (bore 0.19 m^2) brine of 1050 kg/m^3 replaces mud of 1350 kg/m^3. Call it once. */
+/* Changes the parameters of a drilling riser to those of a completion, with a Christmas tree below the BOP and
+ * brine in the riser (docs/detectors.md, "Setups"). BOP and tree become one block: masses, volumes, weights
+ * and heights add; bop_centre is the centre of all masses with added mass. Call it once. */
 LG_API void lg_riser_complete(lg_riser_parameters *parameters);
 
 /* ---- sea ---- */

@@ -537,16 +537,11 @@ LG_API lg_status lg_trajectories_set_truth(lg_trajectories *data, const lg_syste
  * LG_INVALID_ARGUMENT (data of another family or n), those of lg_constraint_create. */
 LG_API lg_status lg_trajectories_set_constraint(lg_trajectories *data, const lg_program *program,
                                                 lg_error *error);
-/* Reads a data set from an HDF5 file. Data sets of the file are /t (M), /trajectories (N, M, d), and
- * optionally /hamiltonian (N), /inputs (N, M-1, m) and the parameters of the system, /parameters/KEY, of
- * any integer or float type. out->truth is made when the system is known and all its parameters are there.
- * Attributes of the root or of /trajectories, which are optional where they follow from others: `system`,
- * `links` (chains), `layout`. Checks: /t increases and is equidistant (each point within 1e-6 dt and the
- * rounding of its stored type); all numbers are finite; d fits the system and the links; first points of a
- * chain are on T*S^2 within 1e-6, or with options->project_starts are projected there. Later points may
- * carry noise. If the file or the options have a function `constraint` (liegrad/constraint.h), the family is
- * "constrained", out->constraint is made, first points are checked or projected in the same way, and G must
- * have full rank at all points. Errors: LG_FORMAT (a check). */
+/* Reads a data set from an HDF5 file with the contents and checks that docs/files.md lists ("Trajectories").
+ * out->truth is made when the system is known and all its parameters are there. First points off their
+ * manifold by more than 1e-6 are an error, or with options->project_starts are projected. If the file or the
+ * options have a function `constraint` (liegrad/constraint.h), the family is "constrained", out->constraint
+ * is made, and G must have full rank at all points. */
 LG_API lg_status lg_trajectories_read(const lg_context *context, const char *path,
                                       const lg_read_options *options, lg_trajectories *out, lg_error *error);
 /* Writes a data set to a file, and sets data->sha256. Errors: LG_NOT_FINITE (a number is not finite: such

@@ -566,17 +566,13 @@ LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_mac
 
 /* ---- Identified numbers ---- */
 
-/* A number that means something to the user, in the units of the log. Names: an unknown number of a system
- * has its label, "m1"; "mass.1.2" (of velocities 1 and 2, counted through all coordinates), "damping.x" or
- * "damping.body.3" (diagonal; likewise "coulomb.x", "quadratic.x", "cubic.x", "asymmetric.x",
- * "breakaway.x", "stribeck_speed.x", "load.x", "position.x", "bristle_stiffness.x", "bristle_damping.x",
- * "offset.x"), "damping.1.2" (constant), "input_map.2.1", "potential.x^2", "potential.sin(theta)",
- * "bias.x", "bias.body.velocity.3", "lag.u" (the time constant in seconds), "curve.u.2", "dead_zone.u". If
- * a mass is a network, the numbers are those of M at one position, by default the reference: places and
- * angles 0, directions e3, attitudes 1. `error` is one standard deviation, from the Gauss-Newton matrix and
- * the residuals, without a prior; infinite where the data do not determine the number. Residuals that are
- * correlated in time are taken in blocks of four correlation times, or of an eighth of the log, whichever
- * makes larger errors. At most 8192 windows are used, 512 for more than 64 parameters. */
+/* A number that means something to the user, in the units of the log, with a name such as "m1", "mass.1.2",
+ * "damping.x" or "lag.u" (docs/machines.md, "The identified numbers"). If a mass is a network, the numbers
+ * are those of M at one position, by default the reference: places and angles 0, directions e3, attitudes 1.
+ * `error` is one standard deviation, from the Gauss-Newton matrix and the residuals, without a prior;
+ * infinite where the data do not determine the number. Residuals that are correlated in time are taken in
+ * blocks of four correlation times, or of an eighth of the log, whichever makes larger errors. At most 8192
+ * windows are used, 512 for more than 64 parameters. */
 #define LG_IDENTIFIED_NAME 96
 typedef struct lg_identified {
     char name[LG_IDENTIFIED_NAME];

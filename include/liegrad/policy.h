@@ -27,13 +27,11 @@
  *   free       none (a line or an angle whose position does not matter)       velocity v
  *
  * The regulator. u = sat(u0 - K z), where K and the matrix P of V(z) = z^T P z solve the discrete Riccati
- * equation of the linearised step for weights Q, R. Training needs no weights from the user: each of a
- * table of weights is tried by runs of the saturated regulator on the machine, whose least V of a run that
- * fails gives the level c. It takes the weights whose set {V < c} is nearest to the starts: with the least
- * mean of log(V/c) over starts. In the gate of a network a second regulator acts, with the gain `near`: its
- * weights Q, R are the weights of the cost. Its runs lower c, by at least 15 %. If they would lower c below
- * a tenth, `near` is K. If a task of kind lqr gives K, P is the solution of the Lyapunov equation of the
- * closed loop for Q = 1 of scaled errors. sat keeps each input in its limits.
+ * equation of the linearised step for weights Q, R, which runs on the machine choose together with the level
+ * c (docs/policies.md, "Kinds of controllers"): the set {V < c} is nearest to the starts, with the least mean
+ * of log(V/c) over starts. In the gate of a network a second regulator acts, with the gain `near`: its
+ * weights Q, R are the weights of the cost. If a task of kind lqr gives K, P is the solution of the Lyapunov
+ * equation of the closed loop for Q = 1 of scaled errors. sat keeps each input in its limits.
  *
  * Memory. lg_policy_create adds lines to the task for what the controller must remember: past.u.k, the input
  * u of k periods ago, for k up to the input's dead time over the period, rounded up; and integral.x for a
@@ -322,16 +320,10 @@ typedef struct lg_policy_train_result {
     uint32_t seed;        /* that won */
     double seconds;
 } lg_policy_train_result;
-/* A trainer. A race: each seed takes steps of Adam on fresh starts, in single precision, over runs of .3, .4
- * or .5 of the horizon with the terminal cost (of longer runs a few chaotic ones spoil the gradient). After a
- * third and two thirds of the race the worse half leaves, by success on validation starts over the whole
- * task.within, then by cost; above 99.5 % success counts as equal. The winner takes `finish` steps more with
- * twice as many starts. If fewer than 99.5 % of the validation starts succeed then, it takes `finish` steps
- * again with runs longer by half, up to four times in all (once if options.seconds is set). L-BFGS on 512
- * fixed starts over the whole horizon follows. Adam's gradients are not exact: a bound shortens the adjoint
- * of each run in each period, so that chaotic runs do not drown the others. The policy gets the best
- * parameters that the validation starts saw, by success, then by cost. If the task is disturbed, all runs
- * are. For `lqr`, and for `energy` with given gains, nothing is trained, only judged.
+/* A trainer: the race of seeds that docs/policies.md describes, then L-BFGS on 512 fixed starts over the
+ * whole horizon. The policy gets the best parameters that the validation starts saw, by success, then by
+ * cost. With options.seconds the winner's steps are not repeated. If the task is disturbed, all runs are. For
+ * `lqr`, and for `energy` with given gains, nothing is trained, only judged.
  *
  * `options` NULL means the defaults. The policy must outlive the trainer. After LG_CANCELLED
  * lg_policy_trainer_save stores the state; a trainer with the same policy and options loads it and runs
