@@ -102,7 +102,7 @@ static const lg_scheme *scheme_of(const lg_scheme *scheme) {
 }
 
 void control_machine_destroy(control_machine *m) {
-    lg_machine_model_file_destroy(&m->model);
+    lg_recipe_release(&lg_recipe_machine_model, &m->model);
     lg_machine_file_destroy(&m->file);
     *m = (control_machine){.model = {.theta = NULL}};
 }
@@ -142,7 +142,9 @@ static bool open_machine(const app *self, const char *path, control_machine *out
     *out = (control_machine){.model = {.theta = NULL}};
     if (is_hdf5(self, path) && !is_model(self, path)) return false;
     if (is_hdf5(self, path)) {
-        APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &out->model, &error));
+        APP_MUST_FILE(
+            self, path,
+            lg_recipe_load(self->context, path, NULL, &lg_recipe_machine_model, &out->model, &error));
         const lg_machine_model_run *run = &out->model.run;
         APP_MUST_FILE(
             self, path,

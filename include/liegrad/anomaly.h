@@ -393,9 +393,9 @@ typedef struct lg_riser_parameters {
  * only beyond the gap is accepted; it leans. */
 LG_API lg_status lg_riser_parameters_check(const lg_riser_parameters *parameters, lg_error *error);
 
-/* Changes the parameters of a drilling riser to those of a completion, with a Christmas tree below the BOP and
- * brine in the riser (docs/detectors.md, "Setups"). BOP and tree become one block: masses, volumes, weights
- * and heights add; bop_centre is the centre of all masses with added mass. Call it once. */
+/* Changes the parameters of a drilling riser to those of a completion, with a Christmas tree below the BOP
+ * and brine in the riser (docs/detectors.md, "Setups"). BOP and tree become one block: masses, volumes,
+ * weights and heights add; bop_centre is the centre of all masses with added mass. Call it once. */
 LG_API void lg_riser_complete(lg_riser_parameters *parameters);
 
 /* ---- sea ---- */
@@ -478,25 +478,6 @@ typedef struct lg_detector_file {
     lg_novelty novelty;            /* fitted to the training windows; zero without such a fit */
     double accuracy, f1, test_mse; /* on the test part; NaN if unknown */
 } lg_detector_file;
-
-/* Saves a model file of kind "detector": the weights /model/conv1/weight, ... with the names of lg_cnn_slice,
- * /scaler/mean and /scaler/scale (channels), the attributes `classes`, `class_labels`, `channels`, `rate`,
- * `accuracy`, `f1` and `test_mse` of the root, /novelty (lg_novelty_save) if there is one, and the functions
- * of the model. The attribute `blocks` of /model lists the blocks of the network as "12 kernel 5 stride 1
- * padding 0 average 2/2, 24 kernel ...": the number of channels, then kernel, stride and padding, then the
- * pooling, which is `none`, or `average` or `max` with size/stride. `file` is only read. If `fit` is not NULL
- * its history is stored instead of the history of `file`, and during training by Adam also the state of the
- * optimizer; see lg_hamiltonian_save. Errors: LG_INVALID_ARGUMENT (a model that lg_detector_check would
- * refuse, sizes that do not fit, classes without names), LG_NOT_FINITE, LG_FILE. */
-LG_API lg_status lg_detector_save(const lg_context *context, const char *path, const lg_detector_file *file,
-                                  const lg_fit *fit, lg_error *error);
-/* Loads a file of kind "detector". A file written by hand needs the attribute `kind`, /scaler, the weights,
- * and the attributes of /model: `channels`, `length`, `blocks` (of each block everything from `stride` on may
- * be left out; then stride 1, padding 0, no pooling), `plane`, `activation`, `classes`, `loss` and `centred`.
- * Without the root attribute `classes` the classes are named "0", "1", ... */
-LG_API lg_status lg_detector_load(const lg_context *context, const char *path, const lg_read_options *options,
-                                  lg_detector_file *out, lg_error *error);
-LG_API void lg_detector_file_destroy(lg_detector_file *file);
 
 LG_END_DECLS
 

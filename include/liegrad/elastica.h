@@ -203,9 +203,9 @@ LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves);
  *   LG_SURROGATE_DISCRETE    x -> the inner nodes and tangents (q_1, ..., q_{N-1}, v_1, ..., v_{N-1}), 4(N-1)
  *                            numbers; the ends are taken from x
  *   LG_SURROGATE_CONTINUOUS  (s/L, x) -> q(s); the tangent v = dq/ds is its derivative (forward mode)
- *   LG_SURROGATE_ANGLE       theta(s) = pi f(theta_0/pi, theta_N/pi, s), where f is the network, and theta_0 and
- *                            theta_N in (-pi, pi] are the angles of v0 and vN; v = (cos theta, sin theta), and
- *                            q = q_0 + int v ds by Gauss's rule of 3 points on panels
+ *   LG_SURROGATE_ANGLE       theta(s) = pi f(theta_0/pi, theta_N/pi, s), where f is the network, and theta_0
+ *                            and theta_N in (-pi, pi] are the angles of v0 and vN; v = (cos theta, sin theta),
+ *                            and q = q_0 + int v ds by Gauss's rule of 3 points on panels
  *
  * docs/beams.md ("How the networks learn") has the formulas of the losses, and of what the options below
  * change. A sample is a curve; of the continuous network without `energy` and `residual` a point (s_k, x). */
@@ -419,7 +419,8 @@ LG_API double lg_surrogate_reach(const double *trained, size_t n);
 LG_API double lg_surrogate_distance(const lg_surrogate *model, const double *trained, size_t n,
                                     const double *x);
 /* The distance of x (8) from the nearest line through two of the six nearest trained boundary conditions,
- * extended at both ends by the distance of the two. Mirror images, n = 0, NaN: as for lg_surrogate_distance. */
+ * extended at both ends by the distance of the two. Mirror images, n = 0, NaN: as for
+ * lg_surrogate_distance. */
 LG_API double lg_surrogate_off_family(const lg_surrogate *model, const double *trained, size_t n,
                                       const double *x);
 /* The largest distance of a trained boundary condition from the family of the others, without the n/100
@@ -470,28 +471,11 @@ typedef struct lg_surrogate_file {
     LG_MODEL_FILE(lg_surrogate_run);
     size_t trained_count;
     double *trained; /* (trained_count, 8): boundary conditions of the training part, or NULL */
-    /* After loading: the array to which run.model.modes points. lg_surrogate_save does not read it. */
+    /* After loading: the array to which run.model.modes points. lg_recipe_save does not read it. */
     double *modes;
     bool has_errors;            /* train_mse and test_mse are known */
     double train_mse, test_mse; /* test_mse is NaN without a test part */
 } lg_surrogate_file;
-
-/* Saves a model file of kind "surrogate": the weights /model/embedding, /model/layer1, ... with the names of
- * lg_net_slice, /trained (n, 8), the attributes `train_mse` and `test_mse` of the root, for a model with
- * modes /model/mean (4(N - 1)) and /model/modes (K, 4(N - 1)) with s_k u_k, and the functions of the model.
- * `file` is only read. If `fit` is not NULL its history is stored instead of the history of `file`, and
- * during training by Adam also the state of the optimizer; see lg_hamiltonian_save. Errors:
- * LG_INVALID_ARGUMENT (a model that lg_surrogate_init would refuse, a wrong number of parameters, modes
- * without their numbers), LG_NOT_FINITE, LG_FILE. */
-LG_API lg_status lg_surrogate_save(const lg_context *context, const char *path, const lg_surrogate_file *file,
-                                   const lg_fit *fit, lg_error *error);
-/* Loads a file of kind "surrogate". A file written by hand needs the attribute `kind`, the weights, and the
- * attributes of /model: `network`, `architecture`, `activation`, `embedding`, `hidden`, `layers`,
- * `normalise`, `mirror`, `boundary`, `intervals`, `length` and `centre`; for `modes` above 0 also /model/mean
- * and /model/modes. Without /trained, trained is NULL. */
-LG_API lg_status lg_surrogate_load(const lg_context *context, const char *path,
-                                   const lg_read_options *options, lg_surrogate_file *out, lg_error *error);
-LG_API void lg_surrogate_file_destroy(lg_surrogate_file *file);
 
 LG_END_DECLS
 

@@ -598,23 +598,6 @@ typedef struct lg_hamiltonian_file {
     lg_test_set test; /* That test set. */
 } lg_hamiltonian_file;
 
-/* Writes a model file: /model/potential/layer1/{weight (in, out), bias} ..., /model/mass/{gamma (k, k), b
- * (k)} or /model/kinetic/A (n, n), /optimizer/adam/{m, v, step}, /rng, /train/history/{loss, validation,
- * seconds, rate}, and the model's functions (lg_model_save) with the family's default scheme for `step`.
- * `file` and all that it points to are borrowed. theta always comes from `file`. If `fit` is not NULL, the
- * history comes from the fit instead of `file`. So do optimizer and rng when the fit trains by Adam; when
- * it trains by another method they are left out, because the state of such a method is far larger than the
- * model and is only kept in checkpoints. Errors: LG_NOT_FINITE (a parameter is not finite),
- * LG_INVALID_ARGUMENT (a model that lg_hamiltonian_init would refuse), LG_FILE. */
-LG_API lg_status lg_hamiltonian_save(const lg_context *context, const char *path,
-                                     const lg_hamiltonian_file *file, const lg_fit *fit, lg_error *error);
-/* Reads a model file. Checks that weights are finite and that lg_hamiltonian_init accepts the model. A model
- * written by hand needs `kind`, `family`, `links`, `potential`, `activation`, `hidden` and /model; everything
- * else becomes zero or the default. Files of earlier versions lack `schedule`; the schedule is then
- * LG_SCHEDULE_STEP. */
-LG_API lg_status lg_hamiltonian_load(const lg_context *context, const char *path,
-                                     const lg_read_options *options, lg_hamiltonian_file *out,
-                                     lg_error *error);
 /* Writes the results on a test set (members has_e1 to test of `file`) into the model file at `path`, where
  * they replace earlier results. Everything else in the file stays as it is, also entries that this version
  * does not know. A failure changes nothing.
@@ -625,10 +608,9 @@ LG_API lg_status lg_hamiltonian_load(const lg_context *context, const char *path
  *        which E2 removes. On so(3)* it is a function of |mu|^2, which remains in E2.
  * `run` and `theta` of `file` must be those in the file at `path`. Errors: LG_INVALID_ARGUMENT (the file
  * holds another model, for example one that was trained in the meantime), LG_NOT_FINITE (E1 or E2 is not
- * finite), those of lg_hamiltonian_load. */
+ * finite), those of readers. */
 LG_API lg_status lg_hamiltonian_save_errors(const lg_context *context, const char *path,
                                             const lg_hamiltonian_file *file, lg_error *error);
-LG_API void lg_hamiltonian_file_destroy(lg_hamiltonian_file *file);
 
 /* ---- Grids of `lg-hamiltonian study` ---- */
 

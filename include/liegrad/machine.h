@@ -943,13 +943,6 @@ LG_API void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_lo
 LG_API void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log,
                                   lg_machine_range *out);
 
-LG_API lg_status lg_machine_model_save(const lg_context *context, const char *path,
-                                       const lg_machine_model_file *file, const lg_fit *fit, lg_error *error);
-LG_API lg_status lg_machine_model_load(const lg_context *context, const char *path,
-                                       const lg_read_options *options, lg_machine_model_file *out,
-                                       lg_error *error);
-LG_API void lg_machine_model_file_destroy(lg_machine_model_file *file);
-
 LG_END_DECLS
 
 #endif

@@ -185,12 +185,28 @@ LG_API lg_status lg_model_file_kind(const lg_context *context, const char *path,
  * lg_hamiltonian_run, lg_surrogate_run, lg_detector_run, lg_table_run or lg_machine_model_run. Fields of
  * runs: liegrad/settings.h. */
 typedef struct lg_recipe lg_recipe;
+typedef struct lg_fit lg_fit; /* in liegrad/fit.h */
 LG_API extern const lg_recipe lg_recipe_hamiltonian, lg_recipe_surrogate, lg_recipe_detector, lg_recipe_table;
 /* The list of all recipes, ended by NULL. A new kind of model is added to this list. */
 LG_API extern const lg_recipe *const lg_recipes[];
 /* Finds the recipe with this name, which is the attribute `kind` of its model files. NULL: no recipe has
  * the name. */
 LG_API const lg_recipe *lg_recipe_find(const char *name);
+
+/* Model files of a kind; `file` is the kind's file structure, such as an lg_hamiltonian_file, and
+ * docs/files.md has the arrays and attributes of each kind. lg_recipe_save also writes the functions of the
+ * model (lg_model_save), with the usual scheme of the kind for `step`. theta comes from `file`, which is only
+ * read. If `fit` is not NULL, the history comes from the fit, and so do the states of optimiser and random
+ * generator when it trains by Adam; the state of another method is far larger than the model, and only
+ * checkpoints have it. Errors: LG_INVALID_ARGUMENT (a model that its ..._init function would refuse, sizes
+ * that do not fit). lg_recipe_load overwrites *file; on failure it is zeroed. Files that were written by hand
+ * need the arrays and attributes that docs/files.md names; everything else becomes zero or the default.
+ * lg_recipe_release frees what *file owns, and zeroes it. */
+LG_API lg_status lg_recipe_save(const lg_context *context, const char *path, const lg_recipe *kind,
+                                const void *file, const lg_fit *fit, lg_error *error);
+LG_API lg_status lg_recipe_load(const lg_context *context, const char *path, const lg_read_options *options,
+                                const lg_recipe *kind, void *file, lg_error *error);
+LG_API void lg_recipe_release(const lg_recipe *kind, void *file);
 
 /* lg_checkpoint_create begins a checkpoint. A checkpoint holds the run's description under /run and the state
  * of lg_fit under /fit:

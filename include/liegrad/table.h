@@ -223,23 +223,6 @@ typedef struct lg_table_file {
     double rmse, accuracy, f1;
 } lg_table_file;
 
-/* Saves a model file of kind "table": the weights /model/layer1/weight, ... with the names of lg_table_slice,
- * /scaler/inputs/mean and scale, /scaler/outputs/mean and scale (regression), /range/low and high (inputs),
- * the texts /names/inputs and /names/outputs, the attributes `class_column`, `rmse`, `accuracy` and `f1` of
- * the root, and the functions of the model. `file` is only read. If `fit` is not NULL its history is stored
- * instead of the history of `file`, and during training by Adam also the state of the optimizer; see
- * lg_hamiltonian_save. Errors: LG_INVALID_ARGUMENT (a model that lg_table_init would refuse, sizes that
- * do not fit), LG_NOT_FINITE, LG_FILE. */
-LG_API lg_status lg_table_save(const lg_context *context, const char *path, const lg_table_file *file,
-                               const lg_fit *fit, lg_error *error);
-/* Loads a file of kind "table". A file written by hand needs the attribute `kind`, the weights, /scaler, and
- * the attributes of /model: `task` (regression or classification), `network`, `activation`, `hidden` (such as
- * "32,32"), `linear`, `inputs` and `outputs`. Without /names the inputs are called "x1", "x2", ..., the
- * outputs "y1", ..., and the classes "class1", ... */
-LG_API lg_status lg_table_load(const lg_context *context, const char *path, const lg_read_options *options,
-                               lg_table_file *out, lg_error *error);
-LG_API void lg_table_file_destroy(lg_table_file *file);
-
 /* ---- tables of numbers ----
  *
  * These functions read columns by name from CSV, HDF5 and numpy files. docs/tables.md says what a column, a

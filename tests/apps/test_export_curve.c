@@ -115,7 +115,7 @@ static void *make(const void *row) {
     file.trained_count = of->trained ? TRAINED : 0;
     file.trained = of->trained ? TEST_ARRAY(double, 8 * TRAINED) : NULL;
     for (size_t i = 0; i < file.trained_count; i++) draw_boundary(&rng, of->length, file.trained + 8 * i);
-    assert_ok(lg_surrogate_save(NULL, export_path(of->row.name), &file, NULL, NULL));
+    assert_ok(lg_recipe_save(NULL, export_path(of->row.name), &lg_recipe_surrogate, &file, NULL, NULL));
     return NULL;
 }
 

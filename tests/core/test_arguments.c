@@ -679,13 +679,13 @@ TEST("functions of tables and files refuse NULL") {
     REFUSES(lg_rows_file_look(NULL, NEEDED(path), NEEDED(&about), NULL, 0, NULL));
     REFUSES(lg_file_reader_create(NULL, NEEDED(path), NULL, NULL, NEEDED(&reader), NULL));
     REFUSES(lg_trajectories_read(NULL, NEEDED(path), NULL, NEEDED(&trajectories), NULL));
-    REFUSES(lg_hamiltonian_load(NULL, NEEDED(path), NULL, NEEDED(&hamiltonian), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_hamiltonian, NEEDED(&hamiltonian), NULL));
     REFUSES(lg_elastica_data_read(NULL, NEEDED(path), NULL, NEEDED(&elastica), NULL));
-    REFUSES(lg_surrogate_load(NULL, NEEDED(path), NULL, NEEDED(&surrogate), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_surrogate, NEEDED(&surrogate), NULL));
     REFUSES(lg_series_read(NULL, NEEDED(path), NULL, NULL, NEEDED(&series), NULL));
-    REFUSES(lg_detector_load(NULL, NEEDED(path), NULL, NEEDED(&detector), NULL));
-    REFUSES(lg_table_load(NULL, NEEDED(path), NULL, NEEDED(&filed), NULL));
-    REFUSES(lg_machine_model_load(NULL, NEEDED(path), NULL, NEEDED(&machine_model), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_detector, NEEDED(&detector), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_table, NEEDED(&filed), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_machine_model, NEEDED(&machine_model), NULL));
     REFUSES(lg_program_load(NULL, NEEDED(path), NULL, NEEDED(&program), NULL));
     REFUSES(lg_model_file_kind(NULL, NEEDED(path), NULL, NEEDED(kind), sizeof kind, NULL));
     REFUSES(lg_model_load(NULL, NEEDED(path), NULL, NEEDED(&file), NULL));
@@ -975,7 +975,8 @@ TEST("functions of machines refuse NULL") {
                                        NEEDED(&pushes), 4, NEEDED(others), NEEDED(others + 8), NULL));
     REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
     REFUSES(lg_machine_plant(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
-    REFUSES(lg_machine_model_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(file), NULL, NULL));
+    REFUSES(lg_recipe_save(NULL, NEEDED("/nonexistent/file.h5"), &lg_recipe_machine_model, NEEDED(file), NULL,
+                           NULL));
     REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));
 }
 
@@ -1139,18 +1140,38 @@ TEST("policies refuse NULL") {
 /* Functions that the tests above leave out: they have no pointers, need MPI, or need more than a few lines of
  * files. */
 static const char *const left_out[] = {
-    "lg_minimise_end_status", "lg_mpi_begin",           "lg_mpi_end",
-    "lg_file_writer_archive", "lg_file_writer_commit",  "lg_rows_file_create",
-    "lg_rows_file_put",       "lg_rows_file_commit",    "lg_file_writer_rows",
-    "lg_file_reader_archive", "lg_hamiltonian_save",    "lg_hamiltonian_save_errors",
-    "lg_elastica_data_write", "lg_surrogate_save",      "lg_series_write",
-    "lg_file_writer_names",   "lg_file_reader_names",   "lg_detector_save",
-    "lg_table_save",          "lg_checkpoint_create",   "lg_checkpoint_open",
-    "lg_recipe_compare_runs", "lg_model_file_program",  "lg_trials_write",
-    "lg_trials_read",         "lg_scene_draw_start",    "lg_logs_read",
-    "lg_table_evidence",      "lg_table_keep_complete", "lg_policy_task_read",
-    "lg_policy_task_parse",   "lg_policy_save",         "lg_policy_load",
-    "lg_policy_add_slope",    "lg_policy_find_turn",    "lg_policy_bound_gate",
+    "lg_minimise_end_status",
+    "lg_mpi_begin",
+    "lg_mpi_end",
+    "lg_file_writer_archive",
+    "lg_file_writer_commit",
+    "lg_rows_file_create",
+    "lg_rows_file_put",
+    "lg_rows_file_commit",
+    "lg_file_writer_rows",
+    "lg_file_reader_archive",
+    "lg_hamiltonian_save_errors",
+    "lg_elastica_data_write",
+    "lg_series_write",
+    "lg_file_writer_names",
+    "lg_file_reader_names",
+    "lg_checkpoint_create",
+    "lg_checkpoint_open",
+    "lg_recipe_compare_runs",
+    "lg_model_file_program",
+    "lg_trials_write",
+    "lg_trials_read",
+    "lg_scene_draw_start",
+    "lg_logs_read",
+    "lg_table_evidence",
+    "lg_table_keep_complete",
+    "lg_policy_task_read",
+    "lg_policy_task_parse",
+    "lg_policy_save",
+    "lg_policy_load",
+    "lg_policy_add_slope",
+    "lg_policy_find_turn",
+    "lg_policy_bound_gate",
 };
 
 static bool is_called(const char *name, size_t length) {

@@ -66,6 +66,13 @@
         return copy;                                                                                         \
     }
 
+/* The same of a file structure of a kind of model. */
+#define OWNED_FILE(kind)                                                                                     \
+    static inline void destroy_##kind##_file(void *file) {                                                   \
+        lg_recipe_release(&lg_recipe_##kind, file);                                                          \
+    }                                                                                                        \
+    OWNED(lg_##kind##_file, destroy_##kind##_file)
+
 RELEASES(release_context, lg_context_destroy)
 RELEASES(release_tape, lg_tape_destroy)
 
