@@ -204,8 +204,8 @@ LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves);
  *                            numbers; the ends are taken from x
  *   LG_SURROGATE_CONTINUOUS  (s/L, x) -> q(s); the tangent v = dq/ds is its derivative (forward mode)
  *   LG_SURROGATE_ANGLE       theta(s) = pi f(theta_0/pi, theta_N/pi, s), where f is the network, and theta_0
- *                            and theta_N in (-pi, pi] are the angles of v0 and vN; v = (cos theta, sin theta),
- *                            and q = q_0 + int v ds by Gauss's rule of 3 points on panels
+ *                            and theta_N in (-pi, pi] are the angles of v0 and vN; v = (cos theta, sin
+ *                            theta), and q = q_0 + int v ds by Gauss's rule of 3 points on panels
  *
  * docs/beams.md ("How the networks learn") has the formulas of the losses, and of what the options below
  * change. A sample is a curve; of the continuous network without `energy` and `residual` a point (s_k, x). */

@@ -237,9 +237,9 @@ typedef struct lg_series_data {
  * `like` (may be NULL) is a series that was read before, or the names of a model (lg_file_reader_names). If
  * it is given, the file is a test file in these rules: the result has the classes and class_label of `like`.
  *
- * Errors: LG_FORMAT also for labels that are empty or not whole, a label or class that `like` does not have, an
- * attribute `healthy` that names no class, and a file without windows. LG_NOT_FINITE also for numbers that a
- * float cannot hold; the sentence has window, channel and sample. */
+ * Errors: LG_FORMAT also for labels that are empty or not whole, a label or class that `like` does not have,
+ * an attribute `healthy` that names no class, and a file without windows. LG_NOT_FINITE also for numbers that
+ * a float cannot hold; the sentence has window, channel and sample. */
 LG_API lg_status lg_series_read(const lg_context *context, const char *path, const lg_read_options *options,
                                 const lg_series *like, lg_series_data *out, lg_error *error);
 /* Writes a file of kind "series": /X as f32, /y as u32 with the class numbers 0, 1, ... (so class_label is

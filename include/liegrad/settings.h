@@ -334,9 +334,9 @@ typedef struct lg_search_file {
     /* Lines of the file on which the ranges and the fixed options stand, for messages of the caller. */
     uint32_t line[LG_RANGE_MAX], fixed_line[LG_RANGE_MAX];
 } lg_search_file;
-/* Reads the YAML (or JSON) file of a search (docs/files.md). Errors, with the line: LG_FORMAT also for a space
- * that lg_search_space_check refuses, a name that occurs twice (also as a fixed option and a range), and names
- * that do not begin with a letter or have other characters than letters, digits, - and _. */
+/* Reads the YAML (or JSON) file of a search (docs/files.md). Errors, with the line: LG_FORMAT also for a
+ * space that lg_search_space_check refuses, a name that occurs twice (also as a fixed option and a range),
+ * and names that do not begin with a letter or have other characters than letters, digits, - and _. */
 LG_API lg_status lg_search_file_read(const lg_context *context, const char *path, lg_search_file *out,
                                      lg_error *error);
 /* Writes trials as CSV (docs/files.md); their numbers must rise. Numbers have 17 digits, or are nan, inf or
