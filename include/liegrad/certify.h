@@ -8,19 +8,12 @@
  *   status = lg_certify_run(certify, SIZE_MAX, 60, &result, &error);
  *   puts(result.claim);
  *
- * What is proved. Let S be the part of {V <= c} in the state box. Then (1) V > c on the boundary of the
- * box, so S is not left through it; (2) V' < 0 (for steps: V(F(x)) - V(x) < 0) on S, except where (3) V <
- * eps within a small neighbourhood N of the goal, outside of which V >= eps. Hence all motions from S reach
- * {V < eps} and stay. If in addition (4) the goal is an exact equilibrium and V' = x^T M x on N with
- * interval matrices M that are negative definite, they converge to the goal. Every inequality is proved
- * with outward rounding. On every box that is used, flags (liegrad/interval.h) must show that V, its
- * gradient and the rate (held loops: the rate and the input) are Lipschitz continuous; where they may jump
- * or be undefined, the level is lowered below that state, or the proof of a given level fails with the box.
- * For a held loop (`control`) F is the motion during one period. Where the operations show that V and V' are
- * even functions of x - goal, half of the box is examined. Points that refute the claim are proved, too;
- * nothing is sampled. Steps: the statements are about the function F, not about a machine, and hold at the
- * steps; and without (4) motions reach {V < eps} again and again and stay in S. For a held loop V <=
- * `between` holds between the samples. */
+ * What is proved about S, the part of {V <= c} in the state box: (1) V > c on the boundary of the box, so S
+ * is not left through it; (2) V' < 0 (for steps: V(F(x)) - V(x) < 0) on S, except where (3) V < eps within a
+ * small neighbourhood N of the goal, outside of which V >= eps. Hence all motions from S reach {V < eps} and
+ * stay. If in addition (4) the goal is an exact equilibrium and V' = x^T M x on N with interval matrices M
+ * that are negative definite, they converge to the goal. docs/certificates.md ("The claim") says how this is
+ * proved, and what it means for steps, for held inputs (`control`) and where the loop may jump. */
 #ifndef LIEGRAD_CERTIFY_H
 #define LIEGRAD_CERTIFY_H
 

@@ -25,28 +25,15 @@ LG_BEGIN_DECLS
 
 /* ---- features ---- */
 
-/* The features of a window of m selected channels, and their number d. */
+/* The features of a window of m selected channels, with their number d. docs/detectors.md ("Features") has
+ * the formulas; denominators are `length`, channels are scaled except for RAW and STD. */
 typedef enum lg_feature_kind {
-    /* The samples themselves, channel by channel: d = m length. */
-    LG_FEATURES_RAW,
-    /* Standard deviation of each channel (denominator `length`): d = m. */
-    LG_FEATURES_STD,
-    /* Symmetric square root of the covariance matrix of the scaled channels (denominator `length`): its upper
-     * triangle, row by row, d = m (m + 1)/2. */
-    LG_FEATURES_COV,
-    /* ln(P + LG_FEATURES_FLOOR), where P is the power of each centred and scaled channel in each of `bands`
-     * frequency bands (lg_spectrum): d = m bands. There are 8 bands, or fewer if the window is too short for
-     * 8; a window needs at least 4 samples. */
-    LG_FEATURES_SPECTRUM,
-    /* For pairs of an acceleration and a moment: the window is cut into `segments` parts, and the standard
-     * deviation of both channels is computed in each part. The features are intercept and slope of the
-     * regression line of the moment's deviations on the acceleration's deviations: d = 2 pairs. The slope is
-     * 0 if the deviations of the acceleration are all equal. */
-    LG_FEATURES_BASELINE,
-    /* Random convolutions: the parts of the window where a convolution is above a threshold, d numbers in
-     * [0, 1]. lg_rocket has the formula; lg_rocket_fit makes these features, which depend on training
-     * windows. */
-    LG_FEATURES_ROCKET
+    LG_FEATURES_RAW,      /* samples, channel by channel: m length */
+    LG_FEATURES_STD,      /* standard deviation of each channel: m */
+    LG_FEATURES_COV,      /* upper triangle of the root of the covariance matrix: m (m + 1)/2 */
+    LG_FEATURES_SPECTRUM, /* ln(P + LG_FEATURES_FLOOR) of the power P in each band (lg_spectrum): m bands */
+    LG_FEATURES_BASELINE, /* regression lines of moments on accelerations: 2 pairs */
+    LG_FEATURES_ROCKET    /* random convolutions (lg_rocket, lg_rocket_fit): d numbers in [0, 1] */
 } lg_feature_kind;
 #define LG_FEATURE_KIND_COUNT 6
 #define LG_FEATURES_FLOOR     1e-6 /* for SPECTRUM: the square of a thousandth of the scale */

@@ -68,15 +68,13 @@ typedef enum lg_potential_kind {
 /* The symmetry of V, with N the network, linear function or dictionary.
  *   NONE       V(x) = N(x)
  *   EVEN, ODD  V(x) = (N(x) + N(-x))/2 and (N(x) - N(-x))/2
- *   AXIAL      rotations about e3 do not change V. Chains: V = N(e3.q_i, q_i.q_j, e3.(q_i x q_j)) of all i
- *              and all pairs i < j, in this order; the last ones change sign in a mirror. Bodies without
- *              lines: V = N(R^T e3, R^T q_i). With the kinetic energy of these families, V conserves the
- *              momentum about e3, sum e3.pi + sum e3.(q_i x p_i).
- *   SPHERICAL  no rotation changes V. Chains of two links and more: V = N(q_i.q_j), i < j. Bodies with
- *              directions and without lines: V = N(R^T q_i). Both conserve sum pi + sum q_i x p_i. Separable
- *              systems: V = N(|q|^2); the kinetic energy is then |A|^2 |p|^2/(2 n), with |A|^2 the sum of
- *              squares, so that every q_i p_j - q_j p_i is conserved.
- * Bodies: each family has one R. */
+ *   AXIAL      rotations about e3 do not change V: N takes e3.q_i, q_i.q_j, e3.(q_i x q_j) of all i and all
+ *              pairs i < j of a chain, in this order (the last ones change sign in a mirror), or R^T e3, R^T
+ *              q_i of bodies without lines
+ *   SPHERICAL  no rotation changes V: N takes q_i.q_j, i < j, of chains of two links and more, R^T q_i of
+ *              bodies with directions and without lines, or |q|^2 of separable systems, whose kinetic energy
+ *              is then |A|^2 |p|^2/(2 n), with |A|^2 the sum of squares
+ * docs/hamiltonians.md ("Symmetry") has the momenta that V then conserves. */
 typedef enum lg_symmetry {
     LG_SYMMETRY_NONE,
     LG_SYMMETRY_EVEN,
@@ -601,11 +599,8 @@ typedef struct lg_hamiltonian_file {
 /* Writes the results on a test set (members has_e1 to test of `file`) into the model file at `path`, where
  * they replace earlier results. Everything else in the file stays as it is, also entries that this version
  * does not know. A failure changes nothing.
- *   E1 = mean over trajectories, coordinates and points (the first included) of the squared difference
- *        between the test trajectories and the accurately integrated learned flow
- *   E2 = mean |d - mean d|, d = true H - learned H at the starts. Trajectories determine H only up to a
- *        function that is constant along the motion of every Hamiltonian. On T*S^2 and R^2n this is a number,
- *        which E2 removes. On so(3)* it is a function of |mu|^2, which remains in E2.
+ * docs/hamiltonians.md ("Judging a model") has E1 and E2. E2 removes a constant, up to which trajectories
+ * determine H on T*S^2 and R^2n; on so(3)* a function of |mu|^2 remains in it.
  * `run` and `theta` of `file` must be those in the file at `path`. Errors: LG_INVALID_ARGUMENT (the file
  * holds another model, for example one that was trained in the meantime), LG_NOT_FINITE (E1 or E2 is not
  * finite), those of readers. */

@@ -320,35 +320,9 @@ typedef struct lg_scheme {
     double dense[LG_SCHEME_MAX_STAGES][LG_DENSE_POWERS];
 } lg_scheme;
 
-/* The schemes of the library, by name.
- *
- * Classical schemes (`ambient` is true):
- * - euler, implicit-euler, midpoint, rk4, rk4-projected
- * - dp54: Dormand-Prince 5(4), adaptive
- * - dp85: the method of order 8 in DOP853 with an error estimate of order 5, adaptive
- *
- * Splitting schemes:
- * - symplectic-euler (p first), stormer-verlet
- * - forest-ruth: Forest and Ruth (1990), order 4, 3 evaluations of the force per step
- * - blanes-moan: SRKN_6^b of Blanes and Moan (2002), order 4 with a small error constant, 6 evaluations of
- *   the force per step
- *
- * Variational:
- * - variational: the variational integrator of the system (lg_ode.step) or of machines (liegrad/machine.h)
- *
- * Lie group schemes. dexpinv is exact, except in lie-heun and rkmk4-2c, where it is left out (truncation 0):
- * - lie-euler
- * - lie-heun: k_2 = f(exp(h k_1) y), y1 = exp(h/2 (k_1 + k_2)) y
- * - rkmk3: Kutta's tableau
- * - rkmk4: the classical tableau; rkmk4-2c: the classical tableau with two commutators
- * - rkmk5, rkmk54: Dormand-Prince; rkmk54 is adaptive, with dense output of order 4
- * - cg3: Crouch and Grossman, order 3
- * - cf4; cf43: cf4 with an embedded solution of order 3, adaptive
- * - cf32a, cf32b: order 3 with an embedded solution of order 2, adaptive
- * - slgi: theta = 1/2; for another theta copy the scheme
- *
- * lg_scheme_at takes an index in 0..lg_scheme_count()-1 and returns NULL for larger ones. lg_scheme_find
- * returns NULL for an unknown name. The schemes are static and constant. */
+/* The schemes of the library, by name, which docs/simulate.md lists with their sources ("Choosing a method").
+ * lg_scheme_at returns NULL for an index beyond the last one, lg_scheme_find for an unknown name. The schemes
+ * are static and constant. */
 LG_API size_t lg_scheme_count(void);
 LG_API const lg_scheme *lg_scheme_at(size_t index);
 LG_API const lg_scheme *lg_scheme_find(const char *name);

@@ -19,12 +19,9 @@
  * with 0, the root or the logarithm of a negative number), and where a bound would overflow, the bounds of
  * its result are -inf and inf. NaN never occurs. 0 x and x - x are 0, whatever the bounds of x are.
  *
- * Flags. Bounds alone do not show whether the function is defined, or whether it jumps: tanh(log x) has the
- * bounds [-1, 1] everywhere. So each output of each box has a flag, the highest level that its operations
- * prove: the level of a result is the minimum of the levels of its operands and of its operation on the box.
- * src/certify/interval_kernel.c has the table of all operations. Like the decorations of IEEE 1788 (named in
- * lg_interval_flag), flags speak about the box alone; but where a box touches a jump from one side, it
- * counts as a jump, so that two boxes which meet at a jump never both pass.
+ * Flags. Bounds alone do not show whether the function is defined, or whether it jumps. So each output of
+ * each box has a flag, the highest level that its operations prove (docs/certificates.md, "Flags"). Two boxes
+ * that meet at a jump never both pass.
  *
  * Choices. lg_ge and lg_sign are 0 or 1, -1 or 1, or both where the box does not decide; lg_select then has
  * the hull of both values. The derivative of a maximum (lg_max, lg_abs, lg_relu) at a kink is the hull of

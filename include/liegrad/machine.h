@@ -43,17 +43,15 @@
  * momenta of all coordinates except directions. These are the factors of lg_machine_space. LuGre friction
  * adds a last factor, the deflections z of the bristles, one for each velocity v:
  *   z' = v - s0 |v| z/g(v), g(v) = c + (cs - c) e^(-(v/vs)^2), force -(s0 z + s1 z').
- * Logs do not have z. At the start of a window or of a run, z follows from the measured velocities of the
- * 200 rows before. Where a state comes from positions and velocities alone, and before these rows, z is the
- * one of steady sliding with v, tanh(v/w) g(v)/s0 with the usual width w: 0 at rest. A step of length h
- * moves z exactly with v constant, z+ = zs + (z - zs) e^(-s0 |v| h/g), zs = sign(v) g/s0, for h/2 before
- * and for h/2 after the rest of the state moves with z constant: an error of order h^2.
+ * Logs do not have z: it follows from the measured velocities of the 200 rows before a window or run. Where a
+ * state comes from positions and velocities alone, z is the one of steady sliding, tanh(v/w) g(v)/s0 with the
+ * usual width w: 0 at rest. A step of length h moves z exactly with v constant, z+ = zs + (z - zs) e^(-s0 |v|
+ * h/g), zs = sign(v) g/s0, for h/2 before and for h/2 after the rest of the state: an error of order h^2.
  *
- * Friction without a width (Coulomb, asymmetric, Stribeck, by load or position) of lines and angles is
- * -c s with s = sign(v), and any s in [-1, 1] at v = 0: the one that keeps v = 0 if there is one. A step of
- * length h is a classical Runge-Kutta step with s constant, or v = 0. It is divided where a velocity reaches
- * 0 (cubic Hermite polynomial) and where the force that holds v = 0 exceeds c (parabola), up to three times.
- * The scheme does not matter. The field has s = 0 at v = 0.
+ * Friction without a width (Coulomb, asymmetric, Stribeck, by load or position) of lines and angles sticks:
+ * it is -c s with s = sign(v), and at v = 0 the s in [-1, 1] that keeps v = 0 if there is one. Whatever the
+ * scheme, a step is a classical Runge-Kutta step with s constant, or v = 0, which is divided up to three
+ * times (docs/machines.md, "Friction that sticks"). The field has s = 0 at v = 0.
  *
  * Scaled units. Internally all quantities are divided by the scales of the machine: times by T
  * (scales.time), positions and velocities of lines and of places of poses by L and L/T (L = 1 for angles,

@@ -444,26 +444,8 @@ LG_API lg_status lg_program_add_image(lg_program *program, const lg_function_ima
 
 /* ---- functions as bytes ----
  *
- * The bytes of a function, as they stand in the data set /functions/NAME of a file. NAME is not among the
- * bytes. The format is built from these elements:
- *
- *   whole     a number >= 0: seven bits per byte, the lowest first; the eighth bit is 1 in all but the last
- *   folded    a whole for a number that may be negative: 0, -1, 1, -2, ... are stored as 0, 1, 2, 3, ...
- *   affine    whole 2 z + s, where z is the folded base. If s = 1 the folded rows follow; if s = 0 they are 0
- *   real      whole n, then n of the number's 8 bytes (IEEE 754), lowest first; the lowest 8 - n bytes are 0
- *   text      whole n <= 64, then n bytes. Names have letters, digits and _; a unit of 0 bytes: unknown
- *   port      text name, text unit, whole 2 rank + shared, rank wholes (the shape), real low, real high
- *   operation whole k, whole m, fields. k is the number of the pair (name, revision): pairs are numbered from
- *             0, in the order in which they occur first. After a k that occurs for the first time stand text
- *             name and whole revision. If bit j of m is set, field j follows; a field that does not follow is
- *             0 or empty. The fields are:
- *               0 inputs: whole n, n wholes: how many places back the input stands, 1 for the place before
- *               1 shape: whole rank, rank affines      2 to 5 whole[0] to whole[3]: affines      6 real: real
- *               7 reals: whole n, n reals     8 indices: whole n, n wholes     9 reciprocal: affine
- *   function  whole v (version of the format), whole n, n ports (inputs), whole n, n ports (outputs), whole
- *             times. If times is 0: whole n, n operations, then one whole per output: the place of its
- *             operation. Else (a loop): whole callee, then one whole per input: its carry. v is 1, or 2 for
- *             a loop with paths, after whose carries follow whole n, n wholes: the outputs of the paths */
+ * The bytes of a function, as they stand in the data set /functions/NAME of a file; docs/files.md
+ * ("Programs") has the format. NAME is not among the bytes. */
 
 /* Writes the bytes of a function to `bytes`, which has room for *size bytes. *size becomes the number of
  * bytes written. If `bytes` is NULL, nothing is written and *size becomes the number of bytes needed. Errors:

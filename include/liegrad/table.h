@@ -66,12 +66,9 @@ LG_API lg_status lg_table_scaler_fit(const lg_context *context, const double *va
 /* Far cells: cells of a column that lie so far from the others that they dominate its mean and deviation. Let
  * m be the median of the column, and D the median of |x - m| over all cells that differ from m. The cells
  * with |x - m| > 30 D are far if together they make up more than half of the sum of (x - m)^2 over the
- * column. One such cell may be enough. The rule does not depend on the unit of the column, and it works for
- * columns in which nearly all cells are equal.
- * Far cells are few: 2 to 5 of them (1 % of the column), or 0.1 % if this is more. If more cells lie beyond
- * 30 D, they are far only if most of them are one value (a code such as -9999) and they are at most a tenth
- * of the column. Otherwise they are no errors but a second mode or a heavy tail: only the few farthest ones
- * can be far, if they make up 0.8 of the sum. */
+ * column, and if they are at most 2 to 5 cells (1 % of the column), or 0.1 % if this is more. More cells are
+ * far only if most of them are one value (a code such as -9999) and they are at most a tenth of the column;
+ * of a second mode or a heavy tail only the few farthest ones can be, if they make up 0.8 of the sum. */
 typedef struct lg_table_far {
     double median, limit;   /* a cell x is far if |x - median|/2 > limit; INFINITY: no cell is far */
     size_t count, farthest; /* number of far cells; row of the cell that is farthest from the median */
