@@ -39,8 +39,6 @@ typedef enum lg_feature_kind {
 #define LG_FEATURES_FLOOR     1e-6 /* for SPECTRUM: the square of a thousandth of the scale */
 /* "raw", "std", "cov", "spectrum", "baseline" or "rocket"; "unknown" for any other value. */
 LG_API const char *lg_feature_kind_name(lg_feature_kind kind);
-/* LG_NOT_FOUND for other names. */
-LG_API lg_status lg_feature_kind_parse(const char *name, lg_feature_kind *out);
 
 /* Random convolution features, after MiniRocket (Dempster, Schmidt, Webb, KDD 2021; its version for several
  * channels draws channels as here). Kernels have nine taps: 84 kernels have weights -1, and 2 at three taps,
@@ -220,8 +218,6 @@ typedef enum lg_tree_criterion {
 } lg_tree_criterion; /* impurity of a node; entropy in bits */
 #define LG_CRITERION_COUNT 2
 LG_API const char *lg_tree_criterion_name(lg_tree_criterion criterion); /* "gini", "entropy" */
-LG_API lg_status lg_tree_criterion_parse(const char *name,
-                                         lg_tree_criterion *out); /* LG_NOT_FOUND for other names */
 
 /* The comments give the values of lg_tree_options_init. */
 typedef struct lg_tree_options {
@@ -326,8 +322,6 @@ typedef enum lg_classifier_method {
 #define LG_METHOD_COUNT 5
 /* "logistic", "tree", "svm-linear", "svm-rbf" or "ridge". */
 LG_API const char *lg_classifier_method_name(lg_classifier_method method);
-LG_API lg_status lg_classifier_method_parse(const char *name,
-                                            lg_classifier_method *out); /* LG_NOT_FOUND for other names */
 
 /* The comments give the values of lg_classifier_options_init. */
 typedef struct lg_classifier_options {

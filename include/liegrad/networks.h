@@ -190,8 +190,6 @@ typedef enum lg_pooling { LG_POOL_NONE, LG_POOL_AVERAGE, LG_POOL_MAX } lg_poolin
 #define LG_POOLING_COUNT 3
 /* Returns "none", "average" or "max"; "unknown" for another value. */
 LG_API const char *lg_pooling_name(lg_pooling kind);
-/* Gives the pooling with this name. Errors: LG_NOT_FOUND (no such name). */
-LG_API lg_status lg_pooling_parse(const char *name, lg_pooling *out);
 
 typedef struct lg_cnn_block {
     uint32_t channels, kernel, stride, padding; /* kernel, stride >= 1; padding < kernel */

@@ -348,21 +348,15 @@ LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer);
 
 /* ---- evaluation ---- */
 
-/* The same policy on another plant, which it takes ownership of: judged by lg_policy_evaluate, it shows
- * what a difference between machine and model does. The regulator and theta are the policy's; the integrator
- * takes as many steps in a period as keep its error below 1e-6. Errors: those of lg_policy_create. */
-LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out,
-                                      lg_error *error);
-/* The same for a plant whose inputs act `dead_time` (inputs) seconds late; NULL: as those of the policy. The
- * controller keeps what it believes: it remembers the inputs of its own dead time, and computes lagged inputs
- * by the lag of its own plant. Errors also: LG_UNSUPPORTED (other dead times of a plant without
+/* The same policy on another plant, which it takes ownership of (NULL: on its own): judged by
+ * lg_policy_evaluate, it shows what a difference between machine and model does. The regulator and theta are
+ * the policy's; the integrator takes as many steps in a period as keep its error below 1e-6. The inputs of
+ * the plant act `dead_time` (inputs) seconds late; NULL: as those of the policy. The controller keeps what it
+ * believes: it remembers the inputs of its own dead time, and computes lagged inputs by the lag of its own
+ * plant. Errors: those of lg_policy_create, LG_UNSUPPORTED (other dead times of a plant without
  * velocities). */
-LG_API lg_status lg_policy_transplant_late(const lg_policy *policy, lg_program *plant,
-                                           const double *dead_time, lg_policy **out, lg_error *error);
-
-/* The same policy on its own plant, with as many steps of the integrator as lg_policy_transplant takes.
- * Errors: those of lg_policy_create. */
-LG_API lg_status lg_policy_refine(const lg_policy *policy, lg_policy **out, lg_error *error);
+LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, const double *dead_time,
+                                      lg_policy **out, lg_error *error);
 
 typedef struct lg_policy_outcome {
     uint64_t starts, succeeded;

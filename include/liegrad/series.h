@@ -87,8 +87,7 @@ typedef enum lg_split {
     LG_SPLIT_GROUP   /* whole groups */
 } lg_split;
 #define LG_SPLIT_COUNT 3
-LG_API const char *lg_split_name(lg_split split);                 /* "random", "run", "group" */
-LG_API lg_status lg_split_parse(const char *name, lg_split *out); /* LG_NOT_FOUND for any other name */
+LG_API const char *lg_split_name(lg_split split); /* "random", "run", "group" */
 
 /* Splits windows: parts (windows->count) becomes LG_PART_TEST, LG_PART_VALIDATION or LG_PART_TRAIN
  * (liegrad/fit.h) for each window. The unit of the split is a window, a run or a group. All units with the

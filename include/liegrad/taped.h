@@ -125,11 +125,8 @@ typedef struct lg_taped_interval {
  * and step sizes given as variables give the same numbers as constants, to rounding. Errors: those of
  * lg_taped_integrate; LG_SHAPE (the time, step size or input has not the stated shape with the B of the
  * state). */
-LG_API lg_status lg_taped_step_over(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
-                                    const lg_taped_interval *over, const lg_var *y, lg_var *out);
-/* The same with one constant t and h for all rows and without an input. */
-LG_API lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t,
-                               double h, const lg_var *y, lg_var *out);
+LG_API lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
+                               const lg_taped_interval *over, const lg_var *y, lg_var *out);
 
 /* Records `steps` steps of size h from the point y0 at t0, without an input. `every` must divide `steps`. The
  * point after every `every`-th step is kept: out has (steps/every) x lg_taped_parts variables, first the

@@ -470,20 +470,11 @@ lg_status lg_policy_make_soft(const lg_policy *policy, const double *speed, bool
     return plant == NULL ? LG_OK : transplant(policy, plant, NULL, motion ? DESIGN : WARM, out, error);
 }
 
-lg_status lg_policy_refine(const lg_policy *policy, lg_policy **out, lg_error *error) {
-    LG_NEEDS(error, policy, out);
-    return transplant(policy, policy->program, NULL, JUDGED, out, error);
-}
-
-lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out, lg_error *error) {
-    return lg_policy_transplant_late(policy, plant, NULL, out, error);
-}
-
-lg_status lg_policy_transplant_late(const lg_policy *policy, lg_program *plant, const double *dead_time,
-                                    lg_policy **out, lg_error *error) {
+lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, const double *dead_time,
+                               lg_policy **out, lg_error *error) {
     LG_CLEAN(lg_program_destroy_at) lg_program *own = plant;
-    LG_NEEDS(error, policy, plant, out);
-    return transplant(policy, plant, dead_time, JUDGED, out, error);
+    LG_NEEDS(error, policy, out);
+    return transplant(policy, plant != NULL ? plant : policy->program, dead_time, JUDGED, out, error);
 }
 
 lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *error) {

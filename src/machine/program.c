@@ -290,7 +290,7 @@ static lg_status held_step(void *user, lg_tape *tape, const lg_var *theta, const
     if (r->machine->sticks != 0)
         LG_TRY(stick_step(r, tape, &vars, &l, u, h, parts));
     else
-        LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
+        LG_TRY(lg_taped_step(tape, r->scheme, &ode, &over, parts, parts));
     LG_TRY(move_bristles(r, tape, &vars, h, parts));
     if (r->machine->lags > 0) parts[last] = lagged_after(tape, &l, h);
     y[0] = lg_taped_join(tape, &r->full, parts);

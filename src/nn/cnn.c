@@ -11,16 +11,6 @@ const char *lg_pooling_name(lg_pooling kind) {
     return (unsigned)kind < LG_POOLING_COUNT ? pooling_names[kind] : "unknown";
 }
 
-lg_status lg_pooling_parse(const char *name, lg_pooling *out) {
-    LG_NEEDS(NULL, name, out);
-    for (int i = 0; i < LG_POOLING_COUNT; i++)
-        if (strcmp(name, pooling_names[i]) == 0) {
-            *out = (lg_pooling)i;
-            return LG_OK;
-        }
-    return LG_NOT_FOUND;
-}
-
 /* ---- description ---- */
 
 #define MAX_SIZE       ((uint32_t)1 << 20)

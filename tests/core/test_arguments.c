@@ -242,9 +242,10 @@ TEST("functions of integrators refuse NULL") {
     REFUSES(lg_taped_act(NEEDED(tape), NEEDED(&space), NEEDED(&y), NEEDED(&y), NEEDED(out)));
     REFUSES(lg_taped_dexpinv(NEEDED(tape), NEEDED(&space), 1, NEEDED(&y), NEEDED(&y), NEEDED(out)));
     REFUSES(lg_taped_generator(NEEDED(tape), NEEDED(&space), NEEDED(&y), NEEDED(&y), NEEDED(out)));
-    REFUSES(lg_taped_step_over(NEEDED(tape), NEEDED(scheme), NEEDED(&taped), NEEDED(&over), NEEDED(&y),
-                               NEEDED(out)));
-    REFUSES(lg_taped_step(NEEDED(tape), NEEDED(scheme), NEEDED(&taped), 0.0, 0.1, NEEDED(&y), NEEDED(out)));
+    REFUSES(
+        lg_taped_step(NEEDED(tape), NEEDED(scheme), NEEDED(&taped), NEEDED(&over), NEEDED(&y), NEEDED(out)));
+    REFUSES(
+        lg_taped_step(NEEDED(tape), NEEDED(scheme), NEEDED(&taped), OVER(0.0, 0.1), NEEDED(&y), NEEDED(out)));
     REFUSES(lg_taped_integrate(NEEDED(tape), NEEDED(scheme), NEEDED(&taped), 0.0, 0.1, 1, 1, NEEDED(&y),
                                NEEDED(out)));
 
@@ -370,7 +371,6 @@ static lg_status fit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_
 }
 
 TEST("functions of networks and fits refuse NULL") {
-    lg_pooling pooling;
     lg_fit_plan plan;
     lg_mlp mlp;
     lg_net net;
@@ -380,7 +380,6 @@ TEST("functions of networks and fits refuse NULL") {
     lg_var out[2];
     assert_ok(lg_mlp_init(&mlp, 1, NULL, 0, 1, LG_TANH, true));
     assert_ok(lg_net_init(&net, LG_NET_MLP, 1, 1, 2, 1, 1, LG_TANH));
-    REFUSES(lg_pooling_parse(NEEDED("mean"), NEEDED(&pooling)));
     REFUSES(lg_fit_plan_parse(NEEDED("adam"), NEEDED(&plan), NULL));
     REFUSES(lg_fit_plan_parse_any_loss(NEEDED("adam"), NEEDED(&plan), NULL));
     REFUSES(lg_mlp_init(NEEDED(&mlp), 1, NEEDED(&(uint32_t){2}), 1, 1, LG_TANH, true));
@@ -706,7 +705,6 @@ TEST("functions of series and classifiers refuse NULL") {
     lg_series series = {.count = 12, .channels = 1, .length = 8, .classes = 2}, other = series;
     lg_windows windows, cut;
     lg_scaler scaler;
-    lg_split split;
     uint8_t parts[12];
     uint32_t fold[12];
     assert_ok(lg_series_allocate(NULL, &series, false, false));
@@ -715,7 +713,6 @@ TEST("functions of series and classifiers refuse NULL") {
     assert_ok(lg_windows_create(NULL, &series, 0, 0, &windows, NULL));
     REFUSES(lg_series_allocate(NULL, NEEDED(&other), false, false));
     REFUSES(lg_windows_create(NULL, NEEDED(&series), 0, 0, NEEDED(&cut), NULL));
-    REFUSES(lg_split_parse(NEEDED(lg_split_name((lg_split)0)), NEEDED(&split)));
     REFUSES(lg_series_split(NULL, NEEDED(&series), NEEDED(&windows), (lg_split)0, 0.25, 0.25, 1,
                             NEEDED(parts), NULL));
     REFUSES(lg_series_folds(NULL, NEEDED(series.label), NULL, 12, 2, NEEDED(fold), NULL));
@@ -748,9 +745,6 @@ TEST("functions of series and classifiers refuse NULL") {
         lg_monitor_init(NEEDED(&watch), NEEDED(judge), NULL, NEEDED(&monitor), NEEDED(room), 1 << 16, NULL));
     REFUSES(lg_monitor_push(NEEDED(monitor), NULL, NEEDED(&ready), NEEDED(&verdict)));
 
-    lg_feature_kind kind;
-    lg_tree_criterion criterion;
-    lg_classifier_method method;
     lg_features features, made;
     lg_pca pca;
     lg_logistic logistic;
@@ -769,9 +763,6 @@ TEST("functions of series and classifiers refuse NULL") {
     assert_ok(lg_features_create(NULL, LG_FEATURES_STD, false, &series, 8, NULL, &features, &error));
     assert_ok(lg_tree_fit(NULL, &growth, x, label, 12, 2, 2, &tree, &error));
     assert_ok(lg_svm_fit(NULL, LG_KERNEL_LINEAR, 1.0, 0.0, x, label, 12, 2, 2, &svm, &error));
-    REFUSES(lg_feature_kind_parse(NEEDED("raw"), NEEDED(&kind)));
-    REFUSES(lg_tree_criterion_parse(NEEDED("gini"), NEEDED(&criterion)));
-    REFUSES(lg_classifier_method_parse(NEEDED("tree"), NEEDED(&method)));
     REFUSES(lg_features_create(NULL, LG_FEATURES_STD, false, NEEDED(&series), 8, NULL, NEEDED(&made), NULL));
     REFUSES(lg_features_compute(NEEDED(&features), NEEDED(series.x), NEEDED(others), NEEDED(work)));
     REFUSES(lg_features_table(NULL, NEEDED(&features), NEEDED(&series), NEEDED(&windows), 1, NEEDED(others),
@@ -1110,9 +1101,7 @@ TEST("policies refuse NULL") {
     lg_policy_slope energy;
     assert_ok(lg_policy_create(NULL, &task, spring(), 1, &policy, &error));
     REFUSES(lg_policy_create(NULL, NEEDED(&task), NEEDED(spring()), 1, NEEDED(&other), NULL));
-    REFUSES(lg_policy_transplant(NEEDED(policy), NEEDED(spring()), NEEDED(&other), NULL));
-    REFUSES(lg_policy_transplant_late(NEEDED(policy), NEEDED(spring()), NULL, NEEDED(&other), NULL));
-    REFUSES(lg_policy_refine(NEEDED(policy), NEEDED(&other), NULL));
+    REFUSES(lg_policy_transplant(NEEDED(policy), NULL, NULL, NEEDED(&other), NULL));
     REFUSES(lg_policy_add_rate(NEEDED(policy), NEEDED(&program), NULL));
     assert_status(lg_policy_find_turn(NULL, &turn, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_policy_find_turn(policy, NULL, NULL), LG_INVALID_ARGUMENT);

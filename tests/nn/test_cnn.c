@@ -241,7 +241,7 @@ TEST("a refused description is reported with the block, and stays unchanged") {
 }
 
 TEST("poolings have their names") {
-    ASSERT_NAMED(lg_pooling, lg_pooling, LG_POOLING_COUNT);
+    ASSERT_NAMES(lg_pooling, lg_pooling, LG_POOLING_COUNT);
 }
 
 TEST("each kind of initialisation has its deviation by fan in and fan out, and its biases") {
