@@ -272,9 +272,6 @@ typedef struct lg_machine {
     size_t parameters, weights;
 } lg_machine;
 
-/* The term whose friction this term of the machine changes, such as a Coulomb friction; NULL: it changes
- * none. */
-LG_API const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term);
 LG_API void lg_machine_scales_init(lg_machine_scales *scales);
 /* The width of a friction term at one velocity: that of the term or, if this is 0, a thousandth of the
  * largest speed in the log. Friction that sticks has this width in LG_SCHEME_VARIATIONAL alone. */
@@ -313,16 +310,6 @@ LG_API lg_status lg_machine_full_space(const lg_machine *machine, lg_space *spac
  * units masses are 1, dampings small, the input map 1 from input j to velocity j and 0 elsewhere,
  * potentials and residuals 0. */
 LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta);
-/* Sets the parameters of all lags that are learned, except for lags with a start or bounds, to the time
- * constant, in seconds, kept within scales.lag; returns how many there are. */
-LG_API size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta);
-/* Sets the stiffness of the bristles of LuGre friction that is learned, so that sliding bends them by
- * `part`, in [0, 1], of the way from the largest to the smallest deflection on a scale of logarithms;
- * returns false if the machine has no such stiffness. */
-LG_API bool lg_machine_set_bristles(const lg_machine *machine, double part, double *theta);
-/* Adds full turns to the biases of angles in theta, so that they are in (-pi, pi]. A log does not show
- * full turns. */
-LG_API void lg_machine_wrap_biases(const lg_machine *machine, double *theta);
 
 /* ---- Formulas on a tape (batches of B rows, in scaled units) ---- */
 
@@ -502,65 +489,11 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
  * multiplied by scales.time for velocities, and by its square for positions. */
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
-/* Replaces starts that are far off, in which fits of accelerations are stuck. The starts are estimated;
- * the machine has lines and angles alone. Where a window begins in the last row of another, its start
- * becomes the state that the other one predicts there if that at least halves its loss; likewise backwards
- * in time, except with lags and bristles. This goes on along the log. theta, in and out: the parameters of
- * the fit. losses (windows): sums over points and columns of each window's squared residuals, in units of
- * the loss, with the starts of theta. Errors: LG_INVALID_ARGUMENT, those of the tape. */
-LG_API lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine_problem *problem,
-                                            double *theta, double *losses, lg_error *error);
-/* As lg_machine_fit_problem, but the windows become a regression of momenta: over each window the changes of
- * the momenta p = M(q) v of logged rows are compared with the logged rows' forces, p and forces in scaled
- * units. No window is predicted, so that this works from starts that are wrong by orders of magnitude; noise
- * of positions and velocities makes its result inexact. The parameters are those of the machine, the starts
- * are measured and problem->theta is NULL; windows with an incomplete row do not count. */
-LG_API void lg_machine_momentum_problem(const lg_machine_problem *problem, lg_fit_problem *out);
 /* Writes the loss over all windows except the validation part. `theta` has the parameters of the fit.
  * `floor` (may be NULL) becomes the part of the loss that comes from the integrator's own error. Errors:
  * those of lg_machine_problem_check and of the tape. */
 LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem,
                                  const double *theta, double *loss, double *floor, lg_error *error);
-
-/* Two numbers per coordinate, for its position and its velocity. As noise they are in the units of the
- * log: metres for lines and places, radians otherwise. */
-typedef struct lg_machine_noise {
-    double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
-} lg_machine_noise;
-/* What one expects that a good model leaves of the loss. */
-typedef struct lg_machine_expected {
-    /* The loss of a model that explains the logs except for white noise. Each number of a column adds
-     * (noise/scale)^2. Estimated starts and parameters that the logs determine adapt to some of the noise,
-     * which reduces the loss by their degrees of freedom; the noise of measured starts adds what it makes
-     * of the rest of the window. It is computed from at most 512 windows. With more than 256 parameters,
-     * weights of networks are taken to reduce nothing, and every other parameter as much as an average
-     * number of the log adds. */
-    double loss;
-    /* For each coordinate, in units of the loss: what the changes of its velocities within a window
-     * contribute to positions and velocities. It is about the loss of a model in which no force acts. */
-    lg_machine_noise change;
-} lg_machine_expected;
-/* Computes the expected loss; `noise` has standard deviations, and `theta` is as for lg_machine_identify.
- * Errors: those of the tape. */
-LG_API lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem *problem,
-                                   const double *theta, const lg_machine_noise *noise,
-                                   lg_machine_expected *out, lg_error *error);
-
-/* A test for missing forces: how much of the loss forces that the machine does not have could explain.
- * These forces are constant ones; forces linear in the heights, velocities and inputs; and polynomials of
- * degree 3 in the height and velocity of each coordinate (of a lower degree where these would be more than
- * 128 parameters). Angles enter by sine and cosine. */
-typedef struct lg_machine_missing {
-    /* The part of the loss that these forces would explain, to first order. 0: the test was not made, as
-     * for machines with networks or with more than 128 parameters. */
-    double loss;
-    /* F of a test whether this could be chance: about 1 for white residuals, and hardly ever above 8 if
-     * the machine is the true one. */
-    double ratio;
-} lg_machine_missing;
-/* Makes the test; `theta` is as for lg_machine_identify and must be a best fit. Errors: those of the tape. */
-LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_machine_problem *problem,
-                                         const double *theta, lg_machine_missing *out, lg_error *error);
 
 /* ---- Identified numbers ---- */
 
@@ -615,10 +548,6 @@ typedef struct lg_identification {
  * problem->theta must be NULL. Errors: LG_CANCELLED, those of the tape. */
 LG_API lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
                                      const double *theta, lg_identification *out, lg_error *error);
-/* Writes row `row` of `open` in words, such as "m and L appear only as a product: give one of them";
- * `text` has room for `size` bytes, and `count` is N. Returns how many numbers change in the row. */
-LG_API size_t lg_identification_sentence(const lg_identification *of, size_t count, size_t row, char *text,
-                                         size_t size);
 
 /* ---- A few numbers for a new log ----
  *
@@ -631,9 +560,6 @@ typedef struct lg_machine_restriction {
     size_t count;                      /* numbers x */
     const double *directions;          /* (count, P) */
 } lg_machine_restriction;
-/* Writes to `direction` (P) how theta changes when all learned damping is multiplied by 1 + x, per x. False:
- * nothing of the damping is learned. */
-LG_API bool lg_machine_scale_friction(const lg_machine *machine, const double *theta, double *direction);
 
 /* All arrays have `count` numbers and belong to the caller. */
 typedef struct lg_machine_adapted {
@@ -678,15 +604,6 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
                                             const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                             const lg_machine_log *log, const size_t *start, size_t count,
                                             uint32_t window, double *positions, double *velocities,
-                                            lg_error *error);
-
-/* Estimates the states at all rows of a log of accelerations: windows of `window` rows (2 or more) that
- * touch are fitted, and lg_machine_continue_starts replaces starts that are far off. q (rows, positions)
- * and v (rows, velocities), in the units of the log, get the runs of the windows; rows in no window keep
- * the log's guesses. Errors: LG_INVALID_ARGUMENT, LG_CANCELLED, those of the tape. */
-LG_API lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine *machine,
-                                            const double *theta, const lg_scheme *scheme, uint32_t substeps,
-                                            const lg_machine_log *log, uint32_t window, double *q, double *v,
                                             lg_error *error);
 
 /* ---- The machine as a program ---- */
@@ -928,18 +845,6 @@ typedef struct lg_machine_model_file {
  * lg_checkpoint_open. */
 LG_API extern const lg_field lg_machine_model_fields[];
 LG_API extern const lg_recipe lg_recipe_machine_model;
-
-/* Copies `text` without comments and blank lines to run->text; `name` stands for the file in messages.
- * Errors: LG_FORMAT (longer than LG_MACHINE_TEXT). */
-LG_API lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name, const char *text,
-                                           lg_error *error);
-
-/* Writes the SHA-256 of the rows of a log as little-endian doubles. */
-LG_API void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_log *log,
-                                  char text[LG_SHA256_TEXT]);
-/* Writes the range of the numbers in a log; low > high for numbers that are not measured. */
-LG_API void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log,
-                                  lg_machine_range *out);
 
 LG_END_DECLS
 

@@ -914,19 +914,10 @@ TEST("functions of machines refuse NULL") {
     lg_var parts[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
     assert_ok(lg_machine_bind(tape, machine, at, &vars));
     assert_ok(lg_machine_record_state(tape, &vars, one, one, parts));
-    lg_machine_noise noise = {{0.1}, {0.1}};
-    lg_machine_expected expected;
-    lg_machine_missing missing;
     lg_identified *identified = TEST_ARRAY(lg_identified, 64);
     lg_identification about = {.numbers = identified};
     double *direction = TEST_ARRAY(double, machine->parameters), x[3];
     const lg_machine_restriction restriction = {&problem, theta, 1, direction};
-    lg_machine_problem begun = problem;
-    begun.starts = LG_MACHINE_STARTS_ESTIMATED;
-    lg_machine shaken = *machine;
-    lg_machine_log pushes = problem.log;
-    shaken.accelerations = true;
-    pushes.a = v;
     lg_machine_adapted adapted = {.x = x, .error = x + 1, .alone = x + 2};
     direction[0] = 0.1;
     lg_program *program;
@@ -951,10 +942,6 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_rest_rate(NULL, NEEDED(machine), theta, NEEDED(&problem.log), NEEDED(others), NULL));
     REFUSES(lg_machine_problem_check(NEEDED(&problem), NULL));
     REFUSES(lg_machine_loss(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), NULL, NULL));
-    REFUSES(lg_machine_continue_starts(NULL, NEEDED(&begun), NEEDED(others), NEEDED(work), NULL));
-    REFUSES(
-        lg_machine_expect(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&noise), NEEDED(&expected), NULL));
-    REFUSES(lg_machine_find_missing(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&missing), NULL));
     REFUSES(lg_machine_identify(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&about), NULL));
     REFUSES(lg_machine_adapt(NULL, NEEDED(&restriction), NEEDED(&adapted), NULL));
     REFUSES(lg_machine_free_run(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
@@ -962,13 +949,10 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_estimate_starts(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
                                        NEEDED(&problem.log), NEEDED(start), 2, 4, NEEDED(others),
                                        NEEDED(others + 8), NULL));
-    REFUSES(lg_machine_estimate_states(NULL, NEEDED(&shaken), NEEDED(theta), NEEDED(problem.scheme), 1,
-                                       NEEDED(&pushes), 4, NEEDED(others), NEEDED(others + 8), NULL));
     REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
     REFUSES(lg_machine_plant(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
     REFUSES(lg_recipe_save(NULL, NEEDED("/nonexistent/file.h5"), &lg_recipe_machine_model, NEEDED(file), NULL,
                            NULL));
-    REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));
 }
 
 /* x' = (w, u - x): a spring and a mass. */

@@ -4,7 +4,7 @@
 
 #include "support/fixtures.h"
 
-#include "liegrad/machine.h"
+#include "machine/files/recipe.h"
 
 /* Destroys a machine model when the test that owns it ends. */
 static inline void release_machine_model(void *file) {

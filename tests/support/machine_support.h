@@ -5,7 +5,7 @@
 #include "support/fixtures.h"
 
 #include "liegrad/fit.h"
-#include "liegrad/machine.h"
+#include "machine/internal.h"
 
 static inline void add_coordinate(lg_machine *machine, const char *name, lg_coordinate_kind kind) {
     lg_machine_coordinate *c = &machine->coordinates[machine->coordinate_count++];

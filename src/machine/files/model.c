@@ -1,5 +1,5 @@
 /* Machines as a kind of model: their model file. */
-#include "liegrad/machine.h"
+#include "machine/files/recipe.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -34,7 +34,6 @@ static size_t copy_line(const char *line, size_t length, char *out) {
 
 lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name, const char *text,
                                     lg_error *error) {
-    LG_NEEDS(error, run, name, text);
     size_t used = 0;
     for (const char *line = text; *line != '\0';) {
         const size_t length = strcspn(line, "\n");
