@@ -78,8 +78,8 @@ typedef struct lg_detector_problem {
 /* Fills *out for lg_fit. `problem` is borrowed and must outlive the fit. With lg_fit_options.restarts, a
  * network that died (see below) starts again with the weights of lg_detector_initialise. */
 LG_API void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out);
-/* Draws the weights theta (lg_cnn_parameters) by LG_INIT_FAN_IN. restart = 0 gives the first draw of the
- * random generator with this seed, restart = 1 its second draw, and so on. */
+/* Draws the weights theta (lg_cnn_parameters) as lg_cnn_initialise does. restart = 0 gives the first draw of
+ * the random generator with this seed, restart = 1 its second draw, and so on. */
 LG_API void lg_detector_initialise(const lg_detector *model, uint64_t seed, uint64_t restart, double *theta);
 
 /* ---- dead units ---- */

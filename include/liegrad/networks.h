@@ -53,21 +53,9 @@ LG_API bool lg_mlp_has_bias(const lg_mlp *net,
 LG_API size_t lg_mlp_weight_offset(const lg_mlp *net, uint32_t layer);
 LG_API size_t lg_mlp_bias_offset(const lg_mlp *net, uint32_t layer);
 
-/* How initial parameters are drawn. U(+-s) is the uniform distribution on [-s, s], N(0, v) the normal
- * distribution with variance v. fan_in and fan_out are the numbers of inputs and outputs of a layer. */
-typedef enum lg_initialisation {
-    LG_INIT_FAN_IN,         /* weights and biases U(+-1/sqrt(fan_in)) */
-    LG_INIT_GLOROT_UNIFORM, /* weights U(+-sqrt(6/(fan_in + fan_out))), biases 0 (Glorot & Bengio 2010) */
-    LG_INIT_GLOROT_NORMAL,  /* weights N(0, 2/(fan_in + fan_out)), biases 0 */
-    LG_INIT_HE_UNIFORM,     /* weights U(+-sqrt(6/fan_in)), biases 0 (He et al. 2015) */
-    LG_INIT_HE_NORMAL       /* weights N(0, 2/fan_in), biases 0 */
-} lg_initialisation;
-#define LG_INITIALISATION_COUNT 5
-
-/* Fill theta[0 .. lg_mlp_parameters - 1] with initial parameters, layer by layer, first the weight and then
- * the bias. lg_mlp_initialise uses LG_INIT_FAN_IN. */
+/* Fills theta[0 .. lg_mlp_parameters - 1] with initial parameters, layer by layer, first the weight and then
+ * the bias: uniform in +-1/sqrt(fan_in), where fan_in is the number of inputs of the layer. */
 LG_API void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta);
-LG_API void lg_mlp_initialise_as(const lg_mlp *net, lg_initialisation kind, lg_rng *rng, double *theta);
 /* lg_mlp_initialise in the form of lg_fit_starts.draw (liegrad/fit.h). net is an lg_mlp. Draws every
  * parameter of the program that has lg_mlp_parameters(net) numbers, and leaves the others as they are. */
 LG_API void lg_mlp_draw(void *net, size_t parameter, size_t count, lg_rng *rng, double *theta);
@@ -156,9 +144,9 @@ typedef struct lg_slice_info {
  * so many. */
 LG_API bool lg_net_slice(const lg_net *net, uint32_t index, lg_slice_info *out);
 
-/* Fills theta[0 .. lg_net_parameters - 1] with initial parameters, in their order. The embedding is
- * initialised like every other layer. */
-LG_API void lg_net_initialise(const lg_net *net, lg_initialisation kind, lg_rng *rng, double *theta);
+/* Fills theta[0 .. lg_net_parameters - 1] as lg_mlp_initialise does, the embedding like every
+ * other layer. */
+LG_API void lg_net_initialise(const lg_net *net, lg_rng *rng, double *theta);
 
 /* ---- residual and multiplicative networks: on a tape ---- */
 
@@ -230,8 +218,8 @@ LG_API size_t lg_cnn_parameters(const lg_cnn *net); /* number of parameters */
  * "output/weight", "output/bias". Returns false if there are not so many. */
 LG_API bool lg_cnn_slice(const lg_cnn *net, uint32_t index, lg_slice_info *out);
 /* Fills theta[0 .. lg_cnn_parameters - 1] with initial parameters, in their order. For a convolution fan_in =
- * k C and fan_out = k O. */
-LG_API void lg_cnn_initialise(const lg_cnn *net, lg_initialisation kind, lg_rng *rng, double *theta);
+ * k C. */
+LG_API void lg_cnn_initialise(const lg_cnn *net, lg_rng *rng, double *theta);
 
 /* Applies the network: x (B, length, channels) -> logits (B, outputs). theta is a flat vector (rank 1); the
  * network's parameters are its elements offset .. offset + lg_cnn_parameters - 1. `plane` may be NULL;

@@ -50,7 +50,7 @@ LG_API size_t lg_table_parameters(const lg_table *model); /* number of parameter
 /* Describes slice `index` of the parameters: the slices of lg_net_slice, then "linear/weight" (if `linear` is
  * set). Returns false beyond the last slice. */
 LG_API bool lg_table_slice(const lg_table *model, uint32_t index, lg_slice_info *out);
-/* Draws theta (lg_table_parameters): the network by LG_INIT_FAN_IN; A becomes 0. */
+/* Draws theta (lg_table_parameters): the network by lg_net_initialise; A becomes 0. */
 LG_API void lg_table_initialise(const lg_table *model, lg_rng *rng, double *theta);
 
 /* ---- scaling ---- */

@@ -162,8 +162,8 @@ bool lg_cnn_slice(const lg_cnn *net, uint32_t index, lg_slice_info *out) {
     return lg_layers_slice(&layout, index, out);
 }
 
-void lg_cnn_initialise(const lg_cnn *net, lg_initialisation kind, lg_rng *rng, double *theta) {
+void lg_cnn_initialise(const lg_cnn *net, lg_rng *rng, double *theta) {
     lg_layers layout;
     lg_cnn_layout(net, &layout);
-    lg_layers_initialise(&layout, kind, rng, theta);
+    lg_layers_initialise(&layout, rng, theta);
 }

@@ -170,7 +170,7 @@ static void *make_detector(const void *row) {
     file.scaler = scaler_of(net->channels, 1, &rng);
     file.names.class_name = lg_test_memory(of->classes * sizeof *file.names.class_name);
     file.names.channel_name = lg_test_memory(net->channels * sizeof *file.names.channel_name);
-    lg_cnn_initialise(net, LG_INIT_GLOROT_UNIFORM, &rng, file.theta);
+    lg_cnn_initialise(net, &rng, file.theta);
     for (size_t i = 0; i < file.parameters; i++) file.theta[i] += 0.1 * lg_rng_normal(&rng);
     file.theta[file.parameters - 1] += of->offset;
     file.theta[file.parameters - 2] += of->weight;
