@@ -286,12 +286,10 @@ LG_API lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_erro
  * The exchanges send bytes by MPI_Iallgatherv, MPI_Ibcast, MPI_Isend and MPI_Irecv, on the thread that calls
  * the library. The library never lets MPI add numbers, because such a sum depends on the number of ranks.
  *
- * A thread of each rank sends a sign of life every second, also while the rank computes. If a rank sends no
- * sign for `silence` seconds (it is stopped, dead or not reached), the exchanges of all other ranks fail with
- * LG_FILE. Signs of life need MPI_THREAD_MULTIPLE. lg_mpi_begin initialises MPI with this level. If the
- * caller has initialised MPI with a lower level, an exchange waits for ever for a rank that is stopped. After
- * a failed exchange the caller must not call MPI, except through lg_mpi_abort, because MPI may still write to
- * buffers that the caller frees. */
+ * Ranks that are silent for `silence` seconds are lost (docs/operating.md, "Lost ranks"): the exchanges of
+ * all others fail with LG_FILE. Signs of life need MPI_THREAD_MULTIPLE, with which lg_mpi_begin initialises
+ * MPI. After a failed exchange the caller must not call MPI, except through lg_mpi_abort, because MPI may
+ * still write to buffers that the caller frees. */
 
 /* Fills *out with the ranks of a communicator. If the context (may be NULL) is cancelled and a rank does not
  * join an exchange, the exchange fails with LG_CANCELLED. It waits half of the time between the SIGTERM and

@@ -117,12 +117,10 @@ LG_API lg_status lg_temporary_publish(lg_temporary *temporary, const char *targe
  * the removal; this function reports no errors. */
 LG_API void lg_temporary_end(lg_temporary *temporary);
 
-/* A lock on an output, so that only one process at a time works on a file or folder. It is a lock (flock) on
- * the small file .NAME.liegrad-lock in the folder of `target`, which says what it is, and names the process,
- * the host and `words`. NAME is as for temporary files. The lock works over NFS too. The kernel releases it
- * when the process dies, and forked children do not keep it; the next process then removes the file. A file
- * of this name with other content is never touched. Readers need no lock, because files are replaced as a
- * whole. */
+/* A lock on an output, so that only one process at a time works on a file or folder: a lock (flock) on the
+ * small file .NAME.liegrad-lock in the folder of `target` (docs/operating.md, "Locks"), which names the
+ * process, the host and `words`. The kernel releases it when the process dies, and forked children do not
+ * keep it. Readers need no lock, because files are replaced as a whole. */
 typedef struct lg_lock {
     int fd; /* -1: no lock is held */
     long process;

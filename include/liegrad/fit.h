@@ -338,13 +338,9 @@ LG_API const char *lg_fit_end_sentence(const lg_fit *fit);
 /* Returns the method of the next epoch; if training is finished, the method of the last epoch. */
 LG_API lg_fit_method lg_fit_method_now(const lg_fit *fit);
 
-/* Saves the whole state, under these names:
- *   optimizer/{parameters,best}, optimizer/adam/{m,v,step}, rng, minimise/... (lg_minimiser_save)
- *   train/{permutation,epoch,...}, train/history/{loss,validation,seconds,rate}, train/options/...
- *   with options.restarts: train/restarts, train/restart_seconds
- * With ranks, only rank 0 can save, in `checkpoint` and after lg_fit_run; the state can be loaded by any
- * number of ranks. Errors: the status of the writer, LG_UNSUPPORTED (this rank does not have the whole
- * state). */
+/* Saves the whole state, as optimizer/..., rng, minimise/... (lg_minimiser_save) and train/... With ranks,
+ * only rank 0 can save, in `checkpoint` and after lg_fit_run; the state can be loaded by any number of ranks.
+ * Errors: the status of the writer, LG_UNSUPPORTED (this rank does not have the whole state). */
 LG_API lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error);
 /* Replaces the state by a saved one. On failure the state is unchanged. With ranks it is collective. Errors:
  * LG_INVALID_ARGUMENT (a hyperparameter, the number of parameters or the number of samples differs: the

@@ -14,13 +14,8 @@
  *     m = Gamma^T Gamma + diag(max(0, b)). V takes q (3n numbers). Inputs: spatial torques tau_i (3n).
  *     On T*S^2 with v = dH/dp, g = dH/dq:
  *       q' = v - q(q.v), p' = -g + q(q.g) + p(q.v) - q(p.v),
- *     in se(3): xi = q x v, eta = g x q + v x p + tau. The kinetic gradient needs one n x n solve:
- *       W = m^{-1}, G_il = q_i.q_l, (W o G) lambda = u with u_i = q_i.(W p)_i,
- *       v_i = sum_j W_ij (p_j - lambda_j q_j), dT/dq_i = -lambda_i v_i.
- *     Here T is the kinetic energy, and o multiplies entry by entry. Schemes that leave the manifold use an
- *     extension of T, which equals T on the manifold and is positive definite near it:
- *       T = 1/2 p^T W p + 1/2 u^T S^{-1} r, S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il,
- *       r_i = q_i.p_i/m_ii - u_i.
+ *     in se(3): xi = q x v, eta = g x q + v x p + tau. docs/hamiltonians.md has the kinetic gradient, and the
+ *     extension of the kinetic energy that schemes use which leave the manifold.
  *   "separable": n degrees of freedom on R^{2n}, state q, p.
  *     H = 1/2 |A p|^2 + V(q). V takes q (n numbers). Inputs: n forces.
  *   "rotation", "rotation-direction", "rotation-line", "pose", "pose-direction", "direction-line": bodies.

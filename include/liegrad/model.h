@@ -243,11 +243,11 @@ typedef struct lg_model_file {
     /* Owned: the recipe's file structure, such as lg_hamiltonian_file; lg_model_file_of returns it. */
     void *contents;
 } lg_model_file;
-/* Loads a model file of any kind: its functions, which lg_model_create must accept, and if a recipe has
- * its kind, its contents. lg_model_file_destroy frees it. Files of version 1 hold no functions; there the
- * recipe records them. Errors: those of the recipe's own loader and of lg_program_load; LG_FORMAT for
- * functions that lg_model_create refuses, and for files without functions, where `error` says what the file
- * is: a checkpoint, data, or a classical classifier (read by lg_classifier_load). */
+/* Loads a model file of any kind: its functions, which lg_model_create must accept, and if a recipe has its
+ * kind, its contents. If the file holds no functions (written by hand), the recipe records them. Errors:
+ * those of the recipe's own loader and of lg_program_load; LG_FORMAT for functions that lg_model_create
+ * refuses, and for files without functions, where `error` says what the file is: a checkpoint, data, or a
+ * classical classifier (read by lg_classifier_load). */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);
 /* Returns the contents if the file is of this recipe: an lg_hamiltonian_file for lg_recipe_hamiltonian and

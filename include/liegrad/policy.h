@@ -46,10 +46,8 @@
  *   network  u = g u_near + (1 - g) u_net with u_near = sat(u0 - near z) and the gate
  *            g = 1/(1 + exp(4.5 (V/c - 1))); tanh keeps u_net in the limits
  *   energy   u = sat(u0 - k_p G^T z_q - k_d G^T v), with the map G from inputs to generalised forces at the
- *            goal. Trained k_p and k_d have one number per input; given k_p and k_d are the same for all
- *            inputs. All are positive. The controller shapes the potential energy and damps. z_q of an
- *            angle is q - goal here: angles are counted, so after a full turn the controller unwinds. On
- *            the circle no continuous feedback brings every state to the goal.
+ *            goal, and k_p, k_d > 0: one number per input if trained, the same for all inputs if given. z_q
+ *            of an angle is q - goal here: angles are counted, so after a full turn the controller unwinds
  *
  * Terminal cost: W = w log(1 + V/(13 c)), where w is .6 times the mean cost of the machine under u0 from the
  * starts over the horizon. The logarithm has a slope wherever a run ends. */

@@ -368,13 +368,8 @@ LG_API void lg_c_source_destroy(lg_c_source *source);
  * inspects or translates programs.
  *
  * An operation is identified by its name and by a revision, which increases when the meaning of the operation
- * changes. liegrad/ops.h says what each operation computes; docs/files.md lists names, attributes and
- * formulas. Besides these operations there are three leaves, which have no inputs, and the call:
- *   `input`      is input number whole[0].base of the function
- *   `parameter`  is parameter number whole[0].base of the program
- *   `constant`   has the elements reals[j % real_count], j = 0, 1, ...
- *   `call`       is output number whole[1].base of function number whole[0].base, called with the operation's
- *                inputs; that function stands earlier in the program
+ * changes. liegrad/ops.h says what each operation computes; docs/files.md ("Programs") lists names,
+ * attributes and formulas, also of `input`, `parameter`, `constant` and `call`.
  *
  * An image holds everything: lg_program_add_image makes an equal function from it. */
 
