@@ -178,11 +178,10 @@ typedef struct lg_fit_plan {
         uint32_t epochs; /* >= 1; in the last phase also 0: all epochs that are left */
     } phase[LG_FIT_MAX_PHASES];
 } lg_fit_plan;
-/* Reads a plan from a text: "ssbroyden", or "adam:100,ssbroyden" (100 epochs of Adam, then SSBroyden).
- * Errors: LG_INVALID_ARGUMENT (an unknown method, or bad numbers). */
-LG_API lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error);
-/* The same, but methods that need a sum of squares are unknown. For losses that are no sum of squares. */
-LG_API lg_status lg_fit_plan_parse_any_loss(const char *text, lg_fit_plan *out, lg_error *error);
+/* Reads a plan from a text: "ssbroyden", or "adam:100,ssbroyden" (100 epochs of Adam, then SSBroyden). With
+ * `squares` false, for losses that are no sum of squares, methods that need such a sum are unknown. Errors:
+ * LG_INVALID_ARGUMENT (an unknown method, or bad numbers). */
+LG_API lg_status lg_fit_plan_parse(const char *text, bool squares, lg_fit_plan *out, lg_error *error);
 /* Return whether any phase of the plan takes batches, and whether the last one does. */
 LG_API bool lg_fit_plan_batches(const lg_fit_plan *plan);
 LG_API bool lg_fit_plan_ends_in_batches(const lg_fit_plan *plan);

@@ -609,7 +609,7 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
 /* ---- The machine as a program ---- */
 
 /* Makes a program (liegrad/program.h) of the machine with the parameter theta (no parameter when nothing is
- * unknown). The caller destroys it; it borrows nothing. Functions:
+ * unknown). It borrows nothing. Functions:
  *   value      (x) -> y           H
  *   grad       (x) -> y, g        H and dH/dx in the ambient space
  *   field      (x, u) -> f        the algebra element of lg_machine_space
@@ -622,16 +622,15 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
  *                                 a machine whose friction sticks, the step of this friction
  * with x (state of lg_machine_full_space), u (inputs; absent without inputs), h (1), q (positions), v
  * (velocities), all in the units of the log. `momenta` sets the lagged inputs, the last numbers of x, to 0;
- * `step` moves them exactly, and bristles as said above. Momenta have the unit of dL/dv. Scales are
- * constants of the program. Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a
- * classical scheme if there are directions or rotations; LG_SCHEME_VARIATIONAL). */
+ * `step` moves them exactly, and bristles as said above. With `lagged`, for a controller that knows the
+ * lagged inputs (liegrad/policy.h), q of `momenta` and `positions` consists of the positions, then the lagged
+ * inputs, and a machine with lags has a further function
+ *   lag        (a, u, h) -> next  the lagged inputs a after the time h in which u is held
+ * Momenta have the unit of dL/dv. Scales are constants of the program. Errors: those of lg_program_build;
+ * LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions or rotations;
+ * LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
-                                    const lg_scheme *scheme, lg_program **out, lg_error *error);
-/* The same program for a controller that knows the lagged inputs (liegrad/policy.h): q of `momenta` and
- * `positions` consists of the positions, then the lagged inputs. A machine with lags has a further function
- *   lag        (a, u, h) -> next  the lagged inputs a after the time h in which u is held */
-LG_API lg_status lg_machine_plant(const lg_context *context, const lg_machine *machine, const double *theta,
-                                  const lg_scheme *scheme, lg_program **out, lg_error *error);
+                                    const lg_scheme *scheme, bool lagged, lg_program **out, lg_error *error);
 
 /* ---- Machine files and logs (library liegrad_io from here on) ----
  *

@@ -90,7 +90,7 @@ typedef struct lg_policy_coordinate {
     char name[LG_POLICY_NAME], velocity[LG_POLICY_NAME]; /* velocity "": a state of a program that has none */
     lg_policy_motion motion;
     /* 0, or 1 + the number of an input: this line without velocity is that input as it acts, behind a lag
-     * (lg_machine_plant). lg_policy_create sets its goal, the input that holds the machine at the goal. */
+     * (lg_machine_program). lg_policy_create sets its goal, the input that holds the machine at the goal. */
     uint32_t follows;
     /* Of coordinates that lg_policy_create adds (liegrad/policy.h, Memory), 0 in others. With `follows`:
      * the line is the input of `ago` periods ago. integrates: 1 + the number of a coordinate, whose error
@@ -169,7 +169,8 @@ typedef struct lg_policy lg_policy;
 /* Makes a policy with random (seeded) parameters. `plant` is a program with the function
  *   step       (x, u, h) -> next, and if there are velocities
  *   momenta    (q, v) -> x, positions (x) -> q, velocities (x) -> v
- * as lg_machine_plant makes it. Without velocities x = q are the positions. For `energy` also value (x)
+ * as lg_machine_program with `lagged` makes it. Without velocities x = q are the positions. For `energy` also
+ * value (x)
  * -> H. The policy takes ownership of the plant, also when it fails; the caller destroys the policy.
  * Errors: LG_INVALID_ARGUMENT (the task is out of range), LG_NOT_FOUND, LG_SHAPE (functions that the plant
  * lacks or that do not fit the task), LG_CHECK_FAILED (the goal is no equilibrium: the message has the

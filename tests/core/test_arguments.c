@@ -380,8 +380,7 @@ TEST("functions of networks and fits refuse NULL") {
     lg_var out[2];
     assert_ok(lg_mlp_init(&mlp, 1, NULL, 0, 1, LG_TANH, true));
     assert_ok(lg_net_init(&net, LG_NET_MLP, 1, 1, 2, 1, 1, LG_TANH));
-    REFUSES(lg_fit_plan_parse(NEEDED("adam"), NEEDED(&plan), NULL));
-    REFUSES(lg_fit_plan_parse_any_loss(NEEDED("adam"), NEEDED(&plan), NULL));
+    REFUSES(lg_fit_plan_parse(NEEDED("adam"), true, NEEDED(&plan), NULL));
     REFUSES(lg_mlp_init(NEEDED(&mlp), 1, NEEDED(&(uint32_t){2}), 1, 1, LG_TANH, true));
     assert_ok(lg_mlp_init(&mlp, 1, NULL, 0, 1, LG_TANH, true));
     REFUSES(lg_mlp_bind(NEEDED(tape), NEEDED(&mlp), theta, 0, NEEDED(&vars)));
@@ -949,8 +948,7 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_estimate_starts(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
                                        NEEDED(&problem.log), NEEDED(start), 2, 4, NEEDED(others),
                                        NEEDED(others + 8), NULL));
-    REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
-    REFUSES(lg_machine_plant(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
+    REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, false, NEEDED(&program), NULL));
     REFUSES(lg_recipe_save(NULL, NEEDED("/nonexistent/file.h5"), &lg_recipe_machine_model, NEEDED(file), NULL,
                            NULL));
 }

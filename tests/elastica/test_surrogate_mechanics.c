@@ -311,7 +311,7 @@ TEST("a network that is told the energy alone finds the beams of the solver") {
         const lg_surrogate_problem problem = problem_of(&s, &set, everything, BEAMS);
         lg_surrogate_fit_problem(&problem, &fit_problem);
         lg_fit_options_init(&options);
-        assert_ok(lg_fit_plan_parse("ssbroyden", &options.plan, NULL));
+        assert_ok(lg_fit_plan_parse("ssbroyden", true, &options.plan, NULL));
         options.epochs = 600;
         assert_ok(lg_fit_create(NULL, &fit_problem, &options, s.theta, &fit, NULL));
         assert_ok(lg_fit_run(fit, NULL));

@@ -175,7 +175,7 @@ static inline void fit_by_lm(const lg_fit_problem *problem, uint32_t epochs, dou
     lg_fit_options options;
     lg_fit *fit;
     lg_fit_options_init(&options);
-    assert_ok(lg_fit_plan_parse("lm", &options.plan, NULL));
+    assert_ok(lg_fit_plan_parse("lm", true, &options.plan, NULL));
     options.epochs = epochs;
     assert_ok(lg_fit_create(NULL, problem, &options, theta, &fit, NULL));
     assert_ok(lg_fit_run(fit, NULL));

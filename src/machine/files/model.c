@@ -173,7 +173,7 @@ static const lg_item items[] = {{.type = LG_ITEM_ARRAY,
 static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
                          lg_program **out, lg_error *error) {
     const lg_machine_model_file *file = user;
-    return lg_machine_program(context, &file->run.machine, file->theta, scheme, out, error);
+    return lg_machine_program(context, &file->run.machine, file->theta, scheme, false, out, error);
 }
 
 static lg_status space(const void *run, lg_space *out) {
