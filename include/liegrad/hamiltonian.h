@@ -347,11 +347,6 @@ LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *prob
  * of range). */
 LG_API lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_hamiltonian_scales *out,
                                             lg_error *error);
-/* Writes the scale of each number of a state to out (d): s_i for the numbers of part i. */
-LG_API void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out);
-/* Whether any part of the states changes along the trajectories by more than rounding. False also where
- * lg_hamiltonian_find_scales would return LG_INVALID_ARGUMENT. */
-LG_API bool lg_hamiltonian_moves(const lg_hamiltonian_problem *problem);
 /* Sets problem->weight from the data, so that the parts count alike in the loss: one over the mean square
  * of the part's change from the first point to the others, in scaled units. Errors: LG_INVALID_ARGUMENT as
  * lg_hamiltonian_find_scales. */
@@ -372,29 +367,6 @@ LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg
 LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
                                                    const lg_hamiltonian_problem *problem, const double *theta,
                                                    double *out, lg_error *error);
-/* How much the momentum that a symmetry conserves moves along trajectories. All is 0 for a symmetry without a
- * momentum, such as LG_SYMMETRY_EVEN. */
-typedef struct lg_momentum_motion {
-    /* moved: root mean square, over the trajectories, of the change from the first point to the point where
-     * it is largest; size: root mean square over all points of |pi| + sum |q| |p|, a bound on the momentum.
-     * */
-    double moved, size;
-    /* The momentum moves more than noise and a decay explain. Noise changes all points equally; a decay makes
-     * the momentum smaller by the same factor in all trajectories, as damping does. */
-    bool moves;
-} lg_momentum_motion;
-/* Measures this for the trajectories and the symmetry of the model (docs/hamiltonians.md has the momenta).
- * Errors: LG_INVALID_ARGUMENT (no model or data). */
-LG_API lg_status lg_hamiltonian_momentum_motion(const lg_context *context,
-                                                const lg_hamiltonian_problem *problem,
-                                                lg_momentum_motion *out);
-/* Writes how much the data change the first integral G of the penalty: the mean over the trajectories of
- * (G(y_j) - G(y_1))^2 for j = `point` in 2..M, or of G(y_1)^2 for point 1, in double precision. It grows
- * with j where G is not conserved; noise alone does not make it grow. Errors: those of
- * lg_hamiltonian_problem_check with a penalty, LG_INVALID_ARGUMENT (point outside 1..M). */
-LG_API lg_status lg_hamiltonian_integral_change(const lg_context *context,
-                                                const lg_hamiltonian_problem *problem, const double *theta,
-                                                size_t point, double *out, lg_error *error);
 /* Writes the unit in which the first integral of the penalty is weighed, a positive number in the unit of G.
  * It is s_1^power[0] s_2^power[1], with s_i the scales of the model. If G is `measured`, it is the root mean
  * square, over all points of the data, of the length of dG/dy, with each number of y divided by its scale:

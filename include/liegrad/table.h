@@ -63,23 +63,6 @@ LG_API void lg_table_initialise(const lg_table *model, lg_rng *rng, double *thet
 LG_API lg_status lg_table_scaler_fit(const lg_context *context, const double *values, uint32_t columns,
                                      const uint32_t *chosen, size_t count, lg_scaler *out);
 
-/* Far cells: cells of a column that lie so far from the others that they dominate its mean and deviation. Let
- * m be the median of the column, and D the median of |x - m| over all cells that differ from m. The cells
- * with |x - m| > 30 D are far if together they make up more than half of the sum of (x - m)^2 over the
- * column, and if they are at most 2 to 5 cells (1 % of the column), or 0.1 % if this is more. More cells are
- * far only if most of them are one value (a code such as -9999) and they are at most a tenth of the column;
- * of a second mode or a heavy tail only the few farthest ones can be, if they make up 0.8 of the sum. */
-typedef struct lg_table_far {
-    double median, limit;   /* a cell x is far if |x - median|/2 > limit; INFINITY: no cell is far */
-    size_t count, farthest; /* number of far cells; row of the cell that is farthest from the median */
-    bool single; /* no other cells lie beyond 30 D, and the far ones are no code: errors, probably */
-} lg_table_far;
-/* Applies the rule to the column x_i = values[i stride], i = 0..rows-1, which must not have NaN. Errors:
- * LG_INVALID_ARGUMENT (no rows, stride 0). */
-LG_API lg_status lg_table_find_far(const lg_context *context, const double *values, size_t stride,
-                                   size_t rows, lg_table_far *out);
-LG_API bool lg_table_is_far(const lg_table_far *far, double x); /* true if cell x of this column is far */
-
 /* ---- training ---- */
 
 /* Scaled rows. The first `training` rows are the training part, the others the validation part. */

@@ -114,8 +114,7 @@ static lg_status check_task(const lg_policy_task *t, lg_error *error) {
     if (t->compensate &&
         (t->kind == LG_POLICY_ENERGY || !t->search || (t->kind == LG_POLICY_NETWORK && !t->gate)))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "compensate needs the regulator of kind lqr, or of the gate of a "
-                       "network");
+                       "compensate needs the regulator of kind lqr, or of the gate of a network");
     if (!t->search && t->kind == LG_POLICY_NETWORK && t->gate)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the gate of a network needs the search for a regulator");
     if (!(t->delay >= 0.0 && t->delay <= 1.0 && t->spread >= 0.0 && isfinite(t->spread)))

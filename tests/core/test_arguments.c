@@ -481,9 +481,6 @@ TEST("functions of Hamiltonians, models and control refuse NULL") {
     REFUSES(lg_hamiltonian_find_scales(NEEDED(&problem), NEEDED(&scales), none));
     REFUSES(lg_hamiltonian_weigh(NEEDED(&problem), none));
     REFUSES(lg_hamiltonian_mean_squared_error(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
-    REFUSES(lg_hamiltonian_integral_change(NULL, NEEDED(&problem), NEEDED(theta), 2, NEEDED(others), none));
-    lg_momentum_motion motion;
-    REFUSES(lg_hamiltonian_momentum_motion(NULL, NEEDED(&problem), NEEDED(&motion)));
     REFUSES(lg_hamiltonian_integral_unit(NULL, NEEDED(&problem), NEEDED(others), none));
     REFUSES(lg_hamiltonian_floor(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
     REFUSES(lg_hamiltonian_scale(NULL, NEEDED(&problem), NEEDED(changed), NULL));
@@ -615,7 +612,6 @@ TEST("functions of tables and files refuse NULL") {
         .network = LG_NET_MLP, .activation = LG_TANH, .hidden_count = 1, .hidden = {3}, .linear = true};
     lg_table model;
     lg_scaler scaler;
-    lg_table_far far;
     lg_program *program;
     const double *values = test_numbers(3, 16, -1.0, 1.0);
     assert_ok(lg_table_init(&model, &shape, 2, 2, &error));
@@ -623,7 +619,6 @@ TEST("functions of tables and files refuse NULL") {
     double *theta = TEST_ARRAY(double, lg_table_parameters(&model));
     REFUSES(lg_table_init(NEEDED(&model), NEEDED(&shape), 2, 2, NULL));
     REFUSES(lg_table_scaler_fit(NULL, NEEDED(values), 2, NULL, 8, NEEDED(&scaler)));
-    REFUSES(lg_table_find_far(NULL, NEEDED(values), 2, 8, NEEDED(&far)));
     REFUSES(lg_table_program(NULL, NEEDED(&model), NEEDED(&scaler), NEEDED(&scaler), NEEDED(theta),
                              NEEDED(&program), NULL));
     REFUSES(
