@@ -224,8 +224,6 @@ typedef enum lg_surrogate_loss { LG_SURROGATE_MSE, LG_SURROGATE_ENERGY } lg_surr
 /* How gamma enters the loss of the discrete network: as a weight of differences, or in the matrix W. */
 typedef enum lg_surrogate_penalty { LG_SURROGATE_DIFFERENCES, LG_SURROGATE_WEIGHTED } lg_surrogate_penalty;
 #define LG_SURROGATE_PENALTY_COUNT 2
-/* "mse" or "energy"; "unknown" for any other value. */
-LG_API const char *lg_surrogate_loss_name(lg_surrogate_loss loss);
 
 /* Settings of a network. The sizes of its input and output follow from the data. */
 typedef struct lg_surrogate_options {
