@@ -302,8 +302,7 @@ static void parse_with_commands(app *self, int argc, char **argv, const char *su
     for (const app_command *c = commands; c->run != NULL; c++)
         lg_text_add(&doc, "  %-*s  %s\n", (int)widest, c->name, c->summary);
     lg_text_add(&doc,
-                "\n%s COMMAND --help describes the options of a command."
-                " --help-all describes all of them.",
+                "\n%s COMMAND --help describes the options of a command. --help-all describes all of them.",
                 self->program);
     char texts[COMMON * HELP_SIZE];
     APP_FREE struct argp_option *options = argp_table(self, texts);

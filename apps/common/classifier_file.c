@@ -82,7 +82,8 @@ static lg_status read_texts(const lg_archive_reader *from, classifier_file *out,
     /* Files of earlier versions lack it. */
     if (from->text(from->user, "run/healthy", out->run.healthy, sizeof out->run.healthy) != LG_OK)
         out->run.healthy[0] = '\0';
-    if (out->method == NULL || lg_split_parse(split, &out->run.split) != LG_OK)
+    LG_FIND_NAME(out->run.split, LG_SPLIT_COUNT, lg_split_name, split);
+    if (out->method == NULL || out->run.split == LG_SPLIT_COUNT)
         return lg_fail(error, LG_FORMAT, "/run: the attribute method or split is unknown");
     return LG_OK;
 }

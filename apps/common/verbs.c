@@ -48,8 +48,7 @@ void verb_evaluate(app *self) {
     const app_settings settings[] = {{recipe->fields, app_keep(1, recipe->run_size), 0}, APP_SETTINGS_END};
     task.settings = settings;
     char *file = app_keep(1, recipe->file_size);
-    ((lg_model_head *)(void *)file)->context = self->context;
-    APP_MUST_FILE(self, path, lg_run_load(self->context, path, NULL, recipe, file, &error));
+    APP_MUST_FILE(self, path, lg_recipe_load(self->context, path, NULL, recipe, file, &error));
     train_begin(self, &task, 1);
     lg_training *training = &task.training;
     training->model = path;
@@ -68,7 +67,7 @@ void verb_evaluate(app *self) {
     if (!self->json && task.print != NULL) task.print(training);
     if (training->verdict.failed) self->code = APP_EXIT_NUMERIC;
     lg_training_close(training);
-    lg_run_release(recipe, file);
+    lg_recipe_release(recipe, file);
 }
 
 flow_values flow_given;

@@ -12,7 +12,7 @@
 static void load_detector(const app *self, const char *path, well_model *out) {
     lg_detector_file file;
     const lg_detector_run *run = &file.run;
-    APP_MUST_FILE(self, path, lg_detector_load(self->context, path, NULL, &file, &error));
+    APP_MUST_FILE(self, path, lg_recipe_load(self->context, path, NULL, &lg_recipe_detector, &file, &error));
     *out = (well_model){.sort = WELL_NETWORK,
                         .healthy = LG_NO_CLASS,
                         .method = "cnn",
@@ -99,7 +99,7 @@ void well_model_need_healthy(const app *self, const well_model *model, const cha
 void well_model_destroy(well_model *model) {
     lg_detector_plan_destroy(model->plan);
     if (model->sort == WELL_NETWORK) {
-        lg_detector_file_destroy(&model->detector);
+        lg_recipe_release(&lg_recipe_detector, &model->detector);
     } else {
         lg_series_destroy(&model->names);
         lg_classifier_destroy(&model->classifier);

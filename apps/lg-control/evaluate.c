@@ -64,14 +64,14 @@ static lg_policy *other_plant(const app *self, lg_policy *policy) {
     if (!same)
         app_stop(self, LG_SHAPE, "%s: its coordinates or inputs are not those of the policy", values.plant);
     warn_of_other_lag(self, policy, plant);
-    APP_MUST(self, lg_policy_transplant_late(policy, plant, names.dead_time, &other, &error));
+    APP_MUST(self, lg_policy_transplant(policy, plant, names.dead_time, &other, &error));
     lg_policy_destroy(policy);
     return other;
 }
 
 static lg_policy *refined(const app *self, lg_policy *policy) {
     lg_policy *out = NULL;
-    APP_MUST(self, lg_policy_refine(policy, &out, &error));
+    APP_MUST(self, lg_policy_transplant(policy, NULL, NULL, &out, &error));
     lg_policy_destroy(policy);
     return out;
 }

@@ -19,7 +19,7 @@ static void add_squares(const app *self, const lg_policy *policy, lg_program *pl
                         const double *z, const double *u, const double *first, double *other, size_t numbers,
                         double *square) {
     lg_policy *drawn = NULL;
-    APP_MUST(self, lg_policy_transplant(policy, plant, &drawn, &error));
+    APP_MUST(self, lg_policy_transplant(policy, plant, NULL, &drawn, &error));
     evaluate(self, drawn, held, z, u, other);
     for (size_t i = 0; i < numbers; i++) square[i] += (other[i] - first[i]) * (other[i] - first[i]) / DRAWS;
     lg_policy_destroy(drawn);

@@ -102,7 +102,7 @@ static const lg_scheme *scheme_of(const lg_scheme *scheme) {
 }
 
 void control_machine_destroy(control_machine *m) {
-    lg_machine_model_file_destroy(&m->model);
+    lg_recipe_release(&lg_recipe_machine_model, &m->model);
     lg_machine_file_destroy(&m->file);
     *m = (control_machine){.model = {.theta = NULL}};
 }
@@ -142,7 +142,9 @@ static bool open_machine(const app *self, const char *path, control_machine *out
     *out = (control_machine){.model = {.theta = NULL}};
     if (is_hdf5(self, path) && !is_model(self, path)) return false;
     if (is_hdf5(self, path)) {
-        APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &out->model, &error));
+        APP_MUST_FILE(
+            self, path,
+            lg_recipe_load(self->context, path, NULL, &lg_recipe_machine_model, &out->model, &error));
         const lg_machine_model_run *run = &out->model.run;
         APP_MUST_FILE(
             self, path,
@@ -170,8 +172,8 @@ static bool open_machine(const app *self, const char *path, control_machine *out
 /* `lagged`: as in control_load_plant. */
 static lg_program *plant_of(const app *self, const control_machine *m, bool lagged) {
     lg_program *program = NULL;
-    APP_MUST(self, (lagged ? lg_machine_plant : lg_machine_program)(
-                       self->context, &m->machine, m->model.theta, m->scheme, &program, &error));
+    APP_MUST(self, lg_machine_program(self->context, &m->machine, m->model.theta, m->scheme, lagged, &program,
+                                      &error));
     return program;
 }
 
@@ -194,7 +196,7 @@ static lg_status soften(void *user, const double *speed, lg_program **out, lg_er
     }
     if (!any) return LG_OK;
     LG_TRY(lg_machine_init(soft, error));
-    return lg_machine_plant(m->self->context, soft, m->model.theta, m->scheme, out, error);
+    return lg_machine_program(m->self->context, soft, m->model.theta, m->scheme, true, out, error);
 }
 
 bool control_soften(const app *self, const char *path, control_machine *keep, lg_policy_task *task) {
@@ -272,7 +274,7 @@ void control_draw_plants(const app *self, const char *path, double spread, size_
     lg_rng_seed(&rng, self->seed, 1);
     for (size_t k = 0; k < draws; k++) {
         draw_theta(model, spread, slope, &rng, theta);
-        APP_MUST(self, lg_machine_plant(self->context, machine, theta, m.scheme, &out[k], &error));
+        APP_MUST(self, lg_machine_program(self->context, machine, theta, m.scheme, true, &out[k], &error));
     }
 }
 

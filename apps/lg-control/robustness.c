@@ -115,9 +115,9 @@ static double success_of(const table *t, const lg_policy *policy, uint64_t start
     lg_policy_outcome outcome;
     lg_program *plant = NULL;
     const bool lagged = control_count_lagged(lg_policy_task_of(policy), false) > 0;
-    lg_status status = (lagged ? lg_machine_plant : lg_machine_program)(
-        self->context, &m->machine, m->model.theta, m->scheme, &plant, NULL);
-    if (status == LG_OK) status = lg_policy_transplant(policy, plant, &other, NULL);
+    lg_status status =
+        lg_machine_program(self->context, &m->machine, m->model.theta, m->scheme, lagged, &plant, NULL);
+    if (status == LG_OK) status = lg_policy_transplant(policy, plant, NULL, &other, NULL);
     if (status == LG_OK)
         status = lg_policy_evaluate(other, LG_POLICY_NOMINAL, starts, self->seed, (int)self->threads,
                                     &outcome, NULL, NULL);

@@ -171,7 +171,7 @@ static void report(const app *self, const lg_policy *trained, control_machine *m
     lg_policy_outcome rough;
     lg_policy *policy = NULL;
     const uint64_t seed = self->seed ^ UINT64_C(0x9e3779b97f4a7c15);
-    APP_MUST(self, lg_policy_refine(trained, &policy, &error));
+    APP_MUST(self, lg_policy_transplant(trained, NULL, NULL, &policy, &error));
     const lg_policy_outcome held = control_evaluate(self, policy, LG_POLICY_NOMINAL, 500, seed, NULL),
                             regulator = control_evaluate(self, policy, LG_POLICY_REGULATED, 500, seed, NULL);
     const bool disturbed = lg_policy_is_disturbed(lg_policy_task_of(policy));

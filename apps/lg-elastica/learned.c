@@ -258,7 +258,8 @@ static void draw_prediction(const app *self, const char *path, const beam_curve 
 static void run_predict(app *self) {
     prediction p = {.seconds = 0};
     const char *model = self->arguments[0];
-    APP_MUST_FILE(self, model, lg_surrogate_load(self->context, model, NULL, &p.file, &error));
+    APP_MUST_FILE(self, model,
+                  lg_recipe_load(self->context, model, NULL, &lg_recipe_surrogate, &p.file, &error));
     read_where(self, &p);
     read_points(self, &p);
     p.beyond = lg_elastica_count_outside(&p.file, p.x, NULL, 1);
@@ -275,7 +276,7 @@ static void run_predict(app *self) {
     if (app_plot_given.plot != NULL)
         draw_prediction(self, app_plot_given.plot, &p.curve, predict_given.solve ? &p.truth : NULL);
     report_curve(self, &p);
-    lg_surrogate_file_destroy(&p.file);
+    lg_recipe_release(&lg_recipe_surrogate, &p.file);
 }
 
 const app_command elastica_predict_command = {

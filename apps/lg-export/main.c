@@ -385,16 +385,13 @@ APP_PROGRAM(lg_export) {
              "no state and works in the caller's memory. NAME.h describes the inputs and outputs of the "
              "functions with order and units.\n\nAll models except programs: NAME_eval, NAME_grad (gradient "
              "or Jacobian by the inputs). Hamiltonians and machines: NAME_hamiltonian, NAME_field, "
-             "NAME_step; "
-             "with --functions linearise NAME_linearise; machines also NAME_state, NAME_positions, "
-             "NAME_velocities. Surrogates of beams: NAME_curve. "
-             "Detectors, classifiers and classifications of tables: NAME_classify, NAME_class_names; "
-             "classifiers "
-             "also NAME_features. Controllers of lg-control: NAME_control; with --functions NAME_observe, "
-             "NAME_adapt. "
-             "Programs: NAME_<function> for each of their functions.\n\nIn the folder, "
-             "make test compares the code with golden vectors of the library, make stack checks the stated "
-             "bound on the stack, and make size shows the size of the objects.",
+             "NAME_step; with --functions linearise NAME_linearise; machines also NAME_state, "
+             "NAME_positions, NAME_velocities. Surrogates of beams: NAME_curve. Detectors, classifiers and "
+             "classifications of tables: NAME_classify, NAME_class_names; classifiers also NAME_features. "
+             "Controllers of lg-control: NAME_control; with --functions NAME_observe, NAME_adapt. Programs: "
+             "NAME_<function> for each of their functions.\n\nIn the folder, make test compares the code "
+             "with golden vectors of the library, make stack checks the stated bound on the stack, and make "
+             "size shows the size of the objects.",
          .settings = APP_SETTINGS(APP_GIVEN(options, given)),
          .run = export_run},
         {.run = NULL}};

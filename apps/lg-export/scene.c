@@ -44,7 +44,7 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     const lg_taped_interval over = {.h_rows = x[1 + r->tunable]};
     LG_TRY(lg_system_taped_ode(r->system, LG_COORDINATES_LIE, parameters_of(r, tape, x), &ode, &of));
     LG_TRY(lg_taped_split(tape, &ode.space, x[0], parts));
-    LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
+    LG_TRY(lg_taped_step(tape, r->scheme, &ode, &over, parts, parts));
     y[0] = lg_taped_join(tape, &ode.space, parts);
     return lg_tape_status(tape);
 }

@@ -189,12 +189,12 @@ static void report_rows(const app *self, size_t rows, const counts *found) {
 
 static void run_predict(app *self) {
     const char *model = self->arguments[0], *path = self->arguments[1];
-    APP_CLEAN(lg_table_file_destroy) lg_table_file file = {0};
+    lg_table_file file;
     lg_table_sheet table;
     counts found = {0};
     if (self->json && values.out == NULL)
         app_stop_usage(self, "--json: give --out FILE; without it the predictions go to standard output");
-    APP_MUST_FILE(self, model, lg_table_load(self->context, model, NULL, &file, &error));
+    APP_MUST_FILE(self, model, lg_recipe_load(self->context, model, NULL, &lg_recipe_table, &file, &error));
     const lg_table_names inputs = {file.run.model.net.inputs, file.input_name, NULL}, none = {.count = 0};
     APP_MUST_FILE(self, path, lg_table_sheet_read(self->context, path, &inputs, &none, NULL, &table, &error));
     write_rows(self, &file, &table, &found);
@@ -207,6 +207,7 @@ static void run_predict(app *self) {
     const bool failed = lg_table_warn_infinite(self->context, found.infinite, rows, path);
     if (values.out != NULL) report_rows(self, rows, &found);
     if (failed) self->code = APP_EXIT_NUMERIC;
+    lg_recipe_release(&lg_recipe_table, &file);
 }
 
 static const app_command predict_command = {

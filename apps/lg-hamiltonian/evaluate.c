@@ -133,10 +133,11 @@ static void check_record(const app *self) {
 
 static void run(app *self) {
     const char *model = self->arguments[0], *data = self->arguments[1];
-    APP_CLEAN(lg_hamiltonian_file_destroy) lg_hamiltonian_file file = {0};
+    lg_hamiltonian_file file;
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0};
     check_record(self);
-    APP_MUST_FILE(self, model, lg_hamiltonian_load(self->context, model, NULL, &file, &error));
+    APP_MUST_FILE(self, model,
+                  lg_recipe_load(self->context, model, NULL, &lg_recipe_hamiltonian, &file, &error));
     lg_read_options reading;
     lg_read_options_init(&reading);
     if (file.constraint != NULL) reading.constraint = lg_constraint_program(file.constraint);
@@ -145,6 +146,7 @@ static void run(app *self) {
     warn_of_systems(self, file.run.system, test.system);
     warn_of_training_data(self, file.run.data_sha256, test.sha256);
     self->code = evaluate(self, &file, &test);
+    lg_recipe_release(&lg_recipe_hamiltonian, &file);
 }
 
 const app_command hamiltonian_evaluate_command = {

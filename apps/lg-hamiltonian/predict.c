@@ -167,12 +167,13 @@ static void prediction_destroy(prediction *p) {
 static void run(app *self) {
     const bool scene = self->argument_count > 1;
     const char *path = self->arguments[0];
-    APP_CLEAN(lg_hamiltonian_file_destroy) lg_hamiltonian_file file = {0};
+    lg_hamiltonian_file file;
     APP_CLEAN(prediction_destroy) prediction p = {.file = &file};
     if (scene == (flow_given.initial.count > 0))
         app_stop_usage(self, scene ? "--initial and a scene cannot be given together"
                                    : "no start: give --initial X,X,... or a scene");
-    APP_MUST_FILE(self, path, lg_hamiltonian_load(self->context, path, NULL, &file, &error));
+    APP_MUST_FILE(self, path,
+                  lg_recipe_load(self->context, path, NULL, &lg_recipe_hamiltonian, &file, &error));
     p.dim = lg_hamiltonian_state_dim(&file.run.model);
     p.start = app_keep(p.dim, sizeof *p.start);
     if (scene)
@@ -183,6 +184,7 @@ static void run(app *self) {
     integrate(self, &p);
     write_outputs(self, &p);
     report(self, &p);
+    lg_recipe_release(&lg_recipe_hamiltonian, &file);
 }
 
 const app_command hamiltonian_predict_command = {

@@ -294,7 +294,8 @@ static void save(const app *self, const adapting *a) {
     file.theta = a->to.theta;
     file.spread = NULL;
     file.provenance = app_provenance(self, a->to.run.training.seed);
-    APP_MUST_FILE(self, values.out, lg_machine_model_save(self->context, values.out, &file, NULL, &error));
+    APP_MUST_FILE(self, values.out,
+                  lg_recipe_save(self->context, values.out, &lg_recipe_machine_model, &file, NULL, &error));
 }
 
 static void run(app *self) {

@@ -12,7 +12,8 @@ void identify_read(const app *self, const lg_machine_sources *from, lg_machine_d
 void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_given *out) {
     const char *path = self->arguments[0];
     const lg_machine_model_run *run = &out->file.run;
-    APP_MUST_FILE(self, path, lg_machine_model_load(self->context, path, NULL, &out->file, &error));
+    APP_MUST_FILE(self, path,
+                  lg_recipe_load(self->context, path, NULL, &lg_recipe_machine_model, &out->file, &error));
     const lg_machine_sources from = {.machine = path,
                                      .text = run->text,
                                      .logs = self->arguments + 1,
@@ -41,5 +42,5 @@ void identify_put_start_rows(app_json *json, const lg_learned_machine *model) {
 
 void identify_given_destroy(identify_given *given) {
     lg_machine_data_destroy(&given->data);
-    lg_machine_model_file_destroy(&given->file);
+    lg_recipe_release(&lg_recipe_machine_model, &given->file);
 }

@@ -209,8 +209,7 @@ static void report_diagram(const diagram *d) {
     app_json_close(out, '}');
     app_result_line(out,
                     "Error: |y - reference|/|reference| at the end; the reference is %s at tolerance "
-                    "%.0e;\nit differs by "
-                    "%.1e from a run at tolerance %.0e. Seconds are CPU time.\n",
+                    "%.0e;\nit differs by %.1e from a run at tolerance %.0e. Seconds are CPU time.\n",
                     d->reference, d->tol, d->reference_error, 10 * d->tol);
     app_result_rows(out, "work_precision");
     for (size_t c = 0; c < d->count; c++)

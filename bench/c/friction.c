@@ -226,7 +226,8 @@ static void open_model(const rig *r, double width, model *out) {
     out->machine = file.machine;
     out->n = r->n;
     lg_machine_file_destroy(&file);
-    need(lg_machine_program(NULL, &out->machine, NULL, NULL, &out->program, &error) == LG_OK, error.message);
+    need(lg_machine_program(NULL, &out->machine, NULL, NULL, false, &out->program, &error) == LG_OK,
+         error.message);
     out->step = plan_of(out->program, "step", &most);
     out->momenta = plan_of(out->program, "momenta", &most);
     out->velocities = plan_of(out->program, "velocities", &most);

@@ -26,7 +26,7 @@ static double *weights_of(const bench *b, const lg_cnn *net) {
     double *theta = app_alloc(lg_cnn_parameters(net), sizeof *theta);
     lg_rng rng;
     lg_rng_seed(&rng, b->app->seed, STREAM_WEIGHTS);
-    lg_cnn_initialise(net, LG_INIT_FAN_IN, &rng, theta);
+    lg_cnn_initialise(net, &rng, theta);
     return theta;
 }
 

@@ -103,7 +103,7 @@ static void open_model(const bench *b, training *l, lg_net_kind architecture) {
     lg_surrogate_fit_problem(&l->problem, &l->inner);
     l->theta = app_alloc(l->inner.parameters, sizeof *l->theta);
     lg_rng_seed(&rng, b->app->seed, STREAM_WEIGHTS);
-    lg_net_initialise(&l->model.net, LG_INIT_FAN_IN, &rng, l->theta);
+    lg_net_initialise(&l->model.net, &rng, l->theta);
 }
 
 static void fill_row(const bench *b, const training *l, const lg_fit *fit, bench_row *row) {

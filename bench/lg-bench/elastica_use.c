@@ -172,7 +172,8 @@ void bench_elastica_curve(bench *b) {
     use u = {.intervals = NODES - 1};
     if (b->given->weights == NULL)
         exit(app_usage(b->app, "elastica-curve needs a model: --weights MODEL.h5"));
-    const lg_status status = lg_surrogate_load(b->app->context, b->given->weights, NULL, &file, &error);
+    const lg_status status =
+        lg_recipe_load(b->app->context, b->given->weights, NULL, &lg_recipe_surrogate, &file, &error);
     if (status != LG_OK) exit(app_fail_file(b->app, status, &error, b->given->weights));
     u.model = &file.run.model;
     if (u.model->intervals != u.intervals)
@@ -193,5 +194,5 @@ void bench_elastica_curve(bench *b) {
         u.work = NULL;
     }
     close_use(&u);
-    lg_surrogate_file_destroy(&file);
+    lg_recipe_release(&lg_recipe_surrogate, &file);
 }

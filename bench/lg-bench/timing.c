@@ -139,7 +139,7 @@ double *bench_parameters(const lg_mlp *net) {
     lg_rng rng;
     lg_rng_seed(&rng, SEED, 0);
     double *theta = app_alloc(lg_mlp_parameters(net), sizeof *theta);
-    lg_mlp_initialise_as(net, LG_INIT_FAN_IN, &rng, theta);
+    lg_mlp_initialise(net, &rng, theta);
     return theta;
 }
 

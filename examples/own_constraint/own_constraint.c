@@ -78,7 +78,7 @@ int main(int argc, char **argv) {
     lg_hamiltonian_fit_problem(&problem, &loss);
     lg_fit_options_init(&options);
     options.epochs = 400;
-    NEED(lg_fit_plan_parse("ssbroyden", &options.plan, &error));
+    NEED(lg_fit_plan_parse("ssbroyden", true, &options.plan, &error));
     NEED(lg_fit_create(NULL, &loss, &options, theta, &fit, &error));
     NEED(lg_fit_run(fit, &error));
     lg_fit_parameters(fit, theta);

@@ -3,7 +3,7 @@
  * torque u.
  *
  * R' = hat(w) R is known; w' = N(R, w, u) is a network. A step is one step of the scheme CF4
- * (lg_taped_step_over), so R stays a rotation whatever the network returns. The state x is R row by row (9),
+ * (lg_taped_step), so R stays a rotation whatever the network returns. The state x is R row by row (9),
  * then w (3).
  */
 #include "programs.h"
@@ -44,7 +44,7 @@ static lg_var advance(learned *l, lg_tape *tape, const lg_var *in) {
     lg_var y[2];
     if (lg_space_init(&ode.space, factors, 2) != LG_OK ||
         lg_taped_split(tape, &ode.space, in[0], y) != LG_OK ||
-        lg_taped_step_over(tape, lg_scheme_find("cf4"), &ode, &over, y, y) != LG_OK)
+        lg_taped_step(tape, lg_scheme_find("cf4"), &ode, &over, y, y) != LG_OK)
         return LG_NONE;
     return lg_taped_join(tape, &ode.space, y);
 }

@@ -14,18 +14,8 @@
 #ifndef LIEGRAD_ANOMALY_H
 #define LIEGRAD_ANOMALY_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/files.h"
-#include "liegrad/fit.h"
 #include "liegrad/model.h"
-#include "liegrad/networks.h"
-#include "liegrad/program.h"
 #include "liegrad/series.h"
-#include "liegrad/settings.h"
 
 LG_BEGIN_DECLS
 
@@ -41,7 +31,7 @@ LG_BEGIN_DECLS
 
 typedef enum lg_detector_loss { LG_DETECTOR_MSE, LG_DETECTOR_CROSS_ENTROPY } lg_detector_loss;
 #define LG_DETECTOR_LOSS_COUNT 2
-/* "mse" or "cross-entropy"; "unknown" for any other value. Static storage. */
+/* "mse" or "cross-entropy"; "unknown" for any other value. */
 LG_API const char *lg_detector_loss_name(lg_detector_loss loss);
 
 /* The description of a detector; plain data. The parameters are a separate vector theta
@@ -66,10 +56,9 @@ typedef struct lg_detector_data {
     const lg_context *context; /* in whose memory the arrays are */
 } lg_detector_data;
 /* Makes the training data from the windows with the indices chosen (count), or from all windows if `chosen`
- * is NULL. The order is kept; `chosen` must list the training part first and then the validation part. Free
- * *out with lg_detector_data_destroy. Errors, with a sentence: LG_SHAPE (channels, length or classes differ
- * from the model's), LG_INVALID_ARGUMENT (no windows, an index out of range), LG_OUT_OF_MEMORY, LG_NOT_FINITE
- * (a scaled number overflows in `dtype`). */
+ * is NULL. The order is kept; `chosen` must list the training part first and then the validation part.
+ * Errors: LG_SHAPE (channels, length or classes differ from the model's), LG_INVALID_ARGUMENT (no windows, an
+ * index out of range), LG_NOT_FINITE (a scaled number overflows in `dtype`). */
 LG_API lg_status lg_detector_data_create(const lg_context *context, const lg_detector *model,
                                          const lg_scaler *scaler, const lg_series *series,
                                          const lg_windows *windows, const uint32_t *chosen, size_t count,
@@ -89,8 +78,8 @@ typedef struct lg_detector_problem {
 /* Fills *out for lg_fit. `problem` is borrowed and must outlive the fit. With lg_fit_options.restarts, a
  * network that died (see below) starts again with the weights of lg_detector_initialise. */
 LG_API void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out);
-/* Draws the weights theta (lg_cnn_parameters) by LG_INIT_FAN_IN. restart = 0 gives the first draw of the
- * random generator with this seed, restart = 1 its second draw, and so on. */
+/* Draws the weights theta (lg_cnn_parameters) as lg_cnn_initialise does. restart = 0 gives the first draw of
+ * the random generator with this seed, restart = 1 its second draw, and so on. */
 LG_API void lg_detector_initialise(const lg_detector *model, uint64_t seed, uint64_t restart, double *theta);
 
 /* ---- dead units ---- */
@@ -112,7 +101,7 @@ typedef struct lg_detector_units {
     bool died; /* always false for a single training window */
 } lg_detector_units;
 /* Counts the units of the network with the parameters theta (lg_cnn_parameters), over the training part. The
- * network is evaluated in the type of the data. Errors: LG_OUT_OF_MEMORY, the errors of the tape. */
+ * network is evaluated in the type of the data. Errors: the errors of the tape. */
 LG_API lg_status lg_detector_count_units(const lg_detector_problem *problem, const double *theta,
                                          lg_detector_units *out);
 
@@ -129,8 +118,7 @@ typedef struct lg_detector_preset {
     lg_fit_settings training;
 } lg_detector_preset;
 /* Returns the preset with this name whose noise level is nearest to `noise`. For an unknown level (NaN) it
- * returns the preset for unknown noise, or the first one if there is none. NULL for an unknown name. Static
- * storage. */
+ * returns the preset for unknown noise, or the first one if there is none. NULL for an unknown name. */
 LG_API const lg_detector_preset *lg_detector_preset_find(const char *name, double noise);
 
 /* ---- as a program ---- */
@@ -142,7 +130,7 @@ LG_API const lg_detector_preset *lg_detector_preset_find(const char *name, doubl
  *   probability  x -> probability (classes)
  *   scores       z -> probability, and `plane` if the network has a plane
  * theta is copied. `mean` and `mean_rest` sum to the mean of the scaler; `mean` is exact in single precision.
- * Free *out with lg_program_destroy. Errors: LG_OUT_OF_MEMORY, the errors of lg_program_build. */
+ * Errors: the errors of lg_program_build. */
 LG_API lg_status lg_detector_program(const lg_context *context, const lg_detector *model,
                                      const lg_scaler *scaler, const double *theta, lg_program **out,
                                      lg_error *error);
@@ -156,7 +144,7 @@ typedef struct lg_detector_plan lg_detector_plan;
 LG_API lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *model,
                                          const lg_scaler *scaler, const double *theta, lg_dtype dtype,
                                          lg_detector_plan **out, lg_error *error);
-LG_API void lg_detector_plan_destroy(lg_detector_plan *plan); /* NULL is fine */
+LG_API void lg_detector_plan_destroy(lg_detector_plan *plan);
 /* Bytes of work memory for lg_detector_eval; the memory must be aligned to 64 bytes. */
 LG_API size_t lg_detector_work_size(const lg_detector_plan *plan);
 /* Computes probability (classes) of one unscaled window x (channels, length). plane (net.plane), or NULL,
@@ -220,13 +208,12 @@ LG_API void lg_novelty_options_init(lg_novelty_options *options);
 /* Fits the distributions and limits to the windows with the indices chosen (count), or to the first `count`
  * windows if `chosen` is NULL. `options` must not be NULL. Windows of the same group are put into the same
  * fold; without groups, windows of the same run are. The bits of the result do not depend on `threads` >= 1.
- * Free *out with lg_novelty_destroy. Errors, with a sentence: LG_INVALID_ARGUMENT (fewer than 8 windows,
- * windows of one sample, more than LG_NOVELTY_FEATURES/3 channels, an option out of range), LG_NOT_FINITE,
- * LG_OUT_OF_MEMORY, LG_CANCELLED. */
+ * Errors: LG_INVALID_ARGUMENT (fewer than 8 windows, windows of one sample, more than LG_NOVELTY_FEATURES/3
+ * channels, an option out of range), LG_NOT_FINITE, LG_CANCELLED. */
 LG_API lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *options,
                                 const lg_series *series, const lg_windows *windows, const uint32_t *chosen,
                                 size_t count, int threads, lg_novelty *out, lg_error *error);
-LG_API void lg_novelty_destroy(lg_novelty *novelty); /* NULL and a zeroed structure are fine */
+LG_API void lg_novelty_destroy(lg_novelty *novelty);
 
 /* ---- evaluation of novelty ---- */
 
@@ -276,9 +263,8 @@ LG_API int lg_novelty_explain(const lg_novelty *novelty, const lg_novelty_result
 /* ---- archives of novelty ---- */
 
 /* Save and load the arrays below "novelty/" of an archive (liegrad/core.h). lg_novelty_load checks sizes and
- * values; on failure *out is zeroed. Free *out with lg_novelty_destroy. Errors of lg_novelty_load:
- * LG_NOT_FOUND (the archive has no novelty), LG_FORMAT, LG_NOT_FINITE, LG_OUT_OF_MEMORY. Errors of
- * lg_novelty_save: the errors of the writer. */
+ * values; on failure *out is zeroed. Errors of lg_novelty_load: LG_NOT_FOUND (the archive has no novelty),
+ * LG_FORMAT, LG_NOT_FINITE. Errors of lg_novelty_save: the errors of the writer. */
 LG_API lg_status lg_novelty_save(const lg_novelty *novelty, const lg_archive_writer *writer, lg_error *error);
 LG_API lg_status lg_novelty_load(const lg_context *context, const lg_archive_reader *reader, lg_novelty *out,
                                  lg_error *error);
@@ -407,11 +393,9 @@ typedef struct lg_riser_parameters {
  * only beyond the gap is accepted; it leans. */
 LG_API lg_status lg_riser_parameters_check(const lg_riser_parameters *parameters, lg_error *error);
 
-/* Changes the parameters of a drilling riser to those of a completion. The BOP then stands on a Christmas
- * tree: mass 50e3 kg, added mass 25e3 kg, displaced volume 10 m^3, submerged weight 390e3 N, height H = 4 m,
- * its centre at H/2. BOP and tree become one block: masses, volumes, weights and heights add; bop_centre is
- * the centre of all masses with added mass. The sensor on the BOP and the wires of the load relief rise by H.
- * In the riser (bore 0.19 m^2) brine of 1050 kg/m^3 replaces mud of 1350 kg/m^3. Call it once. */
+/* Changes the parameters of a drilling riser to those of a completion, with a Christmas tree below the BOP
+ * and brine in the riser (docs/detectors.md, "Setups"). BOP and tree become one block: masses, volumes,
+ * weights and heights add; bop_centre is the centre of all masses with added mass. Call it once. */
 LG_API void lg_riser_complete(lg_riser_parameters *parameters);
 
 /* ---- sea ---- */
@@ -452,8 +436,8 @@ LG_API void lg_riser_run_init(lg_riser_run *out);
 
 /* Simulates a run and writes samples (count, LG_RISER_CHANNELS) at the times 0, 1/rate, 2/rate, ... Equal
  * seeds give equal bits on machines with the same instruction set. Threads may call it at the same time.
- * Errors, with a sentence: LG_INVALID_ARGUMENT (a number out of range, a structure that cannot stand, waves
- * that overflow), LG_OUT_OF_MEMORY, LG_CANCELLED, LG_NOT_FINITE (the time step is too large). */
+ * Errors: LG_INVALID_ARGUMENT (a number out of range, a structure that cannot stand, waves that overflow),
+ * LG_CANCELLED, LG_NOT_FINITE (the time step is too large). */
 LG_API lg_status lg_riser_simulate(const lg_context *context, const lg_riser_parameters *parameters,
                                    const lg_riser_run *run, size_t count, float *samples, lg_error *error);
 
@@ -494,27 +478,6 @@ typedef struct lg_detector_file {
     lg_novelty novelty;            /* fitted to the training windows; zero without such a fit */
     double accuracy, f1, test_mse; /* on the test part; NaN if unknown */
 } lg_detector_file;
-
-/* Saves a model file of kind "detector": the weights /model/conv1/weight, ... with the names of lg_cnn_slice,
- * /scaler/mean and /scaler/scale (channels), the attributes `classes`, `class_labels`, `channels`, `rate`,
- * `accuracy`, `f1` and `test_mse` of the root, /novelty (lg_novelty_save) if there is one, and the functions
- * of the model. The attribute `blocks` of /model lists the blocks of the network as "12 kernel 5 stride 1
- * padding 0 average 2/2, 24 kernel ...": the number of channels, then kernel, stride and padding, then the
- * pooling, which is `none`, or `average` or `max` with size/stride. `file` is only read. If `fit` is not NULL
- * its history is stored instead of the history of `file`, and during training by Adam also the state of the
- * optimizer; see lg_hamiltonian_save. Errors: LG_INVALID_ARGUMENT (a model that lg_detector_check would
- * refuse, sizes that do not fit, classes without names), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_detector_save(const lg_context *context, const char *path, const lg_detector_file *file,
-                                  const lg_fit *fit, lg_error *error);
-/* Loads a file of kind "detector"; free *out with lg_detector_file_destroy. A file written by hand needs the
- * attribute `kind`, /scaler, the weights, and the attributes of /model: `channels`, `length`, `blocks` (of
- * each block everything from `stride` on may be left out; then stride 1, padding 0, no pooling), `plane`,
- * `activation`, `classes`, `loss` and `centred`. Without the root attribute `classes` the classes are named
- * "0", "1", ... Errors: the errors of readers (liegrad/files.h). */
-LG_API lg_status lg_detector_load(const lg_context *context, const char *path, const lg_read_options *options,
-                                  lg_detector_file *out, lg_error *error);
-/* Frees the arrays and zeroes the structure. NULL is fine. */
-LG_API void lg_detector_file_destroy(lg_detector_file *file);
 
 LG_END_DECLS
 

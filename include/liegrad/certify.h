@@ -8,26 +8,15 @@
  *   status = lg_certify_run(certify, SIZE_MAX, 60, &result, &error);
  *   puts(result.claim);
  *
- * What is proved. Let S be the part of {V <= c} in the state box. Then (1) V > c on the boundary of the
- * box, so S is not left through it; (2) V' < 0 (for steps: V(F(x)) - V(x) < 0) on S, except where (3) V <
- * eps within a small neighbourhood N of the goal, outside of which V >= eps. Hence all motions from S reach
- * {V < eps} and stay. If in addition (4) the goal is an exact equilibrium and V' = x^T M x on N with
- * interval matrices M that are negative definite, they converge to the goal. Every inequality is proved
- * with outward rounding. On every box that is used, flags (liegrad/interval.h) must show that V, its
- * gradient and the rate (held loops: the rate and the input) are Lipschitz continuous; where they may jump
- * or be undefined, the level is lowered below that state, or the proof of a given level fails with the box.
- * For a held loop (`control`) F is the motion during one period. Where the operations show that V and V' are
- * even functions of x - goal, half of the box is examined. Points that refute the claim are proved, too;
- * nothing is sampled. Steps: the statements are about the function F, not about a machine, and hold at the
- * steps; and without (4) motions reach {V < eps} again and again and stay in S. For a held loop V <=
- * `between` holds between the samples. */
+ * What is proved about S, the part of {V <= c} in the state box: (1) V > c on the boundary of the box, so S
+ * is not left through it; (2) V' < 0 (for steps: V(F(x)) - V(x) < 0) on S, except where (3) V < eps within a
+ * small neighbourhood N of the goal, outside of which V >= eps. Hence all motions from S reach {V < eps} and
+ * stay. If in addition (4) the goal is an exact equilibrium and V' = x^T M x on N with interval matrices M
+ * that are negative definite, they converge to the goal. docs/certificates.md ("The claim") says how this is
+ * proved, and what it means for steps, for held inputs (`control`) and where the loop may jump. */
 #ifndef LIEGRAD_CERTIFY_H
 #define LIEGRAD_CERTIFY_H
 
-#include <stdbool.h>
-#include <stddef.h>
-
-#include "liegrad/core.h"
 #include "liegrad/program.h"
 
 LG_BEGIN_DECLS
@@ -94,16 +83,15 @@ typedef struct lg_certify_result {
 } lg_certify_result;
 
 LG_API void lg_certify_spec_init(lg_certify_spec *spec);
-/* Prepares a proof; the caller destroys it. Nothing of `spec` is kept. Errors: LG_INVALID_ARGUMENT (sizes, a
- * box that does not hold the goal, P not positive definite), LG_NOT_FOUND (functions), LG_UNSUPPORTED (an
- * operation without interval form or Taylor coefficients; steps and held loops without P), LG_OUT_OF_MEMORY.
- * */
+/* Prepares a proof. Nothing of `spec` is kept. Errors: LG_INVALID_ARGUMENT (sizes, a box that does not hold
+ * the goal, P not positive definite), LG_NOT_FOUND (functions), LG_UNSUPPORTED (an operation without interval
+ * form or Taylor coefficients; steps and held loops without P). */
 LG_API lg_status lg_certify_create(const lg_context *context, const lg_certify_spec *spec, lg_certify **out,
                                    lg_error *error);
-LG_API void lg_certify_destroy(lg_certify *certify); /* NULL is allowed */
+LG_API void lg_certify_destroy(lg_certify *certify);
 /* Works until the proof is finished, has failed, or `boxes` more boxes or about `seconds` are spent; a
  * further call continues. A run by boxes gives the same result on every call. Errors: LG_CANCELLED,
- * LG_OUT_OF_MEMORY, LG_INVALID_ARGUMENT. */
+ * LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_certify_run(lg_certify *certify, size_t boxes, double seconds, lg_certify_result *result,
                                 lg_error *error);
 
@@ -156,9 +144,9 @@ typedef struct lg_certificate {
 /* Makes the certificate of a proof that succeeded. `spec` is that of the proof, with a quadratic V; or, of
  * continuous inputs, it may have the two functions of a held loop and the period 0. The tree is proved again,
  * from the code that `out` holds, on at most `seconds`. `out` gets everything but names and hashes; it is
- * destroyed on failure. Errors: LG_INVALID_ARGUMENT (NULL, a proof that did not succeed), LG_UNSUPPORTED
- * (steps, V that is no quadratic form, operations that files cannot hold), LG_CHECK_FAILED (no tree of a
- * million boxes proves it, or none in the time), those of lg_certify_create. */
+ * destroyed on failure. Errors: LG_INVALID_ARGUMENT (a proof that did not succeed), LG_UNSUPPORTED (steps, V
+ * that is no quadratic form, operations that files cannot hold), LG_CHECK_FAILED (no tree of a million boxes
+ * proves it, or none in the time), those of lg_certify_create. */
 LG_API lg_status lg_certificate_make(const lg_context *context, const lg_certify_spec *spec,
                                      const lg_certify_result *proved, double seconds, lg_certificate *out,
                                      lg_error *error);
@@ -170,7 +158,7 @@ LG_API void lg_certificate_destroy(lg_certificate *certificate);
 LG_API lg_status lg_certify_open(const lg_context *context, const lg_certificate *certificate, int threads,
                                  lg_certify **out, lg_error *error);
 /* Whether functions of a program, as in lg_certify_spec, have the code of the certificate, operation by
- * operation. Errors: LG_INVALID_ARGUMENT, LG_NOT_FOUND, LG_UNSUPPORTED, LG_OUT_OF_MEMORY. */
+ * operation. Errors: LG_INVALID_ARGUMENT, LG_NOT_FOUND, LG_UNSUPPORTED. */
 LG_API lg_status lg_certificate_compare(const lg_certificate *certificate, const lg_program *program,
                                         const char *rate, const char *control, bool *same_plant,
                                         bool *same_controller, lg_error *error);
@@ -214,8 +202,8 @@ typedef struct lg_certify_energy_result {
 } lg_certify_energy_result;
 
 LG_API void lg_certify_energy_spec_init(lg_certify_energy_spec *spec);
-/* Errors: LG_INVALID_ARGUMENT (numbers, ports), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form),
- * LG_OUT_OF_MEMORY. A claim that does not hold is no error: `verified` is false, the result says where. */
+/* Errors: LG_INVALID_ARGUMENT (numbers, ports), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form). A claim that
+ * does not hold is no error: `verified` is false, the result says where. */
 LG_API lg_status lg_certify_energy(const lg_context *context, const lg_certify_energy_spec *spec,
                                    lg_certify_energy_result *result, lg_error *error);
 
@@ -233,8 +221,8 @@ typedef struct lg_certify_attitude_result {
  * w.D w. Phi is critical at Q = 1 and at rotations by pi about the eigenvectors of A, with the values 2 (a_j
  * + a_k) of the other two eigenvalues. If all of them are positive, Q = 1 is the only critical rotation of
  * {V < the lowest}, and by LaSalle's theorem motions from there converge to it. No continuous feedback does
- * so from all rotations. The form of the loop is the caller's statement. Errors: LG_INVALID_ARGUMENT (NULL,
- * A not symmetric to 1e-12), LG_NOT_FINITE. */
+ * so from all rotations. The form of the loop is the caller's statement. Errors: LG_INVALID_ARGUMENT (A not
+ * symmetric to 1e-12), LG_NOT_FINITE. */
 LG_API lg_status lg_certify_attitude(const double *A, double damping, lg_certify_attitude_result *result,
                                      lg_error *error);
 
@@ -266,8 +254,8 @@ typedef struct lg_certify_rotation_result {
 } lg_certify_rotation_result;
 
 LG_API void lg_certify_rotation_spec_init(lg_certify_rotation_spec *spec);
-/* Errors: LG_INVALID_ARGUMENT (NULL, sizes, J not symmetric to 1e-9 or not positive definite, limits or
- * gains out of range), LG_NOT_FINITE. */
+/* Errors: LG_INVALID_ARGUMENT (sizes, J not symmetric to 1e-9 or not positive definite, limits or gains out
+ * of range), LG_NOT_FINITE. */
 LG_API lg_status lg_certify_rotation(const lg_certify_rotation_spec *spec, lg_certify_rotation_result *result,
                                      lg_error *error);
 

@@ -19,47 +19,26 @@
 #ifndef LIEGRAD_CLASSIFY_H
 #define LIEGRAD_CLASSIFY_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/program.h"
 #include "liegrad/series.h"
 
 LG_BEGIN_DECLS
 
 /* ---- features ---- */
 
-/* The features of a window of m selected channels, and their number d. */
+/* The features of a window of m selected channels, with their number d. docs/detectors.md ("Features") has
+ * the formulas; denominators are `length`, channels are scaled except for RAW and STD. */
 typedef enum lg_feature_kind {
-    /* The samples themselves, channel by channel: d = m length. */
-    LG_FEATURES_RAW,
-    /* Standard deviation of each channel (denominator `length`): d = m. */
-    LG_FEATURES_STD,
-    /* Symmetric square root of the covariance matrix of the scaled channels (denominator `length`): its upper
-     * triangle, row by row, d = m (m + 1)/2. */
-    LG_FEATURES_COV,
-    /* ln(P + LG_FEATURES_FLOOR), where P is the power of each centred and scaled channel in each of `bands`
-     * frequency bands (lg_spectrum): d = m bands. There are 8 bands, or fewer if the window is too short for
-     * 8; a window needs at least 4 samples. */
-    LG_FEATURES_SPECTRUM,
-    /* For pairs of an acceleration and a moment: the window is cut into `segments` parts, and the standard
-     * deviation of both channels is computed in each part. The features are intercept and slope of the
-     * regression line of the moment's deviations on the acceleration's deviations: d = 2 pairs. The slope is
-     * 0 if the deviations of the acceleration are all equal. */
-    LG_FEATURES_BASELINE,
-    /* Random convolutions: the parts of the window where a convolution is above a threshold, d numbers in
-     * [0, 1]. lg_rocket has the formula; lg_rocket_fit makes these features, which depend on training
-     * windows. */
-    LG_FEATURES_ROCKET
+    LG_FEATURES_RAW,      /* samples, channel by channel: m length */
+    LG_FEATURES_STD,      /* standard deviation of each channel: m */
+    LG_FEATURES_COV,      /* upper triangle of the root of the covariance matrix: m (m + 1)/2 */
+    LG_FEATURES_SPECTRUM, /* ln(P + LG_FEATURES_FLOOR) of the power P in each band (lg_spectrum): m bands */
+    LG_FEATURES_BASELINE, /* regression lines of moments on accelerations: 2 pairs */
+    LG_FEATURES_ROCKET    /* random convolutions (lg_rocket, lg_rocket_fit): d numbers in [0, 1] */
 } lg_feature_kind;
 #define LG_FEATURE_KIND_COUNT 6
 #define LG_FEATURES_FLOOR     1e-6 /* for SPECTRUM: the square of a thousandth of the scale */
-/* "raw", "std", "cov", "spectrum", "baseline" or "rocket"; "unknown" for any other value. Static storage. */
+/* "raw", "std", "cov", "spectrum", "baseline" or "rocket"; "unknown" for any other value. */
 LG_API const char *lg_feature_kind_name(lg_feature_kind kind);
-/* LG_NOT_FOUND for other names. */
-LG_API lg_status lg_feature_kind_parse(const char *name, lg_feature_kind *out);
 
 /* Random convolution features, after MiniRocket (Dempster, Schmidt, Webb, KDD 2021; its version for several
  * channels draws channels as here). Kernels have nine taps: 84 kernels have weights -1, and 2 at three taps,
@@ -106,10 +85,9 @@ typedef struct lg_features {
  * channels of the x-direction are used: those whose names end in "_x", or channels 0, 2, 4, ... of a set
  * without names. BASELINE pairs each acc_lower with the moment of the same ending, such as acc_lower_x and
  * moment_x; without names the pairs are channels 0 and 4, and 1 and 5. `scaler` gives the scale of each
- * channel and must be fitted on the training part; NULL stands for scale 1. Free *out with
- * lg_features_destroy. Errors: LG_INVALID_ARGUMENT (no channel of the x-direction, BASELINE without a pair or
- * with fewer samples than segments, SPECTRUM with fewer than 4 samples, a scaler that does not fit, more than
- * 2^20 features), LG_OUT_OF_MEMORY. */
+ * channel and must be fitted on the training part; NULL stands for scale 1. Errors: LG_INVALID_ARGUMENT (no
+ * channel of the x-direction, BASELINE without a pair or with fewer samples than segments, SPECTRUM with
+ * fewer than 4 samples, a scaler that does not fit, more than 2^20 features). */
 LG_API lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
                                     const lg_series *series, uint32_t length, const lg_scaler *scaler,
                                     lg_features *out, lg_error *error);
@@ -128,15 +106,13 @@ LG_API void lg_rocket_options_init(lg_rocket_options *options);
  * has the same number of features. Its dilations are floor(2^e), with at most 32 values e evenly spaced
  * from 0 to log2((length - 1)/8); padding alternates; the number of channels that are added
  * up is 2^u with a uniform u, at most 9. A bias is a quantile of the convolution of one random training
- * window, at the levels frac((i + 1) phi), phi the golden ratio. Free *out with lg_features_destroy.
- * Errors: LG_INVALID_ARGUMENT (no windows, fewer than 9 samples, `features` out of range, a scaler that
- * does not fit), LG_NOT_FINITE, LG_OUT_OF_MEMORY. */
+ * window, at the levels frac((i + 1) phi), phi the golden ratio. Errors: LG_INVALID_ARGUMENT (no windows,
+ * fewer than 9 samples, `features` out of range, a scaler that does not fit), LG_NOT_FINITE. */
 LG_API lg_status lg_rocket_fit(const lg_context *context, const lg_rocket_options *options,
                                const lg_series *series, const lg_windows *windows, const uint32_t *chosen,
                                size_t count, const lg_scaler *scaler, lg_features *out, lg_error *error);
 /* Leaves out all random convolution features but those with the indices keep (count), in rising order.
- * Errors, in which case *features is unchanged: LG_UNSUPPORTED (another kind), LG_INVALID_ARGUMENT,
- * LG_OUT_OF_MEMORY. */
+ * Errors, in which case *features is unchanged: LG_UNSUPPORTED (another kind), LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_rocket_prune(lg_features *features, const uint32_t *keep, size_t count, lg_error *error);
 /* Bytes of work memory for lg_features_compute. */
 LG_API size_t lg_features_work_size(const lg_features *features);
@@ -166,7 +142,7 @@ LG_API int lg_features_name(const lg_features *features, const lg_series *series
                             size_t size);
 /* Computes the features of all windows: out (windows->count, d). The bits do not depend on `threads` >= 1.
  * Errors, out is then undefined: LG_INVALID_ARGUMENT (windows that do not fit the features), the errors of
- * lg_features_compute (the sentence names the window), LG_OUT_OF_MEMORY, LG_CANCELLED. */
+ * lg_features_compute (the sentence names the window), LG_CANCELLED. */
 LG_API lg_status lg_features_table(const lg_context *context, const lg_features *features,
                                    const lg_series *series, const lg_windows *windows, int threads,
                                    double *out, lg_error *error);
@@ -189,8 +165,7 @@ typedef struct lg_pca {
 } lg_pca;
 /* Fits standardisation and components to x (n, d). components (k) is 0..min(n, d). For components > 0 the
  * smaller of n and d must be at most 8192. For d > n they are singular vectors
- * of Z. Free *out with lg_pca_destroy. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_NO_CONVERGENCE,
- * LG_OUT_OF_MEMORY. */
+ * of Z. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_NO_CONVERGENCE. */
 LG_API lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint32_t d,
                             uint32_t components, lg_pca *out, lg_error *error);
 LG_API void lg_pca_destroy(lg_pca *pca);
@@ -215,8 +190,8 @@ typedef struct lg_logistic {
  * backtracking. The intercepts are not penalised. C > 0. For d >= n the search is restricted to the span of
  * the rows, which contains the minimiser. With more than two classes the intercepts add up to 0, and so do
  * the weights of each feature. A class without rows gets weights 0 and intercept -10^4, so its probability is
- * 0. Free *out with lg_logistic_destroy. Errors: LG_INVALID_ARGUMENT (fewer than two classes with rows, a
- * label out of range), LG_NO_CONVERGENCE, LG_NOT_FINITE, LG_OUT_OF_MEMORY. */
+ * 0. Errors: LG_INVALID_ARGUMENT (fewer than two classes with rows, a label out of range), LG_NO_CONVERGENCE,
+ * LG_NOT_FINITE. */
 LG_API lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint32_t *label, size_t n,
                                  uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error);
 LG_API void lg_logistic_destroy(lg_logistic *model);
@@ -231,7 +206,7 @@ LG_API void lg_logistic_destroy(lg_logistic *model);
  * otherwise a row for each class. x (n, d) is overwritten. The result has the same bits for any number of
  * threads. Memory: some 20 min(n, d)^2 bytes. From 256 rows on, if n <= 5 d, the error is followed downhill
  * from the penalty that suits every fifth row; otherwise every third penalty and the neighbours of the best
- * one are tried. Free *out with lg_logistic_destroy. Errors: the errors of lg_logistic_fit. */
+ * one are tried. Errors: the errors of lg_logistic_fit. */
 LG_API lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *label, size_t n,
                               uint32_t d, uint32_t classes, int threads, lg_logistic *out, lg_error *error);
 
@@ -243,8 +218,6 @@ typedef enum lg_tree_criterion {
 } lg_tree_criterion; /* impurity of a node; entropy in bits */
 #define LG_CRITERION_COUNT 2
 LG_API const char *lg_tree_criterion_name(lg_tree_criterion criterion); /* "gini", "entropy" */
-LG_API lg_status lg_tree_criterion_parse(const char *name,
-                                         lg_tree_criterion *out); /* LG_NOT_FOUND for other names */
 
 /* The comments give the values of lg_tree_options_init. */
 typedef struct lg_tree_options {
@@ -278,9 +251,9 @@ typedef struct lg_tree {
  * the lower feature is taken, then the one with the lower threshold. An impure node is split whenever options
  * and values allow it, even if the split does not decrease the impurity, because "exclusive or" needs such a
  * split. Nodes are in depth-first order, left before right. Columns are sorted once; then each level of the
- * tree costs O(d n). Memory: 16 d n bytes. Free *out with lg_tree_destroy. Errors: LG_INVALID_ARGUMENT (n, d
- * or classes is 0, n > 2^29, a label out of range, min_samples_split < 2, min_samples_leaf < 1, ccp_alpha
- * negative or not finite), LG_NOT_FINITE, LG_OUT_OF_MEMORY, LG_CANCELLED. */
+ * tree costs O(d n). Memory: 16 d n bytes. Errors: LG_INVALID_ARGUMENT (n, d or classes is 0, n > 2^29, a
+ * label out of range, min_samples_split < 2, min_samples_leaf < 1, ccp_alpha negative or not finite),
+ * LG_NOT_FINITE, LG_CANCELLED. */
 LG_API lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options, const double *x,
                              const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
                              lg_error *error);
@@ -297,14 +270,13 @@ typedef struct lg_pruning_step {
     uint32_t nodes;         /* of the pruned tree */
 } lg_pruning_step;
 /* Writes the first steps of the sequence to steps (room); *count becomes the length of the whole sequence.
- * steps may be NULL if room is 0. The work is O(nodes^2). Errors: LG_INVALID_ARGUMENT (an empty tree),
- * LG_OUT_OF_MEMORY. */
+ * steps may be NULL if room is 0. The work is O(nodes^2). Errors: LG_INVALID_ARGUMENT (an empty tree). */
 LG_API lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, size_t room,
                                       lg_pruning_step *steps, size_t *count);
 /* Computes the smallest subtree that minimises R_alpha, up to rounding. For an alpha of the pruning path this
  * is the tree of the last step with this alpha. alpha = 0 removes splits that do not decrease the impurity;
  * alpha = infinity leaves only the root. *out must not be *tree; free it with lg_tree_destroy. Errors:
- * LG_INVALID_ARGUMENT (alpha is negative or NaN, an empty tree), LG_OUT_OF_MEMORY. */
+ * LG_INVALID_ARGUMENT (alpha is negative or NaN, an empty tree). */
 LG_API lg_status lg_tree_prune(const lg_context *context, const lg_tree *tree, double alpha, lg_tree *out);
 
 /* ---- support vector machines: trained by libsvm, evaluated by this library ---- */
@@ -328,8 +300,8 @@ typedef struct lg_svm {
  * x is the variance over all numbers of x, and for 1 if all numbers are equal; it is not used by the linear
  * kernel. A class without rows has no support vectors and is never the answer. Features should be
  * standardised, because libsvm computes |x - y|^2 from squares and a product. The function replaces libsvm's
- * print function by one that prints nothing. Free *out with lg_svm_destroy. Errors: the errors of
- * lg_logistic_fit; LG_INVALID_ARGUMENT also for a C that does not fit the size of the features. */
+ * print function by one that prints nothing. Errors: the errors of lg_logistic_fit; LG_INVALID_ARGUMENT also
+ * for a C that does not fit the size of the features. */
 LG_API lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, double gamma,
                             const double *x, const uint32_t *label, size_t n, uint32_t d, uint32_t classes,
                             lg_svm *out, lg_error *error);
@@ -350,8 +322,6 @@ typedef enum lg_classifier_method {
 #define LG_METHOD_COUNT 5
 /* "logistic", "tree", "svm-linear", "svm-rbf" or "ridge". */
 LG_API const char *lg_classifier_method_name(lg_classifier_method method);
-LG_API lg_status lg_classifier_method_parse(const char *name,
-                                            lg_classifier_method *out); /* LG_NOT_FOUND for other names */
 
 /* The comments give the values of lg_classifier_options_init. */
 typedef struct lg_classifier_options {
@@ -380,9 +350,9 @@ typedef struct lg_classifier {
 
 /* Fits standardisation, components and model to rows of a table x (.., d) with labels label (..): to the rows
  * with the indices chosen (count), or to the first `count` rows if `chosen` is NULL. out->features must be
- * set, or zero, before and stays as it is; the other members of *out are overwritten. Free *out with
- * lg_classifier_destroy. Errors: LG_INVALID_ARGUMENT (no rows, an option out of range), the errors of
- * lg_pca_fit and of the fit of the method. */
+ * set, or zero, before and stays as it is; the other members of *out are overwritten. Errors:
+ * LG_INVALID_ARGUMENT (no rows, an option out of range), the errors of lg_pca_fit and of the fit of the
+ * method. */
 LG_API lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_options *options,
                                    const double *x, const uint32_t *label, const uint32_t *chosen,
                                    size_t count, uint32_t d, uint32_t classes, lg_classifier *out,
@@ -391,8 +361,8 @@ LG_API void lg_classifier_destroy(lg_classifier *classifier); /* frees the featu
 /* Finds features with large weights: index (count), in rising order. The features are cut into groups of
  * neighbours, as equal as can be, and each group gives its share of the features with the largest norms of
  * weights over the classes. For the methods logistic and ridge without principal components. Errors:
- * LG_INVALID_ARGUMENT (NULL, no groups, more features than there are), LG_UNSUPPORTED (another method, or
- * components), LG_OUT_OF_MEMORY. */
+ * LG_INVALID_ARGUMENT (no groups, more features than there are), LG_UNSUPPORTED (another method, or
+ * components). */
 LG_API lg_status lg_classifier_largest(const lg_context *context, const lg_classifier *classifier,
                                        size_t groups, size_t count, uint32_t *index, lg_error *error);
 /* Bytes of work memory for the two functions below. */
@@ -420,14 +390,13 @@ LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const flo
  *             the decision is 1 if only i has support vectors, -1 if only j has, and 0 if neither has
  * The derivative of y by f is LG_DERIVATIVE_ADJOINT of `value` (not for trees, where it is 0);
  * lg_features_reverse continues to the window. The parameter `eps` is by how much the scores of an SVM are
- * raised; set it to FLT_EPSILON for single precision. The caller destroys *out. Errors: LG_INVALID_ARGUMENT
- * (NULL, not fitted), LG_OUT_OF_MEMORY, the errors of lg_program_build. */
+ * raised; set it to FLT_EPSILON for single precision. Errors: LG_INVALID_ARGUMENT (not fitted), the errors of
+ * lg_program_build. */
 LG_API lg_status lg_classifier_program(const lg_context *context, const lg_classifier *classifier,
                                        lg_program **out, lg_error *error);
 /* Save and load the arrays and texts below "classifier/" of an archive (liegrad/core.h). lg_classifier_load
- * checks sizes and values; on failure *out is zeroed. Free *out with lg_classifier_destroy. Errors of
- * lg_classifier_load: LG_FORMAT, LG_NOT_FINITE, LG_OUT_OF_MEMORY. Errors of lg_classifier_save: the errors of
- * the writer, LG_OUT_OF_MEMORY. */
+ * checks sizes and values; on failure *out is zeroed. Errors of lg_classifier_load: LG_FORMAT, LG_NOT_FINITE.
+ * Errors of lg_classifier_save: the errors of the writer. */
 LG_API lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_writer *writer,
                                     lg_error *error);
 LG_API lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader *reader,

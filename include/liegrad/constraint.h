@@ -25,18 +25,11 @@
  * constraints depend on each other, where a row of G vanishes, and near points where this happens. Below
  * LG_CONSTRAINT_LEAST_RANK nothing is computed.
  *
- * Functions with an lg_error explain errors there; it may be NULL. A state is q, then p (2n numbers). The
- * object does not change after its creation: threads may share it. */
+ * A state is q, then p (2n numbers). The object does not change after its creation: threads may share it. */
 #ifndef LIEGRAD_CONSTRAINT_H
 #define LIEGRAD_CONSTRAINT_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/mechanics.h"
-#include "liegrad/program.h"
 
 LG_BEGIN_DECLS
 
@@ -49,11 +42,11 @@ typedef struct lg_constraint lg_constraint;
 
 /* Makes the object from a program, which is only read. Derivatives of g are exact. Errors, with the function
  * in `error`: LG_FORMAT (no function `constraint`; wrong inputs, outputs or sizes; a mass that depends on q
- * or is not symmetric and positive definite), LG_NOT_FINITE (a mass), LG_OUT_OF_MEMORY, those of
- * lg_program_build and lg_program_derive. */
+ * or is not symmetric and positive definite), LG_NOT_FINITE (a mass), those of lg_program_build and
+ * lg_program_derive. */
 LG_API lg_status lg_constraint_create(const lg_context *context, const lg_program *program,
                                       lg_constraint **out, lg_error *error);
-LG_API void lg_constraint_destroy(lg_constraint *constraint);               /* NULL is allowed. */
+LG_API void lg_constraint_destroy(lg_constraint *constraint);
 LG_API uint32_t lg_constraint_coordinates(const lg_constraint *constraint); /* n */
 LG_API uint32_t lg_constraint_equations(const lg_constraint *constraint);   /* m */
 LG_API bool lg_constraint_moves(const lg_constraint *constraint); /* Whether there is a `potential`. */
@@ -71,8 +64,8 @@ typedef struct lg_constraint_view {
 } lg_constraint_view;
 
 /* Looks at a state. `size` is L; 0 means |q|. Errors, with the point in `error`: LG_NOT_FINITE (g or its
- * derivatives), LG_FORMAT (rank below LG_CONSTRAINT_LEAST_RANK), LG_OUT_OF_MEMORY. `out` is written unless
- * the status is LG_OUT_OF_MEMORY. */
+ * derivatives), LG_FORMAT (rank below LG_CONSTRAINT_LEAST_RANK). `out` is written unless the status is
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_constraint_look(const lg_constraint *constraint, double size, const double *state,
                                     lg_constraint_view *out, lg_error *error);
 /* Replaces q by the point of Q that Newton's method, q -= G^T (G G^T)^-1 g, finds from q, to rounding; then p
@@ -83,7 +76,7 @@ LG_API lg_status lg_constraint_project(const lg_constraint *constraint, double s
 
 /* ---- motions; LG_UNSUPPORTED without `potential` ---- */
 
-/* H at a state on T*Q. Errors: LG_UNSUPPORTED, LG_OUT_OF_MEMORY. */
+/* H at a state on T*Q. Errors: LG_UNSUPPORTED. */
 LG_API lg_status lg_constraint_energy(const lg_constraint *constraint, const double *state, double *out,
                                       lg_error *error);
 /* `steps` steps of RATTLE (Andersen 1983) of size h, which is symplectic on T*Q. With u = p - G^T lambda:
@@ -94,8 +87,8 @@ LG_API lg_status lg_constraint_energy(const lg_constraint *constraint, const dou
  * out (steps/every + 1, 2n) gets every `every`-th state, beginning with y0, which is not projected; p of the
  * others satisfies P p = p. Errors, with the time and the point in `error`: LG_INVALID_ARGUMENT (order, h,
  * steps, every does not divide steps), LG_NO_CONVERGENCE (h is too long, or the normals of Q turn by a right
- * angle within a step), LG_FORMAT and LG_NOT_FINITE as lg_constraint_look, LG_UNSUPPORTED, LG_CANCELLED,
- * LG_OUT_OF_MEMORY. Rows before the failure are written. */
+ * angle within a step), LG_FORMAT and LG_NOT_FINITE as lg_constraint_look, LG_UNSUPPORTED, LG_CANCELLED. Rows
+ * before the failure are written. */
 LG_API lg_status lg_constraint_rattle(const lg_constraint *constraint, int order, double h, size_t steps,
                                       size_t every, const double *y0, double *out, lg_error *error);
 /* The motion at `times` (increasing), which starts at y0 at times[0]: out (count, 2n). The scheme is dp85 in

@@ -14,11 +14,6 @@
 #ifndef LIEGRAD_CONTROL_H
 #define LIEGRAD_CONTROL_H
 
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/integrators.h"
 #include "liegrad/model.h"
 
 LG_BEGIN_DECLS
@@ -68,7 +63,7 @@ LG_API size_t lg_riccati_work_size(size_t n, size_t m);
  * each correction is at most half the one before, with residuals that are summed in twice the digits (Ogita,
  * Rump & Oishi 2005).
  *
- * Errors, explained in `error`; no output is touched then:
+ * Errors; no output is touched then:
  * - LG_INVALID_ARGUMENT: sizes, NULL, too little or misaligned memory; Q or R not symmetric; lg_care: R not
  *   positive definite
  * - LG_NOT_FINITE: a number of A, B, Q, R or S

@@ -2,11 +2,15 @@
  * archives (how state is saved) and ranks (processes that compute together). The functions are in the library
  * liegrad, except lg_mpi_..., which are in liegrad_mpi.
  *
- * Rules for all headers:
+ * Rules for all headers; comments do not repeat them:
  *
- * - Errors. Every public function that can fail returns an lg_status, LG_OK on success. When it fails, its
- *   pure outputs are unchanged; a comment says what happens to an argument that is both input and output. The
- *   library never exits, aborts or prints.
+ * - Errors. Every public function that can fail returns an lg_status, LG_OK on success, and writes a sentence
+ *   about a failure to its lg_error. When it fails, its pure outputs are unchanged; a comment says what
+ *   happens to an argument that is both input and output. Every function that needs memory may return
+ *   LG_OUT_OF_MEMORY. The library never exits, aborts or prints.
+ * - Ownership. What a function makes belongs to the caller, who frees it with the function ..._destroy of its
+ *   type. This function takes NULL and zeroed structures, and leaves a structure zeroed. Other pointers that
+ *   functions return, such as names, belong to their argument, or have static storage.
  * - NULL is allowed for a context (then the C library's allocator is used, without log and cancel flag), for
  *   an lg_error, for the argument of a function that destroys, and where a comment says so. For any other
  *   NULL pointer, a function that returns an lg_status returns LG_INVALID_ARGUMENT
@@ -78,10 +82,10 @@ typedef struct lg_error {
 } lg_error;
 
 /* Returns the name of a status without its prefix: "OK", "SHAPE", ...; "UNKNOWN" for a value outside of
- * LG_STATUS_LIST. The text has static storage. */
+ * LG_STATUS_LIST. */
 LG_API const char *lg_status_name(lg_status status);
 
-/* Returns the sentence of LG_STATUS_LIST about a status, or "unknown status". The text has static storage. */
+/* Returns the sentence of LG_STATUS_LIST about a status, or "unknown status". */
 LG_API const char *lg_status_sentence(lg_status status);
 
 /* ---- contexts ----
@@ -131,15 +135,14 @@ typedef struct lg_context_options {
 /* Sets the defaults: the C library's allocator, no log, no cancel flag. */
 LG_API void lg_context_options_init(lg_context_options *options);
 
-/* Creates a context; the caller destroys it. `options` is copied, NULL means the defaults. Errors:
- * LG_INVALID_ARGUMENT (`size` is wrong, or only one of `allocate` and `release` is given),
- * LG_OUT_OF_MEMORY. */
+/* Creates a context. `options` is copied, NULL means the defaults. Errors: LG_INVALID_ARGUMENT (`size` is
+ * wrong, or only one of `allocate` and `release` is given). */
 LG_API lg_status lg_context_create(const lg_context_options *options, lg_context **out);
-LG_API void lg_context_destroy(lg_context *context); /* NULL is allowed */
+LG_API void lg_context_destroy(lg_context *context);
 
 /* ---- version and machine ---- */
 
-/* Returns the version of the library, such as "2.0.0". The text has static storage. */
+/* Returns the version of the library, such as "2.0.0". */
 LG_API const char *lg_version(void);
 
 /* Writes one line to `text` that names the instruction set of the kernels, the BLAS, the processor type for
@@ -263,11 +266,11 @@ typedef struct lg_ranks {
  * first item of part number `rank`, *end the item after its last one. */
 LG_API void lg_ranks_part(uint32_t rank, uint32_t count, size_t total, size_t *first, size_t *end);
 /* Copies the `bytes` bytes at `data` from rank `from` to `data` on all other ranks. Collective. Errors:
- * LG_INVALID_ARGUMENT (NULL), LG_OUT_OF_MEMORY, the status of the exchange. */
+ * the status of the exchange. */
 LG_API lg_status lg_ranks_share(const lg_ranks *ranks, uint32_t from, void *data, size_t bytes);
 /* Makes all ranks return the same status: LG_OK when every rank passed LG_OK, else the status of the lowest
- * rank that passed a failure. Then `error` (may be NULL) gets that rank's message on all ranks. Collective.
- * Errors of its own: LG_INVALID_ARGUMENT (NULL), LG_OUT_OF_MEMORY, the status of the exchange. */
+ * rank that passed a failure. Then `error` gets that rank's message on all ranks. Collective. Errors of its
+ * own: the status of the exchange. */
 LG_API lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_error *error);
 
 /* ---- ranks of MPI (library liegrad_mpi) ----
@@ -283,12 +286,10 @@ LG_API lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_erro
  * The exchanges send bytes by MPI_Iallgatherv, MPI_Ibcast, MPI_Isend and MPI_Irecv, on the thread that calls
  * the library. The library never lets MPI add numbers, because such a sum depends on the number of ranks.
  *
- * A thread of each rank sends a sign of life every second, also while the rank computes. If a rank sends no
- * sign for `silence` seconds (it is stopped, dead or not reached), the exchanges of all other ranks fail with
- * LG_FILE. Signs of life need MPI_THREAD_MULTIPLE. lg_mpi_begin initialises MPI with this level. If the
- * caller has initialised MPI with a lower level, an exchange waits for ever for a rank that is stopped. After
- * a failed exchange the caller must not call MPI, except through lg_mpi_abort, because MPI may still write to
- * buffers that the caller frees. */
+ * Ranks that are silent for `silence` seconds are lost (docs/operating.md, "Lost ranks"): the exchanges of
+ * all others fail with LG_FILE. Signs of life need MPI_THREAD_MULTIPLE, with which lg_mpi_begin initialises
+ * MPI. After a failed exchange the caller must not call MPI, except through lg_mpi_abort, because MPI may
+ * still write to buffers that the caller frees. */
 
 /* Fills *out with the ranks of a communicator. If the context (may be NULL) is cancelled and a rank does not
  * join an exchange, the exchange fails with LG_CANCELLED. It waits half of the time between the SIGTERM and
@@ -297,8 +298,7 @@ LG_API lg_status lg_ranks_agree(const lg_ranks *ranks, lg_status status, lg_erro
  * initialised if it has not been. Collective. All ranks fail when their processors use different kernels or
  * when they run different versions of the library, because their results would then differ in some bits.
  * Errors: LG_INVALID_ARGUMENT (`out` is NULL, a communicator is given before MPI was initialised, `silence`
- * is negative, or the ranks differ as said), LG_OUT_OF_MEMORY, LG_FILE (MPI does not start, or an exchange
- * fails). */
+ * is negative, or the ranks differ as said), LG_FILE (MPI does not start, or an exchange fails). */
 LG_API lg_status lg_mpi_begin(const lg_context *context, const void *communicator, double silence,
                               lg_ranks *out, lg_error *error);
 /* Releases what lg_mpi_begin made. Calls MPI_Finalize, which waits for all ranks, if lg_mpi_begin initialised

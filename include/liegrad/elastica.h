@@ -36,17 +36,8 @@
 #ifndef LIEGRAD_ELASTICA_H
 #define LIEGRAD_ELASTICA_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/files.h"
 #include "liegrad/fit.h"
 #include "liegrad/model.h"
-#include "liegrad/networks.h"
-#include "liegrad/program.h"
-#include "liegrad/settings.h"
 
 LG_BEGIN_DECLS
 
@@ -76,13 +67,13 @@ LG_API void lg_elastica_init(lg_elastica *problem);
  * With this rotation the minimum is the global one. The curves of x and of 2 pi - x are mirror images. */
 typedef enum lg_elastica_case { LG_ELASTICA_BOTH_ENDS, LG_ELASTICA_RIGHT_END } lg_elastica_case;
 #define LG_ELASTICA_CASE_COUNT 2
-/* "both-ends" or "right-end"; "unknown" for any other value. Static storage. */
+/* "both-ends" or "right-end"; "unknown" for any other value. */
 LG_API const char *lg_elastica_case_name(lg_elastica_case kind);
 /* Sets theta0 and rotation of *problem. An unknown family changes nothing. */
 LG_API void lg_elastica_set_case(lg_elastica *problem, lg_elastica_case kind, double x);
 
-/* Checks the ranges that are named in lg_elastica. Errors, with a sentence: LG_NOT_FINITE;
- * LG_INVALID_ARGUMENT (a number is out of range, the ends are L or more apart). */
+/* Checks the ranges that are named in lg_elastica. Errors: LG_NOT_FINITE; LG_INVALID_ARGUMENT (a number is
+ * out of range, the ends are L or more apart). */
 LG_API lg_status lg_elastica_check(const lg_elastica *problem, lg_error *error);
 
 /* The comments give the values of lg_elastica_options_init. */
@@ -126,7 +117,7 @@ typedef struct lg_elastica_solution {
  * theta becomes the N + 1 angles: theta[0] = theta0, and theta[N] = theta0 + rotation up to rounding.
  * Neighbouring angles differ by less than pi. `options` NULL stands for the defaults; `solution` may be NULL.
  * Errors: the errors of lg_elastica_check, LG_INVALID_ARGUMENT (an option out of range), LG_NOT_FINITE (the
- * guess), LG_OUT_OF_MEMORY, LG_CANCELLED, and LG_NO_CONVERGENCE in two cases:
+ * guess), LG_CANCELLED, and LG_NO_CONVERGENCE in two cases:
  * - No solution was found. The sentence has the gradient that was reached. Possible reasons are too few
  *   intervals for the loops of the rotation, or a loop far from both ends of a taut beam, whose position is
  *   undetermined.
@@ -161,7 +152,7 @@ LG_API double lg_elastica_euler_lagrange(const lg_elastica *problem, const doubl
  * If more are found than `room`, the lowest are kept. *count becomes the number stored, 0 if none was found.
  * The rotation is fixed: a problem with the same end tangents and one more turn is another problem. The
  * result is deterministic. options->guess is not used. Errors: the errors of lg_elastica_check,
- * LG_INVALID_ARGUMENT (room is 0, an option out of range), LG_OUT_OF_MEMORY, LG_CANCELLED. */
+ * LG_INVALID_ARGUMENT (room is 0, an option out of range), LG_CANCELLED. */
 LG_API lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *problem,
                                       const lg_elastica_options *options, bool saddles, size_t room,
                                       double *theta, lg_elastica_solution *solutions, size_t *count,
@@ -197,12 +188,11 @@ LG_API void lg_elastica_sampling_init(lg_elastica_sampling *sampling);
 /* Generates the curves of the chosen families: all both-ends curves, then all right-end curves. In each
  * family x takes equidistant values in the interval [gap pi, (1 - gap) pi] and in its mirror image, the ends
  * of the intervals included: count/2 values in each interval, one more in the first if count is odd. A single
- * value lies at the beginning of its interval. energy, x and kind of *out are filled too. Free *out with
- * lg_elastica_curves_destroy. The result does not depend on `threads`. Errors: LG_INVALID_ARGUMENT, the
- * errors of the solver (the sentence has the family and x of the curve). */
+ * value lies at the beginning of its interval. energy, x and kind of *out are filled too. The result does not
+ * depend on `threads`. Errors: LG_INVALID_ARGUMENT, the errors of the solver (the sentence has the family and
+ * x of the curve). */
 LG_API lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_sampling *sampling,
                                       lg_elastica_curves *out, lg_error *error);
-/* Frees the arrays and zeroes the structure. NULL is fine. */
 LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves);
 
 /* ---- surrogates ----
@@ -210,88 +200,15 @@ LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves);
  * Networks that give the curve of a clamped beam from its boundary conditions x = (q0, v0, qN, vN), 8
  * numbers. "The thesis" is the published work that docs/reports/accuracy.md reproduces.
  *
- * - LG_SURROGATE_DISCRETE: x -> the inner nodes and tangents (q_1, ..., q_{N-1}, v_1, ..., v_{N-1}), 4(N-1)
- *   numbers. The ends are taken from x.
- *   Loss: the mean square of the 4(N-1) errors, plus gamma times the mean square of the 4N differences
- *   e_{k+1} - e_k (2N of q, 2N of v). Here e_k are the errors at node k, and e_0 = e_N = 0.
- *   With `penalty` LG_SURROGATE_WEIGHTED the loss is the mean square of W e instead, where e is the vector of
- *   the 4(N-1) errors, W = I + gamma G'G, G = S - I, and (S e)_i = e_{i+1} with 0 after the last number. This
- *   is (5.4.1) of the thesis as printed; the program of the thesis computes the former loss.
- * - LG_SURROGATE_CONTINUOUS: (s/L, x) -> q(s). The tangent v = dq/ds is its derivative (forward mode).
- *   Loss: the mean over points of (|q - q_k|^2 + |v - v_k|^2 + gamma (|v|^2 - 1)^2)/2. In the notation of the
- *   published program this is MSE(q) + MSE(v) + (gamma/2) mean (|v|^2 - 1)^2. A sample is a point (s_k, x).
- *   With the option `boundary`, q and v at both ends are exact by construction:
- *     q = H(s) + 16 t^2 (1 - t)^2 f(t, x),
- *   where f is the network, t = s/L, and H is the cubic from q0 to qN with the tangents v0 and vN.
- * - LG_SURROGATE_ANGLE: theta(s) = pi f(theta_0/pi, theta_N/pi, s), where f is the network and theta_0 and
- *   theta_N in (-pi, pi] are the angles of v0 and vN. v = (cos theta, sin theta). q = q_0 + int v ds,
- *   computed by Gauss's rule of 3 points on panels.
- *   With the option `boundary` the end angles are exact by construction:
- *     theta = pi f(s) + (theta_0 - pi f(0)) e^{-100 s^2} + (theta_N - pi f(L)) e^{-100 (s-L)^2}
- *   For a short beam, whose e^{-100 L^2} is not negligible, the two weights are combined linearly so that
- *   each weight is 1 at its own end and 0 at the other end.
- *   The option `symmetric` reconstructs q from both ends, so that q is as exact at s = L as at s = 0:
- *     q(s) = (1 - s/L) (q_0 + int_0^s v ds) + (s/L) (q_N - int_s^L v ds)
- *   Loss: the mean over nodes of (|q - q_k|^2 + |v - v_k|^2)/2, without gamma. A sample is a curve. The Gauss
- *   points, 3 on each interval between two nodes, serve all nodes of the curve.
+ *   LG_SURROGATE_DISCRETE    x -> the inner nodes and tangents (q_1, ..., q_{N-1}, v_1, ..., v_{N-1}), 4(N-1)
+ *                            numbers; the ends are taken from x
+ *   LG_SURROGATE_CONTINUOUS  (s/L, x) -> q(s); the tangent v = dq/ds is its derivative (forward mode)
+ *   LG_SURROGATE_ANGLE       theta(s) = pi f(theta_0/pi, theta_N/pi, s), where f is the network, and theta_0
+ *                            and theta_N in (-pi, pi] are the angles of v0 and vN; v = (cos theta, sin
+ *                            theta), and q = q_0 + int v ds by Gauss's rule of 3 points on panels
  *
- * `energy` and `residual`: weights of terms that are added to the loss and know the mechanics of the beam,
- * free of units. Means are over curves.
- *   `residual` (continuous and angle network) is the mean over points of
- *     (L theta' - m - fx y/L + fy x/L)^2,
- *   the differential equation EI theta'' = lx sin theta - ly cos theta, integrated once: the bending moment
- *   is linear in the position. m and f = (lx, ly) L^2/EI are eliminated: in each curve they are the numbers
- *   with the smallest mean. The points are those of the samples (continuous network) or the Gauss points.
- *   The continuous network has theta' = q' x q'', from its second derivative.
- *   `energy` is the mean energy with the multiplier of the closure, in units of EI/L. Its gradient vanishes
- *   at a solution:
- *     (L/2) int theta'^2 ds + f r/L + 18 N^2 |r/L|^2,   r = qN - q0 - int (cos theta, sin theta) ds,
- *   where f is the force in the given curve, by least squares of its angles. It needs `boundary`. The
- *   continuous network has theta' = q' x q''/|q'|^2, the integrals over its nodes need `between` false. The
- *   discrete network needs `angles` and has the energy E of this header, whose closure needs no multiplier.
- *   The energy of the given curve is subtracted, where it is known; it has no influence on the gradient.
- *   With one of these weights a sample of the continuous network is a curve.
- *
- * `normalise` (discrete and continuous network): the x-coordinates of both ends enter as (x - centre)/centre.
- * `centre` is half of the largest distance between the ends of a curve in the data. Positions always enter
- * relative to q0, so a beam that is moved has the moved curve.
- *
- * `between` (continuous network): a network that is trained at the nodes alone may oscillate between them.
- * With this option sample k of a curve is a point within half an interval of node k, at a different place in
- * each curve. For continuous data, q and v at this point come from polynomials of degree 11 through six nodes
- * and their tangents. The tangents of discrete data are not exactly the derivative of the curve; there, q and
- * v come from two separate polynomials through six nodes.
- *
- * `modes` (discrete network): K > 0 means that the last layer is fixed. The network gives K coefficients
- * c(x), and the 4(N-1) numbers of the curve (relative to q0, and reflected by `mirror`) are
- *     y = mean + sum_k c_k(x) s_k u_k.
- *   `mean` is the mean of the training curves. u_k are the leading singular vectors of the differences of the
- *   training curves from it (orthonormal). s_k is the root mean square of the coefficients along u_k, so each
- *   target of c_k has mean 0 and standard deviation 1 on the training curves. With gamma = 0 the loss is the
- *   mean over curves of sum_k s_k^2 (c_k - c_k*)^2/(4(N-1)), where c* are the targets
- *   (lg_surrogate_coefficients). The part of a curve that the modes leave out is orthogonal to the u_k. So
- *   for any set of curves
- *     mean square error of the curves = loss + truncation,
- *   where truncation is the mean square of the part left out, which training cannot lower. With gamma > 0 the
- *   loss is the loss of LG_SURROGATE_DISCRETE above. mean and s_k u_k are constants of the model, not
- *   parameters.
- *
- * `angles` (discrete network): the network gives N - 1 numbers f(x). The inner angles and tangents are
- *     theta_k = theta_0 + (theta_N - theta_0) k/N + f_k(x),  v_k = (cos theta_k, sin theta_k),
- *   where theta_0 and theta_N in (-pi, pi] are the angles of v0 and vN. The nodes follow from the tangents by
- *   the formula at the top of this header. So |v_k| = 1 and both ends are exact.
- *
- * `loss` LG_SURROGATE_ENERGY (needs `angles`): the network does not learn from curves. The loss is
- *     mean of (E(theta) - E_curve) L/EI
- *   over the boundary conditions, where E is the discrete energy. Its minimum is the solution of the beam
- *   problems, because the constraints hold for all angles. E_curve, the energy of the curve in the data, does
- *   not depend on the network and has no influence on the gradient; it makes the loss 0 where the network is
- *   as good as the data. `gamma` is not used.
- *
- * `mirror`: the reflection y -> -y turns solutions of the beam problem into solutions. Boundary conditions
- * with v0y < vNy are therefore reflected together with their curve. So the network learns only one half of
- * the boundary conditions and is exactly equivariant. If v0y = vNy, boundary conditions with v0y < 0 are
- * reflected; if v0y = vNy = 0, those with qNy < q0y. */
+ * docs/beams.md ("How the networks learn") has the formulas of the losses, and of what the options below
+ * change. A sample is a curve; of the continuous network without `energy` and `residual` a point (s_k, x). */
 
 typedef enum lg_surrogate_kind {
     LG_SURROGATE_DISCRETE,
@@ -299,7 +216,7 @@ typedef enum lg_surrogate_kind {
     LG_SURROGATE_ANGLE
 } lg_surrogate_kind;
 #define LG_SURROGATE_KIND_COUNT 3
-/* "discrete", "continuous" or "angle"; "unknown" for any other value. Static storage. */
+/* "discrete", "continuous" or "angle"; "unknown" for any other value. */
 LG_API const char *lg_surrogate_kind_name(lg_surrogate_kind kind);
 
 typedef enum lg_surrogate_loss { LG_SURROGATE_MSE, LG_SURROGATE_ENERGY } lg_surrogate_loss;
@@ -307,8 +224,6 @@ typedef enum lg_surrogate_loss { LG_SURROGATE_MSE, LG_SURROGATE_ENERGY } lg_surr
 /* How gamma enters the loss of the discrete network: as a weight of differences, or in the matrix W. */
 typedef enum lg_surrogate_penalty { LG_SURROGATE_DIFFERENCES, LG_SURROGATE_WEIGHTED } lg_surrogate_penalty;
 #define LG_SURROGATE_PENALTY_COUNT 2
-/* "mse" or "energy"; "unknown" for any other value. Static storage. */
-LG_API const char *lg_surrogate_loss_name(lg_surrogate_loss loss);
 
 /* Settings of a network. The sizes of its input and output follow from the data. */
 typedef struct lg_surrogate_options {
@@ -357,23 +272,21 @@ LG_API size_t lg_surrogate_modes_size(const lg_surrogate *model);
 /* Computes how many modes the training curves need. training (count) has the indices of these curves. *modes
  * becomes the least K <= options.modes for which one of two conditions holds: the modes after K have at most
  * 1e-12 of the variance of the curves; or, as in noise, mode K + 1 has less than a tenth of the variance of
- * all modes after K. If there is no such K, *modes is options.modes. Errors, *modes is untouched: the errors
- * of lg_surrogate_find_modes. */
+ * all modes after K. If there is no such K, *modes is options.modes. Errors: the errors of
+ * lg_surrogate_find_modes. */
 LG_API lg_status lg_surrogate_count_modes(const lg_context *context, const lg_surrogate *model,
                                           const lg_elastica_curves *curves, const uint32_t *training,
                                           size_t count, uint32_t *modes, lg_error *error);
 /* Computes the mean and the modes of the training curves, whose indices are training (count), and writes them
- * to modes (lg_surrogate_modes_size). Errors, modes is untouched: LG_INVALID_ARGUMENT (a model without modes,
- * fewer than K + 1 curves, an index out of range), LG_SHAPE (curves that do not fit the model),
- * LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
+ * to modes (lg_surrogate_modes_size). Errors: LG_INVALID_ARGUMENT (a model without modes, fewer than K + 1
+ * curves, an index out of range), LG_SHAPE (curves that do not fit the model), LG_NOT_FINITE. */
 LG_API lg_status lg_surrogate_find_modes(const lg_context *context, const lg_surrogate *model,
                                          const lg_elastica_curves *curves, const uint32_t *training,
                                          size_t count, double *modes, lg_error *error);
 /* Computes the targets coefficients (count, K) of the curves with the indices training (count), from
  * model->modes. *truncation (may be NULL) becomes the mean square that the modes leave out:
  *   c*_k = u_k . (y - mean)/s_k, 0 for s_k = 0;  truncation = mean |y - mean - sum_k c*_k s_k u_k|^2/(4(N-1))
- * Errors: LG_INVALID_ARGUMENT (a model without modes, model->modes NULL, an index out of range), LG_SHAPE,
- * LG_OUT_OF_MEMORY. */
+ * Errors: LG_INVALID_ARGUMENT (a model without modes, model->modes NULL, an index out of range), LG_SHAPE. */
 LG_API lg_status lg_surrogate_coefficients(const lg_context *context, const lg_surrogate *model,
                                            const lg_elastica_curves *curves, const uint32_t *training,
                                            size_t count, double *coefficients, double *truncation,
@@ -394,7 +307,7 @@ typedef struct lg_surrogate_preset {
     uint64_t most_curves; /* largest number of curves to learn from; 0: the whole training part */
 } lg_surrogate_preset;
 /* Returns the preset with this name, kind, boundary, model.loss and merged. Of several, it returns the one
- * whose fraction is nearest. NULL for an unknown name or a combination without a preset. Static storage. */
+ * whose fraction is nearest. NULL for an unknown name or a combination without a preset. */
 LG_API const lg_surrogate_preset *lg_surrogate_preset_find(const char *name, lg_surrogate_kind kind,
                                                            bool boundary, lg_surrogate_loss loss, bool merged,
                                                            double fraction);
@@ -438,8 +351,8 @@ LG_API void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit
  *          `mirror` reflects x, and otherwise 1. The last two numbers are 0 without `boundary`
  *   span   angle: s, ends, length -> the integral of (cos theta, sin theta) from s to s + length, by Gauss's
  *          rule of 3 points
- * theta (lg_surrogate_parameters) is copied. Free *out with lg_program_destroy. Errors: LG_INVALID_ARGUMENT
- * (a model with modes whose model->modes is NULL), the errors of lg_program_build. */
+ * theta (lg_surrogate_parameters) is copied. Errors: LG_INVALID_ARGUMENT (a model with modes whose
+ * model->modes is NULL), the errors of lg_program_build. */
 LG_API lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model,
                                       const double *theta, lg_program **out, lg_error *error);
 
@@ -453,7 +366,7 @@ typedef struct lg_surrogate_curves lg_surrogate_curves;
 LG_API lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,
                                             const double *theta, lg_dtype dtype, size_t points,
                                             lg_surrogate_curves **out, lg_error *error);
-LG_API void lg_surrogate_curves_destroy(lg_surrogate_curves *curves); /* NULL is fine */
+LG_API void lg_surrogate_curves_destroy(lg_surrogate_curves *curves);
 /* Bytes of work memory for lg_surrogate_curve; the memory must be aligned to 64 bytes. */
 LG_API size_t lg_surrogate_curves_work_size(const lg_surrogate_curves *curves);
 /* Computes the curve for the boundary conditions x (8) at the arc lengths s (points), 0 <= s <= L, in rising
@@ -483,7 +396,7 @@ typedef struct lg_surrogate_errors {
 /* Computes the errors over the curves with the indices chosen (count). `chosen` NULL stands for all curves;
  * `count` is then not read. node_error (N + 1, 2), or NULL, becomes the means over the curves of |q - q_k|
  * and of |v - v_k| at each node. Errors: LG_SHAPE (curves that do not fit the model), LG_INVALID_ARGUMENT (no
- * curves, an index out of range), LG_OUT_OF_MEMORY, LG_NOT_FINITE (the differences). */
+ * curves, an index out of range), LG_NOT_FINITE (the differences). */
 LG_API lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *model,
                                        const double *theta, const lg_elastica_curves *curves,
                                        const uint32_t *chosen, size_t count, double *node_error,
@@ -491,30 +404,26 @@ LG_API lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surro
 
 /* ---- trained range ----
  *
- * The curve that a network gives is meaningless outside the boundary conditions that it was trained on. The
- * functions below measure this. `trained` (n, 8) has the boundary conditions of the training part. The
- * distance of two boundary conditions is the Euclidean distance of (v0, (qN - q0)/u, vN), where u is the
- * largest |qN - q0| in `trained` (or the model's length if all are 0). A query is outside the trained range
- * if its lg_surrogate_distance is more than twice the lg_surrogate_reach, or its lg_surrogate_off_family more
- * than twice the lg_surrogate_spread. The second test finds a query next to a family of conditions but not of
- * it, such as other end angles between those of a family with theta(L) = -theta(0). */
+ * The curve that a network gives is meaningless outside the boundary conditions that it was trained on.
+ * `trained` (n, 8) has those of the training part. docs/beams.md ("Range") has the definitions: a query is
+ * outside if its lg_surrogate_distance is more than twice the lg_surrogate_reach, or its
+ * lg_surrogate_off_family more than twice the lg_surrogate_spread. */
 
-/* Returns the reach of the trained boundary conditions: each of them has a distance from its nearest trained
- * neighbour. The n/100 largest of these distances (at most 32) are left out, because a few conditions may
- * stand alone; the largest of the others is the reach. 0 for n < 2. */
+/* The largest distance of a trained boundary condition from its nearest neighbour, after the n/100 largest
+ * (at most 32) are left out, because a few conditions may stand alone. 0 for n < 2. */
 LG_API double lg_surrogate_reach(const double *trained, size_t n);
-/* Returns the distance of x (8) from the nearest trained boundary condition; for a model with `mirror` the
- * smaller of the distances of x and of its mirror image. Infinite for n = 0 or a NaN in x. */
+/* The distance of x (8) from the nearest trained boundary condition; for a model with `mirror` the smaller of
+ * the distances of x and of its mirror image. Infinite for n = 0 or a NaN in x. */
 LG_API double lg_surrogate_distance(const lg_surrogate *model, const double *trained, size_t n,
                                     const double *x);
-/* Returns the distance of x (8) from the family of the trained boundary conditions: the distance from the
- * nearest line through two of the six nearest ones, extended at both ends by the distance of the two. Mirror
- * images, n = 0 and a NaN: as for lg_surrogate_distance. */
+/* The distance of x (8) from the nearest line through two of the six nearest trained boundary conditions,
+ * extended at both ends by the distance of the two. Mirror images, n = 0, NaN: as for
+ * lg_surrogate_distance. */
 LG_API double lg_surrogate_off_family(const lg_surrogate *model, const double *trained, size_t n,
                                       const double *x);
-/* Returns the spread of the trained boundary conditions: the largest distance of one of them from the family
- * of the others, without the n/100 largest ones; but at least r^2/2 and 2 % of r for the reach r. r^2/2 is
- * the height of an arc of unit curvature above a chord of 2 r. */
+/* The largest distance of a trained boundary condition from the family of the others, without the n/100
+ * largest ones; but at least r^2/2 (the height of an arc of unit curvature above a chord of 2 r) and 2 % of r
+ * for the reach r. */
 LG_API double lg_surrogate_spread(const double *trained, size_t n);
 
 /* ---- files of curves (library liegrad_io from here on) ---- */
@@ -525,32 +434,18 @@ typedef struct lg_elastica_data {
     lg_provenance provenance;
 } lg_elastica_data;
 
-/* Reads an HDF5 file. It needs the datasets /boundary (n, 8) with q0, v0, qN, vN, /q and /v (n, N + 1, 2).
- * Optional are /energy and /x (n) and /case (n; 0 both-ends, 1 right-end), and the attributes of the root
- * `length`, `stiffness` (default 10) and `values` ("discrete", the default, or "continuous"). Datasets may
- * have any integer or float type and any byte order, and may be chunked and compressed.
- *
- * Without the attribute `length` the reader estimates L from the curves in two ways. The first estimate joins
- * the nodes by circular arcs: the sum over the intervals of chord (phi/2)/sin(phi/2), where phi is the angle
- * by which the tangent turns. The second estimate is N times the regression coefficient of the second
- * differences of the q_k on (v_{k+1} - v_{k-1})/2; it is exact for minimisers of the discrete energy. The
- * reader takes the estimate that varies less over the curves (between the 10th and the 90th percentile), and
- * rounds the median over the curves to three significant digits, which changes it by at most 0.5 %. A length
- * with more digits needs the attribute.
- *
- * Errors: the errors of readers (liegrad/files.h). LG_FORMAT also for N outside LG_ELASTICA_MIN_INTERVALS ..
- * LG_ELASTICA_MAX_INTERVALS, a tangent at an end whose length differs from 1 by more than 1e-6, first or last
- * nodes or tangents that differ from /boundary by more than 1e-6 (1 + size), and ends that are farther apart
- * than `length`. Free *out with lg_elastica_data_destroy. */
+/* Reads an HDF5 file of curves: the datasets /boundary, /q and /v and what else docs/files.md lists, with the
+ * way in which it estimates a length that the file does not have. Errors: LG_FORMAT also for N outside
+ * LG_ELASTICA_MIN_INTERVALS .. LG_ELASTICA_MAX_INTERVALS, curves that do not begin and end as /boundary says,
+ * and ends that are farther apart than `length`. */
 LG_API lg_status lg_elastica_data_read(const lg_context *context, const char *path,
                                        const lg_read_options *options, lg_elastica_data *out,
                                        lg_error *error);
 /* Writes a file of curves in this form (kind "elastica") and fills data->sha256. Errors: LG_NOT_FINITE (a
  * number is not finite), LG_INVALID_ARGUMENT (a length or stiffness that is not positive, an unknown family),
- * LG_FILE, LG_OUT_OF_MEMORY. */
+ * LG_FILE. */
 LG_API lg_status lg_elastica_data_write(const lg_context *context, const char *path, lg_elastica_data *data,
                                         lg_error *error);
-/* Frees the arrays and zeroes the structure. NULL is fine. */
 LG_API void lg_elastica_data_destroy(lg_elastica_data *data);
 
 /* ---- files of surrogates ---- */
@@ -574,30 +469,11 @@ typedef struct lg_surrogate_file {
     LG_MODEL_FILE(lg_surrogate_run);
     size_t trained_count;
     double *trained; /* (trained_count, 8): boundary conditions of the training part, or NULL */
-    /* After loading: the array to which run.model.modes points. lg_surrogate_save does not read it. */
+    /* After loading: the array to which run.model.modes points. lg_recipe_save does not read it. */
     double *modes;
     bool has_errors;            /* train_mse and test_mse are known */
     double train_mse, test_mse; /* test_mse is NaN without a test part */
 } lg_surrogate_file;
-
-/* Saves a model file of kind "surrogate": the weights /model/embedding, /model/layer1, ... with the names of
- * lg_net_slice, /trained (n, 8), the attributes `train_mse` and `test_mse` of the root, for a model with
- * modes /model/mean (4(N - 1)) and /model/modes (K, 4(N - 1)) with s_k u_k, and the functions of the model.
- * `file` is only read. If `fit` is not NULL its history is stored instead of the history of `file`, and
- * during training by Adam also the state of the optimizer; see lg_hamiltonian_save. Errors:
- * LG_INVALID_ARGUMENT (a model that lg_surrogate_init would refuse, a wrong number of parameters, modes
- * without their numbers), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_surrogate_save(const lg_context *context, const char *path, const lg_surrogate_file *file,
-                                   const lg_fit *fit, lg_error *error);
-/* Loads a file of kind "surrogate"; free *out with lg_surrogate_file_destroy. A file written by hand needs
- * the attribute `kind`, the weights, and the attributes of /model: `network`, `architecture`, `activation`,
- * `embedding`, `hidden`, `layers`, `normalise`, `mirror`, `boundary`, `intervals`, `length` and `centre`; for
- * `modes` above 0 also /model/mean and /model/modes. Without /trained, trained is NULL. Errors: the errors of
- * readers (liegrad/files.h). */
-LG_API lg_status lg_surrogate_load(const lg_context *context, const char *path,
-                                   const lg_read_options *options, lg_surrogate_file *out, lg_error *error);
-/* Frees the arrays and zeroes the structure. NULL is fine. */
-LG_API void lg_surrogate_file_destroy(lg_surrogate_file *file);
 
 LG_END_DECLS
 

@@ -17,12 +17,6 @@
 #ifndef LIEGRAD_ENSEMBLE_H
 #define LIEGRAD_ENSEMBLE_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/integrators.h"
 #include "liegrad/mechanics.h"
 
 LG_BEGIN_DECLS
@@ -120,10 +114,9 @@ typedef struct lg_ensemble_stats {
 } lg_ensemble_stats;
 
 /* Runs all members. `start`, `keep`, `stats` and `error` may be NULL; without `start` all members have the
- * options' start. A member that fails is not an error: stats->failed counts it. Errors, explained in
- * `error`: LG_INVALID_ARGUMENT (times, steps, events, scheme, threads), LG_UNSUPPORTED (adaptive steps
- * with a scheme without an embedded solution, or a scheme that does not apply to the system),
- * LG_OUT_OF_MEMORY, LG_CANCELLED, those of `start` and `keep`. */
+ * options' start. A member that fails is not an error: stats->failed counts it. Errors: LG_INVALID_ARGUMENT
+ * (times, steps, events, scheme, threads), LG_UNSUPPORTED (adaptive steps with a scheme without an embedded
+ * solution, or a scheme that does not apply to the system), LG_CANCELLED, those of `start` and `keep`. */
 LG_API lg_status lg_ensemble_run(const lg_context *context, const lg_system *system,
                                  const lg_ensemble_options *options, lg_ensemble_start start,
                                  void *start_user, lg_ensemble_keep keep, void *keep_user,
@@ -146,13 +139,13 @@ typedef struct lg_statistics_range {
     double low, high, centre;
 } lg_statistics_range;
 
-/* Makes empty statistics; the caller destroys them. `bins` is in 1..65536. `logarithmic` (columns) may be
- * NULL, which means no column; a column where it is true holds numbers >= 0, and its bins lie in the
- * logarithm. Ranges are 0..1 until they are set. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
+/* Makes empty statistics. `bins` is in 1..65536. `logarithmic` (columns) may be NULL, which means no column;
+ * a column where it is true holds numbers >= 0, and its bins lie in the logarithm. Ranges are 0..1 until they
+ * are set. Errors: LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_statistics_create(const lg_context *context, size_t rows, size_t columns, size_t bins,
                                       const bool *logarithmic, lg_statistics **out);
-LG_API void lg_statistics_destroy(lg_statistics *statistics); /* NULL is allowed. */
-/* Makes empty statistics with the same cells, bins and ranges. Errors: LG_OUT_OF_MEMORY. */
+LG_API void lg_statistics_destroy(lg_statistics *statistics);
+/* Makes empty statistics with the same cells, bins and ranges. */
 LG_API lg_status lg_statistics_create_like(const lg_statistics *statistics, lg_statistics **out);
 /* Sets the range of a cell; must be called before a number is added to it. */
 LG_API void lg_statistics_set_range(lg_statistics *statistics, size_t row, size_t column,
@@ -191,9 +184,9 @@ LG_API lg_statistics_range lg_statistics_range_at(const lg_statistics *statistic
 
 /* Save and load all contents as the arrays count, least, largest, sum, square, bins, low, high and centre.
  * The object to load into must have the same cells, bins and logarithmic columns. Errors: those of the
- * archive; LG_OUT_OF_MEMORY; LG_CHECK_FAILED (bins that do not add up to the count, a least number above
- * the largest, a range that is not in order, sums that so many numbers cannot have). After a failed load
- * the object may only be destroyed. */
+ * archive; LG_CHECK_FAILED (bins that do not add up to the count, a least number above the largest, a range
+ * that is not in order, sums that so many numbers cannot have). After a failed load the object may only be
+ * destroyed. */
 LG_API lg_status lg_statistics_save(const lg_statistics *statistics, const lg_archive_writer *archive);
 LG_API lg_status lg_statistics_load(lg_statistics *statistics, const lg_archive_reader *archive);
 

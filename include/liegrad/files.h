@@ -12,10 +12,7 @@
  *   lg_file_writer_destroy(writer);
  *
  * Rules for every function that reads or writes files:
- * - A failure gives a status, and in `error` (may be NULL) a sentence with the file, the key and, for YAML,
- *   the line. Outputs are then untouched, and nothing leaks.
- * - A structure that owns memory is released by its own `_destroy`, which leaves it zeroed. Destroying a
- *   zeroed structure is fine.
+ * - The sentence about a failure has the file, the key and, for YAML, the line.
  * - The messages of HDF5 itself are silenced while these functions run. HDF5 as Debian builds it is not
  *   thread-safe: only one thread of a process may read or write HDF5 files at a time.
  * - Writers compose the file in memory, write it under a temporary name in the folder of the target, fsync
@@ -24,7 +21,7 @@
  *   is removed by the next writer of the same target. A target that exists and is not a regular file (a
  *   device, a folder) is refused. A full disk and the limit RLIMIT_FSIZE give LG_FILE.
  *
- * Statuses of readers:
+ * Statuses of readers (functions that read, load or open a file); comments name special cases only:
  *   LG_INVALID_ARGUMENT  a NULL path or output, read options of a wrong size
  *   LG_NOT_FOUND         there is no such file (a missing key is LG_FORMAT)
  *   LG_FILE              the file cannot be opened or read, or is not a regular file
@@ -32,15 +29,11 @@
  *                        bad values, or sizes that do not fit or exceed the limit
  *   LG_NOT_FINITE        a number is NaN or infinite; the sentence has the key and the first such index
  *   LG_VERSION           the file has a newer major format version
- *   LG_OUT_OF_MEMORY, LG_CANCELLED
- * Statuses of writers: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY.
+ *   LG_CANCELLED
+ * Statuses of writers (write, save): LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_FILE.
  */
 #ifndef LIEGRAD_FILES_H
 #define LIEGRAD_FILES_H
-
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 
 #include "liegrad/core.h"
 
@@ -85,11 +78,11 @@ LG_API void lg_read_options_init(lg_read_options *options);
 
 /* Sets *is: whether the file is in HDF5. Its signature is at byte 0, or behind a user block, at byte 512,
  * 1024, 2048, ... (files of MATLAB 7.3 have a user block of 512 bytes). Errors, *is is then false:
- * LG_INVALID_ARGUMENT (`path` or `is` is NULL), LG_NOT_FOUND, LG_FILE. */
+ * LG_NOT_FOUND, LG_FILE. */
 LG_API lg_status lg_file_is_h5(const char *path, bool *is, lg_error *error);
 
 /* Sets *ours: whether liegrad wrote the file, so that it is in HDF5 and its attribute `format` is `liegrad`.
- * Errors, *ours is then false: LG_INVALID_ARGUMENT (`path` or `ours` is NULL), and those of the readers. */
+ * *ours is false after a failure. */
 LG_API lg_status lg_file_is_ours(const lg_context *context, const char *path, bool *ours, lg_error *error);
 
 /* ---- writing bytes ---- */
@@ -112,8 +105,7 @@ typedef struct lg_temporary {
 /* Creates and locks a temporary file, or with `folder` a folder. Before that it removes the temporary files
  * and folders that killed writers of this target left: those whose names hold their own inode, that belong
  * to this user, and that nobody has locked. Folders with files stay. lg_lock_take removes them too. Errors:
- * LG_FILE with a sentence (also if the target itself has the name of a lock or of a temporary file),
- * LG_OUT_OF_MEMORY. */
+ * LG_FILE with a sentence (also if the target itself has the name of a lock or of a temporary file). */
 LG_API lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder,
                                      lg_temporary *out, lg_error *error);
 /* Gives the complete temporary file the name `target`, for which lg_temporary_create made it: fsync of the
@@ -125,12 +117,10 @@ LG_API lg_status lg_temporary_publish(lg_temporary *temporary, const char *targe
  * the removal; this function reports no errors. */
 LG_API void lg_temporary_end(lg_temporary *temporary);
 
-/* A lock on an output, so that only one process at a time works on a file or folder. It is a lock (flock) on
- * the small file .NAME.liegrad-lock in the folder of `target`, which says what it is, and names the process,
- * the host and `words`. NAME is as for temporary files. The lock works over NFS too. The kernel releases it
- * when the process dies, and forked children do not keep it; the next process then removes the file. A file
- * of this name with other content is never touched. Readers need no lock, because files are replaced as a
- * whole. */
+/* A lock on an output, so that only one process at a time works on a file or folder: a lock (flock) on the
+ * small file .NAME.liegrad-lock in the folder of `target` (docs/operating.md, "Locks"), which names the
+ * process, the host and `words`. The kernel releases it when the process dies, and forked children do not
+ * keep it. Readers need no lock, because files are replaced as a whole. */
 typedef struct lg_lock {
     int fd; /* -1: no lock is held */
     long process;
@@ -200,8 +190,7 @@ typedef struct lg_file_writer lg_file_writer;
 
 /* Begins a file. `kind` ("hamiltonian", "checkpoint", "trajectories", ...) becomes the attribute `kind`. The
  * attributes `format` ("liegrad"), `format_version`, `liegrad_version` and `conventions` and the provenance
- * (may be NULL) are written too. Nothing touches the disk before the commit. Errors: LG_INVALID_ARGUMENT,
- * LG_OUT_OF_MEMORY. */
+ * (may be NULL) are written too. Nothing touches the disk before the commit. Errors: LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_file_writer_create(const lg_context *context, const char *path, const char *kind,
                                        const lg_provenance *provenance, lg_file_writer **out,
                                        lg_error *error);
@@ -209,8 +198,7 @@ LG_API lg_status lg_file_writer_create(const lg_context *context, const char *pa
  * 64 bytes). Arrays become datasets. A text becomes an attribute of the group that its path names: "a/b" is
  * attribute b of group /a. A path has fewer than 256 bytes and at most 32 slashes, also in a file that is
  * read. The archive is valid until the writer is destroyed. After a failing call of the archive nothing more
- * is stored, and the commit returns this failure. Errors: LG_INVALID_ARGUMENT,
- * LG_OUT_OF_MEMORY. */
+ * is stored, and the commit returns this failure. Errors: LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_archive_writer *out);
 /* Writes the file to the disk, by the steps of the rules above. Call it once; afterwards the writer can only
  * be destroyed, also after a failure. */
@@ -233,7 +221,7 @@ typedef struct lg_rows_options {
 /* Begins a file with /t (points) and /trajectories (rows, points, dim). Each row is written directly to its
  * place on the disk; no row is kept in memory. The file gets its whole size at the start, so a disk that is
  * too small is noticed then. Rows that are never put are zeros. Errors: LG_INVALID_ARGUMENT (rows, points or
- * dim is 0 or too large), LG_FILE, LG_OUT_OF_MEMORY. */
+ * dim is 0 or too large), LG_FILE. */
 typedef struct lg_rows_file lg_rows_file;
 LG_API lg_status lg_rows_file_create(const lg_context *context, const char *path,
                                      const lg_rows_options *options, lg_rows_file **out, lg_error *error);
@@ -258,7 +246,7 @@ LG_API lg_status lg_rows_file_look(const lg_context *context, const char *path, 
 /* Adds /trajectories to the file of the writer: a virtual dataset that joins the rows of the files parts
  * (count), in their order. Only the last component of part->path is stored, because these files must be in
  * the same folder as the file of the writer. points and dim must be as in the parts. Errors:
- * LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
+ * LG_INVALID_ARGUMENT. */
 typedef struct lg_rows_part {
     const char *path;
     uint64_t rows; /* number of rows in the file */
@@ -271,16 +259,16 @@ LG_API lg_status lg_file_writer_rows(lg_file_writer *writer, const lg_rows_part 
 typedef struct lg_file_reader lg_file_reader;
 
 /* Opens a file of this kind; kind NULL accepts any kind. With options->probe the child process reads every
- * array and attribute of the file once. Errors: the statuses of readers. */
+ * array and attribute of the file once. */
 LG_API lg_status lg_file_reader_create(const lg_context *context, const char *path, const char *kind,
                                        const lg_read_options *options, lg_file_reader **out, lg_error *error);
 /* Makes an archive whose paths are below `prefix`, as in lg_file_writer_archive. It is valid until the reader
- * is destroyed. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
+ * is destroyed. Errors: LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_file_reader_archive(lg_file_reader *reader, const char *prefix, lg_archive_reader *out);
 /* The sentence of the last failing archive call of this reader, or "". Valid until the next call. */
 LG_API const char *lg_file_reader_message(const lg_file_reader *reader);
 LG_API void lg_file_reader_provenance(const lg_file_reader *reader, lg_provenance *out);
-LG_API void lg_file_reader_destroy(lg_file_reader *reader); /* NULL is fine */
+LG_API void lg_file_reader_destroy(lg_file_reader *reader);
 
 LG_END_DECLS
 

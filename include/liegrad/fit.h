@@ -26,14 +26,8 @@
 #ifndef LIEGRAD_FIT_H
 #define LIEGRAD_FIT_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/networks.h"
 #include "liegrad/program.h"
-#include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
 
@@ -184,11 +178,10 @@ typedef struct lg_fit_plan {
         uint32_t epochs; /* >= 1; in the last phase also 0: all epochs that are left */
     } phase[LG_FIT_MAX_PHASES];
 } lg_fit_plan;
-/* Reads a plan from a text: "ssbroyden", or "adam:100,ssbroyden" (100 epochs of Adam, then SSBroyden).
- * Errors: LG_INVALID_ARGUMENT (NULL, an unknown method, or bad numbers); then *out is unchanged. */
-LG_API lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error);
-/* The same, but methods that need a sum of squares are unknown. For losses that are no sum of squares. */
-LG_API lg_status lg_fit_plan_parse_any_loss(const char *text, lg_fit_plan *out, lg_error *error);
+/* Reads a plan from a text: "ssbroyden", or "adam:100,ssbroyden" (100 epochs of Adam, then SSBroyden). With
+ * `squares` false, for losses that are no sum of squares, methods that need such a sum are unknown. Errors:
+ * LG_INVALID_ARGUMENT (an unknown method, or bad numbers). */
+LG_API lg_status lg_fit_plan_parse(const char *text, bool squares, lg_fit_plan *out, lg_error *error);
 /* Return whether any phase of the plan takes batches, and whether the last one does. */
 LG_API bool lg_fit_plan_batches(const lg_fit_plan *plan);
 LG_API bool lg_fit_plan_ends_in_batches(const lg_fit_plan *plan);
@@ -313,14 +306,13 @@ LG_API void lg_fit_settings_apply(const lg_fit_settings *training, lg_fit_option
 
 /* ---- training: running ---- */
 
-/* Makes a fit that starts from `theta` (problem->parameters doubles, copied); the caller destroys it.
- * `options` is copied, NULL means the defaults. The context must outlive the fit. With ranks it is
- * collective. Errors: LG_INVALID_ARGUMENT (the message names the option), LG_NOT_FINITE (theta),
- * LG_OUT_OF_MEMORY. */
+/* Makes a fit that starts from `theta` (problem->parameters doubles, copied). `options` is copied, NULL means
+ * the defaults. The context must outlive the fit. With ranks it is collective. Errors: LG_INVALID_ARGUMENT
+ * (the message names the option), LG_NOT_FINITE (theta). */
 LG_API lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem,
                                const lg_fit_options *options, const double *theta, lg_fit **out,
                                lg_error *error);
-LG_API void lg_fit_destroy(lg_fit *fit); /* NULL is allowed */
+LG_API void lg_fit_destroy(lg_fit *fit);
 
 /* Trains, and returns LG_OK when training is finished (at once if it was before), or when options.stop_after
  * epochs are done. Otherwise it returns an error. In every case the state is between two batches: it can be
@@ -345,19 +337,15 @@ LG_API const char *lg_fit_end_sentence(const lg_fit *fit);
 /* Returns the method of the next epoch; if training is finished, the method of the last epoch. */
 LG_API lg_fit_method lg_fit_method_now(const lg_fit *fit);
 
-/* Saves the whole state, under these names:
- *   optimizer/{parameters,best}, optimizer/adam/{m,v,step}, rng, minimise/... (lg_minimiser_save)
- *   train/{permutation,epoch,...}, train/history/{loss,validation,seconds,rate}, train/options/...
- *   with options.restarts: train/restarts, train/restart_seconds
- * With ranks, only rank 0 can save, in `checkpoint` and after lg_fit_run; the state can be loaded by any
- * number of ranks. Errors: the status of the writer, LG_INVALID_ARGUMENT (NULL), LG_UNSUPPORTED (this rank
- * does not have the whole state). */
+/* Saves the whole state, as optimizer/..., rng, minimise/... (lg_minimiser_save) and train/... With ranks,
+ * only rank 0 can save, in `checkpoint` and after lg_fit_run; the state can be loaded by any number of ranks.
+ * Errors: the status of the writer, LG_UNSUPPORTED (this rank does not have the whole state). */
 LG_API lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error);
 /* Replaces the state by a saved one. On failure the state is unchanged. With ranks it is collective. Errors:
- * LG_INVALID_ARGUMENT (NULL; or a hyperparameter, the number of parameters or the number of samples differs:
- * the message names it and both values), LG_FORMAT (an impossible state: an order of samples that is no
- * permutation, a position that is no batch boundary, numbers that are not finite), the status of the reader,
- * LG_OUT_OF_MEMORY. */
+ * LG_INVALID_ARGUMENT (a hyperparameter, the number of parameters or the number of samples differs: the
+ * message names it and both values), LG_FORMAT (an impossible state: an order of samples that is no
+ * permutation, a position that is no batch boundary, numbers that are not finite), the status of the
+ * reader. */
 LG_API lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *error);
 
 /* Copies the result to theta (problem->parameters doubles): with options.keep_best the parameters of the best
@@ -395,8 +383,7 @@ LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 
 /* The loss of all samples but the validation part, as one batch, in double precision: problem->loss is
  * recorded for problem->chunk samples at a time. Of the problem only parameters, samples, validation, chunk,
- * loss and user are read. Errors, `loss` is then untouched: LG_INVALID_ARGUMENT (NULL), LG_OUT_OF_MEMORY, the
- * status of the loss callback or of the tape, with its sentence. */
+ * loss and user are read. Errors: the status of the loss callback or of the tape, with its sentence. */
 LG_API lg_status lg_fit_problem_loss(const lg_context *context, const lg_fit_problem *problem,
                                      const double *theta, double *loss, lg_error *error);
 
@@ -414,8 +401,8 @@ typedef struct lg_fit_newton_result {
  * (problem->parameters doubles) is the start on entry and the result on return. Of the problem only
  * parameters, samples, loss and user are read. All samples are on one tape of doubles. `result` may be NULL.
  * Returns LG_OK also where lg_minimise returns LG_NO_CONVERGENCE. On failure theta is unchanged. Errors:
- * LG_INVALID_ARGUMENT (NULL, no samples, or the number of parameters is not in 1..LG_NEWTON_MAX_PARAMETERS),
- * LG_OUT_OF_MEMORY, LG_NOT_FINITE, LG_CANCELLED, the status of the loss callback or of the tape. */
+ * LG_INVALID_ARGUMENT (no samples, or the number of parameters is not in 1..LG_NEWTON_MAX_PARAMETERS),
+ * LG_NOT_FINITE, LG_CANCELLED, the status of the loss callback or of the tape. */
 LG_API lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *problem, double *theta,
                                lg_fit_newton_result *result);
 
@@ -478,10 +465,10 @@ typedef struct lg_fit_starts {
  * is skipped. The result describes the best start, but its seconds are the time of all starts.
  *
  * On success the parameters of the program are replaced. On failure the program is unchanged. `result` may be
- * NULL. Errors: LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (NULL, no rows, no starts; the output
- * depends on no parameter, is shared and has several numbers, or fails the test above), LG_UNSUPPORTED (more
- * than LG_PROGRAM_FIT_MOST parameters), LG_NOT_FINITE (data; as in lg_fit_run, in all starts),
- * LG_OUT_OF_MEMORY, the errors of lg_fit_create, lg_fit_run and of operations. */
+ * NULL. Errors: LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (no rows, no starts; the output depends
+ * on no parameter, is shared and has several numbers, or fails the test above), LG_UNSUPPORTED (more than
+ * LG_PROGRAM_FIT_MOST parameters), LG_NOT_FINITE (data; as in lg_fit_run, in all starts), the errors of
+ * lg_fit_create, lg_fit_run and of operations. */
 LG_API lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
                                 const double *const *data, size_t rows, const lg_fit_options *options,
                                 const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error);

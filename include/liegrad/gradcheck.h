@@ -92,9 +92,9 @@ typedef struct lg_gradcheck_result {
 
 /* Checks a function. `options` NULL means the defaults. `result` is always filled. Returns LG_OK if the check
  * passed. Errors: LG_CHECK_FAILED (a derivative is wrong, or a value is not finite), LG_INVALID_ARGUMENT
- * (NULL; options out of range; a function without name, build or arguments; an argument on a manifold without
- * `values`, perturb or tangent), LG_UNSUPPORTED (an operation is not in
- * the library's table of operations), LG_OUT_OF_MEMORY, the status of the tape or of a callback. */
+ * (options out of range; a function without name, build or arguments; an argument on a manifold without
+ * `values`, perturb or tangent), LG_UNSUPPORTED (an operation is not in the library's table of operations),
+ * the status of the tape or of a callback. */
 LG_API lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *function,
                               const lg_gradcheck_options *options, lg_gradcheck_result *result);
 

@@ -14,13 +14,8 @@
  *     m = Gamma^T Gamma + diag(max(0, b)). V takes q (3n numbers). Inputs: spatial torques tau_i (3n).
  *     On T*S^2 with v = dH/dp, g = dH/dq:
  *       q' = v - q(q.v), p' = -g + q(q.g) + p(q.v) - q(p.v),
- *     in se(3): xi = q x v, eta = g x q + v x p + tau. The kinetic gradient needs one n x n solve:
- *       W = m^{-1}, G_il = q_i.q_l, (W o G) lambda = u with u_i = q_i.(W p)_i,
- *       v_i = sum_j W_ij (p_j - lambda_j q_j), dT/dq_i = -lambda_i v_i.
- *     Here T is the kinetic energy, and o multiplies entry by entry. Schemes that leave the manifold use an
- *     extension of T, which equals T on the manifold and is positive definite near it:
- *       T = 1/2 p^T W p + 1/2 u^T S^{-1} r, S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il,
- *       r_i = q_i.p_i/m_ii - u_i.
+ *     in se(3): xi = q x v, eta = g x q + v x p + tau. docs/hamiltonians.md has the kinetic gradient, and the
+ *     extension of the kinetic energy that schemes use which leave the manifold.
  *   "separable": n degrees of freedom on R^{2n}, state q, p.
  *     H = 1/2 |A p|^2 + V(q). V takes q (n numbers). Inputs: n forces.
  *   "rotation", "rotation-direction", "rotation-line", "pose", "pose-direction", "direction-line": bodies.
@@ -44,28 +39,13 @@
  *
  * The flat parameter vector theta has the layers of V in order (weight (in, out) row-major, then bias), then
  * the `arrays` of the family: Gamma (n, n) and b (n) of a chain and of a constrained system, A (n, n) of a
- * separable system, Gamma (k, k), b (k) and e (l, 3) of bodies with k vectors and l lines.
- *
- * Functions with an lg_error explain errors there; it may be NULL. */
+ * separable system, Gamma (k, k), b (k) and e (l, 3) of bodies with k vectors and l lines. */
 #ifndef LIEGRAD_HAMILTONIAN_H
 #define LIEGRAD_HAMILTONIAN_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/constraint.h"
-#include "liegrad/core.h"
-#include "liegrad/files.h"
 #include "liegrad/fit.h"
-#include "liegrad/integrators.h"
-#include "liegrad/mechanics.h"
 #include "liegrad/model.h"
-#include "liegrad/networks.h"
-#include "liegrad/program.h"
-#include "liegrad/settings.h"
-#include "liegrad/tape.h"
-#include "liegrad/taped.h"
 
 LG_BEGIN_DECLS
 
@@ -83,15 +63,13 @@ typedef enum lg_potential_kind {
 /* The symmetry of V, with N the network, linear function or dictionary.
  *   NONE       V(x) = N(x)
  *   EVEN, ODD  V(x) = (N(x) + N(-x))/2 and (N(x) - N(-x))/2
- *   AXIAL      rotations about e3 do not change V. Chains: V = N(e3.q_i, q_i.q_j, e3.(q_i x q_j)) of all i
- *              and all pairs i < j, in this order; the last ones change sign in a mirror. Bodies without
- *              lines: V = N(R^T e3, R^T q_i). With the kinetic energy of these families, V conserves the
- *              momentum about e3, sum e3.pi + sum e3.(q_i x p_i).
- *   SPHERICAL  no rotation changes V. Chains of two links and more: V = N(q_i.q_j), i < j. Bodies with
- *              directions and without lines: V = N(R^T q_i). Both conserve sum pi + sum q_i x p_i. Separable
- *              systems: V = N(|q|^2); the kinetic energy is then |A|^2 |p|^2/(2 n), with |A|^2 the sum of
- *              squares, so that every q_i p_j - q_j p_i is conserved.
- * Bodies: each family has one R. */
+ *   AXIAL      rotations about e3 do not change V: N takes e3.q_i, q_i.q_j, e3.(q_i x q_j) of all i and all
+ *              pairs i < j of a chain, in this order (the last ones change sign in a mirror), or R^T e3, R^T
+ *              q_i of bodies without lines
+ *   SPHERICAL  no rotation changes V: N takes q_i.q_j, i < j, of chains of two links and more, R^T q_i of
+ *              bodies with directions and without lines, or |q|^2 of separable systems, whose kinetic energy
+ *              is then |A|^2 |p|^2/(2 n), with |A|^2 the sum of squares
+ * docs/hamiltonians.md ("Symmetry") has the momenta that V then conserves. */
 typedef enum lg_symmetry {
     LG_SYMMETRY_NONE,
     LG_SYMMETRY_EVEN,
@@ -369,11 +347,6 @@ LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *prob
  * of range). */
 LG_API lg_status lg_hamiltonian_find_scales(const lg_hamiltonian_problem *problem, lg_hamiltonian_scales *out,
                                             lg_error *error);
-/* Writes the scale of each number of a state to out (d): s_i for the numbers of part i. */
-LG_API void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out);
-/* Whether any part of the states changes along the trajectories by more than rounding. False also where
- * lg_hamiltonian_find_scales would return LG_INVALID_ARGUMENT. */
-LG_API bool lg_hamiltonian_moves(const lg_hamiltonian_problem *problem);
 /* Sets problem->weight from the data, so that the parts count alike in the loss: one over the mean square
  * of the part's change from the first point to the others, in scaled units. Errors: LG_INVALID_ARGUMENT as
  * lg_hamiltonian_find_scales. */
@@ -390,33 +363,10 @@ LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg
 /* Writes the mean squared difference of predicted and given points over all trajectories, in the units of
  * the data, with the ambient distance, without weights and penalty, in double precision. `theta` has the
  * fit's parameters. *out is not finite where a prediction is not. Errors: those of
- * lg_hamiltonian_problem_check and of the integrator; *out is then untouched. */
+ * lg_hamiltonian_problem_check and of the integrator. */
 LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
                                                    const lg_hamiltonian_problem *problem, const double *theta,
                                                    double *out, lg_error *error);
-/* How much the momentum that a symmetry conserves moves along trajectories. All is 0 for a symmetry without a
- * momentum, such as LG_SYMMETRY_EVEN. */
-typedef struct lg_momentum_motion {
-    /* moved: root mean square, over the trajectories, of the change from the first point to the point where
-     * it is largest; size: root mean square over all points of |pi| + sum |q| |p|, a bound on the momentum.
-     * */
-    double moved, size;
-    /* The momentum moves more than noise and a decay explain. Noise changes all points equally; a decay makes
-     * the momentum smaller by the same factor in all trajectories, as damping does. */
-    bool moves;
-} lg_momentum_motion;
-/* Measures this for the trajectories and the symmetry of the model (docs/hamiltonians.md has the momenta).
- * Errors: LG_INVALID_ARGUMENT (no model or data), LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_hamiltonian_momentum_motion(const lg_context *context,
-                                                const lg_hamiltonian_problem *problem,
-                                                lg_momentum_motion *out);
-/* Writes how much the data change the first integral G of the penalty: the mean over the trajectories of
- * (G(y_j) - G(y_1))^2 for j = `point` in 2..M, or of G(y_1)^2 for point 1, in double precision. It grows
- * with j where G is not conserved; noise alone does not make it grow. Errors: those of
- * lg_hamiltonian_problem_check with a penalty, LG_INVALID_ARGUMENT (point outside 1..M). */
-LG_API lg_status lg_hamiltonian_integral_change(const lg_context *context,
-                                                const lg_hamiltonian_problem *problem, const double *theta,
-                                                size_t point, double *out, lg_error *error);
 /* Writes the unit in which the first integral of the penalty is weighed, a positive number in the unit of G.
  * It is s_1^power[0] s_2^power[1], with s_i the scales of the model. If G is `measured`, it is the root mean
  * square, over all points of the data, of the length of dG/dy, with each number of y divided by its scale:
@@ -446,7 +396,7 @@ LG_API lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamilt
  * point of a trajectory. The sums are over up to 256 trajectories and over the components of the state in
  * which g is not 0. The whole factor s would make V too steep, which takes longer to train; the power 1/3 was
  * found by measurement (docs/reports/training.md). `factor` (may be NULL) becomes the factor.
- * Errors: those of lg_hamiltonian_problem_check, LG_OUT_OF_MEMORY. */
+ * Errors: those of lg_hamiltonian_problem_check. */
 LG_API lg_status lg_hamiltonian_scale(const lg_context *context, const lg_hamiltonian_problem *problem,
                                       double *theta, double *factor);
 
@@ -466,7 +416,7 @@ LG_API lg_status lg_hamiltonian_scale(const lg_context *context, const lg_hamilt
  * state or an input of another shape). */
 
 /* Makes the variables that depend on theta only; theta is the flat vector (lg_hamiltonian_parameters).
- * Errors stick to the tape (LG_SHAPE: theta has another length); `vars` is then untouched. */
+ * Errors stick to the tape (LG_SHAPE: theta has another length). */
 LG_API lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
                                      lg_hamiltonian_vars *vars);
 /* state (B, d) -> H (B, 1) */
@@ -483,8 +433,7 @@ LG_API lg_var lg_hamiltonian_record_field(lg_tape *tape, const lg_hamiltonian_va
 LG_API lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
                                              lg_var input);
 
-/* Makes a program (liegrad/program.h) of the model with the parameter theta. The caller destroys it.
- * Functions:
+/* Makes a program (liegrad/program.h) of the model with the parameter theta. Functions:
  *   value (x) -> y                H
  *   grad  (x) -> y, g             H and its gradient as lg_hamiltonian_record_gradient
  *   field (x, u) -> f             as lg_hamiltonian_record_field
@@ -541,29 +490,23 @@ typedef struct lg_trajectories {
 /* Makes a data set: sets system (may be ""), family, n, the sizes, dt and t = 0, dt, ..., t_end, and
  * allocates t, data and, where asked for, hamiltonian and inputs; all but t are zero. The earlier contents
  * of `out` are overwritten. Errors: LG_INVALID_ARGUMENT (sizes; the system is known and has another family
- * or n), LG_OUT_OF_MEMORY. */
+ * or n). */
 LG_API lg_status lg_trajectories_create(const lg_context *context, const char *system,
                                         const lg_hamiltonian_family *family, uint32_t n, size_t count,
                                         size_t points, double t_end, bool with_hamiltonian,
                                         uint32_t input_dim, lg_trajectories *out);
 /* Sets data->truth to a copy of the system that made the data; an earlier one is destroyed. Errors:
- * LG_INVALID_ARGUMENT (a system of another name, family or n), LG_OUT_OF_MEMORY. */
+ * LG_INVALID_ARGUMENT (a system of another name, family or n). */
 LG_API lg_status lg_trajectories_set_truth(lg_trajectories *data, const lg_system *system);
 /* Sets data->constraint from a program (liegrad/constraint.h); an earlier one is destroyed. Errors:
  * LG_INVALID_ARGUMENT (data of another family or n), those of lg_constraint_create. */
 LG_API lg_status lg_trajectories_set_constraint(lg_trajectories *data, const lg_program *program,
                                                 lg_error *error);
-/* Reads a data set from an HDF5 file. Data sets of the file are /t (M), /trajectories (N, M, d), and
- * optionally /hamiltonian (N), /inputs (N, M-1, m) and the parameters of the system, /parameters/KEY, of
- * any integer or float type. out->truth is made when the system is known and all its parameters are there.
- * Attributes of the root or of /trajectories, which are optional where they follow from others: `system`,
- * `links` (chains), `layout`. Checks: /t increases and is equidistant (each point within 1e-6 dt and the
- * rounding of its stored type); all numbers are finite; d fits the system and the links; first points of a
- * chain are on T*S^2 within 1e-6, or with options->project_starts are projected there. Later points may
- * carry noise. If the file or the options have a function `constraint` (liegrad/constraint.h), the family is
- * "constrained", out->constraint is made, first points are checked or projected in the same way, and G must
- * have full rank at all points. `options` may be NULL. Errors: LG_NOT_FOUND (no such file), LG_FILE,
- * LG_FORMAT (a check), LG_OUT_OF_MEMORY; `out` is then untouched. */
+/* Reads a data set from an HDF5 file with the contents and checks that docs/files.md lists ("Trajectories").
+ * out->truth is made when the system is known and all its parameters are there. First points off their
+ * manifold by more than 1e-6 are an error, or with options->project_starts are projected. If the file or the
+ * options have a function `constraint` (liegrad/constraint.h), the family is "constrained", out->constraint
+ * is made, and G must have full rank at all points. */
 LG_API lg_status lg_trajectories_read(const lg_context *context, const char *path,
                                       const lg_read_options *options, lg_trajectories *out, lg_error *error);
 /* Writes a data set to a file, and sets data->sha256. Errors: LG_NOT_FINITE (a number is not finite: such
@@ -620,38 +563,16 @@ typedef struct lg_hamiltonian_file {
     lg_test_set test; /* That test set. */
 } lg_hamiltonian_file;
 
-/* Writes a model file: /model/potential/layer1/{weight (in, out), bias} ..., /model/mass/{gamma (k, k), b
- * (k)} or /model/kinetic/A (n, n), /optimizer/adam/{m, v, step}, /rng, /train/history/{loss, validation,
- * seconds, rate}, and the model's functions (lg_model_save) with the family's default scheme for `step`.
- * `file` and all that it points to are borrowed. theta always comes from `file`. If `fit` is not NULL, the
- * history comes from the fit instead of `file`. So do optimizer and rng when the fit trains by Adam; when
- * it trains by another method they are left out, because the state of such a method is far larger than the
- * model and is only kept in checkpoints. Errors: LG_NOT_FINITE (a parameter is not finite),
- * LG_INVALID_ARGUMENT (a model that lg_hamiltonian_init would refuse), LG_FILE, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_hamiltonian_save(const lg_context *context, const char *path,
-                                     const lg_hamiltonian_file *file, const lg_fit *fit, lg_error *error);
-/* Reads a model file; lg_hamiltonian_file_destroy frees it. Checks that weights are finite and that
- * lg_hamiltonian_init accepts the model. A model written by hand needs `kind`, `family`, `links`,
- * `potential`, `activation`, `hidden` and /model; everything else becomes zero or the default. Files of
- * earlier versions lack `schedule`; the schedule is then LG_SCHEDULE_STEP. `options` may be NULL. Errors:
- * LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_hamiltonian_load(const lg_context *context, const char *path,
-                                     const lg_read_options *options, lg_hamiltonian_file *out,
-                                     lg_error *error);
 /* Writes the results on a test set (members has_e1 to test of `file`) into the model file at `path`, where
  * they replace earlier results. Everything else in the file stays as it is, also entries that this version
  * does not know. A failure changes nothing.
- *   E1 = mean over trajectories, coordinates and points (the first included) of the squared difference
- *        between the test trajectories and the accurately integrated learned flow
- *   E2 = mean |d - mean d|, d = true H - learned H at the starts. Trajectories determine H only up to a
- *        function that is constant along the motion of every Hamiltonian. On T*S^2 and R^2n this is a number,
- *        which E2 removes. On so(3)* it is a function of |mu|^2, which remains in E2.
+ * docs/hamiltonians.md ("Judging a model") has E1 and E2. E2 removes a constant, up to which trajectories
+ * determine H on T*S^2 and R^2n; on so(3)* a function of |mu|^2 remains in it.
  * `run` and `theta` of `file` must be those in the file at `path`. Errors: LG_INVALID_ARGUMENT (the file
  * holds another model, for example one that was trained in the meantime), LG_NOT_FINITE (E1 or E2 is not
- * finite), those of lg_hamiltonian_load. */
+ * finite), those of readers. */
 LG_API lg_status lg_hamiltonian_save_errors(const lg_context *context, const char *path,
                                             const lg_hamiltonian_file *file, lg_error *error);
-LG_API void lg_hamiltonian_file_destroy(lg_hamiltonian_file *file);
 
 /* ---- Grids of `lg-hamiltonian study` ---- */
 
@@ -679,8 +600,7 @@ typedef struct lg_grid {
     uint64_t seed;                           /* Default 1. */
 } lg_grid;
 
-/* Reads the grid of a study from a YAML file. Errors, explained in `error`: the errors of readers
- * (liegrad/files.h). */
+/* Reads the grid of a study from a YAML file. */
 LG_API lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error);
 LG_API void lg_grid_destroy(lg_grid *grid); /* Frees what the grid owns and zeroes it; NULL is allowed. */
 

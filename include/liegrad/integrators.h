@@ -23,10 +23,6 @@
 #ifndef LIEGRAD_INTEGRATORS_H
 #define LIEGRAD_INTEGRATORS_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/core.h"
 
 LG_BEGIN_DECLS
@@ -113,8 +109,7 @@ typedef struct lg_space {
 LG_API const lg_space_entry *lg_space_kind_entry(lg_space_kind kind);
 
 /* Fills `space` with the product of factors[0..count-1]. Errors: LG_INVALID_ARGUMENT (unknown kind, count
- * 0 or above LG_SPACE_MAX_FACTORS, a factor without copies or with so many that sizes would overflow);
- * `space` is then untouched. */
+ * 0 or above LG_SPACE_MAX_FACTORS, a factor without copies or with so many that sizes would overflow). */
 LG_API lg_status lg_space_init(lg_space *space, const lg_space_factor *factors, size_t count);
 /* Fills `space` with R^n. Errors: those of lg_space_init. */
 LG_API lg_status lg_space_init_rn(lg_space *space, size_t n);
@@ -125,7 +120,7 @@ LG_API bool lg_space_is_abelian(const lg_space *space);
 /* Spaces as text, such as "T*S^2 x 3, R^2": the names of the factors in order; a factor with several
  * copies has their number after " x ", and R^n has its dimension n in the name. lg_space_text writes the
  * text with its terminator. lg_space_read accepts exactly the texts that lg_space_text writes. Errors of
- * lg_space_read: LG_FORMAT; `error` (may be NULL) quotes the text from the place of the fault on. */
+ * lg_space_read: LG_FORMAT; `error` quotes the text from the place of the fault on. */
 #define LG_SPACE_TEXT 256
 LG_API void lg_space_text(const lg_space *space, char text[LG_SPACE_TEXT]);
 LG_API lg_status lg_space_read(const char *text, lg_space *out, lg_error *error);
@@ -325,35 +320,9 @@ typedef struct lg_scheme {
     double dense[LG_SCHEME_MAX_STAGES][LG_DENSE_POWERS];
 } lg_scheme;
 
-/* The schemes of the library, by name.
- *
- * Classical schemes (`ambient` is true):
- * - euler, implicit-euler, midpoint, rk4, rk4-projected
- * - dp54: Dormand-Prince 5(4), adaptive
- * - dp85: the method of order 8 in DOP853 with an error estimate of order 5, adaptive
- *
- * Splitting schemes:
- * - symplectic-euler (p first), stormer-verlet
- * - forest-ruth: Forest and Ruth (1990), order 4, 3 evaluations of the force per step
- * - blanes-moan: SRKN_6^b of Blanes and Moan (2002), order 4 with a small error constant, 6 evaluations of
- *   the force per step
- *
- * Variational:
- * - variational: the variational integrator of the system (lg_ode.step) or of machines (liegrad/machine.h)
- *
- * Lie group schemes. dexpinv is exact, except in lie-heun and rkmk4-2c, where it is left out (truncation 0):
- * - lie-euler
- * - lie-heun: k_2 = f(exp(h k_1) y), y1 = exp(h/2 (k_1 + k_2)) y
- * - rkmk3: Kutta's tableau
- * - rkmk4: the classical tableau; rkmk4-2c: the classical tableau with two commutators
- * - rkmk5, rkmk54: Dormand-Prince; rkmk54 is adaptive, with dense output of order 4
- * - cg3: Crouch and Grossman, order 3
- * - cf4; cf43: cf4 with an embedded solution of order 3, adaptive
- * - cf32a, cf32b: order 3 with an embedded solution of order 2, adaptive
- * - slgi: theta = 1/2; for another theta copy the scheme
- *
- * lg_scheme_at takes an index in 0..lg_scheme_count()-1 and returns NULL for larger ones. lg_scheme_find
- * returns NULL for an unknown name. The schemes are static and constant. */
+/* The schemes of the library, by name, which docs/simulate.md lists with their sources ("Choosing a method").
+ * lg_scheme_at returns NULL for an index beyond the last one, lg_scheme_find for an unknown name. The schemes
+ * are static and constant. */
 LG_API size_t lg_scheme_count(void);
 LG_API const lg_scheme *lg_scheme_at(size_t index);
 LG_API const lg_scheme *lg_scheme_find(const char *name);
@@ -365,7 +334,7 @@ LG_API const lg_scheme *lg_scheme_find(const char *name);
  *   of a equals b.
  * - What the kind cannot have is absent: embedded solution, dense output, commutators, projection.
  *
- * The order is not checked. Errors: LG_INVALID_ARGUMENT, with the reason in `error` (may be NULL). */
+ * The order is not checked. Errors: LG_INVALID_ARGUMENT, with the reason in `error`. */
 LG_API lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error);
 
 /* ---- Steps ---- */
@@ -387,10 +356,10 @@ LG_API size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode);
 LG_API lg_status lg_stepper_init(const lg_scheme *scheme, const lg_ode *ode, lg_stepper **out, void *memory,
                                  size_t bytes);
 /* Like lg_stepper_init, in memory that the function takes from the context (NULL: the C library's memory).
- * The caller destroys the stepper. Errors: those of lg_stepper_init, LG_OUT_OF_MEMORY. */
+ * Errors: those of lg_stepper_init. */
 LG_API lg_status lg_stepper_create(const lg_context *context, const lg_scheme *scheme, const lg_ode *ode,
                                    lg_stepper **out);
-LG_API void lg_stepper_destroy(lg_stepper *stepper); /* NULL is allowed. */
+LG_API void lg_stepper_destroy(lg_stepper *stepper);
 
 /* One step: y_next (dim) becomes the state at t + h, from the state y (dim) at t; y_next may equal y. h
  * may be negative. `input` goes to the field and is constant over the step; it may be NULL. When it is
@@ -517,49 +486,17 @@ LG_API lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_contro
  *   }
  *   lg_ode_solve(NULL, "R^2", pendulum, NULL, 1e-8, times, 101, (double[]){1, 0}, out, &error);
  *
- * Errors, with the time that was reached in `error`: LG_FORMAT (the space), LG_OUT_OF_MEMORY,
- * LG_INVALID_ARGUMENT (NULL, tolerance, times, a start that is not finite), the other errors of
- * lg_integrate_adaptive. Rows of times that were reached are written. */
+ * Errors, with the time that was reached in `error`: LG_FORMAT (the space), LG_INVALID_ARGUMENT (tolerance,
+ * times, a start that is not finite), the other errors of lg_integrate_adaptive. Rows of times that were
+ * reached are written. */
 LG_API lg_status lg_ode_solve(const lg_context *context, const char *space, lg_vector_field field, void *user,
                               double tolerance, const double *times, size_t count, const double *y0,
                               double *out, lg_error *error);
 
 /* ---- Files of schemes (library liegrad_io) ---- */
 
-/* lg_scheme_read reads a scheme from a YAML (or JSON) file and checks it with lg_scheme_check. Numbers are
- * decimals or quotients a/b. Keys of all kinds:
- *   name            default: the name of the file, without its folder
- *   kind            rkmk | runge-kutta (ambient) | commutator-free | splitting; required
- *   order           order of the method; required
- * Keys of rkmk, runge-kutta and commutator-free, for adaptive steps; both or none:
- *   embedded        the embedded solution, see below
- *   embedded_order  its order
- * Keys of rkmk and runge-kutta:
- *   a               a list of coefficients per stage; the list of the first stage is empty
- *   b, embedded     one number per stage
- *   c               one number per stage; default: the sums of the rows of a
- * Keys of rkmk only:
- *   dexpinv         `exact` or the truncation K; default exact, or 0 with commutators
- *   commutators     a list of [row, first, second, weight]; stages count from 1, row = stages + 1 is the step
- * Keys of commutator-free:
- *   rows            one row per stage and one for the end of the step
- *   embedded        one row
- *   c               one number per stage; default: the sums of the coefficients
- *   A row is a list of exponentials. An exponential is a list of coefficients, one per stage; the first
- *   exponential of a row is applied first. A row with one exponential may be the list of coefficients itself.
- *   The row {base: i, exponentials: [...]} is applied to stage i instead of the start; i counts from 1.
- * Keys of splitting:
- *   kick, drift     one number per stage
- *
- * Example:
- *   kind: rkmk
- *   order: 3
- *   a: [[], [1/2], [-1, 2]]
- *   b: [1/6, 2/3, 1/6]
- *
- * The caller frees *out with lg_scheme_destroy, which also allows NULL but no scheme of another origin.
- * Errors, explained in `error` (may be NULL): LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT (with the
- * line), LG_OUT_OF_MEMORY. */
+/* Reads a scheme from a YAML (or JSON) file, whose keys are in docs/files.md ("Schemes"), and checks it with
+ * lg_scheme_check. lg_scheme_destroy allows no scheme of another origin. */
 LG_API lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out,
                                 lg_error *error);
 LG_API void lg_scheme_destroy(lg_scheme *scheme);

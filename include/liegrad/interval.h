@@ -19,12 +19,9 @@
  * with 0, the root or the logarithm of a negative number), and where a bound would overflow, the bounds of
  * its result are -inf and inf. NaN never occurs. 0 x and x - x are 0, whatever the bounds of x are.
  *
- * Flags. Bounds alone do not show whether the function is defined, or whether it jumps: tanh(log x) has the
- * bounds [-1, 1] everywhere. So each output of each box has a flag, the highest level that its operations
- * prove: the level of a result is the minimum of the levels of its operands and of its operation on the box.
- * src/certify/interval_kernel.c has the table of all operations. Like the decorations of IEEE 1788 (named in
- * lg_interval_flag), flags speak about the box alone; but where a box touches a jump from one side, it
- * counts as a jump, so that two boxes which meet at a jump never both pass.
+ * Flags. Bounds alone do not show whether the function is defined, or whether it jumps. So each output of
+ * each box has a flag, the highest level that its operations prove (docs/certificates.md, "Flags"). Two boxes
+ * that meet at a jump never both pass.
  *
  * Choices. lg_ge and lg_sign are 0 or 1, -1 or 1, or both where the box does not decide; lg_select then has
  * the hull of both values. The derivative of a maximum (lg_max, lg_abs, lg_relu) at a kink is the hull of
@@ -33,11 +30,6 @@
 #ifndef LIEGRAD_INTERVAL_H
 #define LIEGRAD_INTERVAL_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/program.h"
 
 LG_BEGIN_DECLS
@@ -64,10 +56,10 @@ LG_API void lg_interval_options_init(lg_interval_options *options);
  * functions must have the same inputs. `options` NULL means the defaults. The evaluator keeps nothing of the
  * program but its context. Errors: LG_UNSUPPORTED (an operation without interval form, which the message
  * names; more than a million operations on numbers), LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT
- * (NULL, no functions, inputs that differ), LG_SHAPE, LG_OUT_OF_MEMORY. */
+ * (no functions, inputs that differ), LG_SHAPE. */
 LG_API lg_status lg_interval_create(const lg_program *program, const size_t *functions, size_t count,
                                     const lg_interval_options *options, lg_interval **out, lg_error *error);
-LG_API void lg_interval_destroy(lg_interval *interval); /* NULL is allowed */
+LG_API void lg_interval_destroy(lg_interval *interval);
 
 /* ---- motions ---- */
 
@@ -92,8 +84,8 @@ LG_API void lg_interval_taylor_spec_init(lg_interval_taylor_spec *spec);
  * At a kink that a box does not decide, x_1 and x_2 and the Jacobian of x_1 are hulls, which hold for
  * remainders, too; further ones are -inf to inf and LG_INTERVAL_UNDEFINED. Flags of coefficients say nothing
  * where the rate itself is not Lipschitz continuous. `options` NULL means the defaults. Errors: those of
- * lg_interval_create; LG_INVALID_ARGUMENT (NULL, orders, ports), LG_UNSUPPORTED (lg_stop_gradient, lg_select
- * by a value that is no comparison, Stumpff functions of too high an order). */
+ * lg_interval_create; LG_INVALID_ARGUMENT (orders, ports), LG_UNSUPPORTED (lg_stop_gradient, lg_select by a
+ * value that is no comparison, Stumpff functions of too high an order). */
 LG_API lg_status lg_interval_taylor(const lg_program *program, const lg_interval_taylor_spec *spec,
                                     const lg_interval_options *options, lg_interval **out, lg_error *error);
 
@@ -124,8 +116,8 @@ LG_API lg_status lg_interval_eval(const lg_interval *interval, size_t boxes, con
  * rounded to half a unit in the last place, too; sums in any order; +, -, *, / and the root err by at most
  * a unit times the result, functions as exp by 8, Stumpff functions by 64. Numbers below the smallest normal
  * one may become 0. A bound is inf where rounding may decide a jump, where a number may overflow or leave
- * the domain of an operation, and for coefficients of dexpinv. Errors: LG_INVALID_ARGUMENT (NULL, the unit,
- * a box that is empty or not finite), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form), LG_OUT_OF_MEMORY. */
+ * the domain of an operation, and for coefficients of dexpinv. Errors: LG_INVALID_ARGUMENT (the unit, a box
+ * that is empty or not finite), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form). */
 LG_API lg_status lg_interval_rounding(const lg_program *program, size_t function, const double *low,
                                       const double *high, double unit, double *bound, lg_error *error);
 

@@ -8,11 +8,6 @@
 #ifndef LIEGRAD_LYAPUNOV_H
 #define LIEGRAD_LYAPUNOV_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/program.h"
 
 LG_BEGIN_DECLS
@@ -35,7 +30,7 @@ typedef struct lg_lyapunov_spec {
 LG_API void lg_lyapunov_spec_init(lg_lyapunov_spec *spec);
 /* Adds the function `name`, x (n) -> V, one number, with the coefficients as constants. Errors:
  * LG_INVALID_ARGUMENT, LG_NOT_FOUND, LG_NO_CONVERGENCE (no polynomial of this degree satisfies the
- * inequalities at the points), LG_OUT_OF_MEMORY. On failure the program is unchanged. */
+ * inequalities at the points). On failure the program is unchanged. */
 LG_API lg_status lg_lyapunov_polynomial(lg_program *program, const lg_lyapunov_spec *spec, lg_error *error);
 
 typedef struct lg_lyapunov_search {
@@ -59,8 +54,8 @@ LG_API void lg_lyapunov_search_init(lg_lyapunov_search *search);
 /* Finds P (n, n), symmetric, and K (m, n) (not touched, may be NULL, if `rate` has no K). {V <= 1} is the
  * proposal; *volume (may be NULL) is its volume. The search starts from solutions of Riccati equations with
  * random weights; without K from solutions of Lyapunov equations. Errors: LG_INVALID_ARGUMENT,
- * LG_NOT_FOUND (no such function), LG_CHECK_FAILED (no quadratic form falls near the goal), LG_CANCELLED,
- * LG_OUT_OF_MEMORY; outputs are then untouched. */
+ * LG_NOT_FOUND (no such function), LG_CHECK_FAILED (no quadratic form falls near the goal), LG_CANCELLED;
+ * outputs are then untouched. */
 LG_API lg_status lg_lyapunov_quadratic(const lg_context *context, const lg_program *program,
                                        const lg_lyapunov_search *search, double *P, double *K, double *volume,
                                        lg_error *error);

@@ -43,42 +43,26 @@
  * momenta of all coordinates except directions. These are the factors of lg_machine_space. LuGre friction
  * adds a last factor, the deflections z of the bristles, one for each velocity v:
  *   z' = v - s0 |v| z/g(v), g(v) = c + (cs - c) e^(-(v/vs)^2), force -(s0 z + s1 z').
- * Logs do not have z. At the start of a window or of a run, z follows from the measured velocities of the
- * 200 rows before. Where a state comes from positions and velocities alone, and before these rows, z is the
- * one of steady sliding with v, tanh(v/w) g(v)/s0 with the usual width w: 0 at rest. A step of length h
- * moves z exactly with v constant, z+ = zs + (z - zs) e^(-s0 |v| h/g), zs = sign(v) g/s0, for h/2 before
- * and for h/2 after the rest of the state moves with z constant: an error of order h^2.
+ * Logs do not have z: it follows from the measured velocities of the 200 rows before a window or run. Where a
+ * state comes from positions and velocities alone, z is the one of steady sliding, tanh(v/w) g(v)/s0 with the
+ * usual width w: 0 at rest. A step of length h moves z exactly with v constant, z+ = zs + (z - zs) e^(-s0 |v|
+ * h/g), zs = sign(v) g/s0, for h/2 before and for h/2 after the rest of the state: an error of order h^2.
  *
- * Friction without a width (Coulomb, asymmetric, Stribeck, by load or position) of lines and angles is
- * -c s with s = sign(v), and any s in [-1, 1] at v = 0: the one that keeps v = 0 if there is one. A step of
- * length h is a classical Runge-Kutta step with s constant, or v = 0. It is divided where a velocity reaches
- * 0 (cubic Hermite polynomial) and where the force that holds v = 0 exceeds c (parabola), up to three times.
- * The scheme does not matter. The field has s = 0 at v = 0.
+ * Friction without a width (Coulomb, asymmetric, Stribeck, by load or position) of lines and angles sticks:
+ * it is -c s with s = sign(v), and at v = 0 the s in [-1, 1] that keeps v = 0 if there is one. Whatever the
+ * scheme, a step is a classical Runge-Kutta step with s constant, or v = 0, which is divided up to three
+ * times (docs/machines.md, "Friction that sticks"). The field has s = 0 at v = 0.
  *
  * Scaled units. Internally all quantities are divided by the scales of the machine: times by T
  * (scales.time), positions and velocities of lines and of places of poses by L and L/T (L = 1 for angles,
  * directions and rotations), inputs by U, energies by E. Parameters are then numbers around 1. Everything
- * that is recorded on a tape is in scaled units.
- *
- * Functions with an lg_error explain errors there in a sentence; it may be NULL. */
+ * that is recorded on a tape is in scaled units. */
 #ifndef LIEGRAD_MACHINE_H
 #define LIEGRAD_MACHINE_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/files.h"
 #include "liegrad/fit.h"
-#include "liegrad/integrators.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/model.h"
-#include "liegrad/networks.h"
-#include "liegrad/program.h"
-#include "liegrad/settings.h"
-#include "liegrad/tape.h"
-#include "liegrad/taped.h"
 
 LG_BEGIN_DECLS
 
@@ -288,9 +272,6 @@ typedef struct lg_machine {
     size_t parameters, weights;
 } lg_machine;
 
-/* The term whose friction this term of the machine changes, such as a Coulomb friction; NULL: it changes
- * none. */
-LG_API const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term);
 LG_API void lg_machine_scales_init(lg_machine_scales *scales);
 /* The width of a friction term at one velocity: that of the term or, if this is 0, a thousandth of the
  * largest speed in the log. Friction that sticks has this width in LG_SCHEME_VARIATIONAL alone. */
@@ -298,7 +279,7 @@ LG_API double lg_machine_width(const lg_machine *machine, const lg_machine_term 
 /* Checks a machine and fills its other members. Errors: LG_INVALID_ARGUMENT (no or too many coordinates, a
  * term that does not fit its part or the coordinates, a wrong number of values, features or widths, names
  * that are not unique, known masses or dampings that are not positive, inputs without an input map, no
- * mass, more than 64 numbers with a prior), LG_OUT_OF_MEMORY. */
+ * mass, more than 64 numbers with a prior). */
 LG_API lg_status lg_machine_init(lg_machine *machine, lg_error *error);
 /* Adds the terms of a named system to a machine that already has its coordinates: a mass and, if the
  * system has one, a potential. Call it before lg_machine_init. All numbers of the system are then known
@@ -329,16 +310,6 @@ LG_API lg_status lg_machine_full_space(const lg_machine *machine, lg_space *spac
  * units masses are 1, dampings small, the input map 1 from input j to velocity j and 0 elsewhere,
  * potentials and residuals 0. */
 LG_API void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta);
-/* Sets the parameters of all lags that are learned, except for lags with a start or bounds, to the time
- * constant, in seconds, kept within scales.lag; returns how many there are. */
-LG_API size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta);
-/* Sets the stiffness of the bristles of LuGre friction that is learned, so that sliding bends them by
- * `part`, in [0, 1], of the way from the largest to the smallest deflection on a scale of logarithms;
- * returns false if the machine has no such stiffness. */
-LG_API bool lg_machine_set_bristles(const lg_machine *machine, double part, double *theta);
-/* Adds full turns to the biases of angles in theta, so that they are in (-pi, pi]. A log does not show
- * full turns. */
-LG_API void lg_machine_wrap_biases(const lg_machine *machine, double *theta);
 
 /* ---- Formulas on a tape (batches of B rows, in scaled units) ---- */
 
@@ -408,14 +379,13 @@ typedef struct lg_machine_log {
 
 /* Keeps the lagged inputs of a log (lg_machine.lagged) at all its rows for the last time constants that were
  * asked for. Threads may share it. It reads t, u, lag and the velocities of the log that it was made of,
- * which must outlive it. Errors: LG_OUT_OF_MEMORY. */
+ * which must outlive it. */
 typedef struct lg_machine_filter lg_machine_filter;
 LG_API lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *machine,
                                           const lg_machine_log *log, lg_machine_filter **out,
                                           lg_error *error);
-LG_API void lg_machine_filter_destroy(lg_machine_filter *filter); /* NULL is allowed. */
-/* Writes the lagged inputs (count, lags) at the rows at[0..count-1], in the log's units. Errors:
- * LG_OUT_OF_MEMORY. */
+LG_API void lg_machine_filter_destroy(lg_machine_filter *filter);
+/* Writes the lagged inputs (count, lags) at the rows at[0..count-1], in the log's units. */
 LG_API lg_status lg_machine_lagged_inputs(const lg_context *context, const lg_machine *machine,
                                           const double *theta, const lg_machine_log *log, const size_t *at,
                                           size_t count, double *out, lg_error *error);
@@ -428,12 +398,12 @@ LG_API bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_
 /* Sets the scales of a machine from a log: T from root mean squares of velocities and accelerations; L of
  * a line or pose as T times the root mean square of its velocity; U as the root mean squares of the
  * inputs; E such that masses are around 1. Call lg_machine_init before; what it filled stays. Errors:
- * LG_FORMAT (nothing moves, all velocities are constant, or numbers overflow), LG_OUT_OF_MEMORY. */
+ * LG_FORMAT (nothing moves, all velocities are constant, or numbers overflow). */
 LG_API lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error);
 
 /* Finds the largest rate, in 1/s, at which damping slows a motion near rest: the largest quotient of slope of
  * the force and mass at rows of the log. Explicit steps over h come to rest where h rate <= 2.5. Errors:
- * LG_OUT_OF_MEMORY, those of the tape. */
+ * those of the tape. */
 LG_API lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *machine,
                                       const double *theta, const lg_machine_log *log, double *rate,
                                       lg_error *error);
@@ -519,80 +489,21 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
  * multiplied by scales.time for velocities, and by its square for positions. */
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
-/* Replaces starts that are far off, in which fits of accelerations are stuck. The starts are estimated;
- * the machine has lines and angles alone. Where a window begins in the last row of another, its start
- * becomes the state that the other one predicts there if that at least halves its loss; likewise backwards
- * in time, except with lags and bristles. This goes on along the log. theta, in and out: the parameters of
- * the fit. losses (windows): sums over points and columns of each window's squared residuals, in units of
- * the loss, with the starts of theta. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, those of the tape. */
-LG_API lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine_problem *problem,
-                                            double *theta, double *losses, lg_error *error);
-/* As lg_machine_fit_problem, but the windows become a regression of momenta: over each window the changes of
- * the momenta p = M(q) v of logged rows are compared with the logged rows' forces, p and forces in scaled
- * units. No window is predicted, so that this works from starts that are wrong by orders of magnitude; noise
- * of positions and velocities makes its result inexact. The parameters are those of the machine, the starts
- * are measured and problem->theta is NULL; windows with an incomplete row do not count. */
-LG_API void lg_machine_momentum_problem(const lg_machine_problem *problem, lg_fit_problem *out);
 /* Writes the loss over all windows except the validation part. `theta` has the parameters of the fit.
  * `floor` (may be NULL) becomes the part of the loss that comes from the integrator's own error. Errors:
  * those of lg_machine_problem_check and of the tape. */
 LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem,
                                  const double *theta, double *loss, double *floor, lg_error *error);
 
-/* Two numbers per coordinate, for its position and its velocity. As noise they are in the units of the
- * log: metres for lines and places, radians otherwise. */
-typedef struct lg_machine_noise {
-    double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
-} lg_machine_noise;
-/* What one expects that a good model leaves of the loss. */
-typedef struct lg_machine_expected {
-    /* The loss of a model that explains the logs except for white noise. Each number of a column adds
-     * (noise/scale)^2. Estimated starts and parameters that the logs determine adapt to some of the noise,
-     * which reduces the loss by their degrees of freedom; the noise of measured starts adds what it makes
-     * of the rest of the window. It is computed from at most 512 windows. With more than 256 parameters,
-     * weights of networks are taken to reduce nothing, and every other parameter as much as an average
-     * number of the log adds. */
-    double loss;
-    /* For each coordinate, in units of the loss: what the changes of its velocities within a window
-     * contribute to positions and velocities. It is about the loss of a model in which no force acts. */
-    lg_machine_noise change;
-} lg_machine_expected;
-/* Computes the expected loss; `noise` has standard deviations, and `theta` is as for lg_machine_identify.
- * Errors: LG_OUT_OF_MEMORY, those of the tape. */
-LG_API lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem *problem,
-                                   const double *theta, const lg_machine_noise *noise,
-                                   lg_machine_expected *out, lg_error *error);
-
-/* A test for missing forces: how much of the loss forces that the machine does not have could explain.
- * These forces are constant ones; forces linear in the heights, velocities and inputs; and polynomials of
- * degree 3 in the height and velocity of each coordinate (of a lower degree where these would be more than
- * 128 parameters). Angles enter by sine and cosine. */
-typedef struct lg_machine_missing {
-    /* The part of the loss that these forces would explain, to first order. 0: the test was not made, as
-     * for machines with networks or with more than 128 parameters. */
-    double loss;
-    /* F of a test whether this could be chance: about 1 for white residuals, and hardly ever above 8 if
-     * the machine is the true one. */
-    double ratio;
-} lg_machine_missing;
-/* Makes the test; `theta` is as for lg_machine_identify and must be a best fit. Errors: LG_OUT_OF_MEMORY,
- * those of the tape. */
-LG_API lg_status lg_machine_find_missing(const lg_context *context, const lg_machine_problem *problem,
-                                         const double *theta, lg_machine_missing *out, lg_error *error);
-
 /* ---- Identified numbers ---- */
 
-/* A number that means something to the user, in the units of the log. Names: an unknown number of a system
- * has its label, "m1"; "mass.1.2" (of velocities 1 and 2, counted through all coordinates), "damping.x" or
- * "damping.body.3" (diagonal; likewise "coulomb.x", "quadratic.x", "cubic.x", "asymmetric.x",
- * "breakaway.x", "stribeck_speed.x", "load.x", "position.x", "bristle_stiffness.x", "bristle_damping.x",
- * "offset.x"), "damping.1.2" (constant), "input_map.2.1", "potential.x^2", "potential.sin(theta)",
- * "bias.x", "bias.body.velocity.3", "lag.u" (the time constant in seconds), "curve.u.2", "dead_zone.u". If
- * a mass is a network, the numbers are those of M at one position, by default the reference: places and
- * angles 0, directions e3, attitudes 1. `error` is one standard deviation, from the Gauss-Newton matrix and
- * the residuals, without a prior; infinite where the data do not determine the number. Residuals that are
- * correlated in time are taken in blocks of four correlation times, or of an eighth of the log, whichever
- * makes larger errors. At most 8192 windows are used, 512 for more than 64 parameters. */
+/* A number that means something to the user, in the units of the log, with a name such as "m1", "mass.1.2",
+ * "damping.x" or "lag.u" (docs/machines.md, "The identified numbers"). If a mass is a network, the numbers
+ * are those of M at one position, by default the reference: places and angles 0, directions e3, attitudes 1.
+ * `error` is one standard deviation, from the Gauss-Newton matrix and the residuals, without a prior;
+ * infinite where the data do not determine the number. Residuals that are correlated in time are taken in
+ * blocks of four correlation times, or of an eighth of the log, whichever makes larger errors. At most 8192
+ * windows are used, 512 for more than 64 parameters. */
 #define LG_IDENTIFIED_NAME 96
 typedef struct lg_identified {
     char name[LG_IDENTIFIED_NAME];
@@ -634,13 +545,9 @@ typedef struct lg_identification {
     double step;
 } lg_identification;
 /* Fills `out`. `theta` has the parameters of the fit, with the starts if they are estimated;
- * problem->theta must be NULL. Errors: LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
+ * problem->theta must be NULL. Errors: LG_CANCELLED, those of the tape. */
 LG_API lg_status lg_machine_identify(const lg_context *context, const lg_machine_problem *problem,
                                      const double *theta, lg_identification *out, lg_error *error);
-/* Writes row `row` of `open` in words, such as "m and L appear only as a product: give one of them";
- * `text` has room for `size` bytes, and `count` is N. Returns how many numbers change in the row. */
-LG_API size_t lg_identification_sentence(const lg_identification *of, size_t count, size_t row, char *text,
-                                         size_t size);
 
 /* ---- A few numbers for a new log ----
  *
@@ -653,9 +560,6 @@ typedef struct lg_machine_restriction {
     size_t count;                      /* numbers x */
     const double *directions;          /* (count, P) */
 } lg_machine_restriction;
-/* Writes to `direction` (P) how theta changes when all learned damping is multiplied by 1 + x, per x. False:
- * nothing of the damping is learned. */
-LG_API bool lg_machine_scale_friction(const lg_machine *machine, const double *theta, double *direction);
 
 /* All arrays have `count` numbers and belong to the caller. */
 typedef struct lg_machine_adapted {
@@ -682,8 +586,7 @@ LG_API lg_status lg_machine_adapt(const lg_context *context, const lg_machine_re
  * their sensors. A run that becomes infinite or NaN continues as NaN. With `steps` LG_MACHINE_TO_END each
  * run goes to the end of its part, and the results are positions (rows, positions) and velocities (rows,
  * velocities) at the rows of the log: NaN in rows that no run reaches, infinite where a run is NaN; count
- * may be 0. Errors: LG_CANCELLED, LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the scheme), LG_OUT_OF_MEMORY,
- * those of the tape. */
+ * may be 0. Errors: LG_CANCELLED, LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the scheme), those of the tape. */
 #define LG_MACHINE_TO_END SIZE_MAX
 LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machine,
                                      const double *theta, const lg_scheme *scheme, uint32_t substeps,
@@ -696,27 +599,17 @@ LG_API lg_status lg_machine_free_run(const lg_context *context, const lg_machine
  * weigh positions against velocities; a machine of `accelerations` is compared with these alone. Writes
  * positions (count, positions) and velocities (count, velocities) in the units of the log. A state whose
  * run is not finite keeps the logged positions and velocities; difference quotients of the positions
- * replace missing velocities. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the
- * tape. */
+ * replace missing velocities. Errors: LG_INVALID_ARGUMENT, LG_CANCELLED, those of the tape. */
 LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine *machine,
                                             const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                             const lg_machine_log *log, const size_t *start, size_t count,
                                             uint32_t window, double *positions, double *velocities,
                                             lg_error *error);
 
-/* Estimates the states at all rows of a log of accelerations: windows of `window` rows (2 or more) that
- * touch are fitted, and lg_machine_continue_starts replaces starts that are far off. q (rows, positions)
- * and v (rows, velocities), in the units of the log, get the runs of the windows; rows in no window keep
- * the log's guesses. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED, those of the tape. */
-LG_API lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine *machine,
-                                            const double *theta, const lg_scheme *scheme, uint32_t substeps,
-                                            const lg_machine_log *log, uint32_t window, double *q, double *v,
-                                            lg_error *error);
-
 /* ---- The machine as a program ---- */
 
 /* Makes a program (liegrad/program.h) of the machine with the parameter theta (no parameter when nothing is
- * unknown). The caller destroys it; it borrows nothing. Functions:
+ * unknown). It borrows nothing. Functions:
  *   value      (x) -> y           H
  *   grad       (x) -> y, g        H and dH/dx in the ambient space
  *   field      (x, u) -> f        the algebra element of lg_machine_space
@@ -729,16 +622,15 @@ LG_API lg_status lg_machine_estimate_states(const lg_context *context, const lg_
  *                                 a machine whose friction sticks, the step of this friction
  * with x (state of lg_machine_full_space), u (inputs; absent without inputs), h (1), q (positions), v
  * (velocities), all in the units of the log. `momenta` sets the lagged inputs, the last numbers of x, to 0;
- * `step` moves them exactly, and bristles as said above. Momenta have the unit of dL/dv. Scales are
- * constants of the program. Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a
- * classical scheme if there are directions or rotations; LG_SCHEME_VARIATIONAL). */
+ * `step` moves them exactly, and bristles as said above. With `lagged`, for a controller that knows the
+ * lagged inputs (liegrad/policy.h), q of `momenta` and `positions` consists of the positions, then the lagged
+ * inputs, and a machine with lags has a further function
+ *   lag        (a, u, h) -> next  the lagged inputs a after the time h in which u is held
+ * Momenta have the unit of dL/dv. Scales are constants of the program. Errors: those of lg_program_build;
+ * LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are directions or rotations;
+ * LG_SCHEME_VARIATIONAL). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
-                                    const lg_scheme *scheme, lg_program **out, lg_error *error);
-/* The same program for a controller that knows the lagged inputs (liegrad/policy.h): q of `momenta` and
- * `positions` consists of the positions, then the lagged inputs. A machine with lags has a further function
- *   lag        (a, u, h) -> next  the lagged inputs a after the time h in which u is held */
-LG_API lg_status lg_machine_plant(const lg_context *context, const lg_machine *machine, const double *theta,
-                                  const lg_scheme *scheme, lg_program **out, lg_error *error);
+                                    const lg_scheme *scheme, bool lagged, lg_program **out, lg_error *error);
 
 /* ---- Machine files and logs (library liegrad_io from here on) ----
  *
@@ -821,15 +713,14 @@ typedef struct lg_machine_file {
     const lg_context *context;
 } lg_machine_file;
 
-/* Reads a machine file; lg_machine_file_destroy frees `out`. YAML documents behind the first one are changes
- * of the machine. Errors: LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT (with the line; also for a machine
- * that lg_machine_init rejects), LG_OUT_OF_MEMORY. */
+/* Reads a machine file. YAML documents behind the first one are changes of the machine. Errors: LG_FORMAT
+ * (with the line; also for a machine that lg_machine_init rejects). */
 LG_API lg_status lg_machine_file_read(const lg_context *context, const char *path, lg_machine_file *out,
                                       lg_error *error);
 /* The same from text in memory; `name` stands for the file in messages. */
 LG_API lg_status lg_machine_file_parse(const lg_context *context, const char *name, const char *text,
                                        size_t bytes, lg_machine_file *out, lg_error *error);
-LG_API void lg_machine_file_destroy(lg_machine_file *file); /* NULL and zeros are allowed. */
+LG_API void lg_machine_file_destroy(lg_machine_file *file);
 
 /* ---- Logs of machines ---- */
 
@@ -898,15 +789,14 @@ typedef struct lg_logs {
     const lg_context *context;
 } lg_logs;
 
-/* Reads logs from CSV or HDF5 files; lg_logs_destroy frees `out`. `options` may be NULL for the defaults.
- * Errors: LG_NOT_FOUND, LG_FILE, LG_OUT_OF_MEMORY; LG_FORMAT with file, line (HDF5: row, from 1) and
- * column: text instead of a number; a missing column; a number so large that the rest of its column is
- * lost in its rounding; time that does not increase; numbers that are not an attitude; columns that do not
- * fit together. */
+/* Reads logs from CSV or HDF5 files. Errors: LG_FORMAT with file, line (HDF5: row, from 1) and column: text
+ * instead of a number; a missing column; a number so large that the rest of its column is lost in its
+ * rounding; time that does not increase; numbers that are not an attitude; columns that do not fit
+ * together. */
 LG_API lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file,
                               const char *const *paths, size_t count, const lg_log_options *options,
                               lg_logs *out, lg_error *error);
-LG_API void lg_logs_destroy(lg_logs *logs); /* NULL and zeros are allowed. */
+LG_API void lg_logs_destroy(lg_logs *logs);
 
 /* ---- Model files of machines ----
  *
@@ -954,25 +844,6 @@ typedef struct lg_machine_model_file {
  * lg_checkpoint_open. */
 LG_API extern const lg_field lg_machine_model_fields[];
 LG_API extern const lg_recipe lg_recipe_machine_model;
-
-/* Copies `text` without comments and blank lines to run->text; `name` stands for the file in messages.
- * Errors: LG_FORMAT (longer than LG_MACHINE_TEXT). */
-LG_API lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name, const char *text,
-                                           lg_error *error);
-
-/* Writes the SHA-256 of the rows of a log as little-endian doubles. */
-LG_API void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_log *log,
-                                  char text[LG_SHA256_TEXT]);
-/* Writes the range of the numbers in a log; low > high for numbers that are not measured. */
-LG_API void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log,
-                                  lg_machine_range *out);
-
-LG_API lg_status lg_machine_model_save(const lg_context *context, const char *path,
-                                       const lg_machine_model_file *file, const lg_fit *fit, lg_error *error);
-LG_API lg_status lg_machine_model_load(const lg_context *context, const char *path,
-                                       const lg_read_options *options, lg_machine_model_file *out,
-                                       lg_error *error);
-LG_API void lg_machine_model_file_destroy(lg_machine_model_file *file);
 
 LG_END_DECLS
 

@@ -22,12 +22,6 @@
 #ifndef LIEGRAD_MECHANICS_H
 #define LIEGRAD_MECHANICS_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/integrators.h"
 #include "liegrad/taped.h"
 
 LG_BEGIN_DECLS
@@ -99,16 +93,16 @@ LG_API const lg_parameter_entry *lg_system_parameters(const char *name, const ch
 LG_API const lg_state_entry *lg_system_state(const char *name, const char *form);
 
 /* Makes a system. `options` may be NULL for the defaults; its arrays are copied. options->form NULL means
- * the system's first form. The caller destroys the system. Errors, explained in `error` (may be NULL):
- * LG_NOT_FOUND (unknown name or form), LG_INVALID_ARGUMENT (an unknown or repeated key, a wrong number of
- * values, a value against its rule, a missing parameter, links 0 or above a million), LG_OUT_OF_MEMORY. */
+ * the system's first form. Errors: LG_NOT_FOUND (unknown name or form), LG_INVALID_ARGUMENT (an unknown or
+ * repeated key, a wrong number of values, a value against its rule, a missing parameter, links 0 or above a
+ * million). */
 LG_API lg_status lg_system_create(const lg_context *context, const char *name,
                                   const lg_system_options *options, lg_system **out, lg_error *error);
-LG_API void lg_system_destroy(lg_system *system); /* NULL is allowed. */
-/* lg_system_copy makes a second system with the same parameters; the caller destroys it.
- * lg_system_set_parameters changes all parameters of a system that no other thread uses; `values` has
- * lg_system_parameter_count numbers in the order of lg_system_parameters. Errors: LG_OUT_OF_MEMORY (copy);
- * LG_INVALID_ARGUMENT (set: a value against its rule; nothing is changed then). */
+LG_API void lg_system_destroy(lg_system *system);
+/* lg_system_copy makes a second system with the same parameters. lg_system_set_parameters changes all
+ * parameters of a system that no other thread uses; `values` has lg_system_parameter_count numbers in the
+ * order of lg_system_parameters. Errors: LG_OUT_OF_MEMORY (copy); LG_INVALID_ARGUMENT (set: a value against
+ * its rule; nothing is changed then). */
 LG_API lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_system **out);
 LG_API lg_status lg_system_set_parameters(lg_system *system, const double *values);
 
@@ -176,22 +170,11 @@ typedef struct lg_system_user {
 
 /* Fills `ode`: the space, the functions, `user`, and for AMBIENT the manifold. It also fills `user`. `user`,
  * `system` and `work` (lg_system_work_size bytes) must outlive the use of `ode`. The ambient field is the
- * generator of the LIE field, f(t, y) . y, except for chains in Hamiltonian form. The fields of chains, with
- * e3 pointing up:
- *
- * Lagrangian form, state q_1, omega_1, q_2, omega_2, ... The tensions lambda of the links solve a symmetric
- * tridiagonal system, d_i lambda_i + e_{i-1} lambda_{i-1} + e_i lambda_{i+1} = b_i with
- *   d_i = 1/m_i + [i > 1]/m_{i-1}, e_i = -q_i.q_{i+1}/m_i, b_i = L_i |omega_i|^2 - [i = 1] g e3.q_1;
- *   a_i = (lambda_{i+1} q_{i+1} - lambda_i q_i)/m_i - g e3 is the acceleration of mass i, a_0 = 0;
- *   q_i'' = (a_i - a_{i-1})/L_i
- *   LIE:     f_i = (omega_i, q_i (q_i.q_i'') - q_i'')
- *   AMBIENT: q_i' = omega_i x q_i, omega_i' = q_i x q_i''; the same formulas hold off the manifold
- *
- * Hamiltonian form, with v_i = dH/dp_i and g_i = dH/dq_i:
- *   LIE:     f_i = (xi_i, eta_i) = (q_i x v_i, g_i x q_i + v_i x p_i)
- *   AMBIENT: q_i' = v_i - q_i (q_i.v_i), p_i' = -g_i + q_i (q_i.g_i) + p_i (q_i.v_i) - q_i (p_i.v_i)
- * AMBIENT takes v and g from an extension of H to the ambient space, because a classical scheme leaves the
- * manifold (src/mechanics/chain.h). The field returns LG_NOT_FINITE where the kinetic energy is not defined.
+ * generator of the LIE field, f(t, y) . y; docs/simulate.md has the fields of all systems. Exception: for
+ * chains in Hamiltonian form AMBIENT is, with v_i = dH/dp_i and g_i = dH/dq_i,
+ *   q_i' = v_i - q_i (q_i.v_i), p_i' = -g_i + q_i (q_i.g_i) + p_i (q_i.v_i) - q_i (p_i.v_i)
+ * of an extension of H to the ambient space, because a classical scheme leaves the manifold
+ * (src/mechanics/chain.h). The field returns LG_NOT_FINITE where the kinetic energy is not defined.
  *
  * ode.step, for variational schemes, is set for two systems. For the oscillator it is the midpoint rule
  * (discrete Lagrangian h L((q0 + q1)/2, (q1 - q0)/h)). For chains in both forms it is the trapezoidal
@@ -297,8 +280,8 @@ LG_API lg_status lg_system_draw_start(const lg_system *system, const lg_trajecto
  * first point without noise. Noise is added after the integration, in ambient coordinates, to all points
  * but the first (see noise_first). The start and the noise of trajectory i depend only on (seed, i) when
  * segments = 1, so the starts are the same for every noise, N, M and T. `options` NULL means the defaults.
- * Errors, explained in `error` (may be NULL): LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the kind of starts),
- * LG_OUT_OF_MEMORY, LG_CANCELLED, those of lg_integrate_adaptive. On failure nothing is written. */
+ * Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (the kind of starts), LG_CANCELLED, those of
+ * lg_integrate_adaptive. */
 LG_API lg_status lg_system_generate(const lg_context *context, const lg_system *system,
                                     const lg_trajectory_options *options, double *t, double *trajectories,
                                     double *hamiltonian, lg_error *error);
@@ -306,7 +289,7 @@ LG_API lg_status lg_system_generate(const lg_context *context, const lg_system *
 /* The same reference integration from given starts (n, d), without noise, for judging models. `times`
  * (count) are as in lg_integrate_adaptive, from t0 = 0; out has shape (n, count, d). rtol <= 0 means
  * 1e-12, and atol = 0 means -1e-13; else both are as in lg_step_controller. Errors: those of
- * lg_system_generate. On failure nothing is written. */
+ * lg_system_generate. */
 LG_API lg_status lg_system_solve(const lg_context *context, const lg_system *system, const double *starts,
                                  size_t n, const double *times, size_t count, double rtol, double atol,
                                  double *out, lg_error *error);
@@ -343,23 +326,18 @@ typedef struct lg_scene {
     const lg_context *context; /* The memory of the arrays comes from it. */
 } lg_scene;
 
-/* Reads a scene from a YAML (or JSON) file into `out`, whose earlier contents are overwritten. The caller
- * calls lg_scene_destroy. Keys: `system`; `form`; the parameters of the system; `links`, which may be left
- * out where lists with one entry per link determine it; `initial` with the parts of the state; `t_end`;
- * `starts` {kind, low, high, segments, ahead}; `ensemble`, a text; for quadrotors `reference` (parabola).
- * Chains in either form take `omega` or `p` and convert it: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j',
- * q_i' = omega_i x q_i.
+/* Reads a scene from a YAML (or JSON) file into `out`, whose earlier contents are overwritten. docs/files.md
+ * has the keys. Chains in either form take `omega` or `p` and convert it.
  *
  * The form of the scene is `form_wanted` if this is not NULL and the system has such a form. Otherwise it
  * is the value of the key `form`; without this key, the first form for which `initial` has all required
  * parts; and without such a form, the system's first form. When a start is projected, a warning with its
- * line is logged. Errors, explained in `error` (may be NULL): LG_NOT_FOUND (no such file), LG_FILE,
- * LG_FORMAT (with the line), LG_OUT_OF_MEMORY. On failure `out` is untouched. */
+ * line is logged. Errors: LG_FORMAT (with the line). */
 LG_API lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted,
                                lg_scene *out, lg_error *error);
 /* Draws the start of a scene without `initial` as `starts`, `low` and `high` say; `ahead` is not used. It
  * is the first start of lg_system_generate with this seed and ahead = 0. Errors: LG_INVALID_ARGUMENT
- * (the scene has a start), LG_OUT_OF_MEMORY, those of lg_system_draw_start. */
+ * (the scene has a start), those of lg_system_draw_start. */
 LG_API lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed);
 /* Frees what the scene owns and zeroes the struct. NULL and a zeroed scene are allowed. */
 LG_API void lg_scene_destroy(lg_scene *scene);

@@ -44,10 +44,6 @@
 #ifndef LIEGRAD_MINIMISE_H
 #define LIEGRAD_MINIMISE_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/core.h"
 
 LG_BEGIN_DECLS
@@ -91,7 +87,7 @@ typedef enum lg_minimise_end {
     LG_MINIMISE_LIMIT /* 10000 evaluations did not lead to another end; options.evaluations is 0 */
 } lg_minimise_end;
 #define LG_MINIMISE_END_COUNT 14
-/* Returns a sentence about the end, without a full stop; "" for LG_MINIMISE_RUNNING. Static storage. */
+/* Returns a sentence about the end, without a full stop; "" for LG_MINIMISE_RUNNING. */
 LG_API const char *lg_minimise_end_sentence(lg_minimise_end end);
 /* Returns the status of an end: LG_CANCELLED (cancelled), LG_NO_CONVERGENCE (unbounded, stuck, limit),
  * LG_NOT_FINITE (not finite at the start), LG_CHECK_FAILED (wrong gradient or Jacobian), and LG_OK for all
@@ -137,8 +133,8 @@ typedef lg_status (*lg_objective)(void *user, const double *x, double *value, do
 
 /* Minimises f, starting from x (n). On return x is the best point, also after a failure during the run.
  * `options` NULL means the defaults; `result` may be NULL. Returns lg_minimise_end_status of the end of the
- * run, with its sentence in `error`. Further errors: LG_INVALID_ARGUMENT (NULL, or options out of range),
- * LG_NOT_FINITE (x), LG_OUT_OF_MEMORY, the status of the objective. */
+ * run, with its sentence in `error`. Further errors: LG_INVALID_ARGUMENT (options out of range),
+ * LG_NOT_FINITE (x), the status of the objective. */
 LG_API lg_status lg_minimise(const lg_context *context, size_t n, lg_objective objective, void *user,
                              const lg_minimise_options *options, double *x, lg_minimise_result *result,
                              lg_error *error);
@@ -167,7 +163,7 @@ LG_API lg_status lg_least_squares(const lg_context *context, size_t n, size_t m,
  * multiplied by 1 + `ridge`. With a ridge of 1e-12 or more, the solution is divided among columns of A that
  * are linearly dependent up to rounding, and a column of zeros gets x_i = 0; with 0 or -1e-12 such columns
  * are an error. Errors: LG_CHECK_FAILED (the matrix is not positive definite or holds NaN; both arrays are
- * overwritten), LG_INVALID_ARGUMENT (NULL). */
+ * overwritten). */
 LG_API lg_status lg_normal_equations(size_t n, size_t columns, double ridge, double *matrix, double *right);
 
 /* ---- ask and tell ----
@@ -178,12 +174,11 @@ LG_API lg_status lg_normal_equations(size_t n, size_t columns, double ridge, dou
 
 typedef struct lg_minimiser lg_minimiser;
 
-/* Makes a minimiser that starts from x (n, copied); the caller destroys it. `options` NULL means the
- * defaults. The context and the ranks must outlive the minimiser. Errors: LG_INVALID_ARGUMENT (NULL, or
- * options out of range), LG_NOT_FINITE (x), LG_OUT_OF_MEMORY. */
+/* Makes a minimiser that starts from x (n, copied). `options` NULL means the defaults. The context and the
+ * ranks must outlive the minimiser. Errors: LG_INVALID_ARGUMENT (options out of range), LG_NOT_FINITE (x). */
 LG_API lg_status lg_minimiser_create(const lg_context *context, size_t n, const lg_minimise_options *options,
                                      const double *x, lg_minimiser **out, lg_error *error);
-LG_API void lg_minimiser_destroy(lg_minimiser *minimiser); /* NULL is allowed */
+LG_API void lg_minimiser_destroy(lg_minimiser *minimiser);
 /* Returns the point (n) at which f and g are to be evaluated next; after the end, the best point. Borrowed
  * until the next call of lg_minimiser_tell. */
 LG_API const double *lg_minimiser_point(const lg_minimiser *minimiser);
@@ -214,18 +209,15 @@ LG_API lg_minimise_result lg_minimiser_result(const lg_minimiser *minimiser);
 
 /* For ranks: all ranks must call lg_minimiser_collect before rank 0 calls lg_minimiser_save. Rank 0 then has
  * a copy of H with the rows of all ranks; lg_minimiser_scatter frees this copy after saving. Without ranks
- * both functions do nothing. Errors: LG_OUT_OF_MEMORY, LG_INVALID_ARGUMENT (NULL), the status of the
- * exchange. */
+ * both functions do nothing. Errors: the status of the exchange. */
 LG_API lg_status lg_minimiser_collect(lg_minimiser *minimiser, lg_error *error);
 LG_API void lg_minimiser_scatter(lg_minimiser *minimiser);
 /* Saves the whole state as minimise/{x,point,gradient,direction,curvature,counts,numbers}. Errors: the status
- * of the writer, LG_INVALID_ARGUMENT (NULL), LG_UNSUPPORTED (with ranks: this rank has no copy of the whole
- * H). */
+ * of the writer, LG_UNSUPPORTED (with ranks: this rank has no copy of the whole H). */
 LG_API lg_status lg_minimiser_save(const lg_minimiser *minimiser, const lg_archive_writer *writer,
                                    lg_error *error);
 /* Replaces the state by a saved one, of a minimiser with the same n and options. On failure the state is
- * unchanged. Errors: the status of the reader, LG_FORMAT (an impossible state), LG_INVALID_ARGUMENT (NULL),
- * LG_OUT_OF_MEMORY. */
+ * unchanged. Errors: the status of the reader, LG_FORMAT (an impossible state). */
 LG_API lg_status lg_minimiser_load(lg_minimiser *minimiser, const lg_archive_reader *reader, lg_error *error);
 
 LG_END_DECLS

@@ -33,11 +33,6 @@
 #ifndef LIEGRAD_MODEL_H
 #define LIEGRAD_MODEL_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/integrators.h"
 #include "liegrad/networks.h"
@@ -63,7 +58,7 @@ typedef struct lg_model lg_model;
  *   force (q, u) -> p', drift (p) -> q', with q and p of D/2 numbers: for splitting schemes
  *   momenta (q, v) -> x, positions (x) -> q, velocities (x) -> v: for machines
  * Errors: LG_NOT_FOUND (neither value nor field; a space and no field), LG_SHAPE (functions that do not
- * fit together or the space), LG_OUT_OF_MEMORY, those of lg_plan_create. */
+ * fit together or the space), those of lg_plan_create. */
 LG_API lg_status lg_model_create(const lg_context *context, lg_program *program, const lg_space *space,
                                  lg_model **out, lg_error *error);
 /* Makes a plan of any function of the program. Call it before a loop; the caller destroys the plan.
@@ -72,7 +67,7 @@ LG_API lg_status lg_model_create(const lg_context *context, lg_program *program,
 LG_API lg_status lg_model_find(const lg_model *model, const char *function, const lg_plan_options *options,
                                lg_plan **out, lg_error *error);
 LG_API const lg_program *lg_model_program(const lg_model *model); /* Belongs to the model. */
-LG_API void lg_model_destroy(lg_model *model);                    /* NULL is allowed. */
+LG_API void lg_model_destroy(lg_model *model);
 
 /* lg_model_space returns the space of the states; NULL if the model does not move. The other three return
  * how many numbers theta, x and y have. */
@@ -111,8 +106,7 @@ LG_API lg_status lg_model_field(const lg_model *model, const double *state, cons
 /* The learned system as an equation for an integrator: lg_model_ode fills `ode` with the space of the
  * states (for a chain (T*S^2)^k; R^2n with force and velocity for separable systems; lg_machine_space),
  * and fills `user`. The `input` of lg_stepper_step is u. `user`, `model` and `work` (lg_model_work_size
- * bytes) must outlive the use of `ode`. Errors: LG_INVALID_ARGUMENT (an argument is NULL), LG_UNSUPPORTED
- * (the model does not move). */
+ * bytes) must outlive the use of `ode`. Errors: LG_UNSUPPORTED (the model does not move). */
 typedef struct lg_model_user {
     const lg_model *model;
     void *work;
@@ -191,6 +185,7 @@ LG_API lg_status lg_model_file_kind(const lg_context *context, const char *path,
  * lg_hamiltonian_run, lg_surrogate_run, lg_detector_run, lg_table_run or lg_machine_model_run. Fields of
  * runs: liegrad/settings.h. */
 typedef struct lg_recipe lg_recipe;
+typedef struct lg_fit lg_fit; /* in liegrad/fit.h */
 LG_API extern const lg_recipe lg_recipe_hamiltonian, lg_recipe_surrogate, lg_recipe_detector, lg_recipe_table;
 /* The list of all recipes, ended by NULL. A new kind of model is added to this list. */
 LG_API extern const lg_recipe *const lg_recipes[];
@@ -198,20 +193,33 @@ LG_API extern const lg_recipe *const lg_recipes[];
  * the name. */
 LG_API const lg_recipe *lg_recipe_find(const char *name);
 
+/* Model files of a kind; `file` is the kind's file structure, such as an lg_hamiltonian_file, and
+ * docs/files.md has the arrays and attributes of each kind. lg_recipe_save also writes the functions of the
+ * model (lg_model_save), with the usual scheme of the kind for `step`. theta comes from `file`, which is only
+ * read. If `fit` is not NULL, the history comes from the fit, and so do the states of optimiser and random
+ * generator when it trains by Adam; the state of another method is far larger than the model, and only
+ * checkpoints have it. Errors: LG_INVALID_ARGUMENT (a model that its ..._init function would refuse, sizes
+ * that do not fit). lg_recipe_load overwrites *file; on failure it is zeroed. Files that were written by hand
+ * need the arrays and attributes that docs/files.md names; everything else becomes zero or the default.
+ * lg_recipe_release frees what *file owns, and zeroes it. */
+LG_API lg_status lg_recipe_save(const lg_context *context, const char *path, const lg_recipe *kind,
+                                const void *file, const lg_fit *fit, lg_error *error);
+LG_API lg_status lg_recipe_load(const lg_context *context, const char *path, const lg_read_options *options,
+                                const lg_recipe *kind, void *file, lg_error *error);
+LG_API void lg_recipe_release(const lg_recipe *kind, void *file);
+
 /* lg_checkpoint_create begins a checkpoint. A checkpoint holds the run's description under /run and the state
  * of lg_fit under /fit:
  *   lg_checkpoint_create -> lg_file_writer_archive(writer, "fit", &archive) -> the fit's save ->
  *   lg_file_writer_commit
  * `kind` is the recipe of the run; the kinds of files are "checkpoint" (Hamiltonians),
- * "surrogate-checkpoint", "detector-checkpoint", "table-checkpoint" and "machine-checkpoint". The caller
- * destroys the writer. Errors: LG_INVALID_ARGUMENT (the run is out of range), LG_NOT_FINITE, those of
- * lg_file_writer_create. */
+ * "surrogate-checkpoint", "detector-checkpoint", "table-checkpoint" and "machine-checkpoint". Errors:
+ * LG_INVALID_ARGUMENT (the run is out of range), LG_NOT_FINITE, those of lg_file_writer_create. */
 LG_API lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_recipe *kind,
                                       const void *run, const lg_provenance *provenance, lg_file_writer **out,
                                       lg_error *error);
 /* Opens a checkpoint and reads its run into `run`. lg_file_reader_archive(reader, "fit", &archive) then
- * opens /fit. The caller destroys the reader. Errors: LG_NOT_FOUND (no such file), LG_FILE, LG_FORMAT,
- * LG_OUT_OF_MEMORY; `run` is then untouched. */
+ * opens /fit. */
 LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
                                     const lg_read_options *options, const lg_recipe *kind, void *run,
                                     lg_file_reader **out, lg_error *error);
@@ -235,23 +243,21 @@ typedef struct lg_model_file {
     /* Owned: the recipe's file structure, such as lg_hamiltonian_file; lg_model_file_of returns it. */
     void *contents;
 } lg_model_file;
-/* Loads a model file of any kind: its functions, which lg_model_create must accept, and if a recipe has
- * its kind, its contents. lg_model_file_destroy frees it. Files of version 1 hold no functions; there the
- * recipe records them. `options` may be NULL. Errors: those of the recipe's own loader and of
- * lg_program_load; LG_FORMAT for functions that lg_model_create refuses, and for files without functions,
- * where `error` says what the file is: a checkpoint, data, or a classical classifier (read by
- * lg_classifier_load). */
+/* Loads a model file of any kind: its functions, which lg_model_create must accept, and if a recipe has its
+ * kind, its contents. If the file holds no functions (written by hand), the recipe records them. Errors:
+ * those of the recipe's own loader and of lg_program_load; LG_FORMAT for functions that lg_model_create
+ * refuses, and for files without functions, where `error` says what the file is: a checkpoint, data, or a
+ * classical classifier (read by lg_classifier_load). */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);
 /* Returns the contents if the file is of this recipe: an lg_hamiltonian_file for lg_recipe_hamiltonian and
  * so on. NULL otherwise. They belong to `file`. */
 LG_API const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe);
-/* Makes a program of the model's functions, as lg_hamiltonian_program, lg_surrogate_program, ... do; the
- * caller destroys it. `scheme` is the scheme of its steps; NULL means the model's default. Without a
- * recipe, or where the recipe has no scheme, the program has the file's functions; if the file has a space
- * and no function `step`, a step is made from the field, by default by rk4 on R^n and by cf4 on other
- * spaces. Errors: LG_UNSUPPORTED (`scheme` is given, but the file holds its own function `step`), those of
- * making the program. */
+/* Makes a program of the model's functions, as lg_hamiltonian_program, lg_surrogate_program, ... do. `scheme`
+ * is the scheme of its steps; NULL means the model's default. Without a recipe, or where the recipe has no
+ * scheme, the program has the file's functions; if the file has a space and no function `step`, a step is
+ * made from the field, by default by rk4 on R^n and by cf4 on other spaces. Errors: LG_UNSUPPORTED (`scheme`
+ * is given, but the file holds its own function `step`), those of making the program. */
 LG_API lg_status lg_model_file_program(const lg_model_file *file, const lg_scheme *scheme, lg_program **out,
                                        lg_error *error);
 /* Returns the default scheme of the model's steps; NULL if the model has no steps, or if the file's own

@@ -14,17 +14,11 @@
  *
  * Rules for all functions: B is the number of rows of a batch. Functions that get a tape keep errors on it
  * (liegrad/tape.h), and return LG_NONE or its status: LG_INVALID_ARGUMENT (theta is too short), LG_SHAPE (x
- * has another shape), LG_STALE_HANDLE, LG_OUT_OF_MEMORY. Several threads may use the same network, each with
- * its own tape.
+ * has another shape), LG_STALE_HANDLE. Several threads may use the same network, each with its own tape.
  */
 #ifndef LIEGRAD_NETWORKS_H
 #define LIEGRAD_NETWORKS_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
@@ -45,9 +39,8 @@ typedef struct lg_mlp {
 } lg_mlp;
 
 /* Describes a network with widths inputs, hidden[0], ..., hidden[hidden_layers - 1], outputs. hidden_layers
- * may be 0, for an affine map; then `hidden` may be NULL. Errors: LG_INVALID_ARGUMENT (NULL, a width of 0
- * or above 2^20, more than LG_MLP_MAX_LAYERS - 1 hidden layers, an unknown activation); then *net is
- * unchanged. */
+ * may be 0, for an affine map; then `hidden` may be NULL. Errors: LG_INVALID_ARGUMENT (a width of 0 or above
+ * 2^20, more than LG_MLP_MAX_LAYERS - 1 hidden layers, an unknown activation). */
 LG_API lg_status lg_mlp_init(lg_mlp *net, uint32_t inputs, const uint32_t *hidden, uint32_t hidden_layers,
                              uint32_t outputs, lg_activation activation, bool last_bias);
 LG_API size_t lg_mlp_parameters(const lg_mlp *net); /* number of parameters */
@@ -60,21 +53,9 @@ LG_API bool lg_mlp_has_bias(const lg_mlp *net,
 LG_API size_t lg_mlp_weight_offset(const lg_mlp *net, uint32_t layer);
 LG_API size_t lg_mlp_bias_offset(const lg_mlp *net, uint32_t layer);
 
-/* How initial parameters are drawn. U(+-s) is the uniform distribution on [-s, s], N(0, v) the normal
- * distribution with variance v. fan_in and fan_out are the numbers of inputs and outputs of a layer. */
-typedef enum lg_initialisation {
-    LG_INIT_FAN_IN,         /* weights and biases U(+-1/sqrt(fan_in)) */
-    LG_INIT_GLOROT_UNIFORM, /* weights U(+-sqrt(6/(fan_in + fan_out))), biases 0 (Glorot & Bengio 2010) */
-    LG_INIT_GLOROT_NORMAL,  /* weights N(0, 2/(fan_in + fan_out)), biases 0 */
-    LG_INIT_HE_UNIFORM,     /* weights U(+-sqrt(6/fan_in)), biases 0 (He et al. 2015) */
-    LG_INIT_HE_NORMAL       /* weights N(0, 2/fan_in), biases 0 */
-} lg_initialisation;
-#define LG_INITIALISATION_COUNT 5
-
-/* Fill theta[0 .. lg_mlp_parameters - 1] with initial parameters, layer by layer, first the weight and then
- * the bias. lg_mlp_initialise uses LG_INIT_FAN_IN. */
+/* Fills theta[0 .. lg_mlp_parameters - 1] with initial parameters, layer by layer, first the weight and then
+ * the bias: uniform in +-1/sqrt(fan_in), where fan_in is the number of inputs of the layer. */
 LG_API void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta);
-LG_API void lg_mlp_initialise_as(const lg_mlp *net, lg_initialisation kind, lg_rng *rng, double *theta);
 /* lg_mlp_initialise in the form of lg_fit_starts.draw (liegrad/fit.h). net is an lg_mlp. Draws every
  * parameter of the program that has lg_mlp_parameters(net) numbers, and leaves the others as they are. */
 LG_API void lg_mlp_draw(void *net, size_t parameter, size_t count, lg_rng *rng, double *theta);
@@ -88,7 +69,7 @@ typedef struct lg_mlp_vars {
 } lg_mlp_vars;
 
 /* Cuts the flat vector theta (rank 1) into weights and biases. The network's parameters are its elements
- * offset .. offset + lg_mlp_parameters - 1. Errors: the status of the tape; then *vars is unchanged. */
+ * offset .. offset + lg_mlp_parameters - 1. Errors: the status of the tape. */
 LG_API lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset,
                              lg_mlp_vars *vars);
 /* Applies the network to x (B, in) -> (B, out), with the weights of lg_mlp_bind. */
@@ -136,8 +117,8 @@ typedef struct lg_net {
     lg_activation activation;
 } lg_net;
 
-/* Describes a network. Errors: LG_INVALID_ARGUMENT (NULL, a width of 0 or above 2^20, too many layers, an
- * unknown kind or activation); then *net is unchanged. `embedding` may be 0. */
+/* Describes a network. Errors: LG_INVALID_ARGUMENT (a width of 0 or above 2^20, too many layers, an unknown
+ * kind or activation). `embedding` may be 0. */
 LG_API lg_status lg_net_init(lg_net *net, lg_net_kind kind, uint32_t inputs, uint32_t embedding,
                              uint32_t hidden, uint32_t layers, uint32_t outputs, lg_activation activation);
 LG_API size_t lg_net_parameters(const lg_net *net); /* number of parameters */
@@ -163,9 +144,9 @@ typedef struct lg_slice_info {
  * so many. */
 LG_API bool lg_net_slice(const lg_net *net, uint32_t index, lg_slice_info *out);
 
-/* Fills theta[0 .. lg_net_parameters - 1] with initial parameters, in their order. The embedding is
- * initialised like every other layer. */
-LG_API void lg_net_initialise(const lg_net *net, lg_initialisation kind, lg_rng *rng, double *theta);
+/* Fills theta[0 .. lg_net_parameters - 1] as lg_mlp_initialise does, the embedding like every
+ * other layer. */
+LG_API void lg_net_initialise(const lg_net *net, lg_rng *rng, double *theta);
 
 /* ---- residual and multiplicative networks: on a tape ---- */
 
@@ -197,8 +178,6 @@ typedef enum lg_pooling { LG_POOL_NONE, LG_POOL_AVERAGE, LG_POOL_MAX } lg_poolin
 #define LG_POOLING_COUNT 3
 /* Returns "none", "average" or "max"; "unknown" for another value. */
 LG_API const char *lg_pooling_name(lg_pooling kind);
-/* Gives the pooling with this name. Errors: LG_NOT_FOUND (no such name), LG_INVALID_ARGUMENT (NULL). */
-LG_API lg_status lg_pooling_parse(const char *name, lg_pooling *out);
 
 typedef struct lg_cnn_block {
     uint32_t channels, kernel, stride, padding; /* kernel, stride >= 1; padding < kernel */
@@ -228,8 +207,8 @@ typedef struct lg_cnn {
  * lg_cnn_init. Otherwise it is not valid, and a further call of lg_cnn_init tells why. */
 LG_API void lg_cnn_init_default(lg_cnn *net, uint32_t channels, uint32_t length, uint32_t outputs,
                                 lg_activation activation);
-/* Checks the members and sets `lengths`. Errors: LG_INVALID_ARGUMENT (NULL, sizes of 0 or above 2^20, more
- * than 2^31 parameters, or a block that leaves no sample). Then the message names the block, and *net is
+/* Checks the members and sets `lengths`. Errors: LG_INVALID_ARGUMENT (sizes of 0 or above 2^20, more than
+ * 2^31 parameters, or a block that leaves no sample). Then the message names the block, and *net is
  * unchanged. */
 LG_API lg_status lg_cnn_init(lg_cnn *net, lg_error *error);
 
@@ -239,8 +218,8 @@ LG_API size_t lg_cnn_parameters(const lg_cnn *net); /* number of parameters */
  * "output/weight", "output/bias". Returns false if there are not so many. */
 LG_API bool lg_cnn_slice(const lg_cnn *net, uint32_t index, lg_slice_info *out);
 /* Fills theta[0 .. lg_cnn_parameters - 1] with initial parameters, in their order. For a convolution fan_in =
- * k C and fan_out = k O. */
-LG_API void lg_cnn_initialise(const lg_cnn *net, lg_initialisation kind, lg_rng *rng, double *theta);
+ * k C. */
+LG_API void lg_cnn_initialise(const lg_cnn *net, lg_rng *rng, double *theta);
 
 /* Applies the network: x (B, length, channels) -> logits (B, outputs). theta is a flat vector (rank 1); the
  * network's parameters are its elements offset .. offset + lg_cnn_parameters - 1. `plane` may be NULL;

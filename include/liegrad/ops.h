@@ -3,7 +3,7 @@
  * Each function computes its result at once, records one or more nodes, and returns the result. When it
  * fails, it returns LG_NONE and the tape keeps the error (liegrad/tape.h): LG_STALE_HANDLE (a handle is
  * LG_NONE, was rewound or belongs to another tape), LG_SHAPE (shapes do not fit), LG_INVALID_ARGUMENT (an
- * axis, an index, an order or another number is out of range), LG_OUT_OF_MEMORY.
+ * axis, an index, an order or another number is out of range).
  *
  * Broadcasting: the shapes of two operands are aligned at their last axes. A missing axis counts as an axis
  * of length 1, and an axis of length 1 is repeated as often as the other operand needs.

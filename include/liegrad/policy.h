@@ -27,13 +27,11 @@
  *   free       none (a line or an angle whose position does not matter)       velocity v
  *
  * The regulator. u = sat(u0 - K z), where K and the matrix P of V(z) = z^T P z solve the discrete Riccati
- * equation of the linearised step for weights Q, R. Training needs no weights from the user: each of a
- * table of weights is tried by runs of the saturated regulator on the machine, whose least V of a run that
- * fails gives the level c. It takes the weights whose set {V < c} is nearest to the starts: with the least
- * mean of log(V/c) over starts. In the gate of a network a second regulator acts, with the gain `near`: its
- * weights Q, R are the weights of the cost. Its runs lower c, by at least 15 %. If they would lower c below
- * a tenth, `near` is K. If a task of kind lqr gives K, P is the solution of the Lyapunov equation of the
- * closed loop for Q = 1 of scaled errors. sat keeps each input in its limits.
+ * equation of the linearised step for weights Q, R, which runs on the machine choose together with the level
+ * c (docs/policies.md, "Kinds of controllers"): the set {V < c} is nearest to the starts, with the least mean
+ * of log(V/c) over starts. In the gate of a network a second regulator acts, with the gain `near`: its
+ * weights Q, R are the weights of the cost. If a task of kind lqr gives K, P is the solution of the Lyapunov
+ * equation of the closed loop for Q = 1 of scaled errors. sat keeps each input in its limits.
  *
  * Memory. lg_policy_create adds lines to the task for what the controller must remember: past.u.k, the input
  * u of k periods ago, for k up to the input's dead time over the period, rounded up; and integral.x for a
@@ -48,23 +46,14 @@
  *   network  u = g u_near + (1 - g) u_net with u_near = sat(u0 - near z) and the gate
  *            g = 1/(1 + exp(4.5 (V/c - 1))); tanh keeps u_net in the limits
  *   energy   u = sat(u0 - k_p G^T z_q - k_d G^T v), with the map G from inputs to generalised forces at the
- *            goal. Trained k_p and k_d have one number per input; given k_p and k_d are the same for all
- *            inputs. All are positive. The controller shapes the potential energy and damps. z_q of an
- *            angle is q - goal here: angles are counted, so after a full turn the controller unwinds. On
- *            the circle no continuous feedback brings every state to the goal.
+ *            goal, and k_p, k_d > 0: one number per input if trained, the same for all inputs if given. z_q
+ *            of an angle is q - goal here: angles are counted, so after a full turn the controller unwinds
  *
  * Terminal cost: W = w log(1 + V/(13 c)), where w is .6 times the mean cost of the machine under u0 from the
- * starts over the horizon. The logarithm has a slope wherever a run ends.
- *
- * Functions with an lg_error explain errors there in a sentence; it may be NULL. */
+ * starts over the horizon. The logarithm has a slope wherever a run ends. */
 #ifndef LIEGRAD_POLICY_H
 #define LIEGRAD_POLICY_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/program.h"
 
@@ -101,7 +90,7 @@ typedef struct lg_policy_coordinate {
     char name[LG_POLICY_NAME], velocity[LG_POLICY_NAME]; /* velocity "": a state of a program that has none */
     lg_policy_motion motion;
     /* 0, or 1 + the number of an input: this line without velocity is that input as it acts, behind a lag
-     * (lg_machine_plant). lg_policy_create sets its goal, the input that holds the machine at the goal. */
+     * (lg_machine_program). lg_policy_create sets its goal, the input that holds the machine at the goal. */
     uint32_t follows;
     /* Of coordinates that lg_policy_create adds (liegrad/policy.h, Memory), 0 in others. With `follows`:
      * the line is the input of `ago` periods ago. integrates: 1 + the number of a coordinate, whose error
@@ -136,7 +125,7 @@ typedef struct lg_policy_input {
 } lg_policy_input;
 
 /* Makes a plant with softer dry friction: over speeds (velocities) of this size, or none if `speed` is NULL.
- * *out NULL: the plant has no dry friction. The caller destroys *out. */
+ * *out NULL: the plant has no dry friction. */
 typedef lg_status (*lg_policy_soften)(void *user, const double *speed, lg_program **out, lg_error *error);
 
 typedef struct lg_policy_task {
@@ -180,14 +169,15 @@ typedef struct lg_policy lg_policy;
 /* Makes a policy with random (seeded) parameters. `plant` is a program with the function
  *   step       (x, u, h) -> next, and if there are velocities
  *   momenta    (q, v) -> x, positions (x) -> q, velocities (x) -> v
- * as lg_machine_plant makes it. Without velocities x = q are the positions. For `energy` also value (x)
+ * as lg_machine_program with `lagged` makes it. Without velocities x = q are the positions. For `energy` also
+ * value (x)
  * -> H. The policy takes ownership of the plant, also when it fails; the caller destroys the policy.
  * Errors: LG_INVALID_ARGUMENT (the task is out of range), LG_NOT_FOUND, LG_SHAPE (functions that the plant
  * lacks or that do not fit the task), LG_CHECK_FAILED (the goal is no equilibrium: the message has the
  * residual; no regulator holds it), those of lg_program_build. */
 LG_API lg_status lg_policy_create(const lg_context *context, const lg_policy_task *task, lg_program *plant,
                                   uint64_t seed, lg_policy **out, lg_error *error);
-LG_API void lg_policy_destroy(lg_policy *policy); /* NULL is allowed */
+LG_API void lg_policy_destroy(lg_policy *policy);
 /* The task, with the substeps that were chosen; it belongs to the policy. */
 LG_API const lg_policy_task *lg_policy_task_of(const lg_policy *policy);
 /* The plant's functions and parameters; parameter `policy` (theta); and the functions
@@ -329,24 +319,18 @@ typedef struct lg_policy_train_result {
     uint32_t seed;        /* that won */
     double seconds;
 } lg_policy_train_result;
-/* A trainer. A race: each seed takes steps of Adam on fresh starts, in single precision, over runs of .3, .4
- * or .5 of the horizon with the terminal cost (of longer runs a few chaotic ones spoil the gradient). After a
- * third and two thirds of the race the worse half leaves, by success on validation starts over the whole
- * task.within, then by cost; above 99.5 % success counts as equal. The winner takes `finish` steps more with
- * twice as many starts. If fewer than 99.5 % of the validation starts succeed then, it takes `finish` steps
- * again with runs longer by half, up to four times in all (once if options.seconds is set). L-BFGS on 512
- * fixed starts over the whole horizon follows. Adam's gradients are not exact: a bound shortens the adjoint
- * of each run in each period, so that chaotic runs do not drown the others. The policy gets the best
- * parameters that the validation starts saw, by success, then by cost. If the task is disturbed, all runs
- * are. For `lqr`, and for `energy` with given gains, nothing is trained, only judged.
+/* A trainer: the race of seeds that docs/policies.md describes, then L-BFGS on 512 fixed starts over the
+ * whole horizon. The policy gets the best parameters that the validation starts saw, by success, then by
+ * cost. With options.seconds the winner's steps are not repeated. If the task is disturbed, all runs are. For
+ * `lqr`, and for `energy` with given gains, nothing is trained, only judged.
  *
  * `options` NULL means the defaults. The policy must outlive the trainer. After LG_CANCELLED
  * lg_policy_trainer_save stores the state; a trainer with the same policy and options loads it and runs
- * on, with the same bits (unless options.seconds bounds them). Errors of create: LG_INVALID_ARGUMENT,
- * LG_OUT_OF_MEMORY; of run: LG_NOT_FINITE (all seeds), LG_CANCELLED (the context's cancel flag; the
- * policy has the best parameters so far), LG_OUT_OF_MEMORY; of load: LG_INVALID_ARGUMENT (other options),
- * LG_FORMAT (the trainer must then be destroyed). `result` may be NULL. If one rank alone fails, such as
- * for memory, the caller must end the other ranks (lg_mpi_abort). */
+ * on, with the same bits (unless options.seconds bounds them). Errors of create: LG_INVALID_ARGUMENT; of run:
+ * LG_NOT_FINITE (all seeds), LG_CANCELLED (the context's cancel flag; the policy has the best parameters so
+ * far); of load: LG_INVALID_ARGUMENT (other options), LG_FORMAT (the trainer must then be destroyed).
+ * `result` may be NULL. If one rank alone fails, such as for memory, the caller must end the other ranks
+ * (lg_mpi_abort). */
 typedef struct lg_policy_trainer lg_policy_trainer;
 LG_API lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
                                           lg_policy_trainer **out, lg_error *error);
@@ -359,25 +343,19 @@ LG_API lg_status lg_policy_trainer_save(const lg_policy_trainer *trainer, const 
 /* Restores the state of a training. */
 LG_API lg_status lg_policy_trainer_load(lg_policy_trainer *trainer, const lg_archive_reader *from,
                                         lg_error *error);
-LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer); /* NULL is allowed */
+LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer);
 
 /* ---- evaluation ---- */
 
-/* The same policy on another plant, which it takes ownership of: judged by lg_policy_evaluate, it shows
- * what a difference between machine and model does. The regulator and theta are the policy's; the integrator
- * takes as many steps in a period as keep its error below 1e-6. Errors: those of lg_policy_create. */
-LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out,
-                                      lg_error *error);
-/* The same for a plant whose inputs act `dead_time` (inputs) seconds late; NULL: as those of the policy. The
- * controller keeps what it believes: it remembers the inputs of its own dead time, and computes lagged inputs
- * by the lag of its own plant. Errors also: LG_UNSUPPORTED (other dead times of a plant without
+/* The same policy on another plant, which it takes ownership of (NULL: on its own): judged by
+ * lg_policy_evaluate, it shows what a difference between machine and model does. The regulator and theta are
+ * the policy's; the integrator takes as many steps in a period as keep its error below 1e-6. The inputs of
+ * the plant act `dead_time` (inputs) seconds late; NULL: as those of the policy. The controller keeps what it
+ * believes: it remembers the inputs of its own dead time, and computes lagged inputs by the lag of its own
+ * plant. Errors: those of lg_policy_create, LG_UNSUPPORTED (other dead times of a plant without
  * velocities). */
-LG_API lg_status lg_policy_transplant_late(const lg_policy *policy, lg_program *plant,
-                                           const double *dead_time, lg_policy **out, lg_error *error);
-
-/* The same policy on its own plant, with as many steps of the integrator as lg_policy_transplant takes.
- * Errors: those of lg_policy_create. */
-LG_API lg_status lg_policy_refine(const lg_policy *policy, lg_policy **out, lg_error *error);
+LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, const double *dead_time,
+                                      lg_policy **out, lg_error *error);
 
 typedef struct lg_policy_outcome {
     uint64_t starts, succeeded;
@@ -411,7 +389,7 @@ typedef enum lg_policy_test {
 
 /* Runs the policy from `starts` random starts over task.within seconds. `runs` (may be NULL): arrays that
  * the caller provides are filled; count and x are not read. Errors: LG_INVALID_ARGUMENT (also: the task has
- * no disturbances), LG_OUT_OF_MEMORY. */
+ * no disturbances). */
 LG_API lg_status lg_policy_evaluate(const lg_policy *policy, lg_policy_test test, uint64_t starts,
                                     uint64_t seed, int threads, lg_policy_outcome *out, lg_policy_runs *runs,
                                     lg_error *error);
@@ -430,8 +408,8 @@ typedef struct lg_policy_gap {
  * of the seven starts after it. Inputs may pass their limits at a price that grows from round to round, but
  * `best` is the cost of a run with inputs in their limits. The search ends after `seconds` of wall time (0:
  * no bound), and *complete (may be NULL) is then false. It runs in the calling thread. The function `planned`
- * is added to the policy's program. On failure *out is untouched. Errors: LG_INVALID_ARGUMENT (not 1 to 1000
- * starts), LG_OUT_OF_MEMORY, LG_CANCELLED, those of lg_program_add_function. */
+ * is added to the policy's program. Errors: LG_INVALID_ARGUMENT (not 1 to 1000 starts), LG_CANCELLED, those
+ * of lg_program_add_function. */
 LG_API lg_status lg_policy_find_gaps(lg_policy *policy, size_t starts, uint64_t seed, double seconds,
                                      lg_policy_gap *out, bool *complete, lg_error *error);
 

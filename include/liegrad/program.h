@@ -35,11 +35,6 @@
 #ifndef LIEGRAD_PROGRAM_H
 #define LIEGRAD_PROGRAM_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
@@ -114,11 +109,11 @@ typedef struct lg_program_spec {
 } lg_program_spec;
 
 LG_API void lg_program_spec_init(lg_program_spec *spec);
-/* Records all functions of `spec` and makes a program of them; the caller destroys it. `spec` is not kept.
- * Errors, with the function, the operation and the scope in `error`: LG_INVALID_ARGUMENT (bad names or ports,
- * no functions, an output that was not recorded), LG_SHAPE (an input is too large or its rank too high),
- * LG_NOT_FINITE (a parameter or a constant), LG_UNSUPPORTED (the recordings differ, or an operation of the
- * caller was used), LG_OUT_OF_MEMORY, the status of the tape or of `record`. */
+/* Records all functions of `spec` and makes a program of them. `spec` is not kept. Errors, with the function,
+ * the operation and the scope in `error`: LG_INVALID_ARGUMENT (bad names or ports, no functions, an output
+ * that was not recorded), LG_SHAPE (an input is too large or its rank too high), LG_NOT_FINITE (a parameter
+ * or a constant), LG_UNSUPPORTED (the recordings differ, or an operation of the caller was used), the status
+ * of the tape or of `record`. */
 LG_API lg_status lg_program_build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                                   lg_error *error);
 /* Records one more function and adds it to the program. Its recording may call all functions that the program
@@ -127,7 +122,7 @@ LG_API lg_status lg_program_build(const lg_context *context, const lg_program_sp
  * the program is unchanged. */
 LG_API lg_status lg_program_add_function(lg_program *program, const lg_function_spec *function,
                                          lg_error *error);
-LG_API void lg_program_destroy(lg_program *program); /* NULL is allowed */
+LG_API void lg_program_destroy(lg_program *program);
 
 /* ---- contents ---- */
 
@@ -135,13 +130,13 @@ LG_API size_t lg_program_functions(const lg_program *program); /* number of func
 /* Returns the name of a function; NULL for a number that is too large. */
 LG_API const char *lg_program_function_name(const lg_program *program, size_t function);
 /* Gives the number of the function with this name. Errors: LG_NOT_FOUND (no such function; the message names
- * the functions of the program), LG_INVALID_ARGUMENT (NULL). */
+ * the functions of the program). */
 LG_API lg_status lg_program_find(const lg_program *program, const char *name, size_t *function,
                                  lg_error *error);
 /* Whether the function is marked as one that training alone needs, such as a loss. lg_program_fit
  * (liegrad/fit.h) marks the function that it made small, and files keep the mark. lg-export leaves marked
  * functions out, unless --functions names them. Reading returns false for NULL and for a number that is too
- * large. Error of setting: LG_INVALID_ARGUMENT (NULL, the number is too large). */
+ * large. Error of setting: LG_INVALID_ARGUMENT (the number is too large). */
 LG_API bool lg_program_is_fitted(const lg_program *program, size_t function);
 LG_API lg_status lg_program_set_fitted(lg_program *program, size_t function, bool fitted);
 /* Return the ports of a function and set *count to their number; NULL and 0 for a number that is too
@@ -152,8 +147,7 @@ LG_API size_t lg_program_parameters(const lg_program *program); /* number of par
 /* Returns name, shape and values of a parameter; a struct of zeros for a number that is too large. */
 LG_API lg_parameter_spec lg_program_parameter(const lg_program *program, size_t index);
 /* Replaces the values of a parameter; `values` has lg_shape_count(shape) numbers, which are copied. Plans
- * that were made before keep the old values. Errors: LG_NOT_FOUND (no such parameter), LG_NOT_FINITE,
- * LG_INVALID_ARGUMENT (NULL). */
+ * that were made before keep the old values. Errors: LG_NOT_FOUND (no such parameter), LG_NOT_FINITE. */
 LG_API lg_status lg_program_set_parameter(lg_program *program, size_t index, const double *values);
 LG_API const char *lg_program_description(const lg_program *program); /* "" if there is none */
 /* The largest number of operations of a function. */
@@ -167,8 +161,8 @@ LG_API size_t lg_program_operations(const lg_program *program, size_t function);
  * variables of the parameters' shapes, for example variables that are trained; NULL: the stored values are
  * recorded as constants. `inputs` has one variable per input, with the shapes of lg_port_shape for a common
  * number of rows B. `outputs` gets one variable per output. Errors are kept by the tape and returned; then
- * `outputs` is unchanged: LG_SHAPE, LG_STALE_HANDLE, LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT
- * (NULL), the errors of the operations. */
+ * `outputs` is unchanged: LG_SHAPE, LG_STALE_HANDLE, LG_NOT_FOUND (no such function), the errors of the
+ * operations. */
 LG_API lg_status lg_program_record(lg_tape *tape, const lg_program *program, size_t function,
                                    const lg_var *parameters, const lg_var *inputs, lg_var *outputs);
 
@@ -213,7 +207,7 @@ LG_API void lg_derivative_init(lg_derivative *what);
  * batch, and lg_plan_create makes sure that what they have in common is computed only once. On failure the
  * program is unchanged. Errors: LG_INVALID_ARGUMENT (bad struct or name, nothing to differentiate, too many
  * ports), LG_NOT_FOUND (no such function, input or output), LG_UNSUPPORTED (a Jacobian by a shared input or
- * of a shared output, or rows depend on other rows), LG_NOT_DIFFERENTIABLE, LG_OUT_OF_MEMORY. */
+ * of a shared output, or rows depend on other rows), LG_NOT_DIFFERENTIABLE. */
 LG_API lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error);
 
 /* Finds out which elements of an output depend on which elements of an input, whatever the values of the
@@ -222,8 +216,7 @@ LG_API lg_status lg_program_derive(lg_program *program, const lg_derivative *wha
  * element of the output. A shared port counts as one row. Note that a derived function has its own pattern:
  * an entry of the Jacobian of `value` can only be nonzero where the pattern of `value` is 1, and an entry of
  * the Jacobian of `adj1_value` only where the pattern of `adj1_value` is 1. Every entry of a loop's pattern
- * is 1. Errors: LG_NOT_FOUND (no such function, output or input), LG_INVALID_ARGUMENT (NULL),
- * LG_OUT_OF_MEMORY. */
+ * is 1. Errors: LG_NOT_FOUND (no such function, output or input). */
 LG_API lg_status lg_program_sparsity(const lg_program *program, size_t function, size_t output, size_t input,
                                      unsigned char *pattern, lg_error *error);
 
@@ -255,7 +248,7 @@ typedef struct lg_loop_spec {
  * call. In a plan and in C it is a loop; on a tape every call is recorded. On failure the program is
  * unchanged. Errors: LG_INVALID_ARGUMENT (`times` out of range, the ports do not fit, an input is carried
  * twice, or the called function is a loop), LG_NOT_FOUND (no such function, input or output), LG_SHAPE (a
- * path has more than three axes besides the batch axis, or is too large), LG_OUT_OF_MEMORY. */
+ * path has more than three axes besides the batch axis, or is too large). */
 LG_API lg_status lg_program_add_loop(lg_program *program, const lg_loop_spec *loop, lg_error *error);
 
 /* ---- running ---- */
@@ -284,13 +277,12 @@ typedef struct lg_plan_options {
 } lg_plan_options;
 
 LG_API void lg_plan_options_init(lg_plan_options *options);
-/* Makes a plan of a function; the caller destroys it. `options` NULL means the defaults. The program's
- * context must outlive the plan. Errors: LG_INVALID_ARGUMENT (options), LG_NOT_FOUND (no such function),
- * LG_SHAPE (the function does not work with this number of rows), LG_OUT_OF_MEMORY, LG_UNSUPPORTED
- * (most_work). */
+/* Makes a plan of a function. `options` NULL means the defaults. The program's context must outlive the plan.
+ * Errors: LG_INVALID_ARGUMENT (options), LG_NOT_FOUND (no such function), LG_SHAPE (the function does not
+ * work with this number of rows), LG_UNSUPPORTED (most_work). */
 LG_API lg_status lg_plan_create(const lg_program *program, size_t function, const lg_plan_options *options,
                                 lg_plan **out, lg_error *error);
-LG_API void lg_plan_destroy(lg_plan *plan); /* NULL is allowed */
+LG_API void lg_plan_destroy(lg_plan *plan);
 /* Returns the size in bytes of the work memory for lg_plan_eval. It must be aligned to 64 bytes. */
 LG_API size_t lg_plan_work_size(const lg_plan *plan);
 /* Return the number of elements of an input or output, for all rows; 0 for a number that is too large. */
@@ -304,7 +296,7 @@ LG_API void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *c
 
 /* Makes a plan of a function for `rows` rows in double precision, evaluates it and destroys it: convenient
  * for single evaluations. `inputs` and `outputs` have one array per port, as in lg_plan_eval. Errors:
- * LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (NULL), the errors of lg_plan_create. */
+ * LG_NOT_FOUND (no such function), the errors of lg_plan_create. */
 LG_API lg_status lg_program_eval(const lg_context *context, const lg_program *program, const char *function,
                                  size_t rows, const double *const *inputs, double *const *outputs,
                                  lg_error *error);
@@ -362,14 +354,13 @@ typedef struct lg_c_source {
     size_t lost;
 } lg_c_source;
 
-/* Writes functions of a program as C; the caller destroys *out. `options` must not be NULL. Errors:
- * LG_INVALID_ARGUMENT (options, or a name that is a word of C or is used by the code itself), LG_NOT_FOUND
- * (no such function), LG_UNSUPPORTED (an operation that cannot be written in C, or a tensor with 2^31
- * elements or more), LG_NOT_FINITE (a constant is not finite in the type of the code), LG_OUT_OF_MEMORY, the
- * errors of lg_plan_create. */
+/* Writes functions of a program as C. `options` must not be NULL. Errors: LG_INVALID_ARGUMENT (options, or a
+ * name that is a word of C or is used by the code itself), LG_NOT_FOUND (no such function), LG_UNSUPPORTED
+ * (an operation that cannot be written in C, or a tensor with 2^31 elements or more), LG_NOT_FINITE (a
+ * constant is not finite in the type of the code), the errors of lg_plan_create. */
 LG_API lg_status lg_program_write_c(const lg_program *program, const lg_c_options *options, lg_c_source **out,
                                     lg_error *error);
-LG_API void lg_c_source_destroy(lg_c_source *source); /* NULL is allowed */
+LG_API void lg_c_source_destroy(lg_c_source *source);
 
 /* ---- programs as plain data ----
  *
@@ -377,13 +368,8 @@ LG_API void lg_c_source_destroy(lg_c_source *source); /* NULL is allowed */
  * inspects or translates programs.
  *
  * An operation is identified by its name and by a revision, which increases when the meaning of the operation
- * changes. liegrad/ops.h says what each operation computes; docs/files.md lists names, attributes and
- * formulas. Besides these operations there are three leaves, which have no inputs, and the call:
- *   `input`      is input number whole[0].base of the function
- *   `parameter`  is parameter number whole[0].base of the program
- *   `constant`   has the elements reals[j % real_count], j = 0, 1, ...
- *   `call`       is output number whole[1].base of function number whole[0].base, called with the operation's
- *                inputs; that function stands earlier in the program
+ * changes. liegrad/ops.h says what each operation computes; docs/files.md ("Programs") lists names,
+ * attributes and formulas, also of `input`, `parameter`, `constant` and `call`.
  *
  * An image holds everything: lg_program_add_image makes an equal function from it. */
 
@@ -433,59 +419,39 @@ typedef struct lg_function_image {
 } lg_function_image;
 #define LG_CARRY_NONE UINT32_MAX
 
-/* Makes the image of a function; the caller destroys it. The image owns the array `operations`; everything
- * else is borrowed from the program, which must outlive the image. Errors: LG_NOT_FOUND (no such function),
- * LG_INVALID_ARGUMENT (NULL), LG_OUT_OF_MEMORY. */
+/* Makes the image of a function. The image owns the array `operations`; everything else is borrowed from the
+ * program, which must outlive the image. Errors: LG_NOT_FOUND (no such function). */
 LG_API lg_status lg_function_image_create(const lg_program *program, size_t function,
                                           lg_function_image **out);
-LG_API void lg_function_image_destroy(lg_function_image *image); /* NULL is allowed */
+LG_API void lg_function_image_destroy(lg_function_image *image);
 
 /* Makes a program that has parameters and a description, but no functions: these are added by
  * lg_program_add_image. spec->function_count must be 0. Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE (a
- * parameter), LG_OUT_OF_MEMORY. */
+ * parameter). */
 LG_API lg_status lg_program_begin(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                                   lg_error *error);
 
 /* Adds a copy of the function to the program. Everything is checked: names, the order of operations, numbers
  * of inputs, shapes, attributes, coefficients and indices, and that numbers are finite. On failure the
  * program is unchanged. Errors: LG_INVALID_ARGUMENT (names or numbers of ports), LG_SHAPE (ports), LG_FORMAT
- * (operations), LG_VERSION (a revision that this library does not know yet), LG_NOT_FINITE,
- * LG_OUT_OF_MEMORY. */
+ * (operations), LG_VERSION (a revision that this library does not know yet), LG_NOT_FINITE. */
 LG_API lg_status lg_program_add_image(lg_program *program, const lg_function_image *image, lg_error *error);
 
 /* ---- functions as bytes ----
  *
- * The bytes of a function, as they stand in the data set /functions/NAME of a file. NAME is not among the
- * bytes. The format is built from these elements:
- *
- *   whole     a number >= 0: seven bits per byte, the lowest first; the eighth bit is 1 in all but the last
- *   folded    a whole for a number that may be negative: 0, -1, 1, -2, ... are stored as 0, 1, 2, 3, ...
- *   affine    whole 2 z + s, where z is the folded base. If s = 1 the folded rows follow; if s = 0 they are 0
- *   real      whole n, then n of the number's 8 bytes (IEEE 754), lowest first; the lowest 8 - n bytes are 0
- *   text      whole n <= 64, then n bytes. Names have letters, digits and _; a unit of 0 bytes: unknown
- *   port      text name, text unit, whole 2 rank + shared, rank wholes (the shape), real low, real high
- *   operation whole k, whole m, fields. k is the number of the pair (name, revision): pairs are numbered from
- *             0, in the order in which they occur first. After a k that occurs for the first time stand text
- *             name and whole revision. If bit j of m is set, field j follows; a field that does not follow is
- *             0 or empty. The fields are:
- *               0 inputs: whole n, n wholes: how many places back the input stands, 1 for the place before
- *               1 shape: whole rank, rank affines      2 to 5 whole[0] to whole[3]: affines      6 real: real
- *               7 reals: whole n, n reals     8 indices: whole n, n wholes     9 reciprocal: affine
- *   function  whole v (version of the format), whole n, n ports (inputs), whole n, n ports (outputs), whole
- *             times. If times is 0: whole n, n operations, then one whole per output: the place of its
- *             operation. Else (a loop): whole callee, then one whole per input: its carry. v is 1, or 2 for
- *             a loop with paths, after whose carries follow whole n, n wholes: the outputs of the paths */
+ * The bytes of a function, as they stand in the data set /functions/NAME of a file; docs/files.md
+ * ("Programs") has the format. NAME is not among the bytes. */
 
 /* Writes the bytes of a function to `bytes`, which has room for *size bytes. *size becomes the number of
  * bytes written. If `bytes` is NULL, nothing is written and *size becomes the number of bytes needed. Errors:
  * LG_INVALID_ARGUMENT (not enough room, or names, counts or numbers that the format cannot hold). */
 LG_API lg_status lg_function_pack(const lg_function_image *image, void *bytes, size_t *size, lg_error *error);
 
-/* Makes an image from `size` bytes; the caller destroys it. The bytes may come from an untrusted source. Only
- * the format is checked here; lg_program_add_image checks the meaning. The image owns all its memory: at most
- * *memory bytes, and *memory is reduced by the bytes that it takes. The message of an error names function,
- * operation and field. On failure *out and *memory are unchanged. Errors: LG_FORMAT (too few or too many
- * bytes, counts that are larger than the bytes or *memory allow, bad texts), LG_VERSION, LG_OUT_OF_MEMORY. */
+/* Makes an image from `size` bytes. The bytes may come from an untrusted source. Only the format is checked
+ * here; lg_program_add_image checks the meaning. The image owns all its memory: at most *memory bytes, and
+ * *memory is reduced by the bytes that it takes. The message of an error names function, operation and field.
+ * On failure *out and *memory are unchanged. Errors: LG_FORMAT (too few or too many bytes, counts that are
+ * larger than the bytes or *memory allow, bad texts), LG_VERSION. */
 LG_API lg_status lg_function_unpack(const lg_context *context, const char *name, const void *bytes,
                                     size_t size, size_t *memory, lg_function_image **out, lg_error *error);
 
@@ -494,16 +460,14 @@ LG_API lg_status lg_function_unpack(const lg_context *context, const char *name,
 /* Saves a program as a file of kind "program": parameters, and functions with the operations as they were
  * recorded. No bit of a number is lost. docs/files.md describes the layout. A program that is loaded from the
  * file makes plans, derivatives and C code that are equal to the last bit, and the same file when it is saved
- * again. `provenance` (liegrad/files.h) may be NULL. Errors: LG_FILE, LG_INVALID_ARGUMENT (NULL),
- * LG_OUT_OF_MEMORY. */
+ * again. `provenance` (liegrad/files.h) may be NULL. */
 LG_API lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,
                                  const lg_provenance *provenance, lg_error *error);
-/* Loads the program from a file of kind "program", or the program that is part of a model file; the caller
- * destroys it. The context must outlive the program. Everything is checked as by lg_program_add_image, so a
- * program that loads can be used without further checks. All arrays together must fit into options->max_size
- * (liegrad/files.h); `options` NULL means the defaults. Errors: LG_NOT_FOUND or LG_FILE (the file), LG_FORMAT
- * (also an unknown operation), LG_VERSION (also an operation of a later revision), LG_INVALID_ARGUMENT
- * (NULL), LG_OUT_OF_MEMORY. */
+/* Loads the program from a file of kind "program", or the program that is part of a model file. The context
+ * must outlive the program. Everything is checked as by lg_program_add_image, so a program that loads can be
+ * used without further checks. All arrays together must fit into options->max_size (liegrad/files.h);
+ * `options` NULL means the defaults. Errors: LG_NOT_FOUND or LG_FILE (the file), LG_FORMAT (also an unknown
+ * operation), LG_VERSION (also an operation of a later revision). */
 LG_API lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
                                  lg_program **out, lg_error *error);
 

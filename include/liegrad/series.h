@@ -9,14 +9,8 @@
 #ifndef LIEGRAD_SERIES_H
 #define LIEGRAD_SERIES_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/fit.h"
-#include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
 
@@ -48,19 +42,16 @@ typedef struct lg_series {
 /* Allocates the arrays of a set. The caller sets count, channels, length, classes and rate of *series before.
  * The function allocates x, label and class_name ("0", "1", ...), with `with_group` also group, and with
  * `with_run` also run. Their numbers are zero, all other pointers become NULL. Free with lg_series_destroy.
- * Errors: LG_INVALID_ARGUMENT (a size of 0), LG_OUT_OF_MEMORY; *series is then unchanged. */
+ * Errors: LG_INVALID_ARGUMENT (a size of 0); *series is then unchanged. */
 LG_API lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool with_group,
                                     bool with_run);
-/* Frees the arrays and zeroes the structure. NULL and a zeroed structure are fine. */
 LG_API void lg_series_destroy(lg_series *series);
 
 #define LG_NO_CLASS UINT32_MAX /* no class; the class is not known */
 /* Returns the number of the class that means "all is well", or LG_NO_CLASS if there is none. `name` is its
  * name in class_name or its label in class_label. With `name` NULL or "" the class is guessed from the words
- * of the names, without regard to case: the names that say so are 0, none, "no fault" and the like, or
- * consist of words such as healthy, normal, ok, good, intact, baseline (at least one of these), of numbers
- * and of neutral words such as state or class; any other word may be a negation.
- * There is none if several names say so. Only classes, class_name and class_label of the series are used. */
+ * of the names (docs/detectors.md, "The healthy class"); there is none if several names say so. Only classes,
+ * class_name and class_label of the series are used. */
 LG_API uint32_t lg_series_healthy(const lg_series *series, const char *name);
 
 /* ---- windows ---- */
@@ -77,9 +68,8 @@ typedef struct lg_windows {
 
 /* Cuts windows of `length` samples out of each run; one begins every `hop` samples. length 0 stands for the
  * stored length, hop 0 for `length`. A window in which the label or group changes is left out, and so is an
- * incomplete window at the end of a run. In a set without runs each stored window counts as a run. Free *out
- * with lg_windows_destroy. Errors, with a sentence: LG_INVALID_ARGUMENT (no window fits; 2^32 windows or
- * samples per window, or more), LG_OUT_OF_MEMORY. */
+ * incomplete window at the end of a run. In a set without runs each stored window counts as a run. Errors:
+ * LG_INVALID_ARGUMENT (no window fits; 2^32 windows or samples per window, or more). */
 LG_API lg_status lg_windows_create(const lg_context *context, const lg_series *series, size_t length,
                                    size_t hop, lg_windows *out, lg_error *error);
 LG_API void lg_windows_destroy(lg_windows *windows);
@@ -95,8 +85,7 @@ typedef enum lg_split {
     LG_SPLIT_GROUP   /* whole groups */
 } lg_split;
 #define LG_SPLIT_COUNT 3
-LG_API const char *lg_split_name(lg_split split);                 /* "random", "run", "group" */
-LG_API lg_status lg_split_parse(const char *name, lg_split *out); /* LG_NOT_FOUND for any other name */
+LG_API const char *lg_split_name(lg_split split); /* "random", "run", "group" */
 
 /* Splits windows: parts (windows->count) becomes LG_PART_TEST, LG_PART_VALIDATION or LG_PART_TRAIN
  * (liegrad/fit.h) for each window. The unit of the split is a window, a run or a group. All units with the
@@ -105,8 +94,7 @@ LG_API lg_status lg_split_parse(const char *name, lg_split *out); /* LG_NOT_FOUN
  * round(validation_fraction n) the validation part. At least one unit of each stratum stays for training, so
  * training sees every class. The test part does not depend on the size of the validation part. A random split
  * of windows that overlap (hop < length) puts overlapping windows into different parts; such windows should
- * be split by run or group. Errors, parts is then untouched: LG_OUT_OF_MEMORY; LG_INVALID_ARGUMENT with a
- * sentence for
+ * be split by run or group. Errors: LG_INVALID_ARGUMENT with a sentence for
  * - fractions outside [0, 1), or with a sum of 1 or more
  * - a split by run or group of a set that does not have them
  * - a label that is not below `classes`, or a class without a window
@@ -121,7 +109,7 @@ LG_API lg_status lg_series_split(const lg_context *context, const lg_series *ser
  * begins at the fold that so far holds the smallest share of the units with its classes; of equal folds at
  * the first one. With more folds than units some folds stay empty. folds = 0 counts as 1. *rarest, if it is
  * not NULL, becomes the number of units (without units: items) of the rarest class that occurs. Memory: folds
- * (largest label + 1) doubles and 60 bytes per item. Errors: LG_OUT_OF_MEMORY; fold is then untouched. */
+ * (largest label + 1) doubles and 60 bytes per item. */
 LG_API lg_status lg_series_folds(const lg_context *context, const uint32_t *label, const uint32_t *unit,
                                  size_t count, uint32_t folds, uint32_t *fold, uint32_t *rarest);
 
@@ -137,8 +125,7 @@ typedef struct lg_scaler {
 /* Computes mean and standard deviation (divisor: the number of samples) over the windows with the indices
  * chosen (count), or over the first `count` windows if `chosen` is NULL, in double and in two passes. With
  * `centred` the mean of each channel in each window is first subtracted from that window; out->mean is then
- * 0. Free *out with lg_scaler_destroy. Errors: LG_INVALID_ARGUMENT (no windows, an index out of range),
- * LG_OUT_OF_MEMORY. */
+ * 0. Errors: LG_INVALID_ARGUMENT (no windows, an index out of range). */
 LG_API lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, const lg_windows *windows,
                                const uint32_t *chosen, size_t count, bool centred, lg_scaler *out);
 LG_API void lg_scaler_destroy(lg_scaler *scaler);
@@ -177,10 +164,10 @@ typedef struct lg_spectrum {
  * fewer bins or LG_SPECTRUM_BANDS is less. 0 for less than 4 samples. */
 LG_API uint32_t lg_spectrum_bands(uint32_t length, uint32_t wanted);
 /* Makes the plan for series of `length` samples. `bands` must be at least 1, and possible according to
- * lg_spectrum_bands. Free *out with lg_spectrum_destroy. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. */
+ * lg_spectrum_bands. Errors: LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_spectrum_create(const lg_context *context, uint32_t length, uint32_t bands,
                                     lg_spectrum *out, lg_error *error);
-LG_API void lg_spectrum_destroy(lg_spectrum *spectrum); /* NULL and a zeroed structure are fine */
+LG_API void lg_spectrum_destroy(lg_spectrum *spectrum);
 /* Number of doubles of work memory for the two functions below. */
 LG_API size_t lg_spectrum_work(const lg_spectrum *spectrum);
 /* Computes power (bands) of the series z (length). */
@@ -223,8 +210,7 @@ LG_API size_t lg_metrics_roc(const uint32_t *truth, const double *score, size_t 
 /* Computes the area under the receiver operating characteristic. truth (n), score (n, classes). With two
  * classes it is the area for class 1. With more classes it is the mean of the areas of each class against all
  * others, over the classes for which the area exists. Equal scores count half. *auc is NaN if no area exists,
- * because all windows have the same class. Errors: LG_OUT_OF_MEMORY, LG_INVALID_ARGUMENT (no classes, 2^32
- * windows or more). */
+ * because all windows have the same class. Errors: LG_INVALID_ARGUMENT (no classes, 2^32 windows or more). */
 LG_API lg_status lg_metrics_auc(const lg_context *context, const uint32_t *truth, const double *score,
                                 size_t n, uint32_t classes, double *auc);
 
@@ -241,73 +227,37 @@ typedef struct lg_series_data {
     lg_provenance provenance;
 } lg_series_data;
 
-/* Reads a set of series from an HDF5 file. The file needs two datasets:
- *   - /X (n, channels, length), or (n, length) for one channel, of any float or integer type, byte order and
- *     chunking. It is converted to floats without a second copy.
- *   - /y (n) or (n, 1), numbers also (1, n): the labels. They are whole numbers (integers, booleans, or
- *     floats with whole values, also negative) or texts (of fixed or variable length, 1 to 63 bytes), at most
- *     65536 different ones.
- * Everything else is optional:
- *   - Attribute `classes`: the names of the K classes, as one text with the names joined by |, or as a list
- *     of texts. Without it the labels themselves, in rising order, are the names. With it the first of these
- *     rules that applies says which label belongs to which name:
- *       1. There is an attribute `class_labels` (K texts in the same form): the label of each class.
- *       2. `like` (see below) has a class_label and the same names in the same order: as in `like`. A numeric
- *          label that is not among numeric labels of `like` is an error.
- *       3. The labels are whole numbers within 1..K, and K occurs: they count from 1. (This rule is not used
- *          for files that this library wrote.)
- *       4. The labels are whole numbers within 0..K-1: they count from 0. If 0 does not occur this is a
- *          guess, and there is a warning (but not for files that this library wrote).
- *       5. The labels are texts and all are among the names: by name.
- *       6. There are K different labels: in rising order (texts are compared bytewise).
- *     The label of each class is stored in series.class_label; with `like` the class_label of `like` is
- *     copied instead.
- *   - Attribute `channels`: the names of the channels, in the same form.
- *   - Attribute `healthy`: the name or the label of the class that means "all is well".
- *   - Attribute `rate`: samples per second. In a file of another program a `rate` that is not a valid number
- *     counts as unknown, with a warning.
- *   - /group and /run (n) or (n, 1): whole numbers 0 to 2^32 - 1, or texts, which become 0, 1, ... in rising
- *     order. If the windows of a run are not consecutive, the runs count as unknown, with a warning.
- *   - Attributes `noise`, `severity` and `housing`, which this library writes.
- * Attributes `classes` and `channels` that are numbers instead of texts are ignored.
+/* Reads a set of series from an HDF5 file: the datasets /X and /y and what else docs/files.md lists, with the
+ * rules that say which label belongs to which class. /X is converted to floats without a second copy. The
+ * label of each class is stored in series.class_label.
  *
  * `like` (may be NULL) is a series that was read before, or the names of a model (lg_file_reader_names). If
- * it is given, the result has the classes of `like`. The classes of the file are matched to them by name, or
- * by value if both names are whole numbers. In a file without `classes` the labels must all be among the
- * class_label of `like`, or all be among its names. One exception: if neither the labels nor the names of
- * `like` are numbers, and the labels of the file are whole numbers from 0 on that are all below the number of
- * classes of `like`, then the labels are taken as class numbers, with a warning.
+ * it is given, the file is a test file in these rules: the result has the classes and class_label of `like`.
  *
- * If /X has more than single precision, the loss by rounding to floats (root mean square) is compared with
- * the standard deviation of each channel. Above 1 % there is a warning. Above 50 % the file is refused
- * (LG_FORMAT), unless the channel is constant up to 1e-13 of its largest value.
- *
- * Free *out with lg_series_data_destroy. Errors: the errors of readers (liegrad/files.h). LG_FORMAT also for
- * labels that are empty or not whole, a label or class that `like` does not have, an attribute `healthy` that
- * names no class, and a file without windows.
- * LG_NOT_FINITE also for numbers that a float cannot hold; the sentence has window, channel and sample. */
+ * Errors: LG_FORMAT also for labels that are empty or not whole, a label or class that `like` does not have,
+ * an attribute `healthy` that names no class, and a file without windows. LG_NOT_FINITE also for numbers that
+ * a float cannot hold; the sentence has window, channel and sample. */
 LG_API lg_status lg_series_read(const lg_context *context, const char *path, const lg_read_options *options,
                                 const lg_series *like, lg_series_data *out, lg_error *error);
 /* Writes a file of kind "series": /X as f32, /y as u32 with the class numbers 0, 1, ... (so class_label is
  * not written), and /group and /run if they are known. Names are joined by |; if the joined text would be
  * longer than about 4000 bytes, or a name contains |, they become datasets /classes and /channels of texts.
  * Fills data->sha256. Errors: LG_NOT_FINITE, LG_INVALID_ARGUMENT (no windows, a label that is not below
- * `classes`, empty or repeated class names, a run whose windows are not consecutive), LG_FILE,
- * LG_OUT_OF_MEMORY. */
+ * `classes`, empty or repeated class names, a run whose windows are not consecutive), LG_FILE. */
 LG_API lg_status lg_series_write(const lg_context *context, const char *path, lg_series_data *data,
                                  lg_error *error);
-LG_API void lg_series_data_destroy(lg_series_data *data); /* NULL is fine */
+LG_API void lg_series_data_destroy(lg_series_data *data);
 
 /* Writes the attributes `classes`, `class_labels`, `channels` and `rate` into a file of any kind. They are
  * taken from series->classes, class_name, class_label, channels, channel_name and rate; the rest of the
  * series is not read. Names that cannot be joined by | become datasets, as in lg_series_write. Errors:
  * LG_INVALID_ARGUMENT (classes without names, empty or repeated class names, a negative rate), LG_NOT_FINITE
- * (the rate), LG_OUT_OF_MEMORY. */
+ * (the rate). */
 LG_API lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error);
 /* Reads these attributes back. Without channel names, channel_name is NULL and channels 0; without class
  * labels, class_label is NULL. *out has no windows but can be used as `like` in lg_series_read. It is in the
- * memory of the reader's context; free it with lg_series_destroy. Errors: the errors of readers
- * (liegrad/files.h); LG_FORMAT also for a file without `classes`. */
+ * memory of the reader's context; free it with lg_series_destroy. Errors: LG_FORMAT also for a file without
+ * `classes`. */
 LG_API lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error);
 
 LG_END_DECLS

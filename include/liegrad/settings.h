@@ -16,10 +16,6 @@
 #ifndef LIEGRAD_SETTINGS_H
 #define LIEGRAD_SETTINGS_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/core.h"
 
 LG_BEGIN_DECLS
@@ -159,8 +155,7 @@ LG_API void lg_field_option(const lg_field *entry, char *text, size_t size);
 LG_API int lg_field_describe(const lg_field *entry, char *text, size_t size);
 
 /* Sets the value in `run` from a text. A SWITCH becomes true, whatever the text. Errors, `run` is then
- * untouched: LG_INVALID_ARGUMENT with a sentence that says which values are possible, the errors of
- * `parse`. */
+ * untouched: LG_INVALID_ARGUMENT with a sentence that says which values are possible, those of `parse`. */
 LG_API lg_status lg_field_set(const lg_field *entry, const char *text, void *run, lg_error *error);
 /* Sets a number, or a list with one number, to exactly this double if it is in the range. In all other cases
  * it calls lg_field_set with the number as text. */
@@ -339,27 +334,17 @@ typedef struct lg_search_file {
     /* Lines of the file on which the ranges and the fixed options stand, for messages of the caller. */
     uint32_t line[LG_RANGE_MAX], fixed_line[LG_RANGE_MAX];
 } lg_search_file;
-/* Reads a YAML (or JSON) file such as
- *   fixed: {network: discrete, batch: 32}
- *   ranges:
- *     architecture: {choice: [mlp, resnet]}
- *     layers: {integer: [0, 4]}
- *     gamma: {uniform: [0, 1e-2]}
- *     lr: {log-uniform: [1e-4, 1e-1]}
- * `fixed` may be missing. Errors, with the line: the statuses of readers (liegrad/files.h); LG_FORMAT also
- * for a space that lg_search_space_check refuses, a name that occurs twice (also as a fixed option and a
- * range), and names that do not begin with a letter or have other characters than letters, digits, - and
- * _. */
+/* Reads the YAML (or JSON) file of a search (docs/files.md). Errors, with the line: LG_FORMAT also for a
+ * space that lg_search_space_check refuses, a name that occurs twice (also as a fixed option and a range),
+ * and names that do not begin with a letter or have other characters than letters, digits, - and _. */
 LG_API lg_status lg_search_file_read(const lg_context *context, const char *path, lg_search_file *out,
                                      lg_error *error);
-/* Writes trials as CSV, one per line; their numbers must rise. The columns are trial, state, objective,
- * parameters, epochs, seconds, one column per range (choices by name), and the reports rung1, rung2, ... up
- * to the largest number of reports of any trial. Numbers have 17 digits, or are nan, inf or -inf. The first
- * line, `# seed S space HASH setting HASH`, ties the file to its search. The first hash is of the ranges.
- * The second hash is of the fixed options and of `setting` (NULL stands for ""), any text that says what
- * else the results depend on, such as the SHA-256 of the data and the options of the search. Errors:
- * LG_INVALID_ARGUMENT (a space that lg_search_space_check refuses, a trial that could not be read back),
- * LG_FILE, LG_OUT_OF_MEMORY. */
+/* Writes trials as CSV (docs/files.md); their numbers must rise. Numbers have 17 digits, or are nan, inf or
+ * -inf. The first line, `# seed S space HASH setting HASH`, ties the file to its search. The first hash is of
+ * the ranges. The second hash is of the fixed options and of `setting` (NULL stands for ""), any text that
+ * says what else the results depend on, such as the SHA-256 of the data and the options of the search.
+ * Errors: LG_INVALID_ARGUMENT (a space that lg_search_space_check refuses, a trial that could not be read
+ * back). */
 LG_API lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
                                  uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
                                  lg_error *error);
@@ -372,7 +357,7 @@ LG_API void lg_search_label(const lg_search_file *search, uint64_t seed, const c
  * must be the ones that were written. A last line without its line end is ignored: this trial was not saved
  * completely and must run again. Errors: LG_NOT_FOUND (no such file), LG_INVALID_ARGUMENT (the file belongs
  * to another search, and the sentence says what differs; or it has more than `room` trials), LG_FORMAT (with
- * the line), LG_FILE, LG_OUT_OF_MEMORY. */
+ * the line), LG_FILE. */
 LG_API lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
                                 uint64_t seed, const char *setting, size_t room, lg_trial *trials,
                                 size_t *count, lg_error *error);

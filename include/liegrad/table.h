@@ -15,18 +15,8 @@
 #ifndef LIEGRAD_TABLE_H
 #define LIEGRAD_TABLE_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "liegrad/core.h"
-#include "liegrad/files.h"
-#include "liegrad/fit.h"
 #include "liegrad/model.h"
-#include "liegrad/networks.h"
-#include "liegrad/program.h"
 #include "liegrad/series.h"
-#include "liegrad/settings.h"
 
 LG_BEGIN_DECLS
 
@@ -52,16 +42,15 @@ typedef struct lg_table {
     lg_net net;
 } lg_table;
 
-/* Makes a model. `outputs` is the number of output columns, or of classes. Errors, with a sentence:
- * LG_INVALID_ARGUMENT (no or unequal widths, an unknown task, fewer than two classes, a network that
- * lg_net_init refuses). */
+/* Makes a model. `outputs` is the number of output columns, or of classes. Errors: LG_INVALID_ARGUMENT (no or
+ * unequal widths, an unknown task, fewer than two classes, a network that lg_net_init refuses). */
 LG_API lg_status lg_table_init(lg_table *model, const lg_table_options *options, uint32_t inputs,
                                uint32_t outputs, lg_error *error);
 LG_API size_t lg_table_parameters(const lg_table *model); /* number of parameters */
 /* Describes slice `index` of the parameters: the slices of lg_net_slice, then "linear/weight" (if `linear` is
  * set). Returns false beyond the last slice. */
 LG_API bool lg_table_slice(const lg_table *model, uint32_t index, lg_slice_info *out);
-/* Draws theta (lg_table_parameters): the network by LG_INIT_FAN_IN; A becomes 0. */
+/* Draws theta (lg_table_parameters): the network by lg_net_initialise; A becomes 0. */
 LG_API void lg_table_initialise(const lg_table *model, lg_rng *rng, double *theta);
 
 /* ---- scaling ---- */
@@ -69,30 +58,10 @@ LG_API void lg_table_initialise(const lg_table *model, lg_rng *rng, double *thet
 /* Computes mean and standard deviation (divisor: the number of rows) of each column of values (rows,
  * columns). It uses the rows with the indices chosen (count), or the first `count` rows if `chosen` is NULL.
  * A column gets scale 1 if it is constant up to the rounding of doubles (its range is at most 2^-48 of its
- * largest absolute value), or if its deviation is below the smallest normal number. Free *out with
- * lg_scaler_destroy. Errors: LG_INVALID_ARGUMENT (no rows), LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
+ * largest absolute value), or if its deviation is below the smallest normal number. Errors:
+ * LG_INVALID_ARGUMENT (no rows), LG_NOT_FINITE. */
 LG_API lg_status lg_table_scaler_fit(const lg_context *context, const double *values, uint32_t columns,
                                      const uint32_t *chosen, size_t count, lg_scaler *out);
-
-/* Far cells: cells of a column that lie so far from the others that they dominate its mean and deviation. Let
- * m be the median of the column, and D the median of |x - m| over all cells that differ from m. The cells
- * with |x - m| > 30 D are far if together they make up more than half of the sum of (x - m)^2 over the
- * column. One such cell may be enough. The rule does not depend on the unit of the column, and it works for
- * columns in which nearly all cells are equal.
- * Far cells are few: 2 to 5 of them (1 % of the column), or 0.1 % if this is more. If more cells lie beyond
- * 30 D, they are far only if most of them are one value (a code such as -9999) and they are at most a tenth
- * of the column. Otherwise they are no errors but a second mode or a heavy tail: only the few farthest ones
- * can be far, if they make up 0.8 of the sum. */
-typedef struct lg_table_far {
-    double median, limit;   /* a cell x is far if |x - median|/2 > limit; INFINITY: no cell is far */
-    size_t count, farthest; /* number of far cells; row of the cell that is farthest from the median */
-    bool single; /* no other cells lie beyond 30 D, and the far ones are no code: errors, probably */
-} lg_table_far;
-/* Applies the rule to the column x_i = values[i stride], i = 0..rows-1, which must not have NaN. Errors:
- * LG_INVALID_ARGUMENT (no rows, stride 0), LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_table_find_far(const lg_context *context, const double *values, size_t stride,
-                                   size_t rows, lg_table_far *out);
-LG_API bool lg_table_is_far(const lg_table_far *far, double x); /* true if cell x of this column is far */
 
 /* ---- training ---- */
 
@@ -164,9 +133,8 @@ LG_API lg_status lg_table_evidence(const lg_context *context, const lg_table_pro
  *   grad         x -> y, g: y and its Jacobian (outputs, inputs)
  *   probability  x -> probability (classes); only for a classification
  * `mean` and `mean_rest` sum to the mean of the scaler; `mean` is exact in single precision. theta and the
- * scalers are copied. The scaler `outputs` is not read for a classification and may be NULL. Free *out with
- * lg_program_destroy. Errors: LG_INVALID_ARGUMENT (a scaler with another number of columns),
- * LG_OUT_OF_MEMORY, the errors of lg_program_build. */
+ * scalers are copied. The scaler `outputs` is not read for a classification and may be NULL. Errors:
+ * LG_INVALID_ARGUMENT (a scaler with another number of columns), the errors of lg_program_build. */
 LG_API lg_status lg_table_program(const lg_context *context, const lg_table *model, const lg_scaler *inputs,
                                   const lg_scaler *outputs, const double *theta, lg_program **out,
                                   lg_error *error);
@@ -195,9 +163,9 @@ typedef struct lg_table_fit_result {
  *   lg_table_fit(NULL, x, 1, y, 1, rows, NULL, &program, NULL, &error);
  *   lg_program_eval(NULL, program, "value", 1, inputs, outputs, &error);
  *
- * `options` NULL stands for the defaults; `result` may be NULL. Free *out with lg_program_destroy. Errors, in
- * which case *out is untouched: LG_INVALID_ARGUMENT (NULL, no rows, a task other than regression, no start,
- * options that lg_table_init refuses), LG_NOT_FINITE (a number of x or y), LG_OUT_OF_MEMORY, LG_CANCELLED. */
+ * `options` NULL stands for the defaults; `result` may be NULL. Errors, in which case *out is untouched:
+ * LG_INVALID_ARGUMENT (no rows, a task other than regression, no start, options that lg_table_init refuses),
+ * LG_NOT_FINITE (a number of x or y), LG_CANCELLED. */
 LG_API lg_status lg_table_fit(const lg_context *context, const double *x, uint32_t inputs, const double *y,
                               uint32_t outputs, size_t rows, const lg_table_fit_options *options,
                               lg_program **out, lg_table_fit_result *result, lg_error *error);
@@ -235,49 +203,10 @@ typedef struct lg_table_file {
     double rmse, accuracy, f1;
 } lg_table_file;
 
-/* Saves a model file of kind "table": the weights /model/layer1/weight, ... with the names of lg_table_slice,
- * /scaler/inputs/mean and scale, /scaler/outputs/mean and scale (regression), /range/low and high (inputs),
- * the texts /names/inputs and /names/outputs, the attributes `class_column`, `rmse`, `accuracy` and `f1` of
- * the root, and the functions of the model. `file` is only read. If `fit` is not NULL its history is stored
- * instead of the history of `file`, and during training by Adam also the state of the optimizer; see
- * lg_hamiltonian_save. Errors: LG_INVALID_ARGUMENT (a model that lg_table_init would refuse, sizes that
- * do not fit), LG_NOT_FINITE, LG_FILE, LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_table_save(const lg_context *context, const char *path, const lg_table_file *file,
-                               const lg_fit *fit, lg_error *error);
-/* Loads a file of kind "table"; free *out with lg_table_file_destroy. A file written by hand needs the
- * attribute `kind`, the weights, /scaler, and the attributes of /model: `task` (regression or
- * classification), `network`, `activation`, `hidden` (such as "32,32"), `linear`, `inputs` and `outputs`.
- * Without /names the inputs are called "x1", "x2", ..., the outputs "y1", ..., and the classes "class1", ...
- * Errors: the errors of readers (liegrad/files.h). */
-LG_API lg_status lg_table_load(const lg_context *context, const char *path, const lg_read_options *options,
-                               lg_table_file *out, lg_error *error);
-/* Frees the arrays and zeroes the structure. NULL is fine. */
-LG_API void lg_table_file_destroy(lg_table_file *file);
-
 /* ---- tables of numbers ----
  *
- * These functions read columns by name from CSV, HDF5 and numpy files.
- *
- * - CSV: a header line with the names, then one row per line, separated by commas, semicolons or tabs.
- *   Quotes, CRLF, a byte order mark, blank lines and lines that begin with # are understood; a cell in quotes
- *   may hold anything, also newlines. The cells "", nan, NA, N/A and null are missing values, except as
- *   labels in quotes. If the first line that is no comment is a row of numbers, the comment before it is the
- *   header (numpy.savetxt), and blanks may separate the cells.
- * - HDF5: each dataset of the root with one number per row is a column with the name of the dataset, and so
- *   is each member of a dataset of records, with its own name. The columns are in the order of the datasets.
- *   A dataset (rows, k) is k columns. Its attribute `columns` (a list of texts, or one text with commas)
- *   names them; without it the names are NAME0, NAME1, ..., where NAME is the name of the dataset. Datasets
- *   of texts can be class columns. A user block is skipped. MATLAB writes arrays transposed: a dataset with
- *   the attribute MATLAB_class is (k, rows). A vector, (rows, 1) or (1, rows), is a column with the name of
- *   the dataset if another dataset of the root has as many rows, or if it is the only array and its name is
- *   wanted; otherwise, or with the attribute `columns`, it is one row where its program shows it as a row.
- *   The names have no single number if another dataset has more rows.
- * - numpy: one array (.npy, version 1 to 3) of numbers, (rows) or (rows, k), in C or Fortran order. The
- *   columns are called c0, c1, ...
- *
- * Labels are texts as written. In HDF5 and numpy files an integer is its exact decimal text, and a real
- * number the shortest text that reads back as the same number of its type. Labels that are the same number
- * in two writings (1 and 1.0) are two classes, with a warning to the log. */
+ * These functions read columns by name from CSV, HDF5 and numpy files. docs/tables.md says what a column, a
+ * name, a label and a missing cell are in each of them. */
 
 typedef char lg_table_text[LG_TABLE_NAME];
 
@@ -287,11 +216,10 @@ typedef struct lg_table_names {
     lg_table_text *name;       /* (count) */
     const lg_context *context; /* in whose memory `name` is */
 } lg_table_names;
-/* Reads the names. Free *out with lg_table_names_destroy. Errors: the errors of readers (liegrad/files.h);
- * LG_FORMAT also for a file that is not a table, and for a CSV header of numbers. */
+/* Reads the names. Errors: LG_FORMAT also for a file that is not a table, and for a CSV header of numbers. */
 LG_API lg_status lg_table_names_read(const lg_context *context, const char *path,
                                      const lg_read_options *options, lg_table_names *out, lg_error *error);
-LG_API void lg_table_names_destroy(lg_table_names *names); /* NULL and a zeroed structure are fine */
+LG_API void lg_table_names_destroy(lg_table_names *names);
 
 #define LG_TABLE_NO_CLASS UINT32_MAX /* label of a row whose class is missing */
 
@@ -310,15 +238,14 @@ typedef struct lg_table_data {
 } lg_table_data;
 
 /* Reads the columns names (count) as numbers, in this order, and class_column as labels unless it is NULL.
- * Free *out with lg_table_data_destroy. Errors: the errors of lg_table_names_read; LG_INVALID_ARGUMENT (a
- * column that is asked for twice); LG_FORMAT, with file, line and column, for text in a column of numbers, an
- * infinite number, rows of unequal length, a column that is missing (the sentence lists the columns of the
- * file) or occurs twice, an integer beyond 2^53 in a column of numbers that no double equals, no row, and
- * more than 1000 classes. */
+ * Errors: the errors of lg_table_names_read; LG_INVALID_ARGUMENT (a column that is asked for twice);
+ * LG_FORMAT, with file, line and column, for text in a column of numbers, an infinite number, rows of unequal
+ * length, a column that is missing (the sentence lists the columns of the file) or occurs twice, an integer
+ * beyond 2^53 in a column of numbers that no double equals, no row, and more than 1000 classes. */
 LG_API lg_status lg_table_read(const lg_context *context, const char *path, const char *const *names,
                                uint32_t count, const char *class_column, const lg_read_options *options,
                                lg_table_data *out, lg_error *error);
-LG_API void lg_table_data_destroy(lg_table_data *data); /* NULL and a zeroed structure are fine */
+LG_API void lg_table_data_destroy(lg_table_data *data);
 /* Removes incomplete rows from tables (count) that were read from the same rows of a file, such as its inputs
  * and its outputs. A row is removed from all tables if a number or label is missing in any of them. *left_out
  * (may be NULL) becomes the number of removed rows. Errors, the tables are then unchanged:
@@ -351,11 +278,11 @@ typedef struct lg_table_windows {
  * a window is the first row of the next one. `time` names the column of times, and `run` the column that
  * tells runs apart (NULL: all rows are one run). The usual time step h is the median of all time steps. A
  * piece in which any step is not between 0.5 h and 1.5 h, such as a gap, is not a window. Errors: those of
- * lg_table_read; LG_INVALID_ARGUMENT (NULL, no steps); LG_FORMAT (no window to learn from). */
+ * lg_table_read; LG_INVALID_ARGUMENT (no steps); LG_FORMAT (no window to learn from). */
 LG_API lg_status lg_table_windows_read(const lg_context *context, const char *path, const char *time,
                                        const char *run, const char *const *names, uint32_t count,
                                        size_t steps, lg_table_windows *out, lg_error *error);
-LG_API void lg_table_windows_destroy(lg_table_windows *windows); /* NULL and a zeroed structure are fine */
+LG_API void lg_table_windows_destroy(lg_table_windows *windows);
 
 /* ---- named tensors: safetensors files (huggingface.co/docs/safetensors) ---- */
 
@@ -375,13 +302,12 @@ typedef struct lg_tensors {
 } lg_tensors;
 
 /* Reads all tensors of a file; their types may be F64, F32, F16 and BF16. The header is checked before any
- * number is read. Free *out with lg_tensors_destroy. Errors, *out is then untouched: LG_NOT_FOUND, LG_FILE,
- * LG_FORMAT with the name of the tensor (another type, a header or offsets that do not fit, a key that occurs
- * twice, bytes that belong to two tensors or to no tensor, more than 4 dimensions, numbers that are not
- * finite, more than 2^30 numbers), LG_OUT_OF_MEMORY, LG_CANCELLED. */
+ * number is read. Errors: LG_NOT_FOUND, LG_FILE, LG_FORMAT with the name of the tensor (another type, a
+ * header or offsets that do not fit, a key that occurs twice, bytes that belong to two tensors or to no
+ * tensor, more than 4 dimensions, numbers that are not finite, more than 2^30 numbers), LG_CANCELLED. */
 LG_API lg_status lg_tensors_read(const lg_context *context, const char *path, lg_tensors *out,
                                  lg_error *error);
-LG_API void lg_tensors_destroy(lg_tensors *tensors); /* NULL and a zeroed structure are fine */
+LG_API void lg_tensors_destroy(lg_tensors *tensors);
 
 LG_END_DECLS
 

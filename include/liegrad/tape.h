@@ -23,10 +23,6 @@
 #ifndef LIEGRAD_TAPE_H
 #define LIEGRAD_TAPE_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/core.h"
 
 LG_BEGIN_DECLS
@@ -116,10 +112,10 @@ typedef struct lg_tape_options {
 } lg_tape_options;
 
 LG_API void lg_tape_options_init(lg_tape_options *options);
-/* Creates an empty tape; the caller destroys it. `options` is copied, NULL means the defaults. The context
- * must outlive the tape. Errors: LG_INVALID_ARGUMENT (an option is out of range), LG_OUT_OF_MEMORY. */
+/* Creates an empty tape. `options` is copied, NULL means the defaults. The context must outlive the tape.
+ * Errors: LG_INVALID_ARGUMENT (an option is out of range). */
 LG_API lg_status lg_tape_create(const lg_context *context, const lg_tape_options *options, lg_tape **out);
-LG_API void lg_tape_destroy(lg_tape *tape);         /* NULL is allowed */
+LG_API void lg_tape_destroy(lg_tape *tape);
 LG_API lg_dtype lg_tape_dtype(const lg_tape *tape); /* the type of its numbers */
 
 /* Returns the bytes that the tape has allocated. Rewinding keeps memory for the next recording, so this is
@@ -164,8 +160,7 @@ LG_API void lg_scope_pop(lg_tape *tape);
 
 /* ---- leaves: variables that no operation computes ----
  *
- * Each function returns LG_NONE when the tape fails: LG_INVALID_ARGUMENT (rank above LG_MAX_RANK, NULL),
- * LG_OUT_OF_MEMORY. */
+ * Each function returns LG_NONE when the tape fails: LG_INVALID_ARGUMENT (rank above LG_MAX_RANK, NULL). */
 
 /* Records a tensor and copies its lg_shape_count(shape) numbers from `data`. */
 LG_API lg_var lg_input(lg_tape *tape, lg_shape shape, const void *data);
@@ -197,9 +192,8 @@ LG_API lg_status lg_read(const lg_tape *tape, lg_var v, size_t count, double *ou
  *
  * "Recorded" derivatives are new variables on the tape, computed by operations. They may be used in further
  * operations and differentiated again. Every failure makes the tape fail and returns its status (or LG_NONE):
- * LG_STALE_HANDLE, LG_SHAPE (a cotangent or tangent has another shape than its variable), LG_INVALID_ARGUMENT
- * (NULL), LG_NOT_DIFFERENTIABLE (an operation has no derivative of this order), LG_OUT_OF_MEMORY. On failure
- * `out` is unchanged. */
+ * LG_STALE_HANDLE, LG_SHAPE (a cotangent or tangent has another shape than its variable),
+ * LG_NOT_DIFFERENTIABLE (an operation has no derivative of this order). */
 
 /* Recorded reverse mode: out[i] = d sum(y) / d wrt[i], with the shape of wrt[i], for i = 0..n-1. sum(y) is
  * the sum of all elements of y. If y does not depend on wrt[i], out[i] is zero. */

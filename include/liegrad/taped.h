@@ -28,13 +28,8 @@
 #ifndef LIEGRAD_TAPED_H
 #define LIEGRAD_TAPED_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
 #include "liegrad/integrators.h"
 #include "liegrad/program.h"
-#include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
 
@@ -129,12 +124,9 @@ typedef struct lg_taped_interval {
  * between calls. A stage that only the next step or an error estimate would need is not recorded. Times
  * and step sizes given as variables give the same numbers as constants, to rounding. Errors: those of
  * lg_taped_integrate; LG_SHAPE (the time, step size or input has not the stated shape with the B of the
- * state). On failure `out` is untouched. */
-LG_API lg_status lg_taped_step_over(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
-                                    const lg_taped_interval *over, const lg_var *y, lg_var *out);
-/* The same with one constant t and h for all rows and without an input. */
-LG_API lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t,
-                               double h, const lg_var *y, lg_var *out);
+ * state). */
+LG_API lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
+                               const lg_taped_interval *over, const lg_var *y, lg_var *out);
 
 /* Records `steps` steps of size h from the point y0 at t0, without an input. `every` must divide `steps`. The
  * point after every `every`-th step is kept: out has (steps/every) x lg_taped_parts variables, first the
@@ -162,8 +154,8 @@ LG_API lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, cons
  *   lg_space_init_rn(&space, 2);
  *   lg_program_add_step(program, &space, lg_scheme_find("rk4"), 0.01, 0.1, &error);
  * Errors: LG_NOT_FOUND (no function `field`), LG_SHAPE (inputs of `field` that do not fit the space),
- * LG_INVALID_ARGUMENT (NULL, step sizes), LG_UNSUPPORTED (a scheme that cannot be recorded, or does not
- * fit the space), those of lg_program_add_function. On failure the program is unchanged. */
+ * LG_INVALID_ARGUMENT (step sizes), LG_UNSUPPORTED (a scheme that cannot be recorded, or does not fit the
+ * space), those of lg_program_add_function. On failure the program is unchanged. */
 LG_API lg_status lg_program_add_step(lg_program *program, const lg_space *space, const lg_scheme *scheme,
                                      double h_low, double h_high, lg_error *error);
 
@@ -231,11 +223,10 @@ LG_API void lg_adjoint_problem_init(lg_adjoint_problem *problem);
  * step N; dy0 (dim), which is dJ/dy0 as a vector of the ambient space that is not projected (see
  * lg_space_project_gradient); and dparameters (parameter_count), which is dJ/dtheta. Each output may be
  * NULL and is then not computed. `stats` may be NULL. Before the run the first step is computed both with
- * problem->ode and with the equation that `bind` fills in, and the two results are compared. Errors,
- * explained in `error` (may be NULL): LG_INVALID_ARGUMENT (the problem is inconsistent, or the two results
- * differ by more than 1e-8 of the largest |y_i|), LG_UNSUPPORTED (the scheme cannot be recorded on a
- * tape), LG_OUT_OF_MEMORY, LG_NOT_FINITE (a state or the gradient), LG_CANCELLED, those of the field, of
- * bind and of source. On failure nothing is written. */
+ * problem->ode and with the equation that `bind` fills in, and the two results are compared. Errors:
+ * LG_INVALID_ARGUMENT (the problem is inconsistent, or the two results differ by more than 1e-8 of the
+ * largest |y_i|), LG_UNSUPPORTED (the scheme cannot be recorded on a tape), LG_NOT_FINITE (a state or the
+ * gradient), LG_CANCELLED, those of the field, of bind and of source. */
 LG_API lg_status lg_adjoint_gradient(const lg_context *context, const lg_adjoint_problem *problem,
                                      const double *y0, double *y_end, double *dy0, double *dparameters,
                                      lg_adjoint_stats *stats, lg_error *error);

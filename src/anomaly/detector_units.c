@@ -11,7 +11,7 @@ enum { STREAM_WEIGHTS = 1 };
 void lg_detector_initialise(const lg_detector *model, uint64_t seed, uint64_t restart, double *theta) {
     lg_rng rng;
     lg_rng_seed(&rng, seed, STREAM_WEIGHTS);
-    for (uint64_t i = 0; i <= restart; i++) lg_cnn_initialise(&model->net, LG_INIT_FAN_IN, &rng, theta);
+    for (uint64_t i = 0; i <= restart; i++) lg_cnn_initialise(&model->net, &rng, theta);
 }
 
 /* ---- smallest and largest output of each unit ---- */

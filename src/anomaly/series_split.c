@@ -14,16 +14,6 @@ const char *lg_split_name(lg_split split) {
     return (unsigned)split < LG_SPLIT_COUNT ? split_names[split] : "unknown";
 }
 
-lg_status lg_split_parse(const char *name, lg_split *out) {
-    LG_NEEDS(NULL, name, out);
-    for (int i = 0; i < LG_SPLIT_COUNT; i++)
-        if (strcmp(name, split_names[i]) == 0) {
-            *out = (lg_split)i;
-            return LG_OK;
-        }
-    return LG_NOT_FOUND;
-}
-
 /* random stream of the split, so that its draws are independent of others with the same seed */
 #define SPLIT_STREAM 0x73657269u
 

@@ -114,8 +114,7 @@ static lg_status check_task(const lg_policy_task *t, lg_error *error) {
     if (t->compensate &&
         (t->kind == LG_POLICY_ENERGY || !t->search || (t->kind == LG_POLICY_NETWORK && !t->gate)))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "compensate needs the regulator of kind lqr, or of the gate of a "
-                       "network");
+                       "compensate needs the regulator of kind lqr, or of the gate of a network");
     if (!t->search && t->kind == LG_POLICY_NETWORK && t->gate)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the gate of a network needs the search for a regulator");
     if (!(t->delay >= 0.0 && t->delay <= 1.0 && t->spread >= 0.0 && isfinite(t->spread)))
@@ -470,20 +469,11 @@ lg_status lg_policy_make_soft(const lg_policy *policy, const double *speed, bool
     return plant == NULL ? LG_OK : transplant(policy, plant, NULL, motion ? DESIGN : WARM, out, error);
 }
 
-lg_status lg_policy_refine(const lg_policy *policy, lg_policy **out, lg_error *error) {
-    LG_NEEDS(error, policy, out);
-    return transplant(policy, policy->program, NULL, JUDGED, out, error);
-}
-
-lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, lg_policy **out, lg_error *error) {
-    return lg_policy_transplant_late(policy, plant, NULL, out, error);
-}
-
-lg_status lg_policy_transplant_late(const lg_policy *policy, lg_program *plant, const double *dead_time,
-                                    lg_policy **out, lg_error *error) {
+lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, const double *dead_time,
+                               lg_policy **out, lg_error *error) {
     LG_CLEAN(lg_program_destroy_at) lg_program *own = plant;
-    LG_NEEDS(error, policy, plant, out);
-    return transplant(policy, plant, dead_time, JUDGED, out, error);
+    LG_NEEDS(error, policy, out);
+    return transplant(policy, plant != NULL ? plant : policy->program, dead_time, JUDGED, out, error);
 }
 
 lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *error) {

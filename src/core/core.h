@@ -28,6 +28,10 @@
         if (lg_try_status_ != LG_OK) return lg_try_status_;                                                  \
     } while (0)
 
+/* Sets `at`, of an enumeration, to its value below `count` with this name, or to `count`. */
+#define LG_FIND_NAME(at, count, name_of, text)                                                               \
+    for (at = 0; (unsigned)at < (count) && strcmp(name_of(at), text) != 0; at++) continue
+
 /* Returns LG_INVALID_ARGUMENT from the calling function if one of the pointers is NULL, with a message in
  * `error` (may be NULL). */
 #define LG_NEEDS(error, ...)                                                                                 \

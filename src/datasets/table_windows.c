@@ -64,8 +64,7 @@ static lg_status fill(const lg_context *context, const char *path, const lg_tabl
     if (w->count > 0) return LG_OK;
     return lg_fail(error, LG_FORMAT,
                    "%s: no %zu rows of one run follow each other at equal time steps: take fewer steps per "
-                   "window, or a log "
-                   "with longer runs and fewer gaps",
+                   "window, or a log with longer runs and fewer gaps",
                    lg_shown_path(path), w->steps + 1);
 }
 

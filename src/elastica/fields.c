@@ -14,7 +14,8 @@ static const char *name_kind(uint32_t value) {
 }
 
 static const char *name_loss(uint32_t value) {
-    return value < LG_SURROGATE_LOSS_COUNT ? lg_surrogate_loss_name((lg_surrogate_loss)value) : NULL;
+    static const char *const names[LG_SURROGATE_LOSS_COUNT] = {"mse", "energy"};
+    return value < LG_SURROGATE_LOSS_COUNT ? names[value] : NULL;
 }
 
 #define SURROGATE(group, name, type, member, ...)                                                            \

@@ -13,11 +13,6 @@ const char *lg_surrogate_kind_name(lg_surrogate_kind kind) {
     return (unsigned)kind < LG_SURROGATE_KIND_COUNT ? kind_names[kind] : "unknown";
 }
 
-const char *lg_surrogate_loss_name(lg_surrogate_loss loss) {
-    static const char *const names[LG_SURROGATE_LOSS_COUNT] = {"mse", "energy"};
-    return (unsigned)loss < LG_SURROGATE_LOSS_COUNT ? names[loss] : "unknown";
-}
-
 uint32_t lg_surrogate_outputs(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_DISCRETE ? 4 * (model->intervals - 1) : model->net.outputs;
 }

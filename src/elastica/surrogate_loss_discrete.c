@@ -18,7 +18,7 @@ static lg_var rough(lg_tape *tape, lg_var d, uint32_t count, uint32_t intervals)
                   lg_slice(tape, nodes, 2, 0, 2 * intervals));
 }
 
-/* Mean square of W d for d (B, 4(N - 1)), W = I + gamma G'G, G = S - I (liegrad/elastica.h). */
+/* Mean square of W d for d (B, 4(N - 1)), W = I + gamma G'G, G = S - I (docs/beams.md). */
 static lg_var weighted(lg_tape *tape, lg_var d, double gamma) {
     const uint32_t n = lg_var_shape(tape, d).dims[1];
     const lg_var next = lg_pad(tape, lg_slice(tape, d, 1, 1, n - 1), 1, 0, 1);

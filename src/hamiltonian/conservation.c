@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "hamiltonian/internal.h"
 #include "hamiltonian/learned.h"
 #include "liegrad/integrators.h"
 #include "liegrad/model.h"

@@ -177,9 +177,8 @@ lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_co
     if (out->rank < LG_CONSTRAINT_LEAST_RANK)
         return lg_fail(
             error, LG_FORMAT,
-            "the Jacobian G of the constraint loses rank at %s: its relative smallest singular value "
-            "is %.2g, and %g is needed; the %u constraints depend on each other or one of them is "
-            "flat there",
+            "the Jacobian G of the constraint loses rank at %s: its relative smallest singular value is "
+            "%.2g, and %g is needed; the %u constraints depend on each other or one of them is flat there",
             lg_constraint_show(work->of, q).text, out->rank, LG_CONSTRAINT_LEAST_RANK, work->of->m);
     if (newton_step(work, step)) out->off = lg_matrix_norm(n, step) / (work->size > 0.0 ? work->size : 1.0);
     return LG_OK;

@@ -99,8 +99,7 @@ static lg_status check_ports(const lg_program *program, size_t function, uint32_
     if (inputs != 1 || outputs != 1)
         return lg_fail(
             error, LG_SHAPE,
-            "function %s has %zu inputs and %zu outputs; it must have one input, the state, and one "
-            "output",
+            "function %s has %zu inputs and %zu outputs; it must have one input, the state, and one output",
             function_name, inputs, outputs);
     if (x->shared || x->shape.rank != 1 || x->shape.dims[0] != d)
         return lg_fail(

@@ -137,4 +137,23 @@ uint32_t lg_hamiltonian_vectors(const lg_hamiltonian *model);
 /* a_i b_j for i < j, (B, n) -> (B, n(n-1)/2), in the order 12, 13, ..., 23, ...; n is 2 or more */
 lg_var lg_hamiltonian_pairs(lg_tape *tape, lg_var a, lg_var b);
 
+/* ---- what trajectories show ---- */
+
+/* Writes the scale of each number of a state to out (d). */
+void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out);
+/* Whether any part of the states changes along the trajectories by more than rounding. */
+bool lg_hamiltonian_moves(const lg_hamiltonian_problem *problem);
+/* How much the momentum that the model's symmetry conserves moves; 0 for a symmetry without a momentum. */
+typedef struct lg_momentum_motion {
+    double moved; /* root mean square of the largest change in a trajectory */
+    double size;  /* root mean square of |pi| + sum |q| |p|, a bound on the momentum */
+    bool moves; /* by more than noise, equal at all points, and a decay common to all trajectories explain */
+} lg_momentum_motion;
+lg_status lg_hamiltonian_momentum_motion(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                         lg_momentum_motion *out);
+/* The mean over the trajectories of (G(y_j) - G(y_1))^2 for j = `point` in 2..M, or of G(y_1)^2 for point 1,
+ * with the first integral G of the penalty. */
+lg_status lg_hamiltonian_integral_change(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                         const double *theta, size_t point, double *out, lg_error *error);
+
 #endif

@@ -126,9 +126,8 @@ lg_status lg_hamiltonian_warn_of_symmetry(const lg_context *context, const lg_ha
     LG_TRY(lg_hamiltonian_momentum_motion(context, problem, &motion));
     if (motion.moves)
         WARN("the data do not have the symmetry %s: the momentum that it conserves changes by up to %.2g "
-             "along "
-             "the trajectories, and its size is at most %.2g (root mean squares); --symmetry none is without "
-             "this assumption",
+             "along the trajectories, and its size is at most %.2g (root mean squares); --symmetry none is "
+             "without this assumption",
              lg_field_name(row, (uint32_t)problem->model->symmetry), motion.moved, motion.size);
     return LG_OK;
 }

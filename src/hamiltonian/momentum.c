@@ -118,8 +118,6 @@ static void compare(const momenta *m, lg_momentum_motion *out) {
 
 lg_status lg_hamiltonian_momentum_motion(const lg_context *context, const lg_hamiltonian_problem *problem,
                                          lg_momentum_motion *out) {
-    LG_NEEDS(NULL, problem, out);
-    LG_NEEDS(NULL, problem->model, problem->model->family, problem->data);
     const lg_symmetry_row *row = lg_symmetry_row_of(problem->model->symmetry);
     const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
     momenta m = {.n = problem->trajectories, .points = problem->points, .parts = lg_taped_parts(&space)};

@@ -410,7 +410,6 @@ static lg_status shard_change(void *user, lg_tape *tape, lg_var theta, const uin
 
 lg_status lg_hamiltonian_integral_change(const lg_context *context, const lg_hamiltonian_problem *problem,
                                          const double *theta, size_t point, double *out, lg_error *error) {
-    LG_NEEDS(error, problem, theta, out);
     integral_change of = {problem, point - 1};
     lg_fit_problem fit;
     LG_TRY(lg_hamiltonian_problem_check(problem, error));

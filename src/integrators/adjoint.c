@@ -106,7 +106,8 @@ static lg_status record(lg_adjoint *a, size_t n, const double *y, lg_recorded *r
     }
     LG_TRY(halve(p->scheme, &ode.space));
     LG_TRY(lg_taped_split(a->tape, &ode.space, r->y, start));
-    LG_TRY(lg_taped_step(a->tape, p->scheme, &ode, p->t[n], p->h[n], start, end));
+    LG_TRY(lg_taped_step(a->tape, p->scheme, &ode,
+                         &(lg_taped_interval){.t = {.value = p->t[n]}, .h = p->h[n]}, start, end));
     r->next = lg_taped_join(a->tape, &ode.space, end);
     return lg_tape_status(a->tape);
 }

@@ -41,7 +41,7 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     const lg_taped_interval over = {.h_rows = x[r->inputs], .input = r->inputs > 1 ? x[1] : LG_NONE};
     lg_var parts[LG_TAPED_MAX_PARTS];
     LG_TRY(lg_taped_split(tape, r->space, x[0], parts));
-    LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
+    LG_TRY(lg_taped_step(tape, r->scheme, &ode, &over, parts, parts));
     y[0] = lg_taped_join(tape, r->space, parts);
     return lg_tape_status(tape);
 }

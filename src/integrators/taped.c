@@ -324,8 +324,8 @@ static lg_status take_step(run *r, lg_parts *y) {
     return status == LG_OK ? LG_OK : refuse(r->tape, status, lg_status_sentence(status));
 }
 
-lg_status lg_taped_step_over(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
-                             const lg_taped_interval *over, const lg_var *y, lg_var *out) {
+lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
+                        const lg_taped_interval *over, const lg_var *y, lg_var *out) {
     run r;
     lg_parts next;
     LG_TRY(lg_tape_needs(tape, "step", over != NULL));
@@ -335,11 +335,6 @@ lg_status lg_taped_step_over(lg_tape *tape, const lg_scheme *scheme, const lg_ta
     LG_TRY(take_step(&r, &next));
     for (size_t p = 0; p < r.parts; p++) out[p] = next.part[p];
     return LG_OK;
-}
-
-lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t, double h,
-                        const lg_var *y, lg_var *out) {
-    return lg_taped_step_over(tape, scheme, ode, &(lg_taped_interval){.t = {.value = t}, .h = h}, y, out);
 }
 
 lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t0,

@@ -193,7 +193,6 @@ static lg_status open_walk(const lg_context *context, const lg_machine_problem *
 
 lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine_problem *problem,
                                      double *theta, double *losses, lg_error *error) {
-    LG_NEEDS(error, problem, theta, losses);
     LG_TRY(lg_machine_problem_check(problem, error));
     const lg_machine *machine = problem->machine;
     if (!lg_machine_starts_estimated(problem) || machine->directions > 0 || machine->rotations > 0)
@@ -272,7 +271,6 @@ lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine
                                      const double *theta, const lg_scheme *scheme, uint32_t substeps,
                                      const lg_machine_log *log, uint32_t window, double *q, double *v,
                                      lg_error *error) {
-    LG_NEEDS(error, machine, scheme, log, q, v);
     lg_machine_problem problem = {.machine = machine,
                                   .scheme = scheme,
                                   .substeps = substeps,

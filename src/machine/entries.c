@@ -117,8 +117,7 @@ const char *lg_machine_entries_fault(const lg_machine *machine, const lg_machine
         const double start = term->values[e->index];
         if (!about.single)
             return "only numbers on the diagonal of a matrix can be unknown by themselves; give the "
-                   "diagonal, or "
-                   "kind constant";
+                   "diagonal, or kind constant";
         if (about.positive && (start <= 0.0 || (is_bounded(e) && e->low < 0.0)))
             return "an unknown number of this kind must have a start above 0, and bounds not below 0";
         if (is_bounded(e) && !isnan(start) && !(start > e->low && start < e->high))

@@ -237,7 +237,6 @@ static lg_status expect(expecting *e, lg_tape *tape, double *values, lg_machine_
 
 lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem *problem, const double *theta,
                             const lg_machine_noise *noise, lg_machine_expected *out, lg_error *error) {
-    LG_NEEDS(error, problem, theta, noise, out);
     const lg_machine *machine = problem->machine;
     const bool measured = !lg_machine_starts_estimated(problem), many = machine->parameters > MOST_PARAMETERS;
     expecting e = {.context = context,

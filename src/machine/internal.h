@@ -7,6 +7,12 @@
 
 LG_AT(lg_tape_destroy, lg_tape)
 
+/* Standard deviations by coordinate, in the units of the log (radians for attitudes), or parts of the
+ * loss. */
+typedef struct lg_machine_noise {
+    double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
+} lg_machine_noise;
+
 /* Indices of the parts of a state in an array of parts; -1 where the machine has no such part. */
 typedef struct lg_machine_places {
     int x, q, p, R, m, z;
@@ -512,6 +518,57 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
  * `part` of other numbers is 1. */
 void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machine_noise *noise, size_t row,
                               double factor, double *out, double *part);
+
+/* ---- what the recipe calls (machine/files) ---- */
+
+/* Give learned lags without a start or bounds the time constant tau, in seconds, within scales.lag, and
+ * return how many there are; give learned bristles the stiffness at which sliding bends them by `part`, in
+ * [0, 1], of the way from the largest to the smallest deflection in logarithms (false: there are none); move
+ * the biases of angles to (-pi, pi]. */
+size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta);
+bool lg_machine_set_bristles(const lg_machine *machine, double part, double *theta);
+void lg_machine_wrap_biases(const lg_machine *machine, double *theta);
+/* The term whose friction this term changes, such as a Coulomb friction; NULL: none. */
+const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term);
+/* Writes to `direction` how theta changes when all learned damping is multiplied by 1 + x, per x. */
+bool lg_machine_scale_friction(const lg_machine *machine, const double *theta, double *direction);
+/* As lg_machine_fit_problem, but the windows become a regression of momenta (machine/momentum.c). Starts are
+ * measured, problem->theta is NULL; windows with an incomplete row do not count. */
+void lg_machine_momentum_problem(const lg_machine_problem *problem, lg_fit_problem *out);
+/* Replaces estimated starts that are far off, of lines and angles: where a window begins in the last row of
+ * another, by the state that the other one predicts there if that at least halves its loss; likewise
+ * backwards in time, except with lags and bristles. losses (windows): squared residuals with the starts of
+ * theta. */
+lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine_problem *problem,
+                                     double *theta, double *losses, lg_error *error);
+/* Estimates the states at all rows of a log of accelerations from windows that touch, with these starts. q
+ * and v, as in the log, get the runs of the windows; rows in no window keep the log's guesses. */
+lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine *machine,
+                                     const double *theta, const lg_scheme *scheme, uint32_t substeps,
+                                     const lg_machine_log *log, uint32_t window, double *q, double *v,
+                                     lg_error *error);
+/* The loss of a model that explains the logs except for white noise (standard deviations; machine/expect.c),
+ * from at most 512 windows. With more than 256 parameters, weights of networks are taken to reduce nothing,
+ * and every other one as much as an average number adds. `change`: what the changes of velocities within a
+ * window contribute to positions and velocities, about the loss of a model in which no force acts. */
+typedef struct lg_machine_expected {
+    double loss;
+    lg_machine_noise change;
+} lg_machine_expected;
+lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem *problem, const double *theta,
+                            const lg_machine_noise *noise, lg_machine_expected *out, lg_error *error);
+/* How much of the loss missing forces could explain at a best fit (machine/missing.c); 0: not tested, as with
+ * networks or more than 128 parameters. The F of chance is about 1, and hardly above 8 for the true
+ * machine. */
+typedef struct lg_machine_missing {
+    double loss, ratio;
+} lg_machine_missing;
+lg_status lg_machine_find_missing(const lg_context *context, const lg_machine_problem *problem,
+                                  const double *theta, lg_machine_missing *out, lg_error *error);
+/* Writes row `row` of `open` in words, such as "m and L appear only as a product: give one of them"; `count`
+ * is N. Returns how many numbers change in the row. */
+size_t lg_identification_sentence(const lg_identification *of, size_t count, size_t row, char *text,
+                                  size_t size);
 
 /* How many numbers all features of a term have: the inputs of its network. */
 uint32_t lg_machine_feature_numbers(const lg_machine *machine, const lg_machine_term *term);

@@ -127,7 +127,6 @@ static lg_status look(const lg_context *context, const lg_machine_problem *probl
 
 lg_status lg_machine_find_missing(const lg_context *context, const lg_machine_problem *problem,
                                   const double *theta, lg_machine_missing *out, lg_error *error) {
-    LG_NEEDS(error, problem, theta, out);
     const lg_machine *machine = problem->machine;
     const size_t own = machine->parameters, starts = lg_machine_problem_parameters(problem) - own;
     *out = (lg_machine_missing){.loss = 0.0};

@@ -290,7 +290,7 @@ static lg_status held_step(void *user, lg_tape *tape, const lg_var *theta, const
     if (r->machine->sticks != 0)
         LG_TRY(stick_step(r, tape, &vars, &l, u, h, parts));
     else
-        LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
+        LG_TRY(lg_taped_step(tape, r->scheme, &ode, &over, parts, parts));
     LG_TRY(move_bristles(r, tape, &vars, h, parts));
     if (r->machine->lags > 0) parts[last] = lagged_after(tape, &l, h);
     y[0] = lg_taped_join(tape, &r->full, parts);
@@ -377,11 +377,13 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     return lg_program_build(context, &spec, out, error);
 }
 
-static lg_status make(const lg_context *context, const lg_machine *machine, const double *theta,
-                      const lg_scheme *scheme, uint32_t seen, lg_program **out, lg_error *error) {
+lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
+                             const lg_scheme *scheme, bool lagged, lg_program **out, lg_error *error) {
+    LG_NEEDS(error, machine, out);
     if (machine->parameters > 0) LG_NEEDS(error, theta);
-    recording r = {
-        .machine = machine, .scheme = scheme != NULL ? scheme : lg_scheme_find("cf4"), .seen = seen};
+    recording r = {.machine = machine,
+                   .scheme = scheme != NULL ? scheme : lg_scheme_find("cf4"),
+                   .seen = lagged ? machine->lags : 0};
     LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
     if (scheme != NULL && scheme->kind == LG_SCHEME_VARIATIONAL)
         return lg_fail(error, LG_UNSUPPORTED,
@@ -394,19 +396,7 @@ static lg_status make(const lg_context *context, const lg_machine *machine, cons
     fill_log(&r);
     LG_TRY(build(context, &r, theta, &made, error));
     LG_TRY(add_step(made, &r, error));
-    if (seen > 0) LG_TRY(add_lag(made, &r, error));
+    if (r.seen > 0) LG_TRY(add_lag(made, &r, error));
     LG_TRY(lg_program_add_velocity(made, &r.full, error));
     return LG_MOVE(out, made);
-}
-
-lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
-                             const lg_scheme *scheme, lg_program **out, lg_error *error) {
-    LG_NEEDS(error, machine, out);
-    return make(context, machine, theta, scheme, 0, out, error);
-}
-
-lg_status lg_machine_plant(const lg_context *context, const lg_machine *machine, const double *theta,
-                           const lg_scheme *scheme, lg_program **out, lg_error *error) {
-    LG_NEEDS(error, machine, out);
-    return make(context, machine, theta, scheme, machine->lags, out, error);
 }

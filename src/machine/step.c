@@ -159,7 +159,8 @@ static lg_status scheme_steps(lg_tape *tape, const lg_machine_flow *flow, interv
     const lg_var half = same ? lg_full(tape, lg_shape2(1, 1), h / 2) : lg_scale(tape, over->h, h / 2);
     for (uint32_t i = 0; i < flow->substeps; i++) {
         lg_machine_move_bristles(tape, flow->vars, half, parts);
-        LG_TRY(lg_taped_step(tape, flow->scheme, &ode, i * h, h, parts, parts));
+        LG_TRY(lg_taped_step(tape, flow->scheme, &ode, &(lg_taped_interval){.t = {.value = i * h}, .h = h},
+                             parts, parts));
         lg_machine_move_bristles(tape, flow->vars, half, parts);
     }
     return lg_tape_status(tape);

@@ -11,16 +11,6 @@ const char *lg_pooling_name(lg_pooling kind) {
     return (unsigned)kind < LG_POOLING_COUNT ? pooling_names[kind] : "unknown";
 }
 
-lg_status lg_pooling_parse(const char *name, lg_pooling *out) {
-    LG_NEEDS(NULL, name, out);
-    for (int i = 0; i < LG_POOLING_COUNT; i++)
-        if (strcmp(name, pooling_names[i]) == 0) {
-            *out = (lg_pooling)i;
-            return LG_OK;
-        }
-    return LG_NOT_FOUND;
-}
-
 /* ---- description ---- */
 
 #define MAX_SIZE       ((uint32_t)1 << 20)
@@ -172,8 +162,8 @@ bool lg_cnn_slice(const lg_cnn *net, uint32_t index, lg_slice_info *out) {
     return lg_layers_slice(&layout, index, out);
 }
 
-void lg_cnn_initialise(const lg_cnn *net, lg_initialisation kind, lg_rng *rng, double *theta) {
+void lg_cnn_initialise(const lg_cnn *net, lg_rng *rng, double *theta) {
     lg_layers layout;
     lg_cnn_layout(net, &layout);
-    lg_layers_initialise(&layout, kind, rng, theta);
+    lg_layers_initialise(&layout, rng, theta);
 }

@@ -82,7 +82,8 @@ static lg_status parse_phase(const char *text, size_t length, bool squares, uint
     return LG_OK;
 }
 
-static lg_status parse_plan(const char *text, bool squares, lg_fit_plan *out, lg_error *error) {
+lg_status lg_fit_plan_parse(const char *text, bool squares, lg_fit_plan *out, lg_error *error) {
+    LG_NEEDS(error, text, out);
     lg_fit_plan plan = {0};
     for (const char *at = text;;) {
         const size_t length = strcspn(at, ",");
@@ -101,16 +102,6 @@ static lg_status parse_plan(const char *text, bool squares, lg_fit_plan *out, lg
     if (plan.phases == 1 && plan.phase[0].method == LG_FIT_ADAM && plan.phase[0].epochs == 0) plan.phases = 0;
     *out = plan;
     return LG_OK;
-}
-
-lg_status lg_fit_plan_parse(const char *text, lg_fit_plan *out, lg_error *error) {
-    LG_NEEDS(error, text, out);
-    return parse_plan(text, true, out, error);
-}
-
-lg_status lg_fit_plan_parse_any_loss(const char *text, lg_fit_plan *out, lg_error *error) {
-    LG_NEEDS(error, text, out);
-    return parse_plan(text, false, out, error);
 }
 
 void lg_fit_plan_show(const lg_fit_plan *plan, char text[LG_FIT_PLAN_TEXT]) {

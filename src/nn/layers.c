@@ -2,7 +2,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
@@ -33,27 +32,11 @@ bool lg_layers_slice(const lg_layers *layers, uint32_t index, lg_slice_info *out
     return true;
 }
 
-/* Weights have the scale sqrt(gain/(fan_in + both fan_out)). It is the bound of the uniform distribution on
- * [-scale, scale], or the standard deviation of the normal one. */
-static const struct law {
-    double gain, both;
-    bool normal, bias; /* bias: true: drawn like the weights; false: 0 */
-} laws[LG_INITIALISATION_COUNT] = {
-    [LG_INIT_FAN_IN] = {1.0, 0.0, false, true},        [LG_INIT_GLOROT_UNIFORM] = {6.0, 1.0, false, false},
-    [LG_INIT_GLOROT_NORMAL] = {2.0, 1.0, true, false}, [LG_INIT_HE_UNIFORM] = {6.0, 0.0, false, false},
-    [LG_INIT_HE_NORMAL] = {2.0, 0.0, true, false},
-};
-
-void lg_layers_initialise(const lg_layers *layers, lg_initialisation kind, lg_rng *rng, double *theta) {
-    const struct law *law = &laws[kind];
+void lg_layers_initialise(const lg_layers *layers, lg_rng *rng, double *theta) {
     for (const lg_layer *l = layers->layer; l < layers->layer + layers->count; l++) {
-        const double fan_in = (double)l->in, fan_out = l->kernel > 0 ? (double)l->kernel * l->out : l->out;
-        const double scale = sqrt(law->gain / (fan_in + law->both * fan_out));
-        const size_t weights = l->in * l->out, drawn = weights + (law->bias && l->has_bias ? l->out : 0);
-        for (size_t i = 0; i < drawn; i++)
-            theta[l->weight + i] =
-                law->normal ? scale * lg_rng_normal(rng) : lg_rng_uniform_in(rng, -scale, scale);
-        if (l->has_bias && !law->bias) memset(theta + l->bias, 0, l->out * sizeof *theta);
+        const double scale = sqrt(1.0 / (double)l->in);
+        const size_t drawn = l->in * l->out + (l->has_bias ? l->out : 0);
+        for (size_t i = 0; i < drawn; i++) theta[l->weight + i] = lg_rng_uniform_in(rng, -scale, scale);
     }
 }
 

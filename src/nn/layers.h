@@ -28,7 +28,7 @@ void lg_layers_add(lg_layers *layers, const char *name, uint32_t number, size_t 
                    uint32_t kernel, bool has_bias);
 /* Slice `index`: weights and biases in their order. Returns false beyond the last one. */
 bool lg_layers_slice(const lg_layers *layers, uint32_t index, lg_slice_info *out);
-void lg_layers_initialise(const lg_layers *layers, lg_initialisation kind, lg_rng *rng, double *theta);
+void lg_layers_initialise(const lg_layers *layers, lg_rng *rng, double *theta);
 /* Records weights and biases as views of theta from `offset` on; LG_NONE for a missing bias. `what` names the
  * network in the error if they end beyond 2^32 elements. Returns the tape's status. */
 lg_status lg_layers_bind(lg_tape *tape, const lg_layers *layers, const char *what, lg_var theta,

@@ -65,14 +65,10 @@ static void list_layers(const lg_mlp *net, lg_layers *layers) {
         lg_layers_add(layers, "layer", l + 1, net->width[l], net->width[l + 1], 0, lg_mlp_has_bias(net, l));
 }
 
-void lg_mlp_initialise_as(const lg_mlp *net, lg_initialisation kind, lg_rng *rng, double *theta) {
+void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta) {
     lg_layers layers;
     list_layers(net, &layers);
-    lg_layers_initialise(&layers, kind, rng, theta);
-}
-
-void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta) {
-    lg_mlp_initialise_as(net, LG_INIT_FAN_IN, rng, theta);
+    lg_layers_initialise(&layers, rng, theta);
 }
 
 void lg_mlp_draw(void *net, size_t parameter, size_t count, lg_rng *rng, double *theta) {

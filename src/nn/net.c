@@ -82,8 +82,8 @@ bool lg_net_slice(const lg_net *net, uint32_t index, lg_slice_info *out) {
     return lg_layers_slice(&layout.all, index, out);
 }
 
-void lg_net_initialise(const lg_net *net, lg_initialisation kind, lg_rng *rng, double *theta) {
+void lg_net_initialise(const lg_net *net, lg_rng *rng, double *theta) {
     net_layout layout;
     lg_net_layout(net, &layout);
-    lg_layers_initialise(&layout.all, kind, rng, theta);
+    lg_layers_initialise(&layout.all, rng, theta);
 }

@@ -6,11 +6,11 @@
 #include "liegrad/fit.h"
 
 lg_status lg_plan_parse_squares(const char *text, void *member, lg_error *error) {
-    return lg_fit_plan_parse(text, member, error);
+    return lg_fit_plan_parse(text, true, member, error);
 }
 
 lg_status lg_plan_parse_any_loss(const char *text, void *member, lg_error *error) {
-    return lg_fit_plan_parse_any_loss(text, member, error);
+    return lg_fit_plan_parse(text, false, member, error);
 }
 
 const char *lg_plan_name_squares(uint32_t value) {

@@ -1,10 +1,15 @@
-/* Finds cells of a table that lie far from the other cells of their column. */
+/* Finds cells of a table that lie far from the other cells of their column. Let m be the median of the
+ * column, and D that of |x - m| over the cells that differ from m. The cells with |x - m| > 30 D are far if
+ * together they make up more than half of the sum of (x - m)^2 and are few: at most 2 to 5 (1 % of the
+ * column), or 0.1 % if this is more. More are far only if most of them are one value (a code such as -9999)
+ * and they are at most a tenth of the column; of a second mode or a heavy tail the few farthest are, if
+ * they make up 0.8 of it. */
 #include <math.h>
 #include <stdlib.h>
 
 #include "core/clean.h"
 #include "core/median.h"
-#include "liegrad/table.h"
+#include "table/internal.h"
 
 /* Half of the distance, because the distance itself may overflow. */
 static double half_distance(double x, double median) {

@@ -71,7 +71,7 @@ bool lg_table_slice(const lg_table *model, uint32_t index, lg_slice_info *out) {
 
 void lg_table_initialise(const lg_table *model, lg_rng *rng, double *theta) {
     const size_t net = lg_net_parameters(&model->net);
-    lg_net_initialise(&model->net, LG_INIT_FAN_IN, rng, theta);
+    lg_net_initialise(&model->net, rng, theta);
     memset(theta + net, 0, (lg_table_parameters(model) - net) * sizeof *theta);
 }
 

@@ -149,12 +149,6 @@ TEST("invalid tables and options are refused, and the classifier is unchanged") 
         assert_status(lg_classifier_fit(context, &o, x, label, NULL, 8, 2, 2, &c, &e), LG_CANCELLED);
     }
     assert_true(rate == 7 && best == 9 && c.classes == 55);
-    lg_classifier_method method;
-    for (int m = 0; m < LG_METHOD_COUNT; m++) {
-        assert_ok(lg_classifier_method_parse(lg_classifier_method_name((lg_classifier_method)m), &method));
-        assert_int_equal(method, m);
-    }
-    assert_status(lg_classifier_method_parse("svm", &method), LG_NOT_FOUND);
 }
 
 /* ---- archives ---- */

@@ -69,7 +69,7 @@ static lg_detector make_detector(uint32_t classes, lg_detector_loss loss, bool c
 static double *start_of(const lg_detector *model) {
     lg_rng rng = test_rng(32, 0);
     double *theta = TEST_ARRAY(double, lg_cnn_parameters(&model->net));
-    lg_cnn_initialise(&model->net, LG_INIT_FAN_IN, &rng, theta);
+    lg_cnn_initialise(&model->net, &rng, theta);
     return theta;
 }
 
@@ -551,7 +551,7 @@ TEST("a network that died starts again with the next weights of its seed, and le
     /* Draws come one after another from the same generator. */
     lg_rng rng = test_rng(5, 1);
     for (uint64_t draw = 0; draw < 3; draw++) {
-        lg_cnn_initialise(&model.net, LG_INIT_FAN_IN, &rng, theta);
+        lg_cnn_initialise(&model.net, &rng, theta);
         lg_detector_initialise(&model, 5, draw, other);
         assert_memory_equal(theta, other, n * sizeof *theta);
     }

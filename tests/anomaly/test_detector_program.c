@@ -37,7 +37,7 @@ static void make(example *e, size_t net, lg_activation activation, uint32_t clas
     e->scaler = (lg_scaler){.channels = odd_nets[net].channels, .mean = e->mean, .scale = e->scale};
     lg_rng rng = test_rng(31, net);
     e->theta = TEST_ARRAY(double, lg_cnn_parameters(&e->model.net));
-    lg_cnn_initialise(&e->model.net, LG_INIT_FAN_IN, &rng, e->theta);
+    lg_cnn_initialise(&e->model.net, &rng, e->theta);
     assert_told(lg_detector_program(NULL, &e->model, &e->scaler, e->theta, &e->program, &told));
     lg_test_owns(e->program, release_program);
     e->value = make_ready(e->program, "value", 1, LG_F64);

@@ -260,12 +260,7 @@ TEST("features are named after their channels") {
         assert_string_equal(text, cases[i].name);
         (void)lg_features_name(&f, NULL, cases[i].index, text, sizeof text);
         assert_string_equal(text, cases[i].bare);
-        lg_feature_kind kind;
-        assert_ok(lg_feature_kind_parse(lg_feature_kind_name(cases[i].kind), &kind));
-        assert_int_equal(kind, cases[i].kind);
     }
-    lg_feature_kind kind;
-    assert_status(lg_feature_kind_parse("covariance", &kind), LG_NOT_FOUND);
     assert_string_equal(lg_feature_kind_name((lg_feature_kind)LG_FEATURE_KIND_COUNT), "unknown");
     char text[40];
     const lg_features f = features_of(LG_FEATURES_STD, false, &s, 20, NULL);

@@ -345,7 +345,7 @@ TEST("a class is healthy by its name or label, or else by the words of exactly o
 }
 
 TEST("splits have their names") {
-    ASSERT_NAMED(lg_split, lg_split, LG_SPLIT_COUNT);
+    ASSERT_NAMES(lg_split, lg_split, LG_SPLIT_COUNT);
 }
 
 TEST("folds are assigned class by class") {

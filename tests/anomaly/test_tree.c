@@ -380,13 +380,9 @@ TEST("invalid tables and options are refused, and the tree is unchanged") {
     assert_status(lg_tree_prune(NULL, &empty, 0.0, &tree), LG_INVALID_ARGUMENT);
     assert_status(lg_tree_pruning_path(NULL, &empty, 0, NULL, &count), LG_INVALID_ARGUMENT);
     assert_int_equal(tree.inputs, 77);
-    lg_tree_criterion criterion = LG_GINI;
-    assert_ok(lg_tree_criterion_parse("entropy", &criterion));
-    assert_int_equal(criterion, LG_ENTROPY);
     assert_string_equal(lg_tree_criterion_name(LG_GINI), "gini");
     assert_string_equal(lg_tree_criterion_name((lg_tree_criterion)LG_CRITERION_COUNT), "unknown");
     lg_tree_destroy(NULL);
-    assert_status(lg_tree_criterion_parse("Gini", &criterion), LG_NOT_FOUND);
 }
 
 TEST("every allocation may fail, and the tree is unchanged") {

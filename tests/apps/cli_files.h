@@ -8,7 +8,7 @@
 #include "support/fixtures.h"
 
 OWNED(lg_trajectories, lg_trajectories_destroy)
-OWNED(lg_hamiltonian_file, lg_hamiltonian_file_destroy)
+OWNED_FILE(hamiltonian)
 
 static inline lg_trajectories *cli_trajectories(const char *name) {
     lg_trajectories data;
@@ -18,7 +18,7 @@ static inline lg_trajectories *cli_trajectories(const char *name) {
 
 static inline lg_hamiltonian_file *cli_hamiltonian(const char *name) {
     lg_hamiltonian_file file;
-    assert_ok(lg_hamiltonian_load(NULL, cli_at(name), NULL, &file, NULL));
+    assert_ok(lg_recipe_load(NULL, cli_at(name), NULL, &lg_recipe_hamiltonian, &file, NULL));
     return own_lg_hamiltonian_file(file);
 }
 

@@ -7,7 +7,7 @@
 #include "liegrad/machine.h"
 #include "support/fixtures.h"
 
-OWNED(lg_machine_model_file, lg_machine_model_file_destroy)
+OWNED_FILE(machine_model)
 
 static const char identify[] = "lg-identify";
 
@@ -51,7 +51,7 @@ static inline size_t csv_column(const char *name, const char *column, double *ou
 
 static inline const lg_machine_model_file *cli_machine_model(const char *name) {
     lg_machine_model_file file;
-    assert_ok(lg_machine_model_load(NULL, cli_at(name), NULL, &file, NULL));
+    assert_ok(lg_recipe_load(NULL, cli_at(name), NULL, &lg_recipe_machine_model, &file, NULL));
     return own_lg_machine_model_file(file);
 }
 

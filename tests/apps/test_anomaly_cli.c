@@ -627,11 +627,12 @@ TEST("with a validation part, the model is taken from the best epoch") {
     cli_run(lg, "%s", line);
     lg_detector_file files[2];
     for (int k = 0; k < 2; k++) {
-        assert_ok(lg_detector_load(NULL, cli_at(k == 0 ? "long.h5" : "best.h5"), NULL, &files[k], NULL));
+        assert_ok(lg_recipe_load(NULL, cli_at(k == 0 ? "long.h5" : "best.h5"), NULL, &lg_recipe_detector,
+                                 &files[k], NULL));
     }
     assert_int_equal(files[0].parameters, files[1].parameters);
     assert_memory_equal(files[0].theta, files[1].theta, files[0].parameters * sizeof *files[0].theta);
-    for (int k = 0; k < 2; k++) lg_detector_file_destroy(&files[k]);
+    for (int k = 0; k < 2; k++) lg_recipe_release(&lg_recipe_detector, &files[k]);
     json("train data.h5 --preset thesis --epochs 2 --validation 0 --out last.h5", "validation_windows 0");
     (void)snprintf(line, sizeof line,
                    "train data.h5 --preset thesis --lr %s --epochs 40 --patience 1 --out p.h5", rates[i - 1]);

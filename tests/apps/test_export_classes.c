@@ -69,7 +69,7 @@ static void *make_table(const void *row) {
         (void)snprintf(file.input_name[c], LG_TABLE_NAME, "in */ %u", c);
     (void)snprintf(file.run.data_sha256, sizeof file.run.data_sha256, "%064d", 42);
     (void)snprintf(file.provenance.command, sizeof file.provenance.command, "lg-fit train soil.csv");
-    assert_ok(lg_table_save(NULL, export_path(of->row.name), &file, NULL, NULL));
+    assert_ok(lg_recipe_save(NULL, export_path(of->row.name), &lg_recipe_table, &file, NULL, NULL));
     return NULL;
 }
 
@@ -170,7 +170,7 @@ static void *make_detector(const void *row) {
     file.scaler = scaler_of(net->channels, 1, &rng);
     file.names.class_name = lg_test_memory(of->classes * sizeof *file.names.class_name);
     file.names.channel_name = lg_test_memory(net->channels * sizeof *file.names.channel_name);
-    lg_cnn_initialise(net, LG_INIT_GLOROT_UNIFORM, &rng, file.theta);
+    lg_cnn_initialise(net, &rng, file.theta);
     for (size_t i = 0; i < file.parameters; i++) file.theta[i] += 0.1 * lg_rng_normal(&rng);
     file.theta[file.parameters - 1] += of->offset;
     file.theta[file.parameters - 2] += of->weight;
@@ -181,7 +181,7 @@ static void *make_detector(const void *row) {
     }
     for (uint32_t c = 0; c < of->classes; c++)
         (void)snprintf(file.names.class_name[c], LG_SERIES_NAME, "state\t\"%u\" \xc3\xa9?\?/ */", c);
-    assert_ok(lg_detector_save(NULL, export_path(of->row.name), &file, NULL, NULL));
+    assert_ok(lg_recipe_save(NULL, export_path(of->row.name), &lg_recipe_detector, &file, NULL, NULL));
     return NULL;
 }
 

@@ -40,7 +40,7 @@ static void make_hamiltonian(const char *name, double size, const char *command)
     if (mass > 0) theta[lg_mlp_parameters(&file.run.model.net)] = mass;
     file.theta = theta;
     (void)snprintf(file.provenance.command, sizeof file.provenance.command, "%s", command);
-    assert_ok(lg_hamiltonian_save(NULL, cli_at(name), &file, NULL, NULL));
+    assert_ok(lg_recipe_save(NULL, cli_at(name), &lg_recipe_hamiltonian, &file, NULL, NULL));
 }
 
 static int setup(void **state) {

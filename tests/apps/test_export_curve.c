@@ -111,11 +111,11 @@ static void *make(const void *row) {
     (void)snprintf(file.provenance.command, sizeof file.provenance.command, "lg-elastica train beams.h5");
     file.parameters = lg_surrogate_parameters(model);
     file.theta = TEST_ARRAY(double, file.parameters);
-    lg_net_initialise(&model->net, LG_INIT_FAN_IN, &rng, file.theta);
+    lg_net_initialise(&model->net, &rng, file.theta);
     file.trained_count = of->trained ? TRAINED : 0;
     file.trained = of->trained ? TEST_ARRAY(double, 8 * TRAINED) : NULL;
     for (size_t i = 0; i < file.trained_count; i++) draw_boundary(&rng, of->length, file.trained + 8 * i);
-    assert_ok(lg_surrogate_save(NULL, export_path(of->row.name), &file, NULL, NULL));
+    assert_ok(lg_recipe_save(NULL, export_path(of->row.name), &lg_recipe_surrogate, &file, NULL, NULL));
     return NULL;
 }
 

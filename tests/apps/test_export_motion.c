@@ -110,7 +110,7 @@ static lg_hamiltonian_file hamiltonian_of(const example *of) {
 }
 
 static void save(const lg_hamiltonian_file *file, const char *name) {
-    assert_told(lg_hamiltonian_save(NULL, export_path(name), file, NULL, &told));
+    assert_told(lg_recipe_save(NULL, export_path(name), &lg_recipe_hamiltonian, file, NULL, &told));
 }
 
 static double *masses_of(const lg_hamiltonian_file *file) {

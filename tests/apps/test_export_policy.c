@@ -335,7 +335,7 @@ TEST("the observer is the library's filter") {
         "linear.h5 --out linear --name l --functions control,observe --sensor 0.01,0.02 --drift 0.3,0.2");
     export_check_each("linear", "l", few, 2);
     assert_told(lg_machine_file_read(NULL, cli_at("linear.yaml"), &file, &told));
-    assert_told(lg_machine_program(NULL, &file.machine, NULL, lg_scheme_find("rkmk4"), &plant, &told));
+    assert_told(lg_machine_program(NULL, &file.machine, NULL, lg_scheme_find("rkmk4"), false, &plant, &told));
     assert_ok(lg_machine_space(&file.machine, &space));
     assert_told(lg_model_create(NULL, plant, &space, &model, &told));
     lg_test_owns(model, release_model);

@@ -10,7 +10,7 @@
 
 #include <hdf5.h>
 
-OWNED(lg_table_file, lg_table_file_destroy)
+OWNED_FILE(table)
 OWNED(lg_table_data, lg_table_data_destroy)
 
 static const char fit[] = "lg-fit";
@@ -281,7 +281,7 @@ TEST("a given width learns as well as the width that is chosen by default") {
 
 static const lg_table_file *model_of(const char *name) {
     lg_table_file file;
-    assert_ok(lg_table_load(NULL, cli_at(name), NULL, &file, NULL));
+    assert_ok(lg_recipe_load(NULL, cli_at(name), NULL, &lg_recipe_table, &file, NULL));
     return own_lg_table_file(file);
 }
 
@@ -990,7 +990,7 @@ TEST("if a model has no ranges, no row counts as outside") {
         lg_table_file file = *model_of("ranged.h5");
         if (kept != 1) file.low = NULL;
         if (kept != 2) file.high = NULL;
-        assert_told(lg_table_save(NULL, cli_at("bare.h5"), &file, NULL, &told));
+        assert_told(lg_recipe_save(NULL, cli_at("bare.h5"), &lg_recipe_table, &file, NULL, &told));
         cli_expect(fit, "predict bare.h5 away.csv", 0, "y\n");
         assert_null(strstr(result.err, "outside"));
     }
@@ -1036,7 +1036,7 @@ TEST("a model whose names or scales do not fit its network is refused") {
     put_instead("model.h5", "/scaler/inputs/mean", H5T_NATIVE_DOUBLE, 2, two);
     cli_expect(fit, "predict model.h5 smooth.csv", 3,
                "/scaler/inputs/mean: has shape (2 columns), expected (3 columns as in /model)");
-    lg_table_file_destroy(NULL);
+    lg_recipe_release(&lg_recipe_table, NULL);
 }
 
 TEST("files that are not tables cause a message and an exit code too") {

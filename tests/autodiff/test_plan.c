@@ -235,7 +235,7 @@ RECORDING(record_step_of_input) {
     lg_taped_ode ode = {.field = sine_of_input};
     if (lg_space_init_rn(&ode.space, 1) != LG_OK || lg_space_init_rn(&ode.manifold, 1) != LG_OK) return;
     const lg_taped_interval over = {.h = 0.1, .input = x[1]};
-    (void)lg_taped_step_over(tape, user, &ode, &over, x, y);
+    (void)lg_taped_step(tape, user, &ode, &over, x, y);
 }
 
 TEST("a plan of a step with equal stages agrees with the tape, for every explicit scheme") {

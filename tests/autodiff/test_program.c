@@ -193,7 +193,7 @@ static lg_status implicit(void *user, lg_tape *tape, const lg_var *theta, const 
     lg_taped_ode ode = {.field = fall};
     const lg_space_factor flat = {LG_SPACE_RN, 3};
     lg_status status = lg_space_init(&ode.space, &flat, 1);
-    if (status == LG_OK) status = lg_taped_step(tape, lg_scheme_find("midpoint"), &ode, 0.0, 0.1, x, y);
+    if (status == LG_OK) status = lg_taped_step(tape, lg_scheme_find("midpoint"), &ode, OVER(0.0, 0.1), x, y);
     return status;
 }
 

@@ -651,7 +651,7 @@ TEST("a policy is saved and loaded with its bits, on its plant and on another on
     assert_ok(lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 70, 5, 1, &a, NULL, NULL));
     assert_ok(lg_policy_evaluate(loaded, LG_POLICY_NOMINAL, 70, 5, 2, &b, NULL, NULL));
     assert_memory_equal(&a, &b, sizeof a);
-    assert_ok(lg_policy_transplant(loaded, machine_program(cart_pole), &moved, NULL));
+    assert_ok(lg_policy_transplant(loaded, machine_program(cart_pole), NULL, &moved, NULL));
     lg_test_owns(moved, release_policy);
     assert_ok(lg_policy_evaluate(moved, LG_POLICY_NOMINAL, 70, 5, 1, &c, NULL, NULL));
     assert_true(lg_policy_task_of(moved)->substeps > task.substeps); /* to judge, steps are shorter */

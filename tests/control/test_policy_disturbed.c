@@ -141,7 +141,7 @@ TEST("noise of a rotation turns it by a small vector in the body, of a direction
 TEST("disturbed runs take the machines that were added in turn") {
     const lg_policy_task task = disturbed_task(1e-300, 0.0);
     lg_policy *policy = make(&task, cart_pole), *other;
-    assert_ok(lg_policy_transplant(policy, machine_program(heavy), &other, NULL));
+    assert_ok(lg_policy_transplant(policy, machine_program(heavy), NULL, &other, NULL));
     lg_test_owns(other, release_policy);
     assert_ok(lg_policy_add_draw(policy, machine_program(cart_pole), NULL));
     assert_ok(lg_policy_add_draw(policy, machine_program(heavy), NULL));

@@ -339,7 +339,8 @@ TEST("a policy is not judged on a plant where the free position matters") {
     assert_int_equal(outcome.succeeded, 50);
     lg_error error;
     const char *bound = test_text(spring, "potential: {kind: known, form: quadratic, of: x, values: [1]}\n");
-    assert_int_equal(lg_policy_transplant(policy, machine_program(bound), &other, &error), LG_CHECK_FAILED);
+    assert_int_equal(lg_policy_transplant(policy, machine_program(bound), NULL, &other, &error),
+                     LG_CHECK_FAILED);
     assert_non_null(strstr(error.message, "free: the machine moves otherwise where x"));
 }
 

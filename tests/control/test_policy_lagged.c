@@ -148,7 +148,7 @@ TEST("a policy with a lagged input is saved and loaded, and runs on a plant with
     assert_ok(lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 64, 3, 1, &a, NULL, NULL));
     assert_ok(lg_policy_evaluate(loaded, LG_POLICY_NOMINAL, 64, 3, 1, &b, NULL, NULL));
     assert_true(a.cost_mean == b.cost_mean);
-    assert_ok(lg_policy_transplant(loaded, hoist("0.35", 1, 1, 1), &moved, NULL));
+    assert_ok(lg_policy_transplant(loaded, hoist("0.35", 1, 1, 1), NULL, &moved, NULL));
     lg_test_owns(moved, release_policy);
     assert_ok(lg_policy_evaluate(moved, LG_POLICY_NOMINAL, 64, 3, 1, &c, NULL, NULL));
     assert_true(isfinite(c.cost_mean) && c.cost_mean != a.cost_mean);

@@ -124,8 +124,7 @@ TEST("on another plant the controller keeps its dead times and its lags") {
             const lg_policy *p = make_cart(own[i], true);
             lg_policy *other;
             lg_error error = {LG_OK, ""};
-            if (lg_policy_transplant_late(p, machine_program(test_text(cart, 0.6)), dead, &other, &error) !=
-                LG_OK)
+            if (lg_policy_transplant(p, machine_program(test_text(cart, 0.6)), dead, &other, &error) != LG_OK)
                 fail_msg("%s", error.message);
             lg_test_owns(other, release_policy);
             world w = {.x = 0.3, .v = 0.2, .tau = 0.6, .late = {true_ones[k][0], true_ones[k][1]}};
@@ -153,7 +152,8 @@ TEST("an integral removes the offset of a force that the controller does not kno
         const lg_policy *p = make_cart((const double[INPUTS]){2, 0}, integral);
         lg_policy *other;
         const char *const text = test_text(cart, 0.3);
-        assert_ok(lg_policy_transplant(p, machine_program(test_text("%s%s", text, pushed)), &other, NULL));
+        assert_ok(
+            lg_policy_transplant(p, machine_program(test_text("%s%s", text, pushed)), NULL, &other, NULL));
         lg_test_owns(other, release_policy);
         double z[8] = {0}, x[8];
         bool held;

@@ -197,7 +197,7 @@ TEST("a policy on its own plant again, and its draws, cost what the policy costs
     plant smooth = usual;
     smooth.damping = 0; /* Euler's method is exact but for h^2 u */
     lg_error error;
-    const lg_status status = lg_policy_transplant(policy, plant_program(&smooth), &moved, &error);
+    const lg_status status = lg_policy_transplant(policy, plant_program(&smooth), NULL, &moved, &error);
     assert_int_equal(status, LG_CHECK_FAILED);
     assert_says(error.message, "64 steps of the integrator");
 }

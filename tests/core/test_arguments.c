@@ -242,9 +242,10 @@ TEST("functions of integrators refuse NULL") {
     REFUSES(lg_taped_act(NEEDED(tape), NEEDED(&space), NEEDED(&y), NEEDED(&y), NEEDED(out)));
     REFUSES(lg_taped_dexpinv(NEEDED(tape), NEEDED(&space), 1, NEEDED(&y), NEEDED(&y), NEEDED(out)));
     REFUSES(lg_taped_generator(NEEDED(tape), NEEDED(&space), NEEDED(&y), NEEDED(&y), NEEDED(out)));
-    REFUSES(lg_taped_step_over(NEEDED(tape), NEEDED(scheme), NEEDED(&taped), NEEDED(&over), NEEDED(&y),
-                               NEEDED(out)));
-    REFUSES(lg_taped_step(NEEDED(tape), NEEDED(scheme), NEEDED(&taped), 0.0, 0.1, NEEDED(&y), NEEDED(out)));
+    REFUSES(
+        lg_taped_step(NEEDED(tape), NEEDED(scheme), NEEDED(&taped), NEEDED(&over), NEEDED(&y), NEEDED(out)));
+    REFUSES(
+        lg_taped_step(NEEDED(tape), NEEDED(scheme), NEEDED(&taped), OVER(0.0, 0.1), NEEDED(&y), NEEDED(out)));
     REFUSES(lg_taped_integrate(NEEDED(tape), NEEDED(scheme), NEEDED(&taped), 0.0, 0.1, 1, 1, NEEDED(&y),
                                NEEDED(out)));
 
@@ -370,7 +371,6 @@ static lg_status fit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_
 }
 
 TEST("functions of networks and fits refuse NULL") {
-    lg_pooling pooling;
     lg_fit_plan plan;
     lg_mlp mlp;
     lg_net net;
@@ -380,9 +380,7 @@ TEST("functions of networks and fits refuse NULL") {
     lg_var out[2];
     assert_ok(lg_mlp_init(&mlp, 1, NULL, 0, 1, LG_TANH, true));
     assert_ok(lg_net_init(&net, LG_NET_MLP, 1, 1, 2, 1, 1, LG_TANH));
-    REFUSES(lg_pooling_parse(NEEDED("mean"), NEEDED(&pooling)));
-    REFUSES(lg_fit_plan_parse(NEEDED("adam"), NEEDED(&plan), NULL));
-    REFUSES(lg_fit_plan_parse_any_loss(NEEDED("adam"), NEEDED(&plan), NULL));
+    REFUSES(lg_fit_plan_parse(NEEDED("adam"), true, NEEDED(&plan), NULL));
     REFUSES(lg_mlp_init(NEEDED(&mlp), 1, NEEDED(&(uint32_t){2}), 1, 1, LG_TANH, true));
     assert_ok(lg_mlp_init(&mlp, 1, NULL, 0, 1, LG_TANH, true));
     REFUSES(lg_mlp_bind(NEEDED(tape), NEEDED(&mlp), theta, 0, NEEDED(&vars)));
@@ -483,9 +481,6 @@ TEST("functions of Hamiltonians, models and control refuse NULL") {
     REFUSES(lg_hamiltonian_find_scales(NEEDED(&problem), NEEDED(&scales), none));
     REFUSES(lg_hamiltonian_weigh(NEEDED(&problem), none));
     REFUSES(lg_hamiltonian_mean_squared_error(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
-    REFUSES(lg_hamiltonian_integral_change(NULL, NEEDED(&problem), NEEDED(theta), 2, NEEDED(others), none));
-    lg_momentum_motion motion;
-    REFUSES(lg_hamiltonian_momentum_motion(NULL, NEEDED(&problem), NEEDED(&motion)));
     REFUSES(lg_hamiltonian_integral_unit(NULL, NEEDED(&problem), NEEDED(others), none));
     REFUSES(lg_hamiltonian_floor(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), none));
     REFUSES(lg_hamiltonian_scale(NULL, NEEDED(&problem), NEEDED(changed), NULL));
@@ -617,7 +612,6 @@ TEST("functions of tables and files refuse NULL") {
         .network = LG_NET_MLP, .activation = LG_TANH, .hidden_count = 1, .hidden = {3}, .linear = true};
     lg_table model;
     lg_scaler scaler;
-    lg_table_far far;
     lg_program *program;
     const double *values = test_numbers(3, 16, -1.0, 1.0);
     assert_ok(lg_table_init(&model, &shape, 2, 2, &error));
@@ -625,7 +619,6 @@ TEST("functions of tables and files refuse NULL") {
     double *theta = TEST_ARRAY(double, lg_table_parameters(&model));
     REFUSES(lg_table_init(NEEDED(&model), NEEDED(&shape), 2, 2, NULL));
     REFUSES(lg_table_scaler_fit(NULL, NEEDED(values), 2, NULL, 8, NEEDED(&scaler)));
-    REFUSES(lg_table_find_far(NULL, NEEDED(values), 2, 8, NEEDED(&far)));
     REFUSES(lg_table_program(NULL, NEEDED(&model), NEEDED(&scaler), NEEDED(&scaler), NEEDED(theta),
                              NEEDED(&program), NULL));
     REFUSES(
@@ -679,13 +672,13 @@ TEST("functions of tables and files refuse NULL") {
     REFUSES(lg_rows_file_look(NULL, NEEDED(path), NEEDED(&about), NULL, 0, NULL));
     REFUSES(lg_file_reader_create(NULL, NEEDED(path), NULL, NULL, NEEDED(&reader), NULL));
     REFUSES(lg_trajectories_read(NULL, NEEDED(path), NULL, NEEDED(&trajectories), NULL));
-    REFUSES(lg_hamiltonian_load(NULL, NEEDED(path), NULL, NEEDED(&hamiltonian), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_hamiltonian, NEEDED(&hamiltonian), NULL));
     REFUSES(lg_elastica_data_read(NULL, NEEDED(path), NULL, NEEDED(&elastica), NULL));
-    REFUSES(lg_surrogate_load(NULL, NEEDED(path), NULL, NEEDED(&surrogate), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_surrogate, NEEDED(&surrogate), NULL));
     REFUSES(lg_series_read(NULL, NEEDED(path), NULL, NULL, NEEDED(&series), NULL));
-    REFUSES(lg_detector_load(NULL, NEEDED(path), NULL, NEEDED(&detector), NULL));
-    REFUSES(lg_table_load(NULL, NEEDED(path), NULL, NEEDED(&filed), NULL));
-    REFUSES(lg_machine_model_load(NULL, NEEDED(path), NULL, NEEDED(&machine_model), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_detector, NEEDED(&detector), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_table, NEEDED(&filed), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_machine_model, NEEDED(&machine_model), NULL));
     REFUSES(lg_program_load(NULL, NEEDED(path), NULL, NEEDED(&program), NULL));
     REFUSES(lg_model_file_kind(NULL, NEEDED(path), NULL, NEEDED(kind), sizeof kind, NULL));
     REFUSES(lg_model_load(NULL, NEEDED(path), NULL, NEEDED(&file), NULL));
@@ -706,7 +699,6 @@ TEST("functions of series and classifiers refuse NULL") {
     lg_series series = {.count = 12, .channels = 1, .length = 8, .classes = 2}, other = series;
     lg_windows windows, cut;
     lg_scaler scaler;
-    lg_split split;
     uint8_t parts[12];
     uint32_t fold[12];
     assert_ok(lg_series_allocate(NULL, &series, false, false));
@@ -715,7 +707,6 @@ TEST("functions of series and classifiers refuse NULL") {
     assert_ok(lg_windows_create(NULL, &series, 0, 0, &windows, NULL));
     REFUSES(lg_series_allocate(NULL, NEEDED(&other), false, false));
     REFUSES(lg_windows_create(NULL, NEEDED(&series), 0, 0, NEEDED(&cut), NULL));
-    REFUSES(lg_split_parse(NEEDED(lg_split_name((lg_split)0)), NEEDED(&split)));
     REFUSES(lg_series_split(NULL, NEEDED(&series), NEEDED(&windows), (lg_split)0, 0.25, 0.25, 1,
                             NEEDED(parts), NULL));
     REFUSES(lg_series_folds(NULL, NEEDED(series.label), NULL, 12, 2, NEEDED(fold), NULL));
@@ -748,9 +739,6 @@ TEST("functions of series and classifiers refuse NULL") {
         lg_monitor_init(NEEDED(&watch), NEEDED(judge), NULL, NEEDED(&monitor), NEEDED(room), 1 << 16, NULL));
     REFUSES(lg_monitor_push(NEEDED(monitor), NULL, NEEDED(&ready), NEEDED(&verdict)));
 
-    lg_feature_kind kind;
-    lg_tree_criterion criterion;
-    lg_classifier_method method;
     lg_features features, made;
     lg_pca pca;
     lg_logistic logistic;
@@ -769,9 +757,6 @@ TEST("functions of series and classifiers refuse NULL") {
     assert_ok(lg_features_create(NULL, LG_FEATURES_STD, false, &series, 8, NULL, &features, &error));
     assert_ok(lg_tree_fit(NULL, &growth, x, label, 12, 2, 2, &tree, &error));
     assert_ok(lg_svm_fit(NULL, LG_KERNEL_LINEAR, 1.0, 0.0, x, label, 12, 2, 2, &svm, &error));
-    REFUSES(lg_feature_kind_parse(NEEDED("raw"), NEEDED(&kind)));
-    REFUSES(lg_tree_criterion_parse(NEEDED("gini"), NEEDED(&criterion)));
-    REFUSES(lg_classifier_method_parse(NEEDED("tree"), NEEDED(&method)));
     REFUSES(lg_features_create(NULL, LG_FEATURES_STD, false, NEEDED(&series), 8, NULL, NEEDED(&made), NULL));
     REFUSES(lg_features_compute(NEEDED(&features), NEEDED(series.x), NEEDED(others), NEEDED(work)));
     REFUSES(lg_features_table(NULL, NEEDED(&features), NEEDED(&series), NEEDED(&windows), 1, NEEDED(others),
@@ -923,19 +908,10 @@ TEST("functions of machines refuse NULL") {
     lg_var parts[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
     assert_ok(lg_machine_bind(tape, machine, at, &vars));
     assert_ok(lg_machine_record_state(tape, &vars, one, one, parts));
-    lg_machine_noise noise = {{0.1}, {0.1}};
-    lg_machine_expected expected;
-    lg_machine_missing missing;
     lg_identified *identified = TEST_ARRAY(lg_identified, 64);
     lg_identification about = {.numbers = identified};
     double *direction = TEST_ARRAY(double, machine->parameters), x[3];
     const lg_machine_restriction restriction = {&problem, theta, 1, direction};
-    lg_machine_problem begun = problem;
-    begun.starts = LG_MACHINE_STARTS_ESTIMATED;
-    lg_machine shaken = *machine;
-    lg_machine_log pushes = problem.log;
-    shaken.accelerations = true;
-    pushes.a = v;
     lg_machine_adapted adapted = {.x = x, .error = x + 1, .alone = x + 2};
     direction[0] = 0.1;
     lg_program *program;
@@ -960,10 +936,6 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_rest_rate(NULL, NEEDED(machine), theta, NEEDED(&problem.log), NEEDED(others), NULL));
     REFUSES(lg_machine_problem_check(NEEDED(&problem), NULL));
     REFUSES(lg_machine_loss(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(others), NULL, NULL));
-    REFUSES(lg_machine_continue_starts(NULL, NEEDED(&begun), NEEDED(others), NEEDED(work), NULL));
-    REFUSES(
-        lg_machine_expect(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&noise), NEEDED(&expected), NULL));
-    REFUSES(lg_machine_find_missing(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&missing), NULL));
     REFUSES(lg_machine_identify(NULL, NEEDED(&problem), NEEDED(theta), NEEDED(&about), NULL));
     REFUSES(lg_machine_adapt(NULL, NEEDED(&restriction), NEEDED(&adapted), NULL));
     REFUSES(lg_machine_free_run(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
@@ -971,12 +943,9 @@ TEST("functions of machines refuse NULL") {
     REFUSES(lg_machine_estimate_starts(NULL, NEEDED(machine), NEEDED(theta), NEEDED(problem.scheme), 1,
                                        NEEDED(&problem.log), NEEDED(start), 2, 4, NEEDED(others),
                                        NEEDED(others + 8), NULL));
-    REFUSES(lg_machine_estimate_states(NULL, NEEDED(&shaken), NEEDED(theta), NEEDED(problem.scheme), 1,
-                                       NEEDED(&pushes), 4, NEEDED(others), NEEDED(others + 8), NULL));
-    REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
-    REFUSES(lg_machine_plant(NULL, NEEDED(machine), NEEDED(theta), NULL, NEEDED(&program), NULL));
-    REFUSES(lg_machine_model_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(file), NULL, NULL));
-    REFUSES(lg_machine_model_describe(NEEDED(&file->run), NEEDED("machine"), NEEDED(text), NULL));
+    REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, false, NEEDED(&program), NULL));
+    REFUSES(lg_recipe_save(NULL, NEEDED("/nonexistent/file.h5"), &lg_recipe_machine_model, NEEDED(file), NULL,
+                           NULL));
 }
 
 /* x' = (w, u - x): a spring and a mass. */
@@ -1109,9 +1078,7 @@ TEST("policies refuse NULL") {
     lg_policy_slope energy;
     assert_ok(lg_policy_create(NULL, &task, spring(), 1, &policy, &error));
     REFUSES(lg_policy_create(NULL, NEEDED(&task), NEEDED(spring()), 1, NEEDED(&other), NULL));
-    REFUSES(lg_policy_transplant(NEEDED(policy), NEEDED(spring()), NEEDED(&other), NULL));
-    REFUSES(lg_policy_transplant_late(NEEDED(policy), NEEDED(spring()), NULL, NEEDED(&other), NULL));
-    REFUSES(lg_policy_refine(NEEDED(policy), NEEDED(&other), NULL));
+    REFUSES(lg_policy_transplant(NEEDED(policy), NULL, NULL, NEEDED(&other), NULL));
     REFUSES(lg_policy_add_rate(NEEDED(policy), NEEDED(&program), NULL));
     assert_status(lg_policy_find_turn(NULL, &turn, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_policy_find_turn(policy, NULL, NULL), LG_INVALID_ARGUMENT);
@@ -1139,18 +1106,38 @@ TEST("policies refuse NULL") {
 /* Functions that the tests above leave out: they have no pointers, need MPI, or need more than a few lines of
  * files. */
 static const char *const left_out[] = {
-    "lg_minimise_end_status", "lg_mpi_begin",           "lg_mpi_end",
-    "lg_file_writer_archive", "lg_file_writer_commit",  "lg_rows_file_create",
-    "lg_rows_file_put",       "lg_rows_file_commit",    "lg_file_writer_rows",
-    "lg_file_reader_archive", "lg_hamiltonian_save",    "lg_hamiltonian_save_errors",
-    "lg_elastica_data_write", "lg_surrogate_save",      "lg_series_write",
-    "lg_file_writer_names",   "lg_file_reader_names",   "lg_detector_save",
-    "lg_table_save",          "lg_checkpoint_create",   "lg_checkpoint_open",
-    "lg_recipe_compare_runs", "lg_model_file_program",  "lg_trials_write",
-    "lg_trials_read",         "lg_scene_draw_start",    "lg_logs_read",
-    "lg_table_evidence",      "lg_table_keep_complete", "lg_policy_task_read",
-    "lg_policy_task_parse",   "lg_policy_save",         "lg_policy_load",
-    "lg_policy_add_slope",    "lg_policy_find_turn",    "lg_policy_bound_gate",
+    "lg_minimise_end_status",
+    "lg_mpi_begin",
+    "lg_mpi_end",
+    "lg_file_writer_archive",
+    "lg_file_writer_commit",
+    "lg_rows_file_create",
+    "lg_rows_file_put",
+    "lg_rows_file_commit",
+    "lg_file_writer_rows",
+    "lg_file_reader_archive",
+    "lg_hamiltonian_save_errors",
+    "lg_elastica_data_write",
+    "lg_series_write",
+    "lg_file_writer_names",
+    "lg_file_reader_names",
+    "lg_checkpoint_create",
+    "lg_checkpoint_open",
+    "lg_recipe_compare_runs",
+    "lg_model_file_program",
+    "lg_trials_write",
+    "lg_trials_read",
+    "lg_scene_draw_start",
+    "lg_logs_read",
+    "lg_table_evidence",
+    "lg_table_keep_complete",
+    "lg_policy_task_read",
+    "lg_policy_task_parse",
+    "lg_policy_save",
+    "lg_policy_load",
+    "lg_policy_add_slope",
+    "lg_policy_find_turn",
+    "lg_policy_bound_gate",
 };
 
 static bool is_called(const char *name, size_t length) {

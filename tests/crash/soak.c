@@ -174,7 +174,7 @@ static void train(const lg_context *context, const char *plan) {
     lg_table_initialise(&model, &rng, theta);
     lg_table_fit_problem(&(lg_table_problem){.model = &model, .samples = &samples}, &problem);
     lg_fit_options_init(&how);
-    OK(lg_fit_plan_parse(plan, &how.plan, &error));
+    OK(lg_fit_plan_parse(plan, true, &how.plan, &error));
     how.epochs = EPOCHS, how.threads = THREADS, how.shards = THREADS;
     OK(lg_fit_create(context, &problem, &how, theta, &fit[0], &error));
     how.stop_after = EPOCHS / 2;

@@ -52,7 +52,7 @@ static inline small make_small(size_t which, uint32_t intervals, double length, 
     s.parameters = lg_surrogate_parameters(&s.model);
     s.theta = TEST_ARRAY(double, s.parameters);
     lg_rng rng = test_rng(seed, which);
-    lg_net_initialise(&s.model.net, LG_INIT_FAN_IN, &rng, s.theta);
+    lg_net_initialise(&s.model.net, &rng, s.theta);
     return s;
 }
 

@@ -24,7 +24,7 @@ static small make_case(const lg_surrogate_options *options, uint32_t intervals, 
     assert_ok(lg_surrogate_init(&s.model, options, intervals, TEST_LENGTH, 1.5, NULL));
     s.parameters = lg_surrogate_parameters(&s.model);
     s.theta = TEST_ARRAY(double, s.parameters);
-    lg_net_initialise(&s.model.net, LG_INIT_FAN_IN, &rng, s.theta);
+    lg_net_initialise(&s.model.net, &rng, s.theta);
     for (size_t i = 0; i < s.parameters; i++) s.theta[i] *= scale;
     return s;
 }
@@ -311,7 +311,7 @@ TEST("a network that is told the energy alone finds the beams of the solver") {
         const lg_surrogate_problem problem = problem_of(&s, &set, everything, BEAMS);
         lg_surrogate_fit_problem(&problem, &fit_problem);
         lg_fit_options_init(&options);
-        assert_ok(lg_fit_plan_parse("ssbroyden", &options.plan, NULL));
+        assert_ok(lg_fit_plan_parse("ssbroyden", true, &options.plan, NULL));
         options.epochs = 600;
         assert_ok(lg_fit_create(NULL, &fit_problem, &options, s.theta, &fit, NULL));
         assert_ok(lg_fit_run(fit, NULL));

@@ -27,7 +27,7 @@ static example make(const lg_surrogate_options *options, double length) {
     give_modes(&e.model);
     lg_rng rng = test_rng(8, options->layers);
     e.theta = TEST_ARRAY(double, lg_surrogate_parameters(&e.model));
-    lg_net_initialise(&e.model.net, LG_INIT_FAN_IN, &rng, e.theta);
+    lg_net_initialise(&e.model.net, &rng, e.theta);
     assert_told(lg_surrogate_program(NULL, &e.model, e.theta, &e.program, &told));
     lg_test_owns(e.program, release_program);
     e.value = make_ready(e.program, "value", 1, LG_F64);

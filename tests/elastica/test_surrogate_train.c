@@ -216,7 +216,7 @@ TEST("trained on boundary conditions alone, the network finds the same beams as 
     lg_fit *fit;
     lg_surrogate_fit_problem(&problem, &fit_problem);
     lg_fit_options_init(&options);
-    assert_ok(lg_fit_plan_parse("ssbroyden", &options.plan, NULL));
+    assert_ok(lg_fit_plan_parse("ssbroyden", true, &options.plan, NULL));
     options.epochs = 600;
     assert_ok(lg_fit_create(NULL, &fit_problem, &options, s.theta, &fit, NULL));
     assert_ok(lg_fit_run(fit, NULL));

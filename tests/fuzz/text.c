@@ -385,7 +385,7 @@ void fuzz_options(const uint8_t *data, size_t size) {
         option(data[1], text);
         break;
     case 3:
-        refused(lg_fit_plan_parse(text, &plan, &error), &error);
+        refused(lg_fit_plan_parse(text, true, &plan, &error), &error);
         break;
     case 4:
         hyperparameter(lg_hamiltonian_fields, data[1], &hamiltonian, text);

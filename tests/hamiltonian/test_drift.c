@@ -38,7 +38,7 @@ static void minimise(learned *l, const char *method) {
     lg_fit_options options;
     lg_hamiltonian_fit_problem(&l->problem, &problem);
     lg_fit_options_init(&options);
-    assert_ok(lg_fit_plan_parse(method, &options.plan, NULL));
+    assert_ok(lg_fit_plan_parse(method, true, &options.plan, NULL));
     options.epochs = EPOCHS;
     assert_told(lg_fit_create(NULL, &problem, &options, l->theta, &l->fit, &told));
     lg_test_owns(l->fit, release_fit);

@@ -103,7 +103,7 @@ static bool compare_step(setting *s, const lg_scheme *scheme, bool driven) {
     assert_ok(lg_hamiltonian_training_ode(s->tape, &s->vars, scheme, NULL, &ode));
     assert_ok(lg_taped_split(s->tape, &ode.space, s->y, parts));
     const lg_taped_interval over = {.h_rows = s->steps, .input = driven ? s->u : LG_NONE};
-    const lg_status status = lg_taped_step_over(s->tape, scheme, &ode, &over, parts, parts);
+    const lg_status status = lg_taped_step(s->tape, scheme, &ode, &over, parts, parts);
     if (status != LG_OK) fail_msg("%s: %s", scheme->name, lg_tape_message(s->tape));
     assert_rows(s, lg_taped_join(s->tape, &ode.space, parts), expected, s->d);
     return true;

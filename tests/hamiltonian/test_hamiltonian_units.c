@@ -3,6 +3,7 @@
 #include "support/model_support.h"
 
 #include "liegrad/mechanics.h"
+#include "hamiltonian/internal.h"
 #include "integrators/taped_internal.h"
 #include "model/internal.h"
 

@@ -252,7 +252,7 @@ static void compare_rows(lg_tape *tape, const lg_scheme *scheme, double toleranc
         const lg_taped_interval over = make_interval(tape, given, t, h);
         lg_var start = lg_input_f64(tape, lg_shape2(BATCH, (uint32_t)dim), p.start);
         assert_ok(lg_taped_split(tape, &p.taped.space, start, y));
-        const lg_status status = lg_taped_step_over(tape, scheme, &p.taped, &over, y, y);
+        const lg_status status = lg_taped_step(tape, scheme, &p.taped, &over, y, y);
         if (status != LG_OK) fail_msg("%s: %s", scheme->name, lg_tape_message(tape));
         assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, y), BATCH * dim, got));
         for (size_t b = 0; b < BATCH; b++) {
@@ -297,10 +297,10 @@ TEST("a time is the sum of its parts; a time that contains an earlier step lengt
     /* the interval's step length is another variable */
     lg_taped_interval over = make_interval(tape, ROW_STEPS, 0.0, 0.0);
     over.t = (lg_taped_time){.rows = lg_input(tape, lg_shape2(BATCH, 1), sum)};
-    assert_ok(lg_taped_step_over(tape, scheme, &p.taped, &over, y, out));
+    assert_ok(lg_taped_step(tape, scheme, &p.taped, &over, y, out));
     assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, out), BATCH * dim, expected));
     over.t = all;
-    assert_ok(lg_taped_step_over(tape, scheme, &p.taped, &over, y, out));
+    assert_ok(lg_taped_step(tape, scheme, &p.taped, &over, y, out));
     assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, out), BATCH * dim, got));
     assert_states("times", got, expected, BATCH * dim, 1e-14);
 }
@@ -324,7 +324,7 @@ static double nth_derivative(double a, double c, int n, bool by_h) {
     const lg_taped_interval over = {.t = {.rows = lg_parameter(tape, lg_shape2(1, 1), &t0)},
                                     .h_rows = lg_parameter(tape, lg_shape2(1, 1), &h0)};
     const lg_var x = by_h ? over.h_rows : over.t.rows;
-    assert_ok(lg_taped_step_over(tape, lg_scheme_find("rk4"), &ode, &over, &y, &y));
+    assert_ok(lg_taped_step(tape, lg_scheme_find("rk4"), &ode, &over, &y, &y));
     for (; n > 0; n--) assert_ok(lg_grad(tape, lg_sum(tape, y), &x, 1, &y));
     assert_ok(lg_read(tape, y, 1, &got));
     return got;
@@ -452,7 +452,7 @@ static void evaluations(const char *name, int one, int three) {
     const lg_shape shape = lg_shape2(1, (uint32_t)p.plain.space.dim);
     lg_tape *tape = test_tape(LG_F64);
     assert_ok(lg_taped_split(tape, &p.taped.space, lg_input(tape, shape, p.start), y));
-    assert_ok(lg_taped_step(tape, scheme, &p.taped, 0.0, 0.1, y, out));
+    assert_ok(lg_taped_step(tape, scheme, &p.taped, OVER(0.0, 0.1), y, out));
     assert_int_equal(p.wave.evaluations, one);
     p.wave.evaluations = 0;
     assert_ok(lg_taped_integrate(tape, scheme, &p.taped, 0.0, 0.1, 3, 3, y, out));
@@ -492,7 +492,7 @@ static size_t nodes_over(const lg_scheme *scheme, int given) {
     assert_ok(lg_taped_split(tape, &ode.space, start, &y));
     const lg_taped_interval over = make_interval(tape, given, 0.2, 0.1);
     const size_t before = tape->count;
-    assert_ok(lg_taped_step_over(tape, scheme, &ode, &over, &y, &y));
+    assert_ok(lg_taped_step(tape, scheme, &ode, &over, &y, &y));
     const size_t nodes = tape->count - before;
     return nodes;
 }
@@ -528,7 +528,7 @@ static void check_combinations(double h) {
     lg_tape *tape = test_tape(LG_F64);
     const lg_var y = lg_parameter(tape, lg_shape2(BATCH, 2), start);
     size_t from = tape->count;
-    assert_ok(lg_taped_step(tape, lg_scheme_find("rk4"), &ode, 0.0, h, &y, &got));
+    assert_ok(lg_taped_step(tape, lg_scheme_find("rk4"), &ode, OVER(0.0, h), &y, &got));
     const size_t nodes = tape->count - from;
     from = tape->count;
     k[0] = lg_neg(tape, y);
@@ -539,7 +539,7 @@ static void check_combinations(double h) {
     assert_recorded_alike(tape, nodes, got, tape->count - from, expected);
 
     from = tape->count;
-    assert_ok(lg_taped_step(tape, lg_scheme_find("stormer-verlet"), &ode, 0.0, h, &y, &got));
+    assert_ok(lg_taped_step(tape, lg_scheme_find("stormer-verlet"), &ode, OVER(0.0, h), &y, &got));
     const size_t split_nodes = tape->count - from;
     from = tape->count;
     lg_var q = lg_slice(tape, y, 1, 0, 1), p = lg_slice(tape, y, 1, 1, 1);
@@ -564,7 +564,7 @@ static size_t nodes_of(const char *name, double h) {
     lg_tape *tape = test_tape(LG_F64);
     assert_ok(lg_taped_split(tape, &p.taped.space, lg_input(tape, shape, p.start), y));
     const size_t before = tape->count;
-    assert_ok(lg_taped_step(tape, lg_scheme_find(name), &p.taped, 0.0, h, y, y));
+    assert_ok(lg_taped_step(tape, lg_scheme_find(name), &p.taped, OVER(0.0, h), y, y));
     const size_t nodes = tape->count - before;
     return nodes;
 }
@@ -587,7 +587,7 @@ TEST("splitting schemes give the same bits on R^2n as one part and on R^n x R^n"
     assert_ok(lg_read(tape, one, 12, got));
     assert_memory_equal(got, expected, sizeof(got));
     assert_ok(lg_space_init_rn(&p.taped.space, 11));
-    assert_status(lg_taped_step(tape, scheme, &p.taped, 0.0, 0.1, &y, &one), LG_UNSUPPORTED);
+    assert_status(lg_taped_step(tape, scheme, &p.taped, OVER(0.0, 0.1), &y, &one), LG_UNSUPPORTED);
 }
 
 TEST("the nodes of Newton's method are removed from the tape, whatever the number of iterations") {
@@ -638,25 +638,25 @@ TEST("schemes, spaces and functions that do not fit are refused, and the tape ke
             lg_tape_reset(tape);
             REFUSED(tape,
                     integrates ? lg_taped_integrate(tape, other, &p.taped, 0, 0.1, 2, 1, y, out)
-                               : lg_taped_step(tape, other, &p.taped, 0, 0.1, y, out),
+                               : lg_taped_step(tape, other, &p.taped, OVER(0, 0.1), y, out),
                     rows[i].status, rows[i].words);
         }
     }
     make_pair(&p, lg_scheme_find("stormer-verlet")); /* a force without a velocity; halves of two sizes */
     p.taped.velocity = NULL;
     fresh_state(tape, &p, y);
-    REFUSED(tape, lg_taped_step(tape, lg_scheme_find("stormer-verlet"), &p.taped, 0, 0.1, y, out),
+    REFUSED(tape, lg_taped_step(tape, lg_scheme_find("stormer-verlet"), &p.taped, OVER(0, 0.1), y, out),
             LG_INVALID_ARGUMENT, "needs `force` and `velocity`");
     p.taped.velocity = p.taped.force;
     assert_ok(lg_space_init(&p.taped.space, (lg_space_factor[]){{LG_SPACE_RN, 5}, {LG_SPACE_RN, 7}}, 2));
     fresh_state(tape, &p, y);
-    REFUSED(tape, lg_taped_step(tape, lg_scheme_find("stormer-verlet"), &p.taped, 0, 0.1, y, out),
+    REFUSED(tape, lg_taped_step(tape, lg_scheme_find("stormer-verlet"), &p.taped, OVER(0, 0.1), y, out),
             LG_UNSUPPORTED, "R^n x R^n or R^2n");
     lg_scheme bent = *lg_scheme_find("cf4");
     bent.c[1] += 0.1;
     make_pair(&p, &bent);
     fresh_state(tape, &p, y);
-    REFUSED(tape, lg_taped_step(tape, &bent, &p.taped, 0, 0.1, y, out), LG_INVALID_ARGUMENT, "step: ");
+    REFUSED(tape, lg_taped_step(tape, &bent, &p.taped, OVER(0, 0.1), y, out), LG_INVALID_ARGUMENT, "step: ");
     static const size_t counts[][2] = {{0, 1}, {3, 2}, {3, 0}};
     for (size_t i = 0; i < LG_COUNT(counts); i++) {
         fresh_state(tape, &p, y);
@@ -697,10 +697,10 @@ static lg_status record_step(lg_tape *tape, const void *user) {
     const lg_var whole = lg_input_f64(tape, lg_shape2(BATCH, (uint32_t)p->plain.space.dim), p->start);
     const lg_status split = lg_taped_split(tape, &p->taped.space, whole, y);
     if (split != LG_OK) return split;
-    if (!s->rows) return lg_taped_step(tape, s->scheme, &p->taped, 0.2, 0.1, y, out);
+    if (!s->rows) return lg_taped_step(tape, s->scheme, &p->taped, OVER(0.2, 0.1), y, out);
     const lg_var rows = lg_input_f64(tape, lg_shape2(BATCH, 1), steps);
     const lg_taped_interval over = {.t = {.rows = rows}, .h_rows = rows};
-    return lg_taped_step_over(tape, s->scheme, &p->taped, &over, y, out);
+    return lg_taped_step(tape, s->scheme, &p->taped, &over, y, out);
 }
 
 TEST("a step may run out of memory at any point, for every scheme") {
@@ -741,7 +741,7 @@ TEST("a field that fails without a message still fails the tape, for every schem
             fresh_state(tape, &p, y);
             REFUSED(tape,
                     integrates ? lg_taped_integrate(tape, scheme, &p.taped, 0, 0.1, 2, 1, y, out)
-                               : lg_taped_step(tape, scheme, &p.taped, 0, 0.1, y, out),
+                               : lg_taped_step(tape, scheme, &p.taped, OVER(0, 0.1), y, out),
                     LG_CANCELLED, lg_status_sentence(LG_CANCELLED));
             assert_true(lg_is_none(out[0]));
         }
@@ -803,7 +803,7 @@ static lg_status call_join(shaped *s, lg_var *out) {
 }
 
 static lg_status call_step(shaped *s, lg_var *out) {
-    return lg_taped_step(s->tape, s->scheme, s->ode, 0, 0.1, s->arguments[1], out);
+    return lg_taped_step(s->tape, s->scheme, s->ode, OVER(0, 0.1), s->arguments[1], out);
 }
 
 static lg_status call_integrate(shaped *s, lg_var *out) {
@@ -926,7 +926,7 @@ TEST("results of a field that have a wrong shape are refused, for every scheme")
                 p.taped.force = p.taped.velocity = bent_half_wave;
                 p.taped.user = &b;
                 fresh_state(tape, &p, y);
-                const lg_status status = lg_taped_step(tape, scheme, &p.taped, 0, 0.1, y, out);
+                const lg_status status = lg_taped_step(tape, scheme, &p.taped, OVER(0, 0.1), y, out);
                 assert_status(status, b.bent ? LG_SHAPE : LG_OK);
                 assert_status(lg_tape_status(tape), status);
                 if (b.bent) assert_says(lg_tape_message(tape), "field: ");
@@ -963,7 +963,7 @@ TEST("times, steps and inputs of a wrong shape are refused") {
         for (int j = 0; j < 4; j++) given[j] = shapes[j].rank > 0 ? lg_full(tape, shapes[j], 0.1) : LG_NONE;
         const lg_taped_interval over = {
             .t = {.rows = given[0], .step = given[1]}, .h = 0.1, .h_rows = given[2], .input = given[3]};
-        assert_status(lg_taped_step_over(tape, cf4, &p.taped, &over, y, out), LG_SHAPE);
+        assert_status(lg_taped_step(tape, cf4, &p.taped, &over, y, out), LG_SHAPE);
         assert_true(lg_is_none(out[0]));
         assert_says(lg_tape_message(tape), rows[i].fault);
     }
@@ -989,9 +989,9 @@ TEST("a projection to a manifold that does not fit is refused") {
     make_pair(&p, scheme);
     lg_tape *tape = test_tape(LG_F64);
     lg_var y = lg_input(tape, lg_shape2(BATCH, (uint32_t)p.plain.space.dim), p.start), out;
-    assert_ok(lg_taped_step(tape, scheme, &p.taped, 0, 0.1, &y, &out));
+    assert_ok(lg_taped_step(tape, scheme, &p.taped, OVER(0, 0.1), &y, &out));
     assert_ok(lg_space_init(&p.taped.manifold, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
-    REFUSED(tape, lg_taped_step(tape, scheme, &p.taped, 0, 0.1, &y, &out), LG_INVALID_ARGUMENT,
+    REFUSED(tape, lg_taped_step(tape, scheme, &p.taped, OVER(0, 0.1), &y, &out), LG_INVALID_ARGUMENT,
             "the dimension of the manifold differs");
 }
 
@@ -1009,17 +1009,17 @@ TEST("implicit steps that do not converge return an error") {
     assert_ok(lg_space_init_rn(&ode.space, 1));
     lg_tape *tape = test_tape(LG_F64);
     lg_var y = lg_input(tape, lg_shape2(1, 1), &y0);
-    assert_ok(lg_taped_step(tape, scheme, &ode, 0.0, 0.4, &y, &out));
+    assert_ok(lg_taped_step(tape, scheme, &ode, OVER(0.0, 0.4), &y, &out));
     assert_ok(lg_read(tape, out, 1, &y1));
     assert_close(y1, 0.5, 1e-15, 0.0); /* the smaller root of 0.4 y^2 - y + 0.4 */
     out = LG_NONE;
-    assert_status(lg_taped_step(tape, scheme, &ode, 0.0, 0.6, &y, &out), LG_NO_CONVERGENCE);
+    assert_status(lg_taped_step(tape, scheme, &ode, OVER(0.0, 0.6), &y, &out), LG_NO_CONVERGENCE);
     assert_true(lg_is_none(out));
     assert_status(lg_tape_status(tape), LG_NO_CONVERGENCE);
     const double nowhere = NAN;
     lg_tape_reset(tape);
     y = lg_input(tape, lg_shape2(1, 1), &nowhere);
-    assert_status(lg_taped_step(tape, scheme, &ode, 0.0, 0.4, &y, &out), LG_NOT_FINITE);
+    assert_status(lg_taped_step(tape, scheme, &ode, OVER(0.0, 0.4), &y, &out), LG_NOT_FINITE);
     assert_true(lg_is_none(out));
 }
 

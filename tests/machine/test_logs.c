@@ -1274,7 +1274,7 @@ TEST("calls without a machine, paths or a place for the logs are refused") {
             lg_logs_read(NULL, calls[i].file, calls[i].paths, calls[i].count, NULL, calls[i].out, NULL),
             LG_INVALID_ARGUMENT);
     lg_logs_destroy(NULL);
-    lg_machine_model_file_destroy(NULL);
+    lg_recipe_release(&lg_recipe_machine_model, NULL);
     lg_machine none = {.coordinate_count = 0};
     const double value = 1;
     assert_status(lg_machine_set_parameter(&none, "mass", 1, &value, NULL, NULL), LG_INVALID_ARGUMENT);

@@ -34,7 +34,7 @@ static double sliding(const double *b, int k, double v) {
 static void run(const lg_machine *machine, const char *name, const double *x, double u, double h,
                 double *out) {
     lg_program *program;
-    assert_ok(lg_machine_program(NULL, machine, NULL, NULL, &program, NULL));
+    assert_ok(lg_machine_program(NULL, machine, NULL, NULL, false, &program, NULL));
     assert_ok(
         lg_program_eval(NULL, program, name, 1, (const double *const[]){x, &u, &h}, (double *[]){out}, NULL));
     lg_program_destroy(program);

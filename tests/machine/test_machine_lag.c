@@ -257,7 +257,7 @@ static void check_step(uint32_t order) {
     const uint32_t n = machine.lags;
     double *theta = machine_theta(&machine, 5);
     lg_program *program = NULL;
-    assert_told(lg_machine_program(NULL, &machine, theta, lg_scheme_find("cf4"), &program, &told));
+    assert_told(lg_machine_program(NULL, &machine, theta, lg_scheme_find("cf4"), false, &program, &told));
     lg_test_owns(program, release_program);
     const ready step = make_ready(program, "step", 1, LG_F64),
                 momenta = make_ready(program, "momenta", 1, LG_F64),

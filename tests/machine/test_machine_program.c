@@ -11,7 +11,7 @@ enum { ROWS = 3, STATE = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES };
 
 static lg_program *program_of(const lg_machine *machine, const double *theta, const char *scheme) {
     lg_program *program = NULL;
-    assert_told(lg_machine_program(NULL, machine, theta, lg_scheme_find(scheme), &program, &told));
+    assert_told(lg_machine_program(NULL, machine, theta, lg_scheme_find(scheme), false, &program, &told));
     lg_test_owns(program, release_program);
     return program;
 }
@@ -391,13 +391,15 @@ TEST("classical schemes are for machines on R^n alone, and implicit schemes for 
     const driven *a = drive(&flat, 1), *b = drive(&turning, 1);
     assert_true(lg_model_stepper_size(a->model, lg_scheme_find("rk4")) > 0);
     assert_int_equal(lg_model_stepper_size(b->model, lg_scheme_find("rk4")), 0);
-    assert_status(lg_machine_program(NULL, &turning, b->theta, lg_scheme_find("rk4"), &program, &error),
-                  LG_UNSUPPORTED);
+    assert_status(
+        lg_machine_program(NULL, &turning, b->theta, lg_scheme_find("rk4"), false, &program, &error),
+        LG_UNSUPPORTED);
     size_t implicit = 0;
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         if (lg_scheme_at(i)->kind != LG_SCHEME_IMPLICIT) continue;
         implicit++;
-        assert_true(lg_machine_program(NULL, &flat, a->theta, lg_scheme_at(i), &program, &error) != LG_OK);
+        assert_true(lg_machine_program(NULL, &flat, a->theta, lg_scheme_at(i), false, &program, &error) !=
+                    LG_OK);
         assert_true(strlen(error.message) > 10);
     }
     assert_true(implicit > 0);
@@ -411,10 +413,11 @@ TEST("classical schemes are for machines on R^n alone, and implicit schemes for 
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if (scheme->kind != LG_SCHEME_IMPLICIT && scheme->kind != LG_SCHEME_SLGI) continue;
-        assert_status(lg_machine_program(NULL, &rubbing, theta, scheme, &program, &error), LG_UNSUPPORTED);
+        assert_status(lg_machine_program(NULL, &rubbing, theta, scheme, false, &program, &error),
+                      LG_UNSUPPORTED);
         assert_says(error.message, "solves equations in each step");
     }
-    assert_told(lg_machine_program(NULL, &rubbing, theta, lg_scheme_find("cf4"), &program, &told));
+    assert_told(lg_machine_program(NULL, &rubbing, theta, lg_scheme_find("cf4"), false, &program, &told));
     size_t inputs, step;
     assert_ok(lg_program_find(program, "step", &step, NULL));
     (void)lg_program_inputs(program, step, &inputs);

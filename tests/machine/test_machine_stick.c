@@ -253,7 +253,7 @@ static lg_program *program_of(const char *yaml) {
     lg_machine machine;
     lg_program *program = NULL;
     read_machine(yaml, &machine);
-    assert_told(lg_machine_program(NULL, &machine, NULL, NULL, &program, &told));
+    assert_told(lg_machine_program(NULL, &machine, NULL, NULL, false, &program, &told));
     lg_test_owns(program, release_program);
     return program;
 }
@@ -289,7 +289,7 @@ TEST("a body on an incline that holds it does not creep by one bit in 100 s") {
             machine.scales.time = scales[i];
             machine.scales.place[0] = machine.scales.velocity[0] = scales[i] * 1.7;
             assert_machine(&machine);
-            assert_told(lg_machine_program(NULL, &machine, NULL, NULL, &program, &told));
+            assert_told(lg_machine_program(NULL, &machine, NULL, NULL, false, &program, &told));
             lg_test_owns(program, release_program);
             step_all(program, 1, 1, 2000, second ? 0.9 * 3.5 : -0.9 * 3.5, 0.05, x);
             assert_true(x[0] == 0.1234567890123 && x[1] == 0);
@@ -535,7 +535,7 @@ TEST("a step of the program moves lagged inputs and the machine as a run does") 
     assert_machine(&machine);
     for (int i = 0; i < 41; i++) c[i][0] = 12 * sin(i);
     run_driven(&machine, (const double(*)[4])c, 1, end);
-    assert_told(lg_machine_program(NULL, &machine, NULL, NULL, &program, &told));
+    assert_told(lg_machine_program(NULL, &machine, NULL, NULL, false, &program, &told));
     lg_test_owns(program, release_program);
     const ready momenta = make_ready(program, "momenta", 1, LG_F64),
                 step = make_ready(program, "step", 1, LG_F64);

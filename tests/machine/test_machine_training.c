@@ -83,7 +83,9 @@ static bool given(const lg_training *self, const char *option) {
     return at != NULL && at[strlen(option)] == '=';
 }
 
-RELEASES(release_file, lg_machine_model_file_destroy)
+static void release_file(void *file) {
+    lg_recipe_release(&lg_recipe_machine_model, file);
+}
 
 static void note(void *user, lg_log_level level, const char *message) {
     learning *l = user;
@@ -210,7 +212,7 @@ static void assert_evaluated(learning *l, double most) {
     const lg_provenance provenance = {.has_seed = true, .seed = 1};
     lg_machine_model_file *file = TEST_ARRAY(lg_machine_model_file, 1);
     assert_told(lg_training_save(&l->training, path, l->training.theta, &provenance, &told));
-    assert_told(lg_machine_model_load(NULL, path, NULL, file, &told));
+    assert_told(lg_recipe_load(NULL, path, NULL, &lg_recipe_machine_model, file, &told));
     lg_test_owns(file, release_file);
     assert_told(evaluate_once(l, file, &told));
     assert_false(lg_result_find(&l->training, "window_loss")->real > most); /* NaN for accelerations */

@@ -428,7 +428,7 @@ TEST("masses that depend on the state are refused with a message, and so are exp
     assert_says(error.message, "masses that do not depend on the state");
     lg_program *program;
     assert_status(lg_machine_program(NULL, &still, machine_theta(&still, 1), lg_scheme_find("variational"),
-                                     &program, &error),
+                                     false, &program, &error),
                   LG_UNSUPPORTED);
     assert_says(error.message, "by iteration");
     lg_machine chain = empty_machine();

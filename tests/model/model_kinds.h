@@ -507,10 +507,6 @@ typedef struct kind_row {
     size_t loads, saves; /* least number of allocations while loading and saving */
     any_run (*make_run)(size_t which);
     void (*make)(size_t which, any_file *out);
-    lg_status (*save)(const lg_context *context, const char *path, const any_file *file, const lg_fit *fit,
-                      lg_error *error);
-    lg_status (*load)(const lg_context *context, const char *path, const lg_read_options *options,
-                      any_file *out, lg_error *error);
     void (*same)(const any_file *a, const any_file *b);
     read_fn read, read_checkpoint;
     fresh_fn fresh; /* a new copy of the example that is damaged */
@@ -519,7 +515,18 @@ typedef struct kind_row {
 static const kind_row kinds[KIND_COUNT];
 
 static inline void destroy(any_file *file) {
-    lg_run_release(kinds[file->kind].recipe, file->bytes);
+    lg_recipe_release(kinds[file->kind].recipe, file->bytes);
+}
+
+static inline lg_status save(const lg_context *context, const char *path, const any_file *file,
+                             const lg_fit *fit, lg_error *error) {
+    return lg_recipe_save(context, path, kinds[file->kind].recipe, file->bytes, fit, error);
+}
+
+static inline lg_status load(const lg_context *context, const char *path, const lg_read_options *options,
+                             model_kind kind, any_file *out, lg_error *error) {
+    out->kind = kind;
+    return lg_recipe_load(context, path, options, kinds[kind].recipe, out->bytes, error);
 }
 
 /* What files of all kinds have in common. */
@@ -556,7 +563,7 @@ static inline const char *good_model(model_kind kind, size_t which) {
     if (access(original, F_OK) != 0) {
         any_file file;
         k->make(which, &file);
-        assert_told(k->save(NULL, original, &file, NULL, &told));
+        assert_told(save(NULL, original, &file, NULL, &told));
         destroy(&file);
     }
     copy_file(original, path);
@@ -572,22 +579,13 @@ static inline const char *good_model(model_kind kind, size_t which) {
         draw_##k(which, &out->k);                                                                            \
         (void)snprintf(out->k.provenance.command, sizeof out->k.provenance.command, "train");                \
     }                                                                                                        \
-    static lg_status save_any_##k(const lg_context *context, const char *path, const any_file *file,         \
-                                  const lg_fit *fit, lg_error *error) {                                      \
-        return lg_##k##_save(context, path, &file->k, fit, error);                                           \
-    }                                                                                                        \
-    static lg_status load_##k(const lg_context *context, const char *path, const lg_read_options *options,   \
-                              any_file *out, lg_error *error) {                                              \
-        out->kind = KIND_##K;                                                                                \
-        return lg_##k##_load(context, path, options, &out->k, error);                                        \
-    }                                                                                                        \
     static void same_any_##k(const any_file *a, const any_file *b) {                                         \
         same_##k(&a->k, &b->k);                                                                              \
     }                                                                                                        \
     static lg_status read_##k(const lg_context *context, const char *path, const lg_read_options *options,   \
                               lg_error *error) {                                                             \
         any_file file;                                                                                       \
-        const lg_status status = load_##k(context, path, options, &file, error);                             \
+        const lg_status status = load(context, path, options, KIND_##K, &file, error);                       \
         if (status == LG_OK) destroy(&file);                                                                 \
         return status;                                                                                       \
     }                                                                                                        \
@@ -613,7 +611,7 @@ KIND_FUNCTIONS(machine_model, MACHINE_MODEL)
 #define KIND_ROW(k, bad, single, loads, saves)                                                               \
     {                                                                                                        \
         &lg_recipe_##k, LG_COUNT(k##_examples), bad, single, loads, saves, any_run_##k, make_any_##k,        \
-            save_any_##k, load_##k, same_any_##k, read_##k, read_checkpoint_##k, fresh_##k                   \
+            same_any_##k, read_##k, read_checkpoint_##k, fresh_##k                                           \
     }
 
 static const kind_row kinds[KIND_COUNT] = {

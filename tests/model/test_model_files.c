@@ -33,10 +33,10 @@ TEST("a model is read back as it was saved, and may be freed twice") {
         any_file file, again;
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
         k->make(e, &file);
-        assert_ok(k->save(NULL, path, &file, NULL, NULL));
-        assert_ok(k->load(NULL, path, NULL, &again, NULL));
+        assert_ok(save(NULL, path, &file, NULL, NULL));
+        assert_ok(load(NULL, path, NULL, number_of(k), &again, NULL));
         assert_same_file(k, &again, &file);
-        assert_ok(k->save(NULL, second, &again, NULL, NULL));
+        assert_ok(save(NULL, second, &again, NULL, NULL));
         assert_same_bytes(path, second);
         destroy(&file);
         destroy(&again);
@@ -113,12 +113,12 @@ TEST("a Hamiltonian written by hand may leave out optional parts, and can be sav
                                              "conventions", "format", NULL};
     lg_hamiltonian_file file;
     const char *path = stripped(KIND_HAMILTONIAN, 0, links, attributes);
-    assert_ok(lg_hamiltonian_load(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_recipe_load(NULL, path, NULL, &lg_recipe_hamiltonian, &file, NULL));
     assert_int_equal(file.run.substeps, 1);
     assert_int_equal(file.parameters, 52);
     /* An unknown number is not out of range. */
-    assert_ok(lg_hamiltonian_save(NULL, scratch_path("again.h5"), &file, NULL, NULL));
-    lg_hamiltonian_file_destroy(&file);
+    assert_ok(lg_recipe_save(NULL, scratch_path("again.h5"), &lg_recipe_hamiltonian, &file, NULL, NULL));
+    lg_recipe_release(&lg_recipe_hamiltonian, &file);
 }
 
 TEST("a surrogate written by hand may leave out optional parts") {
@@ -127,11 +127,11 @@ TEST("a surrogate written by hand may leave out optional parts") {
                                              "cpu",       "format",   NULL};
     lg_surrogate_file file;
     const char *path = stripped(KIND_SURROGATE, 2, links, attributes);
-    assert_ok(lg_surrogate_load(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_recipe_load(NULL, path, NULL, &lg_recipe_surrogate, &file, NULL));
     assert_true(file.trained == NULL && file.trained_count == 0 && !file.has_errors && file.epochs_done == 0);
     assert_int_equal(file.run.model.options.kind, LG_SURROGATE_ANGLE);
     assert_true(file.run.model.options.boundary);
-    lg_surrogate_file_destroy(&file);
+    lg_recipe_release(&lg_recipe_surrogate, &file);
 }
 
 TEST("a table network written by hand may leave out optional parts") {
@@ -139,12 +139,12 @@ TEST("a table network written by hand may leave out optional parts") {
     static const char *const attributes[] = {"rmse", "seed", "command", "cpu", "format", NULL};
     lg_table_file file;
     const char *path = stripped(KIND_TABLE, 0, links, attributes);
-    assert_ok(lg_table_load(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_recipe_load(NULL, path, NULL, &lg_recipe_table, &file, NULL));
     assert_null(file.low);
     assert_true(isnan(file.rmse) && file.run.decay.count == 0);
     assert_string_equal(file.input_name[2], "x3");
     assert_string_equal(file.output_name[0], "y1");
-    lg_table_file_destroy(&file);
+    lg_recipe_release(&lg_recipe_table, &file);
 }
 
 static const char *fresh_first_table(void) {
@@ -169,11 +169,11 @@ TEST("a detector written by hand may leave out optional parts") {
                                              "accuracy", "f1",           "test_mse",       "seed",
                                              "command",  "format",       "format_version", NULL};
     lg_detector_file file, full;
-    assert_ok(lg_detector_load(NULL, good_model(KIND_DETECTOR, 1), NULL, &full, NULL));
+    assert_ok(lg_recipe_load(NULL, good_model(KIND_DETECTOR, 1), NULL, &lg_recipe_detector, &full, NULL));
     const char *path = stripped(KIND_DETECTOR, 1, links, attributes);
     /* a pooling that is left out means `none` */
     replace_text(path, "model", "blocks", "  3 kernel 4 stride 3  padding 3 ");
-    assert_ok(lg_detector_load(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_recipe_load(NULL, path, NULL, &lg_recipe_detector, &file, NULL));
     assert_same_net(&file.run.model.net, &full.run.model.net);
     assert_memory_equal(file.theta, full.theta, full.parameters * sizeof(double));
     assert_string_equal(file.names.class_name[4], "4");
@@ -182,8 +182,8 @@ TEST("a detector written by hand may leave out optional parts") {
     assert_true(isnan(file.accuracy) && isnan(file.f1) && isnan(file.test_mse));
     assert_close(file.names.rate, 0, 0, 0);
     assert_int_equal(file.epochs_done, 0);
-    lg_detector_file_destroy(&file);
-    lg_detector_file_destroy(&full);
+    lg_recipe_release(&lg_recipe_detector, &file);
+    lg_recipe_release(&lg_recipe_detector, &full);
 }
 
 /* ---- damaged files ---- */
@@ -273,7 +273,7 @@ TEST("errors in a Hamiltonian are refused by name") {
     any_file separable;
     const char *path = scratch_path("separable.h5");
     kinds[KIND_HAMILTONIAN].make(2, &separable);
-    assert_ok(save_any_hamiltonian(NULL, path, &separable, NULL, NULL));
+    assert_ok(save(NULL, path, &separable, NULL, NULL));
     destroy(&separable);
     replace_text(path, "model", "symmetry", "axial");
     assert_refused(read_hamiltonian, path, LG_FORMAT, "separable", "cannot have this symmetry");
@@ -323,9 +323,9 @@ TEST("errors in the modes of a surrogate are refused by name, and older files ha
     lg_surrogate_file file;
     const char *path = good_model(KIND_SURROGATE, 0);
     delete_attribute(path, "model", "modes");
-    assert_ok(lg_surrogate_load(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_recipe_load(NULL, path, NULL, &lg_recipe_surrogate, &file, NULL));
     assert_true(file.run.model.options.modes == 0 && file.run.model.modes == NULL);
-    lg_surrogate_file_destroy(&file);
+    lg_recipe_release(&lg_recipe_surrogate, &file);
 }
 
 TEST("errors in a detector are refused by name") {
@@ -401,7 +401,7 @@ TEST("errors in a machine are refused by name") {
         const any_file before = file;                                                                        \
         lg_error error = {LG_OK, ""};                                                                        \
         __VA_ARGS__;                                                                                         \
-        assert_status(kinds[k].save(NULL, scratch_path("refused.h5"), &file, NULL, &error), expected);       \
+        assert_status(save(NULL, scratch_path("refused.h5"), &file, NULL, &error), expected);                \
         if (strstr(error.message, "refused.h5") == NULL) fail_msg("%s", error.message);                      \
         file = before;                                                                                       \
     } while (0)
@@ -438,8 +438,7 @@ TEST("a model that could not be read back is not saved") {
         const double kept = *numbers_in_arrays[i].at;
         *numbers_in_arrays[i].at = numbers_in_arrays[i].bad;
         lg_error error = {LG_OK, ""};
-        assert_status(kinds[numbers_in_arrays[i].kind].save(NULL, scratch_path("refused.h5"),
-                                                            numbers_in_arrays[i].file, NULL, &error),
+        assert_status(save(NULL, scratch_path("refused.h5"), numbers_in_arrays[i].file, NULL, &error),
                       numbers_in_arrays[i].status);
         if (strstr(error.message, numbers_in_arrays[i].word) == NULL) fail_msg("%s", error.message);
         *numbers_in_arrays[i].at = kept;
@@ -505,13 +504,13 @@ TEST("a model that could not be read back is not saved") {
     for
         EACH_KIND(k) {
             any_file *file = files[number_of(k)];
-            assert_status(k->save(NULL, NULL, file, NULL, NULL), LG_INVALID_ARGUMENT);
+            assert_status(save(NULL, NULL, file, NULL, NULL), LG_INVALID_ARGUMENT);
             destroy(file);
-            assert_status(k->save(NULL, scratch_path("refused.h5"), file, NULL, NULL), LG_INVALID_ARGUMENT);
+            assert_status(save(NULL, scratch_path("refused.h5"), file, NULL, NULL), LG_INVALID_ARGUMENT);
         }
     lg_error error;
     kinds[KIND_HAMILTONIAN].make(0, &h);
-    assert_status(save_any_hamiltonian(NULL, scratch_path("no/folder/model.h5"), &h, NULL, &error), LG_FILE);
+    assert_status(save(NULL, scratch_path("no/folder/model.h5"), &h, NULL, &error), LG_FILE);
     assert_non_null(strstr(error.message, "no/folder/model.h5"));
     destroy(&h);
     assert_int_not_equal(access(scratch_path("refused.h5"), F_OK), 0);
@@ -548,14 +547,14 @@ TEST("a model with as many arrays of weights as a file may list is saved; with m
     table->run.decay.count = 0;
     recipe.slice = many_slices;
     arrays_of_weights = LG_PROGRAM_MOST_NAMES;
-    assert_ok(lg_run_save(NULL, path, &recipe, table, NULL, NULL));
+    assert_ok(lg_recipe_save(NULL, path, &recipe, table, NULL, NULL));
     lg_program *program;
     assert_ok(lg_program_load(NULL, path, NULL, &program, NULL));
     assert_memory_equal(lg_program_parameter(program, 0).values, table->theta,
                         table->parameters * sizeof(double));
     lg_program_destroy(program);
     arrays_of_weights++;
-    assert_status(lg_run_save(NULL, path, &recipe, table, NULL, &error), LG_UNSUPPORTED);
+    assert_status(lg_recipe_save(NULL, path, &recipe, table, NULL, &error), LG_UNSUPPORTED);
     assert_says(error.message, "many.h5: the model has more than 1024 arrays of weights");
     destroy(&file);
 }
@@ -599,8 +598,8 @@ static any_file load_fitted(const kind_row *k) {
     lg_fit *fit = make_fit(k, c.theta, c.parameters);
     assert_ok(lg_fit_run(fit, NULL));
     lg_fit_parameters(fit, c.theta);
-    assert_ok(k->save(NULL, path, &file, fit, NULL));
-    assert_ok(k->load(NULL, path, NULL, &again, NULL));
+    assert_ok(save(NULL, path, &file, fit, NULL));
+    assert_ok(load(NULL, path, NULL, number_of(k), &again, NULL));
     const common got = common_of(&again);
     assert_memory_equal(got.theta, c.theta, c.parameters * sizeof(double));
     assert_int_equal(got.epochs_done, 3);
@@ -634,14 +633,14 @@ static void set_verdict(lg_hamiltonian_file *file) {
 
 static void assert_verdict(const char *path, const lg_hamiltonian_file *want) {
     lg_hamiltonian_file got;
-    assert_ok(lg_hamiltonian_load(NULL, path, NULL, &got, NULL));
+    assert_ok(lg_recipe_load(NULL, path, NULL, &lg_recipe_hamiltonian, &got, NULL));
     assert_true(got.has_e1 == want->has_e1 && got.has_e2 == want->has_e2);
     assert_close(got.e1, want->e1, 0, 0);
     if (want->has_e2) assert_close(got.e2, want->e2, 0, 0);
     assert_true(got.test.trajectories == want->test.trajectories && got.test.points == want->test.points);
     assert_close(got.test.t_end, want->test.t_end, 0, 0);
     assert_string_equal(got.test.sha256, want->test.sha256);
-    lg_hamiltonian_file_destroy(&got);
+    lg_recipe_release(&lg_recipe_hamiltonian, &got);
 }
 
 /* Errors must not change a model with the state of its fit, or an attribute that another program wrote. */
@@ -660,7 +659,7 @@ TEST("recording errors leaves everything else in the file unchanged") {
     set_verdict(&file.hamiltonian);
     assert_ok(lg_hamiltonian_save_errors(NULL, path, &file.hamiltonian, NULL));
     assert_verdict(path, &file.hamiltonian);
-    assert_ok(k->load(NULL, path, NULL, &again, NULL));
+    assert_ok(load(NULL, path, NULL, number_of(k), &again, NULL));
     assert_same_file(k, &again, &file);
     assert_ok(lg_h5_open(NULL, path, NULL, &h5, NULL));
     assert_ok(lg_h5_get(h5, "optimizer/best", LG_ELEMENT_F64, 1, &count, best, NULL));
@@ -692,7 +691,7 @@ TEST("recorded errors replace those of another test set") {
         file.test = (lg_test_set){.trajectories = 3};
         assert_ok(lg_hamiltonian_save_errors(NULL, path, &file, NULL));
         assert_verdict(path, &file);
-        lg_hamiltonian_file_destroy(&file);
+        lg_recipe_release(&lg_recipe_hamiltonian, &file);
     }
 }
 
@@ -703,7 +702,7 @@ static lg_status record_into(const lg_context *context, const char *path, const 
     draw_hamiltonian(0, &file);
     set_verdict(&file);
     const lg_status status = lg_hamiltonian_save_errors(context, path, &file, error);
-    lg_hamiltonian_file_destroy(&file);
+    lg_recipe_release(&lg_recipe_hamiltonian, &file);
     return status;
 }
 
@@ -738,9 +737,9 @@ TEST("errors are recorded only into the model that they belong to, and only if t
     assert_status(
         lg_hamiltonian_save_errors(NULL, "model.h5", &(lg_hamiltonian_file){.epochs_done = 1}, NULL),
         LG_INVALID_ARGUMENT);
-    lg_hamiltonian_file_destroy(&file);
-    lg_hamiltonian_file_destroy(NULL);
-    lg_surrogate_file_destroy(NULL);
+    lg_recipe_release(&lg_recipe_hamiltonian, &file);
+    lg_recipe_release(&lg_recipe_hamiltonian, NULL);
+    lg_recipe_release(&lg_recipe_surrogate, NULL);
     refuse_damaged_files(record_into, fresh_hamiltonian(), "");
     survive_changed_bytes(record_into, fresh_hamiltonian(), 60);
 }
@@ -870,9 +869,9 @@ TEST("a file without a schedule has steps") {
     assert_ok(lg_recipe_compare_runs(k->recipe, &run, &wanted, path, NULL));
     path = fresh_hamiltonian();
     delete_attribute(path, "run", "schedule");
-    assert_ok(lg_hamiltonian_load(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_recipe_load(NULL, path, NULL, &lg_recipe_hamiltonian, &file, NULL));
     assert_ok(lg_recipe_compare_runs(k->recipe, &file.run, &wanted, path, NULL));
-    lg_hamiltonian_file_destroy(&file);
+    lg_recipe_release(&lg_recipe_hamiltonian, &file);
     /* Fits in these files were saved with a floor of 0, whatever lr_gamma is, and must get it again. */
     lg_fit_options options;
     lg_fit_options_init(&options);
@@ -1046,7 +1045,7 @@ static lg_status save_step(const lg_context *context, void *user, lg_error *erro
     const step *s = user;
     any_file file;
     s->kind->make(s->kind->single, &file);
-    const lg_status status = s->kind->save(context, s->path, &file, NULL, error);
+    const lg_status status = save(context, s->path, &file, NULL, error);
     destroy(&file);
     return status;
 }

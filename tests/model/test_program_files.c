@@ -326,7 +326,7 @@ TEST("a file beyond the limits is refused") {
 TEST("a file without a program is refused") {
     lg_error error;
     lg_hamiltonian_file model;
-    assert_status(lg_hamiltonian_load(NULL, fresh(), NULL, &model, &error), LG_FORMAT);
+    assert_status(lg_recipe_load(NULL, fresh(), NULL, &lg_recipe_hamiltonian, &model, &error), LG_FORMAT);
     assert_non_null(strstr(error.message, "program"));
 }
 

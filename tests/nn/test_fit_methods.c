@@ -5,7 +5,7 @@
 
 static lg_fit_plan plan_of(const char *text) {
     lg_fit_plan plan;
-    assert_told(lg_fit_plan_parse(text, &plan, &told));
+    assert_told(lg_fit_plan_parse(text, true, &plan, &told));
     return plan;
 }
 
@@ -37,7 +37,7 @@ TEST("plans are read and written, and a text that is no plan is refused with a m
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
         lg_fit_plan plan = {.phases = 77};
         lg_error error;
-        assert_int_equal(lg_fit_plan_parse(bad[i], &plan, &error), LG_INVALID_ARGUMENT);
+        assert_int_equal(lg_fit_plan_parse(bad[i], true, &plan, &error), LG_INVALID_ARGUMENT);
         assert_int_not_equal(strlen(error.message), 0);
         assert_int_equal(plan.phases, 77);
     }
@@ -46,7 +46,7 @@ TEST("plans are read and written, and a text that is no plan is refused with a m
 TEST("the message about an unknown method lists every method") {
     lg_fit_plan plan;
     lg_error error;
-    assert_int_equal(lg_fit_plan_parse("descent", &plan, &error), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_fit_plan_parse("descent", true, &plan, &error), LG_INVALID_ARGUMENT);
     for (int method = 0; lg_fit_method_name((lg_fit_method)method) != NULL; method++)
         assert_non_null(strstr(error.message, lg_fit_method_name((lg_fit_method)method)));
 }

@@ -104,7 +104,7 @@ static memory_archive trained_by(trained *t, uint32_t count, lg_status expected)
 static trained training(regression *r, const char *plan, uint64_t epochs) {
     trained t = {
         .problem = regression_problem(r), .options = options_of(epochs, 24), .theta = regression_start(r)};
-    assert_told(lg_fit_plan_parse(plan, &t.options.plan, &told));
+    assert_told(lg_fit_plan_parse(plan, true, &t.options.plan, &told));
     t.options.validation = 0.2;
     t.options.keep_best = true;
     return t;

@@ -123,7 +123,7 @@ TEST("plans give the losses of the tape, for every kind of change from call to c
                 lg_fit_options o = options_of(12, ways[w].batch);
                 o.shards = ways[w].shards;
                 o.dtype = dtype == 0 ? LG_F64 : LG_F32;
-                assert_told(lg_fit_plan_parse(ways[w].plan, &o.plan, &told));
+                assert_told(lg_fit_plan_parse(ways[w].plan, true, &o.plan, &told));
                 lg_fit *planned = changing_fit(&c, &o, true, ways[w].chunk),
                        *taped = changing_fit(&c, &o, false, ways[w].chunk);
                 run_fit(planned);

@@ -55,7 +55,7 @@ static void setup(fixture *f, lg_net_kind kind, uint32_t embedding, uint32_t lay
     f->n = lg_net_parameters(&f->net);
     assert_true(f->n <= MAX_PARAMETERS);
     lg_rng rng = test_rng(11 + (uint64_t)kind, embedding);
-    lg_net_initialise(&f->net, LG_INIT_FAN_IN, &rng, f->theta);
+    lg_net_initialise(&f->net, &rng, f->theta);
     for (size_t i = 0; i < ROWS * MAX_WIDTH; i++) {
         f->x[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);
         f->dx[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);

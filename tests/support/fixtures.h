@@ -19,6 +19,9 @@
     }                                                                                                        \
     static void name##_at(void *user, double t, const double *y, const double *input, double *out)
 
+/* A step of size h from t, for lg_taped_step. */
+#define OVER(t_, h_) (&(lg_taped_interval){.t = {.value = (t_)}, .h = (h_)})
+
 /* As FIELD, on a tape, from the parts of y. */
 #define TAPED_FIELD(name)                                                                                    \
     static void name##_on_tape(void *, lg_tape *, lg_taped_time, const lg_var *, lg_var, lg_var *);          \
@@ -29,20 +32,6 @@
     }                                                                                                        \
     static void name##_on_tape(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,    \
                                lg_var *out)
-
-/* prefix_parse() must accept the prefix_name() of every value of an enumeration. For an unknown name it must
- * leave its output unchanged. */
-#define ASSERT_NAMED(type, prefix, count)                                                                    \
-    do {                                                                                                     \
-        type found_ = (type)0;                                                                               \
-        for (int i_ = 0; i_ < (int)(count); i_++) {                                                          \
-            assert_ok(prefix##_parse(prefix##_name((type)i_), &found_));                                     \
-            assert_int_equal(found_, i_);                                                                    \
-        }                                                                                                    \
-        assert_status(prefix##_parse("no such name", &found_), LG_NOT_FOUND);                                \
-        assert_int_equal(found_, (int)(count)-1);                                                            \
-        assert_string_equal(prefix##_name((type)(count)), "unknown");                                        \
-    } while (0)
 
 /* All names must differ, and the name of any number beyond the enumeration must be "unknown". */
 #define ASSERT_NAMES(type, prefix, count)                                                                    \
@@ -65,6 +54,13 @@
         lg_test_owns(copy, release_##type);                                                                  \
         return copy;                                                                                         \
     }
+
+/* The same of a file structure of a kind of model. */
+#define OWNED_FILE(kind)                                                                                     \
+    static inline void destroy_##kind##_file(void *file) {                                                   \
+        lg_recipe_release(&lg_recipe_##kind, file);                                                          \
+    }                                                                                                        \
+    OWNED(lg_##kind##_file, destroy_##kind##_file)
 
 RELEASES(release_context, lg_context_destroy)
 RELEASES(release_tape, lg_tape_destroy)

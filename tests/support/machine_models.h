@@ -4,10 +4,12 @@
 
 #include "support/fixtures.h"
 
-#include "liegrad/machine.h"
+#include "machine/files/recipe.h"
 
 /* Destroys a machine model when the test that owns it ends. */
-RELEASES(release_machine_model, lg_machine_model_file_destroy)
+static inline void release_machine_model(void *file) {
+    lg_recipe_release(&lg_recipe_machine_model, file);
+}
 
 /* Makes a model file from the description, with random parameters and scales other than 1. The stored ranges
  * of positions, velocities and inputs are -1 to 2. */
@@ -53,7 +55,7 @@ static inline lg_machine_model_file *make_machine_model(const char *yaml, uint64
 }
 
 static inline void save_machine_model(const lg_machine_model_file *file, const char *path) {
-    assert_told(lg_machine_model_save(NULL, path, file, NULL, &told));
+    assert_told(lg_recipe_save(NULL, path, &lg_recipe_machine_model, file, NULL, &told));
 }
 
 /* One coordinate of each kind, inputs, and networks. */

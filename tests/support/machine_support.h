@@ -5,7 +5,7 @@
 #include "support/fixtures.h"
 
 #include "liegrad/fit.h"
-#include "liegrad/machine.h"
+#include "machine/internal.h"
 
 static inline void add_coordinate(lg_machine *machine, const char *name, lg_coordinate_kind kind) {
     lg_machine_coordinate *c = &machine->coordinates[machine->coordinate_count++];
@@ -175,7 +175,7 @@ static inline void fit_by_lm(const lg_fit_problem *problem, uint32_t epochs, dou
     lg_fit_options options;
     lg_fit *fit;
     lg_fit_options_init(&options);
-    assert_ok(lg_fit_plan_parse("lm", &options.plan, NULL));
+    assert_ok(lg_fit_plan_parse("lm", true, &options.plan, NULL));
     options.epochs = epochs;
     assert_ok(lg_fit_create(NULL, problem, &options, theta, &fit, NULL));
     assert_ok(lg_fit_run(fit, NULL));

@@ -95,7 +95,7 @@ static inline built build_detector(lg_activation activation) {
     assert_ok(lg_detector_check(&b.detector, NULL));
     b.theta = room(lg_cnn_parameters(&b.detector.net));
     lg_rng rng = test_rng(23, 0);
-    lg_cnn_initialise(&b.detector.net, LG_INIT_FAN_IN, &rng, b.theta);
+    lg_cnn_initialise(&b.detector.net, &rng, b.theta);
     assert_ok(test_detector_model(NULL, &b.detector, &scaler, b.theta, &b.model, NULL));
     return ready_to_run(b);
 }

@@ -34,7 +34,7 @@ static inline lg_status test_machine_model(const lg_context *context, const lg_m
     lg_program *program;
     lg_space space;
     lg_status status = lg_machine_full_space(machine, &space);
-    if (status == LG_OK) status = lg_machine_program(context, machine, theta, NULL, &program, error);
+    if (status == LG_OK) status = lg_machine_program(context, machine, theta, NULL, false, &program, error);
     return status == LG_OK ? lg_model_create(context, program, &space, out, error) : status;
 }
 

@@ -25,7 +25,7 @@ static inline lg_program *machine_program(const char *text) {
     lg_error error = {LG_OK, ""};
     if (lg_machine_file_parse(NULL, "machine", text, strlen(text), &file, &error) != LG_OK)
         fail_msg("%s", error.message);
-    assert_ok(lg_machine_plant(NULL, &file.machine, NULL, lg_scheme_find("rkmk4"), &program, NULL));
+    assert_ok(lg_machine_program(NULL, &file.machine, NULL, lg_scheme_find("rkmk4"), true, &program, NULL));
     lg_machine_file_destroy(&file);
     return program;
 }

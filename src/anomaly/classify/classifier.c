@@ -13,16 +13,6 @@ const char *lg_classifier_method_name(lg_classifier_method method) {
     return (unsigned)method < LG_METHOD_COUNT ? method_names[method] : "unknown";
 }
 
-lg_status lg_classifier_method_parse(const char *name, lg_classifier_method *out) {
-    if (name == NULL || out == NULL) return LG_INVALID_ARGUMENT;
-    for (int i = 0; i < LG_METHOD_COUNT; i++)
-        if (strcmp(name, method_names[i]) == 0) {
-            *out = (lg_classifier_method)i;
-            return LG_OK;
-        }
-    return LG_NOT_FOUND;
-}
-
 void lg_classifier_options_init(lg_classifier_options *options) {
     *options = (lg_classifier_options){
         .size = sizeof *options, .method = LG_METHOD_LOGISTIC, .c = 1.0, .threads = 1};

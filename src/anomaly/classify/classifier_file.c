@@ -130,12 +130,12 @@ static lg_status read_texts(const lg_archive_reader *r, lg_classifier *c, lg_err
             return lg_fail(error, status, "%s: %s", text_paths[i], lg_status_sentence(status));
         if (status == LG_SHAPE) text[i][0] = '\0'; /* too long for any name */
     }
-    if (lg_classifier_method_parse(text[METHOD], &c->method) != LG_OK)
-        return wrong(error, "method", "is unknown");
-    if (lg_feature_kind_parse(text[KIND], &c->features.kind) != LG_OK)
-        return wrong(error, "features/kind", "is unknown");
-    if (lg_tree_criterion_parse(text[CRITERION], &c->tree.criterion) != LG_OK)
-        return wrong(error, "tree/criterion", "is unknown");
+    LG_FIND_NAME(c->method, LG_METHOD_COUNT, lg_classifier_method_name, text[METHOD]);
+    if (c->method == LG_METHOD_COUNT) return wrong(error, "method", "is unknown");
+    LG_FIND_NAME(c->features.kind, LG_FEATURE_KIND_COUNT, lg_feature_kind_name, text[KIND]);
+    if (c->features.kind == LG_FEATURE_KIND_COUNT) return wrong(error, "features/kind", "is unknown");
+    LG_FIND_NAME(c->tree.criterion, LG_CRITERION_COUNT, lg_tree_criterion_name, text[CRITERION]);
+    if (c->tree.criterion == LG_CRITERION_COUNT) return wrong(error, "tree/criterion", "is unknown");
     return LG_OK;
 }
 

@@ -16,16 +16,6 @@ const char *lg_feature_kind_name(lg_feature_kind kind) {
     return (unsigned)kind < LG_FEATURE_KIND_COUNT ? kinds[kind]->name : "unknown";
 }
 
-lg_status lg_feature_kind_parse(const char *name, lg_feature_kind *out) {
-    if (name == NULL || out == NULL) return LG_INVALID_ARGUMENT;
-    for (int i = 0; i < LG_FEATURE_KIND_COUNT; i++)
-        if (strcmp(name, kinds[i]->name) == 0) {
-            *out = (lg_feature_kind)i;
-            return LG_OK;
-        }
-    return LG_NOT_FOUND;
-}
-
 /* ---- choice of channels ---- */
 
 static bool has_names(const lg_series *series) {

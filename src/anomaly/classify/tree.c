@@ -21,16 +21,6 @@ const char *lg_tree_criterion_name(lg_tree_criterion criterion) {
     return (unsigned)criterion < LG_CRITERION_COUNT ? criterion_names[criterion] : "unknown";
 }
 
-lg_status lg_tree_criterion_parse(const char *name, lg_tree_criterion *out) {
-    if (name == NULL || out == NULL) return LG_INVALID_ARGUMENT;
-    for (int i = 0; i < LG_CRITERION_COUNT; i++)
-        if (strcmp(name, criterion_names[i]) == 0) {
-            *out = (lg_tree_criterion)i;
-            return LG_OK;
-        }
-    return LG_NOT_FOUND;
-}
-
 void lg_tree_options_init(lg_tree_options *options) {
     *options = (lg_tree_options){.size = sizeof *options,
                                  .criterion = LG_GINI,

@@ -35,7 +35,8 @@ static const char *parse_block(const char *text, lg_cnn_block *b) {
     (void)sscanf(text += end[0], " stride %10llu%n", &n[2], &end[1]);
     (void)sscanf(text += end[1], " padding %10llu%n", &n[3], &end[2]);
     (void)sscanf(text += end[2], " %15[a-z]%n", pooling, &end[3]);
-    bool good = end[0] > 0 && lg_pooling_parse(pooling, &b->pooling) == LG_OK;
+    LG_FIND_NAME(b->pooling, LG_POOLING_COUNT, lg_pooling_name, pooling);
+    bool good = end[0] > 0 && b->pooling < LG_POOLING_COUNT;
     text += end[3];
     if (good && b->pooling != LG_POOL_NONE) {
         (void)sscanf(text, "%10llu/%10llu%n", &n[4], &n[5], &end[4]);

@@ -1,4 +1,4 @@
-/* Functions as bytes, in the format that liegrad/program.h describes. The same code writes and reads
+/* Functions as bytes, in the format that docs/files.md describes. The same code writes and reads
  * them. */
 #include <stdio.h>
 #include <string.h>

@@ -209,8 +209,7 @@ static lg_status check_length(lg_h5 *h5, lg_elastica_data *data, lg_error *error
         const double distance = hypot(b[QN] - b[Q0], b[QN + 1] - b[Q0 + 1]);
         if (!(distance <= c->length * (1 + END_TOLERANCE)))
             return lg_fail(error, LG_FORMAT,
-                           "%s: attribute length is %g, but the ends of curve (%zu) are %g "
-                           "apart",
+                           "%s: attribute length is %g, but the ends of curve (%zu) are %g apart",
                            lg_shown_path(h5->path), c->length, i, distance);
     }
     return LG_OK;

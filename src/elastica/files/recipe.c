@@ -238,7 +238,7 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
     lg_surrogate_fit_problem(&s->problem, &self->problem);
     LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
     lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
-    lg_net_initialise(&run->model.net, LG_INIT_FAN_IN, &rng, self->theta);
+    lg_net_initialise(&run->model.net, &rng, self->theta);
     return LG_OK;
 }
 

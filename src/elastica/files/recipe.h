@@ -12,7 +12,7 @@ typedef struct lg_elastica_families {
 lg_elastica_families lg_elastica_families_of(const double *boundary, size_t n);
 
 /* `count`: number of curves whose boundary conditions are outside the range of the trained ones, as
- * liegrad/elastica.h defines it. All distances are NaN if the model file has no boundary conditions of its
+ * docs/beams.md defines it. All distances are NaN if the model file has no boundary conditions of its
  * training part. */
 typedef struct lg_elastica_outside {
     double reach, largest; /* largest: largest distance of a curve */

@@ -48,8 +48,7 @@ lg_status lg_constrained_size(const char *path, lg_trajectories *data, lg_error 
     if (data->state_dim == 2 * n) return LG_OK;
     return lg_fail(
         error, LG_FORMAT,
-        "%s: /trajectories: d = %u, but function constraint takes q of %u numbers, and a state q p "
-        "has %u",
+        "%s: /trajectories: d = %u, but function constraint takes q of %u numbers, and a state q p has %u",
         lg_shown_path(path), data->state_dim, n, 2 * n);
 }
 
@@ -84,10 +83,9 @@ lg_status lg_constrained_points(const char *path, bool project, lg_trajectories 
         if (!project)
             return lg_fail(
                 error, LG_FORMAT,
-                "%s: /trajectories: the first point of trajectory %zu is off the constraint: g(q) = "
-                "0 by %.3g of the size of q (largest |g_i| = %.3g), and P(q) p = p by %.3g of the "
-                "size of p; momenta must be p = P(q) M q'; if the difference is noise, give --initial-states "
-                "measured",
+                "%s: /trajectories: the first point of trajectory %zu is off the constraint: g(q) = 0 by "
+                "%.3g of the size of q (largest |g_i| = %.3g), and P(q) p = p by %.3g of the size of p; "
+                "momenta must be p = P(q) M q'; if the difference is noise, give --initial-states measured",
                 lg_shown_path(path), trajectory, view.off, view.residual, view.across);
         if (lg_constraint_project(data->constraint, size, state, &why) != LG_OK)
             return lg_fail(error, LG_FORMAT, "%s: /trajectories: the first point of trajectory %zu: %s",

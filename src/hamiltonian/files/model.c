@@ -175,9 +175,13 @@ static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged
                           lg_shown_path(h5->path));
 }
 
+static void release_stored(lg_hamiltonian_file *file) {
+    lg_recipe_release(&lg_recipe_hamiltonian, file);
+}
+
 static lg_status record(void *user, lg_h5 *h5, lg_error *error) {
     const lg_hamiltonian_file *judged = user;
-    LG_CLEAN(lg_hamiltonian_file_destroy) lg_hamiltonian_file stored = {.context = h5->context};
+    LG_CLEAN(release_stored) lg_hamiltonian_file stored = {.context = h5->context};
     LG_TRY(lg_run_get_file(h5, &lg_recipe_hamiltonian, &stored, error));
     LG_TRY(check_judged(h5, judged, &stored, error));
     for (size_t i = 0; i + 1 < LG_COUNT(items); i++)

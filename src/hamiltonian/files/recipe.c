@@ -109,7 +109,8 @@ static void adopt_preset(lg_training *self) {
     adopt_rows(self, data->family->name, data->n);
     /* Estimated starts are too many parameters for a dense matrix. */
     const bool dense = strcmp(lg_training_preset(self), "best") == 0 && run->starts == LG_START_ESTIMATED;
-    if (dense && !self->given(self, "optimizer")) (void)lg_fit_plan_parse("lbfgs", &run->training.plan, NULL);
+    if (dense && !self->given(self, "optimizer"))
+        (void)lg_fit_plan_parse("lbfgs", true, &run->training.plan, NULL);
 }
 
 static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg_trajectories *data) {

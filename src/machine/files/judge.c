@@ -38,10 +38,8 @@ void lg_machine_warn_of_gauge(const lg_context *context, const lg_machine *machi
     if (machine->normalised)
         lg_log_message(context, LG_LOG_WARNING,
                        "nothing in the machine's file fixes the scale of the forces, a common factor of "
-                       "mass, potential, "
-                       "damping and input map: one mass, which has no standard error, is set to 1; to fix "
-                       "the scale, give "
-                       "a mass or the input map");
+                       "mass, potential, damping and input map: one mass, which has no standard error, is "
+                       "set to 1; to fix the scale, give a mass or the input map");
     if (machine->free_gauge)
         lg_log_message(
             context, LG_LOG_WARNING,

@@ -97,8 +97,7 @@ static const lg_field coordinate_keys[OF_COUNT] = {
                  .required = true,
                  .value_name = name_kind,
                  .hint = "; a state without inertia (a tank, a temperature) is no coordinate: learn it with "
-                         "lg-fit, or with "
-                         "a program of your own such as examples/own_ode"},
+                         "lg-fit, or with a program of your own such as examples/own_ode"},
     [OF_COLUMNS] = LG_NODE("columns"),
     [OF_POSITION] = LG_NODE("position"),
     [OF_VELOCITY] = LG_NODE("velocity"),

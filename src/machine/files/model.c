@@ -1,5 +1,5 @@
 /* Machines as a kind of model: their model file. */
-#include "liegrad/machine.h"
+#include "machine/files/recipe.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -34,7 +34,6 @@ static size_t copy_line(const char *line, size_t length, char *out) {
 
 lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name, const char *text,
                                     lg_error *error) {
-    LG_NEEDS(error, run, name, text);
     size_t used = 0;
     for (const char *line = text; *line != '\0';) {
         const size_t length = strcspn(line, "\n");
@@ -174,7 +173,7 @@ static const lg_item items[] = {{.type = LG_ITEM_ARRAY,
 static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
                          lg_program **out, lg_error *error) {
     const lg_machine_model_file *file = user;
-    return lg_machine_program(context, &file->run.machine, file->theta, scheme, out, error);
+    return lg_machine_program(context, &file->run.machine, file->theta, scheme, false, out, error);
 }
 
 static lg_status space(const void *run, lg_space *out) {

@@ -151,7 +151,7 @@ static void choose_settings(const lg_training *self) {
     if (!self->given(self, "hop") || run->stride == 0) run->stride = find_stride(run, s);
     const bool lm = lg_machine_is_small(&run->machine), dense = count_parameters(run, s) <= DENSE;
     if (!self->given(self, "optimizer"))
-        (void)lg_fit_plan_parse(lm ? "lm" : dense ? "ssbroyden" : "lbfgs", &run->training.plan, NULL);
+        (void)lg_fit_plan_parse(lm ? "lm" : dense ? "ssbroyden" : "lbfgs", true, &run->training.plan, NULL);
     if (!self->given(self, "prior")) run->training.prior = ends_with_lm(&run->training.plan) ? 0.0 : prior;
     if (!self->given(self, "epochs")) run->training.epochs = lm ? 100 : 3000;
 }

@@ -6,7 +6,7 @@
 #include <math.h>
 
 #include "core/clean.h"
-#include "liegrad/machine.h"
+#include "machine/internal.h"
 
 /* A model keeps the covariance of its parameters up to this number of parameters. */
 #define LG_MACHINE_MOST_SPREAD 256
@@ -48,6 +48,14 @@ lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *pat
  * however small; 0: smooth columns. If velocities are measured, the position noise of a line or angle is
  * at most lg_logs.position_noise. */
 void lg_machine_data_traces(const lg_machine_data *data, lg_machine_noise *out);
+
+/* Copies the machine's YAML without comments and blank lines to run->text (model.c). */
+lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name, const char *text,
+                                    lg_error *error);
+/* Writes the SHA-256 of the rows of a log as little-endian doubles (model.c). */
+void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_log *log, char text[LG_SHA256_TEXT]);
+/* Writes the range of the numbers in a log; low > high for numbers that are not measured. */
+void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log, lg_machine_range *out);
 
 /* Whether a mass or force of the machine depends on the position of a coordinate (speeds.c). */
 bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate);

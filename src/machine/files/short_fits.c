@@ -24,7 +24,7 @@ static lg_status run_fit(lg_training *self, const lg_machine *machine, const lg_
     lg_fit_options chosen = self->options;
     double *decay, loss = 0, before = INFINITY;
     LG_TRAINING_ARRAY(self, decay, problem->parameters, error);
-    (void)lg_fit_plan_parse(few ? "lm" : problem->own > 0 ? "lbfgs" : "ssbroyden", &chosen.plan, NULL);
+    (void)lg_fit_plan_parse(few ? "lm" : problem->own > 0 ? "lbfgs" : "ssbroyden", true, &chosen.plan, NULL);
     chosen.seconds = most->seconds / ROUNDS;
     chosen.validation = chosen.prior = 0;
     chosen.keep_best = false;

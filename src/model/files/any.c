@@ -121,7 +121,7 @@ lg_status lg_model_load(const lg_context *context, const char *path, const lg_re
 void lg_model_file_destroy(lg_model_file *file) {
     if (file == NULL) return;
     lg_model_destroy(file->model);
-    if (file->contents != NULL) lg_run_release(file->recipe, file->contents);
+    if (file->contents != NULL) lg_recipe_release(file->recipe, file->contents);
     lg_free(file->context, file->contents);
     memset(file, 0, sizeof *file);
 }

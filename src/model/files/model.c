@@ -161,9 +161,9 @@ static lg_status check_saved(const char *path, const lg_recipe *kind, const void
     return LG_OK;
 }
 
-lg_status lg_run_save(const lg_context *context, const char *path, const lg_recipe *kind, const void *file,
-                      const lg_fit *fit, lg_error *error) {
-    LG_NEEDS(error, path, file);
+lg_status lg_recipe_save(const lg_context *context, const char *path, const lg_recipe *kind, const void *file,
+                         const lg_fit *fit, lg_error *error) {
+    LG_NEEDS(error, path, kind, file);
     LG_TRY(check_saved(path, kind, file, error));
     lg_h5 *h5;
     LG_TRY(lg_h5_create(context, path, &h5, error));
@@ -269,11 +269,14 @@ static lg_status load_file(void *user, lg_h5 *h5, lg_error *error) {
     return lg_run_get_file(h5, call->kind, call->file, error);
 }
 
-lg_status lg_run_load(const lg_context *context, const char *path, const lg_read_options *options,
-                      const lg_recipe *kind, void *file, lg_error *error) {
+lg_status lg_recipe_load(const lg_context *context, const char *path, const lg_read_options *options,
+                         const lg_recipe *kind, void *file, lg_error *error) {
+    LG_NEEDS(error, path, kind, file);
     load_call call = {kind, file};
+    memset(file, 0, kind->file_size);
+    ((lg_model_head *)file)->context = context;
     const lg_status status = lg_h5_read(context, path, options, load_file, &call, error);
-    if (status != LG_OK) lg_run_release(kind, file);
+    if (status != LG_OK) lg_recipe_release(kind, file);
     return status;
 }
 
@@ -304,7 +307,7 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
     return edit_file(&call, error);
 }
 
-void lg_run_release(const lg_recipe *kind, void *file) {
+void lg_recipe_release(const lg_recipe *kind, void *file) {
     if (file == NULL) return;
     const lg_model_head head = *(const lg_model_head *)file;
     if (kind->release != NULL) kind->release(file);

@@ -75,16 +75,11 @@ lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run,
 
 /* ---- models and checkpoints (model.c) ---- */
 
-lg_status lg_run_save(const lg_context *context, const char *path, const lg_recipe *kind, const void *file,
-                      const lg_fit *fit, lg_error *error);
-/* `file` must be zero except for its context; on failure it is released. */
-lg_status lg_run_load(const lg_context *context, const char *path, const lg_read_options *options,
-                      const lg_recipe *kind, void *file, lg_error *error);
 /* Replaces a model file by a copy that edit(user, h5, error) has changed. The edit is first tried in the
  * child process of lg_probe. */
 lg_status lg_run_edit(const lg_context *context, const char *path,
                       lg_status (*edit)(void *user, lg_h5 *h5, lg_error *error), void *user, lg_error *error);
-/* lg_run_load for an open file. On failure the caller must release `file`, which may have arrays. */
+/* lg_recipe_load for an open file. On failure the caller must release `file`, which may have arrays. */
 lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error);
 
 /* A slice of rank 1 (first) or 2 (first, second); the caller sets its name. */
@@ -93,8 +88,6 @@ void lg_slice_set(lg_slice_info *s, size_t offset, uint32_t rank, uint64_t first
  * PART/layer1/bias, ... False if the network has fewer slices; their number is then subtracted from
  * *index. */
 bool lg_slice_of_mlp(const lg_mlp *net, const char *part, size_t offset, uint32_t *index, lg_slice_info *s);
-/* Frees what the file structure owns, and zeroes it. NULL is fine. */
-void lg_run_release(const lg_recipe *kind, void *file);
 
 /* ---- items (items.c) ---- */
 
@@ -131,7 +124,7 @@ lg_status lg_items_put(lg_h5 *h5, const lg_recipe *kind, const void *file, lg_er
 lg_status lg_items_get(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error);
 void lg_items_release(const lg_context *context, const lg_recipe *kind, void *file);
 
-/* ---- the recipe of a kind, and its public functions ---- */
+/* ---- the recipe of a kind ---- */
 
 /* Members of a recipe that follow from its kind: names, offsets in lg_<kind>_run and lg_<kind>_file. */
 #define LG_RECIPE_LAYOUT(kind)                                                                               \
@@ -141,27 +134,10 @@ void lg_items_release(const lg_context *context, const lg_recipe *kind, void *fi
 
 #define LG_MADE(struct_, member)                                                                             \
     .made = offsetof(struct_, member), .made_size = sizeof(((struct_ *)0)->member)
-/* Defines lg_recipe_<kind>, lg_<kind>_save, lg_<kind>_load and lg_<kind>_file_destroy. The source file must
- * define facts, defaults, make, describe, slice and program of the kind. The common members have
- * the same names in every file structure. Further members of the row may follow as arguments. */
+/* Defines lg_recipe_<kind>. The source file must define facts, defaults, make, describe, slice and program of
+ * the kind. The common members have the same names in every file structure. Further members of the row may
+ * follow as arguments. */
 #define LG_RECIPE(kind, checkpoint_name, ...)                                                                \
-    lg_status lg_##kind##_save(const lg_context *context, const char *path, const lg_##kind##_file *file,    \
-                               const lg_fit *fit, lg_error *error) {                                         \
-        return lg_run_save(context, path, &lg_recipe_##kind, file, fit, error);                              \
-    }                                                                                                        \
-                                                                                                             \
-    lg_status lg_##kind##_load(const lg_context *context, const char *path, const lg_read_options *options,  \
-                               lg_##kind##_file *out, lg_error *error) {                                     \
-        if (path == NULL || out == NULL)                                                                     \
-            return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or `out` is NULL");                  \
-        lg_##kind##_file made = {.context = context};                                                        \
-        LG_TRY(lg_run_load(context, path, options, &lg_recipe_##kind, &made, error));                        \
-        *out = made;                                                                                         \
-        return LG_OK;                                                                                        \
-    }                                                                                                        \
-    void lg_##kind##_file_destroy(lg_##kind##_file *file) {                                                  \
-        lg_run_release(&lg_recipe_##kind, file);                                                             \
-    }                                                                                                        \
     const lg_recipe lg_recipe_##kind = {LG_RECIPE_LAYOUT(kind),                                              \
                                         .checkpoint = checkpoint_name,                                       \
                                         .facts = facts,                                                      \

@@ -225,7 +225,7 @@ lg_status lg_training_save(lg_training *self, const char *path, double *theta,
         .parameters = lg_recipe_parameters(recipe, self->run), .theta = theta, .provenance = *provenance};
     memcpy((char *)file + recipe->file_run, self->run, recipe->run_size);
     if (recipe->trainer->save != NULL) LG_TRY(recipe->trainer->save(self, file, error));
-    return lg_run_save(self->context, path, recipe, file, self->fit, error);
+    return lg_recipe_save(self->context, path, recipe, file, self->fit, error);
 }
 
 static lg_status judge_again(lg_training *self, const void *file, lg_error *error) {

@@ -3,8 +3,8 @@
 #define LG_TABLE_RECIPE_H
 
 #include "core/text.h"
-#include "liegrad/table.h"
 #include "model/files/training.h"
+#include "table/internal.h"
 
 /* ---- columns (columns.c) ---- */
 

@@ -163,7 +163,7 @@ static lg_status loss_of(void *user, lg_tape *t, lg_var theta, const uint32_t *s
     const lg_var all = lg_input_f64(t, lg_shape2((uint32_t)s->pairs.rows, PAIR), s->pairs.values);
     const lg_var pairs = lg_gather(t, all, samples, (uint32_t)count);
     lg_var now = lg_slice(t, pairs, 1, 0, D), next;
-    LG_TRY(lg_taped_step(t, lg_scheme_find("rk4"), &ode, 0, s->h, &now, &next));
+    LG_TRY(lg_taped_step(t, lg_scheme_find("rk4"), &ode, &(lg_taped_interval){.h = s->h}, &now, &next));
     const lg_var off = lg_sub(t, next, lg_slice(t, pairs, 1, D, D));
     *loss = lg_scale(t, lg_sum(t, lg_square(t, off)), 1.0 / ((double)batch * D));
     return lg_tape_status(t);

@@ -106,7 +106,7 @@ static lg_status advance(const settings *s, lg_tape *tape, const lg_taped_ode *o
                          const lg_var *rows, const lg_var *y, lg_var *out) {
     if (!s->rows) return lg_taped_integrate(tape, &s->scheme, ode, 0.1, 0.2, steps, steps, y, out);
     const lg_taped_interval over = {.t = {.rows = rows[1]}, .h_rows = rows[0], .input = rows[2]};
-    return lg_taped_step_over(tape, &s->scheme, ode, &over, y, out);
+    return lg_taped_step(tape, &s->scheme, ode, &over, y, out);
 }
 
 static lg_var integrated(const settings *s, lg_tape *tape, lg_taped_ode *ode, const lg_space_factor *factors,
