@@ -1,7 +1,6 @@
 /* Collects the variables and functions of a block, and writes the C that evaluates it. */
 #include "lg-export/block.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 /* ---- variables ---- */
@@ -30,17 +29,13 @@ static bool add_input(block *b, const lg_port *port, size_t *at) {
     return add_variable(b, port->name, port, port->shared ? PARAMETER : INPUT, at);
 }
 
-static void use(block *b, const char *function) {
-    lg_text_add(&b->list, "%s%s", b->list.length > 0 ? "," : "", function);
-}
-
 static void add_derivatives(block *b, part *p) {
-    use(b, p->name);
+    (void)export_add_name(&b->list, b->program, p->name);
     if (!b->derivatives) return;
     p->forward = export_derive(b->self, b->program, LG_DERIVATIVE_FORWARD, p->name);
     p->adjoint = export_derive(b->self, b->program, LG_DERIVATIVE_ADJOINT, p->name);
-    if (p->forward != NULL) use(b, p->forward);
-    if (p->adjoint != NULL) use(b, p->adjoint);
+    if (p->forward != NULL) (void)export_add_name(&b->list, b->program, p->forward);
+    if (p->adjoint != NULL) (void)export_add_name(&b->list, b->program, p->adjoint);
 }
 
 /* Adds the rate. The state and its derivative are always the first two variables. */
@@ -50,7 +45,7 @@ static bool add_rate(block *b, const char *function) {
                   *out = export_ports(b->program, function, true, &outs);
     part *p = &b->parts[b->part_count++];
     char name[160];
-    *p = (part){.name = app_format("%s", function), .ins = ins, .outs = 1};
+    *p = (part){.name = function, .ins = ins, .outs = 1};
     bool fits = add_variable(b, in[0].name, &in[0], STATE, &p->in[0]);
     (void)snprintf(name, sizeof name, "der(%s)", in[0].name);
     fits = fits && add_variable(b, name, &in[0], DERIVATIVE, &p->out[0]);
@@ -70,7 +65,7 @@ static bool add_outputs(block *b, const char *function) {
                   *out = export_ports(b->program, function, true, &outs);
     part *p = &b->parts[b->part_count++];
     bool fits = ins <= MOST_PORTS && outs <= MOST_PORTS;
-    *p = (part){.name = app_format("%s", function), .ins = ins, .outs = outs};
+    *p = (part){.name = function, .ins = ins, .outs = outs};
     for (size_t i = 0; i < ins && fits; i++) fits = add_input(b, &in[i], &p->in[i]);
     for (size_t o = 0; o < outs && fits; o++) {
         char name[160];
@@ -170,14 +165,12 @@ void block_collect(block *b, bool derivatives) {
     for (size_t i = 0; rates[i] != NULL && rate == NULL && !b->source->maps; i++)
         if (is_rate(b, rates[i])) rate = rates[i];
     must_fit(b, rate == NULL || add_rate(b, rate));
-    char *chosen = export_choose(b->self, b->source->options, b->program, usual);
-    for (char *save = NULL, *name = strtok_r(chosen, ",", &save); name != NULL;
-         name = strtok_r(NULL, ",", &save))
-        take_function(b, name, rate);
-    free(chosen);
+    export_names chosen;
+    export_choose(b->self, b->source->options, b->program, usual, &chosen);
+    for (size_t i = 0; i < chosen.count; i++) take_function(b, chosen.name[i], rate);
     must_fit(b, add_variable(b, "longest_step", NULL, PARAMETER, &at));
     b->step = b->rate && fits_step(b);
-    if (b->step) use(b, "step");
+    if (b->step) (void)export_add_name(&b->list, b->program, "step");
 }
 
 /* ---- C code ---- */
@@ -316,13 +309,4 @@ void block_add_tables(const block *b, text *to) {
         lg_text_add(to, "\n");
     }
     lg_text_add(to, "};\n\n");
-}
-
-void block_free(block *b) {
-    for (size_t i = 0; i < b->part_count; i++) {
-        free(b->parts[i].name);
-        free(b->parts[i].forward);
-        free(b->parts[i].adjoint);
-    }
-    lg_text_destroy(&b->list);
 }

@@ -271,9 +271,17 @@ void export_program(const app *self, const char *path, export_source *source);
  * (policy/policy.c). export_policy_words describes it, for every target. */
 void export_policy(const app *self, const char *path, export_source *source);
 void export_policy_words(const app *self, const char *path, export_source *source);
-/* Exports functions of a program (`functions`: names separated by commas; NULL: all) under their own names,
- * with source->prefix before them. `path`: the model's file. */
-void export_whole(const app *self, const char *path, lg_program *program, const char *functions,
+/* Names of functions of a program, each once; the program owns them. */
+enum { EXPORT_MOST_NAMES = 256 }; /* as many as a program may have functions */
+typedef struct export_names {
+    const char *name[EXPORT_MOST_NAMES];
+    size_t count;
+} export_names;
+/* Adds a function's name. False: the program has no such function. */
+bool export_add_name(export_names *names, const lg_program *program, const char *function);
+/* Exports functions of a program (NULL: all but those that training alone needs) under their own names, with
+ * source->prefix before them. `path`: the model's file. */
+void export_whole(const app *self, const char *path, lg_program *program, const export_names *functions,
                   export_source *source);
 
 /* ---- targets: exports for other tools (one file each) ---- */
@@ -292,14 +300,15 @@ const lg_port *export_ports(const lg_program *program, const char *function, boo
 /* Whether a function is left out of exports because training alone needs it (lg_program_is_fitted) and the
  * program has other functions. */
 bool export_trains_only(const lg_program *program, size_t function);
-/* Returns the functions that a target exports, as a list with commas, to be freed: the names given with
- * --functions; otherwise the names of `usual` (ends with NULL) that the program has; if it has none of these,
- * all functions but derivatives and those that training alone needs. NULL: a message has been printed. */
-char *export_choose(const app *self, const export_options *options, const lg_program *program,
-                    const char *const *usual);
-/* Returns the name of a derivative of a function, to be freed. Adds the derivative to the program if the
- * program does not have it yet. NULL: the derivative cannot be made, and a warning says why. */
-char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind, const char *function);
+/* Finds the functions that a target exports: the names given with --functions; otherwise the names of `usual`
+ * (ends with NULL) that the program has; if it has none of these, all functions but derivatives and those
+ * that training alone needs. `usual` NULL: the target is C, and names are given. */
+void export_choose(const app *self, const export_options *options, const lg_program *program,
+                   const char *const *usual, export_names *out);
+/* Returns the name of a derivative of a function. Adds the derivative to the program if the program does not
+ * have it yet. NULL: the derivative cannot be made, and a warning says why. */
+const char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind,
+                          const char *function);
 
 /* A target: a row, which stands in the target's own file. The list of all targets is in main.c. */
 typedef struct export_target {

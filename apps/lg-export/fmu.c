@@ -333,18 +333,16 @@ static void make_token(job *j) {
 static void export_fmu(const app *self, const char *path, lg_program *program, export_source *source,
                        int version) {
     APP_FREE job *j = app_alloc(1, sizeof *j);
-    *j = (job){.b = {.self = self, .program = program, .source = source, .list = app_text()},
-               .version = version};
+    *j = (job){.b = {.self = self, .program = program, .source = source}, .version = version};
     block_collect(&j->b, true);
     source->prefix = "c_";
-    export_whole(self, path, program, j->b.list.data, source);
+    export_whole(self, path, program, &j->b.list, source);
     make_token(j);
     add_rules(j);
     export_compose(source);
     add_source(j);
     text *description = export_add_file(source, "modelDescription.xml");
     (version == 2 ? add_description2 : add_description3)(j, description);
-    block_free(&j->b);
 }
 
 static void build2(const app *self, const char *path, lg_program *program, export_source *source) {

@@ -314,26 +314,9 @@ void export_file_provenance(const app *self, export_source *source, const char *
     lg_file_reader_destroy(reader);
 }
 
-/* ---- choosing functions ---- */
+/* ---- the code ---- */
 
-/* Fills `chosen` with the indices of the functions in a list of names separated by commas. */
-static void choose(const job *j, const char *names, size_t *chosen, size_t *count) {
-    APP_FREE char *list = app_format("%s", names);
-    *count = 0;
-    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL;
-         name = strtok_r(NULL, ",", &save)) {
-        size_t at;
-        bool twice = false;
-        lg_error error = {LG_OK, ""};
-        if (lg_program_find(j->program, name, &at, &error) != LG_OK)
-            app_stop_usage(j->self, "--functions: %s", error.message);
-        for (size_t i = 0; i < *count; i++) twice = twice || chosen[i] == at;
-        if (!twice) chosen[(*count)++] = at;
-    }
-    if (*count == 0) app_stop_usage(j->self, "--functions: no function is named");
-}
-
-static void write_code(job *j, const char *functions) {
+static void write_code(job *j, const export_names *functions) {
     const size_t all = lg_program_functions(j->program);
     APP_FREE size_t *chosen = app_alloc(all, sizeof *chosen);
     APP_FREE bool *hidden = app_alloc(all, sizeof *hidden);
@@ -347,7 +330,9 @@ static void write_code(job *j, const char *functions) {
     how.function_count = 0;
     for (size_t i = 0; i < all; i++)
         if (!export_trains_only(j->program, i)) chosen[how.function_count++] = i;
-    if (functions != NULL) choose(j, functions, chosen, &how.function_count);
+    if (functions != NULL) how.function_count = functions->count;
+    for (size_t i = 0; functions != NULL && i < functions->count; i++)
+        (void)lg_program_find(j->program, functions->name[i], &chosen[i], NULL);
     for (size_t i = 0; i < how.function_count; i++) {
         const char *name = lg_program_function_name(j->program, chosen[i]);
         hidden[i] = run_of(j, name) != NULL;
@@ -378,7 +363,7 @@ static void add_sizes(job *j) {
                 source->options->name, more);
 }
 
-void export_whole(const app *self, const char *path, lg_program *program, const char *functions,
+void export_whole(const app *self, const char *path, lg_program *program, const export_names *functions,
                   export_source *source) {
     job j = {.self = self, .source = source, .program = program};
     if (source->prefix == NULL) source->prefix = "";
@@ -402,7 +387,10 @@ void export_whole(const app *self, const char *path, lg_program *program, const 
 
 void export_program(const app *self, const char *path, export_source *source) {
     lg_program *program;
+    export_names functions;
+    const bool given = source->options->functions != NULL;
     APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
-    export_whole(self, path, program, source->options->functions, source);
+    if (given) export_choose(self, source->options, program, NULL, &functions);
+    export_whole(self, path, program, given ? &functions : NULL, source);
     lg_program_destroy(program);
 }

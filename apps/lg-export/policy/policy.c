@@ -194,22 +194,18 @@ static void write_policy(export_policy_job *j, const char *path) {
     } kept[] = {{"observe", export_policy_observe}, {"adapt", export_policy_adapt}};
     static const char *const besides[] = {"track", "lagged", "remember",
                                           "reset"}; /* By default, if the policy has them. */
-    text functions = app_text();
-    size_t found;
+    const char *given = source->options->functions;
+    export_names functions;
     source->maps = true;
     tell(j);
     export_policy_loop(j);
-    lg_text_add(&functions, "%s", source->options->functions);
     for (size_t i = 0; i < LG_COUNT(kept); i++)
-        if (is_named(functions.data, kept[i].name)) kept[i].add(j);
-    for (size_t i = 0; i < LG_COUNT(besides); i++)
-        if (strcmp(source->options->functions, "control") == 0 &&
-            lg_program_find(j->program, besides[i], &found, NULL) == LG_OK)
-            lg_text_add(&functions, ",%s", besides[i]);
-    /* The closed loop needs it. */
-    if (!is_named(functions.data, "control")) lg_text_add(&functions, ",control");
-    export_whole(j->self, path, j->program, functions.data, source);
-    lg_text_destroy(&functions);
+        if (is_named(given, kept[i].name)) kept[i].add(j);
+    export_choose(j->self, source->options, j->program, NULL, &functions);
+    for (size_t i = 0; i < LG_COUNT(besides) && strcmp(given, "control") == 0; i++)
+        (void)export_add_name(&functions, j->program, besides[i]);
+    (void)export_add_name(&functions, j->program, "control"); /* The closed loop needs it. */
+    export_whole(j->self, path, j->program, &functions, source);
     if (j->declarations.length > 0) lg_text_add(&source->declarations, "%s", j->declarations.data);
     export_size(source, "INPUTS", j->given + j->velocities, "numbers in x of control");
     export_size(source, "GIVEN", j->given,

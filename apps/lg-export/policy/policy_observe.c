@@ -103,7 +103,7 @@ static void add_functions(const filter *f) {
                                    (void *)(uintptr_t)j},
                            observe = {"observe", seen, 3, &out, 1, record_observe, (void *)(uintptr_t)f};
     EXPORT_POLICY_MUST(j, lg_program_add_function(j->program, &step, &error));
-    free(export_derive(j->self, j->program, LG_DERIVATIVE_JACOBIAN, "observe_step"));
+    (void)export_derive(j->self, j->program, LG_DERIVATIVE_JACOBIAN, "observe_step");
     EXPORT_POLICY_MUST(j, lg_program_add_function(j->program, &observe, &error));
 }
 
