@@ -166,8 +166,10 @@ void export_test_code(export_source *source, const char *fragment);
  * for NAME.c, which is called <constant> without a prefix. */
 void export_size(export_source *source, const char *constant, size_t value, const char *comment);
 void export_constant(export_source *source, const char *constant, size_t value);
-/* Adds a real constant for NAME.c: `static const real constant = ...;` */
-void export_real(export_source *source, const char *constant, double value);
+/* Add a real constant, `static const real constant = ...;`, and an array of numbers to a text. */
+void export_real(const export_source *source, text *to, const char *constant, double value);
+void export_reals(const export_source *source, text *to, const char *array, const double *values,
+                  size_t count);
 /* Adds `extern const NAME_real NAME_<array>[count]` with its values; a comment stands above them. */
 void export_array(export_source *source, const char *array, const char *comment, const double *values,
                   size_t count);

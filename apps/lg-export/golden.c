@@ -13,13 +13,6 @@ void export_golden_make(export_source *source, bool jacobian, size_t extras, con
     if (extras > 0) source->golden.extra = app_alloc(count * extras, sizeof(double));
 }
 
-static void add_table(const export_source *source, text *to, const char *name, const double *values,
-                      size_t size) {
-    lg_text_add(to, "static const real %s[%zu] = {\n", name, source->golden.count * size);
-    lg_text_add_reals(to, source->options->dtype, 4, values, source->golden.count * size);
-    lg_text_add(to, "};\n");
-}
-
 void export_golden_write(const export_source *source, text *to) {
     const export_golden *golden = &source->golden;
     const size_t sizes[] = {source->inputs, source->outputs, source->outputs * source->inputs,
@@ -37,7 +30,8 @@ void export_golden_write(const export_source *source, text *to) {
         lg_text_add(to, "\n");
     }
     for (size_t i = 0; i < LG_COUNT(tables); i++)
-        if (tables[i] != NULL && sizes[i] > 0) add_table(source, to, names[i], tables[i], sizes[i]);
+        if (tables[i] != NULL && sizes[i] > 0)
+            export_reals(source, to, names[i], tables[i], golden->count * sizes[i]);
 }
 
 double export_squares(const export_options *options, const double *values, size_t count) {

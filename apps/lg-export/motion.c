@@ -50,7 +50,9 @@ static void add_arrival(export_source *source, const lg_space *space, bool facto
         lg_text_add(&source->code, "};\nenum { FACTORS = sizeof factors / sizeof *factors, DIRECTION = 6, "
                                    "ROTATION = 9 };\n");
     }
-    if (!flat) export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
+    if (!flat)
+        export_real(source, &source->code, "manifold_rounding",
+                    source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
     export_code(source, flat ? "arrive" : "arrive_manifold");
 }
 
@@ -213,13 +215,8 @@ static double draw_input(export_model *m, size_t k) {
 
 static void write_golden(const export_model *m) {
     export_source *source = m->source;
-    const lg_dtype dtype = source->options->dtype;
-    const size_t n = m->forces > 0 ? m->forces : 1;
-    lg_text_add(&source->test, "static const real golden_step = ");
-    lg_text_add_real(&source->test, dtype, m->h);
-    lg_text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", n);
-    lg_text_add_reals(&source->test, dtype, 4, m->input, n);
-    lg_text_add(&source->test, "};\n");
+    export_real(source, &source->test, "golden_step", m->h);
+    export_reals(source, &source->test, "golden_input", m->input, m->forces > 0 ? m->forces : 1);
     export_test_code(source, "test_motion");
 }
 

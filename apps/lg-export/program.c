@@ -203,9 +203,8 @@ static void find_condition(job *j, const export_evaluation *e, size_t function, 
 
 static void add_golden(job *j, const char *name, const char *what, const double *values, size_t count) {
     text *to = &j->source->test;
-    lg_text_add(to, "static const real %s_%s[%zu] = {\n", name, what, count);
-    lg_text_add_reals(to, j->source->options->dtype, 4, values, count);
-    lg_text_add(to, "};\n");
+    APP_FREE char *array = app_format("%s_%s", name, what);
+    export_reals(j->source, to, array, values, count);
     if (!isfinite(export_squares(j->source->options, values, count))) to->unfit = true;
 }
 

@@ -46,10 +46,17 @@ void export_constant(export_source *source, const char *constant, size_t value) 
     lg_text_add(&source->code, "enum { %s = %zu };\n", constant, value);
 }
 
-void export_real(export_source *source, const char *constant, double value) {
-    lg_text_add(&source->code, "static const real %s = ", constant);
-    lg_text_add_real(&source->code, source->options->dtype, value);
-    lg_text_add(&source->code, ";\n");
+void export_real(const export_source *source, text *to, const char *constant, double value) {
+    lg_text_add(to, "static const real %s = ", constant);
+    lg_text_add_real(to, source->options->dtype, value);
+    lg_text_add(to, ";\n");
+}
+
+void export_reals(const export_source *source, text *to, const char *array, const double *values,
+                  size_t count) {
+    lg_text_add(to, "static const real %s[%zu] = {\n", array, count);
+    lg_text_add_reals(to, source->options->dtype, 4, values, count);
+    lg_text_add(to, "};\n");
 }
 
 /* ---- arrays ---- */

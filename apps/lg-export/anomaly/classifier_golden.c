@@ -269,9 +269,7 @@ static void add_test(const classifier_job *j, const double *size) {
         export_test_code(j->source, "test_detector");
         return;
     }
-    lg_text_add(&j->source->test, "static const real feature_size[%zu] = {\n", j->d);
-    lg_text_add_reals(&j->source->test, j->source->options->dtype, 4, size, j->d);
-    lg_text_add(&j->source->test, "};\n");
+    export_reals(j->source, &j->source->test, "feature_size", size, j->d);
     export_test_code(j->source, "test_classifier");
 }
 

@@ -142,16 +142,9 @@ export_memory *export_policy_keep(export_policy_job *j, const char *function, co
     return run;
 }
 
-void export_policy_reals(const export_policy_job *j, const char *name, const double *values, size_t count) {
-    text *to = &j->source->further_code;
-    lg_text_add(to, "static const real %s[%zu] = {\n", name, count);
-    lg_text_add_reals(to, j->source->options->dtype, 4, values, count);
-    lg_text_add(to, "};\n");
-}
-
 void export_policy_start(const export_policy_job *j, const export_memory *run) {
     APP_FREE char *name = app_format("%s_first", run->function);
-    export_policy_reals(j, name, run->start, run->numbers);
+    export_reals(j->source, &j->source->further_code, name, run->start, run->numbers);
     lg_text_add_named(&j->source->further_code, j->source->options->name,
                       export_fragment_text(run->function));
 }

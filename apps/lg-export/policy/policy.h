@@ -51,8 +51,6 @@ void export_policy_simple(const export_policy_job *job, const char *function);
  * the run. */
 export_memory *export_policy_keep(export_policy_job *job, const char *function, const char *declarations,
                                   size_t numbers);
-/* Adds an array to the code. */
-void export_policy_reals(const export_policy_job *job, const char *name, const double *values, size_t count);
 /* Adds the memory at the start as the array <function>_first, and the function's fragment. */
 void export_policy_start(const export_policy_job *job, const export_memory *run);
 /* Record the plant's state from positions and velocities; 1/x, or 0 where x is no normal number above 0. */

@@ -190,7 +190,7 @@ static void add_run(export_policy_job *j, const adaptation *a) {
         memcpy(row + 2 * n + m, path.seen + (k + 1) * 2 * n, 2 * n * sizeof *row);
     }
     for (size_t i = 0; i < MEMORY * n; i++) run->start[i] = i % MEMORY >= 4 && (i % MEMORY - 4) % 5 == 0;
-    export_policy_reals(j, "adapt_range", a->range, NUMBERS * n);
+    export_reals(j->source, &j->source->further_code, "adapt_range", a->range, NUMBERS * n);
     export_policy_start(j, run);
     export_size(j->source, "ADAPT_SIZE", run->numbers, "numbers of memory of the adaptation");
     export_path_destroy(&path);

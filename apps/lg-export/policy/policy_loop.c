@@ -218,14 +218,6 @@ static void add_plant(const export_policy_job *j, text *to) {
     lg_c_source_destroy(c);
 }
 
-static void add_numbers(const export_policy_job *j, const char *type, const char *name, const double *values,
-                        size_t count) {
-    text *to = &j->source->further_test;
-    lg_text_add(to, "static const %s %s[%zu] = {\n", type, name, count);
-    lg_text_add_reals(to, strcmp(type, "real") == 0 ? j->source->options->dtype : LG_F64, 4, values, count);
-    lg_text_add(to, "};\n");
-}
-
 static void add_sizes(const export_policy_job *j, const golden *g, text *to) {
     const lg_policy_task *task = j->task;
     double limits[2 * LG_POLICY_INPUTS];
@@ -245,7 +237,9 @@ static void add_sizes(const export_policy_job *j, const golden *g, text *to) {
                 rotations ? "#define ROTATIONS\n" : "");
     for (uint32_t l = 0; l < task->input_count; l++)
         limits[2 * l] = task->input[l].low, limits[2 * l + 1] = task->input[l].high;
-    add_numbers(j, "double", "golden_limits", limits, 2 * j->inputs);
+    lg_text_add(to, "static const double golden_limits[%zu] = {\n", 2 * j->inputs);
+    lg_text_add_reals(to, LG_F64, 4, limits, 2 * j->inputs);
+    lg_text_add(to, "};\n");
 }
 
 static void add_loop(export_loop *l, golden *g) {
@@ -258,8 +252,8 @@ static void add_loop(export_loop *l, golden *g) {
     warn_opposite(l);
     add_plant(j, to);
     add_sizes(j, g, to);
-    add_numbers(j, "real", "loop_golden_x", g->x, n);
-    add_numbers(j, "real", "loop_golden_y", g->y, n);
+    export_reals(source, to, "loop_golden_x", g->x, n);
+    export_reals(source, to, "loop_golden_y", g->y, n);
     lg_text_add(to, "\n");
     lg_text_add_named(to, source->options->name, export_fragment_text("test_closed"));
     source->further_size = PATHS * j->state;
