@@ -150,7 +150,8 @@ typedef struct export_source {
     export_file files[EXPORT_MOST_FILES];
 } export_source;
 
-/* The fragments: the text of <name>.c below code/. The table ends with a row of NULL. */
+/* The fragments: the text of <name>.c below code/, and of files with other endings, which are part of their
+ * names. The table ends with a row of NULL. */
 typedef struct export_fragment {
     const char *name, *text;
 } export_fragment;

@@ -191,54 +191,6 @@ static void add_test(const export_source *source, text *to) {
     lg_text_add_named(to, name, export_fragment_text(source->outputs > 0 ? "test_main" : "test_extra"));
 }
 
-static const char makefile[] =
-    "# Objects, self-test and checks of NAME_. Written by lg-export.\n"
-    "#\n"
-    "# CFLAGS: -O3 and the target's instruction set let the compiler vectorise the loops (for another "
-    "target\n"
-    "# replace -march=native, for example by -mcpu=cortex-m7 -mfpu=fpv5-d16 -mfloat-abi=hard);\n"
-    "# -ffp-contract=fast lets it use fused multiply-add. No other flag is needed; -ffast-math is not for "
-    "this\n"
-    "# code. After a change of flags: make clean.\n"
-    "CC ?= cc\n"
-    "CFLAGS ?= -O3 -march=native -ffp-contract=fast\n"
-    "SIZE ?= size\n"
-    "\n"
-    "all: NAME_.o NAME_weights.o%ALL%\n"
-    "\n"
-    "NAME_.o: NAME_.c NAME_.h\n"
-    "\t$(CC) $(CFLAGS) -c NAME_.c -o NAME_.o\n"
-    "\n"
-    "NAME_weights.o: NAME_weights.c NAME_.h\n"
-    "\t$(CC) $(CFLAGS) -c NAME_weights.c -o NAME_weights.o\n"
-    "\n"
-    "NAME_test: NAME_test.c NAME_.h NAME_.o NAME_weights.o\n"
-    "\t$(CC) $(CFLAGS) NAME_test.c NAME_.o NAME_weights.o $(LDFLAGS) -lm -o NAME_test\n"
-    "\n"
-    "test: NAME_test\n"
-    "\t./NAME_test\n"
-    "\n"
-    "# Frames against NAME_STACK_SIZE: the largest %CALLS% ones, as no more functions call each other (0: "
-    "all),\n"
-    "# and of those named scalars_<n>, which call nothing, the largest alone.\n"
-    "stack: NAME_.c NAME_.h\n"
-    "\t$(CC) $(CFLAGS) -fstack-usage -c NAME_.c -o NAME_stack.o\n"
-    "\tsort -t \"$$(printf '\\t')\" -k 2,2nr NAME_stack.su | awk -F '\\t' '"
-    "{ if ($$1 ~ /:scalars_[0-9]/) most = $$2 > most ? $$2 : most; "
-    "else if (%CALLS% == 0 || ++n <= %CALLS%) sum += $$2; "
-    "if ($$3 !~ /^static|bounded/) open = 1 } END { sum += most; print \"stack:\", sum, "
-    "\"bytes of "
-    "at most "
-    "%STACK%\"; exit NR == 0 || open || sum > %STACK% }'\n"
-    "\n"
-    "size: NAME_.o NAME_weights.o\n"
-    "\t$(SIZE) NAME_.o NAME_weights.o\n"
-    "\n"
-    "clean:\n"
-    "\trm -f NAME_.o NAME_weights.o NAME_test NAME_stack.o NAME_stack.su%ALL%\n"
-    "\n"
-    ".PHONY: all test stack size clean\n";
-
 void export_add_named(const export_source *source, const char *lines, text *to) {
     const struct {
         const char *token, *text;
@@ -269,7 +221,7 @@ void export_add_rules(export_source *source, const char *products, const char *r
 
 /* Adds the Makefile and, behind it, the rules of the target. */
 static void add_rules(const export_source *source, text *to) {
-    export_add_named(source, makefile, to);
+    export_add_named(source, export_fragment_text("makefile.gmake"), to);
     if (source->rules.length > 0) lg_text_add(to, "\n%s", source->rules.data);
 }
 
