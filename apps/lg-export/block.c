@@ -40,17 +40,15 @@ static void add_derivatives(block *b, part *p) {
 
 /* Adds the rate. The state and its derivative are always the first two variables. */
 static bool add_rate(block *b, const char *function) {
-    size_t ins, outs;
-    const lg_port *in = export_ports(b->program, function, false, &ins),
-                  *out = export_ports(b->program, function, true, &outs);
+    const export_ports f = export_ports_of(b->program, function);
     part *p = &b->parts[b->part_count++];
     char name[160];
-    *p = (part){.name = function, .ins = ins, .outs = 1};
-    bool fits = add_variable(b, in[0].name, &in[0], STATE, &p->in[0]);
-    (void)snprintf(name, sizeof name, "der(%s)", in[0].name);
-    fits = fits && add_variable(b, name, &in[0], DERIVATIVE, &p->out[0]);
-    for (size_t i = 1; i < ins && fits; i++) fits = add_input(b, &in[i], &p->in[i]);
-    b->variables[p->out[0]].unit = out[0].unit;
+    *p = (part){.name = function, .ins = f.ins, .outs = 1};
+    bool fits = add_variable(b, f.in[0].name, &f.in[0], STATE, &p->in[0]);
+    (void)snprintf(name, sizeof name, "der(%s)", f.in[0].name);
+    fits = fits && add_variable(b, name, &f.in[0], DERIVATIVE, &p->out[0]);
+    for (size_t i = 1; i < f.ins && fits; i++) fits = add_input(b, &f.in[i], &p->in[i]);
+    b->variables[p->out[0]].unit = f.out[0].unit;
     b->states = b->variables[0].count;
     b->rate = true;
     if (fits) add_derivatives(b, p);
@@ -60,17 +58,15 @@ static bool add_rate(block *b, const char *function) {
 /* Adds a function and its outputs. Returns false if there are too many variables, or if one name has two
  * sizes. */
 static bool add_outputs(block *b, const char *function) {
-    size_t ins, outs;
-    const lg_port *in = export_ports(b->program, function, false, &ins),
-                  *out = export_ports(b->program, function, true, &outs);
+    const export_ports f = export_ports_of(b->program, function);
     part *p = &b->parts[b->part_count++];
-    bool fits = ins <= MOST_PORTS && outs <= MOST_PORTS;
-    *p = (part){.name = function, .ins = ins, .outs = outs};
-    for (size_t i = 0; i < ins && fits; i++) fits = add_input(b, &in[i], &p->in[i]);
-    for (size_t o = 0; o < outs && fits; o++) {
+    bool fits = f.ins <= MOST_PORTS && f.outs <= MOST_PORTS;
+    *p = (part){.name = function, .ins = f.ins, .outs = f.outs};
+    for (size_t i = 0; i < f.ins && fits; i++) fits = add_input(b, &f.in[i], &p->in[i]);
+    for (size_t o = 0; o < f.outs && fits; o++) {
         char name[160];
-        (void)snprintf(name, sizeof name, outs == 1 ? "%s" : "%s.%s", function, out[o].name);
-        fits = add_variable(b, name, &out[o], OUTPUT, &p->out[o]);
+        (void)snprintf(name, sizeof name, f.outs == 1 ? "%s" : "%s.%s", function, f.out[o].name);
+        fits = add_variable(b, name, &f.out[o], OUTPUT, &p->out[o]);
     }
     if (fits) add_derivatives(b, p);
     return fits;
@@ -78,32 +74,21 @@ static bool add_outputs(block *b, const char *function) {
 
 /* ---- choosing functions ---- */
 
-static bool has(const block *b, const char *function) {
-    size_t at;
-    return lg_program_find(b->program, function, &at, NULL) == LG_OK;
-}
-
 /* Returns whether the function computes x' from x and inputs: it has one result, as long as the first
  * input. */
 static bool is_rate(const block *b, const char *function) {
-    if (!has(b, function)) return false;
-    size_t ins, outs;
-    const lg_port *in = export_ports(b->program, function, false, &ins),
-                  *out = export_ports(b->program, function, true, &outs);
-    return ins >= 1 && outs == 1 && !in[0].shared && !out[0].shared &&
-           lg_shape_count(in[0].shape) == lg_shape_count(out[0].shape);
+    const export_ports f = export_ports_of(b->program, function);
+    return f.ins >= 1 && f.outs == 1 && !f.in[0].shared && !f.out[0].shared &&
+           lg_shape_count(f.in[0].shape) == lg_shape_count(f.out[0].shape);
 }
 
 /* Returns whether the program has a `step` that takes the inputs of the rate and then h. */
 static bool fits_step(const block *b) {
-    if (!has(b, "step")) return false;
-    size_t ins, outs;
-    const lg_port *in = export_ports(b->program, "step", false, &ins);
-    (void)export_ports(b->program, "step", true, &outs);
+    const export_ports f = export_ports_of(b->program, "step");
     const part *rate = &b->parts[0];
-    bool fits = ins == rate->ins + 1 && outs == 1 && lg_shape_count(in[ins - 1].shape) == 1;
-    for (size_t i = 0; i + 1 < ins && fits; i++)
-        fits = strcmp(in[i].name, b->variables[rate->in[i]].name) == 0;
+    bool fits = f.ins == rate->ins + 1 && f.outs == 1 && lg_shape_count(f.in[f.ins - 1].shape) == 1;
+    for (size_t i = 0; i + 1 < f.ins && fits; i++)
+        fits = strcmp(f.in[i].name, b->variables[rate->in[i]].name) == 0;
     return fits;
 }
 
@@ -111,14 +96,13 @@ static bool fits_step(const block *b) {
  * than the block's variables, or with an output that all rows of a batch share, are outputs only when
  * --functions names them. */
 static bool is_usual(const block *b, const char *function) {
-    size_t ins, outs;
-    const lg_port *in = export_ports(b->program, function, false, &ins),
-                  *out = export_ports(b->program, function, true, &outs);
+    const export_ports f = export_ports_of(b->program, function);
     bool usual = true;
-    for (size_t o = 0; o < outs; o++) usual = usual && !out[o].shared;
-    for (size_t i = 0; i < ins; i++) {
+    for (size_t o = 0; o < f.outs; o++) usual = usual && !f.out[o].shared;
+    for (size_t i = 0; i < f.ins; i++) {
         bool known = false;
-        for (size_t k = 0; k < b->count; k++) known = known || strcmp(b->variables[k].name, in[i].name) == 0;
+        for (size_t k = 0; k < b->count; k++)
+            known = known || strcmp(b->variables[k].name, f.in[i].name) == 0;
         usual = usual && known;
     }
     return usual || !b->rate || b->source->options->functions != NULL;

@@ -39,18 +39,6 @@ typedef struct job {
 
 /* ---- arguments and results ---- */
 
-typedef struct ports {
-    const lg_port *in, *out;
-    size_t ins, outs;
-} ports;
-
-static ports ports_of(const job *j, const char *function) {
-    ports p;
-    p.in = export_ports(j->program, function, false, &p.ins);
-    p.out = export_ports(j->program, function, true, &p.outs);
-    return p;
-}
-
 static int port_named(const lg_port *list, size_t count, const char *name) {
     for (size_t i = 0; i < count; i++)
         if (strcmp(list[i].name, name) == 0) return (int)i;
@@ -65,7 +53,7 @@ typedef struct group {
 
 /* Adds a slot for each column of a group. If the entry's function has no port of its name, the slot is
  * empty. */
-static void add_columns(slot *slots, size_t *count, const group *g, const ports *f, const lg_port *own,
+static void add_columns(slot *slots, size_t *count, const group *g, const export_ports *f, const lg_port *own,
                         size_t own_count) {
     for (size_t i = 0; i < (g->outputs ? f->outs : f->ins); i++) {
         const lg_port *like = g->outputs ? &f->out[i] : &f->in[i];
@@ -82,7 +70,7 @@ static unsigned char *pattern_of(const job *j, const char *function, const char 
                                  size_t size) {
     size_t at = 0;
     (void)lg_program_find(j->program, function, &at, NULL);
-    const ports f = ports_of(j, function);
+    const export_ports f = export_ports_of(j->program, function);
     const int i = port_named(f.in, f.ins, input), o = port_named(f.out, f.outs, output);
     if (i < 0 || o < 0) return NULL;
     unsigned char *pattern = app_alloc(size, 1);
@@ -96,7 +84,7 @@ static unsigned char *pattern_of(const job *j, const char *function, const char 
 /* Replaces the results of the entry by the blocks of their Jacobian by the first arguments (`by`), in which
  * arguments are the inner loop. */
 static void add_blocks(const job *j, entry *e, const char *of, size_t by, slot *block) {
-    const ports own = ports_of(j, e->function);
+    const export_ports own = export_ports_of(j->program, e->function);
     for (size_t k = 0; k < e->outs * by; k++) {
         const slot *out = &e->out[k / by], *in = &e->in[k % by];
         slot *s = &block[k];
@@ -173,7 +161,7 @@ static void write_slots(job *j, const char *what, const slot *slots, size_t coun
 
 /* Writes call_<n>, which passes arguments and results to the function of the exported code. */
 static void write_call(job *j, const entry *e) {
-    const ports f = ports_of(j, e->function);
+    const export_ports f = export_ports_of(j->program, e->function);
     lg_text_add(
         j->to,
         "static void call_%zu(const casadi_real *const *x, casadi_real *const *y, casadi_real *work) {\n"
@@ -233,7 +221,7 @@ static const form forms[] = {
 
 /* `of`: the function whose Jacobian the blocks are. */
 static void write_form(job *j, const form *how, const char *function, const char *own, const char *of) {
-    const ports f = ports_of(j, function), d = ports_of(j, own);
+    const export_ports f = export_ports_of(j->program, function), d = export_ports_of(j->program, own);
     APP_FREE char *symbol = app_format("%s%s_%s", how->begin, j->source->options->name, function);
     APP_FREE slot *in = app_alloc(2 * (f.ins + f.outs), sizeof *in),
                   *result = app_alloc(f.ins + f.outs, sizeof *in);
@@ -251,13 +239,7 @@ static void write_form(job *j, const form *how, const char *function, const char
     for (size_t o = 0; o < e.outs; o++) free((void *)e.out[o].pattern);
 }
 
-static size_t numbers_of(const lg_port *p, size_t count) {
-    size_t sum = 0;
-    for (size_t i = 0; i < count; i++) sum += lg_shape_count(p[i].shape);
-    return sum;
-}
-
-static bool has_shared(const ports *p) {
+static bool has_shared(const export_ports *p) {
     bool any = false;
     for (size_t i = 0; i < p->ins; i++) any = any || p->in[i].shared;
     for (size_t i = 0; i < p->outs; i++) any = any || p->out[i].shared;
@@ -271,15 +253,15 @@ static void derive(job *j, const char *function, const char *derived[DERIVATIVES
                                                           [ADJOINT] = LG_DERIVATIVE_ADJOINT,
                                                           [JACOBIAN] = LG_DERIVATIVE_JACOBIAN,
                                                           [SECOND] = LG_DERIVATIVE_JACOBIAN_OF_ADJOINT};
-    const ports f = ports_of(j, function);
-    const bool shared = has_shared(&f), large = numbers_of(f.in, f.ins) > MOST_SECOND;
+    const export_ports f = export_ports_of(j->program, function);
+    const bool shared = has_shared(&f), large = export_numbers(f.in, f.ins) > MOST_SECOND;
     (void)export_add_name(list, j->program, function);
     if (shared)
         app_warn(j->self, "%s has a port that all rows of a batch share: it is exported without derivatives",
                  function);
     else if (large)
         app_warn(j->self, "%s has %zu inputs: it is exported without second derivatives", function,
-                 numbers_of(f.in, f.ins));
+                 export_numbers(f.in, f.ins));
     for (size_t k = 0; k < DERIVATIVES; k++) {
         const bool possible = !shared && !(k == SECOND && (large || derived[ADJOINT] == NULL));
         derived[k] = possible ? export_derive(j->self, j->program, kinds[k], function) : NULL;

@@ -297,9 +297,14 @@ void export_load(const app *self, const char *path, const char *kind, export_sou
 /* Loads a scene of lg-simulate as a program. `tunable`: the scene's parameters become inputs (scene.c). */
 void export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
                        lg_program **out);
-/* Returns the inputs or outputs of a function of a program; NULL, with *count 0, if there is no such
- * function. */
-const lg_port *export_ports(const lg_program *program, const char *function, bool outputs, size_t *count);
+/* Inputs and outputs of a function of a program; none if there is no such function. */
+typedef struct export_ports {
+    const lg_port *in, *out;
+    size_t ins, outs;
+} export_ports;
+export_ports export_ports_of(const lg_program *program, const char *function);
+size_t export_numbers(const lg_port *ports, size_t count); /* in all ports */
+size_t export_parameters(const lg_program *program);       /* numbers in all parameters */
 /* Whether a function is left out of exports because training alone needs it (lg_program_is_fitted) and the
  * program has other functions. */
 bool export_trains_only(const lg_program *program, size_t function);

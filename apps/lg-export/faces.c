@@ -124,12 +124,11 @@ static void draw_state(export_model *m, double *x) {
 
 /* Draws a random start on the space, or numbers within the ranges of the ports of `value`. */
 static void draw_start(export_model *m, double *x) {
-    size_t count;
     if (m->space != NULL) {
         if (lg_space_draw_start(m->space, NULL, &m->rng, x) != LG_OK) draw_state(m, x);
         return;
     }
-    export_draw_port(export_ports(m->program, "value", false, &count), &m->rng, x);
+    export_draw_port(export_ports_of(m->program, "value").in, &m->rng, x);
 }
 
 static bool draw(export_model *m, size_t v) {
@@ -218,13 +217,6 @@ static lg_status measure_condition(export_model *m, lg_error *error) {
 
 /* ---- the export ---- */
 
-static size_t parameters_of(const lg_program *program) {
-    size_t sum = 0;
-    for (size_t i = 0; i < lg_program_parameters(program); i++)
-        sum += lg_shape_count(lg_program_parameter(program, i).shape);
-    return sum;
-}
-
 static void write_model(export_model *m) {
     lg_error error = {LG_OK, ""};
     add_code(m);
@@ -242,10 +234,9 @@ static void write_model(export_model *m) {
 static void measure(export_model *m) {
     const lg_model *model = m->file->model;
     const lg_program *program = lg_model_program(model);
-    size_t count;
     m->source->inputs = lg_model_inputs(model);
     m->source->outputs = lg_model_outputs(model);
-    m->source->parameters = m->kind->recipe != NULL ? lg_model_parameters(model) : parameters_of(program);
+    m->source->parameters = m->kind->recipe != NULL ? lg_model_parameters(model) : export_parameters(program);
     m->space = lg_model_space(model);
     if (m->space != NULL) {
         m->dim = m->space->dim;
@@ -253,12 +244,12 @@ static void measure(export_model *m) {
         m->forces = lg_model_input_dim(model);
         m->tangent = lg_model_tangent_dim(model);
     }
-    const lg_port *in = export_ports(program, "momenta", false, &count);
-    m->positions = count > 1 ? lg_shape_count(in[0].shape) : 0;
-    m->velocities = count > 1 ? lg_shape_count(in[1].shape) : 0;
+    const export_ports state = export_ports_of(program, "momenta"),
+                       chances = export_ports_of(program, "probability");
+    m->positions = state.ins > 1 ? lg_shape_count(state.in[0].shape) : 0;
+    m->velocities = state.ins > 1 ? lg_shape_count(state.in[1].shape) : 0;
     if (m->kind->window != NULL) m->kind->window(m->file->contents, &m->window);
-    const lg_port *chances = export_ports(program, "probability", true, &count);
-    m->window.classes = count > 0 ? (uint32_t)lg_shape_count(chances[0].shape) : 0;
+    m->window.classes = (uint32_t)export_numbers(chances.out, chances.outs > 0);
 }
 
 /* Checks the scheme and the model before the program is made. */

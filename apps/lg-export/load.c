@@ -75,10 +75,26 @@ void export_load(const app *self, const char *path, const char *kind, export_sou
 
 /* ---- functions ---- */
 
-const lg_port *export_ports(const lg_program *program, const char *function, bool outputs, size_t *count) {
+export_ports export_ports_of(const lg_program *program, const char *function) {
+    export_ports p = {NULL, NULL, 0, 0};
     size_t at = SIZE_MAX;
     (void)lg_program_find(program, function, &at, NULL);
-    return outputs ? lg_program_outputs(program, at, count) : lg_program_inputs(program, at, count);
+    p.in = lg_program_inputs(program, at, &p.ins);
+    p.out = lg_program_outputs(program, at, &p.outs);
+    return p;
+}
+
+size_t export_numbers(const lg_port *ports, size_t count) {
+    size_t sum = 0;
+    for (size_t i = 0; i < count; i++) sum += lg_shape_count(ports[i].shape);
+    return sum;
+}
+
+size_t export_parameters(const lg_program *program) {
+    size_t sum = 0;
+    for (size_t i = 0; i < lg_program_parameters(program); i++)
+        sum += lg_shape_count(lg_program_parameter(program, i).shape);
+    return sum;
 }
 
 static bool is_derivative(const char *name) {

@@ -74,21 +74,14 @@ static const char motion_declarations[] =
     "void NAME_step(NAME_real h, const NAME_real *state, const NAME_real *input, NAME_real *next,\n"
     "               NAME_real *work);\n";
 
-/* Numbers of input `index` of a function; 0 if there is no such input. */
-static size_t numbers_of(const lg_port *ports, size_t count, size_t index) {
-    return index < count ? lg_shape_count(ports[index].shape) : 0;
-}
-
 /* Returns whether the program's `step` takes the state, the input of the field if there is one, and h, and
  * returns a state. */
 static bool moves(const export_model *m) {
-    size_t ins, outs;
-    const lg_port *in = export_ports(m->program, "step", false, &ins),
-                  *out = export_ports(m->program, "step", true, &outs);
-    const bool forced = m->forces > 0;
-    return m->space != NULL && ins == 2 + (size_t)forced && outs == 1 && numbers_of(in, ins, 0) == m->dim &&
-           numbers_of(in, ins, ins - 1) == 1 && numbers_of(out, outs, 0) == m->dim &&
-           (!forced || numbers_of(in, ins, 1) == m->forces);
+    const export_ports p = export_ports_of(m->program, "step");
+    const size_t inputs = m->forces > 0;
+    return m->space != NULL && p.ins == 2 + inputs && p.outs == 1 &&
+           lg_shape_count(p.in[0].shape) == m->dim && lg_shape_count(p.in[1 + inputs].shape) == 1 &&
+           lg_shape_count(p.out[0].shape) == m->dim && export_numbers(p.in + 1, inputs) == m->forces;
 }
 
 /* Evaluations of the field (or of the force, with splitting schemes) per step. */

@@ -42,12 +42,6 @@ static size_t draw(const job *j, const lg_port *port, lg_rng *rng, double *x) {
     return count;
 }
 
-static size_t total(const lg_port *ports, size_t count) {
-    size_t sum = 0;
-    for (size_t i = 0; i < count; i++) sum += lg_shape_count(ports[i].shape);
-    return sum;
-}
-
 /* ---- results of the library ---- */
 
 lg_status export_evaluation_open(const lg_program *program, size_t function, lg_dtype dtype, double most,
@@ -82,7 +76,7 @@ static void *to_type(bool single, const double *x, size_t count) {
 
 void export_evaluate(const export_evaluation *e, const double *x, double *y) {
     const size_t size = e->single ? sizeof(float) : sizeof(double);
-    const size_t ins = total(e->in, e->ins), outs = total(e->out, e->outs);
+    const size_t ins = export_numbers(e->in, e->ins), outs = export_numbers(e->out, e->outs);
     APP_FREE const void **in = app_alloc(e->ins, sizeof *in);
     APP_FREE void **out = app_alloc(e->outs, sizeof *out);
     unsigned char *from = to_type(e->single, x, ins), *to = app_alloc(outs, size);
@@ -102,7 +96,7 @@ void export_evaluate(const export_evaluation *e, const double *x, double *y) {
  * norm over the points. */
 static double amplification(const export_evaluation *wide, const export_evaluation *narrow, const double *x,
                             size_t points, size_t depth) {
-    const size_t ins = total(wide->in, wide->ins), outs = total(wide->out, wide->outs);
+    const size_t ins = export_numbers(wide->in, wide->ins), outs = export_numbers(wide->out, wide->outs);
     double *y = app_alloc(points * outs, sizeof *y), *z = app_alloc(points * outs, sizeof *z), worst = 0;
     for (size_t p = 0; p < points; p++) {
         export_evaluate(wide, x + p * ins, y + p * outs);
@@ -150,7 +144,8 @@ static const export_memory *run_of(const job *j, const char *function) {
 /* Inputs and outputs at `points` points along a run. */
 static void follow(const job *j, const export_evaluation *e, const export_memory *run, size_t points,
                    double *x, double *y) {
-    const size_t ins = total(e->in, e->ins), outs = total(e->out, e->outs), given = ins - run->numbers;
+    const size_t ins = export_numbers(e->in, e->ins), outs = export_numbers(e->out, e->outs),
+                 given = ins - run->numbers;
     APP_FREE double *row = app_alloc(ins, sizeof *row), *next = app_alloc(outs, sizeof *next);
     memcpy(row + given, run->start, run->numbers * sizeof *row);
     for (size_t k = 0, p = 0; k < run->rows; k++) {
@@ -168,7 +163,7 @@ static void follow(const job *j, const export_evaluation *e, const export_memory
 static void fill_points(const job *j, const export_evaluation *e, const char *function, uint64_t stream,
                         size_t points, double *x, double *y) {
     const export_memory *run = run_of(j, function);
-    const size_t outs = total(e->out, e->outs);
+    const size_t outs = export_numbers(e->out, e->outs);
     lg_rng rng;
     lg_rng_seed(&rng, j->source->options->seed, stream);
     for (size_t p = 0; p < points && run == NULL; p++) {
@@ -183,9 +178,9 @@ static void fill_points(const job *j, const export_evaluation *e, const char *fu
 static void find_condition(job *j, const export_evaluation *e, size_t function, size_t depth) {
     double found = 1;
     lg_error error = {LG_OK, ""};
-    const size_t numbers = CONDITION_POINTS * total(e->in, e->ins);
+    const size_t numbers = CONDITION_POINTS * export_numbers(e->in, e->ins);
     APP_FREE double *x = app_alloc(numbers, sizeof *x),
-                    *y = app_alloc(CONDITION_POINTS * total(e->out, e->outs), sizeof *y);
+                    *y = app_alloc(CONDITION_POINTS * export_numbers(e->out, e->outs), sizeof *y);
     fill_points(j, e, lg_program_function_name(j->program, function), GOLDEN_STREAM + 1, CONDITION_POINTS, x,
                 y);
     for (size_t i = 0; i < numbers; i++) x[i] = (double)(float)x[i];
@@ -217,7 +212,7 @@ static void add_run(job *j, const export_evaluation *e, const char *name) {
     if (keeps)
         lg_text_add(
             to, "static real other[%zu];\n    (void)only;\n    memcpy(y, x + %zu, %zu * sizeof *y);\n    ",
-            total(e->out, 1), total(e->in, e->ins - 1), total(e->out, 1));
+            export_numbers(e->out, 1), export_numbers(e->in, e->ins - 1), export_numbers(e->out, 1));
     lg_text_add(to, "%s_%s%s(", j->source->options->name, j->source->prefix, name);
     for (size_t i = 0, at = 0; i < e->ins - keeps; at += lg_shape_count(e->in[i++].shape))
         lg_text_add(to, "x + %zu, ", at);
@@ -247,7 +242,8 @@ static void add_function(job *j, size_t index, text *table, size_t *largest) {
     lg_error error = {LG_OK, ""};
     must(j, export_evaluation_open(j->program, function, LG_F64, SELF_TEST_WORK, &e, &error), &error);
     find_condition(j, &e, function, depth);
-    const size_t ins = total(e.in, e.ins), outs = total(e.out, e.outs), golden = (size_t)options->golden;
+    const size_t ins = export_numbers(e.in, e.ins), outs = export_numbers(e.out, e.outs),
+                 golden = (size_t)options->golden;
     APP_FREE double *x = app_alloc(golden * ins, sizeof *x), *y = app_alloc(golden * outs, sizeof *y);
     fill_points(j, &e, name, GOLDEN_STREAM, golden, x, y);
     lg_text_add(&j->source->test, "\n");
@@ -366,9 +362,7 @@ void export_whole(const app *self, const char *path, lg_program *program, const 
                   export_source *source) {
     job j = {.self = self, .source = source, .program = program};
     if (source->prefix == NULL) source->prefix = "";
-    source->parameters = 0;
-    for (size_t i = 0; i < lg_program_parameters(program); i++)
-        source->parameters += lg_shape_count(lg_program_parameter(program, i).shape);
+    source->parameters = export_parameters(program);
     must(&j, export_round_parameters(source, program), NULL);
     write_code(&j, functions);
     source->bundle = true;

@@ -5,26 +5,23 @@
 /* Adds a prototype: "void NAME_field(const double x[6], const double u[3], double f[6])". */
 static void add_prototype(const block *b, const char *function, text *to) {
     const char *comma = "";
+    const export_ports p = export_ports_of(b->program, function);
     lg_text_add(to, "void %s_%s(", b->source->options->name, function);
-    for (int out = 0; out < 2; out++) {
-        size_t count;
-        const lg_port *ports = export_ports(b->program, function, out, &count);
-        for (size_t i = 0; i < count; i++, comma = ", ")
-            lg_text_add(to, "%s%sdouble %s[%zu]", comma, out ? "" : "const ", ports[i].name,
-                        lg_shape_count(ports[i].shape));
+    for (size_t i = 0; i < p.ins + p.outs; i++, comma = ", ") {
+        const lg_port *port = i < p.ins ? &p.in[i] : &p.out[i - p.ins];
+        lg_text_add(to, "%s%sdouble %s[%zu]", comma, i < p.ins ? "const " : "", port->name,
+                    lg_shape_count(port->shape));
     }
     lg_text_add(to, ")");
 }
 
 static void add_call(const block *b, const char *function, text *to) {
     const char *name = b->source->options->name;
+    const export_ports p = export_ports_of(b->program, function);
     lg_text_add(to, " {\n    double work[%s_%s%s_WORK_SIZE + 1];\n    %s_%s%s(", name, b->source->prefix,
                 function, name, b->source->prefix, function);
-    for (int out = 0; out < 2; out++) {
-        size_t count;
-        const lg_port *ports = export_ports(b->program, function, out, &count);
-        for (size_t i = 0; i < count; i++) lg_text_add(to, "%s, ", ports[i].name);
-    }
+    for (size_t i = 0; i < p.ins; i++) lg_text_add(to, "%s, ", p.in[i].name);
+    for (size_t o = 0; o < p.outs; o++) lg_text_add(to, "%s, ", p.out[o].name);
     lg_text_add(to, "work);\n}\n\n");
 }
 

@@ -164,9 +164,8 @@ lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *j, lg_var x
 /* ---- C ---- */
 
 static void load_program(export_policy_job *j, const char *path) {
-    size_t count;
     APP_MUST_FILE(j->self, path, lg_program_load(j->self->context, path, NULL, &j->program, &error));
-    j->state = lg_shape_count(export_ports(j->program, "period", false, &count)[0].shape);
+    j->state = export_numbers(export_ports_of(j->program, "period").in, 1);
     /* export_whole rounds again, and counts what is lost. */
     const size_t lost = j->source->lost;
     APP_MUST(j->self, export_round_parameters(j->source, j->program));

@@ -95,9 +95,8 @@ static lg_status record_adapt(void *user, lg_tape *tape, const lg_var *theta, co
 
 static void add_function(const adaptation *a) {
     const export_policy_job *j = a->job;
-    size_t count;
-    const lg_port *control = export_ports(j->program, "control", false, &count);
-    const lg_port *period = export_ports(j->program, "period", false, &count);
+    const lg_port *control = export_ports_of(j->program, "control").in,
+                  *period = export_ports_of(j->program, "period").in;
     lg_port in[] = {control[0],
                     period[1],
                     control[0],

@@ -92,9 +92,8 @@ static lg_status record_observe(void *user, lg_tape *tape, const lg_var *theta, 
 
 static void add_functions(const filter *f) {
     const export_policy_job *j = f->job;
-    size_t count;
-    const lg_port *control = export_ports(j->program, "control", false, &count);
-    const lg_port *period = export_ports(j->program, "period", false, &count);
+    const lg_port *control = export_ports_of(j->program, "control").in,
+                  *period = export_ports_of(j->program, "period").in;
     const lg_port in[] = {control[0], period[1]}, out = {.name = "kept"},
                   seen[] = {{.name = "seen", .shape = lg_shape1(2 * f->observed)},
                             period[1],
