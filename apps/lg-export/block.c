@@ -170,8 +170,7 @@ static void add_arguments(const block *b, const char *array, const size_t *varia
 
 void block_add_evaluate(const block *b, text *to) {
     lg_text_add(to, "static void evaluate(const double *r, double *out, double *work) {\n");
-    for (size_t i = 0; i < b->part_count; i++) {
-        const part *p = &b->parts[i];
+    for (const part *p = b->parts; p < b->parts + b->part_count; p++) {
         add_call(b, p->name, to);
         add_arguments(b, "r", p->in, p->ins, to);
         add_arguments(b, "out", p->out, p->outs, to);
@@ -193,8 +192,7 @@ void block_add_forward(const block *b, text *to) {
                     "static int forward(const double *r, const double *seed, double *out, double *work) {\n"
                     "    memcpy(out, seed, NUMBERS * sizeof *out);\n");
     if (!can) lg_text_add(to, "    (void)r, (void)work;\n");
-    for (size_t i = 0; i < b->part_count && can; i++) {
-        const part *p = &b->parts[i];
+    for (const part *p = b->parts; p < b->parts + b->part_count && can; p++) {
         add_call(b, p->forward, to);
         add_arguments(b, "r", p->in, p->ins, to);
         add_arguments(b, "seed", p->in, p->ins, to);
@@ -216,8 +214,7 @@ void block_add_adjoint(const block *b, text *to) {
         "static int adjoint(const double *r, const double *seed, double *out, double *room, double *work) "
         "{\n    memcpy(out, seed, NUMBERS * sizeof *out);\n");
     if (!can) lg_text_add(to, "    (void)r, (void)room, (void)work, (void)add;\n");
-    for (size_t i = 0; i < b->part_count && can; i++) {
-        const part *p = &b->parts[i];
+    for (const part *p = b->parts; p < b->parts + b->part_count && can; p++) {
         add_call(b, p->adjoint, to);
         add_arguments(b, "r", p->in, p->ins, to);
         add_arguments(b, "seed", p->out, p->outs, to);

@@ -106,20 +106,24 @@ static void add_code(export_model *m) {
 
 /* ---- golden vectors ---- */
 
-/* Draws a random state: a random group element acts on the state at rest; flat factors get random numbers. */
-static void draw_state(export_model *m, double *x) {
-    double *element = app_alloc(m->algebra, sizeof *element), *at = x;
-    memset(x, 0, m->dim * sizeof *x);
+void export_turn(export_model *m, double *x) {
+    APP_FREE double *element = app_alloc(m->algebra, sizeof *element);
     export_rest(m->space, x);
+    for (size_t k = 0; k < m->algebra; k++) element[k] = lg_rng_normal(&m->rng);
+    lg_space_act(m->space, element, x, x);
+}
+
+/* Draws a random state; flat factors get random numbers. */
+static void draw_state(export_model *m, double *x) {
+    double *at = x;
+    memset(x, 0, m->dim * sizeof *x);
     for (size_t f = 0; f < m->space->factors; f++) {
         const lg_space_entry *entry = lg_space_kind_entry(m->space->factor[f].kind);
         const size_t numbers = entry->state * m->space->factor[f].count;
         for (size_t i = 0; entry->lift == NULL && i < numbers; i++) at[i] = lg_rng_normal(&m->rng);
         at += numbers;
     }
-    for (size_t k = 0; k < m->algebra; k++) element[k] = lg_rng_normal(&m->rng);
-    lg_space_act(m->space, element, x, x);
-    free(element);
+    export_turn(m, x);
 }
 
 /* Draws a random start on the space, or numbers within the ranges of the ports of `value`. */

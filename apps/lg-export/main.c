@@ -207,23 +207,16 @@ static void build_model(job *j, const char *kind) {
     if (none) build_program(j);
 }
 
-/* Returns whether the file holds functions that can be exported, whatever its kind. */
-static bool has_functions(const job *j) {
-    lg_program *program;
-    if (lg_program_load(j->self->context, j->path, NULL, &program, NULL) != LG_OK) return false;
-    lg_program_destroy(program);
-    return true;
-}
-
 /* Rejects a file without functions that can be exported, with the error of the reader for its kind. */
-static void refuse_file(const job *j, const char *kind) {
+static void check_file(const job *j, const char *kind) {
     lg_error error = {LG_OK, ""};
-    lg_program *program;
+    lg_program *program = NULL;
     lg_model_file file;
-    const lg_status status = strcmp(kind, "program") == 0
-                                 ? lg_program_load(j->self->context, j->path, NULL, &program, &error)
-                                 : lg_model_load(j->self->context, j->path, NULL, &file, &error);
+    lg_status status = lg_program_load(j->self->context, j->path, NULL, &program, &error);
+    if (status != LG_OK && strcmp(kind, "program") != 0)
+        status = lg_model_load(j->self->context, j->path, NULL, &file, &error);
     app_must_file(j->self, status, &error, j->path);
+    lg_program_destroy(program);
 }
 
 /* Writes a target other than C: the model, whatever its kind, is loaded as a program. A scene too becomes a
@@ -260,7 +253,7 @@ static void build(job *j) {
         APP_MUST_FILE(j->self, j->path,
                       lg_model_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error));
     const bool classifier = strcmp(own, "classifier") == 0, policy = strcmp(own, "policy") == 0;
-    if (!scene && lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) refuse_file(j, own);
+    if (!scene && lg_recipe_find(own) == NULL && !classifier) check_file(j, own);
     if (!scene) export_read_units(j->self, j->path, &j->options);
     if (policy && j->options.functions == NULL) j->options.functions = "control";
     if (other) {
