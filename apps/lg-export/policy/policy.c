@@ -87,13 +87,9 @@ static void open_policy(const app *self, const char *path, export_source *source
     APP_MUST_FILE(self, path, lg_policy_load(self->context, path, NULL, &out->policy, &out->text, &error));
     out->task = lg_policy_task_of(out->policy);
     out->inputs = out->task->input_count;
-    for (uint32_t i = 0; i < out->task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &out->task->coordinate[i];
-        const lg_policy_motion_row *row = lg_policy_motion_row_of(c->motion);
-        out->positions += row->position;
-        out->given += row->given;
-        out->velocities += c->velocity[0] != '\0' ? row->velocity : 0;
-    }
+    lg_policy_lay_out(out->task, &out->layout);
+    out->positions = out->layout.positions, out->given = out->layout.given;
+    out->velocities = out->layout.velocities;
 }
 
 static void close_policy(export_policy_job *j) {

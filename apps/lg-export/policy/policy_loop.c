@@ -12,22 +12,17 @@ enum { PATHS = 8, SEGMENTS = 16, LOOP_STREAM = 12, PERIODS = 200 };
 /* ---- runs of the library ---- */
 
 /* The closed loop in the library: the plant and the policy, which sees positions and velocities. */
+enum { PERIOD, POLICY, NARROW, SEEN, RATES, EVALUATIONS }; /* NARROW: the policy in single precision */
 typedef struct export_loop {
-    export_evaluation period, positions, velocities, policy, narrow;
+    export_evaluation e[EVALUATIONS];
     bool moves;
     double *seen;    /* Positions, velocities and weights: the inputs of `policy`. */
     double *x, *row; /* State and input: the inputs of `period`; and a row of results. */
     const export_policy_job *job;
 } export_loop;
 
-static void open_function(const export_policy_job *j, const char *name, lg_dtype dtype,
-                          export_evaluation *out) {
-    size_t at;
-    EXPORT_POLICY_MUST(j, lg_program_find(j->program, name, &at, &error));
-    EXPORT_POLICY_MUST(j, export_evaluation_open(j->program, at, dtype, 0, out, &error));
-}
-
 static void open_loop(const export_policy_job *j, export_loop *l) {
+    static const char *const names[EVALUATIONS] = {"period", "policy", "policy", "positions", "velocities"};
     const size_t seen = j->positions + j->velocities, n = lg_program_parameters(j->program);
     const size_t weights = lg_policy_parameters(j->policy);
     *l = (export_loop){.job = j, .moves = j->velocities > 0};
@@ -36,16 +31,15 @@ static void open_loop(const export_policy_job *j, export_loop *l) {
     l->row = app_alloc(j->state + j->inputs + seen, sizeof *l->row);
     if (weights > 0)
         memcpy(l->seen + seen, lg_program_parameter(j->program, n - 1).values, weights * sizeof *l->seen);
-    open_function(j, "period", LG_F64, &l->period);
-    open_function(j, "policy", LG_F64, &l->policy);
-    open_function(j, "policy", LG_F32, &l->narrow);
-    if (l->moves) open_function(j, "positions", LG_F64, &l->positions);
-    if (l->moves) open_function(j, "velocities", LG_F64, &l->velocities);
+    for (size_t i = 0, at; i < (l->moves ? EVALUATIONS : SEEN); i++) {
+        EXPORT_POLICY_MUST(j, lg_program_find(j->program, names[i], &at, &error));
+        EXPORT_POLICY_MUST(
+            j, export_evaluation_open(j->program, at, i == NARROW ? LG_F32 : LG_F64, 0, &l->e[i], &error));
+    }
 }
 
 static void close_loop(export_loop *l) {
-    export_evaluation *const all[] = {&l->period, &l->positions, &l->velocities, &l->policy, &l->narrow};
-    for (size_t i = 0; i < LG_COUNT(all); i++) export_evaluation_close(all[i]);
+    for (size_t i = 0; i < EVALUATIONS; i++) export_evaluation_close(&l->e[i]);
     free(l->seen);
     free(l->x);
     free(l->row);
@@ -56,15 +50,15 @@ static void close_loop(export_loop *l) {
 static void step(export_loop *l, bool single, double *x, double *u) {
     const export_policy_job *j = l->job;
     if (l->moves) {
-        export_evaluate(&l->positions, x, l->seen);
-        export_evaluate(&l->velocities, x, l->seen + j->positions);
+        export_evaluate(&l->e[SEEN], x, l->seen);
+        export_evaluate(&l->e[RATES], x, l->seen + j->positions);
     } else {
         memcpy(l->seen, x, j->positions * sizeof *x);
     }
     memcpy(l->x, x, j->state * sizeof *x);
-    export_evaluate(single ? &l->narrow : &l->policy, l->seen, l->x + j->state);
+    export_evaluate(&l->e[single ? NARROW : POLICY], l->seen, l->x + j->state);
     if (u != NULL) memcpy(u, l->x + j->state, j->inputs * sizeof *u);
-    export_evaluate(&l->period, l->x, l->row);
+    export_evaluate(&l->e[PERIOD], l->x, l->row);
     memcpy(x, l->row, j->state * sizeof *x);
 }
 
@@ -167,19 +161,17 @@ static void choose_stride(export_loop *l, golden *g) {
 static void warn_opposite(export_loop *l) {
     const export_policy_job *j = l->job;
     const bool single = j->source->options->dtype == LG_F32;
-    size_t at = 0;
     memset(l->seen, 0, (j->positions + j->velocities) * sizeof *l->seen);
     for (uint32_t i = 0; i < j->task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &j->task->coordinate[i];
         static const double pi = 3.14159265358979323846, axis[3] = {3.14159265358979323846, 0, 0};
-        double *q = l->seen + at;
-        at += lg_policy_motion_row_of(c->motion)->position;
+        double *q = l->seen + j->layout.at[i].position;
         if (c->motion == LG_POLICY_LINE) q[0] = c->goal[0];
         if (c->motion == LG_POLICY_ANGLE) q[0] = c->goal[0] + pi;
         for (int k = 0; k < 3 && c->motion == LG_POLICY_DIRECTION; k++) q[k] = -c->goal[k];
         if (c->motion == LG_POLICY_ROTATION) lg_so3_exp_multiply(axis, c->goal, q);
     }
-    export_evaluate(single ? &l->narrow : &l->policy, l->seen, l->row);
+    export_evaluate(&l->e[single ? NARROW : POLICY], l->seen, l->row);
     for (size_t i = 0; i < j->inputs; i++)
         if (!isfinite(l->row[i])) {
             app_warn(
