@@ -236,10 +236,9 @@ static lg_policy *read_policy(const app *self, const char *path, const double *g
         return policy;
     }
     lg_policy_task task;
-    APP_FREE char *text = NULL, *source = control_plant_path(self, path);
-    APP_CLEAN(control_machine_destroy) control_machine machine;
-    lg_program *plant = control_read_task(self, path, &task, &text);
-    (void)control_soften(self, source, &machine, &task);
+    APP_FREE char *text = NULL, *source = NULL;
+    APP_CLEAN(control_machine_destroy) control_machine machine = {.scheme = NULL};
+    lg_program *plant = control_read_task(self, path, &task, &text, &source, &machine);
     task.search = needs_regulator(self, &task);
     if (count > 0) {
         task.gain_count = (uint32_t)count;
