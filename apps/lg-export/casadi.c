@@ -4,7 +4,6 @@
  * one behind the other). Blocks of Jacobians are sparse if the program's sparsity says so. */
 #include "lg-export/export.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 /* Functions with more input numbers get no second derivative. */
@@ -64,8 +63,7 @@ static void add_columns(slot *slots, size_t *count, const group *g, const export
     }
 }
 
-/* Returns which elements of the output depend on which elements of the input, (rows, columns); NULL: dense.
- * Freed with the entry. */
+/* Returns which elements of the output depend on which elements of the input, (rows, columns); NULL: dense. */
 static unsigned char *pattern_of(const job *j, const char *function, const char *output, const char *input,
                                  size_t size) {
     size_t at = 0;
@@ -73,12 +71,9 @@ static unsigned char *pattern_of(const job *j, const char *function, const char 
     const export_ports f = export_ports_of(j->program, function);
     const int i = port_named(f.in, f.ins, input), o = port_named(f.out, f.outs, output);
     if (i < 0 || o < 0) return NULL;
-    unsigned char *pattern = app_alloc(size, 1);
+    unsigned char *pattern = app_keep(size, 1);
     const lg_status status = lg_program_sparsity(j->program, at, (size_t)o, (size_t)i, pattern, NULL);
-    bool dense = status != LG_OK || memchr(pattern, 0, size) == NULL;
-    if (!dense) return pattern;
-    free(pattern);
-    return NULL;
+    return status != LG_OK || memchr(pattern, 0, size) == NULL ? NULL : pattern;
 }
 
 /* Replaces the results of the entry by the blocks of their Jacobian by the first arguments (`by`), in which
@@ -236,7 +231,6 @@ static void write_form(job *j, const form *how, const char *function, const char
     e.outs = results;
     if (by > 0) add_blocks(j, &e, of, by, block);
     write_entry(j, symbol, &e);
-    for (size_t o = 0; o < e.outs; o++) free((void *)e.out[o].pattern);
 }
 
 static bool has_shared(const export_ports *p) {

@@ -2,7 +2,6 @@
 #include "lg-export/faces.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "liegrad/mechanics.h"
@@ -274,11 +273,9 @@ void export_faces(const app *self, const lg_model_file *file, export_source *sou
                   lg_model_file_program(file, source->options->scheme, &m.program, &error));
     choose(&m);
     *none = m.face_count == 0;
-    m.input = app_alloc(m.forces + 1, sizeof *m.input);
-    m.work = app_alloc(lg_model_work_size(file->model), 1);
+    m.input = app_keep(m.forces + 1, sizeof *m.input);
+    m.work = app_keep(lg_model_work_size(file->model), 1);
     if (!*none) write_model(&m);
     export_evaluation_close(&m.probability);
-    free(m.work);
-    free(m.input);
     lg_program_destroy(m.program);
 }

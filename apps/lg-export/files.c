@@ -6,7 +6,6 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -429,7 +428,7 @@ void export_write(const app *self, const export_source *source, const char *out)
     lg_error error = {LG_OK, ""};
     APP_FREE char *folder = app_format("%s", out);
     for (size_t n = strlen(folder); n > 1 && folder[n - 1] == '/'; n--) folder[n - 1] = '\0';
-    char *parent = app_folder_of(folder);
+    APP_FREE char *parent = app_folder_of(folder);
     place at = {.source = source, .out = folder, .parent = parent};
     bool unfit = source->weights.unfit || source->code.unfit || source->sizes.unfit || source->test.unfit;
     for (size_t i = 0; i < source->file_count; i++) unfit = unfit || source->files[i].content.unfit;
@@ -437,5 +436,4 @@ void export_write(const app *self, const export_source *source, const char *out)
                              : !export_golden_fits(source) ? refuse_unfit(source, "gives", &error)
                                                            : put(self, &at, &error);
     app_must_file(self, status, &error, out);
-    free(parent);
 }

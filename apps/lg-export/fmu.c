@@ -1,7 +1,6 @@
 /* FMUs (fmi-standard.org, versions 2.0 and 3.0): model exchange and co-simulation in one file, with sources.
  * Both versions offer exact directional derivatives, computed by the program's forward functions; 3.0 also
  * offers adjoint derivatives. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/block.h"

@@ -6,11 +6,11 @@
 void export_golden_make(export_source *source, bool jacobian, size_t extras, const char *extra_name) {
     const size_t count = (size_t)source->options->golden;
     source->golden = (export_golden){.count = count, .extras = extras, .extra_name = extra_name};
-    source->golden.x = app_alloc(count * source->inputs, sizeof(double));
-    source->golden.y = app_alloc(count * source->outputs, sizeof(double));
+    source->golden.x = app_keep(count * source->inputs, sizeof(double));
+    source->golden.y = app_keep(count * source->outputs, sizeof(double));
     if (jacobian)
-        source->golden.jacobian = app_alloc(count * source->outputs * source->inputs, sizeof(double));
-    if (extras > 0) source->golden.extra = app_alloc(count * extras, sizeof(double));
+        source->golden.jacobian = app_keep(count * source->outputs * source->inputs, sizeof(double));
+    if (extras > 0) source->golden.extra = app_keep(count * extras, sizeof(double));
 }
 
 void export_golden_write(const export_source *source, text *to) {

@@ -1,7 +1,6 @@
 #include "lg-export/graph.h"
 #include "autodiff/program/program.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { MOST_PORTS = LG_PROGRAM_MAX_PORTS };
@@ -23,7 +22,7 @@ static lg_status take_operations(graph *g, lg_program *program, lg_error *error)
     LG_TRY(lg_function_image_create(program, number, &g->image));
     g->count = g->image->operation_count;
     g->results = g->image->results;
-    g->nodes = app_alloc(g->count, sizeof *g->nodes);
+    g->nodes = app_keep(g->count, sizeof *g->nodes);
     for (size_t k = 0; k < g->count; k++) g->nodes[k].op = g->image->operations[k];
     return LG_OK;
 }
@@ -72,7 +71,7 @@ static lg_status compute(graph *g, lg_program *program, const uint32_t *which, s
         outputs[i] = (lg_port){.name = names[i], .shared = true, .shape = {.rank = n->op.rank}};
         for (uint32_t k = 0; k < n->op.rank; k++) outputs[i].shape.dims[k] = (uint32_t)n->op.shape[k].base;
         n->count = lg_shape_count(outputs[i].shape);
-        out[i] = n->values = app_alloc(n->count, sizeof *n->values);
+        out[i] = n->values = app_keep(n->count, sizeof *n->values);
     }
     LG_TRY(lg_program_add_image(program, &image, error));
     return lg_program_eval(NULL, program, name, 1, in, out, error);
@@ -102,7 +101,5 @@ lg_status graph_make(lg_program *program, size_t function, graph *out, lg_error 
 }
 
 void graph_free(graph *g) {
-    for (size_t k = 0; k < g->count; k++) free(g->nodes[k].values);
     lg_function_image_destroy(g->image);
-    free(g->nodes);
 }

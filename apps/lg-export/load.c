@@ -1,5 +1,4 @@
 /* Loads a model of any kind as a program, and chooses functions of it for a target. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/faces.h"
@@ -23,7 +22,7 @@ void export_rest(const lg_space *space, double *y) {
 }
 
 static void make_start(const lg_space *space, export_source *source) {
-    source->start = app_alloc(space->dim, sizeof *source->start);
+    source->start = app_keep(space->dim, sizeof *source->start);
     source->starts = space->dim;
     export_rest(space, source->start);
 }

@@ -1,7 +1,6 @@
 /* Writes the C of a model as a CMake package (find_package(NAME), target NAME::NAME). ROS 2 builds it too:
  * package.xml says that it is plain CMake. */
 #include <ctype.h>
-#include <stdlib.h>
 
 #include "lg-export/export.h"
 

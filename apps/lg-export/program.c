@@ -79,14 +79,12 @@ void export_evaluate(const export_evaluation *e, const double *x, double *y) {
     const size_t ins = export_numbers(e->in, e->ins), outs = export_numbers(e->out, e->outs);
     APP_FREE const void **in = app_alloc(e->ins, sizeof *in);
     APP_FREE void **out = app_alloc(e->outs, sizeof *out);
-    unsigned char *from = to_type(e->single, x, ins), *to = app_alloc(outs, size);
+    APP_FREE unsigned char *from = to_type(e->single, x, ins), *to = app_alloc(outs, size);
     for (size_t i = 0, at = 0; i < e->ins; at += lg_shape_count(e->in[i++].shape)) in[i] = from + at * size;
     for (size_t i = 0, at = 0; i < e->outs; at += lg_shape_count(e->out[i++].shape)) out[i] = to + at * size;
     lg_plan_eval(e->plan, in, out, e->work);
     for (size_t i = 0; i < outs; i++)
         y[i] = e->single ? (double)((float *)(void *)to)[i] : ((double *)(void *)to)[i];
-    free(to);
-    free(from);
 }
 
 /* ---- condition ---- */
@@ -97,7 +95,8 @@ void export_evaluate(const export_evaluation *e, const double *x, double *y) {
 static double amplification(const export_evaluation *wide, const export_evaluation *narrow, const double *x,
                             size_t points, size_t depth) {
     const size_t ins = export_numbers(wide->in, wide->ins), outs = export_numbers(wide->out, wide->outs);
-    double *y = app_alloc(points * outs, sizeof *y), *z = app_alloc(points * outs, sizeof *z), worst = 0;
+    APP_FREE double *y = app_alloc(points * outs, sizeof *y), *z = app_alloc(points * outs, sizeof *z);
+    double worst = 0;
     for (size_t p = 0; p < points; p++) {
         export_evaluate(wide, x + p * ins, y + p * outs);
         export_evaluate(narrow, x + p * ins, z + p * outs);
@@ -114,8 +113,6 @@ static double amplification(const export_evaluation *wide, const export_evaluati
             if (!isnan(worst) && !(error <= worst)) worst = error; /* A NaN stays. */
         }
     }
-    free(z);
-    free(y);
     return worst / ((double)FLT_EPSILON * (double)(depth > 0 ? depth : 1));
 }
 

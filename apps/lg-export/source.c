@@ -187,20 +187,9 @@ void export_source_begin(export_source *source, const export_options *options) {
 }
 
 void export_source_free(export_source *source) {
-    double *const arrays[] = {source->golden.x, source->golden.y, source->golden.jacobian,
-                              source->golden.extra};
     for (size_t i = 0; i < LG_COUNT(texts); i++) lg_text_destroy(text_of(source, i));
-    for (size_t i = 0; i < LG_COUNT(arrays); i++) free(arrays[i]);
     for (size_t i = 0; i < source->file_count; i++) {
         free(source->files[i].name);
         lg_text_destroy(&source->files[i].content);
     }
-    for (size_t i = 0; i < source->runs; i++) {
-        free(source->run[i].inputs);
-        free(source->run[i].start);
-    }
-    source->file_count = source->runs = 0;
-    free(source->start);
-    source->start = NULL;
-    source->golden = (export_golden){.count = 0};
 }

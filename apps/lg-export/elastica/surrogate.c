@@ -1,7 +1,6 @@
 /* Surrogates of the elastica: the faces of their curve (code/surrogate), golden inputs, and the description
  * in NAME.h. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/faces.h"

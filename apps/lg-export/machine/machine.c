@@ -1,6 +1,5 @@
 /* Learned machines: golden states like the training data, and the description in NAME.h. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/faces.h"
@@ -77,10 +76,9 @@ static void tell(export_model *m) {
     text *about = &source->about;
     lg_text_add(about, "Learned machine with inputs and damping; liegrad/machine.h has the equations.\n\n");
     export_tell_numbers(about, "state", m->dim, source->state.data);
-    char *words = m->forces > 0 ? app_format("%s as in the log; NULL for zeros", source->input.data)
-                                : app_format("none: NULL");
+    APP_FREE char *words = m->forces > 0 ? app_format("%s as in the log; NULL for zeros", source->input.data)
+                                         : app_format("none: NULL");
     export_tell_numbers(about, "input", m->forces, words);
-    free(words);
     if (source->delay.length > 0) lg_text_add(about, "delay         %s\n", source->delay.data);
     export_tell_numbers(about, "field", m->algebra, words_of_field);
     export_tell_numbers(about, "positions", m->positions, "in the order of the log, R by rows");

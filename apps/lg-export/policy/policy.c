@@ -129,7 +129,7 @@ export_memory *export_policy_keep(export_policy_job *j, const char *function, co
     export_source *source = j->source;
     export_memory *run = &source->run[source->runs++];
     *run = (export_memory){.function = function,
-                           .start = app_alloc(numbers, sizeof *run->start),
+                           .start = app_keep(numbers, sizeof *run->start),
                            .numbers = numbers,
                            .work = numbers};
     lg_text_add_named(&j->declarations, source->options->name, declarations);

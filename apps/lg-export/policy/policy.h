@@ -34,7 +34,6 @@ typedef struct export_path {
  * and of this damping more than the machine, as impulses once a period; NULL: none. */
 export_path export_loop_run(const export_policy_job *job, uint64_t stream, const double *noise,
                             const double *more);
-void export_path_destroy(export_path *path);
 
 /* Adds the closed loop to the self-test. */
 void export_policy_loop(export_policy_job *job);

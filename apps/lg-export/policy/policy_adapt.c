@@ -3,7 +3,6 @@
  * -damping v - coulomb sign(v) + offset - inertia v'. The four numbers are bounded; `range` scales them to
  * at most 1. The memory has, for each velocity, the scaled numbers (4), then their covariance (4, 4). */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/policy/policy.h"
@@ -181,7 +180,7 @@ static void add_run(export_policy_job *j, const adaptation *a) {
     for (size_t i = 0; i < n; i++) more[i] = a->range[NUMBERS * i + 2], more[n + i] = a->range[NUMBERS * i];
     export_path path = export_loop_run(j, ADAPT_STREAM, NULL, more);
     run->rows = path.periods;
-    run->inputs = app_alloc(path.periods * width, sizeof *run->inputs);
+    run->inputs = app_keep(path.periods * width, sizeof *run->inputs);
     for (size_t k = 0; k < path.periods; k++) {
         double *row = run->inputs + k * width;
         memcpy(row, path.seen + k * 2 * n, 2 * n * sizeof *row);
@@ -192,7 +191,6 @@ static void add_run(export_policy_job *j, const adaptation *a) {
     export_reals(j->source, &j->source->further_code, "adapt_range", a->range, NUMBERS * n);
     export_policy_start(j, run);
     export_size(j->source, "ADAPT_SIZE", run->numbers, "numbers of memory of the adaptation");
-    export_path_destroy(&path);
     export_size(j->source, "FOUND", NUMBERS * n, "numbers that the adaptation finds");
 }
 
@@ -202,7 +200,6 @@ void export_policy_adapt(export_policy_job *j) {
     a.keep = export_round(j->source->options, exp(-j->task->period / j->source->options->forget));
     export_path path = export_loop_run(j, ADAPT_STREAM, NULL, NULL);
     find_ranges(j, &a, &path);
-    export_path_destroy(&path);
     add_function(&a);
     add_run(j, &a);
     add_words(&a);

@@ -1,7 +1,6 @@
 /* The closed loop of a controller: runs of the library, and the same runs in the self-test. */
 #include <float.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/policy/policy.h"
@@ -26,9 +25,9 @@ static void open_loop(const export_policy_job *j, export_loop *l) {
     const size_t seen = j->positions + j->velocities, n = lg_program_parameters(j->program);
     const size_t weights = lg_policy_parameters(j->policy);
     *l = (export_loop){.job = j, .moves = j->velocities > 0};
-    l->seen = app_alloc(seen + weights, sizeof *l->seen);
-    l->x = app_alloc(j->state + j->inputs, sizeof *l->x);
-    l->row = app_alloc(j->state + j->inputs + seen, sizeof *l->row);
+    l->seen = app_keep(seen + weights, sizeof *l->seen);
+    l->x = app_keep(j->state + j->inputs, sizeof *l->x);
+    l->row = app_keep(j->state + j->inputs + seen, sizeof *l->row);
     if (weights > 0)
         memcpy(l->seen + seen, lg_program_parameter(j->program, n - 1).values, weights * sizeof *l->seen);
     for (size_t i = 0, at; i < (l->moves ? EVALUATIONS : SEEN); i++) {
@@ -40,9 +39,6 @@ static void open_loop(const export_policy_job *j, export_loop *l) {
 
 static void close_loop(export_loop *l) {
     for (size_t i = 0; i < EVALUATIONS; i++) export_evaluation_close(&l->e[i]);
-    free(l->seen);
-    free(l->x);
-    free(l->row);
 }
 
 /* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the policy computes
@@ -76,8 +72,8 @@ export_path export_loop_run(const export_policy_job *j, uint64_t stream, const d
     export_loop l;
     lg_rng rng;
     APP_FREE double *x = app_alloc(j->state, sizeof *x);
-    export_path out = {app_alloc((periods + 1) * 2 * n, sizeof *out.seen),
-                       app_alloc(periods * j->inputs, sizeof *out.held), periods};
+    export_path out = {app_keep((periods + 1) * 2 * n, sizeof *out.seen),
+                       app_keep(periods * j->inputs, sizeof *out.held), periods};
     open_loop(j, &l);
     draw_starts(j, stream, 1, &rng, x);
     for (size_t k = 0; k <= out.periods; k++) {
@@ -95,11 +91,6 @@ export_path export_loop_run(const export_policy_job *j, uint64_t stream, const d
     }
     close_loop(&l);
     return out;
-}
-
-void export_path_destroy(export_path *path) {
-    free(path->seen);
-    free(path->held);
 }
 
 /* ---- golden segments of paths ---- */

@@ -3,7 +3,6 @@
  * holds the estimate, then the rows of L. `seen` holds the positions, then a 1 for each position that was
  * measured and a 0 for each that was not. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/policy/policy.h"
@@ -164,7 +163,7 @@ static void add_run(export_policy_job *j, const filter *f) {
     export_path path = export_loop_run(j, OBSERVE_STREAM, f->sensor, NULL);
     run->rows = path.periods;
     run->work += 2 * n;
-    run->inputs = app_alloc(path.periods * (all + m), sizeof *run->inputs);
+    run->inputs = app_keep(path.periods * (all + m), sizeof *run->inputs);
     for (size_t k = 0; k < path.periods; k++) {
         double *row = run->inputs + k * (all + m);
         for (size_t i = 0; i < all; i++) row[i] = i < n ? path.seen[(k + 1) * all + i] : 1;
@@ -174,7 +173,6 @@ static void add_run(export_policy_job *j, const filter *f) {
     export_policy_start(j, run);
     export_size(j->source, "OBSERVE_SIZE", run->numbers, "numbers of memory of the observer");
     for (size_t i = 0; i < n; i++) run->start[i] = path.seen[i];
-    export_path_destroy(&path);
 }
 
 void export_policy_observe(export_policy_job *j) {
