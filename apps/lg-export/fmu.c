@@ -104,7 +104,7 @@ static void add_words(text *to, const text *each, const text *whole, long k) {
 /* Adds a description of number k of the variable, or of all its numbers if k is WHOLE. */
 static void add_meaning(const block *b, text *to, const variable *v, long k) {
     const export_source *source = b->source;
-    text words = app_text();
+    APP_CLEAN(lg_text_destroy) text words = app_text();
     const bool input = v->kind == INPUT && strcmp(v->name, "u") == 0;
     if (v == &b->variables[b->count - 1])
         lg_text_add(&words, "%s", longest_step);
@@ -115,7 +115,6 @@ static void add_meaning(const block *b, text *to, const variable *v, long k) {
     if (input && source->delay.length > 0)
         lg_text_add(&words, "; %s: delay them yourself", source->delay.data);
     if (words.length > 0) add_attribute(to, "description", words.data);
-    lg_text_destroy(&words);
 }
 
 static void add_kind(const block *b, text *to, const variable *v, long k) {
@@ -187,7 +186,7 @@ static void add_unknowns(const job *j, const char *element, bool derivatives, bo
 }
 
 static void add_common(const job *j, text *to) {
-    text about = app_text();
+    APP_CLEAN(lg_text_destroy) text about = app_text();
     lg_text_add(&about, "%s", lg_program_description(j->b.program));
     if (j->b.source->delay.length > 0)
         lg_text_add(&about, "%s%s: delay them yourself", about.length > 0 ? "; " : "",
@@ -196,7 +195,6 @@ static void add_common(const job *j, text *to) {
     add_attribute(to, "modelName", j->b.source->options->name);
     lg_text_add(to, " %s=\"%s\"\n ", j->version == 2 ? "guid" : "instantiationToken", j->token);
     if (about.length > 0) add_attribute(to, "description", about.data);
-    lg_text_destroy(&about);
     lg_text_add(to, " generationTool=\"lg-export of liegrad %s\" variableNamingConvention=\"structured\"",
                 lg_version());
 }
