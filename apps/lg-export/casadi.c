@@ -272,15 +272,6 @@ static void write_function(job *j, const char *function, const char *derived[DER
 
 /* ---- the file ---- */
 
-static const char rules[] =
-    "# The library for casadi.external. CasADi's own integers are long long; for generated code of acados\n"
-    "# make clean && make CASADI_INT=int.\n"
-    "CASADI_INT ?= long long\n"
-    "\n"
-    "libNAME_.so: NAME_casadi.c NAME_.c NAME_weights.c NAME_.h\n"
-    "\t$(CC) $(CFLAGS) -fPIC -shared '-Dcasadi_int=$(CASADI_INT)' NAME_casadi.c NAME_.c NAME_weights.c "
-    "$(LDFLAGS) -lm -o libNAME_.so\n";
-
 /* Writes the file. The tables are first collected in `body`: the file begins with sizes (MOST_INPUTS, ...)
  * that are known only after the tables are made. */
 static void write_file(job *j, const export_names *functions, const char *(*derived)[DERIVATIVES]) {
@@ -314,7 +305,7 @@ static void build(const app *self, const char *path, lg_program *program, export
     for (size_t i = 0; i < functions.count; i++) derive(&j, functions.name[i], derived[i], &list);
     source->prefix = "c_";
     export_whole(self, path, program, &list, source);
-    export_add_rules(source, "libNAME_.so", rules);
+    export_add_rules(source, "libNAME_.so", export_fragment_text("casadi.gmake"));
     export_compose(source);
     write_file(&j, &functions, derived);
     lg_text_destroy(&j.symbols);

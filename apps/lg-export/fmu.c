@@ -254,22 +254,10 @@ static void add_build(const job *j, text *to) {
 
 /* ---- Makefile ---- */
 
-static const char rules[] =
-    "# The FMU: a zip file of modelDescription.xml, the library and its sources.\n"
-    "PACK ?= $(if $(shell command -v zip),zip -q -r,cmake -E tar c --format=zip)\n\n"
-    "NAME_.so: NAME_fmu.c NAME_.c NAME_weights.c NAME_.h\n"
-    "\t$(CC) $(CFLAGS) -fPIC -shared -fvisibility=hidden NAME_fmu.c NAME_.c NAME_weights.c $(LDFLAGS) -lm "
-    "-o NAME_.so\n\n"
-    "NAME_.fmu: NAME_.so modelDescription.xml\n"
-    "\trm -rf NAME_contents NAME_.fmu && mkdir -p NAME_contents/binaries/$(BINARIES) NAME_contents/sources\n"
-    "\tcp modelDescription.xml NAME_contents && cp NAME_.so NAME_contents/binaries/$(BINARIES)\n"
-    "\tcp NAME_fmu.c NAME_.c NAME_weights.c NAME_.h $(wildcard buildDescription.xml) NAME_contents/sources\n"
-    "\tcd NAME_contents && $(PACK) ../NAME_.fmu $$(ls)\n\trm -rf NAME_contents\n";
-
 static void add_rules(job *j) {
     lg_text_add(&j->b.source->rules, "BINARIES ?= %s\n",
                 j->version == 2 ? "linux64" : "$(shell uname -m)-linux");
-    export_add_rules(j->b.source, "NAME_.fmu NAME_.so", rules);
+    export_add_rules(j->b.source, "NAME_.fmu NAME_.so", export_fragment_text("fmu.gmake"));
 }
 
 /* Makes the identifier (guid or instantiation token) that the caller must give when it makes an instance:

@@ -61,19 +61,6 @@ static void add_arrival(export_source *source, const lg_space *space, bool facto
 static const char energy_declaration[] =
     "/* H(state) = NAME_eval */\n"
     "NAME_real NAME_hamiltonian(const NAME_real *state, NAME_real *work);\n\n";
-static const char motion_declarations[] =
-    "/* The field at this state. The top of the file says what the state, the input and the field are. The\n"
-    " * input may be NULL, which means zero. */\n"
-    "void NAME_field(const NAME_real *state, const NAME_real *input, NAME_real *field, NAME_real *work);\n"
-    "\n"
-    "/* One step of length h, which may be negative; h = 0 copies the state. The input is constant over the\n"
-    " * step, and may be NULL, which means zero. next may be state. Relative to the state, differences from\n"
-    " * the library stay below NAME_TOLERANCE * NAME_STEP_EVALUATIONS, if rotations turn at most a few "
-    "times\n"
-    " * per step. */\n"
-    "void NAME_step(NAME_real h, const NAME_real *state, const NAME_real *input, NAME_real *next,\n"
-    "               NAME_real *work);\n";
-
 /* Returns whether the program's `step` takes the state, the input of the field if there is one, and h, and
  * returns a state. */
 static bool moves(const export_model *m) {
@@ -116,7 +103,7 @@ static void motion_code(export_model *m) {
     export_size(source, "INPUT_SIZE", m->forces, "numbers in an input");
     export_size(source, "STEP_EVALUATIONS", evaluations_of(m), "of the field, or of the force, in a step");
     if (energy) lg_text_add_named(&source->declarations, name, energy_declaration);
-    lg_text_add_named(&source->declarations, name, motion_declarations);
+    lg_text_add_named(&source->declarations, name, export_fragment_text("motion.cin"));
 }
 
 static void states_code(export_model *m) {
@@ -126,17 +113,6 @@ static void states_code(export_model *m) {
 
 /* ---- the linearisation ---- */
 
-static const char linearise_declaration[] =
-    "\n/* The linearisation c' = A c + B du at (state, input), or NULL for no input: A (TANGENT, TANGENT), B "
-    "(TANGENT,\n"
-    " * INPUT_SIZE); each may be NULL. Coordinates c: places; of each direction with e_1, e_2 orthogonal to "
-    "q those of\n"
-    " * dq and of dp (e_1: the axis of the smallest |q_i| made orthogonal, e_2 = q x e_1); of each rotation "
-    "a with\n"
-    " * dR = R hat(a); momenta. The frames are held fixed. */\n"
-    "void NAME_linearise(const NAME_real *state, const NAME_real *input, NAME_real *A, NAME_real *B,\n"
-    "                    NAME_real *work);\n";
-
 static void linearise_code(export_model *m) {
     export_source *source = m->source;
     const size_t work = export_work_of(m, "jac_velocity") + m->dim * (m->dim + m->forces + 1) + m->tangent;
@@ -145,7 +121,7 @@ static void linearise_code(export_model *m) {
     export_code(source, "linearise");
     if (work > source->work) source->work = work;
     export_size(source, "TANGENT", m->tangent, "coordinates of the linearisation");
-    lg_text_add_named(&source->declarations, source->options->name, linearise_declaration);
+    lg_text_add_named(&source->declarations, source->options->name, export_fragment_text("linearise.cin"));
 }
 
 /* ---- golden vectors ---- */

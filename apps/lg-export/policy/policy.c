@@ -124,15 +124,15 @@ void export_policy_simple(const export_policy_job *j, const char *function) {
                    function);
 }
 
-export_memory *export_policy_keep(export_policy_job *j, const char *function, const char *declarations,
-                                  size_t numbers) {
+export_memory *export_policy_keep(export_policy_job *j, const char *function, size_t numbers) {
     export_source *source = j->source;
+    APP_FREE char *declarations = app_format("%s.cin", function);
     export_memory *run = &source->run[source->runs++];
     *run = (export_memory){.function = function,
                            .start = app_keep(numbers, sizeof *run->start),
                            .numbers = numbers,
                            .work = numbers};
-    lg_text_add_named(&j->declarations, source->options->name, declarations);
+    lg_text_add_named(&j->declarations, source->options->name, export_fragment_text(declarations));
     source->stack += 200;
     source->calls++;
     return run;

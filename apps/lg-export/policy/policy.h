@@ -47,10 +47,9 @@ void export_policy_adapt(export_policy_job *job);
 /* Refuses a plant whose state is more than lines, angles, and one momentum for each; `function` is for the
  * message. */
 void export_policy_simple(const export_policy_job *job, const char *function);
-/* Adds the run of a function whose memory has `numbers` numbers, and its declarations. The caller fills
- * the run. */
-export_memory *export_policy_keep(export_policy_job *job, const char *function, const char *declarations,
-                                  size_t numbers);
+/* Adds the run of a function whose memory has `numbers` numbers, and its declarations, <function>.cin below
+ * code/policy. The caller fills the run. */
+export_memory *export_policy_keep(export_policy_job *job, const char *function, size_t numbers);
 /* Adds the memory at the start as the array <function>_first, and the function's fragment. */
 void export_policy_start(const export_policy_job *job, const export_memory *run);
 /* Record the plant's state from positions and velocities; 1/x, or 0 where x is no normal number above 0. */

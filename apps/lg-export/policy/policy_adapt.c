@@ -141,20 +141,6 @@ static void find_ranges(const export_policy_job *j, adaptation *a, const export_
 
 /* ---- texts ---- */
 
-static const char declarations[] =
-    "\n/* The adaptation: NAME_adapt_start once; then NAME_adapt once a period, with x and u of the last "
-    "call of\n"
-    " * NAME_control and `next`, the x now (all of them measured or estimated). found (NAME_FOUND): for each "
-    "velocity\n"
-    " * damping, Coulomb friction, offset and inertia that the plant has and the machine does not: its force "
-    "is\n"
-    " * larger by -damping v - coulomb sign(v) + offset - inertia v'. memory: NAME_ADAPT_SIZE numbers, kept "
-    "between\n"
-    " * calls. Numbers that are not finite change nothing. */\n"
-    "void NAME_adapt_start(NAME_real *memory);\n"
-    "void NAME_adapt(const NAME_real *x, const NAME_real *u, const NAME_real *next, NAME_real *memory,\n"
-    "    NAME_real *found, NAME_real *work);\n";
-
 static void add_words(const adaptation *a) {
     const export_policy_job *j = a->job;
     text *about = &j->source->about;
@@ -176,7 +162,7 @@ static void add_words(const adaptation *a) {
 static void add_run(export_policy_job *j, const adaptation *a) {
     const size_t n = j->given, m = j->inputs, width = 4 * n + m;
     double more[2 * MOST];
-    export_memory *run = export_policy_keep(j, "adapt", declarations, MEMORY * n);
+    export_memory *run = export_policy_keep(j, "adapt", MEMORY * n);
     for (size_t i = 0; i < n; i++) more[i] = a->range[NUMBERS * i + 2], more[n + i] = a->range[NUMBERS * i];
     export_path path = export_loop_run(j, ADAPT_STREAM, NULL, more);
     run->rows = path.periods;

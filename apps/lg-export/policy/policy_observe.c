@@ -144,22 +144,10 @@ static void add_words(const filter *f) {
     lg_text_add(about, " (--drift)\n");
 }
 
-static const char declarations[] =
-    "\n/* The observer: NAME_observe_start once, with the first positions y (NAME_GIVEN), in the order of x; "
-    "then\n"
-    " * NAME_observe once a period. u is what was held since the last call, y the positions now, x "
-    "(NAME_INPUTS)\n"
-    " * the estimate for NAME_control. A number of y that is not finite counts as not measured. A u that is "
-    "not\n"
-    " * finite leaves the estimate as it was. memory: NAME_OBSERVE_SIZE numbers, kept between calls. */\n"
-    "void NAME_observe_start(const NAME_real *y, NAME_real *memory);\n"
-    "void NAME_observe(const NAME_real *y, const NAME_real *u, NAME_real *memory, NAME_real *x, NAME_real "
-    "*work);\n";
-
 /* Measurements with noise along a run of the library. */
 static void add_run(export_policy_job *j, const filter *f) {
     const size_t n = j->given, all = f->estimate, m = j->inputs;
-    export_memory *run = export_policy_keep(j, "observe", declarations, all * (all + 1));
+    export_memory *run = export_policy_keep(j, "observe", all * (all + 1));
     export_path path = export_loop_run(j, OBSERVE_STREAM, f->sensor, NULL);
     run->rows = path.periods;
     run->work += 2 * n;
