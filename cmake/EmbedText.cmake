@@ -1,5 +1,5 @@
 # Files as text in one generated C file: a table of {name, text}, a row for each file below some folders, and a last row of NULL.
-# C files and gnuplot scripts (.gp) are named without their ending, shell scripts (.sh) and YAML files (.yaml) with it. As a script: cmake -DFOLDERS=... -DOUT=... -DHEADER=... -DTABLE=... -P EmbedText.cmake. Included: embed_text.
+# C files and gnuplot scripts (.gp) are named without their ending, others (.sh, .yaml, .cin, .gmake, .cmake) with it. As a script: cmake -DFOLDERS=... -DOUT=... -DHEADER=... -DTABLE=... -P EmbedText.cmake. Included: embed_text.
 #
 # embed_text(out header table folder...): the generated file's path into `out`; made again when a file below a folder
 # changes, comes or goes. `header` declares `table`, an array such as "const export_fragment export_fragments[]".

@@ -236,10 +236,9 @@ static lg_policy *read_policy(const app *self, const char *path, const double *g
         return policy;
     }
     lg_policy_task task;
-    APP_FREE char *text = NULL, *source = control_plant_path(self, path);
-    APP_CLEAN(control_machine_destroy) control_machine machine;
-    lg_program *plant = control_read_task(self, path, &task, &text);
-    (void)control_soften(self, source, &machine, &task);
+    APP_FREE char *text = NULL, *source = NULL;
+    APP_CLEAN(control_machine_destroy) control_machine machine = {.scheme = NULL};
+    lg_program *plant = control_read_task(self, path, &task, &text, &source, &machine);
     task.search = needs_regulator(self, &task);
     if (count > 0) {
         task.gain_count = (uint32_t)count;
@@ -338,11 +337,6 @@ static void tell(app *self, naming names, const verdict *v) {
 
 /* ---- the claim ---- */
 
-static const char *name_in(const char *path) {
-    const char *slash = strrchr(path, '/');
-    return slash == NULL ? path : slash + 1;
-}
-
 /* The name of a file with the first digits of the hash of its bytes. */
 static char *name_file(const app *self, const char *path) {
     char text[LG_SHA256_TEXT];
@@ -350,7 +344,7 @@ static char *name_file(const app *self, const char *path) {
     lg_sha256_init(&state);
     APP_MUST_FILE(self, path, app_hash_file(path, &state, &error));
     lg_sha256_finish(&state, text);
-    return app_format("%s (SHA-256 %.12s)", name_in(path), text);
+    return app_format("%s (SHA-256 %.12s)", basename(path), text);
 }
 
 /* The sentence of a proof, with what it is about before it, and what it covers after it. */
@@ -650,7 +644,7 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
 }
 
 static void copy_name(char out[LG_CERTIFICATE_NAME], const char *path) {
-    (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", name_in(path));
+    (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", basename(path));
 }
 
 static void write_certificate(const app *self, naming names, lg_certify_spec *spec,

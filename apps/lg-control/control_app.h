@@ -22,8 +22,6 @@ typedef struct control_machine {
     uint32_t delay[LG_MACHINE_INPUTS]; /* of the inputs, in rows */
 } control_machine;
 void control_machine_destroy(control_machine *machine);
-/* Opens the machine and gives the task its soft friction; `keep` must live as long as the task's policy. */
-bool control_soften(const app *self, const char *path, control_machine *keep, lg_policy_task *task);
 
 /* A plant from a file (plant.c): a model of lg-identify, a machine whose terms are all known, or a program
  * with the function field (x, u). The names of its coordinates and inputs are added to the task. If `lagged`,
@@ -31,8 +29,11 @@ bool control_soften(const app *self, const char *path, control_machine *keep, lg
  * task->dead_time becomes the delays of its inputs; a row of a machine file without a log is task->period.
  * Failures end the command. */
 lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task);
-/* Reads a task and its plant; the plant's path is relative to the task's folder. `text`: freed with free. */
-lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text);
+/* Reads a task and its plant, at the path `source`, which is relative to the task's folder. `keep`, the
+ * machine of the plant, gives the task its soft friction, and must live as long as the task's policy. `text`
+ * and `source`: freed with free. */
+lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text,
+                              char **source, control_machine *keep);
 /* The path of the plant that a task names, to be freed. */
 char *control_plant_path(const app *self, const char *path);
 

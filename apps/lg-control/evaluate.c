@@ -79,8 +79,9 @@ static lg_policy *refined(const app *self, lg_policy *policy) {
 /* Draws come from the model --plant, or else from the plant of the task. */
 static void disturb(const app *self, lg_policy *policy) {
     lg_policy_task task;
-    APP_FREE char *text = NULL, *source = control_plant_path(self, values.disturb);
-    lg_program_destroy(control_read_task(self, values.disturb, &task, &text));
+    APP_FREE char *text = NULL, *source = NULL;
+    APP_CLEAN(control_machine_destroy) control_machine machine = {.scheme = NULL};
+    lg_program_destroy(control_read_task(self, values.disturb, &task, &text, &source, &machine));
     if (!lg_policy_is_disturbed(&task))
         app_stop(self, LG_FORMAT, "%s: the task has no disturbances (robust)", values.disturb);
     APP_MUST(self, lg_policy_disturb(policy, &task, &error));

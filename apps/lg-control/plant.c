@@ -199,13 +199,6 @@ static lg_status soften(void *user, const double *speed, lg_program **out, lg_er
     return lg_machine_program(m->self->context, soft, m->model.theta, m->scheme, true, out, error);
 }
 
-bool control_soften(const app *self, const char *path, control_machine *keep, lg_policy_task *task) {
-    if (!open_machine(self, path, keep)) return false;
-    keep->self = self;
-    task->soften = soften, task->soften_user = keep;
-    return true;
-}
-
 static lg_program *load_machine(const app *self, const char *path, const control_machine *m, bool lagged,
                                 lg_policy_task *task) {
     name_coordinates(self, path, &m->file, task);
@@ -326,11 +319,16 @@ static lg_program *load_program(const app *self, const char *path, lg_policy_tas
 
 /* ---- */
 
+static lg_program *load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task,
+                              control_machine *machine) {
+    app_reads(self, path);
+    return open_machine(self, path, machine) ? load_machine(self, path, machine, lagged, task)
+                                             : load_program(self, path, task);
+}
+
 lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task) {
     APP_CLEAN(control_machine_destroy) control_machine machine;
-    app_reads(self, path);
-    return open_machine(self, path, &machine) ? load_machine(self, path, &machine, lagged, task)
-                                              : load_program(self, path, task);
+    return load_plant(self, path, lagged, task, &machine);
 }
 
 /* The path of the plant that the task in `path` calls `plant`. */
@@ -349,13 +347,15 @@ char *control_plant_path(const app *self, const char *path) {
     return beside(path, plant);
 }
 
-lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text) {
-    char plant[512], *read = NULL;
+lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text,
+                              char **source, control_machine *keep) {
+    char plant[512];
     APP_MUST_FILE(self, path,
-                  lg_policy_task_read(self->context, path, task, plant, sizeof plant, &read, &error));
-    APP_FREE char *full = beside(path, plant);
-    lg_program *program = control_load_plant(self, full, true, task);
-    APP_MUST_FILE(self, path, lg_policy_task_parse(self->context, path, read, task, &error));
-    *text = read;
+                  lg_policy_task_read(self->context, path, task, plant, sizeof plant, text, &error));
+    *source = beside(path, plant);
+    lg_program *program = load_plant(self, *source, true, task, keep);
+    APP_MUST_FILE(self, path, lg_policy_task_parse(self->context, path, *text, task, &error));
+    keep->self = self;
+    if (keep->scheme != NULL) task->soften = soften, task->soften_user = keep;
     return program;
 }

@@ -230,13 +230,11 @@ static void run(app *self) {
     lg_policy *policy = NULL;
     lg_policy_trainer *trainer = NULL;
     lg_policy_train_result result;
-    APP_FREE char *text = NULL;
+    APP_FREE char *text = NULL, *source = NULL;
+    APP_CLEAN(control_machine_destroy) control_machine machine = {.scheme = NULL};
     const lg_policy_train_options settings = read_options(self);
     check_checkpoint(self);
-    lg_program *plant = control_read_task(self, self->arguments[0], &task, &text);
-    APP_FREE char *source = control_plant_path(self, self->arguments[0]);
-    APP_CLEAN(control_machine_destroy) control_machine machine;
-    (void)control_soften(self, source, &machine, &task);
+    lg_program *plant = control_read_task(self, self->arguments[0], &task, &text, &source, &machine);
     APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
     warn(self, policy);
     control_add_draws(self, policy, source);

@@ -1,7 +1,6 @@
 /* Collects the variables and functions of a block, and writes the C that evaluates it. */
 #include "lg-export/block.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 /* ---- variables ---- */
@@ -30,32 +29,26 @@ static bool add_input(block *b, const lg_port *port, size_t *at) {
     return add_variable(b, port->name, port, port->shared ? PARAMETER : INPUT, at);
 }
 
-static void use(block *b, const char *function) {
-    lg_text_add(&b->list, "%s%s", b->list.length > 0 ? "," : "", function);
-}
-
 static void add_derivatives(block *b, part *p) {
-    use(b, p->name);
+    (void)export_add_name(&b->list, b->program, p->name);
     if (!b->derivatives) return;
     p->forward = export_derive(b->self, b->program, LG_DERIVATIVE_FORWARD, p->name);
     p->adjoint = export_derive(b->self, b->program, LG_DERIVATIVE_ADJOINT, p->name);
-    if (p->forward != NULL) use(b, p->forward);
-    if (p->adjoint != NULL) use(b, p->adjoint);
+    if (p->forward != NULL) (void)export_add_name(&b->list, b->program, p->forward);
+    if (p->adjoint != NULL) (void)export_add_name(&b->list, b->program, p->adjoint);
 }
 
 /* Adds the rate. The state and its derivative are always the first two variables. */
 static bool add_rate(block *b, const char *function) {
-    size_t ins, outs;
-    const lg_port *in = export_ports(b->program, function, false, &ins),
-                  *out = export_ports(b->program, function, true, &outs);
+    const export_ports f = export_ports_of(b->program, function);
     part *p = &b->parts[b->part_count++];
     char name[160];
-    *p = (part){.name = app_format("%s", function), .ins = ins, .outs = 1};
-    bool fits = add_variable(b, in[0].name, &in[0], STATE, &p->in[0]);
-    (void)snprintf(name, sizeof name, "der(%s)", in[0].name);
-    fits = fits && add_variable(b, name, &in[0], DERIVATIVE, &p->out[0]);
-    for (size_t i = 1; i < ins && fits; i++) fits = add_input(b, &in[i], &p->in[i]);
-    b->variables[p->out[0]].unit = out[0].unit;
+    *p = (part){.name = function, .ins = f.ins, .outs = 1};
+    bool fits = add_variable(b, f.in[0].name, &f.in[0], STATE, &p->in[0]);
+    (void)snprintf(name, sizeof name, "der(%s)", f.in[0].name);
+    fits = fits && add_variable(b, name, &f.in[0], DERIVATIVE, &p->out[0]);
+    for (size_t i = 1; i < f.ins && fits; i++) fits = add_input(b, &f.in[i], &p->in[i]);
+    b->variables[p->out[0]].unit = f.out[0].unit;
     b->states = b->variables[0].count;
     b->rate = true;
     if (fits) add_derivatives(b, p);
@@ -65,17 +58,15 @@ static bool add_rate(block *b, const char *function) {
 /* Adds a function and its outputs. Returns false if there are too many variables, or if one name has two
  * sizes. */
 static bool add_outputs(block *b, const char *function) {
-    size_t ins, outs;
-    const lg_port *in = export_ports(b->program, function, false, &ins),
-                  *out = export_ports(b->program, function, true, &outs);
+    const export_ports f = export_ports_of(b->program, function);
     part *p = &b->parts[b->part_count++];
-    bool fits = ins <= MOST_PORTS && outs <= MOST_PORTS;
-    *p = (part){.name = app_format("%s", function), .ins = ins, .outs = outs};
-    for (size_t i = 0; i < ins && fits; i++) fits = add_input(b, &in[i], &p->in[i]);
-    for (size_t o = 0; o < outs && fits; o++) {
+    bool fits = f.ins <= MOST_PORTS && f.outs <= MOST_PORTS;
+    *p = (part){.name = function, .ins = f.ins, .outs = f.outs};
+    for (size_t i = 0; i < f.ins && fits; i++) fits = add_input(b, &f.in[i], &p->in[i]);
+    for (size_t o = 0; o < f.outs && fits; o++) {
         char name[160];
-        (void)snprintf(name, sizeof name, outs == 1 ? "%s" : "%s.%s", function, out[o].name);
-        fits = add_variable(b, name, &out[o], OUTPUT, &p->out[o]);
+        (void)snprintf(name, sizeof name, f.outs == 1 ? "%s" : "%s.%s", function, f.out[o].name);
+        fits = add_variable(b, name, &f.out[o], OUTPUT, &p->out[o]);
     }
     if (fits) add_derivatives(b, p);
     return fits;
@@ -83,32 +74,21 @@ static bool add_outputs(block *b, const char *function) {
 
 /* ---- choosing functions ---- */
 
-static bool has(const block *b, const char *function) {
-    size_t at;
-    return lg_program_find(b->program, function, &at, NULL) == LG_OK;
-}
-
 /* Returns whether the function computes x' from x and inputs: it has one result, as long as the first
  * input. */
 static bool is_rate(const block *b, const char *function) {
-    if (!has(b, function)) return false;
-    size_t ins, outs;
-    const lg_port *in = export_ports(b->program, function, false, &ins),
-                  *out = export_ports(b->program, function, true, &outs);
-    return ins >= 1 && outs == 1 && !in[0].shared && !out[0].shared &&
-           lg_shape_count(in[0].shape) == lg_shape_count(out[0].shape);
+    const export_ports f = export_ports_of(b->program, function);
+    return f.ins >= 1 && f.outs == 1 && !f.in[0].shared && !f.out[0].shared &&
+           lg_shape_count(f.in[0].shape) == lg_shape_count(f.out[0].shape);
 }
 
 /* Returns whether the program has a `step` that takes the inputs of the rate and then h. */
 static bool fits_step(const block *b) {
-    if (!has(b, "step")) return false;
-    size_t ins, outs;
-    const lg_port *in = export_ports(b->program, "step", false, &ins);
-    (void)export_ports(b->program, "step", true, &outs);
+    const export_ports f = export_ports_of(b->program, "step");
     const part *rate = &b->parts[0];
-    bool fits = ins == rate->ins + 1 && outs == 1 && lg_shape_count(in[ins - 1].shape) == 1;
-    for (size_t i = 0; i + 1 < ins && fits; i++)
-        fits = strcmp(in[i].name, b->variables[rate->in[i]].name) == 0;
+    bool fits = f.ins == rate->ins + 1 && f.outs == 1 && lg_shape_count(f.in[f.ins - 1].shape) == 1;
+    for (size_t i = 0; i + 1 < f.ins && fits; i++)
+        fits = strcmp(f.in[i].name, b->variables[rate->in[i]].name) == 0;
     return fits;
 }
 
@@ -116,14 +96,13 @@ static bool fits_step(const block *b) {
  * than the block's variables, or with an output that all rows of a batch share, are outputs only when
  * --functions names them. */
 static bool is_usual(const block *b, const char *function) {
-    size_t ins, outs;
-    const lg_port *in = export_ports(b->program, function, false, &ins),
-                  *out = export_ports(b->program, function, true, &outs);
+    const export_ports f = export_ports_of(b->program, function);
     bool usual = true;
-    for (size_t o = 0; o < outs; o++) usual = usual && !out[o].shared;
-    for (size_t i = 0; i < ins; i++) {
+    for (size_t o = 0; o < f.outs; o++) usual = usual && !f.out[o].shared;
+    for (size_t i = 0; i < f.ins; i++) {
         bool known = false;
-        for (size_t k = 0; k < b->count; k++) known = known || strcmp(b->variables[k].name, in[i].name) == 0;
+        for (size_t k = 0; k < b->count; k++)
+            known = known || strcmp(b->variables[k].name, f.in[i].name) == 0;
         usual = usual && known;
     }
     return usual || !b->rate || b->source->options->functions != NULL;
@@ -170,14 +149,12 @@ void block_collect(block *b, bool derivatives) {
     for (size_t i = 0; rates[i] != NULL && rate == NULL && !b->source->maps; i++)
         if (is_rate(b, rates[i])) rate = rates[i];
     must_fit(b, rate == NULL || add_rate(b, rate));
-    char *chosen = export_choose(b->self, b->source->options, b->program, usual);
-    for (char *save = NULL, *name = strtok_r(chosen, ",", &save); name != NULL;
-         name = strtok_r(NULL, ",", &save))
-        take_function(b, name, rate);
-    free(chosen);
+    export_names chosen;
+    export_choose(b->self, b->source->options, b->program, usual, &chosen);
+    for (size_t i = 0; i < chosen.count; i++) take_function(b, chosen.name[i], rate);
     must_fit(b, add_variable(b, "longest_step", NULL, PARAMETER, &at));
     b->step = b->rate && fits_step(b);
-    if (b->step) use(b, "step");
+    if (b->step) (void)export_add_name(&b->list, b->program, "step");
 }
 
 /* ---- C code ---- */
@@ -193,8 +170,7 @@ static void add_arguments(const block *b, const char *array, const size_t *varia
 
 void block_add_evaluate(const block *b, text *to) {
     lg_text_add(to, "static void evaluate(const double *r, double *out, double *work) {\n");
-    for (size_t i = 0; i < b->part_count; i++) {
-        const part *p = &b->parts[i];
+    for (const part *p = b->parts; p < b->parts + b->part_count; p++) {
         add_call(b, p->name, to);
         add_arguments(b, "r", p->in, p->ins, to);
         add_arguments(b, "out", p->out, p->outs, to);
@@ -216,8 +192,7 @@ void block_add_forward(const block *b, text *to) {
                     "static int forward(const double *r, const double *seed, double *out, double *work) {\n"
                     "    memcpy(out, seed, NUMBERS * sizeof *out);\n");
     if (!can) lg_text_add(to, "    (void)r, (void)work;\n");
-    for (size_t i = 0; i < b->part_count && can; i++) {
-        const part *p = &b->parts[i];
+    for (const part *p = b->parts; p < b->parts + b->part_count && can; p++) {
         add_call(b, p->forward, to);
         add_arguments(b, "r", p->in, p->ins, to);
         add_arguments(b, "seed", p->in, p->ins, to);
@@ -239,8 +214,7 @@ void block_add_adjoint(const block *b, text *to) {
         "static int adjoint(const double *r, const double *seed, double *out, double *room, double *work) "
         "{\n    memcpy(out, seed, NUMBERS * sizeof *out);\n");
     if (!can) lg_text_add(to, "    (void)r, (void)room, (void)work, (void)add;\n");
-    for (size_t i = 0; i < b->part_count && can; i++) {
-        const part *p = &b->parts[i];
+    for (const part *p = b->parts; p < b->parts + b->part_count && can; p++) {
         add_call(b, p->adjoint, to);
         add_arguments(b, "r", p->in, p->ins, to);
         add_arguments(b, "seed", p->out, p->outs, to);
@@ -316,13 +290,4 @@ void block_add_tables(const block *b, text *to) {
         lg_text_add(to, "\n");
     }
     lg_text_add(to, "};\n\n");
-}
-
-void block_free(block *b) {
-    for (size_t i = 0; i < b->part_count; i++) {
-        free(b->parts[i].name);
-        free(b->parts[i].forward);
-        free(b->parts[i].adjoint);
-    }
-    lg_text_destroy(&b->list);
 }

@@ -24,7 +24,7 @@ typedef struct variable {
 /* A function of the program in the block: `in` and `out` are the indices of the variables that it reads and
  * writes; `forward` and `adjoint` are the names of its derivatives. */
 typedef struct part {
-    char *name, *forward, *adjoint;
+    const char *name, *forward, *adjoint;
     size_t in[MOST_PORTS], out[MOST_PORTS], ins, outs;
 } part;
 
@@ -38,13 +38,12 @@ typedef struct block {
     size_t part_count;
     variable variables[MOST_PORTS];
     size_t count, numbers, states;
-    text list; /* Names of the functions to be written, separated by commas. */
+    export_names list; /* The functions to be written. */
 } block;
 
 /* Finds the variables and functions of the program, and adds derivatives if `derivatives`. Returns an exit
  * code; on failure a message has been printed. */
 void block_collect(block *b, bool derivatives);
-void block_free(block *b);
 /* Returns whether all functions have a forward derivative (or an adjoint one if `forward` is false). */
 bool block_has(const block *b, bool forward);
 /* Initial value of number k of a variable. */

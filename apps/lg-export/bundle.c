@@ -1,5 +1,4 @@
 /* Models whose functions are a program: the library writes their C code. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/export.h"
@@ -10,13 +9,12 @@ lg_status export_round_parameters(export_source *source, lg_program *program) {
     for (size_t i = 0; i < lg_program_parameters(program) && status == LG_OK; i++) {
         const lg_parameter_spec p = lg_program_parameter(program, i);
         const size_t count = lg_shape_count(p.shape);
-        double *values = app_alloc(count, sizeof *values);
+        APP_FREE double *values = app_alloc(count, sizeof *values);
         for (size_t k = 0; k < count; k++) {
             values[k] = export_round(source->options, p.values[k]);
             source->lost += lg_is_lost(source->options->dtype, p.values[k]);
         }
         status = lg_program_set_parameter(program, i, values);
-        free(values);
     }
     return status;
 }

@@ -4,7 +4,6 @@
  * one behind the other). Blocks of Jacobians are sparse if the program's sparsity says so. */
 #include "lg-export/export.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 /* Functions with more input numbers get no second derivative. */
@@ -22,7 +21,7 @@ typedef struct slot {
 
 /* A function of the program that gets symbols, with its arguments and results. */
 typedef struct entry {
-    char *function;
+    const char *function;
     slot *in, *out;
     size_t ins, outs;
 } entry;
@@ -39,59 +38,58 @@ typedef struct job {
 
 /* ---- arguments and results ---- */
 
-static int port_named(const lg_port *ports, size_t count, const char *name) {
+static int port_named(const lg_port *list, size_t count, const char *name) {
     for (size_t i = 0; i < count; i++)
-        if (strcmp(ports[i].name, name) == 0) return (int)i;
+        if (strcmp(list[i].name, name) == 0) return (int)i;
     return -1;
 }
 
-/* Adds a slot for a column of the port's numbers. If the function has no port of this name, the slot is
+/* Columns of the inputs or of the outputs of a function, with a beginning for their names. */
+typedef struct group {
+    const char *begin;
+    bool outputs;
+} group;
+
+/* Adds a slot for each column of a group. If the entry's function has no port of its name, the slot is
  * empty. */
-static void add_column(slot *slots, size_t *count, const char *begin, const lg_port *like,
-                       const lg_port *ports, size_t port_count) {
-    slot *s = &slots[(*count)++];
-    *s = (slot){.rows = lg_shape_count(like->shape), .columns = 1};
-    (void)snprintf(s->name, sizeof s->name, "%s%s", begin, like->name);
-    s->port = port_named(ports, port_count, s->name);
+static void add_columns(slot *slots, size_t *count, const group *g, const export_ports *f, const lg_port *own,
+                        size_t own_count) {
+    for (size_t i = 0; i < (g->outputs ? f->outs : f->ins); i++) {
+        const lg_port *like = g->outputs ? &f->out[i] : &f->in[i];
+        slot *s = &slots[(*count)++];
+        *s = (slot){.rows = lg_shape_count(like->shape), .columns = 1};
+        (void)snprintf(s->name, sizeof s->name, "%s%s", g->begin, like->name);
+        s->port = port_named(own, own_count, s->name);
+    }
 }
 
-static void add_columns(slot *slots, size_t *count, const char *begin, const lg_port *like, size_t like_count,
-                        const lg_port *ports, size_t port_count) {
-    for (size_t i = 0; i < like_count; i++) add_column(slots, count, begin, &like[i], ports, port_count);
-}
-
-/* Returns which elements of the output depend on which elements of the input, (rows, columns); NULL: dense.
- * Freed with the entry. */
+/* Returns which elements of the output depend on which elements of the input, (rows, columns); NULL: dense. */
 static unsigned char *pattern_of(const job *j, const char *function, const char *output, const char *input,
                                  size_t size) {
-    size_t ins, outs;
     size_t at = 0;
     (void)lg_program_find(j->program, function, &at, NULL);
-    const lg_port *in = export_ports(j->program, function, false, &ins),
-                  *out = export_ports(j->program, function, true, &outs);
-    const int i = port_named(in, ins, input), o = port_named(out, outs, output);
+    const export_ports f = export_ports_of(j->program, function);
+    const int i = port_named(f.in, f.ins, input), o = port_named(f.out, f.outs, output);
     if (i < 0 || o < 0) return NULL;
-    unsigned char *pattern = app_alloc(size, 1);
+    unsigned char *pattern = app_keep(size, 1);
     const lg_status status = lg_program_sparsity(j->program, at, (size_t)o, (size_t)i, pattern, NULL);
-    bool dense = status != LG_OK || memchr(pattern, 0, size) == NULL;
-    if (!dense) return pattern;
-    free(pattern);
-    return NULL;
+    return status != LG_OK || memchr(pattern, 0, size) == NULL ? NULL : pattern;
 }
 
-/* Adds the blocks of the Jacobian of `of`: outputs in the outer loop, arguments in the inner loop. */
-static void add_blocks(const job *j, entry *e, const char *of, const slot *out, size_t outs, const slot *in,
-                       size_t ins) {
-    size_t count;
-    const lg_port *ports = export_ports(j->program, e->function, true, &count);
-    for (size_t o = 0; o < outs; o++)
-        for (size_t i = 0; i < ins; i++) {
-            slot *s = &e->out[e->outs++];
-            *s = (slot){.rows = out[o].rows, .columns = in[i].rows};
-            (void)snprintf(s->name, sizeof s->name, "jac_%s_%s", out[o].name, in[i].name);
-            s->port = port_named(ports, count, s->name);
-            if (s->port >= 0) s->pattern = pattern_of(j, of, out[o].name, in[i].name, s->rows * s->columns);
-        }
+/* Replaces the results of the entry by the blocks of their Jacobian by the first arguments (`by`), in which
+ * arguments are the inner loop. */
+static void add_blocks(const job *j, entry *e, const char *of, size_t by, slot *block) {
+    const export_ports own = export_ports_of(j->program, e->function);
+    for (size_t k = 0; k < e->outs * by; k++) {
+        const slot *out = &e->out[k / by], *in = &e->in[k % by];
+        slot *s = &block[k];
+        *s = (slot){.rows = out->rows, .columns = in->rows};
+        (void)snprintf(s->name, sizeof s->name, "jac_%s_%s", out->name, in->name);
+        s->port = port_named(own.out, own.outs, s->name);
+        if (s->port >= 0) s->pattern = pattern_of(j, of, out->name, in->name, s->rows * s->columns);
+    }
+    e->out = block;
+    e->outs *= by;
 }
 
 /* ---- tables ---- */
@@ -158,19 +156,17 @@ static void write_slots(job *j, const char *what, const slot *slots, size_t coun
 
 /* Writes call_<n>, which passes arguments and results to the function of the exported code. */
 static void write_call(job *j, const entry *e) {
-    size_t ins, outs;
-    (void)export_ports(j->program, e->function, false, &ins);
-    (void)export_ports(j->program, e->function, true, &outs);
+    const export_ports f = export_ports_of(j->program, e->function);
     lg_text_add(
         j->to,
         "static void call_%zu(const casadi_real *const *x, casadi_real *const *y, casadi_real *work) {\n"
         "    %s_%s%s(",
         j->entries, j->source->options->name, j->source->prefix, e->function);
-    for (size_t i = 0; i < ins; i++) lg_text_add(j->to, "x[%zu], ", i);
-    for (size_t o = 0; o < outs; o++) lg_text_add(j->to, "y[%zu], ", o);
+    for (size_t i = 0; i < f.ins; i++) lg_text_add(j->to, "x[%zu], ", i);
+    for (size_t o = 0; o < f.outs; o++) lg_text_add(j->to, "y[%zu], ", o);
     lg_text_add(j->to, "work);\n}\n");
-    if (ins > j->most_in) j->most_in = ins;
-    if (outs > j->most_out) j->most_out = outs;
+    if (f.ins > j->most_in) j->most_in = f.ins;
+    if (f.outs > j->most_out) j->most_out = f.outs;
 }
 
 static void write_entry(job *j, const char *symbol, const entry *e) {
@@ -196,162 +192,100 @@ static void write_entry(job *j, const char *symbol, const entry *e) {
 
 /* ---- a function and its derivatives ---- */
 
-typedef struct ports {
-    const lg_port *in, *out;
-    size_t ins, outs;
-} ports;
+enum { FORWARD, ADJOINT, JACOBIAN, SECOND, DERIVATIVES };
 
-static ports ports_of(const job *j, const char *function) {
-    ports p;
-    p.in = export_ports(j->program, function, false, &p.ins);
-    p.out = export_ports(j->program, function, true, &p.outs);
-    return p;
+/* The entries of a function: itself, and its derivatives. The arguments are the columns of groups. The
+ * results are columns, or the blocks of their Jacobian by the arguments in the first `by` groups. */
+typedef struct form {
+    const char *begin; /* of the symbol; the model's name and the function's name follow */
+    int derivative;    /* -1: the function itself */
+    size_t ins, by;
+    group in[4], out;
+} form;
+static const form forms[] = {
+    {"", -1, 1, 0, {{"", false}}, {"", true}},
+    {"jac_", JACOBIAN, 2, 1, {{"", false}, {"out_", true}}, {"", true}},
+    {"fwd1_", FORWARD, 3, 0, {{"", false}, {"out_", true}, {"fwd_", false}}, {"fwd_", true}},
+    {"adj1_", ADJOINT, 3, 0, {{"", false}, {"out_", true}, {"adj_", true}}, {"adj_", false}},
+    {"jac_adj1_",
+     SECOND,
+     4,
+     3,
+     {{"", false}, {"out_", true}, {"adj_", true}, {"out_adj_", false}},
+     {"adj_", false}}};
+
+/* `of`: the function whose Jacobian the blocks are. */
+static void write_form(job *j, const form *how, const char *function, const char *own, const char *of) {
+    const export_ports f = export_ports_of(j->program, function), d = export_ports_of(j->program, own);
+    APP_FREE char *symbol = app_format("%s%s_%s", how->begin, j->source->options->name, function);
+    APP_FREE slot *in = app_alloc(2 * (f.ins + f.outs), sizeof *in),
+                  *result = app_alloc(f.ins + f.outs, sizeof *in);
+    entry e = {.function = own, .in = in, .out = result};
+    size_t results = 0, by = 0;
+    for (size_t g = 0; g < how->ins; g++) {
+        add_columns(e.in, &e.ins, &how->in[g], &f, d.in, d.ins);
+        if (g + 1 == how->by) by = e.ins;
+    }
+    add_columns(result, &results, &how->out, &f, d.out, d.outs);
+    APP_FREE slot *block = app_alloc(results * by, sizeof *block);
+    e.outs = results;
+    if (by > 0) add_blocks(j, &e, of, by, block);
+    write_entry(j, symbol, &e);
 }
 
-/* Writes the entry of a function or derivative, whose symbol is `begin` ("", "jac_", ...), then the model's
- * name, then the function's name; frees the entry's lists. */
-static void end_entry(job *j, const char *begin, const char *function, entry *e) {
-    APP_FREE char *symbol = app_format("%s%s_%s", begin, j->source->options->name, function);
-    write_entry(j, symbol, e);
-    for (size_t o = 0; o < e->outs; o++) free((void *)e->out[o].pattern);
-    free(e->out);
-    free(e->in);
-}
-
-/* The arguments (x, out_y) of a derivative. */
-static void add_given(entry *e, const ports *f, const ports *d) {
-    add_columns(e->in, &e->ins, "", f->in, f->ins, d->in, d->ins);
-    add_columns(e->in, &e->ins, "out_", f->out, f->outs, d->in, d->ins);
-}
-
-static void write_value(job *j, char *function) {
-    const ports f = ports_of(j, function);
-    entry e = {.function = function};
-    e.in = app_alloc(f.ins, sizeof *e.in);
-    e.out = app_alloc(f.outs, sizeof *e.out);
-    add_columns(e.in, &e.ins, "", f.in, f.ins, f.in, f.ins);
-    add_columns(e.out, &e.outs, "", f.out, f.outs, f.out, f.outs);
-    end_entry(j, "", function, &e);
-}
-
-/* Writes the Jacobian: arguments (x, out_y), results jac_y_x. */
-static void write_jacobian(job *j, char *function, char *derived) {
-    const ports f = ports_of(j, function), d = ports_of(j, derived);
-    entry e = {.function = derived}, value = {.function = function};
-    size_t count = 0;
-    e.in = app_alloc(f.ins + f.outs, sizeof *e.in);
-    e.out = app_alloc(f.ins * f.outs, sizeof *e.out);
-    value.out = app_alloc(f.outs, sizeof *value.out);
-    add_given(&e, &f, &d);
-    add_columns(value.out, &count, "", f.out, f.outs, f.out, f.outs);
-    add_blocks(j, &e, function, value.out, f.outs, e.in, f.ins);
-    end_entry(j, "jac_", function, &e);
-    free(value.out);
-}
-
-/* Writes the forward derivative, with arguments (x, out_y, fwd_x) and results fwd_y; or, if not `forward`,
- * the adjoint derivative, with arguments (x, out_y, adj_y) and results adj_x. */
-static void write_sensitivity(job *j, const char *begin, char *function, char *derived, bool forward) {
-    const ports f = ports_of(j, function), d = ports_of(j, derived);
-    const char *letters = forward ? "fwd_" : "adj_";
-    entry e = {.function = derived};
-    e.in = app_alloc(2 * f.ins + 2 * f.outs, sizeof *e.in);
-    e.out = app_alloc(f.ins + f.outs, sizeof *e.out);
-    add_given(&e, &f, &d);
-    add_columns(e.in, &e.ins, letters, forward ? f.in : f.out, forward ? f.ins : f.outs, d.in, d.ins);
-    add_columns(e.out, &e.outs, letters, forward ? f.out : f.in, forward ? f.outs : f.ins, d.out, d.outs);
-    end_entry(j, begin, function, &e);
-}
-
-/* Writes the Jacobian of the adjoint derivative: arguments (x, out_y, adj_y, out_adj_x), results jac_adj_x_w
- * for each w of x, out_y, adj_y. */
-static void write_second(job *j, char *function, char *adjoint, char *derived) {
-    const ports f = ports_of(j, function), d = ports_of(j, derived);
-    entry e = {.function = derived};
-    size_t count = 0;
-    APP_FREE slot *adjoints = app_alloc(f.ins, sizeof *adjoints);
-    e.in = app_alloc(2 * f.ins + 2 * f.outs, sizeof *e.in);
-    e.out = app_alloc(f.ins * (f.ins + 2 * f.outs), sizeof *e.out);
-    add_given(&e, &f, &d);
-    add_columns(e.in, &e.ins, "adj_", f.out, f.outs, d.in, d.ins);
-    const size_t by = e.ins;
-    add_columns(e.in, &e.ins, "out_adj_", f.in, f.ins, d.in, d.ins);
-    add_columns(adjoints, &count, "adj_", f.in, f.ins, d.in, d.ins);
-    add_blocks(j, &e, adjoint, adjoints, count, e.in, by);
-    end_entry(j, "jac_adj1_", function, &e);
-}
-
-static size_t numbers_of(const lg_port *p, size_t count) {
-    size_t sum = 0;
-    for (size_t i = 0; i < count; i++) sum += lg_shape_count(p[i].shape);
-    return sum;
-}
-
-static bool has_shared(const ports *p) {
+static bool has_shared(const export_ports *p) {
     bool any = false;
     for (size_t i = 0; i < p->ins; i++) any = any || p->in[i].shared;
     for (size_t i = 0; i < p->outs; i++) any = any || p->out[i].shared;
     return any;
 }
 
-enum { FORWARD, ADJOINT, JACOBIAN, SECOND, DERIVATIVES };
-
 /* Adds the function's derivatives to the program, and the names of the function and of its derivatives to
  * `list`. A second derivative needs the adjoint. */
-static void derive(job *j, const char *function, char *derived[DERIVATIVES], text *list) {
+static void derive(job *j, const char *function, const char *derived[DERIVATIVES], export_names *list) {
     static const lg_derivative_kind kinds[DERIVATIVES] = {[FORWARD] = LG_DERIVATIVE_FORWARD,
                                                           [ADJOINT] = LG_DERIVATIVE_ADJOINT,
                                                           [JACOBIAN] = LG_DERIVATIVE_JACOBIAN,
                                                           [SECOND] = LG_DERIVATIVE_JACOBIAN_OF_ADJOINT};
-    const ports f = ports_of(j, function);
-    const bool shared = has_shared(&f), large = numbers_of(f.in, f.ins) > MOST_SECOND;
-    lg_text_add(list, "%s%s", list->length > 0 ? "," : "", function);
+    const export_ports f = export_ports_of(j->program, function);
+    const bool shared = has_shared(&f), large = export_numbers(f.in, f.ins) > MOST_SECOND;
+    (void)export_add_name(list, j->program, function);
     if (shared)
         app_warn(j->self, "%s has a port that all rows of a batch share: it is exported without derivatives",
                  function);
     else if (large)
         app_warn(j->self, "%s has %zu inputs: it is exported without second derivatives", function,
-                 numbers_of(f.in, f.ins));
+                 export_numbers(f.in, f.ins));
     for (size_t k = 0; k < DERIVATIVES; k++) {
         const bool possible = !shared && !(k == SECOND && (large || derived[ADJOINT] == NULL));
         derived[k] = possible ? export_derive(j->self, j->program, kinds[k], function) : NULL;
-        if (derived[k] != NULL) lg_text_add(list, ",%s", derived[k]);
+        if (derived[k] != NULL) (void)export_add_name(list, j->program, derived[k]);
     }
 }
 
-static void write_function(job *j, char *function, char *derived[DERIVATIVES]) {
-    write_value(j, function);
-    if (derived[JACOBIAN] != NULL) write_jacobian(j, function, derived[JACOBIAN]);
-    if (derived[FORWARD] != NULL) write_sensitivity(j, "fwd1_", function, derived[FORWARD], true);
-    if (derived[ADJOINT] != NULL) write_sensitivity(j, "adj1_", function, derived[ADJOINT], false);
-    if (derived[SECOND] != NULL) write_second(j, function, derived[ADJOINT], derived[SECOND]);
+static void write_function(job *j, const char *function, const char *derived[DERIVATIVES]) {
+    for (const form *f = forms; f < forms + LG_COUNT(forms); f++) {
+        const char *own = f->derivative < 0 ? function : derived[f->derivative];
+        if (own != NULL) write_form(j, f, function, own, f->by > 1 ? derived[ADJOINT] : function);
+    }
 }
 
 /* ---- the file ---- */
 
-static const char rules[] =
-    "# The library for casadi.external. CasADi's own integers are long long; for generated code of acados\n"
-    "# make clean && make CASADI_INT=int.\n"
-    "CASADI_INT ?= long long\n"
-    "\n"
-    "libNAME_.so: NAME_casadi.c NAME_.c NAME_weights.c NAME_.h\n"
-    "\t$(CC) $(CFLAGS) -fPIC -shared '-Dcasadi_int=$(CASADI_INT)' NAME_casadi.c NAME_.c NAME_weights.c "
-    "$(LDFLAGS) -lm -o libNAME_.so\n";
-
 /* Writes the file. The tables are first collected in `body`: the file begins with sizes (MOST_INPUTS, ...)
  * that are known only after the tables are made. */
-static void write_file(job *j, char **functions, char *(*derived)[DERIVATIVES], size_t count) {
+static void write_file(job *j, const export_names *functions, const char *(*derived)[DERIVATIVES]) {
     const char *name = j->source->options->name;
     text body = app_text(), *to = export_add_file(j->source, "%s_casadi.c");
     j->to = &body;
-    for (size_t i = 0; i < count; i++) write_function(j, functions[i], derived[i]);
+    for (size_t i = 0; i < functions->count; i++) write_function(j, functions->name[i], derived[i]);
     lg_text_add(to, "/* Functions of %s.h for CasADi:\n *  ", name);
     lg_text_add(to, "%s.\n", j->symbols.data);
     lg_text_add(
         to,
         " * casadi.external(\"%s_%s\", \"./lib%s.so\") loads one with its derivatives. Arguments and "
         "results are\n * columns; rows of matrices stand one behind the other. Written by lg-export.\n",
-        name, functions[0], name);
+        name, functions->name[0], name);
     export_add_words(j->source, to);
     lg_text_add(to, " */\n#include <stddef.h>\n\n#include \"%s.h\"\n\n", name);
     lg_text_add(to,
@@ -362,35 +296,19 @@ static void write_file(job *j, char **functions, char *(*derived)[DERIVATIVES], 
     lg_text_destroy(&body);
 }
 
-static size_t split(char *list, char **names, size_t most) {
-    size_t count = 0;
-    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL && count < most;
-         name = strtok_r(NULL, ",", &save))
-        names[count++] = name;
-    return count;
-}
-
 static void build(const app *self, const char *path, lg_program *program, export_source *source) {
     static const char *const usual[] = {"value", "field", "velocity", "step", NULL};
-    const size_t most = lg_program_functions(program);
     job j = {.self = self, .program = program, .source = source, .symbols = app_text()};
-    char *chosen = export_choose(self, source->options, program, usual);
-    APP_FREE char **functions = app_alloc(most, sizeof *functions);
-    char *(*derived)[DERIVATIVES] = app_alloc(most, sizeof *derived);
-    const size_t count = split(chosen, functions, most);
-    text list = app_text();
-    for (size_t i = 0; i < count; i++) derive(&j, functions[i], derived[i], &list);
+    export_names functions, list = {.count = 0};
+    const char *derived[EXPORT_MOST_NAMES][DERIVATIVES];
+    export_choose(self, source->options, program, usual, &functions);
+    for (size_t i = 0; i < functions.count; i++) derive(&j, functions.name[i], derived[i], &list);
     source->prefix = "c_";
-    export_whole(self, path, program, list.data, source);
-    export_add_rules(source, "libNAME_.so", rules);
+    export_whole(self, path, program, &list, source);
+    export_add_rules(source, "libNAME_.so", export_fragment_text("casadi.gmake"));
     export_compose(source);
-    write_file(&j, functions, derived, count);
-    for (size_t i = 0; i < count; i++)
-        for (size_t k = 0; k < DERIVATIVES; k++) free(derived[i][k]);
+    write_file(&j, &functions, derived);
     lg_text_destroy(&j.symbols);
-    lg_text_destroy(&list);
-    free(derived);
-    free(chosen);
 }
 
 const export_target export_target_casadi = {.build = build, .wide = "CasADi computes"};

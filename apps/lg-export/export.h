@@ -150,7 +150,8 @@ typedef struct export_source {
     export_file files[EXPORT_MOST_FILES];
 } export_source;
 
-/* The fragments: the text of <name>.c below code/. The table ends with a row of NULL. */
+/* The fragments: the text of <name>.c below code/, and of files with other endings, which are part of their
+ * names. The table ends with a row of NULL. */
 typedef struct export_fragment {
     const char *name, *text;
 } export_fragment;
@@ -166,8 +167,10 @@ void export_test_code(export_source *source, const char *fragment);
  * for NAME.c, which is called <constant> without a prefix. */
 void export_size(export_source *source, const char *constant, size_t value, const char *comment);
 void export_constant(export_source *source, const char *constant, size_t value);
-/* Adds a real constant for NAME.c: `static const real constant = ...;` */
-void export_real(export_source *source, const char *constant, double value);
+/* Add a real constant, `static const real constant = ...;`, and an array of numbers to a text. */
+void export_real(const export_source *source, text *to, const char *constant, double value);
+void export_reals(const export_source *source, text *to, const char *array, const double *values,
+                  size_t count);
 /* Adds `extern const NAME_real NAME_<array>[count]` with its values; a comment stands above them. */
 void export_array(export_source *source, const char *array, const char *comment, const double *values,
                   size_t count);
@@ -271,9 +274,17 @@ void export_program(const app *self, const char *path, export_source *source);
  * (policy/policy.c). export_policy_words describes it, for every target. */
 void export_policy(const app *self, const char *path, export_source *source);
 void export_policy_words(const app *self, const char *path, export_source *source);
-/* Exports functions of a program (`functions`: names separated by commas; NULL: all) under their own names,
- * with source->prefix before them. `path`: the model's file. */
-void export_whole(const app *self, const char *path, lg_program *program, const char *functions,
+/* Names of functions of a program, each once; the program owns them. */
+enum { EXPORT_MOST_NAMES = 256 }; /* as many as a program may have functions */
+typedef struct export_names {
+    const char *name[EXPORT_MOST_NAMES];
+    size_t count;
+} export_names;
+/* Adds a function's name. False: the program has no such function. */
+bool export_add_name(export_names *names, const lg_program *program, const char *function);
+/* Exports functions of a program (NULL: all but those that training alone needs) under their own names, with
+ * source->prefix before them. `path`: the model's file. */
+void export_whole(const app *self, const char *path, lg_program *program, const export_names *functions,
                   export_source *source);
 
 /* ---- targets: exports for other tools (one file each) ---- */
@@ -286,20 +297,26 @@ void export_load(const app *self, const char *path, const char *kind, export_sou
 /* Loads a scene of lg-simulate as a program. `tunable`: the scene's parameters become inputs (scene.c). */
 void export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
                        lg_program **out);
-/* Returns the inputs or outputs of a function of a program; NULL, with *count 0, if there is no such
- * function. */
-const lg_port *export_ports(const lg_program *program, const char *function, bool outputs, size_t *count);
+/* Inputs and outputs of a function of a program; none if there is no such function. */
+typedef struct export_ports {
+    const lg_port *in, *out;
+    size_t ins, outs;
+} export_ports;
+export_ports export_ports_of(const lg_program *program, const char *function);
+size_t export_numbers(const lg_port *ports, size_t count); /* in all ports */
+size_t export_parameters(const lg_program *program);       /* numbers in all parameters */
 /* Whether a function is left out of exports because training alone needs it (lg_program_is_fitted) and the
  * program has other functions. */
 bool export_trains_only(const lg_program *program, size_t function);
-/* Returns the functions that a target exports, as a list with commas, to be freed: the names given with
- * --functions; otherwise the names of `usual` (ends with NULL) that the program has; if it has none of these,
- * all functions but derivatives and those that training alone needs. NULL: a message has been printed. */
-char *export_choose(const app *self, const export_options *options, const lg_program *program,
-                    const char *const *usual);
-/* Returns the name of a derivative of a function, to be freed. Adds the derivative to the program if the
- * program does not have it yet. NULL: the derivative cannot be made, and a warning says why. */
-char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind, const char *function);
+/* Finds the functions that a target exports: the names given with --functions; otherwise the names of `usual`
+ * (ends with NULL) that the program has; if it has none of these, all functions but derivatives and those
+ * that training alone needs. `usual` NULL: the target is C, and names are given. */
+void export_choose(const app *self, const export_options *options, const lg_program *program,
+                   const char *const *usual, export_names *out);
+/* Returns the name of a derivative of a function. Adds the derivative to the program if the program does not
+ * have it yet. NULL: the derivative cannot be made, and a warning says why. */
+const char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind,
+                          const char *function);
 
 /* A target: a row, which stands in the target's own file. The list of all targets is in main.c. */
 typedef struct export_target {

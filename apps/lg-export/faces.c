@@ -2,7 +2,6 @@
 #include "lg-export/faces.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "liegrad/mechanics.h"
@@ -106,30 +105,33 @@ static void add_code(export_model *m) {
 
 /* ---- golden vectors ---- */
 
-/* Draws a random state: a random group element acts on the state at rest; flat factors get random numbers. */
-static void draw_state(export_model *m, double *x) {
-    double *element = app_alloc(m->algebra, sizeof *element), *at = x;
-    memset(x, 0, m->dim * sizeof *x);
+void export_turn(export_model *m, double *x) {
+    APP_FREE double *element = app_alloc(m->algebra, sizeof *element);
     export_rest(m->space, x);
+    for (size_t k = 0; k < m->algebra; k++) element[k] = lg_rng_normal(&m->rng);
+    lg_space_act(m->space, element, x, x);
+}
+
+/* Draws a random state; flat factors get random numbers. */
+static void draw_state(export_model *m, double *x) {
+    double *at = x;
+    memset(x, 0, m->dim * sizeof *x);
     for (size_t f = 0; f < m->space->factors; f++) {
         const lg_space_entry *entry = lg_space_kind_entry(m->space->factor[f].kind);
         const size_t numbers = entry->state * m->space->factor[f].count;
         for (size_t i = 0; entry->lift == NULL && i < numbers; i++) at[i] = lg_rng_normal(&m->rng);
         at += numbers;
     }
-    for (size_t k = 0; k < m->algebra; k++) element[k] = lg_rng_normal(&m->rng);
-    lg_space_act(m->space, element, x, x);
-    free(element);
+    export_turn(m, x);
 }
 
 /* Draws a random start on the space, or numbers within the ranges of the ports of `value`. */
 static void draw_start(export_model *m, double *x) {
-    size_t count;
     if (m->space != NULL) {
         if (lg_space_draw_start(m->space, NULL, &m->rng, x) != LG_OK) draw_state(m, x);
         return;
     }
-    export_draw_port(export_ports(m->program, "value", false, &count), &m->rng, x);
+    export_draw_port(export_ports_of(m->program, "value").in, &m->rng, x);
 }
 
 static bool draw(export_model *m, size_t v) {
@@ -218,13 +220,6 @@ static lg_status measure_condition(export_model *m, lg_error *error) {
 
 /* ---- the export ---- */
 
-static size_t parameters_of(const lg_program *program) {
-    size_t sum = 0;
-    for (size_t i = 0; i < lg_program_parameters(program); i++)
-        sum += lg_shape_count(lg_program_parameter(program, i).shape);
-    return sum;
-}
-
 static void write_model(export_model *m) {
     lg_error error = {LG_OK, ""};
     add_code(m);
@@ -242,10 +237,9 @@ static void write_model(export_model *m) {
 static void measure(export_model *m) {
     const lg_model *model = m->file->model;
     const lg_program *program = lg_model_program(model);
-    size_t count;
     m->source->inputs = lg_model_inputs(model);
     m->source->outputs = lg_model_outputs(model);
-    m->source->parameters = m->kind->recipe != NULL ? lg_model_parameters(model) : parameters_of(program);
+    m->source->parameters = m->kind->recipe != NULL ? lg_model_parameters(model) : export_parameters(program);
     m->space = lg_model_space(model);
     if (m->space != NULL) {
         m->dim = m->space->dim;
@@ -253,12 +247,12 @@ static void measure(export_model *m) {
         m->forces = lg_model_input_dim(model);
         m->tangent = lg_model_tangent_dim(model);
     }
-    const lg_port *in = export_ports(program, "momenta", false, &count);
-    m->positions = count > 1 ? lg_shape_count(in[0].shape) : 0;
-    m->velocities = count > 1 ? lg_shape_count(in[1].shape) : 0;
+    const export_ports state = export_ports_of(program, "momenta"),
+                       chances = export_ports_of(program, "probability");
+    m->positions = state.ins > 1 ? lg_shape_count(state.in[0].shape) : 0;
+    m->velocities = state.ins > 1 ? lg_shape_count(state.in[1].shape) : 0;
     if (m->kind->window != NULL) m->kind->window(m->file->contents, &m->window);
-    const lg_port *chances = export_ports(program, "probability", true, &count);
-    m->window.classes = count > 0 ? (uint32_t)lg_shape_count(chances[0].shape) : 0;
+    m->window.classes = (uint32_t)export_numbers(chances.out, chances.outs > 0);
 }
 
 /* Checks the scheme and the model before the program is made. */
@@ -279,11 +273,9 @@ void export_faces(const app *self, const lg_model_file *file, export_source *sou
                   lg_model_file_program(file, source->options->scheme, &m.program, &error));
     choose(&m);
     *none = m.face_count == 0;
-    m.input = app_alloc(m.forces + 1, sizeof *m.input);
-    m.work = app_alloc(lg_model_work_size(file->model), 1);
+    m.input = app_keep(m.forces + 1, sizeof *m.input);
+    m.work = app_keep(lg_model_work_size(file->model), 1);
     if (!*none) write_model(&m);
     export_evaluation_close(&m.probability);
-    free(m.work);
-    free(m.input);
     lg_program_destroy(m.program);
 }

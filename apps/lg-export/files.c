@@ -6,7 +6,6 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -36,14 +35,13 @@ static void add_wrapped(text *to, const char *line, const char *end) {
 }
 
 void export_add_lines(text *to, const char *lines) {
-    text safe = app_text();
+    APP_CLEAN(lg_text_destroy) text safe = app_text();
     lg_text_add_comment(&safe, lines != NULL ? lines : "");
     for (const char *line = safe.data; line != NULL && *line != '\0';) {
         const char *end = line + strcspn(line, "\n");
         add_wrapped(to, line, end);
         line = *end == '\n' ? end + 1 : end;
     }
-    lg_text_destroy(&safe);
 }
 
 void export_tell_words(const export_source *source, text *to) {
@@ -55,28 +53,17 @@ void export_tell_words(const export_source *source, text *to) {
 }
 
 void export_add_words(const export_source *source, text *to) {
-    text lines = app_text();
+    APP_CLEAN(lg_text_destroy) text lines = app_text();
     export_tell_words(source, &lines);
     export_add_lines(to, lines.data);
-    lg_text_destroy(&lines);
 }
 
 static const char unfit_inputs[] =
     " * A number of x that is not finite makes all results of NAME_eval and NAME_grad NaN.\n";
 static const char unfit_bundle[] =
     " * A number of an input that is not finite makes all results of a function NaN. An output may be NULL: "
-    "not\n"
-    " * wanted. NAME_<function>_WORK_SIZE numbers of work memory are enough for one function.\n";
+    "not\n * wanted. NAME_<function>_WORK_SIZE numbers of work memory are enough for one function.\n";
 
-static const char usage[] =
-    " *\n"
-    " * C99 and C++14; needs the mathematics library (-lm), and memcpy, memmove and memset where a compiler\n"
-    " * puts them in, and nothing else: no allocation, no input or output, no state; functions may run at "
-    "the\n"
-    " * same time, each with work memory of its own. `work`: NAME_WORK_SIZE numbers, any contents before, "
-    "none\n"
-    " * of use after; fastest where it is aligned to 64 bytes. Outputs must not overlap inputs or work "
-    "unless told.\n";
 static const char flags[] =
     " * Not for -ffast-math. Loops are written for the vectoriser of the compiler: -O3, the instruction set\n"
     " * of the target (-march=native, -mcpu=...), -ffp-contract=fast where it has fused multiply-add.\n"
@@ -87,74 +74,47 @@ static const char gradient[] =
     " * jacobian[o * NAME_INPUTS + i]. y (NAME_OUTPUTS) or NULL. */\n"
     "void NAME_grad(const NAME_real *x, NAME_real *y, NAME_real *jacobian, NAME_real *work);\n";
 
-static void add_model_sizes(const export_source *source, text *to) {
-    const export_options *options = source->options;
-    const char *name = options->name;
-    lg_text_add(to, "typedef %s %s_real;\n\n", options->dtype == LG_F32 ? "float" : "double", name);
-    lg_text_add(to, "#define %s_INPUTS %zu\n#define %s_OUTPUTS %zu\n", name, source->inputs, name,
-                source->outputs);
-    lg_text_add(to, "#define %s_WORK_SIZE %zu /* numbers of work memory */\n", name, source->work);
-}
-
-static void add_sizes(const export_source *source, text *to) {
-    const char *name = source->options->name;
-    if (source->bundle)
-        lg_text_add(to, "%s", source->sizes.data);
-    else
-        add_model_sizes(source, to);
-    lg_text_add(
-        to,
-        "/* Bytes: bound on the stack that any of the functions takes (gcc and clang, 64 and 32 bit, -O0 to "
-        "-O3\n"
-        " * and -Os, with any set of instructions); `make stack` checks it. */\n#define %s_STACK_SIZE %zu\n",
-        name, source->stack);
-    char times[64] = "";
-    if (source->condition != 1)
-        (void)lg_format(times, sizeof times, " times the condition %.6g", source->condition);
-    lg_text_add(
-        to,
-        "/* Maps one after another, and the tolerance of the self-test: 20 eps DEPTH%s.\n"
-        " * An error is the Euclidean norm of the difference from the library in double precision, divided "
-        "by\n"
-        " * the norm of the result or the root mean square of that norm over the golden vectors, whichever "
-        "is\n"
-        " * larger. */\n",
-        times);
-    lg_text_add(to, "#define %s_DEPTH %zu\n#define %s_TOLERANCE ", name, source->depth, name);
-    lg_text_add_real(to, LG_F64, export_tolerance(source));
-    lg_text_add(to, "\n%s\n", source->sizes.data != NULL && !source->bundle ? source->sizes.data : "");
-}
-
-static void add_header(const export_source *source, text *to) {
-    const char *name = source->options->name;
-    lg_text_add(to, "/* ");
-    lg_text_add_comment(to, name);
-    lg_text_add(to, ": written by lg-export of liegrad %s from the model ", lg_version());
-    lg_text_add_comment(to, source->options->file);
-    lg_text_add(to, "\n * (SHA-256 %s).\n *\n",
-                source->options->sha256[0] != '\0' ? source->options->sha256 : "unknown");
-    export_add_lines(to, source->about.data);
-    lg_text_add_named(to, name, usage);
-    if (source->bundle || source->outputs > 0)
-        lg_text_add_named(to, name, source->bundle ? unfit_bundle : unfit_inputs);
-    lg_text_add(to, "%s", flags);
-    lg_text_add(to, "#ifndef %s_H\n#define %s_H\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n", name,
-                name);
-    add_sizes(source, to);
-    if (!source->bundle && source->outputs > 0)
-        lg_text_add_named(to, name,
-                          "/* x (NAME_INPUTS) -> y (NAME_OUTPUTS) */\n"
-                          "void NAME_eval(const NAME_real *x, NAME_real *y, NAME_real *work);\n");
-    if (source->golden.jacobian != NULL) lg_text_add_named(to, name, gradient);
-    lg_text_add(to, "%s\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
-                source->declarations.data != NULL ? source->declarations.data : "");
-}
-
-/* ---- the other four files ---- */
-
 static const char *or_nothing(const text *from) {
     return from->data != NULL ? from->data : "";
 }
+
+static const char eval[] = "/* x (NAME_INPUTS) -> y (NAME_OUTPUTS) */\n"
+                           "void NAME_eval(const NAME_real *x, NAME_real *y, NAME_real *work);\n";
+
+static void add_sizes(const export_source *source, text *to) {
+    const char *name = source->options->name, *sizes = or_nothing(&source->sizes),
+               *type = source->options->dtype == LG_F32 ? "float" : "double";
+    if (source->bundle)
+        lg_text_add(to, "%s", sizes);
+    else
+        lg_text_add(to,
+                    "typedef %s %s_real;\n\n#define %s_INPUTS %zu\n#define %s_OUTPUTS %zu\n"
+                    "#define %s_WORK_SIZE %zu /* numbers of work memory */\n",
+                    type, name, name, source->inputs, name, source->outputs, name, source->work);
+    export_add_named(source, export_fragment_text("sizes.cin"), to);
+    lg_text_add(to, "#define %s_TOLERANCE ", name);
+    lg_text_add_real(to, LG_F64, export_tolerance(source));
+    lg_text_add(to, "\n%s\n", source->bundle ? "" : sizes);
+}
+
+static void add_header(const export_source *source, text *to) {
+    const char *name = source->options->name, *sha256 = source->options->sha256;
+    const bool valued = !source->bundle && source->outputs > 0;
+    lg_text_add(to, "/* %s: written by lg-export of liegrad %s from the model ", name, lg_version());
+    lg_text_add_comment(to, source->options->file);
+    lg_text_add(to, "\n * (SHA-256 %s).\n *\n", sha256[0] != '\0' ? sha256 : "unknown");
+    export_add_lines(to, source->about.data);
+    lg_text_add_named(to, name, export_fragment_text("usage.cin"));
+    if (source->bundle || valued) lg_text_add_named(to, name, valued ? unfit_inputs : unfit_bundle);
+    lg_text_add(to, "%s#ifndef %s_H\n#define %s_H\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n", flags,
+                name, name);
+    add_sizes(source, to);
+    if (valued) lg_text_add_named(to, name, eval);
+    if (source->golden.jacobian != NULL) lg_text_add_named(to, name, gradient);
+    lg_text_add(to, "%s\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n", or_nothing(&source->declarations));
+}
+
+/* ---- the other four files ---- */
 
 static void add_code(const export_source *source, text *to) {
     const char *name = source->options->name;
@@ -191,61 +151,17 @@ static void add_test(const export_source *source, text *to) {
     lg_text_add_named(to, name, export_fragment_text(source->outputs > 0 ? "test_main" : "test_extra"));
 }
 
-static const char makefile[] =
-    "# Objects, self-test and checks of NAME_. Written by lg-export.\n"
-    "#\n"
-    "# CFLAGS: -O3 and the target's instruction set let the compiler vectorise the loops (for another "
-    "target\n"
-    "# replace -march=native, for example by -mcpu=cortex-m7 -mfpu=fpv5-d16 -mfloat-abi=hard);\n"
-    "# -ffp-contract=fast lets it use fused multiply-add. No other flag is needed; -ffast-math is not for "
-    "this\n"
-    "# code. After a change of flags: make clean.\n"
-    "CC ?= cc\n"
-    "CFLAGS ?= -O3 -march=native -ffp-contract=fast\n"
-    "SIZE ?= size\n"
-    "\n"
-    "all: NAME_.o NAME_weights.o%ALL%\n"
-    "\n"
-    "NAME_.o: NAME_.c NAME_.h\n"
-    "\t$(CC) $(CFLAGS) -c NAME_.c -o NAME_.o\n"
-    "\n"
-    "NAME_weights.o: NAME_weights.c NAME_.h\n"
-    "\t$(CC) $(CFLAGS) -c NAME_weights.c -o NAME_weights.o\n"
-    "\n"
-    "NAME_test: NAME_test.c NAME_.h NAME_.o NAME_weights.o\n"
-    "\t$(CC) $(CFLAGS) NAME_test.c NAME_.o NAME_weights.o $(LDFLAGS) -lm -o NAME_test\n"
-    "\n"
-    "test: NAME_test\n"
-    "\t./NAME_test\n"
-    "\n"
-    "# Frames against NAME_STACK_SIZE: the largest %CALLS% ones, as no more functions call each other (0: "
-    "all),\n"
-    "# and of those named scalars_<n>, which call nothing, the largest alone.\n"
-    "stack: NAME_.c NAME_.h\n"
-    "\t$(CC) $(CFLAGS) -fstack-usage -c NAME_.c -o NAME_stack.o\n"
-    "\tsort -t \"$$(printf '\\t')\" -k 2,2nr NAME_stack.su | awk -F '\\t' '"
-    "{ if ($$1 ~ /:scalars_[0-9]/) most = $$2 > most ? $$2 : most; "
-    "else if (%CALLS% == 0 || ++n <= %CALLS%) sum += $$2; "
-    "if ($$3 !~ /^static|bounded/) open = 1 } END { sum += most; print \"stack:\", sum, "
-    "\"bytes of "
-    "at most "
-    "%STACK%\"; exit NR == 0 || open || sum > %STACK% }'\n"
-    "\n"
-    "size: NAME_.o NAME_weights.o\n"
-    "\t$(SIZE) NAME_.o NAME_weights.o\n"
-    "\n"
-    "clean:\n"
-    "\trm -f NAME_.o NAME_weights.o NAME_test NAME_stack.o NAME_stack.su%ALL%\n"
-    "\n"
-    ".PHONY: all test stack size clean\n";
-
 void export_add_named(const export_source *source, const char *lines, text *to) {
+    char times[64] = "";
+    if (source->condition != 1)
+        (void)lg_format(times, sizeof times, " times the condition %.6g", source->condition);
     const struct {
         const char *token, *text;
         size_t number; /* Used where text is NULL. */
     } rows[] = {{"NAME_.", source->options->name, 0}, {"NAME_", source->options->name, 0},
                 {"%NAME%", source->options->name, 0}, {"%ALL%", or_nothing(&source->products), 0},
-                {"%STACK%", NULL, source->stack},     {"%CALLS%", NULL, source->calls}};
+                {"%STACK%", NULL, source->stack},     {"%CALLS%", NULL, source->calls},
+                {"%DEPTH%", NULL, source->depth},     {"%TIMES%", times, 0}};
     for (const char *s = lines; *s != '\0'; s++) {
         size_t i = 0;
         while (i < LG_COUNT(rows) && strncmp(s, rows[i].token, strlen(rows[i].token)) != 0) i++;
@@ -269,7 +185,7 @@ void export_add_rules(export_source *source, const char *products, const char *r
 
 /* Adds the Makefile and, behind it, the rules of the target. */
 static void add_rules(const export_source *source, text *to) {
-    export_add_named(source, makefile, to);
+    export_add_named(source, export_fragment_text("makefile.gmake"), to);
     if (source->rules.length > 0) lg_text_add(to, "\n%s", source->rules.data);
 }
 
@@ -340,7 +256,7 @@ static bool is_empty_folder(const char *path) {
  * in formats without one, has the words "lg-export: NAME" among its first 511 bytes. */
 static bool is_ours(const place *at, size_t file, const char *path) {
     char found[512];
-    text marker = app_text();
+    APP_CLEAN(lg_text_destroy) text marker = app_text();
     const char *name = at->source->options->name;
     APP_FREE char *words = app_format("lg-export: %s", name);
     FILE *stream = fopen(path, "rb");
@@ -350,10 +266,8 @@ static bool is_ours(const place *at, size_t file, const char *path) {
     if (stream != NULL) (void)fclose(stream);
     add_marker(at->source->files[file].name, name, &marker);
     const char *mark = memmem(found, n, words, strlen(words));
-    const bool ours = marker.length > 0 ? n >= marker.length && memcmp(found, marker.data, marker.length) == 0
-                                        : mark != NULL && !lg_in_word(mark[strlen(words)]);
-    lg_text_destroy(&marker);
-    return ours;
+    return marker.length > 0 ? n >= marker.length && memcmp(found, marker.data, marker.length) == 0
+                             : mark != NULL && !lg_in_word(mark[strlen(words)]);
 }
 
 /* Checks that the name of a file is free, or taken by a file that lg-export wrote for the same model name. */
@@ -477,7 +391,7 @@ void export_write(const app *self, const export_source *source, const char *out)
     lg_error error = {LG_OK, ""};
     APP_FREE char *folder = app_format("%s", out);
     for (size_t n = strlen(folder); n > 1 && folder[n - 1] == '/'; n--) folder[n - 1] = '\0';
-    char *parent = app_folder_of(folder);
+    APP_FREE char *parent = app_folder_of(folder);
     place at = {.source = source, .out = folder, .parent = parent};
     bool unfit = source->weights.unfit || source->code.unfit || source->sizes.unfit || source->test.unfit;
     for (size_t i = 0; i < source->file_count; i++) unfit = unfit || source->files[i].content.unfit;
@@ -485,5 +399,4 @@ void export_write(const app *self, const export_source *source, const char *out)
                              : !export_golden_fits(source) ? refuse_unfit(source, "gives", &error)
                                                            : put(self, &at, &error);
     app_must_file(self, status, &error, out);
-    free(parent);
 }

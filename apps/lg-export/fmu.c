@@ -1,7 +1,6 @@
 /* FMUs (fmi-standard.org, versions 2.0 and 3.0): model exchange and co-simulation in one file, with sources.
  * Both versions offer exact directional derivatives, computed by the program's forward functions; 3.0 also
  * offers adjoint derivatives. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/block.h"
@@ -52,10 +51,6 @@ static void add_attribute(text *to, const char *name, const char *value) {
     lg_text_add(to, " %s=\"", name);
     add_escaped(to, value);
     lg_text_add(to, "\"");
-}
-
-static void add_number(text *to, double value) {
-    lg_text_add(to, "%.17g", value);
 }
 
 static void add_units(const job *j, text *to) {
@@ -109,7 +104,7 @@ static void add_words(text *to, const text *each, const text *whole, long k) {
 /* Adds a description of number k of the variable, or of all its numbers if k is WHOLE. */
 static void add_meaning(const block *b, text *to, const variable *v, long k) {
     const export_source *source = b->source;
-    text words = app_text();
+    APP_CLEAN(lg_text_destroy) text words = app_text();
     const bool input = v->kind == INPUT && strcmp(v->name, "u") == 0;
     if (v == &b->variables[b->count - 1])
         lg_text_add(&words, "%s", longest_step);
@@ -120,7 +115,6 @@ static void add_meaning(const block *b, text *to, const variable *v, long k) {
     if (input && source->delay.length > 0)
         lg_text_add(&words, "; %s: delay them yourself", source->delay.data);
     if (words.length > 0) add_attribute(to, "description", words.data);
-    lg_text_destroy(&words);
 }
 
 static void add_kind(const block *b, text *to, const variable *v, long k) {
@@ -130,49 +124,59 @@ static void add_kind(const block *b, text *to, const variable *v, long k) {
     add_meaning(b, to, v, k);
 }
 
-/* Adds the name of number k of a variable: "x[2]", "der(x[2])", "value". */
-static void add_scalar_name(text *to, const variable *v, size_t k) {
+/* Adds the name of number k of a variable: "x[2]", "der(x[2])", "value"; of all its numbers if k is WHOLE. */
+static void add_name(text *to, const variable *v, long k) {
     char name[200];
     const char *close = v->kind == DERIVATIVE ? ")" : "";
     const int stem = (int)(strlen(v->name) - strlen(close));
-    if (v->count == 1)
+    if (v->count == 1 || k == WHOLE)
         (void)snprintf(name, sizeof name, "%s", v->name);
     else
-        (void)snprintf(name, sizeof name, "%.*s[%zu]%s", stem, v->name, k + 1, close);
+        (void)snprintf(name, sizeof name, "%.*s[%ld]%s", stem, v->name, k + 1, close);
     add_attribute(to, "name", name);
 }
 
-static void add_variables2(const job *j, text *to) {
+/* FMI 2.0 has a variable for each number, 3.0 one for all numbers of a variable. */
+static void add_variables(const job *j, text *to) {
+    const bool scalars = j->version == 2;
     lg_text_add(to, "  <ModelVariables>\n");
     for (size_t i = 0; i < j->b.count; i++) {
         const variable *v = &j->b.variables[i];
-        for (size_t k = 0; k < v->count; k++) {
-            lg_text_add(to, "    <ScalarVariable");
-            add_scalar_name(to, v, k);
-            lg_text_add(to, " valueReference=\"%zu\"", v->at + k);
-            add_kind(&j->b, to, v, (long)k);
-            lg_text_add(to, "><Real");
+        const size_t each = scalars ? 1 : v->count;
+        for (size_t k = 0; k < v->count; k += each) {
+            lg_text_add(to, scalars ? "    <ScalarVariable" : "    <Float64");
+            add_name(to, v, scalars ? (long)k : WHOLE);
+            lg_text_add(to, " valueReference=\"%zu\"", scalars ? v->at + k : i);
+            add_kind(&j->b, to, v, scalars ? (long)k : WHOLE);
+            if (scalars) lg_text_add(to, "><Real");
             if (v->unit != NULL) add_attribute(to, "unit", v->unit);
-            if (xml[v->kind].start) {
-                lg_text_add(to, " start=\"");
-                add_number(to, block_start(&j->b, i, k));
-                lg_text_add(to, "\"");
-            }
-            if (v->kind == DERIVATIVE) lg_text_add(to, " derivative=\"%zu\"", k + 1);
-            lg_text_add(to, "/></ScalarVariable>\n");
+            if (v->kind == DERIVATIVE) lg_text_add(to, " derivative=\"%zu\"", scalars ? k + 1 : 0);
+            for (size_t n = k; n < k + each && xml[v->kind].start; n++)
+                lg_text_add(to, "%s%.17g%s", n == k ? " start=\"" : " ", block_start(&j->b, i, n),
+                            n + 1 == k + each ? "\"" : "");
+            if (!scalars && v->count > 1)
+                lg_text_add(to, "><Dimension start=\"%zu\"/></Float64>\n", v->count);
+            if (scalars || v->count == 1) lg_text_add(to, scalars ? "/></ScalarVariable>\n" : "/>\n");
         }
     }
+    if (!scalars)
+        lg_text_add(to,
+                    "    <Float64 name=\"time\" valueReference=\"%zu\" causality=\"independent\" "
+                    "variability=\"continuous\"/>\n",
+                    j->b.count);
     lg_text_add(to, "  </ModelVariables>\n");
 }
 
-/* Lists derivatives, outputs or both as <Unknown index=.../>; indices begin with 1. */
-static void add_unknowns2(const job *j, const char *element, bool derivatives, bool outputs, text *to) {
+/* Lists derivatives, outputs or both: in FMI 2.0 as <Unknown index=.../> for each number, with indices from 1
+ * on, in FMI 3.0 by variable. */
+static void add_unknowns(const job *j, const char *element, bool derivatives, bool outputs, text *to) {
     bool any = false;
     for (size_t i = 0; i < j->b.count; i++) {
         const variable *v = &j->b.variables[i];
         const bool here = (v->kind == DERIVATIVE && derivatives) ||
                           (is_output(&j->b, v) && outputs && (v->kind == OUTPUT || !derivatives));
-        for (size_t k = 0; k < v->count && here; k++) {
+        if (here && j->version > 2) lg_text_add(to, "    <%s valueReference=\"%zu\"/>\n", element, i);
+        for (size_t k = 0; k < v->count && here && j->version == 2; k++) {
             if (!any) lg_text_add(to, "    <%s>\n", element);
             lg_text_add(to, "      <Unknown index=\"%zu\"/>\n", v->at + k + 1);
             any = true;
@@ -182,7 +186,7 @@ static void add_unknowns2(const job *j, const char *element, bool derivatives, b
 }
 
 static void add_common(const job *j, text *to) {
-    text about = app_text();
+    APP_CLEAN(lg_text_destroy) text about = app_text();
     lg_text_add(&about, "%s", lg_program_description(j->b.program));
     if (j->b.source->delay.length > 0)
         lg_text_add(&about, "%s%s: delay them yourself", about.length > 0 ? "; " : "",
@@ -191,109 +195,56 @@ static void add_common(const job *j, text *to) {
     add_attribute(to, "modelName", j->b.source->options->name);
     lg_text_add(to, " %s=\"%s\"\n ", j->version == 2 ? "guid" : "instantiationToken", j->token);
     if (about.length > 0) add_attribute(to, "description", about.data);
-    lg_text_destroy(&about);
     lg_text_add(to, " generationTool=\"lg-export of liegrad %s\" variableNamingConvention=\"structured\"",
                 lg_version());
 }
 
-/* The default experiment ends at the scene's end, or after 1 unit of time. */
-static void add_experiment(const job *j, text *to) {
-    lg_text_add(to, "  <DefaultExperiment startTime=\"0\" stopTime=\"");
-    add_number(to, j->b.source->stop > 0 ? j->b.source->stop : 1);
-    lg_text_add(to, "\"/>\n");
-}
-
-static void add_description2(job *j, text *to) {
-    const char *name = j->b.source->options->name;
-    const char *sources[] = {"_fmu.c", ".c", "_weights.c"};
-    const bool derivatives = block_has(&j->b, true);
-    lg_text_add(to, "<fmiModelDescription fmiVersion=\"2.0\"");
-    add_common(j, to);
-    lg_text_add(to, " numberOfEventIndicators=\"0\">\n");
+static void add_interfaces(const job *j, text *to) {
+    const char *name = j->b.source->options->name, *forward = block_has(&j->b, true) ? "true" : "false",
+               *adjoint = block_has(&j->b, false) ? "true" : "false";
     for (int co = 0; co < 2; co++) {
-        lg_text_add(
-            to, "  <%s modelIdentifier=\"%s\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\"",
-            co ? "CoSimulation" : "ModelExchange", name);
-        lg_text_add(to, " providesDirectionalDerivative=\"%s\"%s>\n    <SourceFiles>",
-                    derivatives ? "true" : "false",
-                    co ? " canHandleVariableCommunicationStepSize=\"true\"" : "");
-        for (size_t i = 0; i < LG_COUNT(sources); i++)
-            lg_text_add(to, "<File name=\"%s%s\"/>", name, sources[i]);
-        lg_text_add(to, "</SourceFiles>\n  </%s>\n", co ? "CoSimulation" : "ModelExchange");
-    }
-    add_units(j, to);
-    add_experiment(j, to);
-    add_variables2(j, to);
-    lg_text_add(to, "  <ModelStructure>\n");
-    add_unknowns2(j, "Outputs", false, true, to);
-    add_unknowns2(j, "Derivatives", true, false, to);
-    add_unknowns2(j, "InitialUnknowns", true, true, to);
-    lg_text_add(to, "  </ModelStructure>\n</fmiModelDescription>\n");
-}
-
-static void add_variables3(const job *j, text *to) {
-    lg_text_add(to, "  <ModelVariables>\n");
-    for (size_t i = 0; i < j->b.count; i++) {
-        const variable *v = &j->b.variables[i];
-        lg_text_add(to, "    <Float64");
-        add_attribute(to, "name", v->name);
-        lg_text_add(to, " valueReference=\"%zu\"", i);
-        add_kind(&j->b, to, v, WHOLE);
-        if (v->unit != NULL) add_attribute(to, "unit", v->unit);
-        if (v->kind == DERIVATIVE) lg_text_add(to, " derivative=\"0\"");
-        if (xml[v->kind].start) {
-            lg_text_add(to, " start=\"");
-            for (size_t k = 0; k < v->count; k++) {
-                lg_text_add(to, "%s", k > 0 ? " " : "");
-                add_number(to, block_start(&j->b, i, k));
-            }
-            lg_text_add(to, "\"");
-        }
-        if (v->count > 1)
-            lg_text_add(to, "><Dimension start=\"%zu\"/></Float64>\n", v->count);
+        const char *kind = co ? "CoSimulation" : "ModelExchange",
+                   *steps = co ? " canHandleVariableCommunicationStepSize=\"true\"" : "";
+        if (j->version == 2)
+            lg_text_add(
+                to,
+                "  <%s modelIdentifier=\"%s\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\" "
+                "providesDirectionalDerivative=\"%s\"%s>\n    <SourceFiles><File name=\"%s_fmu.c\"/>"
+                "<File name=\"%s.c\"/><File name=\"%s_weights.c\"/></SourceFiles>\n  </%s>\n",
+                kind, name, forward, steps, name, name, name, kind);
         else
-            lg_text_add(to, "/>\n");
+            lg_text_add(
+                to,
+                "  <%s modelIdentifier=\"%s\" canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" "
+                "providesDirectionalDerivatives=\"%s\" providesAdjointDerivatives=\"%s\"%s/>\n",
+                kind, name, forward, adjoint, steps);
     }
-    lg_text_add(to,
-                "    <Float64 name=\"time\" valueReference=\"%zu\" causality=\"independent\" "
-                "variability=\"continuous\"/>\n  </ModelVariables>\n",
-                j->b.count);
 }
 
-static void add_unknowns3(const job *j, const char *element, causality kind, text *to) {
-    for (size_t i = 0; i < j->b.count; i++)
-        if (j->b.variables[i].kind == kind || (kind == OUTPUT && is_output(&j->b, &j->b.variables[i])))
-            lg_text_add(to, "    <%s valueReference=\"%zu\"/>\n", element, i);
-}
-
-static void add_description3(job *j, text *to) {
-    const char *derivatives = block_has(&j->b, true) ? "true" : "false",
-               *adjoints = block_has(&j->b, false) ? "true" : "false";
-    lg_text_add(to, "<fmiModelDescription fmiVersion=\"3.0\"");
+/* The default experiment ends at the scene's end, or after 1 unit of time. */
+static void add_description(const job *j, text *to) {
+    static const char *const elements[][3] = {{"Outputs", "Derivatives", "InitialUnknowns"},
+                                              {"Output", "ContinuousStateDerivative", "InitialUnknown"}};
+    const char *const *element = elements[j->version - 2];
+    lg_text_add(to, "<fmiModelDescription fmiVersion=\"%d.0\"", j->version);
     add_common(j, to);
-    lg_text_add(to, ">\n");
-    for (int co = 0; co < 2; co++)
-        lg_text_add(
-            to,
-            "  <%s modelIdentifier=\"%s\" canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" "
-            "providesDirectionalDerivatives=\"%s\" providesAdjointDerivatives=\"%s\"%s/>\n",
-            co ? "CoSimulation" : "ModelExchange", j->b.source->options->name, derivatives, adjoints,
-            co ? " canHandleVariableCommunicationStepSize=\"true\"" : "");
+    lg_text_add(to, j->version == 2 ? " numberOfEventIndicators=\"0\">\n" : ">\n");
+    add_interfaces(j, to);
     add_units(j, to);
-    add_experiment(j, to);
-    add_variables3(j, to);
+    lg_text_add(to, "  <DefaultExperiment startTime=\"0\" stopTime=\"%.17g\"/>\n",
+                j->b.source->stop > 0 ? j->b.source->stop : 1);
+    add_variables(j, to);
     lg_text_add(to, "  <ModelStructure>\n");
-    add_unknowns3(j, "Output", OUTPUT, to);
-    add_unknowns3(j, "ContinuousStateDerivative", DERIVATIVE, to);
-    add_unknowns3(j, "InitialUnknown", DERIVATIVE, to);
-    for (size_t i = 0; i < j->b.count; i++)
-        if (j->b.variables[i].kind == OUTPUT)
-            lg_text_add(to, "    <InitialUnknown valueReference=\"%zu\"/>\n", i);
+    add_unknowns(j, element[0], false, true, to);
+    add_unknowns(j, element[1], true, false, to);
+    add_unknowns(j, element[2], true, true, to);
     lg_text_add(to, "  </ModelStructure>\n</fmiModelDescription>\n");
-    text *build = export_add_file(j->b.source, "buildDescription.xml");
+}
+
+static void add_build(const job *j, text *to) {
     const char *name = j->b.source->options->name;
     lg_text_add(
-        build,
+        to,
         "<fmiBuildDescription fmiVersion=\"3.0\">\n  <BuildConfiguration modelIdentifier=\"%s\">\n"
         "    <SourceFileSet language=\"C99\"><SourceFile name=\"%s_fmu.c\"/><SourceFile name=\"%s.c\"/>"
         "<SourceFile name=\"%s_weights.c\"/></SourceFileSet>\n    <Library name=\"m\"/>\n"
@@ -303,22 +254,10 @@ static void add_description3(job *j, text *to) {
 
 /* ---- Makefile ---- */
 
-static const char rules[] =
-    "# The FMU: a zip file of modelDescription.xml, the library and its sources.\n"
-    "PACK ?= $(if $(shell command -v zip),zip -q -r,cmake -E tar c --format=zip)\n\n"
-    "NAME_.so: NAME_fmu.c NAME_.c NAME_weights.c NAME_.h\n"
-    "\t$(CC) $(CFLAGS) -fPIC -shared -fvisibility=hidden NAME_fmu.c NAME_.c NAME_weights.c $(LDFLAGS) -lm "
-    "-o NAME_.so\n\n"
-    "NAME_.fmu: NAME_.so modelDescription.xml\n"
-    "\trm -rf NAME_contents NAME_.fmu && mkdir -p NAME_contents/binaries/$(BINARIES) NAME_contents/sources\n"
-    "\tcp modelDescription.xml NAME_contents && cp NAME_.so NAME_contents/binaries/$(BINARIES)\n"
-    "\tcp NAME_fmu.c NAME_.c NAME_weights.c NAME_.h $(wildcard buildDescription.xml) NAME_contents/sources\n"
-    "\tcd NAME_contents && $(PACK) ../NAME_.fmu $$(ls)\n\trm -rf NAME_contents\n";
-
 static void add_rules(job *j) {
     lg_text_add(&j->b.source->rules, "BINARIES ?= %s\n",
                 j->version == 2 ? "linux64" : "$(shell uname -m)-linux");
-    export_add_rules(j->b.source, "NAME_.fmu NAME_.so", rules);
+    export_add_rules(j->b.source, "NAME_.fmu NAME_.so", export_fragment_text("fmu.gmake"));
 }
 
 /* Makes the identifier (guid or instantiation token) that the caller must give when it makes an instance:
@@ -333,18 +272,16 @@ static void make_token(job *j) {
 static void export_fmu(const app *self, const char *path, lg_program *program, export_source *source,
                        int version) {
     APP_FREE job *j = app_alloc(1, sizeof *j);
-    *j = (job){.b = {.self = self, .program = program, .source = source, .list = app_text()},
-               .version = version};
+    *j = (job){.b = {.self = self, .program = program, .source = source}, .version = version};
     block_collect(&j->b, true);
     source->prefix = "c_";
-    export_whole(self, path, program, j->b.list.data, source);
+    export_whole(self, path, program, &j->b.list, source);
     make_token(j);
     add_rules(j);
     export_compose(source);
     add_source(j);
-    text *description = export_add_file(source, "modelDescription.xml");
-    (version == 2 ? add_description2 : add_description3)(j, description);
-    block_free(&j->b);
+    add_description(j, export_add_file(source, "modelDescription.xml"));
+    if (version > 2) add_build(j, export_add_file(source, "buildDescription.xml"));
 }
 
 static void build2(const app *self, const char *path, lg_program *program, export_source *source) {

@@ -6,18 +6,11 @@
 void export_golden_make(export_source *source, bool jacobian, size_t extras, const char *extra_name) {
     const size_t count = (size_t)source->options->golden;
     source->golden = (export_golden){.count = count, .extras = extras, .extra_name = extra_name};
-    source->golden.x = app_alloc(count * source->inputs, sizeof(double));
-    source->golden.y = app_alloc(count * source->outputs, sizeof(double));
+    source->golden.x = app_keep(count * source->inputs, sizeof(double));
+    source->golden.y = app_keep(count * source->outputs, sizeof(double));
     if (jacobian)
-        source->golden.jacobian = app_alloc(count * source->outputs * source->inputs, sizeof(double));
-    if (extras > 0) source->golden.extra = app_alloc(count * extras, sizeof(double));
-}
-
-static void add_table(const export_source *source, text *to, const char *name, const double *values,
-                      size_t size) {
-    lg_text_add(to, "static const real %s[%zu] = {\n", name, source->golden.count * size);
-    lg_text_add_reals(to, source->options->dtype, 4, values, source->golden.count * size);
-    lg_text_add(to, "};\n");
+        source->golden.jacobian = app_keep(count * source->outputs * source->inputs, sizeof(double));
+    if (extras > 0) source->golden.extra = app_keep(count * extras, sizeof(double));
 }
 
 void export_golden_write(const export_source *source, text *to) {
@@ -37,7 +30,8 @@ void export_golden_write(const export_source *source, text *to) {
         lg_text_add(to, "\n");
     }
     for (size_t i = 0; i < LG_COUNT(tables); i++)
-        if (tables[i] != NULL && sizes[i] > 0) add_table(source, to, names[i], tables[i], sizes[i]);
+        if (tables[i] != NULL && sizes[i] > 0)
+            export_reals(source, to, names[i], tables[i], golden->count * sizes[i]);
 }
 
 double export_squares(const export_options *options, const double *values, size_t count) {

@@ -16,17 +16,17 @@ typedef struct graph_node {
 } graph_node;
 
 typedef struct graph {
+    const lg_program *program;
+    size_t function;
     const lg_port *inputs, *outputs;
     size_t input_count, output_count;
     graph_node *nodes;
-    size_t count, room;
-    uint32_t *results; /* (output_count) */
-    lg_function_image **images;
-    size_t image_count;
+    size_t count;
+    const uint32_t *results; /* (output_count) */
+    lg_function_image *image;
 } graph;
 
-/* Returns LG_UNSUPPORTED (more than 2^20 operations) or an error of lg_plan_create, with a sentence in
- * `error`. */
+/* Adds functions to the program. Errors: those of lg_program_add_function and lg_plan_create. */
 lg_status graph_make(lg_program *program, size_t function, graph *out, lg_error *error);
 void graph_free(graph *g);
 

@@ -1,5 +1,4 @@
 /* Loads a model of any kind as a program, and chooses functions of it for a target. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/faces.h"
@@ -23,7 +22,7 @@ void export_rest(const lg_space *space, double *y) {
 }
 
 static void make_start(const lg_space *space, export_source *source) {
-    source->start = app_alloc(space->dim, sizeof *source->start);
+    source->start = app_keep(space->dim, sizeof *source->start);
     source->starts = space->dim;
     export_rest(space, source->start);
 }
@@ -75,10 +74,26 @@ void export_load(const app *self, const char *path, const char *kind, export_sou
 
 /* ---- functions ---- */
 
-const lg_port *export_ports(const lg_program *program, const char *function, bool outputs, size_t *count) {
+export_ports export_ports_of(const lg_program *program, const char *function) {
+    export_ports p = {NULL, NULL, 0, 0};
     size_t at = SIZE_MAX;
     (void)lg_program_find(program, function, &at, NULL);
-    return outputs ? lg_program_outputs(program, at, count) : lg_program_inputs(program, at, count);
+    p.in = lg_program_inputs(program, at, &p.ins);
+    p.out = lg_program_outputs(program, at, &p.outs);
+    return p;
+}
+
+size_t export_numbers(const lg_port *ports, size_t count) {
+    size_t sum = 0;
+    for (size_t i = 0; i < count; i++) sum += lg_shape_count(ports[i].shape);
+    return sum;
+}
+
+size_t export_parameters(const lg_program *program) {
+    size_t sum = 0;
+    for (size_t i = 0; i < lg_program_parameters(program); i++)
+        sum += lg_shape_count(lg_program_parameter(program, i).shape);
+    return sum;
 }
 
 static bool is_derivative(const char *name) {
@@ -95,73 +110,51 @@ bool export_trains_only(const lg_program *program, size_t function) {
     return others && lg_program_is_fitted(program, function);
 }
 
-/* Returns whether a list with commas holds the name. */
-static bool is_listed(const char *list, const char *name) {
-    const size_t length = strlen(name);
-    for (const char *at = list; at != NULL; at = strchr(at, ',')) {
-        at += *at == ',';
-        if (strncmp(at, name, length) == 0 && (at[length] == ',' || at[length] == '\0')) return true;
-    }
-    return false;
-}
-
-static void add_name(text *list, const char *name) {
-    if (list->data == NULL || !is_listed(list->data, name))
-        lg_text_add(list, "%s%s", list->length > 0 ? "," : "", name);
-}
-
-/* Adds the names of --functions to the list, each once. *missing: the first name that the program does not
- * have. */
-static void add_given(const char *functions, const lg_program *program, text *list, char **missing) {
+bool export_add_name(export_names *names, const lg_program *program, const char *function) {
     size_t at;
-    APP_FREE char *given = app_format("%s", functions);
-    for (char *save = NULL, *name = strtok_r(given, ",", &save); name != NULL && *missing == NULL;
-         name = strtok_r(NULL, ",", &save)) {
-        if (lg_program_find(program, name, &at, NULL) == LG_OK)
-            add_name(list, name);
-        else
-            *missing = app_format("%s", name);
-    }
-}
-
-static void add_usual(const lg_program *program, const char *const *usual, text *list) {
-    size_t at;
-    for (size_t i = 0; usual[i] != NULL; i++)
-        if (lg_program_find(program, usual[i], &at, NULL) == LG_OK) add_name(list, usual[i]);
-    const bool all = list->length == 0;
-    for (size_t i = 0; all && i < lg_program_functions(program); i++) {
-        const char *name = lg_program_function_name(program, i);
-        if (!is_derivative(name) && !export_trains_only(program, i)) add_name(list, name);
-    }
+    if (lg_program_find(program, function, &at, NULL) != LG_OK) return false;
+    const char *own = lg_program_function_name(program, at);
+    for (size_t i = 0; i < names->count; i++)
+        if (names->name[i] == own) return true;
+    names->name[names->count++] = own;
+    return true;
 }
 
 /* Refuses an unknown function. `linearise` is written as C around the program of a machine; other targets
  * have derivatives of functions instead. */
-static void refuse_function(const app *self, const lg_program *program, const char *name) {
+static void refuse_function(const app *self, const lg_program *program, const char *name, bool c) {
     size_t at;
     lg_error error = {LG_OK, ""};
-    if (strcmp(name, "linearise") == 0 && lg_program_find(program, "step", &at, NULL) == LG_OK)
+    if (!c && strcmp(name, "linearise") == 0 && lg_program_find(program, "step", &at, NULL) == LG_OK)
         app_stop_usage(
             self,
             "--functions: linearise is for --target c only; other targets have derivatives of velocity and "
             "step by x and u (casadi: jac_NAME_velocity, jac_NAME_step; FMUs: directional derivatives)");
-    else if (lg_program_find(program, name, &at, &error) != LG_OK)
+    if (c && name[0] == '\0') app_stop_usage(self, "--functions: no function is named");
+    if (lg_program_find(program, name, &at, &error) != LG_OK)
         app_stop_usage(self, "--functions: %s", error.message);
 }
 
-char *export_choose(const app *self, const export_options *options, const lg_program *program,
-                    const char *const *usual) {
-    text list = app_text();
-    char *missing = NULL;
-    if (options->functions != NULL)
-        add_given(options->functions, program, &list, &missing);
-    else
-        add_usual(program, usual, &list);
-    if (missing != NULL || list.length == 0) refuse_function(self, program, missing != NULL ? missing : "");
-    return list.data;
+void export_choose(const app *self, const export_options *options, const lg_program *program,
+                   const char *const *usual, export_names *out) {
+    *out = (export_names){.count = 0};
+    APP_FREE char *given = app_format("%s", options->functions != NULL ? options->functions : "");
+    for (char *rest = given, *name; (name = strsep(&rest, ",")) != NULL;)
+        if (name[0] != '\0' && !export_add_name(out, program, name))
+            refuse_function(self, program, name, usual == NULL);
+    for (size_t i = 0; options->functions == NULL && usual[i] != NULL; i++)
+        (void)export_add_name(out, program, usual[i]);
+    const bool all = options->functions == NULL && out->count == 0;
+    for (size_t i = 0; all && i < lg_program_functions(program); i++) {
+        const char *name = lg_program_function_name(program, i);
+        if (!is_derivative(name) && !export_trains_only(program, i))
+            (void)export_add_name(out, program, name);
+    }
+    if (out->count == 0) refuse_function(self, program, "", usual == NULL);
 }
 
-char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind, const char *function) {
+const char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind,
+                          const char *function) {
     static const char *const begins[LG_DERIVATIVE_KIND_COUNT] = {[LG_DERIVATIVE_FORWARD] = "fwd1_",
                                                                  [LG_DERIVATIVE_ADJOINT] = "adj1_",
                                                                  [LG_DERIVATIVE_JACOBIAN] = "jac_",
@@ -170,13 +163,15 @@ char *export_derive(const app *self, lg_program *program, lg_derivative_kind kin
     size_t at;
     lg_error error = {LG_OK, ""};
     lg_derivative what;
-    char *name = app_format("%s%s", begins[kind], function);
-    if (lg_program_find(program, name, &at, NULL) == LG_OK) return name;
+    APP_FREE char *name = app_format("%s%s", begins[kind], function);
     lg_derivative_init(&what);
     what.kind = kind;
     what.function = function;
-    if (app_had_memory(lg_program_derive(program, &what, &error)) == LG_OK) return name;
-    app_warn(self, "%s has no %s: %s", function, name, error.message);
-    free(name);
-    return NULL;
+    if (lg_program_find(program, name, &at, NULL) != LG_OK &&
+        app_had_memory(lg_program_derive(program, &what, &error)) != LG_OK) {
+        app_warn(self, "%s has no %s: %s", function, name, error.message);
+        return NULL;
+    }
+    (void)lg_program_find(program, name, &at, NULL);
+    return lg_program_function_name(program, at);
 }

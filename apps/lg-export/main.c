@@ -91,8 +91,7 @@ typedef struct job {
 /* ---- options ---- */
 
 static void choose_name(job *j) {
-    const char *slash = strrchr(j->path, '/');
-    j->options.file = slash != NULL ? slash + 1 : j->path;
+    j->options.file = basename(j->path);
     const char *problem = given.name != NULL ? export_name_problem(given.name) : NULL;
     if (problem != NULL)
         app_stop_usage(j->self, "--name: '%s' cannot be the name of functions and files: %s", given.name,
@@ -170,16 +169,13 @@ static void build_faces(job *j, bool *none) {
     export_faces(j->self, &j->file, &j->source, none);
 }
 
-static void build_program(job *j) {
-    j->kind = "program";
+/* Writes a model that has no faces. */
+static void build_whole(job *j, const char *kind,
+                        void (*build)(const app *self, const char *path, export_source *source)) {
+    j->kind = kind;
+    if (build == export_classifier && (given.functions != NULL || given.compact)) refuse_functions(j);
     refuse_scheme(j);
-    export_program(j->self, j->path, &j->source);
-}
-
-static void build_policy(job *j) {
-    j->kind = "policy";
-    refuse_scheme(j);
-    export_policy(j->self, j->path, &j->source);
+    build(j->self, j->path, &j->source);
 }
 
 /* Returns whether the options can be met with faces. */
@@ -198,32 +194,25 @@ static void build_model(job *j, const char *kind) {
     if (status != LG_OK || (!known && !wants_faces())) {
         if (status == LG_OK) lg_model_file_destroy(&j->file);
         if (status != LG_OK) export_warn_program(j->self, &error);
-        build_program(j);
+        build_whole(j, "program", export_program);
         return;
     }
     j->kind = kind;
     build_faces(j, &none);
     lg_model_file_destroy(&j->file);
-    if (none) build_program(j);
-}
-
-/* Returns whether the file holds functions that can be exported, whatever its kind. */
-static bool has_functions(const job *j) {
-    lg_program *program;
-    if (lg_program_load(j->self->context, j->path, NULL, &program, NULL) != LG_OK) return false;
-    lg_program_destroy(program);
-    return true;
+    if (none) build_whole(j, "program", export_program);
 }
 
 /* Rejects a file without functions that can be exported, with the error of the reader for its kind. */
-static void refuse_file(const job *j, const char *kind) {
+static void check_file(const job *j, const char *kind) {
     lg_error error = {LG_OK, ""};
-    lg_program *program;
+    lg_program *program = NULL;
     lg_model_file file;
-    const lg_status status = strcmp(kind, "program") == 0
-                                 ? lg_program_load(j->self->context, j->path, NULL, &program, &error)
-                                 : lg_model_load(j->self->context, j->path, NULL, &file, &error);
+    lg_status status = lg_program_load(j->self->context, j->path, NULL, &program, &error);
+    if (status != LG_OK && strcmp(kind, "program") != 0)
+        status = lg_model_load(j->self->context, j->path, NULL, &file, &error);
     app_must_file(j->self, status, &error, j->path);
+    lg_program_destroy(program);
 }
 
 /* Writes a target other than C: the model, whatever its kind, is loaded as a program. A scene too becomes a
@@ -260,23 +249,15 @@ static void build(job *j) {
         APP_MUST_FILE(j->self, j->path,
                       lg_model_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error));
     const bool classifier = strcmp(own, "classifier") == 0, policy = strcmp(own, "policy") == 0;
-    if (!scene && lg_recipe_find(own) == NULL && !classifier && !has_functions(j)) refuse_file(j, own);
+    if (!scene && lg_recipe_find(own) == NULL && !classifier) check_file(j, own);
     if (!scene) export_read_units(j->self, j->path, &j->options);
     if (policy && j->options.functions == NULL) j->options.functions = "control";
-    if (other) {
+    if (other)
         build_target(j, own);
-    } else if (policy) {
-        build_policy(j);
-    } else if (strcmp(own, "program") == 0) {
-        build_program(j);
-    } else if (!classifier) {
+    else if (policy || classifier || strcmp(own, "program") == 0)
+        build_whole(j, own, policy ? export_policy : classifier ? export_classifier : export_program);
+    else
         build_model(j, own);
-    } else {
-        j->kind = own;
-        if (given.functions != NULL || given.compact) refuse_functions(j);
-        refuse_scheme(j);
-        export_classifier(j->self, j->path, &j->source);
-    }
 }
 
 /* Rule for a shared library of the C code, for programs that load it. The library is not made if the

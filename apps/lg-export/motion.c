@@ -50,7 +50,9 @@ static void add_arrival(export_source *source, const lg_space *space, bool facto
         lg_text_add(&source->code, "};\nenum { FACTORS = sizeof factors / sizeof *factors, DIRECTION = 6, "
                                    "ROTATION = 9 };\n");
     }
-    if (!flat) export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
+    if (!flat)
+        export_real(source, &source->code, "manifold_rounding",
+                    source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
     export_code(source, flat ? "arrive" : "arrive_manifold");
 }
 
@@ -59,34 +61,14 @@ static void add_arrival(export_source *source, const lg_space *space, bool facto
 static const char energy_declaration[] =
     "/* H(state) = NAME_eval */\n"
     "NAME_real NAME_hamiltonian(const NAME_real *state, NAME_real *work);\n\n";
-static const char motion_declarations[] =
-    "/* The field at this state. The top of the file says what the state, the input and the field are. The\n"
-    " * input may be NULL, which means zero. */\n"
-    "void NAME_field(const NAME_real *state, const NAME_real *input, NAME_real *field, NAME_real *work);\n"
-    "\n"
-    "/* One step of length h, which may be negative; h = 0 copies the state. The input is constant over the\n"
-    " * step, and may be NULL, which means zero. next may be state. Relative to the state, differences from\n"
-    " * the library stay below NAME_TOLERANCE * NAME_STEP_EVALUATIONS, if rotations turn at most a few "
-    "times\n"
-    " * per step. */\n"
-    "void NAME_step(NAME_real h, const NAME_real *state, const NAME_real *input, NAME_real *next,\n"
-    "               NAME_real *work);\n";
-
-/* Numbers of input `index` of a function; 0 if there is no such input. */
-static size_t numbers_of(const lg_port *ports, size_t count, size_t index) {
-    return index < count ? lg_shape_count(ports[index].shape) : 0;
-}
-
 /* Returns whether the program's `step` takes the state, the input of the field if there is one, and h, and
  * returns a state. */
 static bool moves(const export_model *m) {
-    size_t ins, outs;
-    const lg_port *in = export_ports(m->program, "step", false, &ins),
-                  *out = export_ports(m->program, "step", true, &outs);
-    const bool forced = m->forces > 0;
-    return m->space != NULL && ins == 2 + (size_t)forced && outs == 1 && numbers_of(in, ins, 0) == m->dim &&
-           numbers_of(in, ins, ins - 1) == 1 && numbers_of(out, outs, 0) == m->dim &&
-           (!forced || numbers_of(in, ins, 1) == m->forces);
+    const export_ports p = export_ports_of(m->program, "step");
+    const size_t inputs = m->forces > 0;
+    return m->space != NULL && p.ins == 2 + inputs && p.outs == 1 &&
+           lg_shape_count(p.in[0].shape) == m->dim && lg_shape_count(p.in[1 + inputs].shape) == 1 &&
+           lg_shape_count(p.out[0].shape) == m->dim && export_numbers(p.in + 1, inputs) == m->forces;
 }
 
 /* Evaluations of the field (or of the force, with splitting schemes) per step. */
@@ -121,7 +103,7 @@ static void motion_code(export_model *m) {
     export_size(source, "INPUT_SIZE", m->forces, "numbers in an input");
     export_size(source, "STEP_EVALUATIONS", evaluations_of(m), "of the field, or of the force, in a step");
     if (energy) lg_text_add_named(&source->declarations, name, energy_declaration);
-    lg_text_add_named(&source->declarations, name, motion_declarations);
+    lg_text_add_named(&source->declarations, name, export_fragment_text("motion.cin"));
 }
 
 static void states_code(export_model *m) {
@@ -131,17 +113,6 @@ static void states_code(export_model *m) {
 
 /* ---- the linearisation ---- */
 
-static const char linearise_declaration[] =
-    "\n/* The linearisation c' = A c + B du at (state, input), or NULL for no input: A (TANGENT, TANGENT), B "
-    "(TANGENT,\n"
-    " * INPUT_SIZE); each may be NULL. Coordinates c: places; of each direction with e_1, e_2 orthogonal to "
-    "q those of\n"
-    " * dq and of dp (e_1: the axis of the smallest |q_i| made orthogonal, e_2 = q x e_1); of each rotation "
-    "a with\n"
-    " * dR = R hat(a); momenta. The frames are held fixed. */\n"
-    "void NAME_linearise(const NAME_real *state, const NAME_real *input, NAME_real *A, NAME_real *B,\n"
-    "                    NAME_real *work);\n";
-
 static void linearise_code(export_model *m) {
     export_source *source = m->source;
     const size_t work = export_work_of(m, "jac_velocity") + m->dim * (m->dim + m->forces + 1) + m->tangent;
@@ -150,7 +121,7 @@ static void linearise_code(export_model *m) {
     export_code(source, "linearise");
     if (work > source->work) source->work = work;
     export_size(source, "TANGENT", m->tangent, "coordinates of the linearisation");
-    lg_text_add_named(&source->declarations, source->options->name, linearise_declaration);
+    lg_text_add_named(&source->declarations, source->options->name, export_fragment_text("linearise.cin"));
 }
 
 /* ---- golden vectors ---- */
@@ -213,13 +184,8 @@ static double draw_input(export_model *m, size_t k) {
 
 static void write_golden(const export_model *m) {
     export_source *source = m->source;
-    const lg_dtype dtype = source->options->dtype;
-    const size_t n = m->forces > 0 ? m->forces : 1;
-    lg_text_add(&source->test, "static const real golden_step = ");
-    lg_text_add_real(&source->test, dtype, m->h);
-    lg_text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", n);
-    lg_text_add_reals(&source->test, dtype, 4, m->input, n);
-    lg_text_add(&source->test, "};\n");
+    export_real(source, &source->test, "golden_step", m->h);
+    export_reals(source, &source->test, "golden_input", m->input, m->forces > 0 ? m->forces : 1);
     export_test_code(source, "test_motion");
 }
 

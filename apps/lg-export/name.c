@@ -45,7 +45,8 @@ const char *export_name_problem(const char *name) {
         return "the self-test uses words with this beginning";
     if (strcasecmp(name, "makefile") == 0) return "make treats files of this name as its own";
     for (const export_fragment *f = export_fragments; f->name != NULL; f++)
-        if (begins_a_word(name, f->text)) return "the code uses words with this beginning";
+        if (strchr(f->name, '.') == NULL && begins_a_word(name, f->text))
+            return "the code uses words with this beginning";
     return NULL;
 }
 

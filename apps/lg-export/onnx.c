@@ -1,6 +1,5 @@
 /* ONNX (onnx.ai, opset 13): a function of a program as a graph of standard operators. Values that depend on
  * parameters alone are initializers. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/onnx.h"
@@ -118,19 +117,17 @@ static void choose_type(const app *self, const graph *g, export_source *source, 
 
 static void build(const app *self, const char *path, lg_program *program, export_source *source) {
     static const char *const usual[] = {"value", NULL};
-    char *chosen = export_choose(self, source->options, program, usual);
+    export_names chosen;
     size_t function;
     graph g;
     lg_error error = {LG_OK, ""};
-    char *comma = strchr(chosen, ',');
-    if (comma != NULL && source->options->functions != NULL)
+    export_choose(self, source->options, program, usual, &chosen);
+    if (chosen.count > 1 && source->options->functions != NULL)
         app_stop_usage(self, "--functions: an ONNX file has one function; export it for each");
-    if (comma != NULL) {
-        *comma = '\0';
-        app_warn(self, "an ONNX file has one function: this one has %s; --functions chooses another", chosen);
-    }
-    (void)lg_program_find(program, chosen, &function, NULL);
-    free(chosen);
+    if (chosen.count > 1)
+        app_warn(self, "an ONNX file has one function: this one has %s; --functions chooses another",
+                 chosen.name[0]);
+    (void)lg_program_find(program, chosen.name[0], &function, NULL);
     lg_status status = graph_make(program, function, &g, &error);
     export_options options = *source->options;
     onnx_job j = {.g = &g, .options = &options, .graph = app_text()};

@@ -1,5 +1,5 @@
 /* The graph of an ONNX file under construction: tensors and nodes by name (onnx_graph.c), and the ONNX form
- * of each operation of the library (onnx_operations.c, onnx_matrices.c, onnx_convolutions.c). */
+ * of each operation of the library (onnx_operations.c). */
 #ifndef LG_EXPORT_ONNX_H
 #define LG_EXPORT_ONNX_H
 
@@ -79,28 +79,12 @@ typedef struct onnx_operation {
     const char *out;
 } onnx_operation;
 
-/* 1 where x is NaN, else 0; and y, but NaN where the largest such number `any` is 1. The maxima of
- * onnxruntime leave NaN out; those of the library do not. */
-onnx_name onnx_not_a_number(onnx_job *j, onnx_name x);
-onnx_name onnx_keep(onnx_job *j, onnx_name any, onnx_name y);
 /* Gives `result` the name of the operation's result. Returns true. */
 bool onnx_give(const onnx_operation *o, onnx_name result);
-uint32_t onnx_rank_of(const onnx_operation *o, uint32_t input);
-/* Applies an activation to x. Returns false if `kind` is not an activation. */
-bool onnx_activated(onnx_job *j, int64_t kind, onnx_name x, onnx_name *out);
 /* Adds the nodes of an operation. Returns false if the operation has no form in ONNX. */
 bool onnx_translate(onnx_job *j, uint32_t node);
 
 /* Returns an operation of the function that onnxruntime offers in single precision only, or NULL. */
 const char *onnx_single_only(const graph *g);
-
-/* Functions that translate one operation each. The table of operations calls them; they are defined in other
- * files. */
-bool onnx_factor(const onnx_operation *o);
-bool onnx_solve(const onnx_operation *o);
-bool onnx_convolution(const onnx_operation *o);
-bool onnx_block(const onnx_operation *o);
-bool onnx_average_pool(const onnx_operation *o);
-bool onnx_max_pool(const onnx_operation *o);
 
 #endif

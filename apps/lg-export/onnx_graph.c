@@ -149,8 +149,10 @@ onnx_name onnx_join(onnx_job *j, const onnx_name *x, size_t count, int64_t axis)
 /* Returns the value that holds the number of rows, shape (1); adds it when it is first needed. */
 static onnx_name batch_of(onnx_job *j) {
     const onnx_name batch = {"/batch"};
+    onnx_name input;
     if (j->has_batch) return batch;
-    const onnx_name shape = onnx_unary(j, "Shape", onnx_name_of(j, 0));
+    (void)snprintf(input.text, sizeof input.text, "%s", j->g->inputs[0].name);
+    const onnx_name shape = onnx_unary(j, "Shape", input);
     const onnx_name first = onnx_wholes(j, (int64_t[]){0}, 1);
     onnx_emit_to(j, batch.text, "Gather", (onnx_name[]){shape, first}, 2, NULL, 0);
     j->has_batch = true;

@@ -11,7 +11,7 @@ bool onnx_give(const onnx_operation *o, onnx_name result) {
     return true;
 }
 
-uint32_t onnx_rank_of(const onnx_operation *o, uint32_t input) {
+static uint32_t rank_of(const onnx_operation *o, uint32_t input) {
     return o->j->g->nodes[o->op->inputs[input]].op.rank;
 }
 
@@ -124,7 +124,7 @@ static const struct {
                                       [LG_LEAKY_RELU] = {.make = leaky_relu},
                                       [LG_SINE] = {.type = "Sin", .slope = sine_slope}};
 
-bool onnx_activated(onnx_job *j, int64_t kind, onnx_name x, onnx_name *out) {
+static bool activated(onnx_job *j, int64_t kind, onnx_name x, onnx_name *out) {
     if (kind < 0 || kind >= LG_ACTIVATION_COUNT) return false;
     *out = activations[kind].make != NULL ? activations[kind].make(j, x)
                                           : onnx_unary(j, activations[kind].type, x);
@@ -133,7 +133,7 @@ bool onnx_activated(onnx_job *j, int64_t kind, onnx_name x, onnx_name *out) {
 
 static bool activation(const onnx_operation *o) {
     onnx_name y;
-    return onnx_activated(o->j, o->op->whole[0].base, o->x[0], &y) && onnx_give(o, y);
+    return activated(o->j, o->op->whole[0].base, o->x[0], &y) && onnx_give(o, y);
 }
 
 static bool slope(onnx_job *j, int64_t kind, onnx_name x, onnx_name s, onnx_name *out) {
@@ -153,7 +153,7 @@ static bool activation_derivative(const onnx_operation *o) {
     if (order > 1) return false;
     if (o->op->whole[2].base == 1)
         s = o->x[1];
-    else if (!onnx_activated(j, kind == LG_SWISH ? LG_SIGMOID : kind, o->x[0], &s))
+    else if (!activated(j, kind == LG_SWISH ? LG_SIGMOID : kind, o->x[0], &s))
         return false;
     if (order == 0)
         y = kind == LG_SWISH ? onnx_binary(j, "Mul", o->x[0], s) : s;
@@ -172,11 +172,11 @@ static onnx_name transposed(onnx_job *j, onnx_name x, uint32_t rank) {
 
 static bool product(const onnx_operation *o) {
     const int64_t kind = o->op->whole[0].base;
-    const bool flat = onnx_rank_of(o, 0) == 2 && onnx_rank_of(o, 1) == 2;
+    const bool flat = rank_of(o, 0) == 2 && rank_of(o, 1) == 2;
     onnx_name in[3] = {o->x[0], o->x[1], o->x[2]};
-    if (kind == 1) in[1] = transposed(o->j, in[1], onnx_rank_of(o, 1));
-    if (kind == 2) in[0] = transposed(o->j, in[0], onnx_rank_of(o, 0));
-    if (o->op->input_count == 3 && flat && onnx_rank_of(o, 2) == 1) {
+    if (kind == 1) in[1] = transposed(o->j, in[1], rank_of(o, 1));
+    if (kind == 2) in[0] = transposed(o->j, in[0], rank_of(o, 0));
+    if (o->op->input_count == 3 && flat && rank_of(o, 2) == 1) {
         onnx_emit_to(o->j, o->out, "Gemm", in, 3, NULL, 0);
         return true;
     }
@@ -203,10 +203,12 @@ static bool crossed(const onnx_operation *o) {
 
 /* ---- shapes ---- */
 
-onnx_name onnx_not_a_number(onnx_job *j, onnx_name x) {
+/* 1 where x is NaN, else 0; and y, but NaN where the largest such number `any` is 1. The maxima of
+ * onnxruntime leave NaN out; those of the library do not. */
+static onnx_name not_a_number(onnx_job *j, onnx_name x) {
     return onnx_cast(j, onnx_unary(j, "IsNaN", x), onnx_real_type(j));
 }
-onnx_name onnx_keep(onnx_job *j, onnx_name any, onnx_name y) {
+static onnx_name keep(onnx_job *j, onnx_name any, onnx_name y) {
     const onnx_name nan = onnx_unary(j, "Sqrt", onnx_unary(j, "Neg", any));
     return onnx_where(j, onnx_cast(j, any, ONNX_BOOL), nan, y);
 }
@@ -221,8 +223,8 @@ static bool summed(const onnx_operation *o) {
 static bool maximum(const onnx_operation *o) {
     const onnx_attribute axes = {.name = "axes", .type = ONNX_INTS, .i = {1}, .count = 1};
     const onnx_name x = onnx_reshape(o->j, o->x[0], o->op->whole, 3);
-    const onnx_name not = onnx_not_a_number(o->j, x), y = onnx_emit(o->j, "ReduceMax", &x, 1, &axes);
-    const onnx_name kept = onnx_keep(o->j, onnx_emit(o->j, "ReduceMax", &not, 1, &axes), y);
+    const onnx_name not = not_a_number(o->j, x), y = onnx_emit(o->j, "ReduceMax", &x, 1, &axes);
+    const onnx_name kept = keep(o->j, onnx_emit(o->j, "ReduceMax", &not, 1, &axes), y);
     return onnx_give(o, onnx_reshape(o->j, kept, o->op->shape, o->op->rank));
 }
 
@@ -287,6 +289,126 @@ static bool gathered(const onnx_operation *o) {
     return onnx_give(o, y);
 }
 
+/* ---- small symmetric matrices (..., n, n): factors, and systems of equations, element by element ---- */
+
+enum { MOST_SPD = 6 };
+
+/* Element (r, c) of each matrix, as (..., 1). */
+static onnx_name element(onnx_job *j, onnx_name x, int64_t r, int64_t c) {
+    const onnx_name row = onnx_take(j, x, (int64_t[]){r}, 1, -2),
+                    one = onnx_take(j, row, (int64_t[]){c}, 1, -1);
+    return onnx_binary(j, "Squeeze", one, onnx_wholes(j, (int64_t[]){-2}, 1));
+}
+
+/* Returns x minus the sum of all a[k] b[k]. */
+static onnx_name less_products(onnx_job *j, onnx_name x, const onnx_name *a, const onnx_name *b,
+                               size_t count) {
+    for (size_t k = 0; k < count; k++) x = onnx_binary(j, "Sub", x, onnx_binary(j, "Mul", a[k], b[k]));
+    return x;
+}
+
+static uint32_t order_of(const onnx_operation *o) {
+    const lg_operation *matrix = &o->j->g->nodes[o->op->inputs[0]].op;
+    return (uint32_t)matrix->shape[matrix->rank - 1].base;
+}
+
+/* Cholesky factor of (x + x^T)/2, row by row. */
+static bool factor(const onnx_operation *o) {
+    onnx_job *j = o->j;
+    const uint32_t n = order_of(o);
+    onnx_name L[MOST_SPD][MOST_SPD], rows_of[MOST_SPD];
+    if (n > MOST_SPD) return false;
+    const onnx_name zero = onnx_number(j, 0), half = onnx_number(j, 0.5);
+    for (uint32_t r = 0; r < n; r++) {
+        onnx_name row[MOST_SPD];
+        for (uint32_t c = 0; c <= r; c++) {
+            const onnx_name a = onnx_binary(
+                j, "Mul", half, onnx_binary(j, "Add", element(j, o->x[0], r, c), element(j, o->x[0], c, r)));
+            const onnx_name rest = less_products(j, a, L[r], L[c], c);
+            L[r][c] = c == r ? onnx_unary(j, "Sqrt", rest) : onnx_binary(j, "Div", rest, L[c][c]);
+        }
+        for (uint32_t c = 0; c < n; c++) row[c] = c <= r ? L[r][c] : onnx_binary(j, "Mul", zero, L[r][0]);
+        rows_of[r] =
+            onnx_binary(j, "Unsqueeze", onnx_join(j, row, n, -1), onnx_wholes(j, (int64_t[]){-2}, 1));
+    }
+    return onnx_give(o, onnx_join(j, rows_of, n, -2));
+}
+
+/* Solves L L^T y = b, where b is (..., n, m): forward substitution, then back substitution, on rows (..., m)
+ * of b. */
+static bool solve(const onnx_operation *o) {
+    onnx_job *j = o->j;
+    const uint32_t n = order_of(o);
+    onnx_name L[MOST_SPD][MOST_SPD], y[MOST_SPD];
+    if (n > MOST_SPD || rank_of(o, 1) != rank_of(o, 0)) return false;
+    for (uint32_t r = 0; r < n; r++)
+        for (uint32_t c = 0; c <= r; c++) L[r][c] = element(j, o->x[2], r, c);
+    for (uint32_t r = 0; r < n; r++) {
+        const onnx_name b = onnx_binary(j, "Squeeze", onnx_take(j, o->x[1], (int64_t[]){r}, 1, -2),
+                                        onnx_wholes(j, (int64_t[]){-2}, 1));
+        y[r] = onnx_binary(j, "Div", less_products(j, b, L[r], y, r), L[r][r]);
+    }
+    for (uint32_t r = n; r-- > 0;) {
+        onnx_name column[MOST_SPD];
+        for (uint32_t k = r + 1; k < n; k++) column[k - r - 1] = L[k][r];
+        y[r] = onnx_binary(j, "Div", less_products(j, y[r], column, y + r + 1, n - 1 - r), L[r][r]);
+    }
+    for (uint32_t r = 0; r < n; r++)
+        y[r] = onnx_binary(j, "Unsqueeze", y[r], onnx_wholes(j, (int64_t[]){-2}, 1));
+    return onnx_give(o, onnx_join(j, y, n, -2));
+}
+
+/* ---- convolutions: the library's tensors are (batch, length, channels), ONNX's (batch, channels, length) ---- */
+
+static onnx_name channels_first(onnx_job *j, onnx_name x) {
+    return onnx_transpose(j, x, (const int64_t[]){0, 2, 1}, 3);
+}
+
+static onnx_name convolved(const onnx_operation *o) {
+    const lg_affine *w = o->op->whole;
+    onnx_name in[3] = {channels_first(o->j, o->x[0]),
+                       onnx_transpose(o->j, o->x[1], (const int64_t[]){2, 1, 0}, 3), o->x[2]};
+    const onnx_attribute how[2] = {
+        {.name = "strides", .type = ONNX_INTS, .i = {w[0].base}, .count = 1},
+        {.name = "pads", .type = ONNX_INTS, .i = {w[1].base, w[1].base}, .count = 2}};
+    const onnx_name out = onnx_new_name(o->j);
+    onnx_emit_to(o->j, out.text, "Conv", in, o->op->input_count, how, 2);
+    return out;
+}
+
+static onnx_name pooled(onnx_job *j, const char *type, onnx_name x, int64_t size, int64_t stride) {
+    const onnx_attribute how[2] = {{.name = "kernel_shape", .type = ONNX_INTS, .i = {size}, .count = 1},
+                                   {.name = "strides", .type = ONNX_INTS, .i = {stride}, .count = 1}};
+    const onnx_name out = onnx_new_name(j);
+    onnx_emit_to(j, out.text, type, &x, 1, how, 2);
+    return out;
+}
+
+static bool convolution(const onnx_operation *o) {
+    return onnx_give(o, channels_first(o->j, convolved(o)));
+}
+
+static bool block(const onnx_operation *o) {
+    onnx_name y;
+    if (!activated(o->j, (int64_t)o->op->real, convolved(o), &y)) return false;
+    y = pooled(o->j, "AveragePool", y, o->op->whole[2].base, o->op->whole[3].base);
+    return onnx_give(o, channels_first(o->j, y));
+}
+
+static bool average_pool(const onnx_operation *o) {
+    const onnx_name y = pooled(o->j, "AveragePool", channels_first(o->j, o->x[0]), o->op->whole[0].base,
+                               o->op->whole[1].base);
+    return onnx_give(o, channels_first(o->j, y));
+}
+
+static bool max_pool(const onnx_operation *o) {
+    if (o->op->inputs[0] != o->op->inputs[1]) return false;
+    const int64_t size = o->op->whole[0].base, stride = o->op->whole[1].base;
+    const onnx_name x = channels_first(o->j, o->x[0]), not = not_a_number(o->j, x);
+    const onnx_name any = pooled(o->j, "MaxPool", not, size, stride);
+    return onnx_give(o, channels_first(o->j, keep(o->j, any, pooled(o->j, "MaxPool", x, size, stride))));
+}
+
 /* ---- the table ---- */
 
 static const struct {
@@ -329,12 +451,12 @@ static const struct {
             {"concat", NULL, joined, false},
             {"permute", NULL, permuted, false},
             {"gather", NULL, gathered, false},
-            {"spd_factor", NULL, onnx_factor, false},
-            {"spd_solve", NULL, onnx_solve, false},
-            {"conv1d", NULL, onnx_convolution, true},
-            {"conv1d_block", NULL, onnx_block, true},
-            {"avg_pool1d", NULL, onnx_average_pool, true},
-            {"pool_pick", NULL, onnx_max_pool, false}};
+            {"spd_factor", NULL, factor, false},
+            {"spd_solve", NULL, solve, false},
+            {"conv1d", NULL, convolution, true},
+            {"conv1d_block", NULL, block, true},
+            {"avg_pool1d", NULL, average_pool, true},
+            {"pool_pick", NULL, max_pool, false}};
 
 /* Returns the row of an operation, or LG_COUNT(rows) if there is none. */
 static size_t row_of(const lg_operation *op) {

@@ -1,20 +1,15 @@
 /* Models of kinds that have no row in the table: words are made from the file and the program's ports. */
-#include <stdlib.h>
-
 #include "lg-export/faces.h"
 
 /* Adds a line for each input and output: "x of velocity, in m". */
 static void tell_ports(const export_model *m, const char *function, text *about) {
-    size_t count;
-    for (int outputs = 0; outputs < 2; outputs++) {
-        const lg_port *port = export_ports(m->program, function, outputs, &count);
-        for (size_t i = 0; i < count; i++) {
-            char *words = app_format("%s of %s%s%s", port[i].name, function,
-                                     port[i].unit != NULL && port[i].unit[0] != '\0' ? ", in " : "",
-                                     port[i].unit != NULL ? port[i].unit : "");
-            export_tell_numbers(about, outputs ? "output" : "input", lg_shape_count(port[i].shape), words);
-            free(words);
-        }
+    const export_ports p = export_ports_of(m->program, function);
+    for (size_t i = 0; i < p.ins + p.outs; i++) {
+        const lg_port *port = i < p.ins ? &p.in[i] : &p.out[i - p.ins];
+        const char *unit = port->unit != NULL ? port->unit : "";
+        APP_FREE char *words =
+            app_format("%s of %s%s%s", port->name, function, unit[0] != '\0' ? ", in " : "", unit);
+        export_tell_numbers(about, i < p.ins ? "input" : "output", lg_shape_count(port->shape), words);
     }
 }
 

@@ -42,12 +42,6 @@ static size_t draw(const job *j, const lg_port *port, lg_rng *rng, double *x) {
     return count;
 }
 
-static size_t total(const lg_port *ports, size_t count) {
-    size_t sum = 0;
-    for (size_t i = 0; i < count; i++) sum += lg_shape_count(ports[i].shape);
-    return sum;
-}
-
 /* ---- results of the library ---- */
 
 lg_status export_evaluation_open(const lg_program *program, size_t function, lg_dtype dtype, double most,
@@ -82,17 +76,15 @@ static void *to_type(bool single, const double *x, size_t count) {
 
 void export_evaluate(const export_evaluation *e, const double *x, double *y) {
     const size_t size = e->single ? sizeof(float) : sizeof(double);
-    const size_t ins = total(e->in, e->ins), outs = total(e->out, e->outs);
+    const size_t ins = export_numbers(e->in, e->ins), outs = export_numbers(e->out, e->outs);
     APP_FREE const void **in = app_alloc(e->ins, sizeof *in);
     APP_FREE void **out = app_alloc(e->outs, sizeof *out);
-    unsigned char *from = to_type(e->single, x, ins), *to = app_alloc(outs, size);
+    APP_FREE unsigned char *from = to_type(e->single, x, ins), *to = app_alloc(outs, size);
     for (size_t i = 0, at = 0; i < e->ins; at += lg_shape_count(e->in[i++].shape)) in[i] = from + at * size;
     for (size_t i = 0, at = 0; i < e->outs; at += lg_shape_count(e->out[i++].shape)) out[i] = to + at * size;
     lg_plan_eval(e->plan, in, out, e->work);
     for (size_t i = 0; i < outs; i++)
         y[i] = e->single ? (double)((float *)(void *)to)[i] : ((double *)(void *)to)[i];
-    free(to);
-    free(from);
 }
 
 /* ---- condition ---- */
@@ -102,8 +94,9 @@ void export_evaluate(const export_evaluation *e, const double *x, double *y) {
  * norm over the points. */
 static double amplification(const export_evaluation *wide, const export_evaluation *narrow, const double *x,
                             size_t points, size_t depth) {
-    const size_t ins = total(wide->in, wide->ins), outs = total(wide->out, wide->outs);
-    double *y = app_alloc(points * outs, sizeof *y), *z = app_alloc(points * outs, sizeof *z), worst = 0;
+    const size_t ins = export_numbers(wide->in, wide->ins), outs = export_numbers(wide->out, wide->outs);
+    APP_FREE double *y = app_alloc(points * outs, sizeof *y), *z = app_alloc(points * outs, sizeof *z);
+    double worst = 0;
     for (size_t p = 0; p < points; p++) {
         export_evaluate(wide, x + p * ins, y + p * outs);
         export_evaluate(narrow, x + p * ins, z + p * outs);
@@ -120,8 +113,6 @@ static double amplification(const export_evaluation *wide, const export_evaluati
             if (!isnan(worst) && !(error <= worst)) worst = error; /* A NaN stays. */
         }
     }
-    free(z);
-    free(y);
     return worst / ((double)FLT_EPSILON * (double)(depth > 0 ? depth : 1));
 }
 
@@ -150,7 +141,8 @@ static const export_memory *run_of(const job *j, const char *function) {
 /* Inputs and outputs at `points` points along a run. */
 static void follow(const job *j, const export_evaluation *e, const export_memory *run, size_t points,
                    double *x, double *y) {
-    const size_t ins = total(e->in, e->ins), outs = total(e->out, e->outs), given = ins - run->numbers;
+    const size_t ins = export_numbers(e->in, e->ins), outs = export_numbers(e->out, e->outs),
+                 given = ins - run->numbers;
     APP_FREE double *row = app_alloc(ins, sizeof *row), *next = app_alloc(outs, sizeof *next);
     memcpy(row + given, run->start, run->numbers * sizeof *row);
     for (size_t k = 0, p = 0; k < run->rows; k++) {
@@ -168,7 +160,7 @@ static void follow(const job *j, const export_evaluation *e, const export_memory
 static void fill_points(const job *j, const export_evaluation *e, const char *function, uint64_t stream,
                         size_t points, double *x, double *y) {
     const export_memory *run = run_of(j, function);
-    const size_t outs = total(e->out, e->outs);
+    const size_t outs = export_numbers(e->out, e->outs);
     lg_rng rng;
     lg_rng_seed(&rng, j->source->options->seed, stream);
     for (size_t p = 0; p < points && run == NULL; p++) {
@@ -183,9 +175,9 @@ static void fill_points(const job *j, const export_evaluation *e, const char *fu
 static void find_condition(job *j, const export_evaluation *e, size_t function, size_t depth) {
     double found = 1;
     lg_error error = {LG_OK, ""};
-    const size_t numbers = CONDITION_POINTS * total(e->in, e->ins);
+    const size_t numbers = CONDITION_POINTS * export_numbers(e->in, e->ins);
     APP_FREE double *x = app_alloc(numbers, sizeof *x),
-                    *y = app_alloc(CONDITION_POINTS * total(e->out, e->outs), sizeof *y);
+                    *y = app_alloc(CONDITION_POINTS * export_numbers(e->out, e->outs), sizeof *y);
     fill_points(j, e, lg_program_function_name(j->program, function), GOLDEN_STREAM + 1, CONDITION_POINTS, x,
                 y);
     for (size_t i = 0; i < numbers; i++) x[i] = (double)(float)x[i];
@@ -203,9 +195,8 @@ static void find_condition(job *j, const export_evaluation *e, size_t function, 
 
 static void add_golden(job *j, const char *name, const char *what, const double *values, size_t count) {
     text *to = &j->source->test;
-    lg_text_add(to, "static const real %s_%s[%zu] = {\n", name, what, count);
-    lg_text_add_reals(to, j->source->options->dtype, 4, values, count);
-    lg_text_add(to, "};\n");
+    APP_FREE char *array = app_format("%s_%s", name, what);
+    export_reals(j->source, to, array, values, count);
     if (!isfinite(export_squares(j->source->options, values, count))) to->unfit = true;
 }
 
@@ -218,7 +209,7 @@ static void add_run(job *j, const export_evaluation *e, const char *name) {
     if (keeps)
         lg_text_add(
             to, "static real other[%zu];\n    (void)only;\n    memcpy(y, x + %zu, %zu * sizeof *y);\n    ",
-            total(e->out, 1), total(e->in, e->ins - 1), total(e->out, 1));
+            export_numbers(e->out, 1), export_numbers(e->in, e->ins - 1), export_numbers(e->out, 1));
     lg_text_add(to, "%s_%s%s(", j->source->options->name, j->source->prefix, name);
     for (size_t i = 0, at = 0; i < e->ins - keeps; at += lg_shape_count(e->in[i++].shape))
         lg_text_add(to, "x + %zu, ", at);
@@ -248,7 +239,8 @@ static void add_function(job *j, size_t index, text *table, size_t *largest) {
     lg_error error = {LG_OK, ""};
     must(j, export_evaluation_open(j->program, function, LG_F64, SELF_TEST_WORK, &e, &error), &error);
     find_condition(j, &e, function, depth);
-    const size_t ins = total(e.in, e.ins), outs = total(e.out, e.outs), golden = (size_t)options->golden;
+    const size_t ins = export_numbers(e.in, e.ins), outs = export_numbers(e.out, e.outs),
+                 golden = (size_t)options->golden;
     APP_FREE double *x = app_alloc(golden * ins, sizeof *x), *y = app_alloc(golden * outs, sizeof *y);
     fill_points(j, &e, name, GOLDEN_STREAM, golden, x, y);
     lg_text_add(&j->source->test, "\n");
@@ -314,26 +306,9 @@ void export_file_provenance(const app *self, export_source *source, const char *
     lg_file_reader_destroy(reader);
 }
 
-/* ---- choosing functions ---- */
+/* ---- the code ---- */
 
-/* Fills `chosen` with the indices of the functions in a list of names separated by commas. */
-static void choose(const job *j, const char *names, size_t *chosen, size_t *count) {
-    APP_FREE char *list = app_format("%s", names);
-    *count = 0;
-    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL;
-         name = strtok_r(NULL, ",", &save)) {
-        size_t at;
-        bool twice = false;
-        lg_error error = {LG_OK, ""};
-        if (lg_program_find(j->program, name, &at, &error) != LG_OK)
-            app_stop_usage(j->self, "--functions: %s", error.message);
-        for (size_t i = 0; i < *count; i++) twice = twice || chosen[i] == at;
-        if (!twice) chosen[(*count)++] = at;
-    }
-    if (*count == 0) app_stop_usage(j->self, "--functions: no function is named");
-}
-
-static void write_code(job *j, const char *functions) {
+static void write_code(job *j, const export_names *functions) {
     const size_t all = lg_program_functions(j->program);
     APP_FREE size_t *chosen = app_alloc(all, sizeof *chosen);
     APP_FREE bool *hidden = app_alloc(all, sizeof *hidden);
@@ -347,7 +322,9 @@ static void write_code(job *j, const char *functions) {
     how.function_count = 0;
     for (size_t i = 0; i < all; i++)
         if (!export_trains_only(j->program, i)) chosen[how.function_count++] = i;
-    if (functions != NULL) choose(j, functions, chosen, &how.function_count);
+    if (functions != NULL) how.function_count = functions->count;
+    for (size_t i = 0; functions != NULL && i < functions->count; i++)
+        (void)lg_program_find(j->program, functions->name[i], &chosen[i], NULL);
     for (size_t i = 0; i < how.function_count; i++) {
         const char *name = lg_program_function_name(j->program, chosen[i]);
         hidden[i] = run_of(j, name) != NULL;
@@ -378,13 +355,11 @@ static void add_sizes(job *j) {
                 source->options->name, more);
 }
 
-void export_whole(const app *self, const char *path, lg_program *program, const char *functions,
+void export_whole(const app *self, const char *path, lg_program *program, const export_names *functions,
                   export_source *source) {
     job j = {.self = self, .source = source, .program = program};
     if (source->prefix == NULL) source->prefix = "";
-    source->parameters = 0;
-    for (size_t i = 0; i < lg_program_parameters(program); i++)
-        source->parameters += lg_shape_count(lg_program_parameter(program, i).shape);
+    source->parameters = export_parameters(program);
     must(&j, export_round_parameters(source, program), NULL);
     write_code(&j, functions);
     source->bundle = true;
@@ -402,7 +377,10 @@ void export_whole(const app *self, const char *path, lg_program *program, const 
 
 void export_program(const app *self, const char *path, export_source *source) {
     lg_program *program;
+    export_names functions;
+    const bool given = source->options->functions != NULL;
     APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
-    export_whole(self, path, program, source->options->functions, source);
+    if (given) export_choose(self, source->options, program, NULL, &functions);
+    export_whole(self, path, program, given ? &functions : NULL, source);
     lg_program_destroy(program);
 }

@@ -1,7 +1,6 @@
 /* Scenes of lg-simulate as programs with the functions velocity (x, parameters) -> x' and step (x,
  * parameters, h) -> next. Either each parameter is an input that all rows share, named as in gradients (m1,
  * L2, g), or all parameters are constants of the program. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/export.h"
@@ -54,7 +53,7 @@ static lg_status build(const app *self, recording *r, lg_program **out, lg_error
     const size_t n = r->tunable;
     const double *values = lg_system_parameter_values(r->system);
     APP_FREE lg_port *in = app_alloc(n + 2, sizeof *in);
-    char(*names)[LABEL] = app_alloc(n, sizeof *names);
+    char(*names)[LABEL] = app_keep(n, sizeof *names);
     const lg_port rate = {.name = "f"}, next = {.name = "next"};
     in[0] = (lg_port){.name = "x", .shape = lg_shape1((uint32_t)lg_system_dim(r->system))};
     for (size_t i = 0; i < n; i++) {
@@ -72,15 +71,13 @@ static lg_status build(const app *self, recording *r, lg_program **out, lg_error
     spec.functions = functions;
     spec.function_count = LG_COUNT(functions);
     spec.description = "a system of lg-simulate";
-    const lg_status status = lg_program_build(self->context, &spec, out, error);
-    free(names);
-    return status;
+    return lg_program_build(self->context, &spec, out, error);
 }
 
 /* Takes the initial state, the parameters' values and the end time from the scene. */
 static void take_values(const recording *r, const lg_scene *scene, export_source *source) {
     const size_t d = lg_system_dim(r->system);
-    source->start = app_alloc(d + r->tunable, sizeof *source->start);
+    source->start = app_keep(d + r->tunable, sizeof *source->start);
     source->starts = d;
     source->tunable = r->tunable;
     source->stop = scene->has_t_end ? scene->t_end : 0;

@@ -1,33 +1,27 @@
 /* Simulink: plain functions for C Function blocks (NAME_simulink.h and .c) and an S-function
  * (NAME_sfun.c). */
-#include <stdlib.h>
-#include <string.h>
-
 #include "lg-export/block.h"
 
 /* Adds a prototype: "void NAME_field(const double x[6], const double u[3], double f[6])". */
 static void add_prototype(const block *b, const char *function, text *to) {
     const char *comma = "";
+    const export_ports p = export_ports_of(b->program, function);
     lg_text_add(to, "void %s_%s(", b->source->options->name, function);
-    for (int out = 0; out < 2; out++) {
-        size_t count;
-        const lg_port *ports = export_ports(b->program, function, out, &count);
-        for (size_t i = 0; i < count; i++, comma = ", ")
-            lg_text_add(to, "%s%sdouble %s[%zu]", comma, out ? "" : "const ", ports[i].name,
-                        lg_shape_count(ports[i].shape));
+    for (size_t i = 0; i < p.ins + p.outs; i++, comma = ", ") {
+        const lg_port *port = i < p.ins ? &p.in[i] : &p.out[i - p.ins];
+        lg_text_add(to, "%s%sdouble %s[%zu]", comma, i < p.ins ? "const " : "", port->name,
+                    lg_shape_count(port->shape));
     }
     lg_text_add(to, ")");
 }
 
 static void add_call(const block *b, const char *function, text *to) {
     const char *name = b->source->options->name;
+    const export_ports p = export_ports_of(b->program, function);
     lg_text_add(to, " {\n    double work[%s_%s%s_WORK_SIZE + 1];\n    %s_%s%s(", name, b->source->prefix,
                 function, name, b->source->prefix, function);
-    for (int out = 0; out < 2; out++) {
-        size_t count;
-        const lg_port *ports = export_ports(b->program, function, out, &count);
-        for (size_t i = 0; i < count; i++) lg_text_add(to, "%s, ", ports[i].name);
-    }
+    for (size_t i = 0; i < p.ins; i++) lg_text_add(to, "%s, ", p.in[i].name);
+    for (size_t o = 0; o < p.outs; o++) lg_text_add(to, "%s, ", p.out[o].name);
     lg_text_add(to, "work);\n}\n\n");
 }
 
@@ -46,12 +40,11 @@ static void add_functions(const block *b) {
     lg_text_add(code,
                 "/* %s_simulink.h says what this is. */\n#include \"%s_simulink.h\"\n\n#include \"%s.h\"\n\n",
                 name, name, name);
-    APP_FREE char *list = app_format("%s", b->list.data);
-    for (char *save = NULL, *f = strtok_r(list, ",", &save); f != NULL; f = strtok_r(NULL, ",", &save)) {
-        add_prototype(b, f, header);
+    for (size_t i = 0; i < b->list.count; i++) {
+        add_prototype(b, b->list.name[i], header);
         lg_text_add(header, ";\n");
-        add_prototype(b, f, code);
-        add_call(b, f, code);
+        add_prototype(b, b->list.name[i], code);
+        add_call(b, b->list.name[i], code);
     }
     lg_text_add(header, "\n#endif\n");
 }
@@ -77,17 +70,15 @@ static const char rules[] = "NAME_simulink.o: NAME_simulink.c NAME_simulink.h NA
                             "\t$(CC) $(CFLAGS) -c NAME_simulink.c -o NAME_simulink.o\n";
 
 static void build(const app *self, const char *path, lg_program *program, export_source *source) {
-    block *b = app_alloc(1, sizeof *b);
-    *b = (block){.self = self, .program = program, .source = source, .list = app_text()};
+    APP_FREE block *b = app_alloc(1, sizeof *b);
+    *b = (block){.self = self, .program = program, .source = source};
     block_collect(b, false);
     source->prefix = "c_";
-    export_whole(self, path, program, b->list.data, source);
+    export_whole(self, path, program, &b->list, source);
     export_add_rules(source, "NAME_simulink.o", rules);
     export_compose(source);
     add_functions(b);
     add_sfunction(b);
-    block_free(b);
-    free(b);
 }
 
 const export_target export_target_simulink = {.build = build, .wide = "the blocks are"};

@@ -46,10 +46,17 @@ void export_constant(export_source *source, const char *constant, size_t value) 
     lg_text_add(&source->code, "enum { %s = %zu };\n", constant, value);
 }
 
-void export_real(export_source *source, const char *constant, double value) {
-    lg_text_add(&source->code, "static const real %s = ", constant);
-    lg_text_add_real(&source->code, source->options->dtype, value);
-    lg_text_add(&source->code, ";\n");
+void export_real(const export_source *source, text *to, const char *constant, double value) {
+    lg_text_add(to, "static const real %s = ", constant);
+    lg_text_add_real(to, source->options->dtype, value);
+    lg_text_add(to, ";\n");
+}
+
+void export_reals(const export_source *source, text *to, const char *array, const double *values,
+                  size_t count) {
+    lg_text_add(to, "static const real %s[%zu] = {\n", array, count);
+    lg_text_add_reals(to, source->options->dtype, 4, values, count);
+    lg_text_add(to, "};\n");
 }
 
 /* ---- arrays ---- */
@@ -180,20 +187,9 @@ void export_source_begin(export_source *source, const export_options *options) {
 }
 
 void export_source_free(export_source *source) {
-    double *const arrays[] = {source->golden.x, source->golden.y, source->golden.jacobian,
-                              source->golden.extra};
     for (size_t i = 0; i < LG_COUNT(texts); i++) lg_text_destroy(text_of(source, i));
-    for (size_t i = 0; i < LG_COUNT(arrays); i++) free(arrays[i]);
     for (size_t i = 0; i < source->file_count; i++) {
         free(source->files[i].name);
         lg_text_destroy(&source->files[i].content);
     }
-    for (size_t i = 0; i < source->runs; i++) {
-        free(source->run[i].inputs);
-        free(source->run[i].start);
-    }
-    source->file_count = source->runs = 0;
-    free(source->start);
-    source->start = NULL;
-    source->golden = (export_golden){.count = 0};
 }

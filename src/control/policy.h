@@ -20,7 +20,8 @@ typedef struct lg_policy_place {
 typedef struct lg_policy_layout {
     uint32_t positions, given, velocities, errors; /* sums over all coordinates; errors = z */
     lg_policy_place at[LG_POLICY_COORDINATES];
-    double basis[LG_POLICY_COORDINATES][6]; /* (3, 2): of the plane across the goal of a direction */
+    uint32_t owner[6 * LG_POLICY_COORDINATES]; /* the coordinate of each error; velocities' are behind */
+    double basis[LG_POLICY_COORDINATES][6];    /* (3, 2): of the plane across the goal of a direction */
 } lg_policy_layout;
 void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out);
 

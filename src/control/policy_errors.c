@@ -220,13 +220,15 @@ void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out) {
         const lg_policy_coordinate *c = &task->coordinate[i];
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
         out->at[i] = (lg_policy_place){out->positions, out->given, out->velocities, out->errors, 0};
-        out->positions += sizes->position, out->given += sizes->given, out->errors += sizes->errors;
+        out->positions += sizes->position, out->given += sizes->given;
+        for (uint32_t k = 0; k < sizes->errors; k++) out->owner[out->errors++] = i;
         if (moves(c)) out->velocities += sizes->velocity;
         if (c->motion == LG_POLICY_DIRECTION) plane_across(c->goal, out->basis[i]);
     }
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &task->coordinate[i];
         out->at[i].rate = out->errors;
-        if (moves(&task->coordinate[i])) out->errors += lg_policy_row_of(&task->coordinate[i])->rates;
+        for (uint32_t k = 0; moves(c) && k < lg_policy_row_of(c)->rates; k++) out->owner[out->errors++] = i;
     }
 }
 

@@ -116,10 +116,9 @@ static lg_var regulator_of(lg_tape *tape, const lg_policy *p, lg_var z, const do
 static lg_var level_of(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var z) {
     const uint32_t n = p->layout.errors;
     double factors[LG_POLICY_COORDINATES] = {0};
-    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
-        const uint32_t count = lg_policy_row_of(&p->task.coordinate[i])->errors;
-        for (uint32_t k = p->layout.at[i].error; k < p->layout.at[i].error + count; k++)
-            factors[i] += p->regulator.P[k * (n + 1)] / count;
+    for (uint32_t k = 0; k < p->layout.at[0].rate; k++) {
+        const uint32_t i = p->layout.owner[k];
+        factors[i] += p->regulator.P[k * (n + 1)] / lg_policy_row_of(&p->task.coordinate[i])->errors;
     }
     const lg_var P = lg_input_f64(tape, lg_shape2(n, n), p->regulator.P);
     lg_var V = lg_rowdot(tape, lg_matmul(tape, z, P), z);

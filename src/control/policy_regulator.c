@@ -82,17 +82,14 @@ static double residual_of(const design *d, const double *z, uint32_t *which) {
     return most;
 }
 
-/* The coordinate that error i belongs to. */
-static const char *name_of(const lg_policy *p, uint32_t i) {
-    const char *name = "";
-    for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
-        const lg_policy_coordinate *c = &p->task.coordinate[k];
-        const lg_policy_motion_row *row = lg_policy_row_of(c);
-        if (i >= p->layout.at[k].error && i < p->layout.at[k].error + row->errors) name = c->name;
-        if (c->velocity[0] != '\0' && i >= p->layout.at[k].rate && i < p->layout.at[k].rate + row->rates)
-            name = c->velocity;
-    }
-    return name;
+/* The coordinate of error i. */
+static const lg_policy_coordinate *owner_of(const lg_policy *p, uint32_t i) {
+    return &p->task.coordinate[p->layout.owner[i]];
+}
+
+/* Whether error i is of a velocity. */
+static bool is_rate(const lg_policy *p, uint32_t i) {
+    return i >= p->layout.at[0].rate;
 }
 
 /* Newton's method. u is the first guess on entry and the last iterate on return; *residual is the residual of
@@ -130,7 +127,8 @@ static lg_status find_equilibrium(design *d) {
             d->error, LG_CHECK_FAILED,
             "the goal is not an equilibrium under any constant input: from there %s changes by %.3g in a "
             "period of %g s",
-            name_of(p, which), change[which], p->task.period);
+            is_rate(p, which) ? owner_of(p, which)->velocity : owner_of(p, which)->name, change[which],
+            p->task.period);
     for (uint32_t l = 0; l < d->m; l++) {
         const lg_policy_input *in = &p->task.input[l];
         if (!(p->regulator.u0[l] > in->low && p->regulator.u0[l] < in->high))
@@ -147,9 +145,8 @@ static lg_status find_equilibrium(design *d) {
 /* Of each error the largest of the starts; where these are all 0, the bound of success, or that of the
  * unforced motion. Of a lagged input half the range of the input. */
 void lg_policy_find_sizes(const lg_policy *p, double *sizes) {
-    for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
-        const lg_policy_coordinate *c = &p->task.coordinate[k];
-        const lg_policy_motion_row *row = lg_policy_row_of(c);
+    for (uint32_t i = 0; i < p->layout.errors; i++) {
+        const lg_policy_coordinate *c = owner_of(p, i);
         const double far = fmax(fabs(c->start[0]), fabs(c->start[1])),
                      fast = fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1]));
         const double size = far > 0                ? far
@@ -159,13 +156,9 @@ void lg_policy_find_sizes(const lg_policy *p, double *sizes) {
                      rate = fast > 0                        ? fast
                             : isfinite(c->success_velocity) ? c->success_velocity
                                                             : size / (10.0 * p->task.period);
-        for (uint32_t i = 0; i < row->errors; i++) sizes[p->layout.at[k].error + i] = size;
-        /* An integral grows for a tenth of the horizon. */
-        if (c->integrates > 0)
-            sizes[p->layout.at[k].error] =
-                0.1 * p->task.horizon * sizes[p->layout.at[c->integrates - 1].error];
-        for (uint32_t i = 0; c->velocity[0] != '\0' && i < row->rates; i++)
-            sizes[p->layout.at[k].rate + i] = rate;
+        sizes[i] = is_rate(p, i) ? rate : size;
+        if (c->integrates > 0) /* It grows for a tenth of the horizon. */
+            sizes[i] = 0.1 * p->task.horizon * sizes[p->layout.at[c->integrates - 1].error];
     }
 }
 
@@ -181,21 +174,17 @@ typedef struct weights {
  * NULL: those of the cost. */
 static void fill_weights(const design *d, const weights *w, double *Q, double *R) {
     const lg_policy *p = d->policy;
-    for (uint32_t k = 0; k < p->task.coordinate_count; k++) {
-        const lg_policy_coordinate *c = &p->task.coordinate[k];
-        const lg_policy_motion_row *row = lg_policy_row_of(c);
-        const uint32_t at = p->layout.at[k].error, rate = p->layout.at[k].rate;
-        const double bound = row->errors > 0 ? c->success : c->success_velocity,
+    for (uint32_t i = 0; i < d->n; i++) {
+        const lg_policy_coordinate *c = owner_of(p, i);
+        const double bound = lg_policy_row_of(c)->errors > 0 ? c->success : c->success_velocity,
                      factor = w == NULL         ? c->weight
                               : c->ago > 0      ? 0.0
                               : isfinite(bound) ? 1.0
                                                 : w->loose,
-                     of_rate = w == NULL ? c->weight_velocity : factor * w->rate;
-        for (uint32_t i = 0; i < row->errors; i++) Q[(at + i) * (d->n + 1)] = factor;
-        for (uint32_t i = 0; c->velocity[0] != '\0' && i < row->rates; i++)
-            Q[(rate + i) * (d->n + 1)] = of_rate;
+                     of_rate = w == NULL ? c->weight_velocity : factor * w->rate,
+                     unit = w == NULL ? d->size[i] * d->size[i] : 1.0;
+        Q[i * (d->n + 1)] = (is_rate(p, i) ? of_rate : factor) * unit;
     }
-    for (uint32_t i = 0; w == NULL && i < d->n; i++) Q[i * (d->n + 1)] *= d->size[i] * d->size[i];
     for (uint32_t l = 0; l < d->m; l++)
         R[l * (d->m + 1)] =
             w != NULL ? w->input
@@ -428,16 +417,13 @@ static lg_status choose_near(const design *d) {
 
 /* The gains of the task; past inputs and integrals may be left out, then their gains are 0. */
 static void place_gains(const lg_policy *p, double *K) {
-    const lg_policy_layout *l = &p->layout;
-    const bool all = p->task.gain_count == p->inputs * l->errors;
+    const uint32_t n = p->layout.errors;
+    const bool all = p->task.gain_count == p->inputs * n;
     uint32_t from = 0;
     for (uint32_t k = 0; k < p->inputs; k++)
-        for (uint32_t i = 0; i < l->errors; i++) {
-            bool kept = true;
-            for (uint32_t c = 0; c < p->task.coordinate_count; c++)
-                if (p->task.coordinate[c].ago > 0 || p->task.coordinate[c].integrates > 0)
-                    kept = kept && l->at[c].error != i;
-            K[k * l->errors + i] = all || kept ? p->task.gains[from++] : 0.0;
+        for (uint32_t i = 0; i < n; i++) {
+            const bool kept = owner_of(p, i)->ago == 0 && owner_of(p, i)->integrates == 0;
+            K[k * n + i] = all || kept ? p->task.gains[from++] : 0.0;
         }
 }
 

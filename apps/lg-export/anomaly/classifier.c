@@ -36,7 +36,7 @@ static void add_spectrum(const classifier_job *j) {
     export_constant(j->source, "SEGMENTS", s->segments);
     export_constant(j->source, "HOP", s->hop);
     export_constant(j->source, "BANDS", s->bands);
-    export_real(j->source, "POWER_FLOOR", LG_FEATURES_FLOOR);
+    export_real(j->source, &j->source->code, "POWER_FLOOR", LG_FEATURES_FLOOR);
 }
 
 static size_t rocket_margin(const lg_rocket *r) {

@@ -4,7 +4,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "liegrad/core.h"
@@ -269,9 +268,7 @@ static void add_test(const classifier_job *j, const double *size) {
         export_test_code(j->source, "test_detector");
         return;
     }
-    lg_text_add(&j->source->test, "static const real feature_size[%zu] = {\n", j->d);
-    lg_text_add_reals(&j->source->test, j->source->options->dtype, 4, size, j->d);
-    lg_text_add(&j->source->test, "};\n");
+    export_reals(j->source, &j->source->test, "feature_size", size, j->d);
     export_test_code(j->source, "test_classifier");
 }
 
@@ -279,12 +276,12 @@ void classifier_golden(const classifier_job *j) {
     const lg_classifier *c = j->c;
     const size_t inputs = j->source->inputs, m = c->features.selected;
     drawing d = {.j = j,
-                 .window = app_alloc(inputs, sizeof(float)),
-                 .feature = app_alloc(j->d, sizeof(double)),
-                 .work = app_alloc(lg_classifier_work_size(c), 1),
-                 .made = app_alloc(j->d + m * m + m, sizeof(double)),
-                 .moved = app_alloc(j->outputs * (1 + inputs), sizeof(double)),
-                 .point = app_alloc(j->d + j->outputs, sizeof(double))};
+                 .window = app_keep(inputs, sizeof(float)),
+                 .feature = app_keep(j->d, sizeof(double)),
+                 .work = app_keep(lg_classifier_work_size(c), 1),
+                 .made = app_keep(j->d + m * m + m, sizeof(double)),
+                 .moved = app_keep(j->outputs * (1 + inputs), sizeof(double)),
+                 .point = app_keep(j->d + j->outputs, sizeof(double))};
     APP_FREE double *size = app_alloc(j->d, sizeof *size);
     bool drawn = true;
     for (size_t i = 0; i < j->d; i++)
@@ -299,8 +296,6 @@ void classifier_golden(const classifier_job *j) {
     for (size_t i = 0; i < j->source->golden.count * j->outputs; i++)
         drawn = drawn && isfinite(j->source->golden.y[i]);
     add_test(j, size);
-    void *const memory[] = {d.window, d.feature, d.work, d.made, d.moved, d.point};
-    for (size_t i = 0; i < LG_COUNT(memory); i++) free(memory[i]);
     if (!drawn)
         app_stop(j->self, LG_FILE, "%s: windows like those of the training data have no finite decision",
                  j->source->options->file);

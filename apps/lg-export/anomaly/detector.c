@@ -1,6 +1,5 @@
 /* Detectors: golden windows like the training data, and the description in NAME.h. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "lg-export/faces.h"
 #include "liegrad/anomaly.h"
@@ -122,7 +121,8 @@ static bool is_smooth(export_model *m, size_t v) {
     const size_t n = source->inputs, all = n * source->outputs;
     const double *x = source->golden.x + v * n, *jacobian = source->golden.jacobian + v * all;
     const double eps = export_eps(source->options);
-    double *near = app_alloc(all + n, sizeof *near), *moved = near + all, sum = 0, change = 0;
+    APP_FREE double *near = app_alloc(all + n, sizeof *near);
+    double *moved = near + all, sum = 0, change = 0;
     for (int side = 0; side < 2 && has_kinks(file); side++) {
         for (size_t i = 0; i < n; i++)
             moved[i] =
@@ -133,7 +133,6 @@ static bool is_smooth(export_model *m, size_t v) {
             change += (near[i] - jacobian[i]) * (near[i] - jacobian[i]);
         }
     }
-    free(near);
     const double bound = 10 * eps * (double)source->depth;
     return change <= bound * bound * sum;
 }

@@ -1,7 +1,6 @@
 /* Surrogates of the elastica: the faces of their curve (code/surrogate), golden inputs, and the description
  * in NAME.h. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/faces.h"
@@ -39,7 +38,7 @@ static void curve_code(export_model *m) {
     (void)snprintf(fragment, sizeof fragment, "curve_%s", lg_surrogate_kind_name(kind));
     if (kind != LG_SURROGATE_CONTINUOUS) {
         export_code(source, "curve_mark");
-        export_real(source, "LENGTH", model->length);
+        export_real(source, &source->code, "LENGTH", model->length);
     }
     if (kind == LG_SURROGATE_DISCRETE) {
         export_constant(source, "INTERVALS", n);
@@ -47,8 +46,9 @@ static void curve_code(export_model *m) {
     } else if (kind == LG_SURROGATE_ANGLE) {
         export_constant(source, "SYMMETRIC", model->options.symmetric);
         export_constant(source, "PANELS", panels);
-        export_real(source, "PANEL", model->length / (double)panels);
-        export_real(source, "PANEL_SLACK", fmax(1e-9, 4 * export_eps(source->options) * (double)panels));
+        export_real(source, &source->code, "PANEL", model->length / (double)panels);
+        export_real(source, &source->code, "PANEL_SLACK",
+                    fmax(1e-9, 4 * export_eps(source->options) * (double)panels));
     }
     export_code(source, fragment);
     for (size_t i = 0; i < m->count; i++) {
@@ -242,11 +242,9 @@ static double tangent_scale(const export_source *source, const lg_surrogate *mod
 
 static void write_places(export_source *source, const double *places, bool place, double scale) {
     text *to = &source->test;
-    lg_text_add(to, "static const real curve_places[%d] = {\n", PLACES);
-    lg_text_add_reals(to, source->options->dtype, 4, places, PLACES);
-    lg_text_add(to, "};\nstatic const real tangent_scale = ");
-    lg_text_add_real(to, source->options->dtype, scale);
-    lg_text_add(to, ";\nenum { CURVE_PLACES = %d, BOUNDARY_AT = %d };\n", PLACES, place);
+    export_reals(source, to, "curve_places", places, PLACES);
+    export_real(source, to, "tangent_scale", scale);
+    lg_text_add(to, "enum { CURVE_PLACES = %d, BOUNDARY_AT = %d };\n", PLACES, place);
     export_test_code(source, "test_surrogate");
 }
 

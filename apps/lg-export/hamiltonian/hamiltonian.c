@@ -1,6 +1,5 @@
 /* Learned Hamiltonians: the condition of the mass matrix, and the description in NAME.h. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/faces.h"

@@ -1,6 +1,5 @@
 /* Learned machines: golden states like the training data, and the description in NAME.h. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/faces.h"
@@ -18,17 +17,6 @@ static double draw_in(const lg_machine_range *range, size_t at, lg_rng *rng) {
     return known ? lg_rng_uniform_in(rng, low, high) : lg_rng_uniform_in(rng, -1.0, 1.0);
 }
 
-/* Draws directions and rotations anywhere: a random group element acts on those at rest. Overwrites the whole
- * state. */
-static void draw_attitudes(export_model *m, double *x) {
-    double *element = app_alloc(m->algebra, sizeof *element);
-    memset(x, 0, m->dim * sizeof *x);
-    export_rest(m->space, x);
-    for (size_t k = 0; k < m->algebra; k++) element[k] = lg_rng_normal(&m->rng);
-    lg_space_act(m->space, element, x, x);
-    free(element);
-}
-
 static double draw_input(export_model *m, size_t k) {
     const lg_machine *machine = &run_of(m)->machine;
     return draw_in(&run_of(m)->range, machine->positions + machine->velocities + k, &m->rng);
@@ -40,7 +28,8 @@ static void draw(export_model *m, double *x, size_t v_at) {
     const lg_machine *machine = &run_of(m)->machine;
     double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES];
     uint32_t at = 0;
-    draw_attitudes(m, x);
+    memset(x, 0, m->dim * sizeof *x);
+    export_turn(m, x);
     (void)lg_model_machine_positions(m->file->model, x, q, m->work);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_kind kind = machine->coordinates[i].kind;
@@ -87,10 +76,9 @@ static void tell(export_model *m) {
     text *about = &source->about;
     lg_text_add(about, "Learned machine with inputs and damping; liegrad/machine.h has the equations.\n\n");
     export_tell_numbers(about, "state", m->dim, source->state.data);
-    char *words = m->forces > 0 ? app_format("%s as in the log; NULL for zeros", source->input.data)
-                                : app_format("none: NULL");
+    APP_FREE char *words = m->forces > 0 ? app_format("%s as in the log; NULL for zeros", source->input.data)
+                                         : app_format("none: NULL");
     export_tell_numbers(about, "input", m->forces, words);
-    free(words);
     if (source->delay.length > 0) lg_text_add(about, "delay         %s\n", source->delay.data);
     export_tell_numbers(about, "field", m->algebra, words_of_field);
     export_tell_numbers(about, "positions", m->positions, "in the order of the log, R by rows");

@@ -1,5 +1,4 @@
 /* Describes the numbers of a machine's state and input, for every target. */
-#include <stdlib.h>
 
 #include "lg-export/faces.h"
 #include "liegrad/machine.h"

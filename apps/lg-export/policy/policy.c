@@ -87,13 +87,9 @@ static void open_policy(const app *self, const char *path, export_source *source
     APP_MUST_FILE(self, path, lg_policy_load(self->context, path, NULL, &out->policy, &out->text, &error));
     out->task = lg_policy_task_of(out->policy);
     out->inputs = out->task->input_count;
-    for (uint32_t i = 0; i < out->task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &out->task->coordinate[i];
-        const lg_policy_motion_row *row = lg_policy_motion_row_of(c->motion);
-        out->positions += row->position;
-        out->given += row->given;
-        out->velocities += c->velocity[0] != '\0' ? row->velocity : 0;
-    }
+    lg_policy_lay_out(out->task, &out->layout);
+    out->positions = out->layout.positions, out->given = out->layout.given;
+    out->velocities = out->layout.velocities;
 }
 
 static void close_policy(export_policy_job *j) {
@@ -128,30 +124,23 @@ void export_policy_simple(const export_policy_job *j, const char *function) {
                    function);
 }
 
-export_memory *export_policy_keep(export_policy_job *j, const char *function, const char *declarations,
-                                  size_t numbers) {
+export_memory *export_policy_keep(export_policy_job *j, const char *function, size_t numbers) {
     export_source *source = j->source;
+    APP_FREE char *declarations = app_format("%s.cin", function);
     export_memory *run = &source->run[source->runs++];
     *run = (export_memory){.function = function,
-                           .start = app_alloc(numbers, sizeof *run->start),
+                           .start = app_keep(numbers, sizeof *run->start),
                            .numbers = numbers,
                            .work = numbers};
-    lg_text_add_named(&j->declarations, source->options->name, declarations);
+    lg_text_add_named(&j->declarations, source->options->name, export_fragment_text(declarations));
     source->stack += 200;
     source->calls++;
     return run;
 }
 
-void export_policy_reals(const export_policy_job *j, const char *name, const double *values, size_t count) {
-    text *to = &j->source->further_code;
-    lg_text_add(to, "static const real %s[%zu] = {\n", name, count);
-    lg_text_add_reals(to, j->source->options->dtype, 4, values, count);
-    lg_text_add(to, "};\n");
-}
-
 void export_policy_start(const export_policy_job *j, const export_memory *run) {
     APP_FREE char *name = app_format("%s_first", run->function);
-    export_policy_reals(j, name, run->start, run->numbers);
+    export_reals(j->source, &j->source->further_code, name, run->start, run->numbers);
     lg_text_add_named(&j->source->further_code, j->source->options->name,
                       export_fragment_text(run->function));
 }
@@ -171,9 +160,8 @@ lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *j, lg_var x
 /* ---- C ---- */
 
 static void load_program(export_policy_job *j, const char *path) {
-    size_t count;
     APP_MUST_FILE(j->self, path, lg_program_load(j->self->context, path, NULL, &j->program, &error));
-    j->state = lg_shape_count(export_ports(j->program, "period", false, &count)[0].shape);
+    j->state = export_numbers(export_ports_of(j->program, "period").in, 1);
     /* export_whole rounds again, and counts what is lost. */
     const size_t lost = j->source->lost;
     APP_MUST(j->self, export_round_parameters(j->source, j->program));
@@ -194,22 +182,18 @@ static void write_policy(export_policy_job *j, const char *path) {
     } kept[] = {{"observe", export_policy_observe}, {"adapt", export_policy_adapt}};
     static const char *const besides[] = {"track", "lagged", "remember",
                                           "reset"}; /* By default, if the policy has them. */
-    text functions = app_text();
-    size_t found;
+    const char *given = source->options->functions;
+    export_names functions;
     source->maps = true;
     tell(j);
     export_policy_loop(j);
-    lg_text_add(&functions, "%s", source->options->functions);
     for (size_t i = 0; i < LG_COUNT(kept); i++)
-        if (is_named(functions.data, kept[i].name)) kept[i].add(j);
-    for (size_t i = 0; i < LG_COUNT(besides); i++)
-        if (strcmp(source->options->functions, "control") == 0 &&
-            lg_program_find(j->program, besides[i], &found, NULL) == LG_OK)
-            lg_text_add(&functions, ",%s", besides[i]);
-    /* The closed loop needs it. */
-    if (!is_named(functions.data, "control")) lg_text_add(&functions, ",control");
-    export_whole(j->self, path, j->program, functions.data, source);
-    lg_text_destroy(&functions);
+        if (is_named(given, kept[i].name)) kept[i].add(j);
+    export_choose(j->self, source->options, j->program, NULL, &functions);
+    for (size_t i = 0; i < LG_COUNT(besides) && strcmp(given, "control") == 0; i++)
+        (void)export_add_name(&functions, j->program, besides[i]);
+    (void)export_add_name(&functions, j->program, "control"); /* The closed loop needs it. */
+    export_whole(j->self, path, j->program, &functions, source);
     if (j->declarations.length > 0) lg_text_add(&source->declarations, "%s", j->declarations.data);
     export_size(source, "INPUTS", j->given + j->velocities, "numbers in x of control");
     export_size(source, "GIVEN", j->given,

@@ -15,6 +15,7 @@ typedef struct export_policy_job {
     lg_program *program; /* Has parameters that are rounded to the exported type. */
     /* Numbers of positions, of positions as NAME_control takes them, of velocities, of the plant's state. */
     size_t positions, given, velocities, state, inputs;
+    lg_policy_layout layout;
     text declarations; /* Of functions that are not in the program, for NAME.h. */
 } export_policy_job;
 
@@ -33,7 +34,6 @@ typedef struct export_path {
  * and of this damping more than the machine, as impulses once a period; NULL: none. */
 export_path export_loop_run(const export_policy_job *job, uint64_t stream, const double *noise,
                             const double *more);
-void export_path_destroy(export_path *path);
 
 /* Adds the closed loop to the self-test. */
 void export_policy_loop(export_policy_job *job);
@@ -47,12 +47,9 @@ void export_policy_adapt(export_policy_job *job);
 /* Refuses a plant whose state is more than lines, angles, and one momentum for each; `function` is for the
  * message. */
 void export_policy_simple(const export_policy_job *job, const char *function);
-/* Adds the run of a function whose memory has `numbers` numbers, and its declarations. The caller fills
- * the run. */
-export_memory *export_policy_keep(export_policy_job *job, const char *function, const char *declarations,
-                                  size_t numbers);
-/* Adds an array to the code. */
-void export_policy_reals(const export_policy_job *job, const char *name, const double *values, size_t count);
+/* Adds the run of a function whose memory has `numbers` numbers, and its declarations, <function>.cin below
+ * code/policy. The caller fills the run. */
+export_memory *export_policy_keep(export_policy_job *job, const char *function, size_t numbers);
 /* Adds the memory at the start as the array <function>_first, and the function's fragment. */
 void export_policy_start(const export_policy_job *job, const export_memory *run);
 /* Record the plant's state from positions and velocities; 1/x, or 0 where x is no normal number above 0. */

@@ -3,7 +3,6 @@
  * -damping v - coulomb sign(v) + offset - inertia v'. The four numbers are bounded; `range` scales them to
  * at most 1. The memory has, for each velocity, the scaled numbers (4), then their covariance (4, 4). */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/policy/policy.h"
@@ -95,9 +94,8 @@ static lg_status record_adapt(void *user, lg_tape *tape, const lg_var *theta, co
 
 static void add_function(const adaptation *a) {
     const export_policy_job *j = a->job;
-    size_t count;
-    const lg_port *control = export_ports(j->program, "control", false, &count);
-    const lg_port *period = export_ports(j->program, "period", false, &count);
+    const lg_port *control = export_ports_of(j->program, "control").in,
+                  *period = export_ports_of(j->program, "period").in;
     lg_port in[] = {control[0],
                     period[1],
                     control[0],
@@ -143,20 +141,6 @@ static void find_ranges(const export_policy_job *j, adaptation *a, const export_
 
 /* ---- texts ---- */
 
-static const char declarations[] =
-    "\n/* The adaptation: NAME_adapt_start once; then NAME_adapt once a period, with x and u of the last "
-    "call of\n"
-    " * NAME_control and `next`, the x now (all of them measured or estimated). found (NAME_FOUND): for each "
-    "velocity\n"
-    " * damping, Coulomb friction, offset and inertia that the plant has and the machine does not: its force "
-    "is\n"
-    " * larger by -damping v - coulomb sign(v) + offset - inertia v'. memory: NAME_ADAPT_SIZE numbers, kept "
-    "between\n"
-    " * calls. Numbers that are not finite change nothing. */\n"
-    "void NAME_adapt_start(NAME_real *memory);\n"
-    "void NAME_adapt(const NAME_real *x, const NAME_real *u, const NAME_real *next, NAME_real *memory,\n"
-    "    NAME_real *found, NAME_real *work);\n";
-
 static void add_words(const adaptation *a) {
     const export_policy_job *j = a->job;
     text *about = &j->source->about;
@@ -178,11 +162,11 @@ static void add_words(const adaptation *a) {
 static void add_run(export_policy_job *j, const adaptation *a) {
     const size_t n = j->given, m = j->inputs, width = 4 * n + m;
     double more[2 * MOST];
-    export_memory *run = export_policy_keep(j, "adapt", declarations, MEMORY * n);
+    export_memory *run = export_policy_keep(j, "adapt", MEMORY * n);
     for (size_t i = 0; i < n; i++) more[i] = a->range[NUMBERS * i + 2], more[n + i] = a->range[NUMBERS * i];
     export_path path = export_loop_run(j, ADAPT_STREAM, NULL, more);
     run->rows = path.periods;
-    run->inputs = app_alloc(path.periods * width, sizeof *run->inputs);
+    run->inputs = app_keep(path.periods * width, sizeof *run->inputs);
     for (size_t k = 0; k < path.periods; k++) {
         double *row = run->inputs + k * width;
         memcpy(row, path.seen + k * 2 * n, 2 * n * sizeof *row);
@@ -190,10 +174,9 @@ static void add_run(export_policy_job *j, const adaptation *a) {
         memcpy(row + 2 * n + m, path.seen + (k + 1) * 2 * n, 2 * n * sizeof *row);
     }
     for (size_t i = 0; i < MEMORY * n; i++) run->start[i] = i % MEMORY >= 4 && (i % MEMORY - 4) % 5 == 0;
-    export_policy_reals(j, "adapt_range", a->range, NUMBERS * n);
+    export_reals(j->source, &j->source->further_code, "adapt_range", a->range, NUMBERS * n);
     export_policy_start(j, run);
     export_size(j->source, "ADAPT_SIZE", run->numbers, "numbers of memory of the adaptation");
-    export_path_destroy(&path);
     export_size(j->source, "FOUND", NUMBERS * n, "numbers that the adaptation finds");
 }
 
@@ -203,7 +186,6 @@ void export_policy_adapt(export_policy_job *j) {
     a.keep = export_round(j->source->options, exp(-j->task->period / j->source->options->forget));
     export_path path = export_loop_run(j, ADAPT_STREAM, NULL, NULL);
     find_ranges(j, &a, &path);
-    export_path_destroy(&path);
     add_function(&a);
     add_run(j, &a);
     add_words(&a);

@@ -1,7 +1,6 @@
 /* The closed loop of a controller: runs of the library, and the same runs in the self-test. */
 #include <float.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/policy/policy.h"
@@ -12,43 +11,34 @@ enum { PATHS = 8, SEGMENTS = 16, LOOP_STREAM = 12, PERIODS = 200 };
 /* ---- runs of the library ---- */
 
 /* The closed loop in the library: the plant and the policy, which sees positions and velocities. */
+enum { PERIOD, POLICY, NARROW, SEEN, RATES, EVALUATIONS }; /* NARROW: the policy in single precision */
 typedef struct export_loop {
-    export_evaluation period, positions, velocities, policy, narrow;
+    export_evaluation e[EVALUATIONS];
     bool moves;
     double *seen;    /* Positions, velocities and weights: the inputs of `policy`. */
     double *x, *row; /* State and input: the inputs of `period`; and a row of results. */
     const export_policy_job *job;
 } export_loop;
 
-static void open_function(const export_policy_job *j, const char *name, lg_dtype dtype,
-                          export_evaluation *out) {
-    size_t at;
-    EXPORT_POLICY_MUST(j, lg_program_find(j->program, name, &at, &error));
-    EXPORT_POLICY_MUST(j, export_evaluation_open(j->program, at, dtype, 0, out, &error));
-}
-
 static void open_loop(const export_policy_job *j, export_loop *l) {
+    static const char *const names[EVALUATIONS] = {"period", "policy", "policy", "positions", "velocities"};
     const size_t seen = j->positions + j->velocities, n = lg_program_parameters(j->program);
     const size_t weights = lg_policy_parameters(j->policy);
     *l = (export_loop){.job = j, .moves = j->velocities > 0};
-    l->seen = app_alloc(seen + weights, sizeof *l->seen);
-    l->x = app_alloc(j->state + j->inputs, sizeof *l->x);
-    l->row = app_alloc(j->state + j->inputs + seen, sizeof *l->row);
+    l->seen = app_keep(seen + weights, sizeof *l->seen);
+    l->x = app_keep(j->state + j->inputs, sizeof *l->x);
+    l->row = app_keep(j->state + j->inputs + seen, sizeof *l->row);
     if (weights > 0)
         memcpy(l->seen + seen, lg_program_parameter(j->program, n - 1).values, weights * sizeof *l->seen);
-    open_function(j, "period", LG_F64, &l->period);
-    open_function(j, "policy", LG_F64, &l->policy);
-    open_function(j, "policy", LG_F32, &l->narrow);
-    if (l->moves) open_function(j, "positions", LG_F64, &l->positions);
-    if (l->moves) open_function(j, "velocities", LG_F64, &l->velocities);
+    for (size_t i = 0, at; i < (l->moves ? EVALUATIONS : SEEN); i++) {
+        EXPORT_POLICY_MUST(j, lg_program_find(j->program, names[i], &at, &error));
+        EXPORT_POLICY_MUST(
+            j, export_evaluation_open(j->program, at, i == NARROW ? LG_F32 : LG_F64, 0, &l->e[i], &error));
+    }
 }
 
 static void close_loop(export_loop *l) {
-    export_evaluation *const all[] = {&l->period, &l->positions, &l->velocities, &l->policy, &l->narrow};
-    for (size_t i = 0; i < LG_COUNT(all); i++) export_evaluation_close(all[i]);
-    free(l->seen);
-    free(l->x);
-    free(l->row);
+    for (size_t i = 0; i < EVALUATIONS; i++) export_evaluation_close(&l->e[i]);
 }
 
 /* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the policy computes
@@ -56,15 +46,15 @@ static void close_loop(export_loop *l) {
 static void step(export_loop *l, bool single, double *x, double *u) {
     const export_policy_job *j = l->job;
     if (l->moves) {
-        export_evaluate(&l->positions, x, l->seen);
-        export_evaluate(&l->velocities, x, l->seen + j->positions);
+        export_evaluate(&l->e[SEEN], x, l->seen);
+        export_evaluate(&l->e[RATES], x, l->seen + j->positions);
     } else {
         memcpy(l->seen, x, j->positions * sizeof *x);
     }
     memcpy(l->x, x, j->state * sizeof *x);
-    export_evaluate(single ? &l->narrow : &l->policy, l->seen, l->x + j->state);
+    export_evaluate(&l->e[single ? NARROW : POLICY], l->seen, l->x + j->state);
     if (u != NULL) memcpy(u, l->x + j->state, j->inputs * sizeof *u);
-    export_evaluate(&l->period, l->x, l->row);
+    export_evaluate(&l->e[PERIOD], l->x, l->row);
     memcpy(x, l->row, j->state * sizeof *x);
 }
 
@@ -82,8 +72,8 @@ export_path export_loop_run(const export_policy_job *j, uint64_t stream, const d
     export_loop l;
     lg_rng rng;
     APP_FREE double *x = app_alloc(j->state, sizeof *x);
-    export_path out = {app_alloc((periods + 1) * 2 * n, sizeof *out.seen),
-                       app_alloc(periods * j->inputs, sizeof *out.held), periods};
+    export_path out = {app_keep((periods + 1) * 2 * n, sizeof *out.seen),
+                       app_keep(periods * j->inputs, sizeof *out.held), periods};
     open_loop(j, &l);
     draw_starts(j, stream, 1, &rng, x);
     for (size_t k = 0; k <= out.periods; k++) {
@@ -101,11 +91,6 @@ export_path export_loop_run(const export_policy_job *j, uint64_t stream, const d
     }
     close_loop(&l);
     return out;
-}
-
-void export_path_destroy(export_path *path) {
-    free(path->seen);
-    free(path->held);
 }
 
 /* ---- golden segments of paths ---- */
@@ -167,19 +152,17 @@ static void choose_stride(export_loop *l, golden *g) {
 static void warn_opposite(export_loop *l) {
     const export_policy_job *j = l->job;
     const bool single = j->source->options->dtype == LG_F32;
-    size_t at = 0;
     memset(l->seen, 0, (j->positions + j->velocities) * sizeof *l->seen);
     for (uint32_t i = 0; i < j->task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &j->task->coordinate[i];
         static const double pi = 3.14159265358979323846, axis[3] = {3.14159265358979323846, 0, 0};
-        double *q = l->seen + at;
-        at += lg_policy_motion_row_of(c->motion)->position;
+        double *q = l->seen + j->layout.at[i].position;
         if (c->motion == LG_POLICY_LINE) q[0] = c->goal[0];
         if (c->motion == LG_POLICY_ANGLE) q[0] = c->goal[0] + pi;
         for (int k = 0; k < 3 && c->motion == LG_POLICY_DIRECTION; k++) q[k] = -c->goal[k];
         if (c->motion == LG_POLICY_ROTATION) lg_so3_exp_multiply(axis, c->goal, q);
     }
-    export_evaluate(single ? &l->narrow : &l->policy, l->seen, l->row);
+    export_evaluate(&l->e[single ? NARROW : POLICY], l->seen, l->row);
     for (size_t i = 0; i < j->inputs; i++)
         if (!isfinite(l->row[i])) {
             app_warn(
@@ -218,14 +201,6 @@ static void add_plant(const export_policy_job *j, text *to) {
     lg_c_source_destroy(c);
 }
 
-static void add_numbers(const export_policy_job *j, const char *type, const char *name, const double *values,
-                        size_t count) {
-    text *to = &j->source->further_test;
-    lg_text_add(to, "static const %s %s[%zu] = {\n", type, name, count);
-    lg_text_add_reals(to, strcmp(type, "real") == 0 ? j->source->options->dtype : LG_F64, 4, values, count);
-    lg_text_add(to, "};\n");
-}
-
 static void add_sizes(const export_policy_job *j, const golden *g, text *to) {
     const lg_policy_task *task = j->task;
     double limits[2 * LG_POLICY_INPUTS];
@@ -245,7 +220,9 @@ static void add_sizes(const export_policy_job *j, const golden *g, text *to) {
                 rotations ? "#define ROTATIONS\n" : "");
     for (uint32_t l = 0; l < task->input_count; l++)
         limits[2 * l] = task->input[l].low, limits[2 * l + 1] = task->input[l].high;
-    add_numbers(j, "double", "golden_limits", limits, 2 * j->inputs);
+    lg_text_add(to, "static const double golden_limits[%zu] = {\n", 2 * j->inputs);
+    lg_text_add_reals(to, LG_F64, 4, limits, 2 * j->inputs);
+    lg_text_add(to, "};\n");
 }
 
 static void add_loop(export_loop *l, golden *g) {
@@ -258,8 +235,8 @@ static void add_loop(export_loop *l, golden *g) {
     warn_opposite(l);
     add_plant(j, to);
     add_sizes(j, g, to);
-    add_numbers(j, "real", "loop_golden_x", g->x, n);
-    add_numbers(j, "real", "loop_golden_y", g->y, n);
+    export_reals(source, to, "loop_golden_x", g->x, n);
+    export_reals(source, to, "loop_golden_y", g->y, n);
     lg_text_add(to, "\n");
     lg_text_add_named(to, source->options->name, export_fragment_text("test_closed"));
     source->further_size = PATHS * j->state;

@@ -3,7 +3,6 @@
  * holds the estimate, then the rows of L. `seen` holds the positions, then a 1 for each position that was
  * measured and a 0 for each that was not. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/policy/policy.h"
@@ -92,9 +91,8 @@ static lg_status record_observe(void *user, lg_tape *tape, const lg_var *theta, 
 
 static void add_functions(const filter *f) {
     const export_policy_job *j = f->job;
-    size_t count;
-    const lg_port *control = export_ports(j->program, "control", false, &count);
-    const lg_port *period = export_ports(j->program, "period", false, &count);
+    const lg_port *control = export_ports_of(j->program, "control").in,
+                  *period = export_ports_of(j->program, "period").in;
     const lg_port in[] = {control[0], period[1]}, out = {.name = "kept"},
                   seen[] = {{.name = "seen", .shape = lg_shape1(2 * f->observed)},
                             period[1],
@@ -103,7 +101,7 @@ static void add_functions(const filter *f) {
                                    (void *)(uintptr_t)j},
                            observe = {"observe", seen, 3, &out, 1, record_observe, (void *)(uintptr_t)f};
     EXPORT_POLICY_MUST(j, lg_program_add_function(j->program, &step, &error));
-    free(export_derive(j->self, j->program, LG_DERIVATIVE_JACOBIAN, "observe_step"));
+    (void)export_derive(j->self, j->program, LG_DERIVATIVE_JACOBIAN, "observe_step");
     EXPORT_POLICY_MUST(j, lg_program_add_function(j->program, &observe, &error));
 }
 
@@ -146,26 +144,14 @@ static void add_words(const filter *f) {
     lg_text_add(about, " (--drift)\n");
 }
 
-static const char declarations[] =
-    "\n/* The observer: NAME_observe_start once, with the first positions y (NAME_GIVEN), in the order of x; "
-    "then\n"
-    " * NAME_observe once a period. u is what was held since the last call, y the positions now, x "
-    "(NAME_INPUTS)\n"
-    " * the estimate for NAME_control. A number of y that is not finite counts as not measured. A u that is "
-    "not\n"
-    " * finite leaves the estimate as it was. memory: NAME_OBSERVE_SIZE numbers, kept between calls. */\n"
-    "void NAME_observe_start(const NAME_real *y, NAME_real *memory);\n"
-    "void NAME_observe(const NAME_real *y, const NAME_real *u, NAME_real *memory, NAME_real *x, NAME_real "
-    "*work);\n";
-
 /* Measurements with noise along a run of the library. */
 static void add_run(export_policy_job *j, const filter *f) {
     const size_t n = j->given, all = f->estimate, m = j->inputs;
-    export_memory *run = export_policy_keep(j, "observe", declarations, all * (all + 1));
+    export_memory *run = export_policy_keep(j, "observe", all * (all + 1));
     export_path path = export_loop_run(j, OBSERVE_STREAM, f->sensor, NULL);
     run->rows = path.periods;
     run->work += 2 * n;
-    run->inputs = app_alloc(path.periods * (all + m), sizeof *run->inputs);
+    run->inputs = app_keep(path.periods * (all + m), sizeof *run->inputs);
     for (size_t k = 0; k < path.periods; k++) {
         double *row = run->inputs + k * (all + m);
         for (size_t i = 0; i < all; i++) row[i] = i < n ? path.seen[(k + 1) * all + i] : 1;
@@ -175,7 +161,6 @@ static void add_run(export_policy_job *j, const filter *f) {
     export_policy_start(j, run);
     export_size(j->source, "OBSERVE_SIZE", run->numbers, "numbers of memory of the observer");
     for (size_t i = 0; i < n; i++) run->start[i] = path.seen[i];
-    export_path_destroy(&path);
 }
 
 void export_policy_observe(export_policy_job *j) {
