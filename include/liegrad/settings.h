@@ -99,6 +99,7 @@ typedef struct lg_field {
      * beyond the last value, or as a list that ends with NULL. For type PHRASE, value_name gives the values
      * that are single words. */
     const char *(*value_name)(uint32_t value);
+    uint32_t value_count; /* value_name is called only below it; 0: it returns NULL beyond the last value */
     /* For type NAME: if the user gives another name, the message lists the allowed names, then says this
      * advice. May be NULL. */
     const char *hint;
@@ -142,7 +143,9 @@ typedef struct lg_field {
 #define LG_COUNTED(struct_, count) .array = true, .counted = offsetof(struct_, count)
 #define LG_ANY_REAL                .low = -1e300, .high = 1e300
 #define LG_POSITIVE                .high = 1e300, .above = true
-/* Initialises `names` of a row: the first name belongs to value 0. */
+/* Initialises `names` of a row: the first name belongs to value 0. LG_NAMED takes the names of an enumeration
+ * with `count` values from a function. */
+#define LG_NAMED(function, count) .value_name = (function), .value_count = (count)
 #define LG_NAMES(...)                                                                                        \
     .names = (const char *const[]) {                                                                         \
         __VA_ARGS__, NULL                                                                                    \

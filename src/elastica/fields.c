@@ -9,23 +9,16 @@ enum {
     ANGLE = 1u << LG_SURROGATE_ANGLE
 };
 
-static const char *name_kind(uint32_t value) {
-    return value < LG_SURROGATE_KIND_COUNT ? lg_surrogate_kind_name((lg_surrogate_kind)value) : NULL;
-}
-
-static const char *name_loss(uint32_t value) {
-    return value < LG_SURROGATE_LOSS_COUNT ? lg_surrogate_loss_name((lg_surrogate_loss)value) : NULL;
-}
-
 #define SURROGATE(group, name, type, member, ...)                                                            \
     LG_FIELD(lg_surrogate_run, group, name, type, member, __VA_ARGS__)
 #define OPTION(group, member, type, ...) SURROGATE(group, #member, type, model.options.member, __VA_ARGS__)
 const lg_field lg_surrogate_fields[] = {
-    SURROGATE("model", "network", NAME, model.options.kind, .value_name = name_kind, .value = "discrete",
-              .usual = true, .meaning = "Kind of network"),
-    OPTION("model", architecture, NAME, .value_name = lg_name_net, PRESET(), .usual = true,
-           .meaning = "Architecture of the network"),
-    OPTION("model", activation, NAME, .value_name = lg_name_activation, PRESET(),
+    SURROGATE("model", "network", NAME, model.options.kind,
+              LG_NAMED(lg_surrogate_kind_name, LG_SURROGATE_KIND_COUNT), .value = "discrete", .usual = true,
+              .meaning = "Kind of network"),
+    OPTION("model", architecture, NAME, LG_NAMED(lg_net_kind_name, LG_NET_KIND_COUNT), PRESET(),
+           .usual = true, .meaning = "Architecture of the network"),
+    OPTION("model", activation, NAME, LG_NAMED(lg_activation_name, LG_ACTIVATION_COUNT), PRESET(),
            .meaning = "Activation of the hidden layers"),
     OPTION("model", embedding, U32, .high = 1 << 20, PRESET(), .unit = "E",
            .meaning = "Width of the layer sin(2 pi (x A + b)) before the network, 0 for none"),
@@ -33,24 +26,24 @@ const lg_field lg_surrogate_fields[] = {
            .meaning = "Width of the hidden layers"),
     OPTION("model", layers, U32, .high = LG_NET_MAX_LAYERS, PRESET(), .unit = "l",
            .meaning = "Hidden layers after the first one"),
-    OPTION("model", normalise, FLAG, .value_name = lg_name_truth, PRESET(),
+    OPTION("model", normalise, FLAG, LG_NAMES("false", "true"), PRESET(),
            .meaning = "Scale the ends' x-coordinates to (x - c)/c, c half their distance"),
-    OPTION("model", mirror, FLAG, .value_name = lg_name_truth, PRESET(),
+    OPTION("model", mirror, FLAG, LG_NAMES("false", "true"), PRESET(),
            .meaning = "Learn one half of the boundary conditions; the other is its mirror image"),
-    OPTION("model", boundary, FLAG, .value_name = lg_name_truth, .value = "false",
+    OPTION("model", boundary, FLAG, LG_NAMES("false", "true"), .value = "false",
            .methods = CONTINUOUS | ANGLE,
            .meaning = "Hold the ends by construction; continuous: q and v, angle: the end angles"),
-    OPTION("model", symmetric, FLAG, .value_name = lg_name_truth, .optional = true, .value = "false",
+    OPTION("model", symmetric, FLAG, LG_NAMES("false", "true"), .optional = true, .value = "false",
            .methods = ANGLE, .meaning = "Reconstruct q from both ends; false: from the first"),
     OPTION("model", modes, U32, .high = 1 << 20, .optional = true,
            .otherwise = LG_CHOSEN ": as many as the curves need", .unit = "K", .methods = DISCRETE,
            .meaning =
                "Fixed last layer: leading singular vectors of the training curves, 0 for a learned one"),
-    OPTION("model", angles, FLAG, .value_name = lg_name_truth, .optional = true, PRESET(),
-           .methods = DISCRETE,
+    OPTION("model", angles, FLAG, LG_NAMES("false", "true"), .optional = true, PRESET(), .methods = DISCRETE,
            .meaning = "Discrete network gives the inner angles: tangents are then unit vectors, nodes follow "
                       "from them"),
-    OPTION("run", loss, NAME, .value_name = name_loss, .optional = true, .value = "mse", .methods = DISCRETE,
+    OPTION("run", loss, NAME, LG_NAMED(lg_surrogate_loss_name, LG_SURROGATE_LOSS_COUNT), .optional = true,
+           .value = "mse", .methods = DISCRETE,
            .meaning = "mse: mean squared error of the curves; energy: energy of the predicted curves, which "
                       "needs --angles true but no solved curves"),
     OPTION("run", gamma, REAL, .option = "penalty", .high = 1e12, PRESET(), .unit = "G",
@@ -67,7 +60,7 @@ const lg_field lg_surrogate_fields[] = {
               .meaning =
                   "What --penalty weighs: text, the matrix W of (5.4.1); published, the differences that "
                   "the thesis' program takes"),
-    OPTION("run", between, FLAG, .value_name = lg_name_truth, PRESET(),
+    OPTION("run", between, FLAG, LG_NAMES("false", "true"), PRESET(),
            .meaning = "Continuous network: learn from interpolated points between the nodes too"),
     SURROGATE("run", "train_fraction", REAL, train_fraction, .high = 1, .value = "0.9", .unit = "F",
               .usual = true, .meaning = "Part of the curves for training"),

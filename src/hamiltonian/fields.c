@@ -64,8 +64,9 @@ const lg_field lg_hamiltonian_fields[] = {
                 .meaning =
                     "even: V(-q) = V(q); odd: V(-q) = -V(q); axial: rotations about e3 do not change V; "
                     "spherical: no rotation changes V"),
-    HAMILTONIAN("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation,
-                REPLACED("tanh"), .meaning = "Activation of the hidden layers"),
+    HAMILTONIAN("model", "activation", NAME, model.net.activation,
+                LG_NAMED(lg_activation_name, LG_ACTIVATION_COUNT), REPLACED("tanh"),
+                .meaning = "Activation of the hidden layers"),
     HAMILTONIAN("model", "hidden", WHOLES, model.net, .get = get_hidden, .put = put_hidden, .low = 1,
                 .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, REPLACED("100,100,100"), .unit = "W,W,...",
                 .usual = true, .meaning = "Widths of the hidden layers of the potential"),
@@ -93,7 +94,7 @@ const lg_field lg_hamiltonian_fields[] = {
         .value = "ambient",
         .meaning =
             "Distance of points in the loss: ambient (Euclidean in R^d) or along geodesics of the manifold"),
-    HAMILTONIAN("run", "scaled", FLAG, scaled, .value_name = lg_name_yes, .optional = true, REPLACED("no"),
+    HAMILTONIAN("run", "scaled", FLAG, scaled, LG_NAMES("no", "yes"), .optional = true, REPLACED("no"),
                 .meaning =
                     "Scale the potential's last layer before training, towards the forces of the data"),
     HAMILTONIAN(

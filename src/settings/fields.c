@@ -43,7 +43,7 @@ static uint64_t row_number(const lg_field *row, const void *at) {
     const void *pointer;
     uint32_t value = 0;
     memcpy(&pointer, at, sizeof pointer);
-    while (row->value_name(value) != NULL && row->value_at(value) != pointer) value++;
+    while (lg_field_name(row, value) != NULL && row->value_at(value) != pointer) value++;
     return value;
 }
 
@@ -89,7 +89,8 @@ static bool is_list(const lg_field *row) {
 }
 
 const char *lg_field_name(const lg_field *row, uint32_t value) {
-    if (row->value_name != NULL) return row->value_name(value);
+    const bool beyond = row->value_count > 0 && value >= row->value_count;
+    if (row->value_name != NULL) return beyond ? NULL : row->value_name(value);
     if (row->names == NULL) return NULL;
     const char *const *name = row->names;
     while (*name != NULL && value > 0) name++, value--;

@@ -3,7 +3,6 @@
 #define LG_SETTINGS_TRAINING_H
 
 #include "liegrad/settings.h"
-#include "settings/names.h"
 
 /* The options of training of every kind of model. CHOICE(text) states the defaults of method, epochs and
  * prior, VALUE(text) the other defaults. */
@@ -24,8 +23,9 @@
                  .unit = "B", .meaning = samples " in a batch"),                                             \
         TRAINING(run_, lr, REAL, .adam = true, .high = 1e3, .above = true, .methods = methods_,              \
                  VALUE("1e-2"), .unit = "R", .meaning = "Learning rate of Adam"),                            \
-        TRAINING(run_, schedule, NAME, .adam = true, .value_name = lg_name_schedule, .optional = true,       \
-                 .methods = methods_, VALUE("step"), .meaning = "Schedule of the learning rate"),            \
+        TRAINING(run_, schedule, NAME, .adam = true, LG_NAMED(lg_schedule_name, LG_SCHEDULE_COUNT),          \
+                 .optional = true, .methods = methods_, VALUE("step"),                                       \
+                 .meaning = "Schedule of the learning rate"),                                                \
         TRAINING(run_, lr_step, U64, .adam = true, .low = 1, .high = 1e9, .methods = methods_, VALUE("50"),  \
                  .unit = "E",                                                                                \
                  .meaning =                                                                                  \
@@ -67,6 +67,11 @@
 #define PRESET(text) .otherwise = LG_OF_PRESET
 /* A preset may replace this value. */
 #define REPLACED(text) .value = text, .otherwise = LG_OF_PRESET "; thesis: " text
+
+/* Schemes of integrators as values of a field: the name of number `value`, NULL beyond the last, and the
+ * scheme. */
+const char *lg_name_scheme(uint32_t value);
+const void *lg_scheme_number(uint32_t value);
 
 /* Training plans as fields. _squares accepts the methods for losses that are sums of squares, _any_loss only
  * the methods for any loss. */

@@ -8,10 +8,6 @@
 
 enum { NETWORK = 1, DEFAULT_LENGTH = 4096 };
 
-static const char *pooling_name(uint32_t value) {
-    return value < LG_POOLING_COUNT ? lg_pooling_name((lg_pooling)value) : NULL;
-}
-
 #define ROW(name, type, member, ...) LG_FIELD(lg_detector_state, "", name, type, member, __VA_ARGS__)
 const lg_field lg_detector_options[] = {
     ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS", .otherwise = "as stored; baseline: 600 s",
@@ -30,8 +26,8 @@ const lg_field lg_detector_options[] = {
         .meaning = "cnn: samples of a kernel"),
     ROW("stride", U64, stride, .low = 1, .high = 1 << 20, .value = "1", .unit = "n", .methods = NETWORK,
         .meaning = "cnn: stride of the convolutions"),
-    ROW("pooling", NAME, pooling, .value_name = pooling_name, .value = "average", .methods = NETWORK,
-        .meaning = "cnn: pooling after each convolution"),
+    ROW("pooling", NAME, pooling, LG_NAMED(lg_pooling_name, LG_POOLING_COUNT), .value = "average",
+        .methods = NETWORK, .meaning = "cnn: pooling after each convolution"),
     ROW("pool_size", U64, pool_size, .low = 1, .high = 1 << 20, .value = "2", .unit = "n", .methods = NETWORK,
         .meaning = "cnn: number of samples pooled to one"),
     LG_OPTION(lg_detector_state, test, STRING, "TEST.h5",

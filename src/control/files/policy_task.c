@@ -18,10 +18,6 @@ typedef struct reading {
 
 /* ---- keys ---- */
 
-static const char *name_kind(uint32_t value) {
-    return lg_policy_kind_name((lg_policy_kind)value);
-}
-
 #define FIELD(name, type, member, ...) LG_FIELD(lg_policy_task, NULL, name, type, member, __VA_ARGS__)
 static const lg_field keys[] = {
     {.name = "plant", .type = LG_FIELD_TEXT, .required = true},
@@ -35,7 +31,7 @@ static const lg_field keys[] = {
     LG_NODE("success", .required = true),
     FIELD("substeps", U32, substeps, .low = 1, .high = 10000),
     LG_MAP("controller"),
-    FIELD("controller.kind", NAME, kind, .value_name = name_kind),
+    FIELD("controller.kind", NAME, kind, LG_NAMED(lg_policy_kind_name, LG_POLICY_KIND_COUNT)),
     FIELD("controller.hidden", WHOLES, hidden, LG_COUNTED(lg_policy_task, hidden_layers), .low = 1,
           .high = 4096, .most = LG_POLICY_HIDDEN),
     FIELD("controller.gate", NAME, gate, LG_NAMES("none", "lqr")),

@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "machine/files/reading.h"
-#include "settings/names.h"
 
 typedef lg_machine_reading reading;
 
@@ -50,8 +49,8 @@ static lg_status read_truths(const reading *r, const yaml_node_t *node, paramete
     LG_TRY(check_items(r, p->key, node, &p->unknowns));
     for (size_t i = 0; i < p->unknowns; i++) {
         const yaml_node_t *item = lg_node_item(r, node, i);
-        p->unknown[i] = lg_node_is(item, lg_name_truth(1));
-        if (!p->unknown[i] && !lg_node_is(item, lg_name_truth(0)))
+        p->unknown[i] = lg_node_is(item, "true");
+        if (!p->unknown[i] && !lg_node_is(item, "false"))
             return LG_FAULT(r, lg_node_line(item),
                             "%s: unknown: expected true, false, or a list of true and false", p->key);
     }

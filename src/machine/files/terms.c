@@ -4,7 +4,6 @@
 
 #include "machine/files/reading.h"
 #include "machine/internal.h"
-#include "settings/names.h"
 
 typedef lg_machine_reading reading;
 
@@ -30,12 +29,12 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_FORM] = {.name = "form", .type = LG_FIELD_TEXT},
     [KEY_OF] = LG_NODE("of"),
     [KEY_HIDDEN] = LG_KEY_HIDDEN,
-    [KEY_ACTIVATION] =
-        LG_FIELD(lg_machine_term, NULL, "activation", NAME, activation, .value_name = lg_name_activation),
+    [KEY_ACTIVATION] = LG_FIELD(lg_machine_term, NULL, "activation", NAME, activation,
+                                LG_NAMED(lg_activation_name, LG_ACTIVATION_COUNT)),
     [KEY_DEGREE] = LG_FIELD(lg_machine_term, NULL, "degree", U32, degree, .low = 1, .high = 8),
     [KEY_VALUES] = LG_NODE("values", .low = -DBL_MAX, .high = DBL_MAX),
-    [KEY_COULOMB] = {.name = "coulomb", .type = LG_FIELD_NAME, .value_name = lg_name_truth},
-    [KEY_QUADRATIC] = {.name = "quadratic", .type = LG_FIELD_NAME, .value_name = lg_name_truth},
+    [KEY_COULOMB] = {.name = "coulomb", .type = LG_FIELD_NAME, LG_NAMES("false", "true")},
+    [KEY_QUADRATIC] = {.name = "quadratic", .type = LG_FIELD_NAME, LG_NAMES("false", "true")},
     [KEY_WIDTH] = {.name = "width", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
     [KEY_COULOMB_WIDTH] = {.name = "coulomb_width", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
 };
