@@ -134,7 +134,7 @@ static lg_status visit_text(reading *r, const yaml_node_t *node, const char *wha
 
 lg_status lg_machine_texts(reading *r, const void *node, const char *what, lg_text_visit visit, void *user) {
     for (size_t i = 0; i < lg_node_items(node); i++)
-        LG_TRY(visit_text(r, lg_node_item(r, node, i), what, visit, user));
+        LG_TRY(visit_text(r, lg_node_item(r->yaml, node, i), what, visit, user));
     return LG_OK;
 }
 
@@ -289,7 +289,8 @@ static lg_status read_coordinates(reading *r, const lg_key_value *value) {
     const yaml_node_t *list = value->node;
     if (list->type != YAML_SEQUENCE_NODE || lg_node_items(list) == 0)
         return LG_FAULT(r, value->line, "coordinates: expected a list of {name: ..., kind: ...}");
-    for (size_t i = 0; i < lg_node_items(list); i++) LG_TRY(read_coordinate(r, lg_node_item(r, list, i)));
+    for (size_t i = 0; i < lg_node_items(list); i++)
+        LG_TRY(read_coordinate(r, lg_node_item(r->yaml, list, i)));
     return LG_OK;
 }
 
@@ -329,7 +330,7 @@ static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_valu
     if (map->type != YAML_MAPPING_NODE)
         return LG_FAULT(r, value->line, "%s: expected {COLUMN: number}", key->name);
     for (pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
-        const yaml_node_t *name = lg_node_at(r, pair->key), *number = lg_node_at(r, pair->value);
+        const yaml_node_t *name = lg_node_at(r->yaml, pair->key), *number = lg_node_at(r->yaml, pair->value);
         lg_log_column *column = name->type == YAML_SCALAR_NODE
                                     ? find_column(r->out, (const char *)name->data.scalar.value)
                                     : NULL;

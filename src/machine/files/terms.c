@@ -158,7 +158,7 @@ static lg_status read_values(reading *r, const lg_key_value *value, lg_machine_t
     LG_TRY(lg_yaml_entries(r->yaml, key, value, 1, &shape[0], r->error));
     const yaml_node_t *list = value->node;
     if (list->type == YAML_SEQUENCE_NODE) {
-        const yaml_node_t *first = lg_node_item(r, list, 0);
+        const yaml_node_t *first = lg_node_item(r->yaml, list, 0);
         const lg_key_value row = {.line = lg_node_line(first), .node = first};
         LG_TRY(lg_yaml_entries(r->yaml, key, &row, 1, &shape[1], r->error));
     }
@@ -329,7 +329,8 @@ lg_status lg_machine_read_terms(reading *r, lg_machine_part part, const lg_key_v
     const yaml_node_t *node = value->node;
     if (lg_node_items(node) == 0)
         return LG_FAULT(r, value->line, "%s: the list is empty", lg_machine_part_name(part));
-    for (size_t i = 0; i < lg_node_items(node); i++) LG_TRY(read_one(r, part, lg_node_item(r, node, i)));
+    for (size_t i = 0; i < lg_node_items(node); i++)
+        LG_TRY(read_one(r, part, lg_node_item(r->yaml, node, i)));
     return LG_OK;
 }
 
