@@ -496,7 +496,6 @@ void app_end(int code) {
 }
 
 static int run_command(app *self) {
-    app_path paths[APP_SLOTS];
     lg_context_options options;
     app_json out;
     lg_context_options_init(&options);
@@ -508,7 +507,7 @@ static int run_command(app *self) {
     app_must(self, lg_context_create(&options, &self->context), NULL);
     app_join_ranks(self);
     check_required(self, true);
-    app_check_outputs(self, paths, app_file_options(self, paths));
+    app_check_outputs(self, NULL, 0);
     check_required(self, false);
     check_together(self);
     app_result_begin(&out, self);

@@ -15,7 +15,7 @@ typedef struct generate_values {
 } generate_values;
 
 static const lg_field options[] = {
-    APP_OUT(generate_values, "LOG.csv", "Write the log", .required = true),
+    APP_OUT(generate_values, "LOG.csv", "Write the log", .required = true, .file = LG_FILE_TEXT),
     LG_OPTION(
         generate_values, excitation, STRING, "multisine[:F]|steps[:S]|none|FILE.csv",
         "What the inputs do (default multisine): sines up to F Hz (default one period in 25 rows), steps "
@@ -426,11 +426,9 @@ static void making_end(making *m) {
 static void run(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(making_end) making m = {.runs = 0};
-    const app_path paths[] = {
-        {"out", values.out, LG_FILE_TEXT},
-        {"plot", app_plot_given.plot, LG_FILE_DRAWN},
-        {"excitation", find_form() < LG_COUNT(forms) ? NULL : values.excitation, LG_FILE_READ}};
-    app_check_outputs(self, paths, LG_COUNT(paths));
+    const app_path inputs = {"excitation", find_form() < LG_COUNT(forms) ? NULL : values.excitation,
+                             LG_FILE_READ};
+    app_check_outputs(self, &inputs, 1);
     APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &m.file, &error));
     check_scene(self, &m.file);
     check_options(self, &m.file);

@@ -91,8 +91,7 @@ static void check_outputs(const app *self, const ensemble_files *files) {
                               {"out", files->out, LG_FILE_WRITTEN},
                               {"save", files->trajectories, LG_FILE_WRITTEN},
                               /* Rank 0 merges the parts of all ranks into the file of --out. */
-                              {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN},
-                              {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
+                              {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN}};
     app_check_outputs(self, paths, LG_COUNT(paths));
 }
 

@@ -32,7 +32,7 @@ const lg_field lg_detector_options[] = {
         .meaning = "cnn: number of samples pooled to one"),
     LG_OPTION(lg_detector_state, test, STRING, "TEST.h5",
               "Test on this file; DATA.h5 is then all for training", .without = "test-fraction",
-              .usual = true),
+              .file = LG_FILE_READ, .usual = true),
     LG_FIELD_END};
 
 /* ---- the data ---- */
@@ -457,7 +457,6 @@ const lg_trainer lg_detector_learner = {.data = "DATA.h5",
                                         .options = lg_detector_options,
                                         .method = "classifier",
                                         .held_out = "validation-fraction",
-                                        .kept = "test",
                                         .read = read_data,
                                         .describe = describe,
                                         .usual = usual,

@@ -77,7 +77,6 @@ typedef struct lg_trainer {
     const char *method;      /* name of the field that `methods` in other rows refers to; NULL: none */
     /* field that a search does not vary, since its own --validation-fraction replaces it; may be NULL */
     const char *held_out;
-    const char *kept; /* option that names another input file; may be NULL */
     /* values of the field "hidden" that --size auto compares, from small to large, ended by NULL; NULL: the
      * run has no such field */
     const char *const *sizes;

@@ -20,7 +20,8 @@
 const lg_field lg_table_given_rows[] = {
     COLUMNS,
     LG_OPTION(lg_table_given, test, STRING, "TABLE",
-              "Judge the model on this table (default: on the validation part)", .usual = true),
+              "Judge the model on this table (default: on the validation part)", .usual = true,
+              .file = LG_FILE_READ),
     LG_FIELD_END};
 const lg_field lg_table_column_rows[] = {COLUMNS, LG_FIELD_END};
 
