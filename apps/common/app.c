@@ -78,14 +78,10 @@ static void begin_command(app *self, const app_command *command) {
         add_settings(self, &(app_settings){app_plot_options(command->plots), &app_plot_given, 0});
 }
 
-lg_status app_store(app_slot *slot, const char *text, lg_error *error) {
-    const lg_status status = lg_field_set(slot->row, text, slot->values, error);
-    slot->given = slot->given || status == LG_OK;
-    return status;
-}
-
-lg_status app_store_number(app_slot *slot, double value, lg_error *error) {
-    const lg_status status = lg_field_store(slot->row, value, slot->values, error);
+lg_status app_store(app_slot *slot, const char *text, double number, lg_error *error) {
+    const bool word = text != NULL || slot->row->type == LG_FIELD_SWITCH;
+    const lg_status status = word ? lg_field_set(slot->row, text, slot->values, error)
+                                  : lg_field_store(slot->row, number, slot->values, error);
     slot->given = slot->given || status == LG_OK;
     return status;
 }
@@ -176,7 +172,7 @@ static void complain(const struct argp_state *state, const char *format, ...) {
 
 static void store(const struct argp_state *state, app_slot *slot, const char *text) {
     lg_error error = {LG_OK, ""};
-    if (app_store(slot, text, &error) != LG_OK) complain(state, "--%s: %s", slot->name, error.message);
+    if (app_store(slot, text, 0, &error) != LG_OK) complain(state, "--%s: %s", slot->name, error.message);
 }
 
 static error_t parse_option(int key, char *text, struct argp_state *state, app *self) {
@@ -457,12 +453,11 @@ void app_read_options(const app *self) {
     }
 }
 
-/* Checks that required options are given: texts or numbers. */
-static void check_required(const app *self, bool texts) {
-    for (size_t i = 0; i < self->slot_count; i++) {
-        const app_slot *slot = &self->slots[i];
+/* Checks that required options are given; the default of a text counts. */
+static void check_required(const app *self) {
+    for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++) {
         const bool text = slot->row->type == LG_FIELD_STRING;
-        if (slot->row->required && text == texts && (text ? text_of(slot) == NULL : !slot->given))
+        if (slot->row->required && (text ? text_of(slot) == NULL : !slot->given))
             app_stop_usage(self, "--%s %s is missing", slot->name, slot->row->unit);
     }
 }
@@ -506,9 +501,8 @@ static int run_command(app *self) {
     options.replace_user = self;
     app_must(self, lg_context_create(&options, &self->context), NULL);
     app_join_ranks(self);
-    check_required(self, true);
+    check_required(self);
     app_check_outputs(self, NULL, 0);
-    check_required(self, false);
     check_together(self);
     app_result_begin(&out, self);
     self->out = &out;
