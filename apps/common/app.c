@@ -22,6 +22,8 @@ static volatile sig_atomic_t hung_up;
 static app *running; /* for --version, app_out_of_memory and app_end */
 static bool parsing; /* the command line is being parsed; --help and --version call exit meanwhile */
 
+app_common app_common_given;
+
 static const lg_field common_options[] = {
     LG_OPTION(app, json, SWITCH, NULL, "Print the result as one JSON object"),
     LG_OPTION(app, seed, U64, "S", "Seed of all random numbers (default 1)", .high = 0x1p64),

@@ -55,6 +55,14 @@ typedef struct app_settings {
 #define APP_POINTS(type, ...)     LG_OPTION(type, points, U64, "M", __VA_ARGS__, .low = 2, .high = 1e8)
 #define APP_TOLERANCE(type, ...)  LG_OPTION(type, tolerance, REAL, "TOL", __VA_ARGS__, .low = 1e-15)
 
+/* The values of a command that has no options but these. */
+typedef struct app_common {
+    const char *out;
+    uint64_t epochs;
+    double t_end, seconds;
+} app_common;
+extern app_common app_common_given;
+
 /* What a command does when mpirun starts several processes of it. */
 typedef enum app_together {
     APP_ALONE, /* the command does not run */
@@ -418,16 +426,10 @@ void app_write_texts(const app *app, const char *folder, const app_named_text *t
 /* The demo of a program (demo.c): writes the files below apps/PROGRAM/demo into the folder --out, and runs
  * demo.sh there with bash. Its variables are LG_JSON, LG_SEED, LG_THREADS and the options of the command,
  * such as LG_T_END. Returns the exit code of the first command that fails, otherwise 0. */
-typedef struct app_demo_values {
-    const char *out;
-    uint64_t epochs;
-    double t_end, seconds;
-} app_demo_values;
-extern app_demo_values app_demo_given;
-#define APP_DEMO_EPOCHS(...) LG_OPTION(app_demo_values, epochs, U64, "E", __VA_ARGS__, .low = 1, .high = 1e6)
+#define APP_DEMO_EPOCHS(...) LG_OPTION(app_common, epochs, U64, "E", __VA_ARGS__, .low = 1, .high = 1e6)
 extern const app_named_text lg_control_demo[], lg_hamiltonian_demo[], lg_identify_demo[];
 #define APP_DEMO(options, texts)                                                                             \
-    .name = "demo", .settings = APP_SETTINGS(APP_GIVEN(options, app_demo_given)), .run = app_demo,           \
+    .name = "demo", .settings = APP_SETTINGS(APP_GIVEN(options, app_common_given)), .run = app_demo,         \
     .row = (texts)
 void app_demo(app *app);
 /* Prints that an earlier result is replaced. */
