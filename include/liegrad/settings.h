@@ -97,7 +97,7 @@ typedef struct lg_field {
     uint32_t methods;
     /* For types FLAG and NAME: the names of the values 0, 1, ..., either from a function that returns NULL
      * beyond the last value, or as a list that ends with NULL. For type PHRASE, value_name gives the values
-     * that are single words. */
+     * that are single words. For type U64 these are words in place of a number: high + 1, high + 2, ... */
     const char *(*value_name)(uint32_t value);
     uint32_t value_count; /* value_name is called only below it; 0: it returns NULL beyond the last value */
     /* For type NAME: if the user gives another name, the message lists the allowed names, then says this
