@@ -78,7 +78,7 @@ lg_detector_state train_state;
 static const lg_field train_options[] = {
     LG_OPTION(train_values, grid, REALS, "C,C,...",
               "Choose C among these by cross-validation on the training part (default for svm: 0.1,1,10,100)",
-              .without = "c", LG_ANY_REAL, .methods = LOGISTIC | LINEAR | RBF | BASELINE),
+              .without = "c", LG_POSITIVE, .methods = LOGISTIC | LINEAR | RBF | BASELINE),
     LG_FIELD_END};
 
 const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof train_run},
@@ -98,8 +98,6 @@ void train_check_options(const app *self) {
             strcmp(slot->name, "out") != 0)
             app_stop_usage(self, "--%s: --classifier %s has no such option", slot->name,
                            train_method_name(values->method));
-    for (size_t i = 0; i < values->grid.count; i++)
-        if (!(values->grid.values[i] > 0)) app_stop_usage(self, "--grid: C must be above 0");
     const bool rocket = values->method == METHOD_ROCKET;
     if (app_given(self, "features") && train_is_number(values->features) != rocket)
         app_stop_usage(self, "--features: %s",

@@ -18,7 +18,7 @@ extern const char *const case_names[]; /* indexed by lg_elastica_case */
 typedef struct beam_values {
     double length, stiffness;
     uint64_t intervals;
-    lg_reals q0, qN;
+    double q0[2], qN[2];
     int kind; /* index into case_names */
     double x, theta0, thetaN, rotation;
 } beam_values;

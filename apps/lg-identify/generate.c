@@ -27,10 +27,10 @@ static const lg_field options[] = {
     LG_OPTION(generate_values, noise, REALS, "SIGMA[,SIGMA]",
               "Standard deviation of the noise of positions (radians), and of velocities or accelerations "
               "(default the same); not given: the machine's `noise`",
-              .high = 1e300),
+              .high = 1e300, .most = 2),
     LG_OPTION(generate_values, spread, REALS, "S[,S]",
               "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",
-              .option = "start-spread", LG_ANY_REAL),
+              .option = "start-spread", LG_ANY_REAL, .most = 2),
     LG_OPTION(generate_values, runs, U64, "n", "Runs", .low = 1, .high = 1e6, .value = "10"),
     APP_T_END(generate_values, "Length of a run in seconds (default 10, or the file's)"),
     LG_OPTION(generate_values, dt, REAL, "H", "Seconds from a row to the next", LG_POSITIVE, .value = "0.02"),
@@ -398,8 +398,6 @@ static void check_options(const app *self, const lg_machine_file *file) {
     if (file->machine.input_count == 0 && find_form() == LG_COUNT(forms))
         app_stop_usage(self, "--excitation: '%s' is a file, but the machine has no inputs",
                        values.excitation);
-    if (values.noise.count > 2) app_stop_usage(self, "--noise: expected one or two numbers");
-    if (values.spread.count > 2) app_stop_usage(self, "--start-spread: expected one or two numbers");
 }
 
 static void begin(const app *self, making *m) {
