@@ -50,7 +50,14 @@ typedef struct app_settings {
 
 /* Rows of options that several commands have, in the structures with their values. */
 #define APP_OUT(type, unit_, ...) LG_OPTION(type, out, STRING, unit_, __VA_ARGS__)
-#define APP_SECONDS(type, ...)    LG_OPTION(type, seconds, REAL, "S", __VA_ARGS__, .high = 1e9, .above = true)
+#define APP_SECONDS(type, ...)    LG_OPTION(type, seconds, REAL, "S", __VA_ARGS__, .high = 1e9)
+#define APP_BOUND(type, ...)      APP_SECONDS(type, __VA_ARGS__, .above = true) /* --seconds, not 0 */
+#define APP_RESUME(type, ...)     LG_OPTION(type, resume, STRING, "FILE", __VA_ARGS__)
+#define APP_STOP_AFTER(type, ...) LG_OPTION(type, stop_after, U64, "n", __VA_ARGS__, .low = 1, .high = 1e9)
+#define APP_RUNS(type, ...)       LG_OPTION(type, runs, U64, "n", __VA_ARGS__, .low = 1)
+#define APP_PART(type, ...)       LG_OPTION(type, part, NAME, NULL, __VA_ARGS__)
+#define APP_DTYPE(type, ...)      LG_OPTION(type, dtype, NAME, NULL, __VA_ARGS__)
+#define APP_SCHEME(type, ...)     LG_OPTION(type, scheme, STRING, __VA_ARGS__)
 #define APP_T_END(type, ...)      LG_OPTION(type, t_end, REAL, "T", __VA_ARGS__, LG_POSITIVE)
 #define APP_POINTS(type, ...)     LG_OPTION(type, points, U64, "M", __VA_ARGS__, .low = 2, .high = 1e8)
 #define APP_TOLERANCE(type, ...)  LG_OPTION(type, tolerance, REAL, "TOL", __VA_ARGS__, .low = 1e-15)

@@ -11,25 +11,23 @@ train_files train_given_files;
 
 /* --size must be first: TRAIN_SHARED_NO_SIZE begins behind it. */
 const lg_field train_file_options[] = {
-    LG_OPTION(
-        train_files, size, STRING, "auto|W,...",
+    TRAIN_SIZE(
+        train_files,
         "Widths of the network, as --hidden; or auto: train a few widths, each for half of the epochs and "
-        "all together for at most a third of --seconds, and take the one with the best validation loss",
-        .usual = true),
+        "all together for at most a third of --seconds, and take the one with the best validation loss"),
     APP_OUT(train_files, "FILE", "The model file to write", .required = true, .usual = true),
     LG_OPTION(train_files, checkpoint, STRING, "FILE",
               "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),
     LG_OPTION(train_files, checkpoint_every, U64, "n",
               "Number of epochs between checkpoints (default 10 with --checkpoint)", .low = 1, .high = 1e9),
-    LG_OPTION(train_files, stop_after, U64, "n", "Save the state and stop after n epochs of this run",
-              .low = 1, .high = 1e9),
-    LG_OPTION(train_files, seconds, REAL, "S",
-              "Stop after this many seconds of training; with a method other than adam and no --epochs "
-              "this is the only limit",
-              .usual = true, .high = 1e9),
-    LG_OPTION(train_files, resume, STRING, "FILE",
-              "Continue from a checkpoint; the result has the same bits as one run. Options not given "
-              "are the checkpoint's"),
+    APP_STOP_AFTER(train_files, "Save the state and stop after n epochs of this run"),
+    APP_SECONDS(train_files,
+                "Stop after this many seconds of training; with a method other than adam and no --epochs "
+                "this is the only limit",
+                .usual = true),
+    APP_RESUME(train_files,
+               "Continue from a checkpoint; the result has the same bits as one run. Options not given "
+               "are the checkpoint's"),
     LG_OPTION(train_files, history, STRING, "FILE.csv",
               "Write one row for each epoch: epoch, loss, validation, rate, seconds", .file = LG_FILE_TEXT),
     LG_FIELD_END};

@@ -38,6 +38,8 @@ typedef struct well_setup {
                   .option = "severity", .usual = true, .low = 1e-3, .high = 1, .value = "0.58"),             \
         LG_OPTION(type, well.noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",     \
                   .option = "noise", .usual = true, .high = 1e6, .value = "1")
+#define HOURS(type, ...)    LG_OPTION(type, hours, REAL, "H", __VA_ARGS__)
+#define CRACK_AT(type, ...) LG_OPTION(type, crack_at, REAL, __VA_ARGS__)
 void well_set_up(const well_setup *setup, lg_riser_parameters *parameters, lg_riser_run *run);
 
 /* ---- models (model.c) ---- */

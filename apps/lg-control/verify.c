@@ -7,7 +7,7 @@
 #include "lg-control/control_app.h"
 #include "liegrad/certify.h"
 
-static const lg_field options[] = {APP_SECONDS(app_common, "Largest time of the proof", .value = "60"),
+static const lg_field options[] = {APP_BOUND(app_common, "Largest time of the proof", .value = "60"),
                                    LG_FIELD_END};
 
 /* ---- the loop of a task or policy now ---- */

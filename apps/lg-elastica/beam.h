@@ -24,7 +24,8 @@ typedef struct beam_values {
 } beam_values;
 extern beam_values beam_given;
 extern const lg_field beam_rows[], end_rows[], boundary_rows[];
-/* The row of --continuous, for a member of this name. */
+/* The rows of --case, for a member `kind`, and of --continuous. */
+#define BEAM_CASE(type, ...) LG_OPTION(type, kind, NAME, NULL, __VA_ARGS__, .option = "case")
 #define CONTINUOUS(type)                                                                                     \
     LG_OPTION(type, continuous, SWITCH, NULL,                                                                \
               "Solve the differential equation instead of the discrete problem", .usual = true)

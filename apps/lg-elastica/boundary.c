@@ -28,10 +28,10 @@ const lg_field end_rows[] = {
     LG_FIELD_END};
 
 const lg_field boundary_rows[] = {
-    LG_OPTION(beam_values, kind, NAME, NULL,
+    BEAM_CASE(beam_values,
               "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "
               "wrapped to (-pi, pi] (default both-ends; of a model: the family trained on)",
-              .option = "case", .usual = true, .names = case_names),
+              .usual = true, .names = case_names),
     LG_OPTION(beam_values, x, REAL, "X", "The case's parameter, radians", .usual = true, .low = -1e6,
               .high = 1e6),
     LG_OPTION(beam_values, theta0, REAL, "A", "Instead of --case and --x: tangent angle at s = 0, radians",

@@ -18,8 +18,7 @@ static const lg_field study_options[] = {
             .required = true),
     TRIALS_JOBS(study_values,
                 "Number of simultaneous runs (default: --threads); each uses threads/jobs threads"),
-    LG_OPTION(study_values, stop_after, U64, "n", "Stop after n new runs", .low = 1, .high = 1e9),
-    TRIALS_ROWS(study_values), LG_FIELD_END};
+    APP_STOP_AFTER(study_values, "Stop after n new runs"), TRIALS_ROWS(study_values), LG_FIELD_END};
 
 static study_values values;
 

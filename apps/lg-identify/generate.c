@@ -31,7 +31,7 @@ static const lg_field options[] = {
     LG_OPTION(generate_values, spread, REALS, "S[,S]",
               "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",
               .option = "start-spread", LG_ANY_REAL, .most = 2),
-    LG_OPTION(generate_values, runs, U64, "n", "Runs", .low = 1, .high = 1e6, .value = "10"),
+    APP_RUNS(generate_values, "Runs", .high = 1e6, .value = "10"),
     APP_T_END(generate_values, "Length of a run in seconds (default 10, or the file's)"),
     LG_OPTION(generate_values, dt, REAL, "H", "Seconds from a row to the next", LG_POSITIVE, .value = "0.02"),
     LG_FIELD_END};

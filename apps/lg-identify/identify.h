@@ -5,6 +5,7 @@
 
 #include "common/app.h"
 #include "machine/files/recipe.h"
+#include "settings/training.h"
 
 extern const app_command identify_check_command, identify_fit_command, identify_evaluate_command,
     identify_predict_command, identify_generate_command, identify_adapt_command;
@@ -26,8 +27,7 @@ void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_g
 /* The rows of the options --substeps and --start-rows, and of --window; `struct_` has members of these
  * names. */
 #define IDENTIFY_MODEL_OPTIONS(struct_)                                                                      \
-    LG_OPTION(struct_, substeps, U64, "n", "Integrator steps between two points of the data", .low = 1,      \
-              .high = 1e6, .otherwise = "the model's"),                                                      \
+    SUBSTEPS(struct_, NULL, U64, .otherwise = "the model's"),                                                \
         LG_OPTION(struct_, start_rows, U64, "n",                                                             \
                   "Rows that estimate the state at a start, where the logs measure positions or "            \
                   "accelerations alone",                                                                     \

@@ -6,10 +6,10 @@
 static simulate_values values = {.atol = -1, .theta = 0.5};
 
 static const lg_field options[] = {
-    LG_OPTION(simulate_values, scheme, STRING, "NAME|FILE.yaml",
-              "A scheme of the list below, or a tableau of your own in a file (default rkmk54, and dp54 on "
-              "R^n)",
-              .usual = true),
+    APP_SCHEME(simulate_values, "NAME|FILE.yaml",
+               "A scheme of the list below, or a tableau of your own in a file (default rkmk54, and dp54 on "
+               "R^n)",
+               .usual = true),
     LG_OPTION(simulate_values, steps, U64, "N", "N equal steps", .low = 1, .high = 1e12, .usual = true),
     APP_TOLERANCE(simulate_values, "Adaptive steps; the tolerance of component i is TOL |y_i| + A", .high = 1,
                   .value = "1e-9", .usual = true),

@@ -18,8 +18,7 @@ const lg_field lg_surrogate_fields[] = {
               .meaning = "Kind of network"),
     OPTION("model", architecture, NAME, LG_NAMED(lg_net_kind_name, LG_NET_KIND_COUNT), PRESET(),
            .usual = true, .meaning = "Architecture of the network"),
-    OPTION("model", activation, NAME, LG_NAMED(lg_activation_name, LG_ACTIVATION_COUNT), PRESET(),
-           .meaning = "Activation of the hidden layers"),
+    ACTIVATION(lg_surrogate_run, model.options.activation, "Activation of the hidden layers", PRESET()),
     OPTION("model", embedding, U32, .high = 1 << 20, PRESET(), .unit = "E",
            .meaning = "Width of the layer sin(2 pi (x A + b)) before the network, 0 for none"),
     OPTION("model", hidden, U32, .usual = true, .low = 1, .high = 1 << 20, PRESET(), .unit = "W",
@@ -64,12 +63,12 @@ const lg_field lg_surrogate_fields[] = {
            .meaning = "Continuous network: learn from interpolated points between the nodes too"),
     SURROGATE("run", "train_fraction", REAL, train_fraction, .high = 1, .value = "0.9", .unit = "F",
               .usual = true, .meaning = "Part of the curves for training"),
-    SURROGATE("run", "test_fraction", REAL, test_fraction, .high = 1, .value = "0.1", .unit = "F",
-              .meaning = "Part of the curves for testing, the same for every --train-fraction"),
+    TEST_FRACTION(lg_surrogate_run, "Part of the curves for testing, the same for every --train-fraction",
+                  .high = 1, .value = "0.1"),
     SURROGATE(
         "run", "most_curves", U64, most_curves, .high = 1e9, .optional = true, PRESET(), .unit = "n",
         .meaning =
             "Learn from at most this many curves of the training part, evenly chosen; 0: from all curves"),
     TRAINING_ROWS(lg_surrogate_run, "method", any_loss, "Curves (continuous: points)", 0, PRESET, PRESET),
-    TRAINING(lg_surrogate_run, validation, REAL, PRESET(), VALIDATION),
+    VALIDATION(lg_surrogate_run, "validation", training.validation, PRESET()),
     LG_FIELD_END};

@@ -54,9 +54,30 @@
                      "loss, which is the loss of the validation part if there is one; 0 for never"),         \
         TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
                  .meaning = "Seed of all random numbers")
-#define VALIDATION                                                                                           \
-    .option = "validation-fraction", .high = 0.9, .unit = "F",                                               \
-    .meaning = "Fraction kept for validation; the parameters of the best epoch are then the result"
+
+/* Rows that some kinds of models have in common. */
+#define VALIDATION(run_, name_, member, ...)                                                                 \
+    LG_FIELD(run_, "run", name_, REAL, member, .option = "validation-fraction", .high = 0.9, .unit = "F",    \
+             .meaning = "Fraction kept for validation; the parameters of the best epoch are then the "       \
+                        "result",                                                                            \
+             __VA_ARGS__)
+#define TEST_FRACTION(run_, meaning_, ...)                                                                   \
+    LG_FIELD(run_, "run", "test_fraction", REAL, test_fraction, .unit = "F", .meaning = meaning_, __VA_ARGS__)
+#define ACTIVATION(run_, member, meaning_, ...)                                                              \
+    LG_FIELD(run_, "model", "activation", NAME, member, LG_NAMED(lg_activation_name, LG_ACTIVATION_COUNT),   \
+             .meaning = meaning_, __VA_ARGS__)
+/* Predictions by a scheme, from the members scheme, substeps and starts. */
+#define SCHEME(run_, ...)                                                                                    \
+    LG_FIELD(run_, "run", "integrator", NAME, scheme, .option = "scheme", .usual = true,                     \
+             .value_name = lg_name_scheme, .value_at = lg_scheme_number,                                     \
+             .meaning = "Scheme of the steps between two points of the data", __VA_ARGS__)
+#define SUBSTEPS(run_, group_, type, ...)                                                                    \
+    LG_FIELD(run_, group_, "substeps", type, substeps, .low = 1, .high = 1e6, .unit = "n",                   \
+             .meaning = "Integrator steps between two points of the data", __VA_ARGS__)
+#define INITIAL_STATES(run_, meaning_, ...)                                                                  \
+    LG_FIELD(run_, "run", "starts", NAME, starts, .option = "initial-states",                                \
+             LG_NAMES("measured", "estimated"), .meaning = "Where predictions start: at the " meaning_,      \
+             __VA_ARGS__)
 
 #define CONSTANT(text) .value = text
 #define CHOSEN(text)   .otherwise = LG_CHOSEN

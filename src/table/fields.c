@@ -8,9 +8,7 @@ const lg_field lg_table_fields[] = {
     TABLE("model", "network", NAME, model.options.network, .option = "architecture",
           LG_NAMED(lg_net_kind_name, LG_NET_KIND_COUNT), .value = "mlp",
           .meaning = "Architecture of the network"),
-    TABLE("model", "activation", NAME, model.options.activation,
-          LG_NAMED(lg_activation_name, LG_ACTIVATION_COUNT), .value = "tanh",
-          .meaning = "Activation of the hidden layers"),
+    ACTIVATION(lg_table_run, model.options.activation, "Activation of the hidden layers", .value = "tanh"),
     TABLE("model", "hidden", WHOLES, model.options.hidden,
           LG_COUNTED(lg_table_run, model.options.hidden_count), .usual = true, .low = 1, .high = 1 << 20,
           .most = LG_TABLE_LAYERS,
@@ -30,6 +28,6 @@ const lg_field lg_table_fields[] = {
           .meaning = "Weights D/2 of the squares of each array of parameters, in the order of the arrays in "
                      "the model file"),
     TRAINING_ROWS(lg_table_run, "method", squares, "Rows", 0, PRESET, PRESET),
-    TRAINING(lg_table_run, validation, REAL, .otherwise = LG_CHOSEN ": 0.1; 0 with --test, for a regression",
-             VALIDATION),
+    VALIDATION(lg_table_run, "validation", training.validation,
+               .otherwise = LG_CHOSEN ": 0.1; 0 with --test, for a regression"),
     LG_FIELD_END};

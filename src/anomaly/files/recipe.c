@@ -30,9 +30,8 @@ const lg_field lg_detector_options[] = {
         .methods = NETWORK, .meaning = "cnn: pooling after each convolution"),
     ROW("pool_size", U64, pool_size, .low = 1, .high = 1 << 20, .value = "2", .unit = "n", .methods = NETWORK,
         .meaning = "cnn: number of samples pooled to one"),
-    LG_OPTION(lg_detector_state, test, STRING, "TEST.h5",
-              "Test on this file; DATA.h5 is then all for training", .without = "test-fraction",
-              .file = LG_FILE_READ, .usual = true),
+    LG_TEST_ROW(lg_detector_state, "TEST.h5", "Test on this file; DATA.h5 is then all for training",
+                .without = "test-fraction"),
     LG_FIELD_END};
 
 /* ---- the data ---- */

@@ -113,6 +113,10 @@ typedef struct lg_trainer {
     void (*close)(lg_training *self);   /* frees what read made; may be NULL */
 } lg_trainer;
 
+/* The row of --test, for a member of this name: a file with other data than those that are learned. */
+#define LG_TEST_ROW(struct_, ...)                                                                            \
+    LG_OPTION(struct_, test, STRING, __VA_ARGS__, .usual = true, .file = LG_FILE_READ)
+
 /* Warns the user: a sentence for the context's log. */
 #define LG_WARN(self, ...) lg_log_message((self)->context, LG_LOG_WARNING, __VA_ARGS__)
 
