@@ -44,10 +44,6 @@ void well_set_up(const well_setup *setup, lg_riser_parameters *parameters, lg_ri
 
 /* ---- models (model.c) ---- */
 
-#define HEALTHY(type)                                                                                        \
-    LG_OPTION(type, healthy, TEXT, "NAME",                                                                   \
-              "Name or label of the class that means that all is well (text; default chosen by data and "    \
-              "model: the model's, attribute healthy of the data, or the only class whose name says so)")
 #define VOTES(type, unit_, ...)                                                                              \
     LG_OPTION(type, votes, WHOLES, unit_, "Raise an alarm when K of the last N windows " __VA_ARGS__,        \
               .low = 1, .high = 64)

@@ -33,7 +33,7 @@ typedef struct train_values {
     uint32_t method;
     uint64_t features, prune; /* numbers: random convolution features, and how many of them are kept */
     uint32_t directions, criterion;
-    uint64_t components, max_depth, min_leaf, folds;
+    uint64_t components, max_depth, folds;
     double ccp_alpha, c, gamma;
 } train_values;
 

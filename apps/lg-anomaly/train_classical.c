@@ -150,7 +150,6 @@ static lg_classifier_options base_options(const app *self, const train_values *v
     options.threads = (int)self->threads;
     options.tree.criterion = (lg_tree_criterion)values->criterion;
     options.tree.max_depth = (uint32_t)values->max_depth;
-    options.tree.min_samples_leaf = (uint32_t)values->min_leaf;
     if (train_name(values->prune) == PRUNE_POST)
         options.tree.ccp_alpha =
             app_given(self, "ccp-alpha") ? values->ccp_alpha : published_alpha(values, noise);

@@ -60,8 +60,6 @@ static const lg_field rows[] = {
         .meaning = "post: the alpha of cost-complexity pruning"),
     ROW("max_depth", U64, max_depth, .low = 1, .high = 1e6, .unit = "n", .methods = TREE,
         .otherwise = "no limit", .meaning = "Trees: largest depth"),
-    ROW("min_samples_leaf", U64, min_leaf, .low = 1, .high = 1e9, .value = "1", .unit = "n", .methods = TREE,
-        .meaning = "Trees: smallest number of windows in a leaf"),
     ROW("c", REAL, c, .above = true, .high = 1e300, .value = "1", .unit = "C",
         .methods = LOGISTIC | LINEAR | RBF | BASELINE,
         .meaning = "Inverse of the penalty; svm: if not given, the best value of --grid"),
@@ -110,6 +108,5 @@ void train_check_options(const app *self) {
     const bool pre = train_name(values->prune) == PRUNE_PRE;
     if (app_given(self, "ccp-alpha") && train_name(values->prune) != PRUNE_POST)
         app_stop_usage(self, "--ccp-alpha: needs --prune post");
-    if (pre && (app_given(self, "max-depth") || app_given(self, "min-samples-leaf")))
-        app_stop_usage(self, "--prune pre: chooses --max-depth and --min-samples-leaf");
+    if (pre && app_given(self, "max-depth")) app_stop_usage(self, "--prune pre: chooses --max-depth");
 }

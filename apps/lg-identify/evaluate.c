@@ -17,7 +17,8 @@ static const lg_field options[] = {
               LG_POSITIVE, .most = MOST_HORIZONS),
     LG_OPTION(evaluate_values, every, U64, "n", "Rows from one start to the next", .low = 1, .high = 1e9,
               .value = "25"),
-    IDENTIFY_WINDOW(evaluate_values, "Points of the windows of window_loss (default the model's)"),
+    WINDOW(evaluate_values, NULL, U64,
+           .meaning = "Points of the windows of window_loss (default the model's)"),
     IDENTIFY_MODEL_OPTIONS(evaluate_values),
     RELATIVE(evaluate_values, "horizons", "|z - z'|/|z + z'| + 1e-8 over time, then over parts"),
     LG_FIELD_END};

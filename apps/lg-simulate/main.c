@@ -1,4 +1,5 @@
 /* lg-simulate: integrates a mechanical system and shows the result. */
+#include "common/trials.h"
 #include "lg-simulate/ensemble.h"
 
 #include <string.h>
@@ -70,10 +71,10 @@ static const lg_field options[] = {
         .needs = "ensemble"),
     LG_OPTION(simulate_values, save, STRING, "all|K",
               "Keep the trajectories of all or of the first K members", .needs = "ensemble"),
-    LG_OPTION(simulate_values, task, STRING, "i/n",
-              "Run part i of n (i from 0) of the ensemble and write a file for `lg-simulate merge OUT.h5 "
-              "PARTS...`",
-              .needs = "ensemble"),
+    TRIALS_TASK(simulate_values, task,
+                "Run part i of n (i from 0) of the ensemble and write a file for `lg-simulate merge OUT.h5 "
+                "PARTS...`",
+                .needs = "ensemble"),
     LG_FIELD_END};
 
 static void check_options(const app *self) {

@@ -1,7 +1,7 @@
 /* The hyperparameters of a fault detector. */
 #include "liegrad/anomaly.h"
 
-#include "settings/training.h"
+#include "anomaly/judge.h"
 
 /* Value of .methods for fields that apply to the network only. The network's validation part is drawn by the
  * field validation_fraction, so that recordings and groups stay whole; therefore lg_fit's setting
@@ -28,13 +28,10 @@ const lg_field lg_detector_fields[] = {
              .meaning = "Units of the split: random (single windows), run (recordings) or group (such as sea "
                         "states); windows of one recording resemble each other, so random gives too good "
                         "figures"),
-    DETECTOR("run", "healthy", TEXT, healthy, .usual = true, .optional = true, .unit = "NAME", .form = "text",
-             .otherwise = LG_CHOSEN
-             ": the model's, attribute healthy of the data, or the only class whose name says so",
-             .meaning = "Name or label of the class that means that all is well"),
+    HEALTHY(lg_detector_run),
     TEST_FRACTION(lg_detector_run, "Part of the windows for testing", .high = 0.95, .value = "0.2"),
-    VALIDATION(lg_detector_run, "validation_fraction", validation_fraction, .json = "validation",
-               .value = "0.1", .methods = NETWORK),
+    DETECTOR("run", "validation_fraction", REAL, validation_fraction, PART_FOR_VALIDATION,
+             .json = "validation", .value = "0.1", .methods = NETWORK),
     DETECTOR("run", "max_restarts", U32, restarts, .high = 1000, .optional = true, .value = "10", .unit = "n",
              .methods = NETWORK,
              .meaning = "cnn: how often at most a network that died (a layer is constant over all training "

@@ -53,12 +53,12 @@ const lg_field lg_surrogate_fields[] = {
     OPTION("run", residual, REAL, .high = 1e12, .optional = true, .value = "0", .unit = "W",
            .methods = CONTINUOUS | ANGLE,
            .meaning = "Weight of the error of the beam's differential equation in the loss"),
-    SURROGATE("run", "penalty_form", NAME, model.options.penalty,
-              LG_NAMES([LG_SURROGATE_DIFFERENCES] = "published", [LG_SURROGATE_WEIGHTED] = "text"),
-              .optional = true, .value = "published", .methods = DISCRETE,
-              .meaning =
-                  "What --penalty weighs: text, the matrix W of (5.4.1); published, the differences that "
-                  "the thesis' program takes"),
+    PENALTY_FORM(lg_surrogate_run, model.options.penalty,
+                 LG_NAMES([LG_SURROGATE_DIFFERENCES] = "published", [LG_SURROGATE_WEIGHTED] = "text"),
+                 .optional = true, .value = "published", .methods = DISCRETE,
+                 .meaning =
+                     "What --penalty weighs: text, the matrix W of (5.4.1); published, the differences that "
+                     "the thesis' program takes"),
     OPTION("run", between, FLAG, LG_NAMES("false", "true"), PRESET(),
            .meaning = "Continuous network: learn from interpolated points between the nodes too"),
     SURROGATE("run", "train_fraction", REAL, train_fraction, .high = 1, .value = "0.9", .unit = "F",
@@ -70,5 +70,5 @@ const lg_field lg_surrogate_fields[] = {
         .meaning =
             "Learn from at most this many curves of the training part, evenly chosen; 0: from all curves"),
     TRAINING_ROWS(lg_surrogate_run, "method", any_loss, "Curves (continuous: points)", 0, PRESET, PRESET),
-    VALIDATION(lg_surrogate_run, "validation", training.validation, PRESET()),
+    VALIDATION(lg_surrogate_run, PRESET()),
     LG_FIELD_END};

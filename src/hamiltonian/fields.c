@@ -79,8 +79,8 @@ const lg_field lg_hamiltonian_fields[] = {
         .optional = true, .value = "oscillator",
         .otherwise = LG_CHOSEN ": oscillator, or the first one that fits the system", .unit = "NAME|FILE",
         .file = LG_FILE_READ, .meaning = "The first integral whose change is penalised"),
-    HAMILTONIAN(
-        "run", "penalty_form", NAME, penalty_form,
+    PENALTY_FORM(
+        lg_hamiltonian_run, penalty_form,
         LG_NAMES([LG_PENALTY_MEAN_SQUARE] = "text", [LG_PENALTY_SUM_ABSOLUTE] = "published"), .value = "text",
         .meaning = "text: mean of squares over the batch; published: sum of absolute values over the batch"),
     HAMILTONIAN(
@@ -102,5 +102,5 @@ const lg_field lg_hamiltonian_fields[] = {
                    "first points, or at estimated points near them, for first points with noise",
                    .optional = true, .value = "measured"),
     TRAINING_ROWS(lg_hamiltonian_run, "method", squares, "Trajectories", 0, REPLACED, REPLACED),
-    VALIDATION(lg_hamiltonian_run, "validation", training.validation, .usual = true, .value = "0"),
+    VALIDATION(lg_hamiltonian_run, .usual = true, .value = "0"),
     LG_FIELD_END};

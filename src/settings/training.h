@@ -56,17 +56,17 @@
                  .meaning = "Seed of all random numbers")
 
 /* Rows that some kinds of models have in common. */
-#define VALIDATION(run_, name_, member, ...)                                                                 \
-    LG_FIELD(run_, "run", name_, REAL, member, .option = "validation-fraction", .high = 0.9, .unit = "F",    \
-             .meaning = "Fraction kept for validation; the parameters of the best epoch are then the "       \
-                        "result",                                                                            \
-             __VA_ARGS__)
+#define VALIDATION(run_, ...) TRAINING(run_, validation, REAL, PART_FOR_VALIDATION, __VA_ARGS__)
+#define PART_FOR_VALIDATION                                                                                  \
+    .option = "validation-fraction", .high = 0.9, .unit = "F",                                               \
+    .meaning = "Fraction kept for validation; the parameters of the best epoch are then the result"
 #define TEST_FRACTION(run_, meaning_, ...)                                                                   \
     LG_FIELD(run_, "run", "test_fraction", REAL, test_fraction, .unit = "F", .meaning = meaning_, __VA_ARGS__)
+#define PENALTY_FORM(run_, ...) LG_FIELD(run_, "run", "penalty_form", NAME, __VA_ARGS__)
 #define ACTIVATION(run_, member, meaning_, ...)                                                              \
     LG_FIELD(run_, "model", "activation", NAME, member, LG_NAMED(lg_activation_name, LG_ACTIVATION_COUNT),   \
              .meaning = meaning_, __VA_ARGS__)
-/* Predictions by a scheme, from the members scheme, substeps and starts. */
+/* Predictions by a scheme, of members with the names scheme, substeps, starts and window. */
 #define SCHEME(run_, ...)                                                                                    \
     LG_FIELD(run_, "run", "integrator", NAME, scheme, .option = "scheme", .usual = true,                     \
              .value_name = lg_name_scheme, .value_at = lg_scheme_number,                                     \
@@ -74,6 +74,8 @@
 #define SUBSTEPS(run_, group_, type, ...)                                                                    \
     LG_FIELD(run_, group_, "substeps", type, substeps, .low = 1, .high = 1e6, .unit = "n",                   \
              .meaning = "Integrator steps between two points of the data", __VA_ARGS__)
+#define WINDOW(run_, group_, type, ...)                                                                      \
+    LG_FIELD(run_, group_, "window", type, window, .low = 2, .high = 1e9, .unit = "M", __VA_ARGS__)
 #define INITIAL_STATES(run_, meaning_, ...)                                                                  \
     LG_FIELD(run_, "run", "starts", NAME, starts, .option = "initial-states",                                \
              LG_NAMES("measured", "estimated"), .meaning = "Where predictions start: at the " meaning_,      \

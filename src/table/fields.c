@@ -28,6 +28,5 @@ const lg_field lg_table_fields[] = {
           .meaning = "Weights D/2 of the squares of each array of parameters, in the order of the arrays in "
                      "the model file"),
     TRAINING_ROWS(lg_table_run, "method", squares, "Rows", 0, PRESET, PRESET),
-    VALIDATION(lg_table_run, "validation", training.validation,
-               .otherwise = LG_CHOSEN ": 0.1; 0 with --test, for a regression"),
+    VALIDATION(lg_table_run, .otherwise = LG_CHOSEN ": 0.1; 0 with --test, for a regression"),
     LG_FIELD_END};
