@@ -200,7 +200,7 @@ typedef struct reading {
 } reading;
 
 static lg_status bad(const reading *r, size_t row, const yaml_node_t *at, const char *what) {
-    return lg_yaml_fail(r->yaml, lg_node_line(at), LG_FORMAT, r->error, "%s: %s", rows[row].key.name, what);
+    return LG_FAIL_AT(r->yaml, at, r->error, "%s: %s", rows[row].key.name, what);
 }
 
 static bool number_of(const yaml_node_t *node, double *out) {

@@ -54,8 +54,7 @@ static lg_status read_number(const reading *r, const yaml_node_t *node, const ch
     if (node->type == YAML_SCALAR_NODE &&
         lg_number_parse((const char *)node->data.scalar.value, out) == LG_OK)
         return LG_OK;
-    return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error, "%s: expected a finite number",
-                        what);
+    return LG_FAIL_AT(r->yaml, node, r->error, "%s: expected a finite number", what);
 }
 
 enum { MOST_NUMBERS = 9 };
@@ -67,8 +66,7 @@ static lg_status read_numbers(const reading *r, const yaml_node_t *node, const c
     if (node->type != YAML_SEQUENCE_NODE) return read_number(r, node, what, out);
     *count = (uint32_t)lg_node_length(node);
     if (*count > MOST_NUMBERS)
-        return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error, "%s: more than %d numbers",
-                            what, MOST_NUMBERS);
+        return LG_FAIL_AT(r->yaml, node, r->error, "%s: more than %d numbers", what, MOST_NUMBERS);
     for (uint32_t i = 0; i < *count; i++)
         LG_TRY(read_number(r, lg_node_item(r->yaml, node, i), what, out + i));
     return LG_OK;
@@ -125,8 +123,8 @@ static lg_status unknown(const reading *r, const yaml_node_t *key, const char *w
     for (uint32_t i = 0; i < t->coordinate_count; i++)
         if (t->coordinate[i].velocity[0] != '\0') lg_name_list_add(&known, t->coordinate[i].velocity);
     for (uint32_t l = 0; l < t->input_count; l++) lg_name_list_add(&known, t->input[l].name);
-    return lg_yaml_fail(r->yaml, lg_node_line(key), LG_FORMAT, r->error,
-                        "%s: unknown name '%.40s'; the plant has %s", what, name, known.text);
+    return LG_FAIL_AT(r->yaml, key, r->error, "%s: unknown name '%.40s'; the plant has %s", what, name,
+                      known.text);
 }
 
 /* Takes the numbers of an entry; returns what is expected instead, or NULL; "": the name is unknown. */
@@ -149,16 +147,14 @@ static lg_status read_entries(reading *r, const lg_key_value *value, const entri
             const yaml_node_t *before = lg_node_at(r->yaml, q->key);
             if (before->type == YAML_SCALAR_NODE &&
                 strcmp((const char *)before->data.scalar.value, name) == 0)
-                return lg_yaml_fail(r->yaml, lg_node_line(key), LG_FORMAT, r->error,
-                                    "%s: '%.40s' stands twice", what, name);
+                return LG_FAIL_AT(r->yaml, key, r->error, "%s: '%.40s' stands twice", what, name);
         }
         LG_TRY(read_numbers(r, node, what, x, &count));
         const named of = find_name(r->task, name);
         const char *expected = take(r->task, row, of, name, x, count);
         if (expected == NULL) continue;
         if (expected[0] == '\0') return unknown(r, key, what, name);
-        return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error, "%s: %.40s: expected %s", what,
-                            name, expected);
+        return LG_FAIL_AT(r->yaml, node, r->error, "%s: %.40s: expected %s", what, name, expected);
     }
     return LG_OK;
 }
@@ -251,11 +247,9 @@ static lg_status read_positions(reading *r, const lg_key_value *values, const ch
         const named of = find_name(r->task, name);
         if (of.coordinate == NULL && of.input == NULL) return unknown(r, node, what, name);
         if (of.coordinate == NULL || of.velocity)
-            return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                                "%s: expected a position, not '%.40s'", what, name);
+            return LG_FAIL_AT(r->yaml, node, r->error, "%s: expected a position, not '%.40s'", what, name);
         if (is_free(of))
-            return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error, "%s: %.40s: expected %s",
-                                what, name, not_free);
+            return LG_FAIL_AT(r->yaml, node, r->error, "%s: %.40s: expected %s", what, name, not_free);
         *(strcmp(what, "free") == 0    ? &of.coordinate->free
           : strcmp(what, "track") == 0 ? &of.coordinate->track
                                        : &of.coordinate->integral) = true;
@@ -324,8 +318,7 @@ static const lg_field state_keys[] = {
 static lg_status take_state(reading *r, const yaml_node_t *node) {
     lg_policy_task *task = r->task;
     if (task->coordinate_count == LG_POLICY_COORDINATES)
-        return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error, "states: more than %d",
-                            LG_POLICY_COORDINATES);
+        return LG_FAIL_AT(r->yaml, node, r->error, "states: more than %d", LG_POLICY_COORDINATES);
     lg_policy_coordinate *c = &task->coordinate[task->coordinate_count++];
     const char *name = (const char *)node->data.scalar.value;
     lg_key_value values[2] = {{0}};
@@ -336,8 +329,7 @@ static lg_status take_state(reading *r, const yaml_node_t *node) {
         c->motion = values[1].real[0] > 0.0 ? LG_POLICY_ANGLE : LG_POLICY_LINE;
     }
     if (name[0] == '\0' || strlen(name) >= LG_POLICY_NAME)
-        return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                            "states: a name has 1 to %d bytes", LG_POLICY_NAME - 1);
+        return LG_FAIL_AT(r->yaml, node, r->error, "states: a name has 1 to %d bytes", LG_POLICY_NAME - 1);
     (void)snprintf(c->name, sizeof c->name, "%s", name);
     return LG_OK;
 }

@@ -75,7 +75,7 @@ static const lg_key_value *at(const reader *r, const char *key) {
 }
 
 static lg_status fail_at(reader *r, const yaml_node_t *node, const char *key, const char *what) {
-    return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error, "%s: %s", key, what);
+    return LG_FAIL_AT(r->yaml, node, r->error, "%s: %s", key, what);
 }
 
 /* Reads a decimal number or a quotient "a/b" of two decimal numbers. */
@@ -95,8 +95,7 @@ static lg_status read_number(reader *r, const yaml_node_t *node, const char *key
         *out = above / below;
         return LG_OK;
     }
-    return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                        "%s: '%s' is neither a number nor a quotient a/b", key, text);
+    return LG_FAIL_AT(r->yaml, node, r->error, "%s: '%s' is neither a number nor a quotient a/b", key, text);
 }
 
 /* Reads a list of at most `most` numbers into `out`. Entries of `out` beyond the list are unchanged. */
@@ -105,8 +104,8 @@ static lg_status read_list(reader *r, const yaml_node_t *node, const char *key, 
     if (node->type != YAML_SEQUENCE_NODE) return fail_at(r, node, key, "a list of numbers is expected");
     *count = lg_node_length(node);
     if (*count > most)
-        return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                            "%s: %zu numbers, at most %zu are expected", key, *count, most);
+        return LG_FAIL_AT(r->yaml, node, r->error, "%s: %zu numbers, at most %zu are expected", key, *count,
+                          most);
     for (size_t i = 0; i < *count; i++) LG_TRY(read_number(r, lg_node_item(r->yaml, node, i), key, &out[i]));
     return LG_OK;
 }
@@ -117,9 +116,9 @@ static lg_status read_stages(reader *r, const char *key, size_t stages, double *
     size_t count = 0;
     LG_TRY(read_list(r, node, key, stages, out, &count));
     if (count == stages) return LG_OK;
-    return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                        "%s: %zu numbers are given, expected one for each of the %zu stages", key, count,
-                        stages);
+    return LG_FAIL_AT(r->yaml, node, r->error,
+                      "%s: %zu numbers are given, expected one for each of the %zu stages", key, count,
+                      stages);
 }
 
 /* Sets the number of stages to the length of the key's list, minus `more`. */
@@ -127,9 +126,8 @@ static lg_status count_stages(reader *r, const char *key, size_t more) {
     const yaml_node_t *node = at(r, key)->node;
     const size_t stages = lg_node_length(node) - (lg_node_length(node) > more ? more : lg_node_length(node));
     if (stages < 1 || stages > LG_SCHEME_MAX_STAGES)
-        return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                            "%s: the scheme has %zu stages, expected 1 to %d", key, stages,
-                            LG_SCHEME_MAX_STAGES);
+        return LG_FAIL_AT(r->yaml, node, r->error, "%s: the scheme has %zu stages, expected 1 to %d", key,
+                          stages, LG_SCHEME_MAX_STAGES);
     r->out->scheme.stages = (int)stages;
     return LG_OK;
 }

@@ -70,16 +70,14 @@ static uint32_t seen(const lg_search_file *file, const char *name) {
 /* Reads the name of the next entry. `count` is the number of entries so far. */
 static lg_status read_key(const reading *r, const yaml_node_t *node, size_t count, char name[LG_RANGE_NAME]) {
     if (count == LG_RANGE_MAX)
-        return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                            "there are more than %d entries", LG_RANGE_MAX);
+        return LG_FAIL_AT(r->yaml, node, r->error, "there are more than %d entries", LG_RANGE_MAX);
     if (!copy_name(node, name))
-        return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                            "the name of an option is expected: up to %d letters, digits, - and _",
-                            LG_RANGE_NAME - 1);
+        return LG_FAIL_AT(r->yaml, node, r->error,
+                          "the name of an option is expected: up to %d letters, digits, - and _",
+                          LG_RANGE_NAME - 1);
     const uint32_t line = seen(r->out, name);
     if (line == 0) return LG_OK;
-    return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                        "'%s' stands twice, first on line %u", name, line);
+    return LG_FAIL_AT(r->yaml, node, r->error, "'%s' stands twice, first on line %u", name, line);
 }
 
 static lg_status read_fixed(const reading *r, const yaml_node_t *map) {
@@ -91,8 +89,8 @@ static lg_status read_fixed(const reading *r, const yaml_node_t *map) {
         char name[LG_RANGE_NAME] = "";
         LG_TRY(read_key(r, lg_node_at(r->yaml, pair->key), i, name));
         if (!copy_text(value, out->fixed_value[i], LG_SEARCH_FIXED_TEXT))
-            return lg_yaml_fail(r->yaml, lg_node_line(value), LG_FORMAT, r->error,
-                                "%s: a value of 1 to %d bytes is expected", name, LG_SEARCH_FIXED_TEXT - 1);
+            return LG_FAIL_AT(r->yaml, value, r->error, "%s: a value of 1 to %d bytes is expected", name,
+                              LG_SEARCH_FIXED_TEXT - 1);
         memcpy(out->fixed_name[i], name, sizeof name);
         out->fixed_line[i] = lg_node_line(value);
         out->fixed_count++;
@@ -102,16 +100,15 @@ static lg_status read_fixed(const reading *r, const yaml_node_t *map) {
 
 static lg_status read_choices(const reading *r, const yaml_node_t *list, lg_range *range) {
     if (list->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(r->yaml, lg_node_line(list), LG_FORMAT, r->error, "%s: a list is expected",
-                            range->name);
+        return LG_FAIL_AT(r->yaml, list, r->error, "%s: a list is expected", range->name);
     for (size_t i = 0; i < lg_node_length(list); i++) {
         const yaml_node_t *node = lg_node_item(r->yaml, list, i);
         if (range->choices == LG_RANGE_MAX_CHOICES)
-            return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                                "%s: there are more than %d choices", range->name, LG_RANGE_MAX_CHOICES);
+            return LG_FAIL_AT(r->yaml, node, r->error, "%s: there are more than %d choices", range->name,
+                              LG_RANGE_MAX_CHOICES);
         if (!copy_text(node, range->choice[range->choices], LG_RANGE_NAME))
-            return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                                "%s: a choice of 1 to %d bytes is expected", range->name, LG_RANGE_NAME - 1);
+            return LG_FAIL_AT(r->yaml, node, r->error, "%s: a choice of 1 to %d bytes is expected",
+                              range->name, LG_RANGE_NAME - 1);
         range->choices++;
     }
     return LG_OK;
@@ -139,10 +136,10 @@ static lg_status read_range(const reading *r, const yaml_node_t *node, lg_range 
         range->kind = (lg_range_kind)i;
         return range->kind == LG_RANGE_CHOICE ? read_choices(r, list, range) : read_bounds(r, list, range);
     }
-    return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                        "%s: one of {uniform: [low, high]}, {log-uniform: [low, high]}, {integer: [low, "
-                        "high]}, {choice: [...]} is expected",
-                        range->name);
+    return LG_FAIL_AT(r->yaml, node, r->error,
+                      "%s: one of {uniform: [low, high]}, {log-uniform: [low, high]}, {integer: [low, "
+                      "high]}, {choice: [...]} is expected",
+                      range->name);
 }
 
 static lg_status read_ranges(const reading *r, const yaml_node_t *map) {
@@ -158,7 +155,7 @@ static lg_status read_ranges(const reading *r, const yaml_node_t *map) {
         LG_TRY(read_range(r, value, range));
         r->out->line[space->count++] = lg_node_line(value);
         if (lg_search_space_check(space, &inner) != LG_OK)
-            return lg_yaml_fail(r->yaml, lg_node_line(value), LG_FORMAT, r->error, "%s", inner.message);
+            return LG_FAIL_AT(r->yaml, value, r->error, "%s", inner.message);
     }
     return LG_OK;
 }

@@ -152,7 +152,7 @@ lg_status lg_yaml_next(lg_yaml *yaml, bool *more, lg_error *error) {
     yaml->root = yaml_document_get_root_node(&yaml->document);
     *more = yaml->root != NULL;
     if (!*more || yaml->root->type == YAML_MAPPING_NODE) return LG_OK;
-    return lg_yaml_fail(yaml, lg_node_line(yaml->root), LG_FORMAT, error, "keys and values are expected");
+    return LG_FAIL_AT(yaml, yaml->root, error, "keys and values are expected");
 }
 
 lg_status lg_yaml_open_several(const lg_context *context, const char *path, const void *data, size_t bytes,
@@ -179,8 +179,7 @@ lg_status lg_yaml_open_text(const lg_context *context, const char *path, const v
     LG_TRY(load(yaml, &next, error));
     const yaml_node_t *second = yaml_document_get_root_node(&next);
     if (second == NULL) return LG_MOVE(out, yaml);
-    return lg_yaml_fail(yaml, lg_node_line(second), LG_FORMAT, error,
-                        "a second document begins here, but a file can have only one");
+    return LG_FAIL_AT(yaml, second, error, "a second document begins here, but a file can have only one");
 }
 
 lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error) {
@@ -213,7 +212,6 @@ static const char *shown(const yaml_node_t *node, char out[NAME_SIZE]) {
     return out;
 }
 
-/* Returns the text of a scalar that is shorter than `size` and contains no zero byte, or NULL. */
 static lg_status read_number(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, double *out,
                              lg_error *error) {
     char show[NAME_SIZE];
@@ -248,7 +246,7 @@ static lg_status read_name(const lg_yaml *yaml, const lg_field *key, const yaml_
     lg_name_list known = {.used = 0};
     const char *text = lg_node_text(node, NAME_SIZE);
     if (node->type != YAML_SCALAR_NODE)
-        return lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error, "%s: a name is expected", key->name);
+        return LG_FAIL_AT(yaml, node, error, "%s: a name is expected", key->name);
     const char *name;
     for (uint32_t value = 0; (name = lg_field_name(key, value)) != NULL; value++) {
         if (text != NULL && strcmp(text, name) == 0) {
@@ -257,8 +255,8 @@ static lg_status read_name(const lg_yaml *yaml, const lg_field *key, const yaml_
         }
         lg_name_list_add(&known, name);
     }
-    return lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error, "%s: '%s' is none of %s%s", key->name,
-                        shown(node, show), known.text, key->hint != NULL ? key->hint : "");
+    return LG_FAIL_AT(yaml, node, error, "%s: '%s' is none of %s%s", key->name, shown(node, show), known.text,
+                      key->hint != NULL ? key->hint : "");
 }
 
 /* ---- values ---- */
@@ -270,8 +268,7 @@ static bool is_names(const lg_field *key) {
 static lg_status add_scalar(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
                             lg_key_value *value, lg_error *error) {
     if (value->count >= LG_VALUES)
-        return lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error, "%s: there are too many values",
-                            key->name);
+        return LG_FAIL_AT(yaml, node, error, "%s: there are too many values", key->name);
     double number = 0;
     LG_TRY(is_names(key) ? read_name(yaml, key, node, &number, error)
                          : read_number(yaml, key, node, &number, error));
@@ -283,11 +280,11 @@ static lg_status read_list(lg_yaml *yaml, const lg_field *key, const yaml_node_t
                            lg_error *error) {
     if (node->type == YAML_SCALAR_NODE) return add_scalar(yaml, key, node, value, error);
     if (node->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error, "%s: a list is expected", key->name);
+        return LG_FAIL_AT(yaml, node, error, "%s: a list is expected", key->name);
     const size_t count = lg_node_length(node);
     if (count == 0 || count > key->most)
-        return lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error,
-                            "%s: has %zu values, 1 to %u are expected", key->name, count, key->most);
+        return LG_FAIL_AT(yaml, node, error, "%s: has %zu values, 1 to %u are expected", key->name, count,
+                          key->most);
     for (size_t i = 0; i < count; i++)
         LG_TRY(add_scalar(yaml, key, lg_node_item(yaml, node, i), value, error));
     return LG_OK;
@@ -303,12 +300,10 @@ static lg_status read_whole(const lg_yaml *yaml, const lg_field *key, const yaml
     char show[NAME_SIZE];
     const char *text = lg_node_text(node, 64);
     if (node->type != YAML_SCALAR_NODE)
-        return lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error, "%s: a whole number is expected",
-                            key->name);
+        return LG_FAIL_AT(yaml, node, error, "%s: a whole number is expected", key->name);
     if (text == NULL || node->data.scalar.style != YAML_PLAIN_SCALAR_STYLE ||
         lg_integer_parse(text, &value->whole) != LG_OK)
-        return lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error, "%s: '%s' is not a whole number",
-                            key->name, shown(node, show));
+        return LG_FAIL_AT(yaml, node, error, "%s: '%s' is not a whole number", key->name, shown(node, show));
     return LG_OK;
 }
 
@@ -316,8 +311,8 @@ static lg_status read_text(const lg_yaml *yaml, const lg_field *key, const yaml_
                            lg_key_value *value, lg_error *error) {
     const char *text = lg_node_text(node, sizeof value->text);
     if (text == NULL || *text == '\0')
-        return lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error,
-                            "%s: a text of 1 to %zu bytes is expected", key->name, sizeof value->text - 1);
+        return LG_FAIL_AT(yaml, node, error, "%s: a text of 1 to %zu bytes is expected", key->name,
+                          sizeof value->text - 1);
     memcpy(value->text, text, strlen(text) + 1);
     return LG_OK;
 }
@@ -343,8 +338,7 @@ static lg_status read_value(lg_yaml *yaml, const lg_field *key, const yaml_node_
         return add_scalar(yaml, key, node, value, error);
     }
     if (node->type == YAML_MAPPING_NODE) return LG_OK;
-    return lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error, "%s: keys and values are expected",
-                        key->name);
+    return LG_FAIL_AT(yaml, node, error, "%s: keys and values are expected", key->name);
 }
 
 /* ---- blocks ---- */
@@ -385,12 +379,11 @@ static lg_status read_level(block *b, const yaml_node_t *node, size_t level) {
     for (size_t l = level + 1; l < 3; l++) inner *= b->shape[l];
     const char *what = inner == 1 ? "number" : "row", *plural = expected == 1 ? "" : "s";
     if (node->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(b->yaml, lg_node_line(node), LG_FORMAT, b->error,
-                            "%s: a list of %zu %s%s is expected", b->key->name, expected, what, plural);
+        return LG_FAIL_AT(b->yaml, node, b->error, "%s: a list of %zu %s%s is expected", b->key->name,
+                          expected, what, plural);
     if (length != expected)
-        return lg_yaml_fail(b->yaml, lg_node_line(node), LG_FORMAT, b->error,
-                            "%s: has %zu %s%s, %zu are expected", b->key->name, length, what,
-                            length == 1 ? "" : "s", expected);
+        return LG_FAIL_AT(b->yaml, node, b->error, "%s: has %zu %s%s, %zu are expected", b->key->name, length,
+                          what, length == 1 ? "" : "s", expected);
     for (size_t i = 0; i < length; i++) LG_TRY(read_level(b, lg_node_item(b->yaml, node, i), level + 1));
     return LG_OK;
 }
@@ -425,9 +418,7 @@ bool lg_yaml_has(const lg_yaml *yaml, const char *key) {
 
 lg_status lg_yaml_name(lg_yaml *yaml, const lg_field *key, lg_key_value *value, lg_error *error) {
     const yaml_node_t *node = find_below(yaml, yaml->root, key->name, strlen(key->name));
-    if (node == NULL)
-        return lg_yaml_fail(yaml, lg_node_line(yaml->root), LG_FORMAT, error, "key '%s' is missing",
-                            key->name);
+    if (node == NULL) return LG_FAIL_AT(yaml, yaml->root, error, "key '%s' is missing", key->name);
     return read_value(yaml, key, node, value, error);
 }
 
@@ -471,11 +462,9 @@ static lg_status unknown_key(const reading *r, const yaml_node_t *node, const ch
         }
     const char *key = shown(node, show);
     if (elsewhere)
-        return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error,
-                            "key '%s%s' does not belong to system %s; known: %s", prefix, key, r->system,
-                            known.text);
-    return lg_yaml_fail(r->yaml, lg_node_line(node), LG_FORMAT, r->error, "unknown key '%s%s'; known: %s",
-                        prefix, key, known.text);
+        return LG_FAIL_AT(r->yaml, node, r->error, "key '%s%s' does not belong to system %s; known: %s",
+                          prefix, key, r->system, known.text);
+    return LG_FAIL_AT(r->yaml, node, r->error, "unknown key '%s%s'; known: %s", prefix, key, known.text);
 }
 
 static lg_status read_map(const reading *r, const yaml_node_t *map, const char *prefix);
@@ -509,8 +498,7 @@ static lg_status check_required(const reading *r, const yaml_node_t *map, const 
         for (size_t i = 0; i < r->sets[s].count; i++) {
             const lg_field *key = &r->sets[s].keys[i];
             if (key->required && r->sets[s].values[i].line == 0 && name_below(key, prefix) != NULL)
-                return lg_yaml_fail(r->yaml, lg_node_line(map), LG_FORMAT, r->error, "key '%s' is missing",
-                                    key->name);
+                return LG_FAIL_AT(r->yaml, map, r->error, "key '%s' is missing", key->name);
         }
     }
     return LG_OK;
@@ -568,7 +556,6 @@ lg_status lg_yaml_read_below(lg_yaml *yaml, const void *node, const lg_key_set *
     const reading r = {yaml, set, 1, NULL, "", error};
     const yaml_node_t *map = node;
     if (map->type != YAML_MAPPING_NODE)
-        return lg_yaml_fail(yaml, lg_node_line(map), LG_FORMAT, error, "%s: keys and values are expected",
-                            what);
+        return LG_FAIL_AT(yaml, map, error, "%s: keys and values are expected", what);
     return read_keys(&r, map);
 }

@@ -98,5 +98,8 @@ lg_status lg_yaml_block(lg_yaml *yaml, const lg_field *key, const lg_key_value *
 /* Fails with the message "FILE: line 7: ...". */
 lg_status lg_yaml_fail(const lg_yaml *yaml, uint32_t line, lg_status status, lg_error *error,
                        const char *format, ...) __attribute__((format(printf, 5, 6)));
+/* The same for the line of a node, with LG_FORMAT. */
+#define LG_FAIL_AT(yaml, node, error, ...)                                                                   \
+    lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error, __VA_ARGS__)
 
 #endif
