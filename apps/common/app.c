@@ -80,10 +80,14 @@ static void begin_command(app *self, const app_command *command) {
         add_settings(self, &(app_settings){app_plot_options(command->plots), &app_plot_given, 0});
 }
 
-lg_status app_store(app_slot *slot, const char *text, double number, lg_error *error) {
-    const bool word = text != NULL || slot->row->type == LG_FIELD_SWITCH;
-    const lg_status status = word ? lg_field_set(slot->row, text, slot->values, error)
-                                  : lg_field_store(slot->row, number, slot->values, error);
+lg_status app_store(app_slot *slot, const char *text, lg_error *error) {
+    const lg_status status = lg_field_set(slot->row, text, slot->values, error);
+    slot->given = slot->given || status == LG_OK;
+    return status;
+}
+
+lg_status app_store_number(app_slot *slot, double value, lg_error *error) {
+    const lg_status status = lg_field_store(slot->row, value, slot->values, error);
     slot->given = slot->given || status == LG_OK;
     return status;
 }
@@ -174,7 +178,7 @@ static void complain(const struct argp_state *state, const char *format, ...) {
 
 static void store(const struct argp_state *state, app_slot *slot, const char *text) {
     lg_error error = {LG_OK, ""};
-    if (app_store(slot, text, 0, &error) != LG_OK) complain(state, "--%s: %s", slot->name, error.message);
+    if (app_store(slot, text, &error) != LG_OK) complain(state, "--%s: %s", slot->name, error.message);
 }
 
 static error_t parse_option(int key, char *text, struct argp_state *state, app *self) {

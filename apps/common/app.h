@@ -146,10 +146,13 @@ typedef struct app_alias {
 extern const app_alias app_aliases[]; /* aliases.c; a last row of NULL */
 /* Returns the option that has this name now or had it earlier; NULL: the command has no such option. */
 app_slot *app_find_slot(const app *app, const char *option);
-/* Sets the option's value from `text`, as the command line does, and marks the option as given; text NULL:
- * from `number`, the one element of a list. A string value points to `text`, which must live on.
- * LG_INVALID_ARGUMENT: nothing is stored, and `error` says why. */
-lg_status app_store(app_slot *slot, const char *text, double number, lg_error *error);
+/* Sets the option's value from `text`, as the command line does, and marks the option as given. A string
+ * value points to `text`, which must live on. LG_INVALID_ARGUMENT: nothing is stored, and `error` says
+ * why. */
+lg_status app_store(app_slot *slot, const char *text, lg_error *error);
+/* As app_store, with a number instead of a text, for an option that is a number or a list; a list gets this
+ * one element. */
+lg_status app_store_number(app_slot *slot, double value, lg_error *error);
 /* Copies into settings->values every option that was not given on the command line. `from` is a structure of
  * the same type as settings->values. `preset`: only rows without a default of their own are copied. */
 void app_adopt(app *app, const app_settings *settings, const void *from, bool preset);

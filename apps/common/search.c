@@ -86,7 +86,7 @@ static lg_status virtual_set(app *v, train_task *task, const char *name, const c
         (text == NULL || !is_searched(task, text)))
         return lg_fail(error, LG_FORMAT, "a search does not train '%s: %s'; --help names the methods", name,
                        text != NULL ? text : "(a number)");
-    if (app_store(slot, text, number, &reason) != LG_OK)
+    if ((text != NULL ? app_store(slot, text, &reason) : app_store_number(slot, number, &reason)) != LG_OK)
         return lg_fail(error, LG_FORMAT, "%s: %.400s", name, reason.message);
     return LG_OK;
 }

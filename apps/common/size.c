@@ -36,7 +36,7 @@ static lg_status run_lane(app *self, train_task *task, app_slot *slot, double se
     const double begin = app_seconds();
     lg_fit_settings *training = train_training(task);
     const lg_fit_settings kept = *training;
-    lg_status status = app_store(slot, lane->size, 0, error);
+    lg_status status = app_store(slot, lane->size, error);
     training->seed = self->seed;
     if (status == LG_OK) status = train_describe(self, task, NULL, error);
     const uint64_t planned = train_epochs(self, training);
@@ -123,7 +123,7 @@ void train_size(app *self, train_task *task, const char *size, train_race *race)
     if (slot->given)
         app_stop_usage(self, "--size and --hidden both set the widths of the network; give one of them");
     if (!automatic) {
-        if (app_store(slot, size, 0, &error) != LG_OK)
+        if (app_store(slot, size, &error) != LG_OK)
             app_stop_usage(self, "--size: %s, or auto", error.message);
         return;
     }
@@ -131,7 +131,7 @@ void train_size(app *self, train_task *task, const char *size, train_race *race)
     run_race(self, task, slot, race);
     race->winner = winner(race);
     app_note(self, "--size auto: %s, of %zu widths", race->lane[race->winner].size, race->count);
-    (void)app_store(slot, race->lane[race->winner].size, 0, NULL);
+    (void)app_store(slot, race->lane[race->winner].size, NULL);
 }
 
 void train_size_json(const train_race *race, app_json *json) {

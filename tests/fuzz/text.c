@@ -358,7 +358,7 @@ static void option(size_t at, const char *text) {
     values to = {.size = 0};
     lg_error error = {LG_OK, ""};
     app_slot slot = {.row = &options[at % LG_COUNT(options)], .values = &to};
-    refused(app_store(&slot, text, 0, &error), &error);
+    refused(app_store(&slot, text, &error), &error);
 }
 
 /* The first two bytes choose the reader for the rest. */
