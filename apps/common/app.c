@@ -22,6 +22,8 @@ static volatile sig_atomic_t hung_up;
 static app *running; /* for --version, app_out_of_memory and app_end */
 static bool parsing; /* the command line is being parsed; --help and --version call exit meanwhile */
 
+app_common app_common_given;
+
 static const lg_field common_options[] = {
     LG_OPTION(app, json, SWITCH, NULL, "Print the result as one JSON object"),
     LG_OPTION(app, seed, U64, "S", "Seed of all random numbers (default 1)", .high = 0x1p64),
@@ -456,12 +458,11 @@ void app_read_options(const app *self) {
     }
 }
 
-/* Checks that required options are given: texts or numbers. */
-static void check_required(const app *self, bool texts) {
-    for (size_t i = 0; i < self->slot_count; i++) {
-        const app_slot *slot = &self->slots[i];
+/* Checks that required options are given; the default of a text counts. */
+static void check_required(const app *self) {
+    for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++) {
         const bool text = slot->row->type == LG_FIELD_STRING;
-        if (slot->row->required && text == texts && (text ? text_of(slot) == NULL : !slot->given))
+        if (slot->row->required && (text ? text_of(slot) == NULL : !slot->given))
             app_stop_usage(self, "--%s %s is missing", slot->name, slot->row->unit);
     }
 }
@@ -495,7 +496,6 @@ void app_end(int code) {
 }
 
 static int run_command(app *self) {
-    app_path paths[APP_SLOTS];
     lg_context_options options;
     app_json out;
     lg_context_options_init(&options);
@@ -506,9 +506,8 @@ static int run_command(app *self) {
     options.replace_user = self;
     app_must(self, lg_context_create(&options, &self->context), NULL);
     app_join_ranks(self);
-    check_required(self, true);
-    app_check_outputs(self, paths, app_file_options(self, paths));
-    check_required(self, false);
+    check_required(self);
+    app_check_outputs(self, NULL, 0);
     check_together(self);
     app_result_begin(&out, self);
     self->out = &out;

@@ -50,10 +50,25 @@ typedef struct app_settings {
 
 /* Rows of options that several commands have, in the structures with their values. */
 #define APP_OUT(type, unit_, ...) LG_OPTION(type, out, STRING, unit_, __VA_ARGS__)
-#define APP_SECONDS(type, ...)    LG_OPTION(type, seconds, REAL, "S", __VA_ARGS__, .high = 1e9, .above = true)
+#define APP_SECONDS(type, ...)    LG_OPTION(type, seconds, REAL, "S", __VA_ARGS__, .high = 1e9)
+#define APP_BOUND(type, ...)      APP_SECONDS(type, __VA_ARGS__, .above = true) /* --seconds, not 0 */
+#define APP_RESUME(type, ...)     LG_OPTION(type, resume, STRING, "FILE", __VA_ARGS__)
+#define APP_STOP_AFTER(type, ...) LG_OPTION(type, stop_after, U64, "n", __VA_ARGS__, .low = 1, .high = 1e9)
+#define APP_RUNS(type, ...)       LG_OPTION(type, runs, U64, "n", __VA_ARGS__, .low = 1)
+#define APP_PART(type, ...)       LG_OPTION(type, part, NAME, NULL, __VA_ARGS__)
+#define APP_DTYPE(type, ...)      LG_OPTION(type, dtype, NAME, NULL, __VA_ARGS__)
+#define APP_SCHEME(type, ...)     LG_OPTION(type, scheme, STRING, __VA_ARGS__)
 #define APP_T_END(type, ...)      LG_OPTION(type, t_end, REAL, "T", __VA_ARGS__, LG_POSITIVE)
 #define APP_POINTS(type, ...)     LG_OPTION(type, points, U64, "M", __VA_ARGS__, .low = 2, .high = 1e8)
 #define APP_TOLERANCE(type, ...)  LG_OPTION(type, tolerance, REAL, "TOL", __VA_ARGS__, .low = 1e-15)
+
+/* The values of a command that has no options but these. */
+typedef struct app_common {
+    const char *out;
+    uint64_t epochs;
+    double t_end, seconds;
+} app_common;
+extern app_common app_common_given;
 
 /* What a command does when mpirun starts several processes of it. */
 typedef enum app_together {
@@ -384,12 +399,13 @@ typedef struct app_path {
 /* Writes to `paths` (room for APP_SLOTS) the options that were given and whose rows set `file`. Returns their
  * number. */
 size_t app_file_options(const app *app, app_path *paths);
-/* Called before any long work. Each output must be writable and must differ from all inputs (the command's
- * arguments and the paths with LG_FILE_READ) and from all other outputs; a plot must end in .svg or .png.
- * Then claims the outputs (app_claim), and checks that they replace no foreign file (app_may_replace). On
- * failure it says why and ends the command. Options whose rows set `file` are checked for every command
- * without this call. */
-void app_check_outputs(const app *app, const app_path *paths, size_t count);
+/* Checks the options whose rows set `file`, and up to APP_MORE_PATHS other paths. Each output must be writable
+ * and must differ from all inputs (the command's arguments and the paths with LG_FILE_READ) and from all other
+ * outputs; a plot must end in .svg or .png. Then claims the outputs (app_claim), and checks that they replace
+ * no foreign file (app_may_replace). On failure it says why and ends the command. The options alone are
+ * checked for every command; a command with other paths calls it before any long work. */
+enum { APP_MORE_PATHS = 8 };
+void app_check_outputs(const app *app, const app_path *more, size_t count);
 /* Returns whether a regular file begins with the first `lines` lines of `data` (0: whether it equals the
  * data). If the data are a file in HDF5, liegrad must have written the file. */
 bool app_begins(const app *app, const char *path, const char *data, size_t bytes, int lines);
@@ -420,16 +436,10 @@ void app_write_texts(const app *app, const char *folder, const app_named_text *t
 /* The demo of a program (demo.c): writes the files below apps/PROGRAM/demo into the folder --out, and runs
  * demo.sh there with bash. Its variables are LG_JSON, LG_SEED, LG_THREADS and the options of the command,
  * such as LG_T_END. Returns the exit code of the first command that fails, otherwise 0. */
-typedef struct app_demo_values {
-    const char *out;
-    uint64_t epochs;
-    double t_end, seconds;
-} app_demo_values;
-extern app_demo_values app_demo_given;
-#define APP_DEMO_EPOCHS(...) LG_OPTION(app_demo_values, epochs, U64, "E", __VA_ARGS__, .low = 1, .high = 1e6)
+#define APP_DEMO_EPOCHS(...) LG_OPTION(app_common, epochs, U64, "E", __VA_ARGS__, .low = 1, .high = 1e6)
 extern const app_named_text lg_control_demo[], lg_hamiltonian_demo[], lg_identify_demo[];
 #define APP_DEMO(options, texts)                                                                             \
-    .name = "demo", .settings = APP_SETTINGS(APP_GIVEN(options, app_demo_given)), .run = app_demo,           \
+    .name = "demo", .settings = APP_SETTINGS(APP_GIVEN(options, app_common_given)), .run = app_demo,         \
     .row = (texts)
 void app_demo(app *app);
 /* Prints that an earlier result is replaced. */

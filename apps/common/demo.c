@@ -58,12 +58,10 @@ static lg_status make_folder(const char *path, lg_error *error) {
     return lg_fail(error, LG_FILE, "%s: the folder cannot be made: %s", path, strerror(number));
 }
 
-app_demo_values app_demo_given;
-
 void app_demo(app *self) {
     extern char **environ;
     const app_named_text *texts = self->command->row;
-    const char *folder = app_demo_given.out;
+    const char *folder = app_common_given.out;
     pid_t child;
     APP_MUST_FILE(self, folder, make_folder(folder, &error));
     APP_MUST_FILE(self, folder, app_claim(self, folder, &error));

@@ -311,7 +311,10 @@ static void check_earlier(const app *self, const written_file *file) {
                  file[1].path);
 }
 
-void app_check_outputs(const app *self, const app_path *paths, size_t count) {
+void app_check_outputs(const app *self, const app_path *more, size_t more_count) {
+    app_path paths[APP_SLOTS + APP_MORE_PATHS];
+    for (size_t i = 0; i < more_count; i++) paths[i] = more[i];
+    const size_t count = more_count + app_file_options(self, paths + more_count);
     for (size_t i = 0; i < count; i++)
         if (paths[i].use == LG_FILE_DRAWN && paths[i].path != NULL && !app_plot_name_fits(paths[i].path))
             app_stop_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);

@@ -80,7 +80,8 @@ void app_json_field(app_json *json, const lg_field *row, const void *run) {
     const char *key = row->json != NULL ? row->json : row->name;
     char text[LG_FIELD_TEXT_SIZE];
     double list[LG_FIELD_LIST_MAX];
-    switch (row->type) {
+    const bool words = row->type == LG_FIELD_U64 && lg_field_name(row, 0) != NULL;
+    switch (words ? LG_FIELD_NAME : row->type) {
     case LG_FIELD_REAL:
         app_json_real(json, key, lg_field_number(row, run));
         break;

@@ -555,10 +555,9 @@ void search_main(app *self, const app_command *train, train_task *task) {
                                  .take = take_trial,
                                  .save = save}};
     take_rungs(self, &search.options);
-    const app_path paths[] = {trials_choose(&search.work, LG_FILE_TEXT),
-                              {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
+    const app_path out = trials_choose(&search.work, LG_FILE_TEXT);
     self->continues = values->resume || trials_continues(&search.work);
-    app_check_outputs(self, paths, LG_COUNT(paths));
+    app_check_outputs(self, &out, 1);
     train_begin(self, task, 1);
     APP_MUST_FILE(self, ranges, lg_search_file_read(self->context, ranges, file, &error));
     check_names(self, train, task, file);

@@ -11,27 +11,25 @@ train_files train_given_files;
 
 /* --size must be first: TRAIN_SHARED_NO_SIZE begins behind it. */
 const lg_field train_file_options[] = {
-    LG_OPTION(
-        train_files, size, STRING, "auto|W,...",
+    TRAIN_SIZE(
+        train_files,
         "Widths of the network, as --hidden; or auto: train a few widths, each for half of the epochs and "
-        "all together for at most a third of --seconds, and take the one with the best validation loss",
-        .usual = true),
-    APP_OUT(train_files, "FILE", "The model file to write", .usual = true),
+        "all together for at most a third of --seconds, and take the one with the best validation loss"),
+    APP_OUT(train_files, "FILE", "The model file to write", .required = true, .usual = true),
     LG_OPTION(train_files, checkpoint, STRING, "FILE",
               "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),
     LG_OPTION(train_files, checkpoint_every, U64, "n",
               "Number of epochs between checkpoints (default 10 with --checkpoint)", .low = 1, .high = 1e9),
-    LG_OPTION(train_files, stop_after, U64, "n", "Save the state and stop after n epochs of this run",
-              .low = 1, .high = 1e9),
-    LG_OPTION(train_files, seconds, REAL, "S",
-              "Stop after this many seconds of training; with a method other than adam and no --epochs "
-              "this is the only limit",
-              .usual = true, .high = 1e9),
-    LG_OPTION(train_files, resume, STRING, "FILE",
-              "Continue from a checkpoint; the result has the same bits as one run. Options not given "
-              "are the checkpoint's"),
+    APP_STOP_AFTER(train_files, "Save the state and stop after n epochs of this run"),
+    APP_SECONDS(train_files,
+                "Stop after this many seconds of training; with a method other than adam and no --epochs "
+                "this is the only limit",
+                .usual = true),
+    APP_RESUME(train_files,
+               "Continue from a checkpoint; the result has the same bits as one run. Options not given "
+               "are the checkpoint's"),
     LG_OPTION(train_files, history, STRING, "FILE.csv",
-              "Write one row for each epoch: epoch, loss, validation, rate, seconds"),
+              "Write one row for each epoch: epoch, loss, validation, rate, seconds", .file = LG_FILE_TEXT),
     LG_FIELD_END};
 
 static const train_files *const files = &train_given_files;
@@ -146,26 +144,17 @@ static void tidy(const app *self, const char *checkpoint) {
         lg_lock_release(&lock);
 }
 
-/* Checks that --out is given and that no output file is also an input or another output. */
-static void check_files(app *self, const train_task *task) {
-    if (files->out == NULL) app_stop_usage(self, "--out FILE is missing");
-    const char *const kept_name = task->recipe->trainer->kept;
-    const app_slot *kept = kept_name != NULL ? app_find_slot(self, kept_name) : NULL;
+/* Checks that no output file is also an input or another output. */
+static void check_files(app *self) {
     APP_FREE char *checkpoint = checkpoint_path();
     /* A resumed run may write its checkpoints to the file that it was resumed from. */
     const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
     if (files->resume != NULL && !same) tidy(self, files->resume);
     self->continues = same;
-    app_path paths[APP_SLOTS] = {
-        {"resume", same ? NULL : files->resume, LG_FILE_READ},
-        {kept_name,
-         kept != NULL ? *(const char *const *)((const char *)kept->values + kept->row->offset) : NULL,
-         LG_FILE_READ},
-        {"out", files->out, LG_FILE_WRITTEN},
-        {"checkpoint", checkpoint, LG_FILE_WRITTEN},
-        {"history", files->history, LG_FILE_TEXT}};
-    enum { OWN = 5 };
-    app_check_outputs(self, paths, OWN + app_file_options(self, paths + OWN));
+    const app_path paths[] = {{"resume", same ? NULL : files->resume, LG_FILE_READ},
+                              {"out", files->out, LG_FILE_WRITTEN},
+                              {"checkpoint", checkpoint, LG_FILE_WRITTEN}};
+    app_check_outputs(self, paths, LG_COUNT(paths));
     app_check_text(self, files->history, TRAIN_HISTORY);
 }
 
@@ -434,7 +423,7 @@ static void run_with(app *self, train_task *task, const stored_run *stored, cons
 void train_open(app *self, train_task *task) {
     train_begin(self, task, 0);
     check_options(self, task);
-    check_files(self, task);
+    check_files(self);
     app_read_options(self);
     train_read(self, task);
 }

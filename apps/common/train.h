@@ -28,8 +28,9 @@ typedef struct train_files {
  * TRAIN_SHARED_NO_SIZE leaves out --size, for a command whose trainer has no `sizes`. */
 extern train_files train_given_files;
 extern const lg_field train_file_options[];
-#define TRAIN_SHARED         APP_GIVEN(train_file_options, train_given_files)
-#define TRAIN_SHARED_NO_SIZE APP_GIVEN(train_file_options + 1, train_given_files)
+#define TRAIN_SIZE(type, ...) LG_OPTION(type, size, STRING, "auto|W,...", __VA_ARGS__, .usual = true)
+#define TRAIN_SHARED          APP_GIVEN(train_file_options, train_given_files)
+#define TRAIN_SHARED_NO_SIZE  APP_GIVEN(train_file_options + 1, train_given_files)
 /* A training that is running or has ended. */
 typedef struct train_session train_session;
 

@@ -23,13 +23,12 @@ typedef struct trials_values {
     const char *task;
     bool merge;
 } trials_values;
-#define TRIALS_JOBS(type, ...) LG_OPTION(type, jobs, U64, "J", __VA_ARGS__, .low = 1, .high = 256)
+#define TRIALS_JOBS(type, ...)         LG_OPTION(type, jobs, U64, "J", __VA_ARGS__, .low = 1, .high = 256)
+#define TRIALS_TASK(type, member, ...) LG_OPTION(type, member, STRING, "i/n", __VA_ARGS__, .option = "task")
 #define TRIALS_ROWS(type)                                                                                    \
-    LG_OPTION(                                                                                               \
-        type, shared.task, STRING, "i/n",                                                                    \
-        "Work as task i of n (i from 0) of a job array: do each n-th piece of the work, and leave the "      \
-        "results in FILE.part-i-of-n, for --merge",                                                          \
-        .option = "task"),                                                                                   \
+    TRIALS_TASK(type, shared.task,                                                                           \
+                "Work as task i of n (i from 0) of a job array: do each n-th piece of the work, and leave "  \
+                "the results in FILE.part-i-of-n, for --merge"),                                             \
         LG_OPTION(type, shared.merge, SWITCH, NULL,                                                          \
                   "Collect the results that the tasks have finished in the output, without doing any work",  \
                   .option = "merge")

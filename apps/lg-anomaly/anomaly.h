@@ -38,14 +38,12 @@ typedef struct well_setup {
                   .option = "severity", .usual = true, .low = 1e-3, .high = 1, .value = "0.58"),             \
         LG_OPTION(type, well.noise, REAL, "F", "Noise of the sensors as a multiple of the data sheet's",     \
                   .option = "noise", .usual = true, .high = 1e6, .value = "1")
+#define HOURS(type, ...)    LG_OPTION(type, hours, REAL, "H", __VA_ARGS__)
+#define CRACK_AT(type, ...) LG_OPTION(type, crack_at, REAL, __VA_ARGS__)
 void well_set_up(const well_setup *setup, lg_riser_parameters *parameters, lg_riser_run *run);
 
 /* ---- models (model.c) ---- */
 
-#define HEALTHY(type)                                                                                        \
-    LG_OPTION(type, healthy, TEXT, "NAME",                                                                   \
-              "Name or label of the class that means that all is well (text; default chosen by data and "    \
-              "model: the model's, attribute healthy of the data, or the only class whose name says so)")
 #define VOTES(type, unit_, ...)                                                                              \
     LG_OPTION(type, votes, WHOLES, unit_, "Raise an alarm when K of the last N windows " __VA_ARGS__,        \
               .low = 1, .high = 64)

@@ -20,10 +20,10 @@ enum { PART_AUTO, PART_ALL, PART_TRAIN, PART_VALIDATION, PART_TEST };
 static const char *const part_names[] = {"auto", "all", "train", "validation", "test", NULL};
 
 static const lg_field evaluate_options[] = {
-    LG_OPTION(evaluate_values, part, NAME, NULL,
-              "Windows to judge: all, or the train, validation or test part of the data that the model "
-              "was trained on; auto (default): the test part of those data, all windows of other data",
-              .names = part_names),
+    APP_PART(evaluate_values,
+             "Windows to judge: all, or the train, validation or test part of the data that the model "
+             "was trained on; auto (default): the test part of those data, all windows of other data",
+             .names = part_names),
     HEALTHY(evaluate_values),
     VOTES(evaluate_values, "K,N",
           "of a recording are not of the healthy class; report time to detection and false alarms per day"),

@@ -21,10 +21,10 @@ typedef struct feed_values {
 } feed_values;
 
 static const lg_field feed_options[] = {
-    LG_OPTION(feed_values, hours, REAL, "H", "Length of the feed", .low = 1e-4, .high = 1e6, .value = "24"),
-    LG_OPTION(feed_values, crack_at, REAL, "HOURS",
-              "Time at which the casing breaks, in hours (`watch --crack-at` takes seconds; default: never)",
-              .high = 1e6),
+    HOURS(feed_values, "Length of the feed", .low = 1e-4, .high = 1e6, .value = "24"),
+    CRACK_AT(feed_values, "HOURS",
+             "Time at which the casing breaks, in hours (`watch --crack-at` takes seconds; default: never)",
+             .high = 1e6),
     LG_OPTION(
         feed_values, gaps, REALS, "N[,S]",
         "Average number of gaps per day (default 0), and their mean length in seconds (default 30); a gap "

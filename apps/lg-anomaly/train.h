@@ -17,20 +17,23 @@ enum {
 };
 enum { PRUNE_NONE, PRUNE_PRE, PRUNE_POST };
 
-/* A value that is one of the names of a field, or a number. */
-typedef struct name_or_number {
-    uint32_t name;   /* index of the name, if number is 0 */
-    uint64_t number; /* 0: a name was given */
-} name_or_number;
+/* A value is a number up to TRAIN_NUMBERS, or one of the names of its row. The index of a number is 0. */
+#define TRAIN_NUMBERS UINT32_MAX
+static inline bool train_is_number(uint64_t value) {
+    return value <= TRAIN_NUMBERS;
+}
+static inline uint32_t train_name(uint64_t value) {
+    return train_is_number(value) ? 0 : (uint32_t)(value - TRAIN_NUMBERS - 1);
+}
 
 /* Values from the command line, except for files, train_run and train_state. */
 typedef struct train_values {
     lg_reals grid;
     /* Hyperparameters of the classical methods. */
     uint32_t method;
-    name_or_number features, prune; /* numbers: random convolution features, and how many of them are kept */
+    uint64_t features, prune; /* numbers: random convolution features, and how many of them are kept */
     uint32_t directions, criterion;
-    uint64_t components, max_depth, min_leaf, folds;
+    uint64_t components, max_depth, folds;
     double ccp_alpha, c, gamma;
 } train_values;
 

@@ -46,7 +46,7 @@ static lg_status fit_rocket(const app *program, const lg_scaler *scaler, lg_feat
     lg_rocket_options_init(&options);
     options.seed = program->seed;
     options.directions_x = train_given.directions == 1;
-    if (train_given.features.number > 0) options.features = (uint32_t)train_given.features.number;
+    if (train_is_number(train_given.features)) options.features = (uint32_t)train_given.features;
     return lg_rocket_fit(program->context, &options, &state->all.data.series, &state->all.windows,
                          state->train.list, state->train.count, scaler, out, error);
 }
@@ -63,7 +63,7 @@ static lg_status create_features(const app *program, lg_features *out, lg_error 
         status = fit_rocket(program, &scaler, out, error);
     else
         status = lg_features_create(
-            program->context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features.name,
+            program->context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)train_name(values->features),
             values->directions == 1, series, (uint32_t)train_run.window, &scaler, out, error);
     lg_scaler_destroy(&scaler);
     return status;
@@ -126,14 +126,15 @@ static lg_classifier_method method_of(int method) {
 /* The largest depth of trees that `--prune pre` tries, as published (table 6.7), by features and criterion. A
  * spectrum has the value of the covariance. */
 static uint32_t deepest(const train_values *values) {
-    if (values->features.name != LG_FEATURES_COV && values->features.name != LG_FEATURES_SPECTRUM) return 13;
+    const uint32_t features = train_name(values->features);
+    if (features != LG_FEATURES_COV && features != LG_FEATURES_SPECTRUM) return 13;
     if (values->components > 0) return 8;
     return values->criterion == LG_ENTROPY ? 5 : 6;
 }
 
 static double published_alpha(const train_values *values, double noise) {
     const bool entropy = values->criterion == LG_ENTROPY;
-    if (values->features.name == LG_FEATURES_STD) return entropy ? 0.003 : 0.002;
+    if (train_name(values->features) == LG_FEATURES_STD) return entropy ? 0.003 : 0.002;
     /* The published level nearest to this noise is 50. */
     if (entropy && values->components > 0 && noise > 30) return 0.003;
     return entropy ? 0.01 : 0.003;
@@ -149,8 +150,7 @@ static lg_classifier_options base_options(const app *self, const train_values *v
     options.threads = (int)self->threads;
     options.tree.criterion = (lg_tree_criterion)values->criterion;
     options.tree.max_depth = (uint32_t)values->max_depth;
-    options.tree.min_samples_leaf = (uint32_t)values->min_leaf;
-    if (values->prune.name == PRUNE_POST)
+    if (train_name(values->prune) == PRUNE_POST)
         options.tree.ccp_alpha =
             app_given(self, "ccp-alpha") ? values->ccp_alpha : published_alpha(values, noise);
     return options;
@@ -161,7 +161,7 @@ static void list_candidates(const app *self, const train_values *values, double 
     const bool svm = values->method == METHOD_SVM_LINEAR || values->method == METHOD_SVM_RBF;
     out->options = app_keep(MAX_GRID, sizeof *out->options);
     out->count = 0;
-    if (values->method == METHOD_TREE && values->prune.name == PRUNE_PRE) {
+    if (values->method == METHOD_TREE && train_name(values->prune) == PRUNE_PRE) {
         for (uint32_t depth = 2; depth <= deepest(values); depth++)
             for (uint32_t split = 2; split <= 4; split++)
                 for (uint32_t leaf = 1; leaf <= 2; leaf++) {
@@ -222,7 +222,8 @@ static size_t pruned_groups(void) {
 /* Keeps features with large weights, and fits their model again. */
 static lg_status prune(classical *self, const lg_classifier_options *options, lg_error *error) {
     lg_classifier *model = &self->model.classifier;
-    const size_t d = model->features.count, count = train_given.prune.number;
+    const size_t d = model->features.count,
+                 count = train_is_number(train_given.prune) ? train_given.prune : 0;
     if (count == 0 || count >= d) return LG_OK;
     APP_FREE uint32_t *keep = app_alloc(count, sizeof *keep);
     lg_classifier whole = *model;

@@ -7,52 +7,13 @@
 
 /* ---- names ---- */
 
-#define NAMES(linkage, function, ...)                                                                        \
-    linkage const char *function(uint32_t value) {                                                           \
-        static const char *const names[] = {__VA_ARGS__};                                                    \
-        return value < LG_COUNT(names) ? names[value] : NULL;                                                \
-    }
-NAMES(extern, train_method_name, [METHOD_CNN] = "cnn", [METHOD_LOGISTIC] = "logistic", [METHOD_TREE] = "tree",
-      [METHOD_SVM_LINEAR] = "svm-linear", [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline",
-      [METHOD_ROCKET] = "rocket", [METHOD_NOVELTY] = "novelty")
-NAMES(static, features_name, [LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov",
-      [LG_FEATURES_SPECTRUM] = "spectrum")
-NAMES(static, prune_name, [PRUNE_NONE] = "none", [PRUNE_PRE] = "pre", [PRUNE_POST] = "post")
-
-static lg_status parse_name_or_number(const char *text, const char *(*name)(uint32_t), name_or_number *out,
-                                      lg_error *error) {
-    char *end;
-    const unsigned long long number = strtoull(text, &end, 10);
-    if (text[0] >= '1' && text[0] <= '9' && *end == '\0' && number <= UINT32_MAX) {
-        *out = (name_or_number){.number = number};
-        return LG_OK;
-    }
-    for (uint32_t i = 0; name(i) != NULL; i++)
-        if (strcmp(text, name(i)) == 0) {
-            *out = (name_or_number){.name = i};
-            return LG_OK;
-        }
-    return lg_fail(error, LG_INVALID_ARGUMENT, "'%s' is neither a name from the list of --help nor a number",
-                   text);
+const char *train_method_name(uint32_t method) {
+    static const char *const names[] = {[METHOD_CNN] = "cnn",         [METHOD_LOGISTIC] = "logistic",
+                                        [METHOD_TREE] = "tree",       [METHOD_SVM_LINEAR] = "svm-linear",
+                                        [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline",
+                                        [METHOD_ROCKET] = "rocket",   [METHOD_NOVELTY] = "novelty"};
+    return method < LG_COUNT(names) ? names[method] : NULL;
 }
-
-static void phrase_name_or_number(const name_or_number *value, const char *(*name)(uint32_t), char *text,
-                                  size_t size) {
-    if (value->number > 0)
-        (void)snprintf(text, size, "%llu", (unsigned long long)value->number);
-    else
-        (void)snprintf(text, size, "%s", name(value->name));
-}
-
-#define NAME_OR_NUMBER(row)                                                                                  \
-    static lg_status parse_##row(const char *text, void *member, lg_error *error) {                          \
-        return parse_name_or_number(text, row##_name, member, error);                                        \
-    }                                                                                                        \
-    static void phrase_##row(const void *member, char *text, size_t size) {                                  \
-        phrase_name_or_number(member, row##_name, text, size);                                               \
-    }
-NAME_OR_NUMBER(features)
-NAME_OR_NUMBER(prune)
 
 /* ---- hyperparameters that are not in lg_detector_run ---- */
 
@@ -75,9 +36,10 @@ static const lg_field rows[] = {
             "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
             "regression lines of moment against acceleration, logistic regression; rocket: ridge regression "
             "on random convolutions; novelty: learns the healthy class alone, the others only test it"),
-    ROW("features", PHRASE, features, .value_name = features_name, .parse = parse_features,
-        .phrase = phrase_features, .form = "a number", .value = "cov", .usual = true,
-        .methods = CLASSICAL | ROCKET,
+    ROW("features", U64, features, .low = 1, .high = TRAIN_NUMBERS,
+        LG_NAMES([LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov",
+                 [LG_FEATURES_SPECTRUM] = "spectrum"),
+        .form = "a number", .value = "cov", .usual = true, .methods = CLASSICAL | ROCKET,
         .meaning = "Features of classical methods: the samples, standard deviations, the square root of the "
                    "covariance, or the logarithms of the power in bands of frequency; rocket: their number "
                    "(10000)"),
@@ -88,8 +50,9 @@ static const lg_field rows[] = {
         .meaning = "Channels to use: all, or x (names that end in _x, or every second channel)"),
     ROW("criterion", NAME, criterion, LG_NAMES("gini", "entropy"), .value = "gini", .methods = TREE,
         .meaning = "Trees: measure of impurity"),
-    ROW("prune", PHRASE, prune, .value_name = prune_name, .parse = parse_prune, .phrase = phrase_prune,
-        .form = "a number", .value = "none", .methods = TREE | ROCKET,
+    ROW("prune", U64, prune, .low = 1, .high = TRAIN_NUMBERS,
+        LG_NAMES([PRUNE_NONE] = "none", [PRUNE_PRE] = "pre", [PRUNE_POST] = "post"), .form = "a number",
+        .value = "none", .methods = TREE | ROCKET,
         .meaning = "Trees: pre (depth and leaf sizes by cross-validation) or post (cost-complexity with "
                    "--ccp-alpha); rocket: number of features to keep, those with the largest weights"),
     ROW("ccp_alpha", REAL, ccp_alpha, .high = 1e300, .unit = "A", .methods = TREE,
@@ -97,8 +60,6 @@ static const lg_field rows[] = {
         .meaning = "post: the alpha of cost-complexity pruning"),
     ROW("max_depth", U64, max_depth, .low = 1, .high = 1e6, .unit = "n", .methods = TREE,
         .otherwise = "no limit", .meaning = "Trees: largest depth"),
-    ROW("min_samples_leaf", U64, min_leaf, .low = 1, .high = 1e9, .value = "1", .unit = "n", .methods = TREE,
-        .meaning = "Trees: smallest number of windows in a leaf"),
     ROW("c", REAL, c, .above = true, .high = 1e300, .value = "1", .unit = "C",
         .methods = LOGISTIC | LINEAR | RBF | BASELINE,
         .meaning = "Inverse of the penalty; svm: if not given, the best value of --grid"),
@@ -115,7 +76,7 @@ lg_detector_state train_state;
 static const lg_field train_options[] = {
     LG_OPTION(train_values, grid, REALS, "C,C,...",
               "Choose C among these by cross-validation on the training part (default for svm: 0.1,1,10,100)",
-              .without = "c", LG_ANY_REAL, .methods = LOGISTIC | LINEAR | RBF | BASELINE),
+              .without = "c", LG_POSITIVE, .methods = LOGISTIC | LINEAR | RBF | BASELINE),
     LG_FIELD_END};
 
 const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof train_run},
@@ -135,20 +96,17 @@ void train_check_options(const app *self) {
             strcmp(slot->name, "out") != 0)
             app_stop_usage(self, "--%s: --classifier %s has no such option", slot->name,
                            train_method_name(values->method));
-    for (size_t i = 0; i < values->grid.count; i++)
-        if (!(values->grid.values[i] > 0)) app_stop_usage(self, "--grid: C must be above 0");
     const bool rocket = values->method == METHOD_ROCKET;
-    if (app_given(self, "features") && (values->features.number > 0) != rocket)
+    if (app_given(self, "features") && train_is_number(values->features) != rocket)
         app_stop_usage(self, "--features: %s",
                        rocket ? "--classifier rocket needs a number, such as 10000"
                               : "only --classifier rocket takes a number");
-    if (app_given(self, "prune") && (values->prune.number > 0) != rocket)
+    if (app_given(self, "prune") && train_is_number(values->prune) != rocket)
         app_stop_usage(self, "--prune: %s",
                        rocket ? "--classifier rocket needs a number, such as 1000"
                               : "--classifier tree takes none, pre or post");
-    const bool pre = values->prune.name == PRUNE_PRE;
-    if (app_given(self, "ccp-alpha") && values->prune.name != PRUNE_POST)
+    const bool pre = train_name(values->prune) == PRUNE_PRE;
+    if (app_given(self, "ccp-alpha") && train_name(values->prune) != PRUNE_POST)
         app_stop_usage(self, "--ccp-alpha: needs --prune post");
-    if (pre && (app_given(self, "max-depth") || app_given(self, "min-samples-leaf")))
-        app_stop_usage(self, "--prune pre: chooses --max-depth and --min-samples-leaf");
+    if (pre && app_given(self, "max-depth")) app_stop_usage(self, "--prune pre: chooses --max-depth");
 }

@@ -43,10 +43,10 @@ static const lg_field watch_options[] = {
               "Windows whose distance from those of training is above F are unlike anything seen and get no "
               "class (default 1; 0: every window gets one)",
               .high = 1e12),
-    LG_OPTION(watch_values, crack_at, REAL, "T",
-              "Time at which the damage began, in seconds of the feed (`feed --crack-at` takes hours), "
-              "for trials with a known truth",
-              LG_ANY_REAL),
+    CRACK_AT(watch_values, "T",
+             "Time at which the damage began, in seconds of the feed (`feed --crack-at` takes hours), "
+             "for trials with a known truth",
+             LG_ANY_REAL),
     LG_OPTION(watch_values, log, STRING, "FILE",
               "Append the verdicts to FILE instead of printing them; SIGHUP opens it again (log rotation)",
               .file = LG_FILE_STREAMED),

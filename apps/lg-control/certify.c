@@ -14,7 +14,7 @@ typedef enum kind { QUADRATIC, POLYNOMIAL, FUNCTION, ENERGY } kind;
 typedef enum precision { F64, F32, EXACT } precision;
 
 typedef struct certify_values {
-    uint32_t lyapunov, precision;
+    uint32_t lyapunov, dtype;
     const char *box, *level, *eps, *model_error, *certificate;
     double seconds;
     uint64_t degree;
@@ -42,16 +42,16 @@ static const lg_field options[] = {
                         "NAME=D,... or auto: three standard deviations of the fit of lg-identify, at the "
                         "worst of random states and inputs",
              .otherwise = "0"),
-    APP_SECONDS(certify_values, "Largest time of the proof", .value = "60"),
+    APP_BOUND(certify_values, "Largest time of the proof", .value = "60"),
     LG_OPTION(certify_values, degree, U64, "n", "Degree of the polynomial, even", .low = 2, .high = 12,
               .value = "8"),
     LG_OPTION(certify_values, loop, NAME, NULL,
               "Prove it for inputs that are held over the task's period, or for inputs that follow the state "
               "at all times",
               LG_NAMES("held", "continuous"), .value = "held"),
-    LG_OPTION(certify_values, precision, NAME, NULL,
+    APP_DTYPE(certify_values,
               "Numbers in which the controller computes, whose rounding the proof of held inputs covers",
-              LG_NAMES("f64", "f32", "exact"), .option = "dtype", .value = "f64"),
+              LG_NAMES("f64", "f32", "exact"), .value = "f64"),
     LG_OPTION(certify_values, certificate, STRING, "FILE.json",
               "Write the proof, if it succeeds, as a file that lg-control verify checks again",
               .file = LG_FILE_TEXT),
@@ -632,7 +632,7 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
     spec->rate = values.loop ? "rate" : "rate_by_input";
     spec->control = values.loop ? NULL : "input_by_state";
     spec->period = period;
-    spec->unit = values.loop ? 0 : unit[values.precision];
+    spec->unit = values.loop ? 0 : unit[values.dtype];
     spec->P = quadratic ? what->P : NULL;
     spec->lyapunov = quadratic ? NULL : functions[values.lyapunov];
     spec->level = what->level, spec->eps = what->eps;

@@ -2,8 +2,8 @@
 #include "lg-control/control_app.h"
 
 static const lg_field demo_options[] = {
-    APP_OUT(app_demo_values, "FOLDER", "Folder for all files", .value = "liegrad-control"),
-    APP_SECONDS(app_demo_values, "Shorten the phases to this time", .value = "20"), LG_FIELD_END};
+    APP_OUT(app_common, "FOLDER", "Folder for all files", .value = "liegrad-control"),
+    APP_BOUND(app_common, "Shorten the phases to this time", .value = "20"), LG_FIELD_END};
 
 static const app_command demo_command = {
     APP_DEMO(demo_options, lg_control_demo),

@@ -12,9 +12,8 @@ typedef struct train_values {
 
 static const lg_field options[] = {
     APP_OUT(train_values, "FILE.h5", "Write the policy", .file = LG_FILE_WRITTEN, .required = true),
-    LG_OPTION(train_values, resume, STRING, "FILE", "Continue from the state that a stopped training left",
-              .file = LG_FILE_READ),
-    APP_SECONDS(train_values, "Shorten the phases to this time", .otherwise = "no bound"),
+    APP_RESUME(train_values, "Continue from the state that a stopped training left"),
+    APP_BOUND(train_values, "Shorten the phases to this time", .otherwise = "no bound"),
     LG_OPTION(train_values, seeds, U64, "n", "Seeds in the race", .low = 1, .high = 1000, .value = "8"),
     LG_OPTION(train_values, starts, U64, "B", "Starts of a step of Adam, a multiple of 64", .option = "batch",
               .low = 64, .high = 65536, .value = "64"),
@@ -220,7 +219,6 @@ static void check_checkpoint(app *self) {
     const bool same = values.resume != NULL && app_same_file(values.resume, path);
     self->continues = same;
     const app_path paths[] = {{"resume", same ? NULL : values.resume, LG_FILE_READ},
-                              {"out", values.out, LG_FILE_WRITTEN},
                               {"checkpoint", path, LG_FILE_WRITTEN}};
     app_check_outputs(self, paths, LG_COUNT(paths));
 }

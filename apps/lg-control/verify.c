@@ -6,14 +6,8 @@
 #include "lg-control/control_app.h"
 #include "liegrad/certify.h"
 
-typedef struct verify_values {
-    double seconds;
-} verify_values;
-
-static const lg_field options[] = {APP_SECONDS(verify_values, "Largest time of the proof", .value = "60"),
+static const lg_field options[] = {APP_BOUND(app_common, "Largest time of the proof", .value = "60"),
                                    LG_FIELD_END};
-
-static verify_values values;
 
 /* ---- the loop of a task or policy now ---- */
 
@@ -97,9 +91,10 @@ static void run(app *self) {
     APP_MUST_FILE(self, path, lg_certify_open(self->context, &file, (int)self->threads, &certify, &error));
     const comparison c =
         self->argument_count > 1 ? compare(self, &file, self->arguments[1]) : (comparison){.compared = false};
-    APP_MUST(self, lg_certify_run(certify, SIZE_MAX, values.seconds, &r, &error));
+    APP_MUST(self, lg_certify_run(certify, SIZE_MAX, app_common_given.seconds, &r, &error));
     APP_FREE char *other = tell_difference(&c, self->argument_count > 1 ? self->arguments[1] : "");
-    APP_FREE char *late = app_format("not finished in %.3g s; --seconds allows more", values.seconds);
+    APP_FREE char *late =
+        app_format("not finished in %.3g s; --seconds allows more", app_common_given.seconds);
     const char *reason = !r.finished                        ? late
                          : !r.verified                      ? r.reason
                          : strcmp(r.claim, file.claim) != 0 ? "the file claims something else than its "
@@ -119,5 +114,5 @@ const app_command control_verify_command = {
         "holds. With a second file the loop is compared, operation by operation: the proof is about the "
         "plant and the controller in the certificate. If it is not proved, or the loop is another one, the "
         "exit code is 1. docs/certificates.md has the format.",
-    .settings = APP_SETTINGS(APP_GIVEN(options, values)),
+    .settings = APP_SETTINGS(APP_GIVEN(options, app_common_given)),
     .run = run};

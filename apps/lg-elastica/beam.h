@@ -18,13 +18,14 @@ extern const char *const case_names[]; /* indexed by lg_elastica_case */
 typedef struct beam_values {
     double length, stiffness;
     uint64_t intervals;
-    lg_reals q0, qN;
+    double q0[2], qN[2];
     int kind; /* index into case_names */
     double x, theta0, thetaN, rotation;
 } beam_values;
 extern beam_values beam_given;
 extern const lg_field beam_rows[], end_rows[], boundary_rows[];
-/* The row of --continuous, for a member of this name. */
+/* The rows of --case, for a member `kind`, and of --continuous. */
+#define BEAM_CASE(type, ...) LG_OPTION(type, kind, NAME, NULL, __VA_ARGS__, .option = "case")
 #define CONTINUOUS(type)                                                                                     \
     LG_OPTION(type, continuous, SWITCH, NULL,                                                                \
               "Solve the differential equation instead of the discrete problem", .usual = true)

@@ -1,5 +1,6 @@
 /* Reads boundary conditions from the command line. */
 #include <math.h>
+#include <string.h>
 
 #include "lg-elastica/beam.h"
 
@@ -18,18 +19,19 @@ const lg_field beam_rows[] = {
               .usual = true),
     LG_FIELD_END};
 
+#define BEAM_POINT LG_ANY_REAL, .array = true, .least = 2, .most = 2
 const lg_field end_rows[] = {
     LG_OPTION(beam_values, q0, REALS, "X,Y",
-              "Where the beam begins (default 0,0; of a model: as in its training data)", LG_ANY_REAL),
+              "Where the beam begins (default 0,0; of a model: as in its training data)", BEAM_POINT),
     LG_OPTION(beam_values, qN, REALS, "X,Y",
-              "Where it ends (default 3,0; of a model: as in its training data)", LG_ANY_REAL),
+              "Where it ends (default 3,0; of a model: as in its training data)", BEAM_POINT),
     LG_FIELD_END};
 
 const lg_field boundary_rows[] = {
-    LG_OPTION(beam_values, kind, NAME, NULL,
+    BEAM_CASE(beam_values,
               "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "
               "wrapped to (-pi, pi] (default both-ends; of a model: the family trained on)",
-              .option = "case", .usual = true, .names = case_names),
+              .usual = true, .names = case_names),
     LG_OPTION(beam_values, x, REAL, "X", "The case's parameter, radians", .usual = true, .low = -1e6,
               .high = 1e6),
     LG_OPTION(beam_values, theta0, REAL, "A", "Instead of --case and --x: tangent angle at s = 0, radians",
@@ -70,17 +72,9 @@ void boundary_rotations(double theta0, double thetaN, boundary *out) {
     out->problem.rotation = out->rotation[0];
 }
 
-static void read_point(const app *self, const char *option, const lg_reals *given, double point[2]) {
-    if (given->count == 0) return;
-    if (given->count != 2)
-        app_stop_usage(self, "--%s: expected two numbers x,y, not %zu", option, given->count);
-    point[0] = given->values[0];
-    point[1] = given->values[1];
-}
-
 static void read_ends(const app *self, lg_elastica *problem) {
-    read_point(self, "q0", &beam_given.q0, problem->q0);
-    read_point(self, "qN", &beam_given.qN, problem->qN);
+    if (app_given(self, "q0")) memcpy(problem->q0, beam_given.q0, sizeof problem->q0);
+    if (app_given(self, "qN")) memcpy(problem->qN, beam_given.qN, sizeof problem->qN);
 }
 
 lg_elastica beam_problem(const app *self) {

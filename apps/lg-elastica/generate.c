@@ -15,8 +15,8 @@ typedef struct generate_values {
 static const char *const families_names[] = {"both-ends", "right-end", "both", NULL};
 
 static const lg_field generate_options[] = {
-    LG_OPTION(generate_values, kind, NAME, NULL, "both-ends (default), right-end, or both in succession",
-              .option = "case", .names = families_names),
+    BEAM_CASE(generate_values, "both-ends (default), right-end, or both in succession",
+              .names = families_names),
     LG_OPTION(generate_values, count, U64, "n", "Curves of each case", .low = 1, .high = 100000000,
               .value = "1000"),
     LG_OPTION(generate_values, gap, REAL, "G", "Distance kept from x = 0, pi and 2 pi, in units of pi",

@@ -45,10 +45,10 @@ static double equidistant(double length, size_t k, size_t n) {
 enum { SHOWN = 10 };
 
 static const lg_field part_option[] = {
-    LG_OPTION(lg_surrogate_state, part, NAME, NULL,
-              "Curves to use: all (default), or the train or test part of the data that the model was "
-              "trained on",
-              .names = lg_curves_part_names),
+    APP_PART(lg_surrogate_state,
+             "Curves to use: all (default), or the train or test part of the data that the model was "
+             "trained on",
+             .names = lg_curves_part_names),
     LG_FIELD_END};
 
 /* A block for each shown curve, with its true and learned nodes; then the mean errors at each node. */

@@ -36,8 +36,7 @@ static const lg_field options[] = {
             "the same NAME: each model needs its own folder"),
     LG_OPTION(export_values, name, STRING, "NAME",
               "Name of the functions and files (default: the model file's name as a C identifier)"),
-    LG_OPTION(export_values, dtype, NAME, NULL, "Type of the numbers in the code: f64 (default) or f32",
-              .names = dtypes),
+    APP_DTYPE(export_values, "Type of the numbers in the code: f64 (default) or f32", .names = dtypes),
     LG_OPTION(
         export_values, target, NAME, NULL,
         "What reads the result: c (default), C99 sources; casadi, libNAME.so for casadi.external with first "
@@ -46,8 +45,8 @@ static const lg_field options[] = {
         "(default value); safetensors, the weights; package, C with CMakeLists.txt and package.xml for CMake "
         "and ROS 2",
         .names = target_names),
-    LG_OPTION(
-        export_values, scheme, STRING, "NAME",
+    APP_SCHEME(
+        export_values, "NAME",
         "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
         "(default: the family's; of a machine that of its training)"),
     LG_OPTION(

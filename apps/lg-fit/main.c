@@ -101,15 +101,9 @@ static const app_command search_command = {
 
 /* ---- predict ---- */
 
-typedef struct predict_values {
-    const char *out;
-} predict_values;
-
 static const lg_field predict_options[] = {
-    APP_OUT(predict_values, "FILE.csv", "The file to write (default: standard output)", .file = LG_FILE_TEXT),
+    APP_OUT(app_common, "FILE.csv", "The file to write (default: standard output)", .file = LG_FILE_TEXT),
     LG_FIELD_END};
-
-static predict_values values;
 
 /* A column name has at most LG_TABLE_NAME - 1 bytes. If "probability_CLASS" is longer for any class, all
  * columns are named by the number of the class instead. */
@@ -173,15 +167,15 @@ static void write_rows(const app *self, const lg_table_file *file, const lg_tabl
     app_file to = {.stream = stdout};
     lg_model *model;
     APP_MUST_FILE(self, self->arguments[0], lg_table_model(self->context, file, &model, &error));
-    if (values.out != NULL) app_file_begin(&to, values.out);
+    if (app_common_given.out != NULL) app_file_begin(&to, app_common_given.out);
     put_rows(to.stream, file, model, table, found);
-    if (values.out != NULL) APP_MUST_FILE(self, values.out, app_file_end(&to, &error));
+    if (app_common_given.out != NULL) APP_MUST_FILE(self, app_common_given.out, app_file_end(&to, &error));
     lg_model_destroy(model);
 }
 
 static void report_rows(const app *self, size_t rows, const counts *found) {
     app_json *out = self->out;
-    app_result_text(out, "out", values.out, NULL);
+    app_result_text(out, "out", app_common_given.out, NULL);
     app_result_size(out, "rows", rows, NULL);
     app_result_size(out, "incomplete", found->incomplete, "rows that lack an input");
     app_result_size(out, "outside", found->outside, "rows beyond the training range");
@@ -192,7 +186,7 @@ static void run_predict(app *self) {
     lg_table_file file;
     lg_table_sheet table;
     counts found = {0};
-    if (self->json && values.out == NULL)
+    if (self->json && app_common_given.out == NULL)
         app_stop_usage(self, "--json: give --out FILE; without it the predictions go to standard output");
     APP_MUST_FILE(self, model, lg_recipe_load(self->context, model, NULL, &lg_recipe_table, &file, &error));
     const lg_table_names inputs = {file.run.model.net.inputs, file.input_name, NULL}, none = {.count = 0};
@@ -205,7 +199,7 @@ static void run_predict(app *self) {
                  found.incomplete, rows);
     lg_table_warn_outside(self->context, found.outside, rows, path, model);
     const bool failed = lg_table_warn_infinite(self->context, found.infinite, rows, path);
-    if (values.out != NULL) report_rows(self, rows, &found);
+    if (app_common_given.out != NULL) report_rows(self, rows, &found);
     if (failed) self->code = APP_EXIT_NUMERIC;
     lg_recipe_release(&lg_recipe_table, &file);
 }
@@ -218,7 +212,7 @@ static const app_command predict_command = {
         "One row for each row of TABLE, in order: the outputs, or the class and the probability of each. "
         "Columns are found by their names; the outputs need not be there. The cells of a row that lacks an "
         "input, or whose predictions are not finite, are empty.",
-    .settings = APP_SETTINGS(APP_GIVEN(predict_options, values)),
+    .settings = APP_SETTINGS(APP_GIVEN(predict_options, app_common_given)),
     .run = run_predict};
 
 APP_PROGRAM(lg_fit) {

@@ -31,9 +31,9 @@ static const app_command train_command = {
     .settings = settings};
 
 static const lg_field demo_options[] = {
-    APP_OUT(app_demo_values, "DIR", "Folder for data, model and plots", .value = "liegrad-demo"),
+    APP_OUT(app_common, "DIR", "Folder for data, model and plots", .value = "liegrad-demo"),
     APP_DEMO_EPOCHS("Evaluations of the loss (default 2000)"),
-    APP_T_END(app_demo_values, "Length of the long prediction", .value = "100"), LG_FIELD_END};
+    APP_T_END(app_common, "Length of the long prediction", .value = "100"), LG_FIELD_END};
 
 static const app_command demo_command = {APP_DEMO(demo_options, lg_hamiltonian_demo),
                                          .summary = "Learn, test and draw the spherical pendulum"};

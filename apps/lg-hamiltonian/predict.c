@@ -6,15 +6,9 @@
 #include <math.h>
 #include <string.h>
 
-typedef struct predict_values {
-    const char *out;
-} predict_values;
-
 static const lg_field predict_options[] = {
-    APP_OUT(predict_values, "FILE", "Write the trajectory as a data file (HDF5)", .file = LG_FILE_WRITTEN),
+    APP_OUT(app_common, "FILE", "Write the trajectory as a data file (HDF5)", .file = LG_FILE_WRITTEN),
     LG_FIELD_END};
-
-static predict_values values;
 
 typedef struct prediction {
     const lg_hamiltonian_file *file;
@@ -146,14 +140,15 @@ static void report(const app *self, const prediction *p) {
     app_result_real(out, "energy_drift", energy_drift(p), "largest change of the learned energy");
     app_result_real(out, "max_error", largest_difference(p),
                     "largest difference from the true flow, which a scene gives");
-    app_json_text(out, "out", values.out);
+    app_json_text(out, "out", app_common_given.out);
     app_result_real(out, "seconds", p->seconds, NULL);
 }
 
 static void write_outputs(const app *self, prediction *p) {
     p->y.provenance = app_provenance(self, self->seed);
-    if (values.out != NULL)
-        APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, &p->y, &error));
+    if (app_common_given.out != NULL)
+        APP_MUST_FILE(self, app_common_given.out,
+                      lg_trajectories_write(self->context, app_common_given.out, &p->y, &error));
     if (app_plot_given.plot != NULL)
         draw_trajectories(self, app_plot_given.plot, "The learned flow", &p->file->run.model, p->y.t,
                           p->truth, p->y.data, 1, p->y.points);
@@ -194,5 +189,5 @@ const app_command hamiltonian_predict_command = {
     .details = "The start is --initial, or the scene's `initial`. With a scene the true flow is integrated "
                "too, and the largest difference is reported.",
     APP_DRAWS("the trajectory; with a scene, the true one too"),
-    .settings = APP_SETTINGS(FLOW, APP_GIVEN(predict_options, values)),
+    .settings = APP_SETTINGS(FLOW, APP_GIVEN(predict_options, app_common_given)),
     .run = run};

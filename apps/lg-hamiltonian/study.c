@@ -18,8 +18,7 @@ static const lg_field study_options[] = {
             .required = true),
     TRIALS_JOBS(study_values,
                 "Number of simultaneous runs (default: --threads); each uses threads/jobs threads"),
-    LG_OPTION(study_values, stop_after, U64, "n", "Stop after n new runs", .low = 1, .high = 1e9),
-    TRIALS_ROWS(study_values), LG_FIELD_END};
+    APP_STOP_AFTER(study_values, "Stop after n new runs"), TRIALS_ROWS(study_values), LG_FIELD_END};
 
 static study_values values;
 
@@ -238,9 +237,8 @@ static void run(app *host) {
                            .run = do_run,
                            .take = take_run,
                            .save = save}};
-    const app_path paths[] = {trials_choose(&self.work, LG_FILE_TEXT),
-                              {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
-    app_check_outputs(host, paths, LG_COUNT(paths));
+    const app_path out = trials_choose(&self.work, LG_FILE_TEXT);
+    app_check_outputs(host, &out, 1);
     read_grid(host, &self.grid);
     set_axes(&self.grid, &self.table);
     begin(&self);

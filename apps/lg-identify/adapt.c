@@ -17,9 +17,9 @@ static const lg_field options[] = {
     LG_OPTION(adapt_values, numbers, STRING, "NAME,NAME",
               "What may change: offset (a constant force for each velocity), friction (one factor)",
               .value = "offset,friction"),
-    IDENTIFY_WINDOW(
-        adapt_values,
-        "Rows of the windows that are fitted (default an eighth of the beginning, or those of the training)"),
+    WINDOW(adapt_values, NULL, U64,
+           .meaning = "Rows of the windows that are fitted (default an eighth of the beginning, or those of "
+                      "the training)"),
     IDENTIFY_MODEL_OPTIONS(adapt_values),
     APP_OUT(adapt_values, "MODEL.h5", "Write the adapted model", .file = LG_FILE_WRITTEN),
     LG_FIELD_END};

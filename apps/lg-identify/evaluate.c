@@ -4,6 +4,8 @@
 #include "common/verbs.h"
 #include "lg-identify/identify.h"
 
+enum { MOST_HORIZONS = 16 };
+
 typedef struct evaluate_values {
     lg_reals horizons;
     uint64_t every, window, substeps, start_rows;
@@ -12,17 +14,16 @@ typedef struct evaluate_values {
 
 static const lg_field options[] = {
     LG_OPTION(evaluate_values, horizons, REALS, "S,S,...", "Lengths of free runs in seconds (default 1,2,5)",
-              LG_POSITIVE),
+              LG_POSITIVE, .most = MOST_HORIZONS),
     LG_OPTION(evaluate_values, every, U64, "n", "Rows from one start to the next", .low = 1, .high = 1e9,
               .value = "25"),
-    IDENTIFY_WINDOW(evaluate_values, "Points of the windows of window_loss (default the model's)"),
+    WINDOW(evaluate_values, NULL, U64,
+           .meaning = "Points of the windows of window_loss (default the model's)"),
     IDENTIFY_MODEL_OPTIONS(evaluate_values),
     RELATIVE(evaluate_values, "horizons", "|z - z'|/|z + z'| + 1e-8 over time, then over parts"),
     LG_FIELD_END};
 
 static evaluate_values values;
-
-enum { MOST_HORIZONS = 16 };
 
 typedef struct verdict {
     double window_loss;
@@ -362,9 +363,6 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
 static void run(app *self) {
     APP_CLEAN(identify_given_destroy) identify_given given = {.model = {.machine = NULL}};
     verdict v = {.relative = (double)NAN, .relative_worst = (double)NAN};
-    if (values.horizons.count > MOST_HORIZONS)
-        app_stop_usage(self, "--horizons: %zu numbers, at most %d are possible", values.horizons.count,
-                       MOST_HORIZONS);
     identify_load(self, values.substeps, values.start_rows, &given);
     const uint32_t window = values.window > 0 ? (uint32_t)values.window : given.file.run.window;
     APP_MUST(self,

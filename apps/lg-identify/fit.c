@@ -20,11 +20,10 @@ static const lg_field options[] = {
               "What chooses the best epoch: the loss of the windows, or free runs over windows that are held "
               "out (--validation-fraction of the rows, default 0.2)",
               LG_NAMES("loss", "free-run"), .usual = true),
-    LG_OPTION(
-        lg_machine_state, size, STRING, "auto|W,...",
+    TRAIN_SIZE(
+        lg_machine_state,
         "Widths of all networks, as hidden in the machine's file; or auto: learn a few widths, and take "
-        "the smallest whose free runs over held-out windows none beats",
-        .usual = true),
+        "the smallest whose free runs over held-out windows none beats"),
     LG_FIELD_END};
 static const app_settings settings[] = {{lg_machine_model_fields, &run, sizeof run},
                                         APP_GIVEN(options, state),

@@ -15,7 +15,7 @@ typedef struct generate_values {
 } generate_values;
 
 static const lg_field options[] = {
-    APP_OUT(generate_values, "LOG.csv", "Write the log", .required = true),
+    APP_OUT(generate_values, "LOG.csv", "Write the log", .required = true, .file = LG_FILE_TEXT),
     LG_OPTION(
         generate_values, excitation, STRING, "multisine[:F]|steps[:S]|none|FILE.csv",
         "What the inputs do (default multisine): sines up to F Hz (default one period in 25 rows), steps "
@@ -27,11 +27,11 @@ static const lg_field options[] = {
     LG_OPTION(generate_values, noise, REALS, "SIGMA[,SIGMA]",
               "Standard deviation of the noise of positions (radians), and of velocities or accelerations "
               "(default the same); not given: the machine's `noise`",
-              .high = 1e300),
+              .high = 1e300, .most = 2),
     LG_OPTION(generate_values, spread, REALS, "S[,S]",
               "Standard deviation of the starts' positions (radians), and of velocities (default 1,1)",
-              .option = "start-spread", LG_ANY_REAL),
-    LG_OPTION(generate_values, runs, U64, "n", "Runs", .low = 1, .high = 1e6, .value = "10"),
+              .option = "start-spread", LG_ANY_REAL, .most = 2),
+    APP_RUNS(generate_values, "Runs", .high = 1e6, .value = "10"),
     APP_T_END(generate_values, "Length of a run in seconds (default 10, or the file's)"),
     LG_OPTION(generate_values, dt, REAL, "H", "Seconds from a row to the next", LG_POSITIVE, .value = "0.02"),
     LG_FIELD_END};
@@ -398,8 +398,6 @@ static void check_options(const app *self, const lg_machine_file *file) {
     if (file->machine.input_count == 0 && find_form() == LG_COUNT(forms))
         app_stop_usage(self, "--excitation: '%s' is a file, but the machine has no inputs",
                        values.excitation);
-    if (values.noise.count > 2) app_stop_usage(self, "--noise: expected one or two numbers");
-    if (values.spread.count > 2) app_stop_usage(self, "--start-spread: expected one or two numbers");
 }
 
 static void begin(const app *self, making *m) {
@@ -426,11 +424,9 @@ static void making_end(making *m) {
 static void run(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(making_end) making m = {.runs = 0};
-    const app_path paths[] = {
-        {"out", values.out, LG_FILE_TEXT},
-        {"plot", app_plot_given.plot, LG_FILE_DRAWN},
-        {"excitation", find_form() < LG_COUNT(forms) ? NULL : values.excitation, LG_FILE_READ}};
-    app_check_outputs(self, paths, LG_COUNT(paths));
+    const app_path inputs = {"excitation", find_form() < LG_COUNT(forms) ? NULL : values.excitation,
+                             LG_FILE_READ};
+    app_check_outputs(self, &inputs, 1);
     APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &m.file, &error));
     check_scene(self, &m.file);
     check_options(self, &m.file);

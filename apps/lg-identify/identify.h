@@ -5,6 +5,7 @@
 
 #include "common/app.h"
 #include "machine/files/recipe.h"
+#include "settings/training.h"
 
 extern const app_command identify_check_command, identify_fit_command, identify_evaluate_command,
     identify_predict_command, identify_generate_command, identify_adapt_command;
@@ -23,16 +24,13 @@ typedef struct identify_given {
 /* Reads model and logs. Ends the command if something cannot be read, if the log's velocities are momenta, or
  * if start_rows is not 0 and no start is estimated. substeps, start_rows 0: those of the model. */
 void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_given *out);
-/* The rows of the options --substeps and --start-rows, and of --window; `struct_` has members of these
- * names. */
+/* The rows of the options --substeps and --start-rows; `struct_` has members of these names. */
 #define IDENTIFY_MODEL_OPTIONS(struct_)                                                                      \
-    LG_OPTION(struct_, substeps, U64, "n", "Integrator steps between two points of the data", .low = 1,      \
-              .high = 1e6, .otherwise = "the model's"),                                                      \
+    SUBSTEPS(struct_, NULL, U64, .otherwise = "the model's"),                                                \
         LG_OPTION(struct_, start_rows, U64, "n",                                                             \
                   "Rows that estimate the state at a start, where the logs measure positions or "            \
                   "accelerations alone",                                                                     \
                   .low = 2, .high = 1e6, .otherwise = "the model's")
-#define IDENTIFY_WINDOW(struct_, ...) LG_OPTION(struct_, window, U64, "M", __VA_ARGS__, .low = 2, .high = 1e9)
 /* Writes start_rows: the rows that estimate the state at a start, null if the logs have it. */
 void identify_put_start_rows(app_json *json, const lg_learned_machine *model);
 void identify_given_destroy(identify_given *given);

@@ -2,8 +2,8 @@
 #include "lg-identify/identify.h"
 
 static const lg_field demo_options[] = {
-    APP_OUT(app_demo_values, "DIR", "Folder for files and plots", .value = "liegrad-machine"),
-    APP_SECONDS(app_demo_values, "Time for the fit", .value = "20"),
+    APP_OUT(app_common, "DIR", "Folder for files and plots", .value = "liegrad-machine"),
+    APP_BOUND(app_common, "Time for the fit", .value = "20"),
     APP_DEMO_EPOCHS("Evaluations of the loss, if the time allows (default 300)"), LG_FIELD_END};
 
 static const app_command demo_command = {

@@ -73,16 +73,9 @@ static const app_command train_command = {
 
 /* ---- predict ---- */
 
-typedef struct predict_values {
-    const char *out;
-} predict_values;
-
-static predict_values values;
-
-static const lg_field predict_options[] = {APP_OUT(predict_values, "FILE.csv",
-                                                   "Write the trajectory: the time, then the state",
-                                                   .file = LG_FILE_TEXT),
-                                           LG_FIELD_END};
+static const lg_field predict_options[] = {
+    APP_OUT(app_common, "FILE.csv", "Write the trajectory: the time, then the state", .file = LG_FILE_TEXT),
+    LG_FIELD_END};
 
 /* Projects the start onto the manifold. Numbers typed by hand are off by rounding; a start that is off by
  * more than 1e-6 is refused. */
@@ -100,8 +93,8 @@ static void project(const app *self, const lg_space *space, double *state, size_
 
 static void write_trajectory(const app *self, const double *t, const double *y, size_t points, size_t dim) {
     app_file file;
-    if (values.out == NULL) return;
-    app_file_begin(&file, values.out);
+    if (app_common_given.out == NULL) return;
+    app_file_begin(&file, app_common_given.out);
     (void)fputs("t", file.stream);
     for (size_t i = 0; i < dim; i++) (void)fprintf(file.stream, ",y%zu", i + 1);
     for (size_t k = 0; k < points; k++) {
@@ -109,7 +102,7 @@ static void write_trajectory(const app *self, const double *t, const double *y, 
         for (size_t i = 0; i < dim; i++) (void)fprintf(file.stream, ",%.17g", y[k * dim + i]);
     }
     (void)fputc('\n', file.stream);
-    APP_MUST_FILE(self, values.out, app_file_end(&file, &error));
+    APP_MUST_FILE(self, app_common_given.out, app_file_end(&file, &error));
 }
 
 static void follow(const app *self, const lg_model *model, double *start, app_json *out) {
@@ -191,7 +184,7 @@ APP_PROGRAM(lg_learn) {
          .arguments = "MODEL.h5",
          .summary = "Value of a model, and its trajectory if it has a flow",
          .details = "A model without a flow takes its inputs as --initial.",
-         .settings = APP_SETTINGS(FLOW, APP_GIVEN(predict_options, values)),
+         .settings = APP_SETTINGS(FLOW, APP_GIVEN(predict_options, app_common_given)),
          .run = run_predict},
         {.name = "list", .summary = "List the recipes", .run = run_list},
         {.run = NULL}};

@@ -1,4 +1,5 @@
 /* lg-simulate: integrates a mechanical system and shows the result. */
+#include "common/trials.h"
 #include "lg-simulate/ensemble.h"
 
 #include <string.h>
@@ -6,10 +7,10 @@
 static simulate_values values = {.atol = -1, .theta = 0.5};
 
 static const lg_field options[] = {
-    LG_OPTION(simulate_values, scheme, STRING, "NAME|FILE.yaml",
-              "A scheme of the list below, or a tableau of your own in a file (default rkmk54, and dp54 on "
-              "R^n)",
-              .usual = true),
+    APP_SCHEME(simulate_values, "NAME|FILE.yaml",
+               "A scheme of the list below, or a tableau of your own in a file (default rkmk54, and dp54 on "
+               "R^n)",
+               .usual = true),
     LG_OPTION(simulate_values, steps, U64, "N", "N equal steps", .low = 1, .high = 1e12, .usual = true),
     APP_TOLERANCE(simulate_values, "Adaptive steps; the tolerance of component i is TOL |y_i| + A", .high = 1,
                   .value = "1e-9", .usual = true),
@@ -70,10 +71,10 @@ static const lg_field options[] = {
         .needs = "ensemble"),
     LG_OPTION(simulate_values, save, STRING, "all|K",
               "Keep the trajectories of all or of the first K members", .needs = "ensemble"),
-    LG_OPTION(simulate_values, task, STRING, "i/n",
-              "Run part i of n (i from 0) of the ensemble and write a file for `lg-simulate merge OUT.h5 "
-              "PARTS...`",
-              .needs = "ensemble"),
+    TRIALS_TASK(simulate_values, task,
+                "Run part i of n (i from 0) of the ensemble and write a file for `lg-simulate merge OUT.h5 "
+                "PARTS...`",
+                .needs = "ensemble"),
     LG_FIELD_END};
 
 static void check_options(const app *self) {
@@ -91,8 +92,7 @@ static void check_outputs(const app *self, const ensemble_files *files) {
                               {"out", files->out, LG_FILE_WRITTEN},
                               {"save", files->trajectories, LG_FILE_WRITTEN},
                               /* Rank 0 merges the parts of all ranks into the file of --out. */
-                              {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN},
-                              {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
+                              {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN}};
     app_check_outputs(self, paths, LG_COUNT(paths));
 }
 

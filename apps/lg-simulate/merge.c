@@ -173,8 +173,7 @@ static void run(app *self) {
     self->argument_count--;
     memmove((void *)self->arguments, self->arguments + 1,
             (size_t)self->argument_count * sizeof *self->arguments);
-    const app_path paths[] = {{NULL, out, LG_FILE_WRITTEN}, {"plot", app_plot_given.plot, LG_FILE_DRAWN}};
-    app_check_outputs(self, paths, LG_COUNT(paths));
+    app_check_outputs(self, &(app_path){NULL, out, LG_FILE_WRITTEN}, 1);
     merge_parts(self, out, self->arguments, (size_t)self->argument_count, values.statistics_only);
 }
 

@@ -93,8 +93,9 @@ typedef struct lg_field {
     uint32_t methods;
     /* For types FLAG and NAME: the names of the values 0, 1, ..., either from a function that returns NULL
      * beyond the last value, or as a list that ends with NULL. For type PHRASE, value_name gives the values
-     * that are single words. */
+     * that are single words. For type U64 these are words in place of a number: high + 1, high + 2, ... */
     const char *(*value_name)(uint32_t value);
+    uint32_t value_count; /* value_name is called only below it; 0: it returns NULL beyond the last value */
     /* For type NAME: if the user gives another name, the message lists the allowed names, then says this
      * advice. May be NULL. */
     const char *hint;
@@ -138,7 +139,9 @@ typedef struct lg_field {
 #define LG_COUNTED(struct_, count) .array = true, .counted = offsetof(struct_, count)
 #define LG_ANY_REAL                .low = -1e300, .high = 1e300
 #define LG_POSITIVE                .high = 1e300, .above = true
-/* Initialises `names` of a row: the first name belongs to value 0. */
+/* Initialises `names` of a row: the first name belongs to value 0. LG_NAMED takes the names of an enumeration
+ * with `count` values from a function. */
+#define LG_NAMED(function, count) .value_name = (function), .value_count = (count)
 #define LG_NAMES(...)                                                                                        \
     .names = (const char *const[]) {                                                                         \
         __VA_ARGS__, NULL                                                                                    \

@@ -1,20 +1,12 @@
 /* The hyperparameters of a fault detector. */
 #include "liegrad/anomaly.h"
 
-#include "settings/training.h"
+#include "anomaly/judge.h"
 
 /* Value of .methods for fields that apply to the network only. The network's validation part is drawn by the
  * field validation_fraction, so that recordings and groups stay whole; therefore lg_fit's setting
  * `validation` is no field and stays 0. */
 enum { NETWORK = 1 };
-
-static const char *name_split(uint32_t value) {
-    return value < LG_SPLIT_COUNT ? lg_split_name((lg_split)value) : NULL;
-}
-
-static const char *name_loss(uint32_t value) {
-    return value < LG_DETECTOR_LOSS_COUNT ? lg_detector_loss_name((lg_detector_loss)value) : NULL;
-}
 
 #define DETECTOR(group, name, type, member, ...)                                                             \
     LG_FIELD(lg_detector_run, group, name, type, member, __VA_ARGS__)
@@ -22,26 +14,24 @@ const lg_field lg_detector_fields[] = {
     DETECTOR("model", "plane", U32, model.net.plane, .high = 1 << 20, .value = "2", .unit = "n",
              .methods = NETWORK,
              .meaning = "cnn: width of the layer before the output, 0 for none; 2 can be drawn"),
-    DETECTOR("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation, PRESET(),
-             .methods = NETWORK, .meaning = "cnn: activation of all layers"),
-    DETECTOR("model", "loss", NAME, model.loss, .value_name = name_loss, .otherwise = LG_OF_PRESET,
-             .methods = NETWORK, .meaning = "cnn: loss function; mse is for two classes"),
+    ACTIVATION(lg_detector_run, model.net.activation, "cnn: activation of all layers", PRESET(),
+               .methods = NETWORK),
+    DETECTOR("model", "loss", NAME, model.loss, LG_NAMED(lg_detector_loss_name, LG_DETECTOR_LOSS_COUNT),
+             .otherwise = LG_OF_PRESET, .methods = NETWORK,
+             .meaning = "cnn: loss function; mse is for two classes"),
     DETECTOR(
-        "model", "centred", FLAG, model.centred, .value_name = lg_name_yes, .value = "no", .methods = NETWORK,
+        "model", "centred", FLAG, model.centred, LG_NAMES("no", "yes"), .value = "no", .methods = NETWORK,
         .meaning = "cnn: subtract each window's mean from its channels, so that the network learns from the "
                    "motion alone"),
-    DETECTOR("run", "split", NAME, split, .usual = true, .value_name = name_split, .value = "random",
+    DETECTOR("run", "split", NAME, split, .usual = true, LG_NAMED(lg_split_name, LG_SPLIT_COUNT),
+             .value = "random",
              .meaning = "Units of the split: random (single windows), run (recordings) or group (such as sea "
                         "states); windows of one recording resemble each other, so random gives too good "
                         "figures"),
-    DETECTOR("run", "healthy", TEXT, healthy, .usual = true, .optional = true, .unit = "NAME", .form = "text",
-             .otherwise = LG_CHOSEN
-             ": the model's, attribute healthy of the data, or the only class whose name says so",
-             .meaning = "Name or label of the class that means that all is well"),
-    DETECTOR("run", "test_fraction", REAL, test_fraction, .high = 0.95, .value = "0.2", .unit = "F",
-             .meaning = "Part of the windows for testing"),
-    DETECTOR("run", "validation_fraction", REAL, validation_fraction, .json = "validation", .value = "0.1",
-             .methods = NETWORK, VALIDATION),
+    HEALTHY(lg_detector_run),
+    TEST_FRACTION(lg_detector_run, "Part of the windows for testing", .high = 0.95, .value = "0.2"),
+    DETECTOR("run", "validation_fraction", REAL, validation_fraction, PART_FOR_VALIDATION,
+             .json = "validation", .value = "0.1", .methods = NETWORK),
     DETECTOR("run", "max_restarts", U32, restarts, .high = 1000, .optional = true, .value = "10", .unit = "n",
              .methods = NETWORK,
              .meaning = "cnn: how often at most a network that died (a layer is constant over all training "

@@ -3,6 +3,14 @@
 #define LG_ANOMALY_JUDGE_H
 
 #include "liegrad/series.h"
+#include "settings/training.h"
+
+/* The row of --healthy, for a member of this name. */
+#define HEALTHY(type)                                                                                        \
+    LG_FIELD(type, "run", "healthy", TEXT, healthy, .usual = true, .optional = true, .unit = "NAME",         \
+             .form = "text", .meaning = "Name or label of the class that means that all is well",            \
+             .otherwise = LG_CHOSEN                                                                          \
+             ": the model's, attribute healthy of the data, or the only class whose name says so")
 
 /* Indices of windows in rising order; list NULL: 0, 1, ... */
 typedef struct lg_window_list {

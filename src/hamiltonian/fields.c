@@ -64,17 +64,13 @@ const lg_field lg_hamiltonian_fields[] = {
                 .meaning =
                     "even: V(-q) = V(q); odd: V(-q) = -V(q); axial: rotations about e3 do not change V; "
                     "spherical: no rotation changes V"),
-    HAMILTONIAN("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation,
-                REPLACED("tanh"), .meaning = "Activation of the hidden layers"),
+    ACTIVATION(lg_hamiltonian_run, model.net.activation, "Activation of the hidden layers", REPLACED("tanh")),
     HAMILTONIAN("model", "hidden", WHOLES, model.net, .get = get_hidden, .put = put_hidden, .low = 1,
                 .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, REPLACED("100,100,100"), .unit = "W,W,...",
                 .usual = true, .meaning = "Widths of the hidden layers of the potential"),
-    HAMILTONIAN("run", "integrator", NAME, scheme, .option = "scheme", .usual = true,
-                .value_name = lg_name_scheme, .value_at = lg_scheme_number,
-                .otherwise = LG_CHOSEN ": the integrator of the family, see lg-hamiltonian --help",
-                .meaning = "Scheme of the steps between two points of the data"),
-    HAMILTONIAN("run", "substeps", U32, substeps, .low = 1, .high = 1e6, .value = "1", .unit = "n",
-                .meaning = "Integrator steps between two points of the data"),
+    SCHEME(lg_hamiltonian_run,
+           .otherwise = LG_CHOSEN ": the integrator of the family, see lg-hamiltonian --help"),
+    SUBSTEPS(lg_hamiltonian_run, "run", U32, .value = "1"),
     HAMILTONIAN("run", "penalty", REAL, penalty, .high = 1e12, .value = "0", .unit = "MU",
                 .meaning = "Penalty on the change of a first integral, 0 for none"),
     HAMILTONIAN(
@@ -83,8 +79,8 @@ const lg_field lg_hamiltonian_fields[] = {
         .optional = true, .value = "oscillator",
         .otherwise = LG_CHOSEN ": oscillator, or the first one that fits the system", .unit = "NAME|FILE",
         .file = LG_FILE_READ, .meaning = "The first integral whose change is penalised"),
-    HAMILTONIAN(
-        "run", "penalty_form", NAME, penalty_form,
+    PENALTY_FORM(
+        lg_hamiltonian_run, penalty_form,
         LG_NAMES([LG_PENALTY_MEAN_SQUARE] = "text", [LG_PENALTY_SUM_ABSOLUTE] = "published"), .value = "text",
         .meaning = "text: mean of squares over the batch; published: sum of absolute values over the batch"),
     HAMILTONIAN(
@@ -93,7 +89,7 @@ const lg_field lg_hamiltonian_fields[] = {
         .value = "ambient",
         .meaning =
             "Distance of points in the loss: ambient (Euclidean in R^d) or along geodesics of the manifold"),
-    HAMILTONIAN("run", "scaled", FLAG, scaled, .value_name = lg_name_yes, .optional = true, REPLACED("no"),
+    HAMILTONIAN("run", "scaled", FLAG, scaled, LG_NAMES("no", "yes"), .optional = true, REPLACED("no"),
                 .meaning =
                     "Scale the potential's last layer before training, towards the forces of the data"),
     HAMILTONIAN(
@@ -102,11 +98,9 @@ const lg_field lg_hamiltonian_fields[] = {
         .meaning =
             "Units in which training computes and weighs its loss (given: the units of the data; data: "
             "scales of the data, so that the result does not depend on the units)"),
-    HAMILTONIAN("run", "starts", NAME, starts, .option = "initial-states",
-                LG_NAMES([LG_START_MEASURED] = "measured", [LG_START_ESTIMATED] = "estimated"),
-                .optional = true, .value = "measured",
-                .meaning = "Where predictions start: at the first points, or at estimated points near them, "
-                           "for first points with noise"),
+    INITIAL_STATES(lg_hamiltonian_run,
+                   "first points, or at estimated points near them, for first points with noise",
+                   .optional = true, .value = "measured"),
     TRAINING_ROWS(lg_hamiltonian_run, "method", squares, "Trajectories", 0, REPLACED, REPLACED),
-    TRAINING(lg_hamiltonian_run, validation, REAL, .usual = true, .value = "0", VALIDATION),
+    VALIDATION(lg_hamiltonian_run, .usual = true, .value = "0"),
     LG_FIELD_END};

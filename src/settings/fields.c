@@ -43,7 +43,7 @@ static uint64_t row_number(const lg_field *row, const void *at) {
     const void *pointer;
     uint32_t value = 0;
     memcpy(&pointer, at, sizeof pointer);
-    while (row->value_name(value) != NULL && row->value_at(value) != pointer) value++;
+    while (lg_field_name(row, value) != NULL && row->value_at(value) != pointer) value++;
     return value;
 }
 
@@ -89,7 +89,8 @@ static bool is_list(const lg_field *row) {
 }
 
 const char *lg_field_name(const lg_field *row, uint32_t value) {
-    if (row->value_name != NULL) return row->value_name(value);
+    const bool beyond = row->value_count > 0 && value >= row->value_count;
+    if (row->value_name != NULL) return beyond ? NULL : row->value_name(value);
     if (row->names == NULL) return NULL;
     const char *const *name = row->names;
     while (*name != NULL && value > 0) name++, value--;
@@ -178,6 +179,7 @@ static void show_list(const lg_field *row, const void *run, char *text, size_t s
 void lg_field_show(const lg_field *row, const void *run, char *text, size_t size) {
     const char *name;
     char number[32];
+    uint64_t whole;
     switch (row->type) {
     case LG_FIELD_REAL:
         number_shown(lg_field_number(row, run), number);
@@ -185,7 +187,13 @@ void lg_field_show(const lg_field *row, const void *run, char *text, size_t size
         break;
     case LG_FIELD_U64:
     case LG_FIELD_U32:
-        (void)snprintf(text, size, "%llu", (unsigned long long)whole_at(row, run));
+        whole = whole_at(row, run);
+        name = (double)whole > row->high ? lg_field_name(row, (uint32_t)(whole - (uint64_t)row->high - 1))
+                                         : NULL;
+        if (name != NULL)
+            (void)snprintf(text, size, "%s", name);
+        else
+            (void)snprintf(text, size, "%llu", (unsigned long long)whole);
         break;
     case LG_FIELD_FLAG:
     case LG_FIELD_NAME:
@@ -328,20 +336,28 @@ int lg_field_describe(const lg_field *row, char *text, size_t size) {
 enum { SHOWN = 80 /* bytes of a wrong text that an error message shows */ };
 
 static lg_status refuse_number(const lg_field *row, const char *text, lg_error *error) {
-    char range[256];
+    char range[256], names[256] = "";
+    const bool named = names_text(row, " or ", names, sizeof names) > 0;
     (void)number_text(row, text, range, sizeof range);
-    return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s%s' is not %s", SHOWN, text,
-                   strlen(text) > SHOWN ? "..." : "", range);
+    return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s%s' is %s%s%s%s", SHOWN, text,
+                   strlen(text) > SHOWN ? "..." : "", named ? "neither " : "not ", names,
+                   named ? " nor " : "", range);
+}
+
+static bool find_name(const lg_field *row, const char *text, uint32_t *value) {
+    const char *name;
+    for (*value = 0; (name = lg_field_name(row, *value)) != NULL; (*value)++)
+        if (strcmp(name, text) == 0) return true;
+    return false;
 }
 
 static lg_status set_name(const lg_field *row, const char *text, void *run, lg_error *error) {
     char names[512] = "";
-    const char *name;
-    for (uint32_t i = 0; (name = lg_field_name(row, i)) != NULL; i++)
-        if (strcmp(name, text) == 0) {
-            set_whole(row, run, i);
-            return LG_OK;
-        }
+    uint32_t value;
+    if (find_name(row, text, &value)) {
+        set_whole(row, run, value);
+        return LG_OK;
+    }
     (void)names_text(row, ", ", names, sizeof names);
     return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is not one of %s", SHOWN, text, names);
 }
@@ -399,6 +415,7 @@ lg_status lg_field_set(const lg_field *row, const char *text, void *run, lg_erro
     LG_NEEDS(error, row, run);
     double real;
     uint64_t whole;
+    uint32_t word;
     if (row->type == LG_FIELD_SWITCH) {
         set_whole(row, run, true);
         return LG_OK;
@@ -421,7 +438,10 @@ lg_status lg_field_set(const lg_field *row, const char *text, void *run, lg_erro
     }
     if (row->type == LG_FIELD_PHRASE) return row->parse(text, (char *)run + row->offset, error);
     if (!is_whole(row)) return lg_fail(error, LG_INVALID_ARGUMENT, "%s cannot be set", row->name);
-    if (!take_whole(row, text, &whole)) return refuse_number(row, text, error);
+    if (find_name(row, text, &word))
+        whole = (uint64_t)row->high + 1 + word;
+    else if (!take_whole(row, text, &whole))
+        return refuse_number(row, text, error);
     set_whole(row, run, whole);
     return LG_OK;
 }

@@ -1,9 +1,18 @@
-/* Converts training plans (sequences of methods) from and to text. */
+/* Converts training plans (sequences of methods) from and to text; names of schemes. */
 #include "settings/training.h"
 
 #include <stdio.h>
 
 #include "liegrad/fit.h"
+#include "liegrad/integrators.h"
+
+const char *lg_name_scheme(uint32_t value) {
+    return value < lg_scheme_count() ? lg_scheme_at(value)->name : NULL;
+}
+
+const void *lg_scheme_number(uint32_t value) {
+    return lg_scheme_at(value);
+}
 
 lg_status lg_plan_parse_squares(const char *text, void *member, lg_error *error) {
     return lg_fit_plan_parse(text, true, member, error);

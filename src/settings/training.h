@@ -3,7 +3,6 @@
 #define LG_SETTINGS_TRAINING_H
 
 #include "liegrad/settings.h"
-#include "settings/names.h"
 
 /* The options of training of every kind of model. CHOICE(text) states the defaults of method, epochs and
  * prior, VALUE(text) the other defaults. */
@@ -24,8 +23,9 @@
                  .unit = "B", .meaning = samples " in a batch"),                                             \
         TRAINING(run_, lr, REAL, .adam = true, .high = 1e3, .above = true, .methods = methods_,              \
                  VALUE("1e-2"), .unit = "R", .meaning = "Learning rate of Adam"),                            \
-        TRAINING(run_, schedule, NAME, .adam = true, .value_name = lg_name_schedule, .optional = true,       \
-                 .methods = methods_, VALUE("step"), .meaning = "Schedule of the learning rate"),            \
+        TRAINING(run_, schedule, NAME, .adam = true, LG_NAMED(lg_schedule_name, LG_SCHEDULE_COUNT),          \
+                 .optional = true, .methods = methods_, VALUE("step"),                                       \
+                 .meaning = "Schedule of the learning rate"),                                                \
         TRAINING(run_, lr_step, U64, .adam = true, .low = 1, .high = 1e9, .methods = methods_, VALUE("50"),  \
                  .unit = "E",                                                                                \
                  .meaning =                                                                                  \
@@ -54,9 +54,32 @@
                      "loss, which is the loss of the validation part if there is one; 0 for never"),         \
         TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
                  .meaning = "Seed of all random numbers")
-#define VALIDATION                                                                                           \
+
+/* Rows that some kinds of models have in common. */
+#define VALIDATION(run_, ...) TRAINING(run_, validation, REAL, PART_FOR_VALIDATION, __VA_ARGS__)
+#define PART_FOR_VALIDATION                                                                                  \
     .option = "validation-fraction", .high = 0.9, .unit = "F",                                               \
     .meaning = "Fraction kept for validation; the parameters of the best epoch are then the result"
+#define TEST_FRACTION(run_, meaning_, ...)                                                                   \
+    LG_FIELD(run_, "run", "test_fraction", REAL, test_fraction, .unit = "F", .meaning = meaning_, __VA_ARGS__)
+#define PENALTY_FORM(run_, ...) LG_FIELD(run_, "run", "penalty_form", NAME, __VA_ARGS__)
+#define ACTIVATION(run_, member, meaning_, ...)                                                              \
+    LG_FIELD(run_, "model", "activation", NAME, member, LG_NAMED(lg_activation_name, LG_ACTIVATION_COUNT),   \
+             .meaning = meaning_, __VA_ARGS__)
+/* Predictions by a scheme, of members with the names scheme, substeps, starts and window. */
+#define SCHEME(run_, ...)                                                                                    \
+    LG_FIELD(run_, "run", "integrator", NAME, scheme, .option = "scheme", .usual = true,                     \
+             .value_name = lg_name_scheme, .value_at = lg_scheme_number,                                     \
+             .meaning = "Scheme of the steps between two points of the data", __VA_ARGS__)
+#define SUBSTEPS(run_, group_, type, ...)                                                                    \
+    LG_FIELD(run_, group_, "substeps", type, substeps, .low = 1, .high = 1e6, .unit = "n",                   \
+             .meaning = "Integrator steps between two points of the data", __VA_ARGS__)
+#define WINDOW(run_, group_, type, ...)                                                                      \
+    LG_FIELD(run_, group_, "window", type, window, .low = 2, .high = 1e9, .unit = "M", __VA_ARGS__)
+#define INITIAL_STATES(run_, meaning_, ...)                                                                  \
+    LG_FIELD(run_, "run", "starts", NAME, starts, .option = "initial-states",                                \
+             LG_NAMES("measured", "estimated"), .meaning = "Where predictions start: at the " meaning_,      \
+             __VA_ARGS__)
 
 #define CONSTANT(text) .value = text
 #define CHOSEN(text)   .otherwise = LG_CHOSEN
@@ -67,6 +90,11 @@
 #define PRESET(text) .otherwise = LG_OF_PRESET
 /* A preset may replace this value. */
 #define REPLACED(text) .value = text, .otherwise = LG_OF_PRESET "; thesis: " text
+
+/* Schemes of integrators as values of a field: the name of number `value`, NULL beyond the last, and the
+ * scheme. */
+const char *lg_name_scheme(uint32_t value);
+const void *lg_scheme_number(uint32_t value);
 
 /* Training plans as fields. _squares accepts the methods for losses that are sums of squares, _any_loss only
  * the methods for any loss. */

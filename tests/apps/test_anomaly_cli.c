@@ -250,7 +250,7 @@ static const char *const methods[] = {
     "--method tree --features spectrum --prune pre --folds 2",
     "--method tree --criterion entropy --prune post --components 3",
     "--method tree --prune pre --features std --folds 2",
-    "--method tree --max-depth 2 --min-samples-leaf 3",
+    "--method tree --max-depth 2",
     "--method svm-linear --components 3",
     "--method svm-rbf --c 10 --gamma 0.1",
     "--method svm-rbf --folds 3 --split run",
@@ -402,13 +402,9 @@ TEST("without --filters the network has as many blocks as fit, but at most three
     static const struct {
         const char *options;
         int blocks;
-    } cases[] = {{"", 2},
-                 {"--kernel 3", 2},
-                 {"--kernel 5", 1},
-                 {"--pooling none", 3},
-                 {"--stride 3", 1},
-                 {"--pool-size 6", 1},
-                 {"--kernel 3 --pooling none", 3}};
+    } cases[] = {{"", 2},           {"--kernel 3", 2},
+                 {"--kernel 5", 1}, {"--pooling none", 3},
+                 {"--stride 3", 1}, {"--kernel 3 --pooling none", 3}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         int blocks = 0;
         cli_run(lg, "train data.h5 --window 2 --epochs 1 --out blocks.h5 --json %s", cases[i].options);

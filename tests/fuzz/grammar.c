@@ -138,18 +138,10 @@ static const char *leaf(const char *name) {
     return dot != NULL ? dot + 1 : name;
 }
 
-static const char *name_at(const lg_field *f, uint32_t value) {
-    if (f->value_name != NULL) return f->value_name(value);
-    if (f->names == NULL) return NULL;
-    for (uint32_t i = 0; i < value; i++)
-        if (f->names[i] == NULL) return NULL;
-    return f->names[value];
-}
-
 static const char *any_name(const growing *g, const lg_field *f) {
     uint32_t count = 0;
-    while (count < 256 && name_at(f, count) != NULL) count++;
-    return count > 0 ? name_at(f, draw(g, count)) : NULL;
+    while (count < 256 && lg_field_name(f, count) != NULL) count++;
+    return count > 0 ? lg_field_name(f, draw(g, count)) : NULL;
 }
 
 static void grow_number(const growing *g, const lg_field *f, piece *to) {

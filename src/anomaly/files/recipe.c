@@ -8,10 +8,6 @@
 
 enum { NETWORK = 1, DEFAULT_LENGTH = 4096 };
 
-static const char *pooling_name(uint32_t value) {
-    return value < LG_POOLING_COUNT ? lg_pooling_name((lg_pooling)value) : NULL;
-}
-
 #define ROW(name, type, member, ...) LG_FIELD(lg_detector_state, "", name, type, member, __VA_ARGS__)
 const lg_field lg_detector_options[] = {
     ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS", .otherwise = "as stored; baseline: 600 s",
@@ -30,13 +26,10 @@ const lg_field lg_detector_options[] = {
         .meaning = "cnn: samples of a kernel"),
     ROW("stride", U64, stride, .low = 1, .high = 1 << 20, .value = "1", .unit = "n", .methods = NETWORK,
         .meaning = "cnn: stride of the convolutions"),
-    ROW("pooling", NAME, pooling, .value_name = pooling_name, .value = "average", .methods = NETWORK,
-        .meaning = "cnn: pooling after each convolution"),
-    ROW("pool_size", U64, pool_size, .low = 1, .high = 1 << 20, .value = "2", .unit = "n", .methods = NETWORK,
-        .meaning = "cnn: number of samples pooled to one"),
-    LG_OPTION(lg_detector_state, test, STRING, "TEST.h5",
-              "Test on this file; DATA.h5 is then all for training", .without = "test-fraction",
-              .usual = true),
+    ROW("pooling", NAME, pooling, LG_NAMED(lg_pooling_name, LG_POOLING_COUNT), .value = "average",
+        .methods = NETWORK, .meaning = "cnn: pooling after each convolution"),
+    LG_TEST_ROW(lg_detector_state, "TEST.h5", "Test on this file; DATA.h5 is then all for training",
+                .without = "test-fraction"),
     LG_FIELD_END};
 
 /* ---- the data ---- */
@@ -88,7 +81,6 @@ static void adopt_block(const lg_training *self, lg_cnn_block *block) {
     if (self->given(self, "kernel")) block->kernel = (uint32_t)s->kernel;
     if (self->given(self, "stride")) block->stride = (uint32_t)s->stride;
     if (self->given(self, "pooling")) block->pooling = (lg_pooling)s->pooling;
-    if (self->given(self, "pool-size")) block->pool_size = block->pool_stride = (uint32_t)s->pool_size;
 }
 
 /* Sets the default blocks with the convolutions and pooling that the user has given: three blocks, or fewer
@@ -97,7 +89,7 @@ static void adopt_block(const lg_training *self, lg_cnn_block *block) {
 static void default_blocks(const lg_training *self, lg_cnn *net) {
     lg_cnn full;
     lg_cnn_init_default(&full, net->channels, DEFAULT_LENGTH, net->outputs, net->activation);
-    const bool pooling_given = self->given(self, "pooling") || self->given(self, "pool-size");
+    const bool pooling_given = self->given(self, "pooling");
     uint64_t left = net->length;
     net->blocks = 0;
     while (net->blocks < full.blocks && (net->blocks == 0 || left > 1)) {
@@ -115,7 +107,7 @@ static void default_blocks(const lg_training *self, lg_cnn *net) {
 /* Sets the blocks from the options that are given; without any of these options the blocks stay as they are.
  * `fresh`: there is no stored model to continue from. */
 static void build_blocks(const lg_training *self, bool fresh, lg_cnn *net) {
-    static const char *const options[] = {"filters", "kernel", "stride", "pooling", "pool-size"};
+    static const char *const options[] = {"filters", "kernel", "stride", "pooling"};
     const lg_detector_state *s = self->state;
     if (!any_given(self, options, LG_COUNT(options))) return;
     const bool filters = self->given(self, "filters");
@@ -461,7 +453,6 @@ const lg_trainer lg_detector_learner = {.data = "DATA.h5",
                                         .options = lg_detector_options,
                                         .method = "classifier",
                                         .held_out = "validation-fraction",
-                                        .kept = "test",
                                         .read = read_data,
                                         .describe = describe,
                                         .usual = usual,

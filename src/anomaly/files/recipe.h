@@ -20,7 +20,7 @@ typedef struct lg_detector_state {
     const char *test;
     double window, hop;
     uint32_t preset, pooling;
-    uint64_t kernel, stride, pool_size;
+    uint64_t kernel, stride;
     lg_wholes filters;
     /* Set by the hook `read`. */
     uint32_t healthy;      /* class that means "all is well", or LG_NO_CLASS; set by lg_detector_settle */

@@ -4,7 +4,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <yaml.h>
 
 #include "core/core.h"
 #include "core/text.h"
@@ -201,28 +200,11 @@ typedef struct reading {
 } reading;
 
 static lg_status bad(const reading *r, size_t row, const yaml_node_t *at, const char *what) {
-    return lg_yaml_fail(r->yaml, (uint32_t)at->start_mark.line + 1, LG_FORMAT, r->error, "%s: %s",
-                        rows[row].key.name, what);
-}
-
-static size_t length_of(const yaml_node_t *list) {
-    return list->type != YAML_SEQUENCE_NODE
-               ? 0
-               : (size_t)(list->data.sequence.items.top - list->data.sequence.items.start);
-}
-
-static const yaml_node_t *item(const reading *r, const yaml_node_t *list, size_t i) {
-    return yaml_document_get_node(r->document, list->data.sequence.items.start[i]);
-}
-
-/* NULL: it is no text that is shorter than `size`. */
-static const char *text_of(const yaml_node_t *node, size_t size) {
-    const char *text = node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value : NULL;
-    return text != NULL && strlen(text) == node->data.scalar.length && strlen(text) < size ? text : NULL;
+    return LG_FAIL_AT(r->yaml, at, r->error, "%s: %s", rows[row].key.name, what);
 }
 
 static bool number_of(const yaml_node_t *node, double *out) {
-    const char *text = text_of(node, 64);
+    const char *text = lg_node_text(node, 64);
     return text != NULL && node->data.scalar.style == YAML_PLAIN_SCALAR_STYLE &&
            lg_number_parse(text, out) == LG_OK;
 }
@@ -235,7 +217,7 @@ static bool line_of(const yaml_node_t *node, uint32_t *out) {
 }
 
 static bool is_null(const yaml_node_t *node) {
-    const char *text = text_of(node, 64);
+    const char *text = lg_node_text(node, 64);
     return text != NULL && strcmp(text, "null") == 0;
 }
 
@@ -248,10 +230,10 @@ static lg_status read_bound(const reading *r, size_t row, const yaml_node_t *nod
 
 static lg_status read_list(const reading *r, size_t row, const yaml_node_t *list, void *member) {
     double *out = member;
-    if (length_of(list) != r->to->f.states)
+    if (lg_node_length(list) != r->to->f.states)
         return bad(r, row, list, "a list with a number for each state is expected");
-    for (size_t i = 0; i < length_of(list); i++) {
-        const yaml_node_t *at = item(r, list, i);
+    for (size_t i = 0; i < lg_node_length(list); i++) {
+        const yaml_node_t *at = lg_node_item(r->yaml, list, i);
         if (rows[row].kind == UNBOUNDED && is_null(at))
             out[i] = out == r->to->f.low ? -(double)INFINITY : (double)INFINITY;
         else if (!number_of(at, &out[i]))
@@ -262,72 +244,77 @@ static lg_status read_list(const reading *r, size_t row, const yaml_node_t *list
 
 static lg_status read_square(const reading *r, size_t row, const yaml_node_t *list, void *member) {
     const size_t n = r->to->f.states;
-    if (length_of(list) != n) return bad(r, row, list, "a list with a row for each state is expected");
-    for (size_t i = 0; i < n; i++) LG_TRY(read_list(r, row, item(r, list, i), (double *)member + i * n));
+    if (lg_node_length(list) != n) return bad(r, row, list, "a list with a row for each state is expected");
+    for (size_t i = 0; i < n; i++)
+        LG_TRY(read_list(r, row, lg_node_item(r->yaml, list, i), (double *)member + i * n));
     return LG_OK;
 }
 
 static lg_status read_claim(const reading *r, size_t row, const yaml_node_t *node, void *member) {
-    const char *text = text_of(node, LG_CERTIFICATE_CLAIM);
+    const char *text = lg_node_text(node, LG_CERTIFICATE_CLAIM);
     if (text == NULL) return bad(r, row, node, "a text of at most 1023 bytes is expected");
     (void)snprintf(member, LG_CERTIFICATE_CLAIM, "%s", text);
     return LG_OK;
 }
 
 static lg_status read_names(const reading *r, size_t row, const yaml_node_t *list, void *member) {
-    if (length_of(list) != r->to->f.states)
+    if (lg_node_length(list) != r->to->f.states)
         return bad(r, row, list, "a list with a name for each state is expected");
-    for (size_t i = 0; i < length_of(list); i++) {
-        const char *name = text_of(item(r, list, i), LG_CERTIFICATE_NAME);
-        if (name == NULL) return bad(r, row, item(r, list, i), "a name of at most 63 bytes is expected");
+    for (size_t i = 0; i < lg_node_length(list); i++) {
+        const char *name = lg_node_text(lg_node_item(r->yaml, list, i), LG_CERTIFICATE_NAME);
+        if (name == NULL)
+            return bad(r, row, lg_node_item(r->yaml, list, i), "a name of at most 63 bytes is expected");
         (void)snprintf(r->to->f.names[i], LG_CERTIFICATE_NAME, "%s", name);
     }
     return LG_OK;
 }
 
 static lg_status read_line(const reading *r, size_t row, const yaml_node_t *at, lg_certificate_line *out) {
-    const char *name = length_of(at) > 0 ? text_of(item(r, at, 0), 64) : NULL;
+    const char *name = lg_node_length(at) > 0 ? lg_node_text(lg_node_item(r->yaml, at, 0), 64) : NULL;
     uint32_t op = 0;
     while (op < LG_COUNT(operations) && (name == NULL || strcmp(name, operations[op].name) != 0)) op++;
     if (op == LG_COUNT(operations)) return bad(r, row, at, "the operation is unknown");
     const size_t last = operations[op].last != LG_CERTIFICATE_NO, operands = operations[op].operands;
-    bool fits = length_of(at) == 1 + operands + last;
+    bool fits = lg_node_length(at) == 1 + operands + last;
     *out = (lg_certificate_line){.op = op};
-    for (size_t k = 0; k < operands && fits; k++) fits = line_of(item(r, at, 1 + k), &out->in[k]);
-    if (fits && last) fits = number_of(item(r, at, 1 + operands), &out->number);
+    for (size_t k = 0; k < operands && fits; k++)
+        fits = line_of(lg_node_item(r->yaml, at, 1 + k), &out->in[k]);
+    if (fits && last) fits = number_of(lg_node_item(r->yaml, at, 1 + operands), &out->number);
     return fits ? LG_OK : bad(r, row, at, "the operation has other operands");
 }
 
 static lg_status read_code(const reading *r, size_t row, const yaml_node_t *list, void *member) {
     lg_certificate_code *out = member;
-    const size_t lines = length_of(list);
+    const size_t lines = lg_node_length(list);
     if (list->type != YAML_SEQUENCE_NODE || lines > LG_CERTIFICATE_LINES)
         return bad(r, row, list, "a list of at most 65536 operations is expected");
     if ((out->line = lg_alloc(r->to->f.context, lines, sizeof *out->line)) == NULL)
         return lg_no_memory(r->error);
     out->lines = (uint32_t)lines;
-    for (size_t i = 0; i < lines; i++) LG_TRY(read_line(r, row, item(r, list, i), &out->line[i]));
+    for (size_t i = 0; i < lines; i++)
+        LG_TRY(read_line(r, row, lg_node_item(r->yaml, list, i), &out->line[i]));
     return LG_OK;
 }
 
 static lg_status read_outputs(const reading *r, size_t row, const yaml_node_t *list, void *member) {
     lg_certificate_code *out = member;
-    const size_t count = length_of(list);
+    const size_t count = lg_node_length(list);
     if (list->type != YAML_SEQUENCE_NODE || count > MOST)
         return bad(r, row, list, "a list of lines is expected");
     if ((out->output = lg_alloc(r->to->f.context, count, sizeof *out->output)) == NULL)
         return lg_no_memory(r->error);
     out->outputs = (uint32_t)count;
     for (size_t j = 0; j < count; j++)
-        if (!line_of(item(r, list, j), &out->output[j])) return bad(r, row, list, "an output is no line");
+        if (!line_of(lg_node_item(r->yaml, list, j), &out->output[j]))
+            return bad(r, row, list, "an output is no line");
     return LG_OK;
 }
 
 static lg_status read_tree(const reading *r, size_t row, const yaml_node_t *list, void *member) {
     lg_text text = {.context = r->to->f.context};
     size_t boxes = 0;
-    for (size_t i = 0; i < length_of(list); i++) {
-        const char *line = text_of(item(r, list, i), MOST_BYTES);
+    for (size_t i = 0; i < lg_node_length(list); i++) {
+        const char *line = lg_node_text(lg_node_item(r->yaml, list, i), MOST_BYTES);
         boxes += line != NULL ? strlen(line) : 0;
         lg_text_add(&text, "%s\n", line != NULL ? line : "");
     }
@@ -420,7 +407,7 @@ static lg_status check_hash(const reading *r, const char *key, const char *part,
     const yaml_node_t *root = yaml_document_get_root_node(r->document);
     char found[LG_SHA256_TEXT] = "";
     for (const yaml_node_pair_t *p = root->data.mapping.pairs.start; p < root->data.mapping.pairs.top; p++) {
-        const char *name = text_of(yaml_document_get_node(r->document, p->key), 64);
+        const char *name = lg_node_text(yaml_document_get_node(r->document, p->key), 64);
         const yaml_node_t *node = yaml_document_get_node(r->document, p->value);
         if (name == NULL || strcmp(name, key) != 0) continue;
         const size_t from = byte_of(data, bytes, node->start_mark.index),

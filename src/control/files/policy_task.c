@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <yaml.h>
 
 #include "control/policy.h"
 #include "core/text.h"
@@ -17,10 +16,6 @@ typedef struct reading {
 } reading;
 
 /* ---- keys ---- */
-
-static const char *name_kind(uint32_t value) {
-    return lg_policy_kind_name((lg_policy_kind)value);
-}
 
 #define FIELD(name, type, member, ...) LG_FIELD(lg_policy_task, NULL, name, type, member, __VA_ARGS__)
 static const lg_field keys[] = {
@@ -35,7 +30,7 @@ static const lg_field keys[] = {
     LG_NODE("success", .required = true),
     FIELD("substeps", U32, substeps, .low = 1, .high = 10000),
     LG_MAP("controller"),
-    FIELD("controller.kind", NAME, kind, .value_name = name_kind),
+    FIELD("controller.kind", NAME, kind, LG_NAMED(lg_policy_kind_name, LG_POLICY_KIND_COUNT)),
     FIELD("controller.hidden", WHOLES, hidden, LG_COUNTED(lg_policy_task, hidden_layers), .low = 1,
           .high = 4096, .most = LG_POLICY_HIDDEN),
     FIELD("controller.gate", NAME, gate, LG_NAMES("none", "lqr")),
@@ -55,19 +50,11 @@ enum { KEYS = LG_COUNT(keys) };
 
 /* ---- mappings from names to numbers ---- */
 
-static uint32_t line_of(const yaml_node_t *node) {
-    return (uint32_t)node->start_mark.line + 1;
-}
-
-static yaml_node_t *node_at(const reading *r, int index) {
-    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
-}
-
 static lg_status read_number(const reading *r, const yaml_node_t *node, const char *what, double *out) {
     if (node->type == YAML_SCALAR_NODE &&
         lg_number_parse((const char *)node->data.scalar.value, out) == LG_OK)
         return LG_OK;
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: expected a finite number", what);
+    return LG_FAIL_AT(r->yaml, node, r->error, "%s: expected a finite number", what);
 }
 
 enum { MOST_NUMBERS = 9 };
@@ -77,14 +64,11 @@ static lg_status read_numbers(const reading *r, const yaml_node_t *node, const c
                               uint32_t *count) {
     *count = 1;
     if (node->type != YAML_SEQUENCE_NODE) return read_number(r, node, what, out);
-    *count = 0;
-    const yaml_node_item_t *item = node->data.sequence.items.start;
-    for (; item < node->data.sequence.items.top; item++) {
-        if (*count == MOST_NUMBERS)
-            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: more than %d numbers", what,
-                                MOST_NUMBERS);
-        LG_TRY(read_number(r, node_at(r, *item), what, out + (*count)++));
-    }
+    *count = (uint32_t)lg_node_length(node);
+    if (*count > MOST_NUMBERS)
+        return LG_FAIL_AT(r->yaml, node, r->error, "%s: more than %d numbers", what, MOST_NUMBERS);
+    for (uint32_t i = 0; i < *count; i++)
+        LG_TRY(read_number(r, lg_node_item(r->yaml, node, i), what, out + i));
     return LG_OK;
 }
 
@@ -139,8 +123,8 @@ static lg_status unknown(const reading *r, const yaml_node_t *key, const char *w
     for (uint32_t i = 0; i < t->coordinate_count; i++)
         if (t->coordinate[i].velocity[0] != '\0') lg_name_list_add(&known, t->coordinate[i].velocity);
     for (uint32_t l = 0; l < t->input_count; l++) lg_name_list_add(&known, t->input[l].name);
-    return lg_yaml_fail(r->yaml, line_of(key), LG_FORMAT, r->error,
-                        "%s: unknown name '%.40s'; the plant has %s", what, name, known.text);
+    return LG_FAIL_AT(r->yaml, key, r->error, "%s: unknown name '%.40s'; the plant has %s", what, name,
+                      known.text);
 }
 
 /* Takes the numbers of an entry; returns what is expected instead, or NULL; "": the name is unknown. */
@@ -155,24 +139,22 @@ static lg_status read_entries(reading *r, const lg_key_value *value, const entri
         return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: expected {NAME: number, ...}",
                             what);
     for (const yaml_node_pair_t *p = map->data.mapping.pairs.start; p < map->data.mapping.pairs.top; p++) {
-        const yaml_node_t *key = node_at(r, p->key), *node = node_at(r, p->value);
+        const yaml_node_t *key = lg_node_at(r->yaml, p->key), *node = lg_node_at(r->yaml, p->value);
         double x[MOST_NUMBERS];
         uint32_t count;
         const char *name = key->type == YAML_SCALAR_NODE ? (const char *)key->data.scalar.value : "";
         for (const yaml_node_pair_t *q = map->data.mapping.pairs.start; q < p; q++) {
-            const yaml_node_t *before = node_at(r, q->key);
+            const yaml_node_t *before = lg_node_at(r->yaml, q->key);
             if (before->type == YAML_SCALAR_NODE &&
                 strcmp((const char *)before->data.scalar.value, name) == 0)
-                return lg_yaml_fail(r->yaml, line_of(key), LG_FORMAT, r->error, "%s: '%.40s' stands twice",
-                                    what, name);
+                return LG_FAIL_AT(r->yaml, key, r->error, "%s: '%.40s' stands twice", what, name);
         }
         LG_TRY(read_numbers(r, node, what, x, &count));
         const named of = find_name(r->task, name);
         const char *expected = take(r->task, row, of, name, x, count);
         if (expected == NULL) continue;
         if (expected[0] == '\0') return unknown(r, key, what, name);
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %.40s: expected %s", what, name,
-                            expected);
+        return LG_FAIL_AT(r->yaml, node, r->error, "%s: %.40s: expected %s", what, name, expected);
     }
     return LG_OK;
 }
@@ -259,18 +241,15 @@ static lg_status read_positions(reading *r, const lg_key_value *values, const ch
     if (list->type != YAML_SEQUENCE_NODE)
         return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: expected a list of positions",
                             what);
-    for (const yaml_node_item_t *item = list->data.sequence.items.start; item < list->data.sequence.items.top;
-         item++) {
-        const yaml_node_t *node = node_at(r, *item);
+    for (size_t i = 0; i < lg_node_length(list); i++) {
+        const yaml_node_t *node = lg_node_item(r->yaml, list, i);
         const char *name = node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value : "";
         const named of = find_name(r->task, name);
         if (of.coordinate == NULL && of.input == NULL) return unknown(r, node, what, name);
         if (of.coordinate == NULL || of.velocity)
-            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                                "%s: expected a position, not '%.40s'", what, name);
+            return LG_FAIL_AT(r->yaml, node, r->error, "%s: expected a position, not '%.40s'", what, name);
         if (is_free(of))
-            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %.40s: expected %s", what,
-                                name, not_free);
+            return LG_FAIL_AT(r->yaml, node, r->error, "%s: %.40s: expected %s", what, name, not_free);
         *(strcmp(what, "free") == 0    ? &of.coordinate->free
           : strcmp(what, "track") == 0 ? &of.coordinate->track
                                        : &of.coordinate->integral) = true;
@@ -339,8 +318,7 @@ static const lg_field state_keys[] = {
 static lg_status take_state(reading *r, const yaml_node_t *node) {
     lg_policy_task *task = r->task;
     if (task->coordinate_count == LG_POLICY_COORDINATES)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "states: more than %d",
-                            LG_POLICY_COORDINATES);
+        return LG_FAIL_AT(r->yaml, node, r->error, "states: more than %d", LG_POLICY_COORDINATES);
     lg_policy_coordinate *c = &task->coordinate[task->coordinate_count++];
     const char *name = (const char *)node->data.scalar.value;
     lg_key_value values[2] = {{0}};
@@ -351,8 +329,7 @@ static lg_status take_state(reading *r, const yaml_node_t *node) {
         c->motion = values[1].real[0] > 0.0 ? LG_POLICY_ANGLE : LG_POLICY_LINE;
     }
     if (name[0] == '\0' || strlen(name) >= LG_POLICY_NAME)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "states: a name has 1 to %d bytes",
-                            LG_POLICY_NAME - 1);
+        return LG_FAIL_AT(r->yaml, node, r->error, "states: a name has 1 to %d bytes", LG_POLICY_NAME - 1);
     (void)snprintf(c->name, sizeof c->name, "%s", name);
     return LG_OK;
 }
@@ -369,8 +346,7 @@ static lg_status read_head(reading *r, char *plant, size_t size) {
     const yaml_node_t *list = states->node;
     if (list->type != YAML_SEQUENCE_NODE)
         return lg_yaml_fail(r->yaml, states->line, LG_FORMAT, r->error, "states: expected a list");
-    const yaml_node_item_t *item = list->data.sequence.items.start;
-    for (; item < list->data.sequence.items.top; item++) LG_TRY(take_state(r, node_at(r, *item)));
+    for (size_t i = 0; i < lg_node_length(list); i++) LG_TRY(take_state(r, lg_node_item(r->yaml, list, i)));
     return LG_OK;
 }
 

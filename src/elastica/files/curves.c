@@ -8,7 +8,6 @@
 #include "core/median.h"
 #include "files/h5.h"
 #include "settings/files/attributes.h"
-#include "settings/names.h"
 
 #define END_TOLERANCE   1e-6
 #define USUAL_STIFFNESS 10.0
@@ -199,7 +198,7 @@ static lg_status estimate_length(lg_h5 *h5, lg_elastica_data *data, lg_error *er
 #define ROW(type, name, member, ...) LG_FIELD(lg_elastica_curves, "", name, type, member, __VA_ARGS__)
 static const lg_field attributes[] = {ROW(REAL, "length", length, LG_POSITIVE),
                                       ROW(REAL, "stiffness", stiffness, LG_POSITIVE),
-                                      ROW(NAME, "values", continuous, .value_name = lg_name_values)};
+                                      ROW(NAME, "values", continuous, LG_NAMES("discrete", "continuous"))};
 
 /* Checks that no curve is shorter than the distance of its ends. */
 static lg_status check_length(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {

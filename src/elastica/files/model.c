@@ -4,7 +4,6 @@
 
 #include "liegrad/elastica.h"
 
-#include "settings/names.h"
 #include "model/files/program_file.h"
 #include "model/files/recipe.h"
 
@@ -19,7 +18,7 @@ static const lg_field facts[] = {
     FACT("model", "centre", REAL, model.centre, .low = 0),
     FACT("run", "curves", U64, curves, .low = 0),
     FACT("run", "stiffness", REAL, stiffness, .low = 0, .optional = true),
-    FACT("run", "values", NAME, continuous, .value_name = lg_name_values),
+    FACT("run", "values", NAME, continuous, LG_NAMES("discrete", "continuous")),
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
     LG_FIELD_END};
 

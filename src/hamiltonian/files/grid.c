@@ -4,15 +4,11 @@
 #include "liegrad/hamiltonian.h"
 
 #include "files/h5.h"
-#include "settings/names.h"
+#include "settings/training.h"
 #include "mechanics/files/scene.h"
 
 #define LISTS LG_GRID_VALUES
 #define FORM  "hamiltonian" /* the form of the systems that a grid learns */
-
-static const char *name_noise(uint32_t value) {
-    return value > 1 ? NULL : value == LG_NOISE_UNIFORM ? "uniform" : "normal";
-}
 
 /* The grid's own keys. list_keys sets the limits of penalty and substeps to the hyperparameters' limits. */
 static const lg_field own_keys[] = {
@@ -28,7 +24,7 @@ static const lg_field own_keys[] = {
     LG_FIELD(lg_grid, NULL, "M", WHOLES, m, .required = true, .low = 2, .high = 1e9, .most = LISTS),
     LG_FIELD(lg_grid, NULL, "eps", REALS, eps, .high = 1e6, .most = LISTS),
     LG_FIELD(lg_grid, NULL, "repeats", U32, repeats, .low = 1, .high = 1e6),
-    LG_FIELD(lg_grid, NULL, "noise_kind", NAME, noise_kind, .value_name = name_noise),
+    LG_FIELD(lg_grid, NULL, "noise_kind", NAME, noise_kind, LG_NAMES("normal", "uniform")),
     LG_FIELD(lg_grid, NULL, "seed", U64, seed, .high = 0x1p64),
     LG_MAP("test"),
     LG_FIELD(lg_grid, NULL, "test.trajectories", U32, test_trajectories, .low = 1, .high = 1e9),

@@ -1,7 +1,6 @@
 /* Reads schemes from YAML files: tableaus, rows of exponentials, kicks and drifts. */
 #include <math.h>
 #include <string.h>
-#include <yaml.h>
 
 #include "liegrad/integrators.h"
 
@@ -75,22 +74,8 @@ static const lg_key_value *at(const reader *r, const char *key) {
     return lg_yaml_value(keys, r->values, key);
 }
 
-static uint32_t line_of(const yaml_node_t *node) {
-    return (uint32_t)node->start_mark.line + 1;
-}
-
 static lg_status fail_at(reader *r, const yaml_node_t *node, const char *key, const char *what) {
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %s", key, what);
-}
-
-static size_t items_of(const yaml_node_t *node) {
-    return node->type == YAML_SEQUENCE_NODE
-               ? (size_t)(node->data.sequence.items.top - node->data.sequence.items.start)
-               : 0;
-}
-
-static const yaml_node_t *item_of(reader *r, const yaml_node_t *node, size_t i) {
-    return yaml_document_get_node(lg_yaml_document(r->yaml), node->data.sequence.items.start[i]);
+    return LG_FAIL_AT(r->yaml, node, r->error, "%s: %s", key, what);
 }
 
 /* Reads a decimal number or a quotient "a/b" of two decimal numbers. */
@@ -110,19 +95,18 @@ static lg_status read_number(reader *r, const yaml_node_t *node, const char *key
         *out = above / below;
         return LG_OK;
     }
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                        "%s: '%s' is neither a number nor a quotient a/b", key, text);
+    return LG_FAIL_AT(r->yaml, node, r->error, "%s: '%s' is neither a number nor a quotient a/b", key, text);
 }
 
 /* Reads a list of at most `most` numbers into `out`. Entries of `out` beyond the list are unchanged. */
 static lg_status read_list(reader *r, const yaml_node_t *node, const char *key, size_t most, double *out,
                            size_t *count) {
     if (node->type != YAML_SEQUENCE_NODE) return fail_at(r, node, key, "a list of numbers is expected");
-    *count = items_of(node);
+    *count = lg_node_length(node);
     if (*count > most)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "%s: %zu numbers, at most %zu are expected", key, *count, most);
-    for (size_t i = 0; i < *count; i++) LG_TRY(read_number(r, item_of(r, node, i), key, &out[i]));
+        return LG_FAIL_AT(r->yaml, node, r->error, "%s: %zu numbers, at most %zu are expected", key, *count,
+                          most);
+    for (size_t i = 0; i < *count; i++) LG_TRY(read_number(r, lg_node_item(r->yaml, node, i), key, &out[i]));
     return LG_OK;
 }
 
@@ -132,19 +116,18 @@ static lg_status read_stages(reader *r, const char *key, size_t stages, double *
     size_t count = 0;
     LG_TRY(read_list(r, node, key, stages, out, &count));
     if (count == stages) return LG_OK;
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                        "%s: %zu numbers are given, expected one for each of the %zu stages", key, count,
-                        stages);
+    return LG_FAIL_AT(r->yaml, node, r->error,
+                      "%s: %zu numbers are given, expected one for each of the %zu stages", key, count,
+                      stages);
 }
 
 /* Sets the number of stages to the length of the key's list, minus `more`. */
 static lg_status count_stages(reader *r, const char *key, size_t more) {
     const yaml_node_t *node = at(r, key)->node;
-    const size_t stages = items_of(node) - (items_of(node) > more ? more : items_of(node));
+    const size_t stages = lg_node_length(node) - (lg_node_length(node) > more ? more : lg_node_length(node));
     if (stages < 1 || stages > LG_SCHEME_MAX_STAGES)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "%s: the scheme has %zu stages, expected 1 to %d", key, stages,
-                            LG_SCHEME_MAX_STAGES);
+        return LG_FAIL_AT(r->yaml, node, r->error, "%s: the scheme has %zu stages, expected 1 to %d", key,
+                          stages, LG_SCHEME_MAX_STAGES);
     r->out->scheme.stages = (int)stages;
     return LG_OK;
 }
@@ -160,10 +143,10 @@ static double sum(const double *x, size_t n) {
 static lg_status read_commutators(reader *r) {
     const yaml_node_t *node = at(r, "commutators")->node;
     const int stages = r->out->scheme.stages;
-    if (items_of(node) < 1 || items_of(node) > LG_COUNT(r->out->commutators))
+    if (lg_node_length(node) < 1 || lg_node_length(node) > LG_COUNT(r->out->commutators))
         return fail_at(r, node, "commutators", "a list of [row, first, second, weight] is expected");
-    for (size_t i = 0; i < items_of(node); i++) {
-        const yaml_node_t *item = item_of(r, node, i);
+    for (size_t i = 0; i < lg_node_length(node); i++) {
+        const yaml_node_t *item = lg_node_item(r->yaml, node, i);
         double numbers[4];
         size_t count = 0;
         LG_TRY(read_list(r, item, "commutators", 4, numbers, &count));
@@ -176,7 +159,7 @@ static lg_status read_commutators(reader *r) {
             (lg_commutator){(int)numbers[0] - 1, (int)numbers[1] - 1, (int)numbers[2] - 1, numbers[3]};
     }
     r->out->scheme.commutators = r->out->commutators;
-    r->out->scheme.commutator_count = (int)items_of(node);
+    r->out->scheme.commutator_count = (int)lg_node_length(node);
     return LG_OK;
 }
 
@@ -200,11 +183,11 @@ static lg_status read_tableau(reader *r) {
     LG_TRY(count_stages(r, "b", 0));
     const size_t stages = (size_t)s->stages;
     LG_TRY(read_stages(r, "b", stages, s->b));
-    if (items_of(a) != stages)
+    if (lg_node_length(a) != stages)
         return fail_at(r, a, "a", "a list for each stage is expected, the first one empty");
     for (size_t i = 0; i < stages; i++) {
         size_t count = 0;
-        LG_TRY(read_list(r, item_of(r, a, i), "a", stages, s->a[i], &count));
+        LG_TRY(read_list(r, lg_node_item(r->yaml, a, i), "a", stages, s->a[i], &count));
         s->c[i] = sum(s->a[i], stages);
     }
     if (at(r, "embedded")->line > 0) LG_TRY(read_stages(r, "embedded", stages, s->embedded));
@@ -218,17 +201,17 @@ static lg_status read_tableau(reader *r) {
 /* Reads a list of exponentials, each a list of coefficients. A plain list of numbers is one exponential. */
 static lg_status read_exponentials(reader *r, const yaml_node_t *node, const char *key, lg_cf_row *row) {
     size_t count = 0;
-    const size_t stages = (size_t)r->out->scheme.stages, items = items_of(node);
+    const size_t stages = (size_t)r->out->scheme.stages, items = lg_node_length(node);
     if (node->type != YAML_SEQUENCE_NODE || items > LG_SCHEME_MAX_EXPONENTIALS * (size_t)LG_SCHEME_MAX_STAGES)
         return fail_at(r, node, key, "a list of exponentials is expected, each a list of coefficients");
-    if (items > 0 && item_of(r, node, 0)->type == YAML_SCALAR_NODE) {
+    if (items > 0 && lg_node_item(r->yaml, node, 0)->type == YAML_SCALAR_NODE) {
         row->exponentials = 1;
         return read_list(r, node, key, stages, row->coefficient[0], &count);
     }
     if (items > LG_SCHEME_MAX_EXPONENTIALS) return fail_at(r, node, key, "too many exponentials");
     row->exponentials = (int)items;
     for (size_t e = 0; e < items; e++)
-        LG_TRY(read_list(r, item_of(r, node, e), key, stages, row->coefficient[e], &count));
+        LG_TRY(read_list(r, lg_node_item(r->yaml, node, e), key, stages, row->coefficient[e], &count));
     return LG_OK;
 }
 
@@ -271,10 +254,10 @@ static lg_status read_rows(reader *r) {
     LG_TRY(count_stages(r, "rows", 1));
     for (int i = 0; i <= s->stages; i++) {
         lg_cf_row *row = &r->out->rows[i];
-        LG_TRY(read_row(r, item_of(r, node, (size_t)i), "rows", row));
+        LG_TRY(read_row(r, lg_node_item(r->yaml, node, (size_t)i), "rows", row));
         if (i == s->stages) break;
         if (row->base >= i)
-            return fail_at(r, item_of(r, node, (size_t)i), "rows",
+            return fail_at(r, lg_node_item(r->yaml, node, (size_t)i), "rows",
                            "base must be the number of an earlier stage");
         s->c[i] = row->base >= 0 ? s->c[row->base] : 0;
         for (int e = 0; e < row->exponentials; e++) s->c[i] += sum(row->coefficient[e], LG_SCHEME_MAX_STAGES);

@@ -17,7 +17,7 @@ static lg_status read_each(reading *r, const char *name, const lg_key_value *val
     if (list->type == YAML_SEQUENCE_NODE && lg_node_items(list) != m)
         return LG_FAULT(r, value->line,
                         "%s: expected one value, or a list with one for each of the %u inputs", name, m);
-    for (uint32_t i = 0; i < m; i++) LG_TRY(read(r, lg_node_item(r, list, i), i));
+    for (uint32_t i = 0; i < m; i++) LG_TRY(read(r, lg_node_item(r->yaml, list, i), i));
     return LG_OK;
 }
 

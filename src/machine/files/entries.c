@@ -45,7 +45,7 @@ lg_status lg_machine_read_entry(reading *r, const char *what, bool ordered, cons
 bool lg_machine_has_entries(const reading *r, const yaml_node_t *node) {
     bool any = lg_machine_is_entry(node);
     for (size_t i = 0; i < lg_node_items(node) && node->type == YAML_SEQUENCE_NODE && !any; i++)
-        any = lg_machine_has_entries(r, lg_node_item(r, node, i));
+        any = lg_machine_has_entries(r, lg_node_item(r->yaml, node, i));
     return any;
 }
 
@@ -65,12 +65,12 @@ static lg_status read_one(reading *r, const lg_field *key, const yaml_node_t *no
 lg_status lg_machine_read_entries(reading *r, const lg_field *key, const yaml_node_t *node,
                                   lg_machine_term *term) {
     /* The matrix has an unknown number, so the matrix is not empty. */
-    const size_t rows = lg_node_items(node), columns = lg_node_items(lg_node_item(r, node, 0));
+    const size_t rows = lg_node_items(node), columns = lg_node_items(lg_node_item(r->yaml, node, 0));
     for (size_t i = 0; i < rows; i++) {
-        const yaml_node_t *row = lg_node_item(r, node, i);
+        const yaml_node_t *row = lg_node_item(r->yaml, node, i);
         if (lg_node_items(row) != columns)
             return LG_FAULT(r, lg_node_line(row), "%s: rows of different length", key->name);
-        for (size_t j = 0; j < columns; j++) LG_TRY(read_one(r, key, lg_node_item(r, row, j), term));
+        for (size_t j = 0; j < columns; j++) LG_TRY(read_one(r, key, lg_node_item(r->yaml, row, j), term));
     }
     return LG_OK;
 }

@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "machine/files/reading.h"
-#include "settings/names.h"
 
 typedef lg_machine_reading reading;
 
@@ -41,7 +40,7 @@ static lg_status read_numbers(reading *r, const yaml_node_t *node, parameter *p)
         return LG_OK;
     }
     LG_TRY(check_items(r, p->key, node, &p->count));
-    for (size_t i = 0; i < p->count; i++) LG_TRY(read_number(r, lg_node_item(r, node, i), p, i));
+    for (size_t i = 0; i < p->count; i++) LG_TRY(read_number(r, lg_node_item(r->yaml, node, i), p, i));
     return LG_OK;
 }
 
@@ -49,9 +48,9 @@ static lg_status read_numbers(reading *r, const yaml_node_t *node, parameter *p)
 static lg_status read_truths(const reading *r, const yaml_node_t *node, parameter *p) {
     LG_TRY(check_items(r, p->key, node, &p->unknowns));
     for (size_t i = 0; i < p->unknowns; i++) {
-        const yaml_node_t *item = lg_node_item(r, node, i);
-        p->unknown[i] = lg_node_is(item, lg_name_truth(1));
-        if (!p->unknown[i] && !lg_node_is(item, lg_name_truth(0)))
+        const yaml_node_t *item = lg_node_item(r->yaml, node, i);
+        p->unknown[i] = lg_node_is(item, "true");
+        if (!p->unknown[i] && !lg_node_is(item, "false"))
             return LG_FAULT(r, lg_node_line(item),
                             "%s: unknown: expected true, false, or a list of true and false", p->key);
     }
@@ -114,15 +113,15 @@ static lg_status read_parameters(reading *r, const lg_key_value *value) {
     if (map->type != YAML_MAPPING_NODE) return LG_FAULT(r, value->line, "parameters: expected {KEY: ...}");
     const yaml_node_pair_t *first = map->data.mapping.pairs.start;
     for (const yaml_node_pair_t *pair = first; pair < map->data.mapping.pairs.top; pair++) {
-        const yaml_node_t *name = lg_node_at(r, pair->key);
+        const yaml_node_t *name = lg_node_at(r->yaml, pair->key);
         char key[LG_MACHINE_NAME] = "";
         if (name->type != YAML_SCALAR_NODE || name->data.scalar.length >= sizeof key)
             return LG_FAULT(r, lg_node_line(name), "parameters: a key is too long");
         memcpy(key, name->data.scalar.value, name->data.scalar.length);
         for (const yaml_node_pair_t *other = first; other < pair; other++)
-            if (lg_node_is(lg_node_at(r, other->key), key))
+            if (lg_node_is(lg_node_at(r->yaml, other->key), key))
                 return LG_FAULT(r, lg_node_line(name), "parameters: key '%s' is given twice", key);
-        LG_TRY(read_parameter(r, key, lg_node_at(r, pair->value)));
+        LG_TRY(read_parameter(r, key, lg_node_at(r->yaml, pair->value)));
     }
     return LG_OK;
 }

@@ -5,18 +5,10 @@
 
 #include "files/h5.h"
 #include "machine/files/reading.h"
-#include "settings/names.h"
 
 typedef lg_machine_reading reading;
 
 /* ---- names ---- */
-
-static const char *const measured_names[] = {"velocities", "momenta", "positions", "velocities-only",
-                                             "accelerations"};
-
-static const char *name_measured(uint32_t value) {
-    return value < LG_LOG_MEASURED_COUNT ? measured_names[value] : NULL;
-}
 
 static const char *name_kind(uint32_t value) {
     const lg_coordinate_row *row = lg_coordinate_row_of((lg_coordinate_kind)value);
@@ -62,10 +54,12 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_DELAY] = LG_NODE("inputs.delay"),
     [KEY_LAG] = LG_NODE("inputs.lag"),
     [KEY_CURVE] = LG_NODE("inputs.curve"),
-    [KEY_MEASURED] = LG_FIELD(lg_machine_file, NULL, "measured", NAME, measured, .value_name = name_measured),
+    [KEY_MEASURED] =
+        LG_FIELD(lg_machine_file, NULL, "measured", NAME, measured,
+                 LG_NAMES("velocities", "momenta", "positions", "velocities-only", "accelerations")),
     [KEY_NOISE] = LG_NODE("noise"),
     [KEY_SCALE] = LG_NODE("scale"),
-    [KEY_UNWRAP] = LG_FIELD(lg_machine_file, NULL, "unwrap", NAME, unwrap, .value_name = lg_name_truth),
+    [KEY_UNWRAP] = LG_FIELD(lg_machine_file, NULL, "unwrap", NAME, unwrap, LG_NAMES("false", "true")),
     [KEY_SYSTEM] = {.name = "system", .type = LG_FIELD_TEXT},
     [KEY_FORM] = {.name = "form", .type = LG_FIELD_TEXT},
     [KEY_PARAMETERS] = LG_NODE("parameters"),
@@ -139,7 +133,7 @@ static lg_status visit_text(reading *r, const yaml_node_t *node, const char *wha
 
 lg_status lg_machine_texts(reading *r, const void *node, const char *what, lg_text_visit visit, void *user) {
     for (size_t i = 0; i < lg_node_items(node); i++)
-        LG_TRY(visit_text(r, lg_node_item(r, node, i), what, visit, user));
+        LG_TRY(visit_text(r, lg_node_item(r->yaml, node, i), what, visit, user));
     return LG_OK;
 }
 
@@ -235,7 +229,7 @@ static lg_status read_positions(reading *r, uint32_t line, const lg_key_value *v
     if (r->out->measured >= LG_MEASURED_VELOCITIES_ONLY) {
         if (values[OF_COLUMNS].line == 0 && values[OF_POSITION].line == 0) return LG_OK;
         return LG_FAULT(r, line, "columns of positions are not allowed with `measured: %s`",
-                        name_measured(r->out->measured));
+                        lg_field_name(&keys[KEY_MEASURED], r->out->measured));
     }
     LG_TRY(read_columns(r, OF_POSITION, line, &values[OF_POSITION], LG_LOG_POSITION, &c->place, &c->places));
     return read_columns(r, OF_COLUMNS, line, &values[OF_COLUMNS], LG_LOG_POSITION,
@@ -251,7 +245,7 @@ static lg_status read_velocities(reading *r, uint32_t line, const lg_key_value *
     for (int k = OF_VELOCITY; k <= OF_ACCELERATION; k++)
         if (k != shown && values[k].line != 0)
             return LG_FAULT(r, values[k].line, "%s: this key is not allowed with `measured: %s`",
-                            coordinate_keys[k].name, name_measured(measured));
+                            coordinate_keys[k].name, lg_field_name(&keys[KEY_MEASURED], measured));
     if (measured != LG_MEASURED_POSITIONS) {
         uint32_t rates = 0, first;
         LG_TRY(read_columns(r, shown, line, &values[shown], LG_LOG_VELOCITY, &c->velocity, &c->velocities));
@@ -294,7 +288,8 @@ static lg_status read_coordinates(reading *r, const lg_key_value *value) {
     const yaml_node_t *list = value->node;
     if (list->type != YAML_SEQUENCE_NODE || lg_node_items(list) == 0)
         return LG_FAULT(r, value->line, "coordinates: expected a list of {name: ..., kind: ...}");
-    for (size_t i = 0; i < lg_node_items(list); i++) LG_TRY(read_coordinate(r, lg_node_item(r, list, i)));
+    for (size_t i = 0; i < lg_node_items(list); i++)
+        LG_TRY(read_coordinate(r, lg_node_item(r->yaml, list, i)));
     return LG_OK;
 }
 
@@ -334,7 +329,7 @@ static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_valu
     if (map->type != YAML_MAPPING_NODE)
         return LG_FAULT(r, value->line, "%s: expected {COLUMN: number}", key->name);
     for (pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
-        const yaml_node_t *name = lg_node_at(r, pair->key), *number = lg_node_at(r, pair->value);
+        const yaml_node_t *name = lg_node_at(r->yaml, pair->key), *number = lg_node_at(r->yaml, pair->value);
         lg_log_column *column = name->type == YAML_SCALAR_NODE
                                     ? find_column(r->out, (const char *)name->data.scalar.value)
                                     : NULL;

@@ -4,7 +4,6 @@
 #define LG_MACHINE_READING_H
 
 #include <string.h>
-#include <yaml.h>
 
 #include "settings/files/yaml.h"
 #include "liegrad/machine.h"
@@ -34,24 +33,13 @@ typedef struct lg_machine_reading {
 
 /* ---- nodes ---- */
 
-static inline uint32_t lg_node_line(const yaml_node_t *node) {
-    return (uint32_t)node->start_mark.line + 1;
-}
-static inline yaml_node_t *lg_node_at(const lg_machine_reading *r, int index) {
-    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
-}
 static inline bool lg_node_is(const yaml_node_t *node, const char *word) {
     return node->type == YAML_SCALAR_NODE && node->data.scalar.length == strlen(word) &&
            memcmp(node->data.scalar.value, word, strlen(word)) == 0;
 }
-/* How many items a list has, and item i; another node counts as one item. */
+/* How many items a list has; another node counts as one item. */
 static inline size_t lg_node_items(const yaml_node_t *node) {
-    if (node->type != YAML_SEQUENCE_NODE) return 1;
-    return (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
-}
-static inline const yaml_node_t *lg_node_item(const lg_machine_reading *r, const yaml_node_t *node,
-                                              size_t i) {
-    return node->type == YAML_SEQUENCE_NODE ? lg_node_at(r, node->data.sequence.items.start[i]) : node;
+    return node->type == YAML_SEQUENCE_NODE ? lg_node_length(node) : 1;
 }
 
 /* Calls visit(r, line, text, user) for the text of a scalar, or for each text of a list. `what` names the key

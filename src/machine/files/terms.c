@@ -4,7 +4,6 @@
 
 #include "machine/files/reading.h"
 #include "machine/internal.h"
-#include "settings/names.h"
 
 typedef lg_machine_reading reading;
 
@@ -30,12 +29,12 @@ static const lg_field keys[KEY_COUNT] = {
     [KEY_FORM] = {.name = "form", .type = LG_FIELD_TEXT},
     [KEY_OF] = LG_NODE("of"),
     [KEY_HIDDEN] = LG_KEY_HIDDEN,
-    [KEY_ACTIVATION] =
-        LG_FIELD(lg_machine_term, NULL, "activation", NAME, activation, .value_name = lg_name_activation),
+    [KEY_ACTIVATION] = LG_FIELD(lg_machine_term, NULL, "activation", NAME, activation,
+                                LG_NAMED(lg_activation_name, LG_ACTIVATION_COUNT)),
     [KEY_DEGREE] = LG_FIELD(lg_machine_term, NULL, "degree", U32, degree, .low = 1, .high = 8),
     [KEY_VALUES] = LG_NODE("values", .low = -DBL_MAX, .high = DBL_MAX),
-    [KEY_COULOMB] = {.name = "coulomb", .type = LG_FIELD_NAME, .value_name = lg_name_truth},
-    [KEY_QUADRATIC] = {.name = "quadratic", .type = LG_FIELD_NAME, .value_name = lg_name_truth},
+    [KEY_COULOMB] = {.name = "coulomb", .type = LG_FIELD_NAME, LG_NAMES("false", "true")},
+    [KEY_QUADRATIC] = {.name = "quadratic", .type = LG_FIELD_NAME, LG_NAMES("false", "true")},
     [KEY_WIDTH] = {.name = "width", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
     [KEY_COULOMB_WIDTH] = {.name = "coulomb_width", .type = LG_FIELD_REAL, .above = true, .high = DBL_MAX},
 };
@@ -159,7 +158,7 @@ static lg_status read_values(reading *r, const lg_key_value *value, lg_machine_t
     LG_TRY(lg_yaml_entries(r->yaml, key, value, 1, &shape[0], r->error));
     const yaml_node_t *list = value->node;
     if (list->type == YAML_SEQUENCE_NODE) {
-        const yaml_node_t *first = lg_node_item(r, list, 0);
+        const yaml_node_t *first = lg_node_item(r->yaml, list, 0);
         const lg_key_value row = {.line = lg_node_line(first), .node = first};
         LG_TRY(lg_yaml_entries(r->yaml, key, &row, 1, &shape[1], r->error));
     }
@@ -330,7 +329,8 @@ lg_status lg_machine_read_terms(reading *r, lg_machine_part part, const lg_key_v
     const yaml_node_t *node = value->node;
     if (lg_node_items(node) == 0)
         return LG_FAULT(r, value->line, "%s: the list is empty", lg_machine_part_name(part));
-    for (size_t i = 0; i < lg_node_items(node); i++) LG_TRY(read_one(r, part, lg_node_item(r, node, i)));
+    for (size_t i = 0; i < lg_node_items(node); i++)
+        LG_TRY(read_one(r, part, lg_node_item(r->yaml, node, i)));
     return LG_OK;
 }
 

@@ -82,23 +82,14 @@ static bool known_elsewhere(const char *name) {
 
 /* ---- the keys of one system ---- */
 
-static const char *starts_name(uint32_t value) {
-    static const char *const names[LG_STARTS_COUNT] = {
-        [LG_STARTS_THESIS] = "thesis", [LG_STARTS_BOX] = "box", [LG_STARTS_PLANE] = "plane"};
-    return value < LG_COUNT(names) ? names[value] : NULL;
-}
-
-static const char *reference_name(uint32_t value) {
-    return value == 0 ? "parabola" : NULL;
-}
-
 static const lg_field common_keys[] = {
     {.name = "system", .type = LG_FIELD_NAME, .required = true, .value_name = system_name},
     {.name = "form", .type = LG_FIELD_TEXT},
     LG_FIELD(lg_scene, NULL, "t_end", REAL, t_end, .above = true, .high = LARGEST),
     LG_MAP("initial"),
     LG_MAP("starts"),
-    LG_FIELD(lg_scene, NULL, "starts.kind", NAME, starts, .required = true, .value_name = starts_name),
+    LG_FIELD(lg_scene, NULL, "starts.kind", NAME, starts, .required = true,
+             LG_NAMES([LG_STARTS_THESIS] = "thesis", [LG_STARTS_BOX] = "box", [LG_STARTS_PLANE] = "plane")),
     LG_FIELD(lg_scene, NULL, "starts.low", REAL, low, .low = -LARGEST, .high = LARGEST),
     LG_FIELD(lg_scene, NULL, "starts.high", REAL, high, .low = -LARGEST, .high = LARGEST),
     LG_FIELD(lg_scene, NULL, "starts.segments", U32, segments, .low = 1, .high = 1000),
@@ -106,8 +97,7 @@ static const lg_field common_keys[] = {
     LG_FIELD(lg_scene, NULL, "ensemble", TEXT, ensemble, .low = 0),
 };
 static const lg_field links_key = {.name = "links", .type = LG_FIELD_U32, .low = 1, .high = MAX_LINKS};
-static const lg_field reference_key = {
-    .name = "reference", .type = LG_FIELD_NAME, .value_name = reference_name};
+static const lg_field reference_key = {.name = "reference", .type = LG_FIELD_NAME, LG_NAMES("parabola")};
 
 /* The line of a common key; 0: the file does not have it. */
 static uint32_t line_at(const lg_key_value *values, const char *name) {

@@ -77,7 +77,6 @@ typedef struct lg_trainer {
     const char *method;      /* name of the field that `methods` in other rows refers to; NULL: none */
     /* field that a search does not vary, since its own --validation-fraction replaces it; may be NULL */
     const char *held_out;
-    const char *kept; /* option that names another input file; may be NULL */
     /* values of the field "hidden" that --size auto compares, from small to large, ended by NULL; NULL: the
      * run has no such field */
     const char *const *sizes;
@@ -113,6 +112,10 @@ typedef struct lg_trainer {
     void (*release)(lg_training *self); /* frees what prepare, hold_out and problem made; may be NULL */
     void (*close)(lg_training *self);   /* frees what read made; may be NULL */
 } lg_trainer;
+
+/* The row of --test, for a member of this name: a file with other data than those that are learned. */
+#define LG_TEST_ROW(struct_, ...)                                                                            \
+    LG_OPTION(struct_, test, STRING, __VA_ARGS__, .usual = true, .file = LG_FILE_READ)
 
 /* Warns the user: a sentence for the context's log. */
 #define LG_WARN(self, ...) lg_log_message((self)->context, LG_LOG_WARNING, __VA_ARGS__)

@@ -54,7 +54,7 @@ lg_status lg_field_check(const char *path, const lg_field *r, const void *run, l
     if (!infinite && lg_field_fits(r, run)) return LG_OK;
     if (r->above && r->low == 0)
         (void)snprintf(range, sizeof range, ": expected a positive number");
-    else if (r->value_name == NULL)
+    else if (lg_field_name(r, 0) == NULL)
         (void)lg_format(range, sizeof range, ": expected %g to %g", r->low, r->high);
     return lg_fail(error, infinite ? LG_NOT_FINITE : status, "%s: %s is %s%s", lg_shown_path(path),
                    place_of(r, place, sizeof place), infinite ? "not finite" : "out of range", range);

@@ -6,7 +6,6 @@
 #include <stddef.h>
 #include <stdio.h>
 #include <string.h>
-#include <yaml.h>
 
 #include "files/csv.h"
 #include "files/h5.h"
@@ -33,14 +32,6 @@ typedef struct reading {
     lg_error *error;
 } reading;
 
-static uint32_t line_of(const yaml_node_t *node) {
-    return (uint32_t)node->start_mark.line + 1;
-}
-
-static yaml_node_t *node_at(const reading *r, int index) {
-    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
-}
-
 static size_t pairs_of(const yaml_node_t *map) {
     return (size_t)(map->data.mapping.pairs.top - map->data.mapping.pairs.start);
 }
@@ -48,11 +39,9 @@ static size_t pairs_of(const yaml_node_t *map) {
 /* Copies a scalar that is shorter than `size` and contains no zero byte. Returns false for other nodes and
  * for an empty scalar. */
 static bool copy_text(const yaml_node_t *node, char *out, size_t size) {
-    if (node->type != YAML_SCALAR_NODE) return false;
-    const size_t length = node->data.scalar.length;
-    if (length == 0 || length >= size || memchr(node->data.scalar.value, '\0', length) != NULL) return false;
-    memcpy(out, node->data.scalar.value, length);
-    out[length] = '\0';
+    const char *text = lg_node_text(node, size);
+    if (text == NULL || text[0] == '\0') return false;
+    memcpy(out, text, strlen(text) + 1);
     return true;
 }
 
@@ -81,16 +70,14 @@ static uint32_t seen(const lg_search_file *file, const char *name) {
 /* Reads the name of the next entry. `count` is the number of entries so far. */
 static lg_status read_key(const reading *r, const yaml_node_t *node, size_t count, char name[LG_RANGE_NAME]) {
     if (count == LG_RANGE_MAX)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "there are more than %d entries",
-                            LG_RANGE_MAX);
+        return LG_FAIL_AT(r->yaml, node, r->error, "there are more than %d entries", LG_RANGE_MAX);
     if (!copy_name(node, name))
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "the name of an option is expected: up to %d letters, digits, - and _",
-                            LG_RANGE_NAME - 1);
+        return LG_FAIL_AT(r->yaml, node, r->error,
+                          "the name of an option is expected: up to %d letters, digits, - and _",
+                          LG_RANGE_NAME - 1);
     const uint32_t line = seen(r->out, name);
     if (line == 0) return LG_OK;
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "'%s' stands twice, first on line %u",
-                        name, line);
+    return LG_FAIL_AT(r->yaml, node, r->error, "'%s' stands twice, first on line %u", name, line);
 }
 
 static lg_status read_fixed(const reading *r, const yaml_node_t *map) {
@@ -98,14 +85,14 @@ static lg_status read_fixed(const reading *r, const yaml_node_t *map) {
     const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
     for (; pair < map->data.mapping.pairs.top; pair++) {
         const size_t i = out->fixed_count;
-        const yaml_node_t *value = node_at(r, pair->value);
+        const yaml_node_t *value = lg_node_at(r->yaml, pair->value);
         char name[LG_RANGE_NAME] = "";
-        LG_TRY(read_key(r, node_at(r, pair->key), i, name));
+        LG_TRY(read_key(r, lg_node_at(r->yaml, pair->key), i, name));
         if (!copy_text(value, out->fixed_value[i], LG_SEARCH_FIXED_TEXT))
-            return lg_yaml_fail(r->yaml, line_of(value), LG_FORMAT, r->error,
-                                "%s: a value of 1 to %d bytes is expected", name, LG_SEARCH_FIXED_TEXT - 1);
+            return LG_FAIL_AT(r->yaml, value, r->error, "%s: a value of 1 to %d bytes is expected", name,
+                              LG_SEARCH_FIXED_TEXT - 1);
         memcpy(out->fixed_name[i], name, sizeof name);
-        out->fixed_line[i] = line_of(value);
+        out->fixed_line[i] = lg_node_line(value);
         out->fixed_count++;
     }
     return LG_OK;
@@ -113,17 +100,15 @@ static lg_status read_fixed(const reading *r, const yaml_node_t *map) {
 
 static lg_status read_choices(const reading *r, const yaml_node_t *list, lg_range *range) {
     if (list->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(r->yaml, line_of(list), LG_FORMAT, r->error, "%s: a list is expected",
-                            range->name);
-    const yaml_node_item_t *item = list->data.sequence.items.start;
-    for (; item < list->data.sequence.items.top; item++) {
-        const yaml_node_t *node = node_at(r, *item);
+        return LG_FAIL_AT(r->yaml, list, r->error, "%s: a list is expected", range->name);
+    for (size_t i = 0; i < lg_node_length(list); i++) {
+        const yaml_node_t *node = lg_node_item(r->yaml, list, i);
         if (range->choices == LG_RANGE_MAX_CHOICES)
-            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                                "%s: there are more than %d choices", range->name, LG_RANGE_MAX_CHOICES);
+            return LG_FAIL_AT(r->yaml, node, r->error, "%s: there are more than %d choices", range->name,
+                              LG_RANGE_MAX_CHOICES);
         if (!copy_text(node, range->choice[range->choices], LG_RANGE_NAME))
-            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                                "%s: a choice of 1 to %d bytes is expected", range->name, LG_RANGE_NAME - 1);
+            return LG_FAIL_AT(r->yaml, node, r->error, "%s: a choice of 1 to %d bytes is expected",
+                              range->name, LG_RANGE_NAME - 1);
         range->choices++;
     }
     return LG_OK;
@@ -131,7 +116,7 @@ static lg_status read_choices(const reading *r, const yaml_node_t *list, lg_rang
 
 static lg_status read_bounds(const reading *r, const yaml_node_t *list, lg_range *range) {
     const lg_field key = {.name = range->name, .type = LG_FIELD_NODE, .low = -DBL_MAX, .high = DBL_MAX};
-    const lg_key_value value = {.line = line_of(list), .node = list};
+    const lg_key_value value = {.line = lg_node_line(list), .node = list};
     double bounds[2] = {0, 0};
     LG_TRY(lg_yaml_block(r->yaml, &key, &value, (const size_t[3]){2, 1, 1}, bounds, NULL, r->error));
     range->low = bounds[0];
@@ -144,33 +129,33 @@ static lg_status read_range(const reading *r, const yaml_node_t *node, lg_range 
     char kind[LG_RANGE_NAME] = "";
     const bool one = node->type == YAML_MAPPING_NODE && pairs_of(node) == 1;
     const yaml_node_pair_t *pair = one ? node->data.mapping.pairs.start : NULL;
-    const bool named = one && copy_text(node_at(r, pair->key), kind, sizeof kind);
+    const bool named = one && copy_text(lg_node_at(r->yaml, pair->key), kind, sizeof kind);
     for (size_t i = 0; named && i < LG_COUNT(kind_names); i++) {
         if (strcmp(kind, kind_names[i]) != 0) continue;
-        const yaml_node_t *list = node_at(r, pair->value);
+        const yaml_node_t *list = lg_node_at(r->yaml, pair->value);
         range->kind = (lg_range_kind)i;
         return range->kind == LG_RANGE_CHOICE ? read_choices(r, list, range) : read_bounds(r, list, range);
     }
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                        "%s: one of {uniform: [low, high]}, {log-uniform: [low, high]}, {integer: [low, "
-                        "high]}, {choice: [...]} is expected",
-                        range->name);
+    return LG_FAIL_AT(r->yaml, node, r->error,
+                      "%s: one of {uniform: [low, high]}, {log-uniform: [low, high]}, {integer: [low, "
+                      "high]}, {choice: [...]} is expected",
+                      range->name);
 }
 
 static lg_status read_ranges(const reading *r, const yaml_node_t *map) {
     lg_search_space *space = &r->out->space;
     const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
     for (; pair < map->data.mapping.pairs.top; pair++) {
-        const yaml_node_t *value = node_at(r, pair->value);
+        const yaml_node_t *value = lg_node_at(r->yaml, pair->value);
         lg_range *range = &space->ranges[space->count];
         lg_error inner = {LG_OK, ""};
         char name[LG_RANGE_NAME] = "";
-        LG_TRY(read_key(r, node_at(r, pair->key), space->count, name));
+        LG_TRY(read_key(r, lg_node_at(r->yaml, pair->key), space->count, name));
         memcpy(range->name, name, sizeof name);
         LG_TRY(read_range(r, value, range));
-        r->out->line[space->count++] = line_of(value);
+        r->out->line[space->count++] = lg_node_line(value);
         if (lg_search_space_check(space, &inner) != LG_OK)
-            return lg_yaml_fail(r->yaml, line_of(value), LG_FORMAT, r->error, "%s", inner.message);
+            return LG_FAIL_AT(r->yaml, value, r->error, "%s", inner.message);
     }
     return LG_OK;
 }

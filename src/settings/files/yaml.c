@@ -5,7 +5,6 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
-#include <yaml.h>
 
 #define MAX_BYTES ((size_t)1 << 20)
 #define MAX_DEPTH 16 /* most lists and mappings that are open at once */
@@ -39,8 +38,29 @@ lg_status lg_yaml_fail(const lg_yaml *yaml, uint32_t line, lg_status status, lg_
     return lg_fail(error, status, "%s: line %u: %s", lg_shown_path(yaml->path), line, text);
 }
 
-static uint32_t line_of(const yaml_node_t *node) {
+/* ---- nodes ---- */
+
+uint32_t lg_node_line(const yaml_node_t *node) {
     return (uint32_t)node->start_mark.line + 1;
+}
+
+yaml_node_t *lg_node_at(lg_yaml *yaml, int index) {
+    return yaml_document_get_node(&yaml->document, index);
+}
+
+size_t lg_node_length(const yaml_node_t *node) {
+    if (node->type != YAML_SEQUENCE_NODE) return 0;
+    return (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
+}
+
+const yaml_node_t *lg_node_item(lg_yaml *yaml, const yaml_node_t *node, size_t i) {
+    return node->type == YAML_SEQUENCE_NODE ? lg_node_at(yaml, node->data.sequence.items.start[i]) : node;
+}
+
+const char *lg_node_text(const yaml_node_t *node, size_t size) {
+    if (node->type != YAML_SCALAR_NODE || node->data.scalar.length >= size) return NULL;
+    const char *text = (const char *)node->data.scalar.value;
+    return strlen(text) == node->data.scalar.length ? text : NULL;
 }
 
 /* ---- opening ---- */
@@ -132,7 +152,7 @@ lg_status lg_yaml_next(lg_yaml *yaml, bool *more, lg_error *error) {
     yaml->root = yaml_document_get_root_node(&yaml->document);
     *more = yaml->root != NULL;
     if (!*more || yaml->root->type == YAML_MAPPING_NODE) return LG_OK;
-    return lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "keys and values are expected");
+    return LG_FAIL_AT(yaml, yaml->root, error, "keys and values are expected");
 }
 
 lg_status lg_yaml_open_several(const lg_context *context, const char *path, const void *data, size_t bytes,
@@ -159,8 +179,7 @@ lg_status lg_yaml_open_text(const lg_context *context, const char *path, const v
     LG_TRY(load(yaml, &next, error));
     const yaml_node_t *second = yaml_document_get_root_node(&next);
     if (second == NULL) return LG_MOVE(out, yaml);
-    return lg_yaml_fail(yaml, line_of(second), LG_FORMAT, error,
-                        "a second document begins here, but a file can have only one");
+    return LG_FAIL_AT(yaml, second, error, "a second document begins here, but a file can have only one");
 }
 
 lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error) {
@@ -193,18 +212,11 @@ static const char *shown(const yaml_node_t *node, char out[NAME_SIZE]) {
     return out;
 }
 
-/* Returns the text of a scalar that is shorter than `size` and contains no zero byte, or NULL. */
-static const char *plain_text(const yaml_node_t *node, size_t size) {
-    if (node->type != YAML_SCALAR_NODE || node->data.scalar.length >= size) return NULL;
-    const char *text = (const char *)node->data.scalar.value;
-    return strlen(text) == node->data.scalar.length ? text : NULL;
-}
-
 static lg_status read_number(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, double *out,
                              lg_error *error) {
     char show[NAME_SIZE];
-    uint32_t line = line_of(node);
-    const char *text = plain_text(node, 512);
+    uint32_t line = lg_node_line(node);
+    const char *text = lg_node_text(node, 512);
     bool whole = key->type == LG_FIELD_U32 || key->type == LG_FIELD_U64 || key->type == LG_FIELD_WHOLES;
     if (node->type != YAML_SCALAR_NODE)
         return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: a number is expected", key->name);
@@ -232,9 +244,9 @@ static lg_status read_name(const lg_yaml *yaml, const lg_field *key, const yaml_
                            lg_error *error) {
     char show[NAME_SIZE];
     lg_name_list known = {.used = 0};
-    const char *text = plain_text(node, NAME_SIZE);
+    const char *text = lg_node_text(node, NAME_SIZE);
     if (node->type != YAML_SCALAR_NODE)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a name is expected", key->name);
+        return LG_FAIL_AT(yaml, node, error, "%s: a name is expected", key->name);
     const char *name;
     for (uint32_t value = 0; (name = lg_field_name(key, value)) != NULL; value++) {
         if (text != NULL && strcmp(text, name) == 0) {
@@ -243,8 +255,8 @@ static lg_status read_name(const lg_yaml *yaml, const lg_field *key, const yaml_
         }
         lg_name_list_add(&known, name);
     }
-    return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: '%s' is none of %s%s", key->name,
-                        shown(node, show), known.text, key->hint != NULL ? key->hint : "");
+    return LG_FAIL_AT(yaml, node, error, "%s: '%s' is none of %s%s", key->name, shown(node, show), known.text,
+                      key->hint != NULL ? key->hint : "");
 }
 
 /* ---- values ---- */
@@ -256,8 +268,7 @@ static bool is_names(const lg_field *key) {
 static lg_status add_scalar(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
                             lg_key_value *value, lg_error *error) {
     if (value->count >= LG_VALUES)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: there are too many values",
-                            key->name);
+        return LG_FAIL_AT(yaml, node, error, "%s: there are too many values", key->name);
     double number = 0;
     LG_TRY(is_names(key) ? read_name(yaml, key, node, &number, error)
                          : read_number(yaml, key, node, &number, error));
@@ -265,24 +276,18 @@ static lg_status add_scalar(const lg_yaml *yaml, const lg_field *key, const yaml
     return LG_OK;
 }
 
-static lg_status add_items(lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, lg_key_value *value,
-                           lg_error *error) {
-    const yaml_node_item_t *item = node->data.sequence.items.start;
-    for (; item < node->data.sequence.items.top; item++)
-        LG_TRY(add_scalar(yaml, key, yaml_document_get_node(&yaml->document, *item), value, error));
-    return LG_OK;
-}
-
 static lg_status read_list(lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, lg_key_value *value,
                            lg_error *error) {
     if (node->type == YAML_SCALAR_NODE) return add_scalar(yaml, key, node, value, error);
     if (node->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a list is expected", key->name);
-    size_t count = (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
+        return LG_FAIL_AT(yaml, node, error, "%s: a list is expected", key->name);
+    const size_t count = lg_node_length(node);
     if (count == 0 || count > key->most)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: has %zu values, 1 to %u are expected",
-                            key->name, count, key->most);
-    return add_items(yaml, key, node, value, error);
+        return LG_FAIL_AT(yaml, node, error, "%s: has %zu values, 1 to %u are expected", key->name, count,
+                          key->most);
+    for (size_t i = 0; i < count; i++)
+        LG_TRY(add_scalar(yaml, key, lg_node_item(yaml, node, i), value, error));
+    return LG_OK;
 }
 
 /* True if the field is an integer up to 2^64 - 1, which may be too large for a double to hold exactly. */
@@ -293,30 +298,28 @@ static bool is_exact(const lg_field *key) {
 static lg_status read_whole(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
                             lg_key_value *value, lg_error *error) {
     char show[NAME_SIZE];
-    const char *text = plain_text(node, 64);
+    const char *text = lg_node_text(node, 64);
     if (node->type != YAML_SCALAR_NODE)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a whole number is expected",
-                            key->name);
+        return LG_FAIL_AT(yaml, node, error, "%s: a whole number is expected", key->name);
     if (text == NULL || node->data.scalar.style != YAML_PLAIN_SCALAR_STYLE ||
         lg_integer_parse(text, &value->whole) != LG_OK)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: '%s' is not a whole number",
-                            key->name, shown(node, show));
+        return LG_FAIL_AT(yaml, node, error, "%s: '%s' is not a whole number", key->name, shown(node, show));
     return LG_OK;
 }
 
 static lg_status read_text(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
                            lg_key_value *value, lg_error *error) {
-    const char *text = plain_text(node, sizeof value->text);
+    const char *text = lg_node_text(node, sizeof value->text);
     if (text == NULL || *text == '\0')
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a text of 1 to %zu bytes is expected",
-                            key->name, sizeof value->text - 1);
+        return LG_FAIL_AT(yaml, node, error, "%s: a text of 1 to %zu bytes is expected", key->name,
+                          sizeof value->text - 1);
     memcpy(value->text, text, strlen(text) + 1);
     return LG_OK;
 }
 
 static lg_status read_value(lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, lg_key_value *value,
                             lg_error *error) {
-    *value = (lg_key_value){.line = line_of(node)};
+    *value = (lg_key_value){.line = lg_node_line(node)};
     if (is_exact(key)) return read_whole(yaml, key, node, value, error);
     switch (key->type) {
     case LG_FIELD_TEXT:
@@ -335,30 +338,21 @@ static lg_status read_value(lg_yaml *yaml, const lg_field *key, const yaml_node_
         return add_scalar(yaml, key, node, value, error);
     }
     if (node->type == YAML_MAPPING_NODE) return LG_OK;
-    return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: keys and values are expected", key->name);
+    return LG_FAIL_AT(yaml, node, error, "%s: keys and values are expected", key->name);
 }
 
 /* ---- blocks ---- */
 
-static size_t length_of(const yaml_node_t *node) {
-    if (node->type != YAML_SEQUENCE_NODE) return 0;
-    return (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
-}
-
-static const yaml_node_t *item_at(lg_yaml *yaml, const yaml_node_t *node, size_t index) {
-    return yaml_document_get_node(&yaml->document, node->data.sequence.items.start[index]);
-}
-
 lg_status lg_yaml_entries(lg_yaml *yaml, const lg_field *key, const lg_key_value *value, size_t inner,
                           size_t *out, lg_error *error) {
     const yaml_node_t *node = value->node;
-    const size_t length = length_of(node);
+    const size_t length = lg_node_length(node);
     bool alone = node->type == YAML_SCALAR_NODE && inner == 1;
     if (!alone && node->type != YAML_SEQUENCE_NODE)
         return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "%s: a list is expected", key->name);
     if (!alone && length == 0)
         return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "%s: is an empty list", key->name);
-    if (!alone && inner > 1) alone = item_at(yaml, node, 0)->type == YAML_SCALAR_NODE;
+    if (!alone && inner > 1) alone = lg_node_item(yaml, node, 0)->type == YAML_SCALAR_NODE;
     *out = alone ? 1 : length;
     return LG_OK;
 }
@@ -376,21 +370,21 @@ static lg_status read_level(block *b, const yaml_node_t *node, size_t level) {
     if (level == 3) {
         LG_TRY(read_number(b->yaml, b->key, node, b->out, b->error));
         b->out++;
-        if (b->line != NULL) *b->line++ = line_of(node);
+        if (b->line != NULL) *b->line++ = lg_node_line(node);
         return LG_OK;
     }
-    const size_t expected = b->shape[level], length = length_of(node);
+    const size_t expected = b->shape[level], length = lg_node_length(node);
     if (expected == 1 && length != 1) return read_level(b, node, level + 1);
     size_t inner = 1;
     for (size_t l = level + 1; l < 3; l++) inner *= b->shape[l];
     const char *what = inner == 1 ? "number" : "row", *plural = expected == 1 ? "" : "s";
     if (node->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(b->yaml, line_of(node), LG_FORMAT, b->error, "%s: a list of %zu %s%s is expected",
-                            b->key->name, expected, what, plural);
+        return LG_FAIL_AT(b->yaml, node, b->error, "%s: a list of %zu %s%s is expected", b->key->name,
+                          expected, what, plural);
     if (length != expected)
-        return lg_yaml_fail(b->yaml, line_of(node), LG_FORMAT, b->error, "%s: has %zu %s%s, %zu are expected",
-                            b->key->name, length, what, length == 1 ? "" : "s", expected);
-    for (size_t i = 0; i < length; i++) LG_TRY(read_level(b, item_at(b->yaml, node, i), level + 1));
+        return LG_FAIL_AT(b->yaml, node, b->error, "%s: has %zu %s%s, %zu are expected", b->key->name, length,
+                          what, length == 1 ? "" : "s", expected);
+    for (size_t i = 0; i < length; i++) LG_TRY(read_level(b, lg_node_item(b->yaml, node, i), level + 1));
     return LG_OK;
 }
 
@@ -407,7 +401,7 @@ static const yaml_node_t *find_below(const lg_yaml *yaml, const yaml_node_t *map
     yaml_document_t *document = (yaml_document_t *)&yaml->document; /* only read here */
     const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
     for (; pair < map->data.mapping.pairs.top; pair++) {
-        const char *text = plain_text(yaml_document_get_node(document, pair->key), NAME_SIZE);
+        const char *text = lg_node_text(yaml_document_get_node(document, pair->key), NAME_SIZE);
         if (text != NULL && strlen(text) == length && memcmp(text, key, length) == 0)
             return yaml_document_get_node(document, pair->value);
     }
@@ -424,8 +418,7 @@ bool lg_yaml_has(const lg_yaml *yaml, const char *key) {
 
 lg_status lg_yaml_name(lg_yaml *yaml, const lg_field *key, lg_key_value *value, lg_error *error) {
     const yaml_node_t *node = find_below(yaml, yaml->root, key->name, strlen(key->name));
-    if (node == NULL)
-        return lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "key '%s' is missing", key->name);
+    if (node == NULL) return LG_FAIL_AT(yaml, yaml->root, error, "key '%s' is missing", key->name);
     return read_value(yaml, key, node, value, error);
 }
 
@@ -469,11 +462,9 @@ static lg_status unknown_key(const reading *r, const yaml_node_t *node, const ch
         }
     const char *key = shown(node, show);
     if (elsewhere)
-        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
-                            "key '%s%s' does not belong to system %s; known: %s", prefix, key, r->system,
-                            known.text);
-    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "unknown key '%s%s'; known: %s", prefix,
-                        key, known.text);
+        return LG_FAIL_AT(r->yaml, node, r->error, "key '%s%s' does not belong to system %s; known: %s",
+                          prefix, key, r->system, known.text);
+    return LG_FAIL_AT(r->yaml, node, r->error, "unknown key '%s%s'; known: %s", prefix, key, known.text);
 }
 
 static lg_status read_map(const reading *r, const yaml_node_t *map, const char *prefix);
@@ -482,8 +473,8 @@ static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const 
                            const char *prefix) {
     char name[2 * NAME_SIZE];
     lg_key_value *value = NULL;
-    uint32_t line = line_of(key_node);
-    const char *text = plain_text(key_node, NAME_SIZE);
+    uint32_t line = lg_node_line(key_node);
+    const char *text = lg_node_text(key_node, NAME_SIZE);
     if (key_node->type != YAML_SCALAR_NODE)
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "a key must be a plain name");
     /* A name with a dot would be mistaken for a key of an inner mapping. */
@@ -507,8 +498,7 @@ static lg_status check_required(const reading *r, const yaml_node_t *map, const 
         for (size_t i = 0; i < r->sets[s].count; i++) {
             const lg_field *key = &r->sets[s].keys[i];
             if (key->required && r->sets[s].values[i].line == 0 && name_below(key, prefix) != NULL)
-                return lg_yaml_fail(r->yaml, line_of(map), LG_FORMAT, r->error, "key '%s' is missing",
-                                    key->name);
+                return LG_FAIL_AT(r->yaml, map, r->error, "key '%s' is missing", key->name);
         }
     }
     return LG_OK;
@@ -566,6 +556,6 @@ lg_status lg_yaml_read_below(lg_yaml *yaml, const void *node, const lg_key_set *
     const reading r = {yaml, set, 1, NULL, "", error};
     const yaml_node_t *map = node;
     if (map->type != YAML_MAPPING_NODE)
-        return lg_yaml_fail(yaml, line_of(map), LG_FORMAT, error, "%s: keys and values are expected", what);
+        return LG_FAIL_AT(yaml, map, error, "%s: keys and values are expected", what);
     return read_keys(&r, map);
 }

@@ -6,6 +6,8 @@
 #ifndef LG_YAML_H
 #define LG_YAML_H
 
+#include <yaml.h>
+
 #include "core/clean.h"
 #include "liegrad/settings.h"
 #include "settings/settings.h"
@@ -55,7 +57,15 @@ void lg_yaml_close(lg_yaml *yaml);
 LG_AT(lg_yaml_close, lg_yaml) /* yaml may be NULL */
 const char *lg_yaml_path(const lg_yaml *yaml);
 /* The document of libyaml, for reading what is below a NODE. */
-struct yaml_document_s *lg_yaml_document(lg_yaml *yaml);
+yaml_document_t *lg_yaml_document(lg_yaml *yaml);
+/* Line of a node, from 1; the node with this index in the document. */
+uint32_t lg_node_line(const yaml_node_t *node);
+yaml_node_t *lg_node_at(lg_yaml *yaml, int index);
+/* Number of items of a list, 0 for another node; item `i`, where another node is its own item. */
+size_t lg_node_length(const yaml_node_t *node);
+const yaml_node_t *lg_node_item(lg_yaml *yaml, const yaml_node_t *node, size_t i);
+/* The text of a scalar, shorter than `size` bytes and without zero bytes; else NULL. */
+const char *lg_node_text(const yaml_node_t *node, size_t size);
 
 /* The value of the key `name`, which must be a row of `keys`. */
 const lg_key_value *lg_yaml_value(const lg_field *keys, const lg_key_value *values, const char *name);
@@ -88,5 +98,8 @@ lg_status lg_yaml_block(lg_yaml *yaml, const lg_field *key, const lg_key_value *
 /* Fails with the message "FILE: line 7: ...". */
 lg_status lg_yaml_fail(const lg_yaml *yaml, uint32_t line, lg_status status, lg_error *error,
                        const char *format, ...) __attribute__((format(printf, 5, 6)));
+/* The same for the line of a node, with LG_FORMAT. */
+#define LG_FAIL_AT(yaml, node, error, ...)                                                                   \
+    lg_yaml_fail(yaml, lg_node_line(node), LG_FORMAT, error, __VA_ARGS__)
 
 #endif

@@ -19,8 +19,7 @@
                   .usual = true)
 const lg_field lg_table_given_rows[] = {
     COLUMNS,
-    LG_OPTION(lg_table_given, test, STRING, "TABLE",
-              "Judge the model on this table (default: on the validation part)", .usual = true),
+    LG_TEST_ROW(lg_table_given, "TABLE", "Judge the model on this table (default: on the validation part)"),
     LG_FIELD_END};
 const lg_field lg_table_column_rows[] = {COLUMNS, LG_FIELD_END};
 

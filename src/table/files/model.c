@@ -9,17 +9,14 @@
 
 /* ---- fields of the run ---- */
 
-static const char *name_task(uint32_t value) {
-    return lg_table_task_name((lg_table_task)value);
-}
-
 #define FACT(group, name, type, member, ...) LG_FACT(lg_table_run, group, name, type, member, __VA_ARGS__)
-static const lg_field facts[] = {FACT("model", "task", NAME, model.options.task, .value_name = name_task),
-                                 FACT("model", "inputs", U32, model.net.inputs, .low = 1),
-                                 FACT("model", "outputs", U32, model.net.outputs, .low = 1),
-                                 FACT("run", "rows", U64, rows, .low = 0),
-                                 FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
-                                 LG_FIELD_END};
+static const lg_field facts[] = {
+    FACT("model", "task", NAME, model.options.task, LG_NAMED(lg_table_task_name, LG_TABLE_TASK_COUNT)),
+    FACT("model", "inputs", U32, model.net.inputs, .low = 1),
+    FACT("model", "outputs", U32, model.net.outputs, .low = 1),
+    FACT("run", "rows", U64, rows, .low = 0),
+    FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
+    LG_FIELD_END};
 
 static const lg_table_run defaults; /* zeros */
 

@@ -39,7 +39,7 @@ static const lg_field lg_rotor_fields[] = {
     LG_FIELD(lg_rotor_run, "model", "h", REAL, h, .high = 1e3, .above = true, .value = "0.1", .unit = "S",
              .meaning = "Seconds between the states of a pair, and the step of rk4"),
     TRAINING_ROWS(lg_rotor_run, "method", any_loss, "Pairs", 0, CONSTANT, CONSTANT),
-    TRAINING(lg_rotor_run, validation, REAL, .value = "0", VALIDATION), LG_FIELD_END};
+    VALIDATION(lg_rotor_run, .value = "0"), LG_FIELD_END};
 static const lg_rotor_run defaults;
 
 static lg_status net_of(const lg_rotor_run *run, lg_mlp *net) {
