@@ -129,7 +129,7 @@ static lg_status prepare(ensemble *all, lg_error *error) {
         .links = system->links,
         .parameters = system->parameter_count,
         .constants = lg_system_constants(system),
-        .work = system->row->work ? system->row->work(system->links) : 0,
+        .work = lg_system_own_work(system),
         .varied = o->varied,
         .control = &o->control,
         .steps = o->steps,
