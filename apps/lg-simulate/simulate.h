@@ -146,6 +146,9 @@ typedef struct samples {
     double *t, *y; /* (count); (count, dim) */
 } samples;
 
+/* Only the times of --times, or of --points, `otherwise` by default. */
+void samples_times(const simulation *sim, size_t otherwise, samples *out);
+
 /* Chooses the times from --points, --times, or the steps of the method. Without `wanted`, only the start and
  * the end. */
 void samples_choose(const simulation *sim, const plan *how, bool wanted, samples *out);
