@@ -111,7 +111,7 @@ void horizon_warn(const simulation *sim, const plan *how, const double *y);
 /* A list of rows (t, h, manifold error, drift of each invariant), one row per accepted step. If there are
  * many steps, a row stands for several of them and has their largest values. */
 typedef struct trace {
-    size_t width, count, room, stride, pending;
+    size_t width, count, stride, pending;
     double *rows; /* (count, width) */
 } trace;
 
