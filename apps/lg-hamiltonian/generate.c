@@ -13,9 +13,6 @@ typedef struct generate_values {
     trials_values shared;
 } generate_values;
 
-static const char *const noise_names[] = {"normal", "uniform", NULL};
-static const char *const noise_on_names[] = {"later", "all", NULL};
-
 static const lg_field generate_options[] = {
     LG_OPTION(generate_values, trajectories, U64, "N", "Number of trajectories", .low = 1, .high = 1e9,
               .value = "500"),
@@ -30,11 +27,11 @@ static const lg_field generate_options[] = {
         LG_POSITIVE),
     LG_OPTION(generate_values, noise, REAL, "EPS", "Size of the noise (default 0)", .high = 1e300),
     LG_OPTION(generate_values, noise_kind, NAME, NULL, "normal: EPS N(0,1); uniform: EPS U(-1,1)",
-              .names = noise_names),
+              LG_NAMES("normal", "uniform")),
     LG_OPTION(generate_values, noise_on, NAME, NULL,
               "later: all points but the first; all: the first point too, which is then projected onto its "
               "manifold",
-              .names = noise_on_names),
+              LG_NAMES("later", "all")),
     APP_OUT(generate_values, "FILE", "The HDF5 file to write", .required = true),
     TRIALS_ROWS(generate_values),
     LG_FIELD_END};
@@ -49,9 +46,8 @@ static void report(const app *self, const lg_trajectories *data, double seconds)
     app_result_size(out, "points", data->points, "of each");
     app_result_size(out, "state_size", data->state_dim, "numbers of a point");
     app_result_real(out, "dt", data->dt, NULL);
-    app_json_real(out, "noise", values.noise);
-    app_json_text(out, "noise_kind", noise_names[values.noise_kind]);
-    app_json_text(out, "noise_on", noise_on_names[values.noise_on]);
+    const lg_field *noise = lg_field_find(generate_options, "noise"); /* noise_kind, noise_on follow */
+    for (const lg_field *row = noise; row < noise + 3; row++) app_json_field(out, row, &values);
     app_json_size(out, "seed", self->seed);
     app_json_text(out, "sha256", data->sha256);
     app_result_text(out, "out", values.out, NULL);
