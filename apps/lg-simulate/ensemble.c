@@ -156,7 +156,7 @@ static void read_event(const simulation *sim, char *text, lg_ensemble_event *eve
     if (sign == NULL || lg_number_parse(trimmed(sign + 1), &level) != LG_OK)
         app_stop_usage(sim->self, "--event: expected NAME=VALUE, NAME>VALUE or NAME<VALUE, not '%s'", name);
     text = trimmed(text);
-    if (!component_find(sim, text, &index)) {
+    if (!component_find(sim, text, &index) || index >= sim->dim) {
         char own[NAME_SIZE];
         component_name(sim, 0, own, sizeof own);
         app_stop_usage(sim->self,
