@@ -144,11 +144,13 @@ void lg_surrogate_curves_destroy(lg_surrogate_curves *curves) {
 }
 
 static void put(const run *r, char *values, size_t at, double number) {
-    lg_surrogate_put(r->c->dtype, values, at, &number, 1);
+    lg_put_numbers(r->c->dtype, values, at, &number, 1);
 }
 
 static double number(const run *r, const char *values, size_t at) {
-    return lg_surrogate_get(r->c->dtype, values, at);
+    double out;
+    lg_get_numbers(r->c->dtype, values, at, &out, 1);
+    return out;
 }
 
 /* A curve to be computed: its number in the batch, boundary conditions, and the arrays for its points. q and
@@ -207,7 +209,7 @@ static void points_of(const run *r, const target *t, asked which, const double *
     const bool angle = r->c->model.options.kind == LG_SURROGATE_ANGLE;
     for (size_t at = 0, rows; at < points; at += rows) {
         rows = batch(r, which, points - at);
-        lg_surrogate_put(r->c->dtype, r->s, 0, s + at, rows);
+        lg_put_numbers(r->c->dtype, r->s, 0, s + at, rows);
         ask(r, t, which, rows);
         for (size_t i = 0; i < 2 * rows; i++) {
             const double f = number(r, r->q, angle ? i / 2 : i);
@@ -299,7 +301,7 @@ void lg_surrogate_curve(const lg_surrogate_curves *curves, const double *x, cons
     const target t = {0, x, q, v};
     size_t bytes;
     const run r = cut_run(curves, work, &bytes);
-    lg_surrogate_put(curves->dtype, r.x, 0, x, 8);
+    lg_put_numbers(curves->dtype, r.x, 0, x, 8);
     make(&r);
     read_points(&r, &t, s, points);
 }
@@ -386,7 +388,7 @@ static void judge_all(judging *j, const lg_surrogate_curves *curves, void *work)
     for (size_t start = 0, count; start < j->count; start += count) {
         count = batch(&r, MADE, j->count - start);
         for (size_t i = 0; i < curves->rows[MADE]; i++)
-            lg_surrogate_put(curves->dtype, r.x, 8 * i, boundary_of(j, start + (i < count ? i : 0)), 8);
+            lg_put_numbers(curves->dtype, r.x, 8 * i, boundary_of(j, start + (i < count ? i : 0)), 8);
         make(&r);
         for (size_t i = 0; i < count; i++) {
             const double *x = boundary_of(j, start + i);

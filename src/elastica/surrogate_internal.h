@@ -71,15 +71,4 @@ void lg_surrogate_force(double length, uint32_t intervals, const double *q, cons
 lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,
                                     lg_error *error);
 
-static inline void lg_surrogate_put(lg_dtype dtype, void *values, size_t at, const double *from, size_t n) {
-    if (dtype == LG_F64)
-        for (size_t i = 0; i < n; i++) ((double *)values)[at + i] = from[i];
-    else
-        for (size_t i = 0; i < n; i++) ((float *)values)[at + i] = (float)from[i];
-}
-
-static inline double lg_surrogate_get(lg_dtype dtype, const void *values, size_t at) {
-    return dtype == LG_F64 ? ((const double *)values)[at] : (double)((const float *)values)[at];
-}
-
 #endif
