@@ -59,20 +59,6 @@ lg_status lg_ranks_gather_parts(const lg_ranks *ranks, size_t total, size_t item
 /* Fills `error` (may be NULL) with the reason why an exchange failed with `status`, and returns `status`. */
 lg_status lg_ranks_lost(const lg_ranks *ranks, lg_status status, lg_error *error);
 
-/* Writes n doubles from number `at` on of an array of this type, or reads them. */
-static inline void lg_put_numbers(lg_dtype dtype, void *to, size_t at, const double *from, size_t n) {
-    if (dtype == LG_F64)
-        for (size_t i = 0; i < n; i++) ((double *)to)[at + i] = from[i];
-    else
-        for (size_t i = 0; i < n; i++) ((float *)to)[at + i] = (float)from[i];
-}
-static inline void lg_get_numbers(lg_dtype dtype, const void *from, size_t at, double *to, size_t n) {
-    if (dtype == LG_F64)
-        for (size_t i = 0; i < n; i++) to[i] = ((const double *)from)[at + i];
-    else
-        for (size_t i = 0; i < n; i++) to[i] = (double)((const float *)from)[at + i];
-}
-
 bool lg_cancelled(const lg_context *context);
 /* Calls `replace` of the context (lg_context_options) and returns its status; LG_OK if `replace` is NULL. */
 lg_status lg_may_replace(const lg_context *context, const char *path, const void *data, size_t bytes,

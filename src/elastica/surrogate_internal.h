@@ -2,6 +2,7 @@
 #ifndef LG_SURROGATE_INTERNAL_H
 #define LG_SURROGATE_INTERNAL_H
 
+#include "core/numbers.h"
 #include "liegrad/elastica.h"
 
 /* Gauss's rule of 3 points on [0, 1]: abscissae (1 - sqrt(3/5))/2, 1/2, (1 + sqrt(3/5))/2, and weights. */

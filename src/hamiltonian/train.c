@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "core/numbers.h"
 #include "integrators/stepper.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
