@@ -51,15 +51,12 @@ double wrap_angle(double angle) {
 
 void boundary_vector(const lg_elastica *problem, double x[8]) {
     const double end = problem->theta0 + problem->rotation;
-    const double values[8] = {problem->q0[0],
-                              problem->q0[1],
-                              cos(problem->theta0),
-                              sin(problem->theta0),
-                              problem->qN[0],
-                              problem->qN[1],
-                              cos(end),
-                              sin(end)};
-    for (size_t i = 0; i < 8; i++) x[i] = values[i];
+    memcpy(x, problem->q0, sizeof problem->q0);
+    x[2] = cos(problem->theta0);
+    x[3] = sin(problem->theta0);
+    memcpy(x + 4, problem->qN, sizeof problem->qN);
+    x[6] = cos(end);
+    x[7] = sin(end);
 }
 
 void boundary_rotations(double theta0, double thetaN, boundary *out) {

@@ -26,19 +26,12 @@ static beam_curve create_curve(const lg_elastica *problem) {
 static lg_status solve_one(const lg_context *context, const lg_elastica_options *options, bool continuous,
                            beam_curve *curve, lg_error *error) {
     const beam_nodes *at = &curve->at;
-    if (!continuous) {
-        const lg_status status =
-            lg_elastica_solve(context, &curve->problem, options, at->theta, &curve->solution, error);
-        if (status == LG_OK) lg_elastica_curve(&curve->problem, at->theta, at->q, at->v);
-        return status;
-    }
-    const lg_status status = lg_elastica_solve_continuous(context, &curve->problem, options, at->theta, at->q,
-                                                          &curve->solution, error);
-    for (size_t k = 0; k < at->count && status == LG_OK; k++) {
-        at->v[2 * k] = cos(at->theta[k]);
-        at->v[2 * k + 1] = sin(at->theta[k]);
-    }
-    return status;
+    const lg_elastica *problem = &curve->problem;
+    LG_TRY(continuous ? lg_elastica_solve_continuous(context, problem, options, at->theta, at->q,
+                                                     &curve->solution, error)
+                      : lg_elastica_solve(context, problem, options, at->theta, &curve->solution, error));
+    lg_elastica_curve(problem, at->theta, continuous ? NULL : at->q, at->v);
+    return LG_OK;
 }
 
 /* A lower bound on the energy of a discrete curve whose angles differ by at most pi from node to node, with

@@ -13,9 +13,6 @@ typedef struct generate_values {
     trials_values shared;
 } generate_values;
 
-static const char *const noise_names[] = {"normal", "uniform", NULL};
-static const char *const noise_on_names[] = {"later", "all", NULL};
-
 static const lg_field generate_options[] = {
     LG_OPTION(generate_values, trajectories, U64, "N", "Number of trajectories", .low = 1, .high = 1e9,
               .value = "500"),
@@ -30,11 +27,11 @@ static const lg_field generate_options[] = {
         LG_POSITIVE),
     LG_OPTION(generate_values, noise, REAL, "EPS", "Size of the noise (default 0)", .high = 1e300),
     LG_OPTION(generate_values, noise_kind, NAME, NULL, "normal: EPS N(0,1); uniform: EPS U(-1,1)",
-              .names = noise_names),
+              LG_NAMES("normal", "uniform")),
     LG_OPTION(generate_values, noise_on, NAME, NULL,
               "later: all points but the first; all: the first point too, which is then projected onto its "
               "manifold",
-              .names = noise_on_names),
+              LG_NAMES("later", "all")),
     APP_OUT(generate_values, "FILE", "The HDF5 file to write", .required = true),
     TRIALS_ROWS(generate_values),
     LG_FIELD_END};
@@ -49,9 +46,8 @@ static void report(const app *self, const lg_trajectories *data, double seconds)
     app_result_size(out, "points", data->points, "of each");
     app_result_size(out, "state_size", data->state_dim, "numbers of a point");
     app_result_real(out, "dt", data->dt, NULL);
-    app_json_real(out, "noise", values.noise);
-    app_json_text(out, "noise_kind", noise_names[values.noise_kind]);
-    app_json_text(out, "noise_on", noise_on_names[values.noise_on]);
+    const lg_field *noise = lg_field_find(generate_options, "noise"); /* noise_kind, noise_on follow */
+    for (const lg_field *row = noise; row < noise + 3; row++) app_json_field(out, row, &values);
     app_json_size(out, "seed", self->seed);
     app_json_text(out, "sha256", data->sha256);
     app_result_text(out, "out", values.out, NULL);
@@ -100,16 +96,6 @@ static bool make_all(const app *self, const lg_scene *scene, const lg_trajectory
     return trials_run(made);
 }
 
-static void create(const app *self, const lg_scene *scene, const lg_trajectory_options *how,
-                   lg_trajectories *data) {
-    const char *path = self->arguments[0];
-    lg_error why = {LG_OK, ""};
-    const lg_status status = sample_create(self->context, scene, how, data, &why);
-    if (status == LG_UNSUPPORTED)
-        app_stop(self, LG_FORMAT, "%s: line %u: %s", path, scene->line_system, why.message);
-    if (status != LG_OK) app_stop(self, status, "%s: %s", path, why.message);
-}
-
 static lg_trajectory_options options_of(const app *self, const lg_scene *scene) {
     lg_trajectory_options out = sample_options(scene);
     out.trajectories = (size_t)values.trajectories;
@@ -123,16 +109,24 @@ static lg_trajectory_options options_of(const app *self, const lg_scene *scene) 
     return out;
 }
 
-static void finish(const app *self, lg_trajectories *data, trials_work *made, double begin) {
-    data->provenance = app_provenance(self, self->seed);
-    APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, data, &error));
-    trials_end(made);
-    report(self, data, app_seconds() - begin);
+/* Trajectories of a scene, not computed yet. */
+static lg_trajectory_options create(const app *self, const char *path, lg_scene *scene,
+                                    lg_trajectories *data) {
+    lg_error why = {LG_OK, ""};
+    if (values.speed > 0)
+        app_stop_usage(self, "--speed is for constraints; a scene says how starts are drawn");
+    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, scene, &error));
+    if (values.segments > 0) scene->segments = (uint32_t)values.segments;
+    const lg_trajectory_options how = options_of(self, scene);
+    const lg_status status = sample_create(self->context, scene, &how, data, &why);
+    if (status == LG_UNSUPPORTED)
+        app_stop(self, LG_FORMAT, "%s: line %u: %s", path, scene->line_system, why.message);
+    if (status != LG_OK) app_stop(self, status, "%s: %s", path, why.message);
+    return how;
 }
 
-/* Samples the motion of a program with the functions constraint, potential and mass. */
-static void run_constrained(app *self, const char *path, trials_work *made, double begin) {
-    APP_CLEAN(lg_trajectories_destroy) lg_trajectories data = {0};
+/* The same of the motion of a program with the functions constraint, potential and mass. */
+static lg_trajectory_options create_constrained(const app *self, const char *path, lg_trajectories *data) {
     lg_program *program;
     lg_constraint *constraint = NULL;
     lg_error why = {LG_OK, ""};
@@ -145,12 +139,12 @@ static void run_constrained(app *self, const char *path, trials_work *made, doub
     const lg_trajectory_options how = options_of(self, NULL);
     status = lg_trajectories_create(self->context, "", lg_hamiltonian_family_find("constrained"),
                                     lg_constraint_coordinates(constraint), how.trajectories, how.points,
-                                    how.t_end, true, 0, &data);
+                                    how.t_end, true, 0, data);
     app_must_file(self, status, NULL, path);
-    APP_MUST_FILE(self, path, lg_trajectories_set_constraint(&data, program, &error));
+    APP_MUST_FILE(self, path, lg_trajectories_set_constraint(data, program, &error));
     lg_constraint_destroy(constraint);
     lg_program_destroy(program);
-    if (make_all(self, NULL, &how, &data, made)) finish(self, &data, made, begin);
+    return how;
 }
 
 static void run(app *self) {
@@ -165,19 +159,14 @@ static void run(app *self) {
     const app_path out = trials_choose(&made, LG_FILE_WRITTEN);
     app_check_outputs(self, &out, 1);
     APP_MUST_FILE(self, path, lg_file_is_h5(path, &h5, &error));
-    if (h5) {
-        run_constrained(self, path, &made, begin);
-        return;
-    }
-    if (values.speed > 0)
-        app_stop_usage(self, "--speed is for constraints; a scene says how starts are drawn");
-    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &scene, &error));
-    if (values.segments > 0) scene.segments = (uint32_t)values.segments;
-    const lg_trajectory_options how = options_of(self, &scene);
-    create(self, &scene, &how, &data);
-    if (make_all(self, &scene, &how, &data, &made)) {
-        app_must_file(self, lg_trajectories_set_truth(&data, scene.system), NULL, values.out);
-        finish(self, &data, &made, begin);
+    const lg_trajectory_options how =
+        h5 ? create_constrained(self, path, &data) : create(self, path, &scene, &data);
+    if (make_all(self, h5 ? NULL : &scene, &how, &data, &made)) {
+        if (!h5) app_must_file(self, lg_trajectories_set_truth(&data, scene.system), NULL, values.out);
+        data.provenance = app_provenance(self, self->seed);
+        APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, &data, &error));
+        trials_end(&made);
+        report(self, &data, app_seconds() - begin);
     }
     if (scene.has_initial)
         app_warn(self,

@@ -37,7 +37,6 @@ typedef struct study {
 
 /* Sets the hash of all that the runs depend on and that is no column. A file is represented by its hash. */
 static void set_protocol(const lg_grid *grid, study_table *table) {
-    static const char *const columns[] = {"integrator", "penalty", "substeps", "seed"};
     const lg_scene *scene = &grid->scene;
     const lg_system *system = scene->system;
     const lg_hamiltonian_run *run = &grid->run;
@@ -51,9 +50,7 @@ static void set_protocol(const lg_grid *grid, study_table *table) {
                 scene->ahead, grid->t_end, (int)grid->noise_kind, grid->test_trajectories, grid->test_points,
                 (unsigned long long)grid->seed);
     for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
-        bool column = false;
-        for (size_t i = 0; i < LG_COUNT(columns); i++) column = column || strcmp(columns[i], row->name) == 0;
-        if (column) continue;
+        if (!lg_grid_shares(row)) continue;
         lg_field_show(row, run, value, sizeof value);
         const bool in_file = strcmp(value, run->penalty_integral) == 0 && run->penalty_sha256[0] != '\0';
         lg_text_add(&text, "; %s %s", row->name, in_file ? run->penalty_sha256 : value);
@@ -61,24 +58,12 @@ static void set_protocol(const lg_grid *grid, study_table *table) {
     study_set_protocol(table, text.data);
 }
 
-static void set_wholes(study_table *table, int axis, const lg_wholes *list) {
-    table->count[axis] = list->count;
-    for (size_t i = 0; i < list->count; i++) table->value[axis][i] = list->values[i];
-}
-
-static void set_reals(study_table *table, int axis, const lg_reals *list) {
-    table->count[axis] = list->count;
-    memcpy(table->value[axis], list->values, list->count * sizeof *list->values);
-}
-
 static void set_axes(const lg_grid *grid, study_table *table) {
     *table = (study_table){.integrators = grid->integrators, .repeats = grid->repeats, .seed = grid->seed};
     table->count[AXIS_INTEGRATOR] = grid->integrator_count;
-    set_wholes(table, AXIS_SUBSTEPS, &grid->substeps);
-    set_wholes(table, AXIS_N, &grid->n);
-    set_wholes(table, AXIS_M, &grid->m);
-    set_reals(table, AXIS_EPS, &grid->eps);
-    set_reals(table, AXIS_PENALTY, &grid->penalty);
+    for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
+        table->count[axis] =
+            lg_field_list(lg_field_find(lg_grid_keys, study_axis_names[axis]), grid, table->value[axis]);
     set_protocol(grid, table);
 }
 

@@ -8,6 +8,7 @@
 
 /* The quantities that a study varies, and its results. */
 enum { AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY, AXES };
+extern const char *const study_axis_names[AXES];
 enum { STUDY_LOSS, STUDY_E1, STUDY_E2, STUDY_SECONDS, MEASURES };
 enum { STUDY_PROTOCOL_TEXT = 13 };
 

@@ -7,8 +7,8 @@
 
 #include "files/csv.h"
 
-static const char *const axis_names[AXES] = {"integrator", "substeps", "N", "M", "eps", "penalty"},
-                         *const measure_names[MEASURES] = {"loss", "E1", "E2", "seconds"};
+const char *const study_axis_names[AXES] = {"integrator", "substeps", "N", "M", "eps", "penalty"};
+static const char *const measure_names[MEASURES] = {"loss", "E1", "E2", "seconds"};
 
 /* ---- the runs ---- */
 
@@ -151,7 +151,7 @@ lg_status study_table_open(study_table *table, const char *path, lg_error *error
     table->text = app_text();
     table->results = app_alloc(runs, sizeof *table->results);
     table->done = app_alloc(runs, sizeof *table->done);
-    for (size_t i = 0; i < AXES; i++) lg_text_add(&table->text, "%s,", axis_names[i]);
+    for (size_t i = 0; i < AXES; i++) lg_text_add(&table->text, "%s,", study_axis_names[i]);
     lg_text_add(&table->text, "repeat,seed");
     for (size_t i = 0; i < MEASURES; i++) lg_text_add(&table->text, ",%s", measure_names[i]);
     lg_text_add(&table->text, ",epochs,status,protocol\n");
@@ -229,9 +229,10 @@ static int by_e1(const void *a, const void *b) {
 static void put_row(app_json *out, const study_table *table, size_t cell, unsigned axes,
                     const study_summary *s, const double *figures) {
     app_json_open(out, NULL, '{');
-    app_json_text(out, axis_names[0], table->integrators[study_at(table, cell, AXIS_INTEGRATOR)]->name);
+    app_json_text(out, study_axis_names[0], table->integrators[study_at(table, cell, AXIS_INTEGRATOR)]->name);
     for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
-        if ((axes >> axis & 1) != 0) app_json_real(out, axis_names[axis], study_value(table, cell, axis));
+        if ((axes >> axis & 1) != 0)
+            app_json_real(out, study_axis_names[axis], study_value(table, cell, axis));
     for (size_t k = 0; k < MEASURES; k++) app_json_real(out, measure_names[k], figures[k]);
     app_json_size(out, "runs", s->runs);
     app_json_size(out, "failed", s->failed);

@@ -156,7 +156,7 @@ static void read_event(const simulation *sim, char *text, lg_ensemble_event *eve
     if (sign == NULL || lg_number_parse(trimmed(sign + 1), &level) != LG_OK)
         app_stop_usage(sim->self, "--event: expected NAME=VALUE, NAME>VALUE or NAME<VALUE, not '%s'", name);
     text = trimmed(text);
-    if (!component_find(sim, text, &index)) {
+    if (!component_find(sim, text, &index) || index >= sim->dim) {
         char own[NAME_SIZE];
         component_name(sim, 0, own, sizeof own);
         app_stop_usage(sim->self,
@@ -189,18 +189,10 @@ static void read_events(study *all, lg_ensemble_event events[LG_EVENTS_MAX]) {
 }
 
 static void choose_times(study *all) {
-    const simulation *sim = all->sim;
-    const lg_reals *times = &sim->values->times;
-    const bool given = times->count > 0, to_end = given && times->values[times->count - 1] == sim->t_end;
-    const size_t points = given                     ? times->count + !to_end
-                          : sim->values->points > 0 ? (size_t)sim->values->points
-                                                    : POINTS;
-    double *t = app_keep(points, sizeof *t);
-    for (size_t i = 0; i + 1 < points; i++)
-        t[i] = given ? times->values[i] : sim->t_end * ((double)i / (double)(points - 1));
-    t[points - 1] = sim->t_end;
-    all->options.times = all->total->t = t;
-    all->options.count = all->total->points = points;
+    samples path;
+    samples_times(all->sim, POINTS, &path);
+    all->options.times = all->total->t = path.t + path.first;
+    all->options.count = all->total->points = path.count - path.first;
 }
 
 /* Adds the starts and parameters of up to 64 members to the hash, because they depend not only on the text

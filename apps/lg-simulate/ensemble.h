@@ -8,8 +8,9 @@
 
 /* ---- what varies between members (vary.c) ---- */
 
-/* Numbers of a state have names such as "q2.x", "mu.y", "R.13" or "p". component_name writes the name of
- * number `index`; component_find finds the index. */
+/* Components are the numbers of the state, with names such as "q2.x", "mu.y", "R.13" or "p", and then, from
+ * sim->dim on, the parameters, such as "m2". component_name writes the name (in 64 bytes) of number `index`;
+ * component_find finds the index. */
 void component_name(const simulation *sim, size_t index, char *text, size_t size);
 bool component_find(const simulation *sim, const char *name, size_t *index);
 

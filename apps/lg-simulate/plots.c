@@ -267,33 +267,26 @@ static void draw_space(app_plot *plot, const void *user) {
         put_sphere(&to, &plots[row].curves[c]);
 }
 
-/* The numbers of the steps, and what `put` adds. */
-static void put_run(app_plot *plot, const report *what, void (*put)(drawing *to)) {
+/* The numbers of the steps, and the panels of the kind of --plot-kind; 0 is the default. */
+static void draw_run(app_plot *plot, const void *user) {
+    static void (*const panels[])(drawing * to) = {put_overview,   put_overview, put_components_of_all,
+                                                   put_invariants, put_manifold, put_steps};
+    const report *what = user;
     const trace *at = &what->seen->trace;
     drawing to = {what, what->sim, plot};
     for (size_t i = 0; i < at->count; i++) app_plot_numbers(plot, 9, at->rows + i * at->width, at->width);
     app_plot_block(plot);
-    put(&to);
+    panels[app_plot_given.plot_kind](&to);
 }
-
-#define DRAW(name)                                                                                           \
-    static void draw_##name(app_plot *plot, const void *what) {                                              \
-        put_run(plot, what, put_##name);                                                                     \
-    }
-DRAW(overview)
-DRAW(components_of_all)
-DRAW(invariants)
-DRAW(manifold)
-DRAW(steps)
 
 enum { SPACE = 2 };
 static char no_space[96];
 const app_plot_kind simulate_plots[] = {
-    APP_PLOT("overview", "four panels", "simulation", draw_overview, .usual = APP_PLOT_ANY),
-    APP_PLOT("components", "of the state", "simulation", draw_components_of_all),
-    APP_PLOT("invariants", "their drift", "simulation", draw_invariants),
-    APP_PLOT("manifold", "the distance from it", "simulation", draw_manifold),
-    APP_PLOT("steps", "their sizes", "simulation", draw_steps),
+    APP_PLOT("overview", "four panels", "simulation", draw_run, .usual = APP_PLOT_ANY),
+    APP_PLOT("components", "of the state", "simulation", draw_run),
+    APP_PLOT("invariants", "their drift", "simulation", draw_run),
+    APP_PLOT("manifold", "the distance from it", "simulation", draw_run),
+    APP_PLOT("steps", "their sizes", "simulation", draw_run),
     APP_PLOT("3d", "the motion in space", NULL, draw_space, SPACE, no_space),
     {.name = NULL}};
 

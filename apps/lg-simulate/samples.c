@@ -13,11 +13,10 @@ static size_t default_points(const simulation *sim, size_t points) {
     return points <= most ? points : most > 2 ? most : 2;
 }
 
-/* Allocates rows for the start, `inner` times in between, and t_end. */
+/* The start, `inner` times in between, and t_end. */
 static void allocate(const simulation *sim, size_t inner, samples *out) {
     *out = (samples){.count = inner + 2, .kept = inner + 2};
     out->t = app_keep(out->count, sizeof *out->t);
-    out->y = app_keep(out->count, sim->dim * sizeof *out->y);
     out->t[out->count - 1] = sim->t_end;
 }
 
@@ -27,11 +26,6 @@ static void from_steps(const simulation *sim, size_t steps, samples *out) {
     const size_t every = (steps + intervals - 1) / intervals, inner = (steps - 1) / every;
     allocate(sim, inner, out);
     for (size_t i = 1; i <= inner; i++) out->t[i] = (double)(i * every) * (sim->t_end / (double)steps);
-}
-
-static void equidistant(const simulation *sim, size_t points, samples *out) {
-    allocate(sim, points - 2, out);
-    for (size_t i = 1; i + 1 < points; i++) out->t[i] = sim->t_end * ((double)i / (double)(points - 1));
 }
 
 /* The given times. 0 and t_end have rows in any case, so they are not counted as inner times. */
@@ -64,15 +58,24 @@ static void check_steps(const simulation *sim, const plan *how, const samples *p
     }
 }
 
+void samples_times(const simulation *sim, size_t otherwise, samples *out) {
+    const size_t points = sim->values->points > 0 ? (size_t)sim->values->points : otherwise;
+    if (sim->values->times.count > 0) {
+        given(sim, &sim->values->times, out);
+        return;
+    }
+    allocate(sim, points - 2, out);
+    for (size_t i = 1; i + 1 < points; i++) out->t[i] = sim->t_end * ((double)i / (double)(points - 1));
+}
+
 void samples_choose(const simulation *sim, const plan *how, bool wanted, samples *out) {
     const simulate_values *values = sim->values;
     if (!wanted)
         allocate(sim, 0, out);
-    else if (values->times.count > 0)
-        given(sim, &values->times, out);
-    else if (values->points == 0 && how->control.steps > 0)
+    else if (values->times.count == 0 && values->points == 0 && how->control.steps > 0)
         from_steps(sim, how->control.steps, out);
     else
-        equidistant(sim, values->points > 0 ? (size_t)values->points : default_points(sim, POINTS), out);
+        samples_times(sim, default_points(sim, POINTS), out);
+    out->y = app_keep(out->count, sim->dim * sizeof *out->y);
     check_steps(sim, how, out);
 }

@@ -111,7 +111,7 @@ void horizon_warn(const simulation *sim, const plan *how, const double *y);
 /* A list of rows (t, h, manifold error, drift of each invariant), one row per accepted step. If there are
  * many steps, a row stands for several of them and has their largest values. */
 typedef struct trace {
-    size_t width, count, room, stride, pending;
+    size_t width, count, stride, pending;
     double *rows; /* (count, width) */
 } trace;
 
@@ -145,6 +145,9 @@ typedef struct samples {
     size_t count, first, kept;
     double *t, *y; /* (count); (count, dim) */
 } samples;
+
+/* Only the times of --times, or of --points, `otherwise` by default. */
+void samples_times(const simulation *sim, size_t otherwise, samples *out);
 
 /* Chooses the times from --points, --times, or the steps of the method. Without `wanted`, only the start and
  * the end. */

@@ -11,6 +11,7 @@
 /* ---- names of the numbers ---- */
 
 void component_name(const simulation *sim, size_t index, char *text, size_t size) {
+    if (index >= sim->dim) lg_system_parameter_label(sim->system, index - sim->dim, text);
     for (size_t i = 0; i < sim->block_count; i++) {
         const block *at = &sim->blocks[i];
         if (index < at->offset || index >= at->offset + at->count) continue;
@@ -27,23 +28,15 @@ void component_name(const simulation *sim, size_t index, char *text, size_t size
             (void)snprintf(text, size, "%s.%zu", name, c + 1);
         return;
     }
-    (void)snprintf(text, size, "y%zu", index + 1);
+    if (index < sim->dim) (void)snprintf(text, size, "y%zu", index + 1);
 }
 
 bool component_find(const simulation *sim, const char *name, size_t *index) {
     char own[64];
-    for (size_t i = 0; i < sim->reported; i++) {
+    for (size_t i = 0; i < sim->dim + lg_system_parameter_count(sim->system); i++) {
         component_name(sim, i, own, sizeof own);
-        if (strcmp(own, name) == 0) return *index = i, true;
-    }
-    return false;
-}
-
-static bool label_find(const simulation *sim, const char *name, size_t *index) {
-    char own[64];
-    for (size_t i = 0; i < lg_system_parameter_count(sim->system); i++) {
-        lg_system_parameter_label(sim->system, i, own);
-        if (strcmp(own, name) == 0) return *index = i, true;
+        const bool reported = i < sim->reported || i >= sim->dim;
+        if (reported && strcmp(own, name) == 0) return *index = i, true;
     }
     return false;
 }
@@ -74,9 +67,8 @@ static const struct {
                                   [CONE] = {"cone", 1, 3, "cone ANGLE"},
                                   [ROTATION] = {"rotation", 0, 9, "rotation"}};
 
-/* One item of --vary: consecutive numbers of the state or of the parameters, and their distribution. */
+/* One item of --vary: consecutive components, from `offset` on, and their distribution. */
 typedef struct vary_item {
-    bool parameter;
     size_t offset, count;
     distribution kind;
     double value[2];
@@ -89,23 +81,21 @@ struct vary {
     size_t count, room;
     vary_item *items;
     lg_table_data table; /* the table of --members */
-    /* Destination of each column: an index of the state, or dim + an index of the parameters. */
-    size_t *column;
-    bool of_state; /* whether any item or column is for the state */
+    size_t *column;      /* the component of each column */
+    bool of_state;       /* whether any item or column is for the state */
 };
 
-static void add_item(vary *self, vary_item item, bool parameter, size_t offset, size_t count) {
+static void add_item(vary *self, vary_item item, size_t offset, size_t count) {
     if (self->count == self->room) {
         self->room = self->room > 0 ? 2 * self->room : 16;
         vary_item *more = app_keep(self->room, sizeof *more);
         if (self->count > 0) memcpy(more, self->items, self->count * sizeof *more);
         self->items = more;
     }
-    item.parameter = parameter;
     item.offset = offset;
     item.count = count;
     self->items[self->count++] = item;
-    self->of_state = self->of_state || !parameter;
+    self->of_state = self->of_state || offset < self->sim->dim;
 }
 
 /* Adds all numbers with this name: a parameter or one number of it, all blocks with a key, a block, or a
@@ -116,20 +106,18 @@ static bool add_named(vary *self, const vary_item *item, const char *name) {
     const double *values = parameter_values(sim, name, &count);
     const size_t before = self->count;
     if (values != NULL) {
-        add_item(self, *item, true, (size_t)(values - lg_system_parameter_values(sim->system)), count);
+        const size_t at = (size_t)(values - lg_system_parameter_values(sim->system));
+        add_item(self, *item, sim->dim + at, count);
         return true;
     }
     for (size_t i = 0; i < sim->block_count; i++) {
         char own[64];
         block_name(&sim->blocks[i], own, sizeof own);
         if (strcmp(sim->blocks[i].key, name) == 0 || strcmp(own, name) == 0)
-            add_item(self, *item, false, sim->blocks[i].offset, sim->blocks[i].count);
+            add_item(self, *item, sim->blocks[i].offset, sim->blocks[i].count);
     }
     if (self->count > before) return true;
-    if (component_find(sim, name, &index))
-        add_item(self, *item, false, index, 1);
-    else if (label_find(sim, name, &index))
-        add_item(self, *item, true, index, 1);
+    if (component_find(sim, name, &index)) add_item(self, *item, index, 1);
     return self->count > before;
 }
 
@@ -139,7 +127,7 @@ static void refuse_name(const simulation *sim, const char *option, const char *n
     char own[64];
     lg_text known = app_text();
     for (size_t i = 0; i < lg_system_parameter_count(sim->system) && i < 8; i++) {
-        lg_system_parameter_label(sim->system, i, own);
+        component_name(sim, sim->dim + i, own, sizeof own);
         lg_text_add(&known, "%s%s", i > 0 ? ", " : "", own);
     }
     component_name(sim, 0, own, sizeof own);
@@ -203,7 +191,7 @@ static void read_item(vary *self, char *text) {
                            "--vary: %s: '%s' is for vectors or matrices of %zu numbers, not of %zu", name,
                            distributions[item.kind].name, block_size, self->items[i].count);
     const bool relative = item.kind == WITHIN || item.kind == AROUND || item.kind == CONE;
-    if (relative && !self->items[before].parameter && !sim->scene.has_initial)
+    if (relative && self->items[before].offset < sim->dim && !sim->scene.has_initial)
         app_stop_usage(sim->self, "--vary: %s: '%s' needs a value in the scene: give the key `initial`", name,
                        distributions[item.kind].name);
 }
@@ -216,16 +204,9 @@ static void read_table(vary *self, const char *path) {
     APP_FREE const char **chosen = app_alloc(names.count, sizeof *chosen);
     self->column = app_keep(names.count, sizeof *self->column);
     for (uint32_t i = 0; i < names.count; i++) {
-        size_t index = 0;
         chosen[i] = names.name[i];
-        if (component_find(sim, chosen[i], &index)) {
-            self->column[i] = index;
-            self->of_state = true;
-        } else if (label_find(sim, chosen[i], &index)) {
-            self->column[i] = sim->dim + index;
-        } else {
-            refuse_name(sim, "members", chosen[i]);
-        }
+        if (!component_find(sim, chosen[i], &self->column[i])) refuse_name(sim, "members", chosen[i]);
+        self->of_state = self->of_state || self->column[i] < sim->dim;
     }
     APP_MUST_FILE(
         sim->self, path,
@@ -249,7 +230,7 @@ void vary_close(vary *self) {
 
 bool vary_parameters(const vary *self) {
     for (size_t i = 0; i < self->count; i++)
-        if (self->items[i].parameter) return true;
+        if (self->items[i].offset >= self->sim->dim) return true;
     for (uint32_t i = 0; i < self->table.columns; i++)
         if (self->column[i] >= self->sim->dim) return true;
     return false;
@@ -312,6 +293,10 @@ static void draw_item(lg_rng *rng, const vary_item *item, double *x) {
         for (size_t i = 0; i < item->count; i++) x[i] = draw_number(rng, item, x[i]);
 }
 
+static double *number_at(const simulation *sim, size_t component, double *y0, double *parameters) {
+    return component < sim->dim ? y0 + component : parameters + (component - sim->dim);
+}
+
 lg_status vary_draw(void *user, uint64_t member, double *y0, double *parameters) {
     const vary *self = user;
     const simulation *sim = self->sim;
@@ -328,16 +313,11 @@ lg_status vary_draw(void *user, uint64_t member, double *y0, double *parameters)
     }
     for (size_t i = 0; i < self->count; i++) {
         const vary_item *item = &self->items[i];
-        draw_item(&rng, item, (item->parameter ? parameters : y0) + item->offset);
+        draw_item(&rng, item, number_at(sim, item->offset, y0, parameters));
     }
-    for (uint32_t c = 0; c < self->table.columns; c++) {
-        const double value = self->table.values[(size_t)member * self->table.columns + c];
-        const size_t to = self->column[c];
-        if (to < sim->dim)
-            y0[to] = value;
-        else
-            parameters[to - sim->dim] = value;
-    }
+    for (uint32_t c = 0; c < self->table.columns; c++)
+        *number_at(sim, self->column[c], y0, parameters) =
+            self->table.values[(size_t)member * self->table.columns + c];
     /* Numbers were drawn one by one, so the state is projected onto the manifold: directions get length 1,
      * omega becomes orthogonal to q. */
     if (self->of_state && self->table.rows == 0) lg_space_project(lg_system_space(sim->system), y0);

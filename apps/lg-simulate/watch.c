@@ -40,10 +40,6 @@ static void trace_add(trace *at, const double *row) {
         merge_rows(at->rows + (at->count - 1) * at->width, row, at->width);
     } else {
         if (at->count == TRACE_MAX) thin_out(at);
-        if (at->count == at->room) {
-            at->room = at->room > 0 ? 2 * at->room : 256;
-            at->rows = grown(at->rows, at->count * at->width, at->room * at->width);
-        }
         memcpy(at->rows + at->count++ * at->width, row, at->width * sizeof *row);
     }
     at->pending = (at->pending + 1) % at->stride;
@@ -86,6 +82,7 @@ void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded,
     self->end = app_keep(self->invariants, sizeof *self->end);
     self->drift = app_keep(self->invariants, sizeof *self->drift);
     self->trace = (trace){.width = 3 + self->invariants, .stride = 1};
+    if (traced) self->trace.rows = app_keep((TRACE_MAX + 1) * self->trace.width, sizeof *self->trace.rows);
     for (size_t i = 0; i < self->invariants; i++) self->start[i] = self->end[i] = invariant(self, i, y0);
     self->manifold = lg_space_manifold_error(lg_system_space(sim->system), y0);
     self->rest = app_keep(sim->dim, sizeof *self->rest);
@@ -104,13 +101,11 @@ static void record(watch *self, double t, double h) {
 }
 
 static void add_to_trace(watch *self, double t, double h, double manifold) {
-    double row[64];
-    const size_t invariants = self->invariants < 60 ? self->invariants : 60;
+    double *row = self->trace.rows + TRACE_MAX * self->trace.width; /* behind the rows */
     row[0] = t + h;
     row[1] = h;
     row[2] = manifold;
-    for (size_t i = 0; i < invariants; i++) row[3 + i] = fabs(self->end[i] - self->start[i]);
-    self->trace.width = 3 + invariants;
+    for (size_t i = 0; i < self->invariants; i++) row[3 + i] = fabs(self->end[i] - self->start[i]);
     trace_add(&self->trace, row);
 }
 

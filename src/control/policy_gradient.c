@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "control/policy_gradient.h"
+#include "core/numbers.h"
 #include "core/portions.h"
 
 enum { ROWS = LG_POLICY_ROWS };
@@ -41,34 +42,19 @@ static size_t lay_out(const lg_policy_batch *b, char *memory, piece *out) {
 
 /* ---- numbers of the batch's type ---- */
 
-static void store(const lg_policy_batch *b, const double *from, size_t n, void *to) {
-    if (b->dtype == LG_F64) {
-        memcpy(to, from, n * sizeof *from);
-        return;
-    }
-    float *single = to;
-    for (size_t i = 0; i < n; i++) single[i] = (float)from[i];
-}
-
 /* The numbers as doubles, which may lie in `copy`. */
 static const double *fetch(const lg_policy_batch *b, const void *from, size_t n, double *copy) {
     if (b->dtype == LG_F64) return from;
-    const float *single = from;
-    for (size_t i = 0; i < n; i++) copy[i] = single[i];
+    lg_get_numbers(b->dtype, from, 0, copy, n);
     return copy;
-}
-
-static double number_at(const lg_policy_batch *b, const char *x, size_t i) {
-    return b->dtype == LG_F64 ? ((const double *)(const void *)x)[i]
-                              : (double)((const float *)(const void *)x)[i];
 }
 
 /* Multiplies row r of (ROWS, state); 0 also removes what is not finite. */
 static void scale_row(const lg_policy_batch *b, char *x, size_t r, double by) {
     const size_t n = b->state;
     for (size_t i = r * n; i < (r + 1) * n; i++) {
-        const double to = by > 0.0 ? by * number_at(b, x, i) : 0.0;
-        store(b, &to, 1, x + i * width(b));
+        const double to = by > 0.0 ? by * lg_number_at(b->dtype, x, i) : 0.0;
+        lg_put_numbers(b->dtype, x, i, &to, 1);
     }
 }
 
@@ -105,10 +91,11 @@ static void find_spread(const lg_policy_batch *b, piece *w) {
     memset(w->mean, 0, n * sizeof *w->mean);
     memset(w->spread, 0, n * sizeof *w->spread);
     for (size_t k = 0; k < count; k++)
-        for (size_t i = 0; i < n; i++) w->mean[i] += number_at(b, w->path, k * n + i) / (double)count;
+        for (size_t i = 0; i < n; i++)
+            w->mean[i] += lg_number_at(b->dtype, w->path, k * n + i) / (double)count;
     for (size_t k = 0; k < count; k++)
         for (size_t i = 0; i < n; i++) {
-            const double from = number_at(b, w->path, k * n + i) - w->mean[i];
+            const double from = lg_number_at(b->dtype, w->path, k * n + i) - w->mean[i];
             w->spread[i] += from * from / (double)count;
         }
     for (size_t i = 0; i < n; i++) w->spread[i] = sqrt(w->spread[i]);
@@ -121,10 +108,10 @@ static void shorten(const lg_policy_batch *b, const piece *w, char *lambda) {
     for (size_t r = 0; r < ROWS; r++) {
         double sum = 0.0;
         for (size_t i = 0; i < n; i++) {
-            const double change = number_at(b, lambda, r * n + i) * w->spread[i];
+            const double change = lg_number_at(b->dtype, lambda, r * n + i) * w->spread[i];
             sum += change * change;
         }
-        const double bound = b->bound * number_at(b, w->weight, r), length = sqrt(sum);
+        const double bound = b->bound * lg_number_at(b->dtype, w->weight, r), length = sqrt(sum);
         if (!(length <= bound)) scale_row(b, lambda, r, isfinite(length) ? bound / length : 0.0);
     }
 }
@@ -153,17 +140,17 @@ static void backward(const lg_policy_batch *b, piece *w, double *gradient) {
 static void store_starts(const lg_policy_batch *b, const double *x, piece *w) {
     const lg_policy *p = b->policy;
     for (size_t i = 0; i < ROWS; i++) {
-        char *to = w->path + i * b->state * width(b);
-        store(b, x + i * p->state, p->state, to);
-        if (b->disturbed) store(b, p->regulator.u0, p->inputs, to + p->state * width(b));
+        const size_t to = i * b->state;
+        lg_put_numbers(b->dtype, w->path, to, x + i * p->state, p->state);
+        if (b->disturbed) lg_put_numbers(b->dtype, w->path, to + p->state, p->regulator.u0, p->inputs);
     }
 }
 
 static void disturb(const lg_policy_batch *b, uint64_t number, piece *w) {
     const size_t noise = w->steps * ROWS * lg_policy_noise_sizes(&b->policy->task, NULL);
     lg_policy_draw_noise(b->policy, b->seed, number, w->steps, w->copy, w->copy + noise);
-    store(b, w->copy, noise, w->noise);
-    store(b, w->copy + noise, ROWS, w->late);
+    lg_put_numbers(b->dtype, w->noise, 0, w->copy, noise);
+    lg_put_numbers(b->dtype, w->late, 0, w->copy + noise, ROWS);
 }
 
 /* Sums over a piece: cut costs, and their gradient. A cut of C makes C (1 - exp(-J/C)) of a cost J. */
@@ -180,7 +167,7 @@ static void run_piece(void *user, size_t own) {
     w.plan = b->plans.plan + number % b->plans.machines * LG_POLICY_PLANS;
     store_starts(b, b->starts[point] + first * p->state, &w);
     if (b->disturbed) disturb(b, number, &w);
-    store(b, b->theta[point], n, w.theta);
+    lg_put_numbers(b->dtype, w.theta, 0, b->theta[point], n);
     memset(sum, 0, (n + 1) * sizeof *sum);
     forward(b, &w);
     for (size_t i = 0; i < ROWS; i++) {
@@ -189,7 +176,7 @@ static void run_piece(void *user, size_t own) {
         weight[i] = left / (double)b->count;
     }
     sum[n] /= (double)b->count;
-    store(b, weight, ROWS, w.weight);
+    lg_put_numbers(b->dtype, w.weight, 0, weight, ROWS);
     backward(b, &w, sum);
 }
 

@@ -18,6 +18,7 @@
 #include <string.h>
 
 #include "elastica/elastica.h"
+#include "kernels/matrix.h"
 
 #define DEGREE       16
 #define M            (DEGREE + 1)
@@ -141,9 +142,9 @@ lg_status lg_collocation_create(const lg_context *context, lg_collocation **out)
     return LG_OK;
 }
 
-void lg_collocation_destroy(const lg_context *context, lg_collocation *collocation) {
+void lg_collocation_destroy(lg_collocation *collocation) {
     if (!collocation) return;
-    LG_FREE_ALL(context, collocation->matrix,
+    LG_FREE_ALL(collocation->context, collocation->matrix,
                 collocation->panels < collocation->halves ? collocation->panels : collocation->halves,
                 collocation);
 }
@@ -164,37 +165,6 @@ static lg_status make_room(lg_collocation *c) {
     return LG_OK;
 }
 
-/* ---- small dense systems ---- */
-
-/* Gaussian elimination with partial pivoting. The rows of `a` have `columns` numbers: n columns of the
- * matrix, then the right-hand sides, which are replaced by the solutions. Returns false if the matrix is
- * singular. */
-static bool eliminate(size_t n, size_t columns, double *a) {
-    for (size_t k = 0; k < n; k++) {
-        size_t p = k;
-        for (size_t i = k + 1; i < n; i++)
-            if (fabs(a[i * columns + k]) > fabs(a[p * columns + k])) p = i;
-        if (!(fabs(a[p * columns + k]) > 0.0) || !isfinite(a[p * columns + k])) return false;
-        for (size_t j = k; p != k && j < columns; j++) {
-            const double swap = a[k * columns + j];
-            a[k * columns + j] = a[p * columns + j];
-            a[p * columns + j] = swap;
-        }
-        for (size_t i = k + 1; i < n; i++) {
-            const double factor = a[i * columns + k] / a[k * columns + k];
-            if (factor == 0.0) continue;
-            for (size_t j = k + 1; j < columns; j++) a[i * columns + j] -= factor * a[k * columns + j];
-        }
-    }
-    for (size_t k = n; k-- > 0;)
-        for (size_t j = n; j < columns; j++) {
-            double sum = a[k * columns + j];
-            for (size_t i = k + 1; i < n; i++) sum -= a[k * columns + i] * a[i * columns + j];
-            a[k * columns + j] = sum / a[k * columns + k];
-        }
-    return true;
-}
-
 /* ---- one panel ---- */
 
 static void panel_angles(const reference *r, panel *p) {
@@ -210,22 +180,19 @@ static void panel_angles(const reference *r, panel *p) {
 /* Computes p->response: how w changes because of its defect, and per unit change of theta_0, theta'_0 and the
  * two components of the force. Returns false if the matrix is singular. */
 static bool panel_respond(const reference *r, const double force[2], panel *p) {
-    double a[M * (M + RIGHT)];
-    const size_t columns = M + RIGHT;
+    double a[M * M];
+    size_t pivot[M];
     panel_angles(r, p);
     for (size_t i = 0; i < M; i++) {
         const double c = p->cosine[i], s = p->sine[i], slope = force[0] * c + force[1] * s;
         const double share = -p->length * p->length * slope;
-        double *row = a + i * columns;
-        for (size_t k = 0; k < M; k++) row[k] = share * r->twice[i][k] + (i == k ? 1.0 : 0.0);
-        row[M] = force[0] * s - force[1] * c - p->w[i];
-        row[M + 1] = slope;
-        row[M + 2] = slope * p->length * r->t[i];
-        row[M + 3] = s;
-        row[M + 4] = -c;
+        const double right[RIGHT] = {force[0] * s - force[1] * c - p->w[i], slope,
+                                     slope * p->length * r->t[i], s, -c};
+        for (size_t k = 0; k < M; k++) a[i * M + k] = share * r->twice[i][k] + (i == k ? 1.0 : 0.0);
+        memcpy(p->response[i], right, sizeof right);
     }
-    if (!eliminate(M, columns, a)) return false;
-    for (size_t i = 0; i < M; i++) memcpy(p->response[i], a + i * columns + M, sizeof p->response[i]);
+    if (!lg_matrix_factor(M, M, a, pivot)) return false;
+    for (size_t j = 0; j < RIGHT; j++) lg_matrix_solve(M, M, a, pivot, RIGHT, &p->response[0][j]);
     return true;
 }
 
@@ -303,7 +270,9 @@ static bool assemble(lg_collocation *c, const lg_beam *beam) {
 static double advance(lg_collocation *c, const lg_beam *beam) {
     const size_t K = c->count, n = unknowns(K), columns = n + 1;
     double *a = c->matrix, largest = 0.0;
-    if (!assemble(c, beam) || !eliminate(n, columns, a)) return NAN;
+    size_t pivot[2 * PANELS_MAX + 4];
+    if (!assemble(c, beam) || !lg_matrix_factor(n, columns, a, pivot)) return NAN;
+    lg_matrix_solve(n, columns, a, pivot, columns, a + n);
     for (size_t j = 0; j <= K; j++) {
         if (!isfinite(a[2 * j * columns + n])) return NAN;
         largest = fmax(largest, fabs(a[2 * j * columns + n]));

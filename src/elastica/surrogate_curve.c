@@ -5,9 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "autodiff/program/program.h"
 #include "core/portions.h"
-#include "liegrad/program.h"
 #include "elastica/surrogate_internal.h"
 
 /* What lg-export writes, too. */
@@ -109,25 +108,21 @@ static size_t rows_for(size_t count, size_t most) {
     return count == 0 ? 1 : (count + blocks - 1) / blocks;
 }
 
+LG_AT(lg_surrogate_curves_destroy, lg_surrogate_curves)
+
 /* curves: for how many curves MADE is computed at once. */
 static lg_status create(const lg_context *context, const lg_surrogate *model, const double *theta,
                         lg_dtype dtype, size_t curves, size_t points, lg_surrogate_curves **out,
                         lg_error *error) {
     const size_t at_once = rows_for(points, BLOCK),
                  spans = rows_for(panels_of(model), BLOCK / LG_GAUSS_POINTS);
-    lg_program *program = NULL;
-    lg_surrogate_curves *made = lg_alloc(context, 1, sizeof *made);
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
+    LG_CLEAN(lg_surrogate_curves_destroy_at) lg_surrogate_curves *made = lg_alloc(context, 1, sizeof *made);
     if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the curves of a network");
     *made = (lg_surrogate_curves){context, *model, dtype, {curves, at_once, at_once, spans}, {NULL}, 0};
-    lg_status status = lg_surrogate_program(context, model, theta, &program, error);
-    for (int which = 0; which < ASKED && status == LG_OK; which++)
-        status = make_plan(made, program, (asked)which, error);
-    lg_program_destroy(program);
-    if (status == LG_OK)
-        *out = made;
-    else
-        lg_surrogate_curves_destroy(made);
-    return status;
+    LG_TRY(lg_surrogate_program(context, model, theta, &program, error));
+    for (int which = 0; which < ASKED; which++) LG_TRY(make_plan(made, program, (asked)which, error));
+    return LG_MOVE(out, made);
 }
 
 lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,
@@ -144,11 +139,11 @@ void lg_surrogate_curves_destroy(lg_surrogate_curves *curves) {
 }
 
 static void put(const run *r, char *values, size_t at, double number) {
-    lg_surrogate_put(r->c->dtype, values, at, &number, 1);
+    lg_put_numbers(r->c->dtype, values, at, &number, 1);
 }
 
 static double number(const run *r, const char *values, size_t at) {
-    return lg_surrogate_get(r->c->dtype, values, at);
+    return lg_number_at(r->c->dtype, values, at);
 }
 
 /* A curve to be computed: its number in the batch, boundary conditions, and the arrays for its points. q and
@@ -207,7 +202,7 @@ static void points_of(const run *r, const target *t, asked which, const double *
     const bool angle = r->c->model.options.kind == LG_SURROGATE_ANGLE;
     for (size_t at = 0, rows; at < points; at += rows) {
         rows = batch(r, which, points - at);
-        lg_surrogate_put(r->c->dtype, r->s, 0, s + at, rows);
+        lg_put_numbers(r->c->dtype, r->s, 0, s + at, rows);
         ask(r, t, which, rows);
         for (size_t i = 0; i < 2 * rows; i++) {
             const double f = number(r, r->q, angle ? i / 2 : i);
@@ -299,7 +294,7 @@ void lg_surrogate_curve(const lg_surrogate_curves *curves, const double *x, cons
     const target t = {0, x, q, v};
     size_t bytes;
     const run r = cut_run(curves, work, &bytes);
-    lg_surrogate_put(curves->dtype, r.x, 0, x, 8);
+    lg_put_numbers(curves->dtype, r.x, 0, x, 8);
     make(&r);
     read_points(&r, &t, s, points);
 }
@@ -386,7 +381,7 @@ static void judge_all(judging *j, const lg_surrogate_curves *curves, void *work)
     for (size_t start = 0, count; start < j->count; start += count) {
         count = batch(&r, MADE, j->count - start);
         for (size_t i = 0; i < curves->rows[MADE]; i++)
-            lg_surrogate_put(curves->dtype, r.x, 8 * i, boundary_of(j, start + (i < count ? i : 0)), 8);
+            lg_put_numbers(curves->dtype, r.x, 8 * i, boundary_of(j, start + (i < count ? i : 0)), 8);
         make(&r);
         for (size_t i = 0; i < count; i++) {
             const double *x = boundary_of(j, start + i);

@@ -2,6 +2,7 @@
 #ifndef LG_SURROGATE_INTERNAL_H
 #define LG_SURROGATE_INTERNAL_H
 
+#include "core/numbers.h"
 #include "liegrad/elastica.h"
 
 /* Gauss's rule of 3 points on [0, 1]: abscissae (1 - sqrt(3/5))/2, 1/2, (1 + sqrt(3/5))/2, and weights. */
@@ -70,16 +71,5 @@ void lg_surrogate_force(double length, uint32_t intervals, const double *q, cons
 /* Error LG_SHAPE: the curves do not fit the model. */
 lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,
                                     lg_error *error);
-
-static inline void lg_surrogate_put(lg_dtype dtype, void *values, size_t at, const double *from, size_t n) {
-    if (dtype == LG_F64)
-        for (size_t i = 0; i < n; i++) ((double *)values)[at + i] = from[i];
-    else
-        for (size_t i = 0; i < n; i++) ((float *)values)[at + i] = (float)from[i];
-}
-
-static inline double lg_surrogate_get(lg_dtype dtype, const void *values, size_t at) {
-    return dtype == LG_F64 ? ((const double *)values)[at] : (double)((const float *)values)[at];
-}
 
 #endif

@@ -47,7 +47,7 @@ void lg_loss_put_points(const part *b, void *values, size_t at, const double *po
                         const double *start, double sign) {
     for (size_t k = 0; k < n; k++) {
         const double point[2] = {points[2 * k] - start[0], sign * (points[2 * k + 1] - start[1])};
-        lg_surrogate_put(lg_tape_dtype(b->tape), values, at + 2 * k, point, 2);
+        lg_put_numbers(lg_tape_dtype(b->tape), values, at + 2 * k, point, 2);
     }
 }
 
@@ -56,7 +56,7 @@ void lg_loss_put_row(const part *b, void *values, size_t row, const curve *c, do
     const lg_surrogate *model = b->problem->model;
     const size_t n = model->net.inputs;
     lg_surrogate_row(model, c->x, c->sign, s, numbers);
-    lg_surrogate_put(lg_tape_dtype(b->tape), values, row * n, numbers, n);
+    lg_put_numbers(lg_tape_dtype(b->tape), values, row * n, numbers, n);
 }
 
 double lg_loss_node_of_data(const part *b, uint32_t k) {

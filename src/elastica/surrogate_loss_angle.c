@@ -28,14 +28,14 @@ static lg_var hold_ends(const part *b, lg_var angle, uint32_t places, lg_var *tu
         const curve c = lg_loss_curve_at(b, b->samples[i]);
         double angles[2];
         lg_surrogate_angles(c.x, c.sign, angles);
-        lg_surrogate_put(dtype, given_values, 2 * i, angles, 2);
+        lg_put_numbers(dtype, given_values, 2 * i, angles, 2);
     }
     for (uint32_t r = 0; r < places; r++) {
         double w[2], dw[2];
         lg_surrogate_end_weights(b->problem->model, place(b, r), w, dw);
         for (size_t end = 0; end < 2; end++) {
-            lg_surrogate_put(dtype, weight_values, end * places + r, &w[end], 1);
-            lg_surrogate_put(dtype, slope_values, end * places + r, &dw[end], 1);
+            lg_put_numbers(dtype, weight_values, end * places + r, &w[end], 1);
+            lg_put_numbers(dtype, slope_values, end * places + r, &dw[end], 1);
         }
     }
     const lg_var ends[2] = {lg_slice(b->tape, angle, 1, 0, 1),
@@ -93,7 +93,7 @@ static void put_components(const part *b, void *values, size_t i, const double *
     for (size_t c = 0; c < 2; c++)
         for (size_t k = 0; k < nodes; k++) {
             const double value = (c == 1 ? sign : 1.0) * (points[2 * k + c] - start[c]);
-            lg_surrogate_put(lg_tape_dtype(b->tape), values, (c * b->count + i) * nodes + k, &value, 1);
+            lg_put_numbers(lg_tape_dtype(b->tape), values, (c * b->count + i) * nodes + k, &value, 1);
         }
 }
 

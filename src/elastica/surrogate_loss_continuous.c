@@ -139,7 +139,7 @@ static lg_var rule_of(const part *b) {
     if (lg_is_none(rule)) return LG_NONE;
     for (uint32_t k = 0; k <= n; k++) {
         const double weight = gregory(n, k) * (n + 1);
-        lg_surrogate_put(lg_tape_dtype(b->tape), values, k, &weight, 1);
+        lg_put_numbers(lg_tape_dtype(b->tape), values, k, &weight, 1);
     }
     return rule;
 }

@@ -66,14 +66,14 @@ static lg_var modes_loss(const part *b, lg_var theta) {
     const lg_var weight = lg_input_buffer(b->tape, lg_shape2(1, modes), &weights);
     if (lg_is_none(weight)) return LG_NONE;
     for (size_t i = 0; i < b->count; i++)
-        lg_surrogate_put(lg_tape_dtype(b->tape), values, modes * i,
-                         b->problem->coefficients + modes * (size_t)b->samples[i], modes);
+        lg_put_numbers(lg_tape_dtype(b->tape), values, modes * i,
+                       b->problem->coefficients + modes * (size_t)b->samples[i], modes);
     for (size_t k = 0; k < modes; k++) {
         const double *vector = model->modes + n * (k + 1);
         double square = 0.0;
         for (size_t i = 0; i < n; i++) square += vector[i] * vector[i];
         const double scale = sqrt(square * modes / n);
-        lg_surrogate_put(lg_tape_dtype(b->tape), weights, k, &scale, 1);
+        lg_put_numbers(lg_tape_dtype(b->tape), weights, k, &scale, 1);
     }
     const lg_var d = lg_sub(b->tape, lg_net_record(b->tape, &model->net, theta, 0, x), target);
     return lg_mean(b->tape, lg_square(b->tape, lg_mul(b->tape, d, weight)));
@@ -111,7 +111,7 @@ static lg_var energy_loss(const part *b, lg_var theta) {
     if (lg_is_none(trapezoid)) return LG_NONE;
     for (uint32_t k = 0; k <= n; k++) {
         const double weight = (k == 0 || k == n ? 0.5 : 1.0) * model->length / n;
-        lg_surrogate_put(lg_tape_dtype(t), values, k, &weight, 1);
+        lg_put_numbers(lg_tape_dtype(t), values, k, &weight, 1);
     }
     const lg_var reached[2] = {lg_matmul(t, lg_cos(t, angles), trapezoid),
                                lg_matmul(t, lg_sin(t, angles), trapezoid)};

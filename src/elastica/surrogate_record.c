@@ -29,8 +29,8 @@ void lg_surrogate_shares(lg_tape *tape, uint32_t intervals, lg_var *rising, lg_v
     if (lg_is_none(*falling)) return;
     for (uint32_t k = 0; k <= intervals; k++) {
         const double share = (double)k / intervals, rest = (double)(intervals - k) / intervals;
-        lg_surrogate_put(lg_tape_dtype(tape), up, k, &share, 1);
-        lg_surrogate_put(lg_tape_dtype(tape), down, k, &rest, 1);
+        lg_put_numbers(lg_tape_dtype(tape), up, k, &share, 1);
+        lg_put_numbers(lg_tape_dtype(tape), down, k, &rest, 1);
     }
 }
 

@@ -1,10 +1,7 @@
 /* A learned Hamiltonian as a program, a set of named functions. */
-#include "core/clean.h"
 #include "autodiff/program/program.h"
 #include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
-
-LG_AT(lg_program_destroy, lg_program)
 
 typedef struct recording {
     const lg_hamiltonian *model;
@@ -16,22 +13,19 @@ static lg_var input_of(const recording *r, const lg_var *x) {
     return lg_hamiltonian_input_dim(r->model) > 0 ? x[1] : LG_NONE;
 }
 
-static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_hamiltonian_vars vars;
-    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = lg_hamiltonian_record_value(tape, &vars, x[0]);
-    return lg_tape_status(tape);
-}
-
-static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_hamiltonian_vars vars;
-    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = lg_hamiltonian_record_value(tape, &vars, x[0]);
-    y[1] = lg_hamiltonian_record_gradient(tape, &vars, x[0]);
-    return lg_tape_status(tape);
-}
+/* Functions of x and the numbers of the model alone. */
+#define OF_MODEL(name, recorded)                                                                             \
+    static lg_status name(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {      \
+        lg_hamiltonian_vars vars;                                                                            \
+        LG_TRY(lg_hamiltonian_bind(tape, ((const recording *)user)->model, theta[0], &vars));                \
+        recorded;                                                                                            \
+        return lg_tape_status(tape);                                                                         \
+    }
+OF_MODEL(value, y[0] = lg_hamiltonian_record_value(tape, &vars, x[0]))
+OF_MODEL(gradient, y[0] = lg_hamiltonian_record_value(tape, &vars, x[0]);
+         y[1] = lg_hamiltonian_record_gradient(tape, &vars, x[0]))
+OF_MODEL(force, y[0] = lg_hamiltonian_record_force(tape, &vars, x[0], x[1]))
+OF_MODEL(drift, y[0] = lg_hamiltonian_record_drift(tape, &vars, x[0]))
 
 /* The field uses only the output dH/dx of grad; a plan then leaves out the computation of the value. */
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
@@ -42,22 +36,6 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     LG_TRY(lg_taped_split(tape, &space, lg_program_call(tape, "grad", 1, x), dH));
     lg_hamiltonian_record_algebra(tape, r->model, 1.0, state, dH, input_of(r, x), out);
     y[0] = lg_taped_join_algebra(tape, &space, out);
-    return lg_tape_status(tape);
-}
-
-static lg_status force(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_hamiltonian_vars vars;
-    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = lg_hamiltonian_record_force(tape, &vars, x[0], x[1]);
-    return lg_tape_status(tape);
-}
-
-static lg_status drift(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_hamiltonian_vars vars;
-    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = lg_hamiltonian_record_drift(tape, &vars, x[0]);
     return lg_tape_status(tape);
 }
 

@@ -4,19 +4,13 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "core/numbers.h"
 #include "integrators/stepper.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
 /* ---- data ---- */
-
-static void store(lg_dtype dtype, void *values, size_t i, double value) {
-    if (dtype == LG_F64)
-        ((double *)values)[i] = value;
-    else
-        ((float *)values)[i] = (float)value;
-}
 
 /* Writes points first..last of the samples as states divided by their scales, ((last - first + 1) count, d):
  * all samples of a point, then all samples of the next point, as the concatenated predictions are ordered.
@@ -25,14 +19,15 @@ static void fill_states(const lg_hamiltonian_problem *problem, const lg_space *s
                         const uint32_t *samples, size_t count, size_t first, size_t last, void *values) {
     const size_t d = space->dim;
     double state[LG_HAMILTONIAN_LARGEST], scale[LG_HAMILTONIAN_LARGEST];
-    size_t at = 0;
+    size_t row = 0;
     lg_hamiltonian_number_scales(problem->model, scale);
     for (size_t c = 0; c < d; c++) scale[c] = 1.0 / scale[c];
     for (size_t j = first; j <= last; j++)
-        for (size_t s = 0; s < count; s++) {
+        for (size_t s = 0; s < count; s++, row++) {
             memcpy(state, problem->data + (samples[s] * problem->points + j) * d, d * sizeof *state);
             if (problem->distance == LG_DISTANCE_GEODESIC) lg_space_project(space, state);
-            for (size_t c = 0; c < d; c++) store(dtype, values, at++, scale[c] * state[c]);
+            for (size_t c = 0; c < d; c++) state[c] *= scale[c];
+            lg_put_numbers(dtype, values, row * d, state, d);
         }
 }
 

@@ -12,50 +12,11 @@
 #include <string.h>
 
 #include "integrators/stepper.h"
+#include "kernels/matrix.h"
 
 #define ITERATIONS 40
 #define HALVINGS   8
 #define PARTS_MAX  64
-
-/* ---- linear systems ---- */
-
-/* LU factors of the row-major matrix a (n, n), in place, with row pivoting. False if singular or not
- * finite. */
-static bool factorise(size_t n, double *a, size_t *pivot) {
-    for (size_t k = 0; k < n; k++) {
-        size_t p = k;
-        for (size_t i = k + 1; i < n; i++)
-            if (fabs(a[i * n + k]) > fabs(a[p * n + k])) p = i;
-        pivot[k] = p;
-        if (!(fabs(a[p * n + k]) > 0.0) || !isfinite(a[p * n + k])) return false;
-        for (size_t j = 0; p != k && j < n; j++) {
-            const double swap = a[k * n + j];
-            a[k * n + j] = a[p * n + j];
-            a[p * n + j] = swap;
-        }
-        for (size_t i = k + 1; i < n; i++) {
-            const double factor = a[i * n + k] /= a[k * n + k];
-            if (factor == 0.0) continue;
-            for (size_t j = k + 1; j < n; j++) a[i * n + j] -= factor * a[k * n + j];
-        }
-    }
-    return true;
-}
-
-static void solve(size_t n, const double *a, const size_t *pivot, const double *b, double *x) {
-    memcpy(x, b, n * sizeof(*x));
-    for (size_t k = 0; k < n; k++) {
-        const double swap = x[k];
-        x[k] = x[pivot[k]];
-        x[pivot[k]] = swap;
-    }
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < i; j++) x[i] -= a[i * n + j] * x[j];
-    for (size_t i = n; i-- > 0;) {
-        for (size_t j = i + 1; j < n; j++) x[i] -= a[i * n + j] * x[j];
-        x[i] /= a[i * n + i];
-    }
-}
 
 /* ---- Newton's method ---- */
 
@@ -99,7 +60,7 @@ static lg_status linearise(const lg_equation *e) {
         for (size_t i = 0; i < m; i++) w->jacobian[i * m + j] = (w->next[i] - w->residual[i]) / delta;
         w->trial[j] = w->z[j];
     }
-    return factorise(m, w->jacobian, w->pivot) ? LG_OK : LG_NO_CONVERGENCE;
+    return lg_matrix_factor(m, m, w->jacobian, w->pivot) ? LG_OK : LG_NO_CONVERGENCE;
 }
 
 /* Tries z - lambda step for lambda = 1, 1/2, ... until the correction shrinks. On LG_OK the accepted point is
@@ -114,7 +75,8 @@ static lg_status damped(const lg_equation *e, double size, double *next_size, do
         const lg_status status = residual(e, w->trial, w->residual);
         if (status == LG_NOT_FINITE) continue;
         LG_TRY(status);
-        solve(m, w->jacobian, w->pivot, w->residual, w->next);
+        memcpy(w->next, w->residual, m * sizeof(*w->next));
+        lg_matrix_solve(m, m, w->jacobian, w->pivot, 1, w->next);
         *next_size = size_of(e->s, w->next);
         if (*next_size <= (1.0 - 0.25 * *lambda) * size) return LG_OK;
         if (size < 1e-8) break; /* the cause is rounding or an old Jacobian; a smaller lambda will not help */
@@ -158,11 +120,13 @@ static lg_status chords(const lg_equation *e, bool *done) {
 /* Newton's method with newton.z as the first guess; on LG_OK the solution is in newton.z. */
 static lg_status iterate(const lg_equation *e) {
     lg_newton *w = &e->s->newton;
+    const size_t m = e->s->ode.space.algebra_dim;
     bool done = false;
     LG_TRY(residual(e, w->z, w->residual));
     for (int i = 0; i < ITERATIONS && !done; i++) {
         LG_TRY(linearise(e));
-        solve(e->s->ode.space.algebra_dim, w->jacobian, w->pivot, w->residual, w->step);
+        memcpy(w->step, w->residual, m * sizeof(*w->step));
+        lg_matrix_solve(m, m, w->jacobian, w->pivot, 1, w->step);
         LG_TRY(chords(e, &done));
     }
     return done ? LG_OK : LG_NO_CONVERGENCE;

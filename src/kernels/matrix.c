@@ -58,6 +58,41 @@ double lg_matrix_norm(size_t count, const double *x) {
     return largest * sqrt(sum);
 }
 
+bool lg_matrix_factor(size_t n, size_t stride, double *a, size_t *pivot) {
+    for (size_t k = 0; k < n; k++) {
+        size_t p = k;
+        for (size_t i = k + 1; i < n; i++)
+            if (fabs(a[i * stride + k]) > fabs(a[p * stride + k])) p = i;
+        pivot[k] = p;
+        if (!(fabs(a[p * stride + k]) > 0.0) || !isfinite(a[p * stride + k])) return false;
+        for (size_t j = 0; p != k && j < n; j++) {
+            const double swap = a[k * stride + j];
+            a[k * stride + j] = a[p * stride + j];
+            a[p * stride + j] = swap;
+        }
+        for (size_t i = k + 1; i < n; i++) {
+            const double factor = a[i * stride + k] /= a[k * stride + k];
+            if (factor == 0.0) continue;
+            for (size_t j = k + 1; j < n; j++) a[i * stride + j] -= factor * a[k * stride + j];
+        }
+    }
+    return true;
+}
+
+void lg_matrix_solve(size_t n, size_t stride, const double *a, const size_t *pivot, size_t step, double *x) {
+    for (size_t k = 0; k < n; k++) {
+        const double swap = x[k * step];
+        x[k * step] = x[pivot[k] * step];
+        x[pivot[k] * step] = swap;
+    }
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < i; j++) x[i * step] -= a[i * stride + j] * x[j * step];
+    for (size_t i = n; i-- > 0;) {
+        for (size_t j = i + 1; j < n; j++) x[i * step] -= a[i * stride + j] * x[j * step];
+        x[i * step] /= a[i * stride + i];
+    }
+}
+
 bool lg_matrix_cholesky(size_t n, const double *a, double *L) {
     return lg_kernels_for(LG_F64)->spd_factor(1, n, a, L) == 0;
 }

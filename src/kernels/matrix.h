@@ -25,6 +25,11 @@ void lg_matrix_multiply_twice(size_t m, size_t n, size_t k, const double *a, lg_
 /* y += x, with y in twice the digits */
 void lg_matrix_add_twice(size_t count, const double *x, lg_matrix_pair y);
 double lg_matrix_norm(size_t count, const double *x);
+/* LU factors of a (n, n), in place, with exchanges of rows; its rows are `stride` numbers apart. Returns
+ * false if a is singular or not finite. lg_matrix_solve replaces x, whose numbers are `step` apart, by
+ * a^-1 x. */
+bool lg_matrix_factor(size_t n, size_t stride, double *a, size_t *pivot);
+void lg_matrix_solve(size_t n, size_t stride, const double *a, const size_t *pivot, size_t step, double *x);
 /* L becomes the lower triangular matrix with L L^T = (a + a^T)/2. Returns false if (a + a^T)/2 is not
  * positive definite. a and L do not overlap. */
 bool lg_matrix_cholesky(size_t n, const double *a, double *L);

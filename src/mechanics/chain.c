@@ -16,14 +16,6 @@ const lg_parameter_entry lg_chain_parameters[] = {
 
 const char *const lg_chain_invariants[] = {"energy", "vertical-angular-momentum", NULL};
 
-lg_status lg_chain_space(size_t links, lg_space *out) {
-    return lg_space_init(out, &(lg_space_factor){LG_SPACE_TS2, links}, 1);
-}
-
-size_t lg_chain_constants(size_t links) {
-    return CHAIN_CONSTANTS * links;
-}
-
 void lg_chain_prepare(lg_system *system, double *constants) {
     const lg_chain c = lg_chain_of(system);
     double mu = 0.0;
@@ -99,10 +91,6 @@ double lg_chain_energy(const lg_chain *chain, const double *y, const double *v) 
         potential += chain->weight[i] * y[6 * i + 2];
     }
     return kinetic + potential;
-}
-
-size_t lg_chain_observed(size_t links) {
-    return 6 * links;
 }
 
 void lg_chain_nodes(const lg_chain *chain, const double *y, const double *v, double *out) {

@@ -51,15 +51,13 @@ static inline lg_chain lg_chain_of(const lg_system *system) {
 }
 
 /* Members that the rows of both forms have in common. */
-lg_status lg_chain_space(size_t links, lg_space *out);
-size_t lg_chain_constants(size_t links);
 void lg_chain_prepare(lg_system *system, double *constants);
 extern const char *const lg_chain_invariants[];
 #define LG_CHAIN_MEMBERS                                                                                     \
-    .name = "pendulum-chain", .parameters = lg_chain_parameters, .state = state, .space = lg_chain_space,    \
-    .constants = lg_chain_constants, .prepare = lg_chain_prepare, .work = work_of,                           \
-    .invariants = lg_chain_invariants, .invariant = invariant, .observed = lg_chain_observed,                \
-    .observe = observe, .plane = plane
+    .name = "pendulum-chain", .parameters = lg_chain_parameters, .state = state,                             \
+    .factor = {{LG_SPACE_TS2, 0}}, .constants = CHAIN_CONSTANTS, .prepare = lg_chain_prepare,                \
+    .invariants = lg_chain_invariants, .invariant = invariant, .observed = 6, .observe = observe,            \
+    .plane = plane
 
 /* out_i = sum_j m_ij x_j; out and x are (k, 3) and must not overlap. */
 void lg_chain_apply_m(const lg_chain *chain, const double *x, double *out);
@@ -96,7 +94,6 @@ double lg_chain_vertical_momentum(const lg_chain *chain, const double *y, const 
 double lg_chain_energy(const lg_chain *chain, const double *y, const double *v);
 
 /* For lg_system_observe: all x_i (k, 3), then all x_i' (k, 3), from q_i at y + 6 i and v. */
-size_t lg_chain_observed(size_t links);
 void lg_chain_nodes(const lg_chain *chain, const double *y, const double *v, double *out);
 /* Draws a start of kind LG_STARTS_PLANE: q_i at y + 6 i, and v. Errors: LG_UNSUPPORTED (more than
  * LG_PLANE_LINKS links), LG_NO_CONVERGENCE. */

@@ -33,22 +33,6 @@ size_t lg_chain_scratch(size_t k) {
            (ROW_SCALARS + REST_SCALARS) * k;
 }
 
-/* ---- elements of the tape ---- */
-
-static void copy_in(lg_dtype dtype, const void *from, size_t first, size_t n, double *to) {
-    if (dtype == LG_F64)
-        memcpy(to, (const double *)from + first, n * sizeof(*to));
-    else
-        for (size_t i = 0; i < n; i++) to[i] = (double)((const float *)from)[first + i];
-}
-
-static void copy_out(lg_dtype dtype, const double *from, size_t n, void *to, size_t first) {
-    if (dtype == LG_F64)
-        memcpy((double *)to + first, from, n * sizeof(*from));
-    else
-        for (size_t i = 0; i < n; i++) ((float *)to)[first + i] = (float)from[i];
-}
-
 /* The scratch memory is an input of the operation, so that the tape owns it. Writing to it is safe, as
  * nothing else reads its values. */
 static double *scratch_of(const lg_chain_batch *batch) {
@@ -61,7 +45,7 @@ static double *scratch_of(const lg_chain_batch *batch) {
 
 static row open_batch(const lg_chain_batch *batch, const void *const *in, size_t *rows) {
     double sizes[2];
-    copy_in(batch->dtype, batch->sizes, 0, 2, sizes);
+    lg_get_numbers(batch->dtype, batch->sizes, 0, sizes, 2);
     *rows = (size_t)sizes[0];
     const size_t k = (size_t)sizes[1];
     double *at = scratch_of(batch);
@@ -73,7 +57,7 @@ static row open_batch(const lg_chain_batch *batch, const void *const *in, size_t
     at += 3 * ROW_VECTORS * k;
     r.s = at, r.lambda = at + k, r.pivot = at + 2 * k, r.l = at + 3 * k;
     r.rest = at + ROW_SCALARS * k;
-    copy_in(batch->dtype, in[2], 0, parameters_of(k), r.parameters);
+    lg_get_numbers(batch->dtype, in[2], 0, r.parameters, parameters_of(k));
     r.gravity = r.parameters[0];
     for (size_t i = 0; i < k; i++) r.s[i] = 1.0 / r.mass[i];
     return r;
@@ -108,8 +92,8 @@ static double force(const row *r, size_t i, size_t c) {
 
 static void load(const lg_chain_batch *batch, const void *const *in, size_t number, const row *r) {
     const size_t n = 3 * r->k;
-    copy_in(batch->dtype, in[0], number * n, n, r->q);
-    copy_in(batch->dtype, in[1], number * n, n, r->omega);
+    lg_get_numbers(batch->dtype, in[0], number * n, r->q, n);
+    lg_get_numbers(batch->dtype, in[1], number * n, r->omega, n);
     factor(r);
     for (size_t i = 0; i < r->k; i++)
         r->lambda[i] = r->length[i] * lg_dot3(r->omega + 3 * i, r->omega + 3 * i);
@@ -133,7 +117,7 @@ void lg_chain_batch_value(const lg_chain_batch *batch, const void *const *in, vo
             const double along = lg_dot3(r.q + 3 * i, r.x + 3 * i);
             for (size_t c = 0; c < 3; c++) r.rest[3 * i + c] = r.q[3 * i + c] * along - r.x[3 * i + c];
         }
-        copy_out(batch->dtype, r.rest, 3 * r.k, v, 3 * r.k * number);
+        lg_put_numbers(batch->dtype, v, 3 * r.k * number, r.rest, 3 * r.k);
     }
 }
 
@@ -218,13 +202,13 @@ void lg_chain_batch_adjoint(const lg_chain_batch *batch, const void *const *in, 
     memset(d.parameters, 0, parameters_of(k) * sizeof(double));
     for (size_t number = 0; number < rows; number++) {
         load(batch, in, number, &r);
-        copy_in(batch->dtype, g, number * n, n, d.g);
+        lg_get_numbers(batch->dtype, g, number * n, d.g, n);
         adjoint_of_acceleration(&r, &d);
         adjoint_of_forces(&r, &d);
         adjoint_of_solve(&r, &d);
         for (size_t i = 0; i < k; i++) d.mass[i] -= d.s[i] * r.s[i] * r.s[i];
-        if (out[0]) copy_out(batch->dtype, d.q, n, out[0], number * n);
-        if (out[1]) copy_out(batch->dtype, d.omega, n, out[1], number * n);
+        if (out[0]) lg_put_numbers(batch->dtype, out[0], number * n, d.q, n);
+        if (out[1]) lg_put_numbers(batch->dtype, out[1], number * n, d.omega, n);
     }
-    if (out[2]) copy_out(batch->dtype, d.parameters, parameters_of(k), out[2], 0);
+    if (out[2]) lg_put_numbers(batch->dtype, out[2], 0, d.parameters, parameters_of(k));
 }

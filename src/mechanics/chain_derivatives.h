@@ -4,6 +4,7 @@
 #ifndef LG_CHAIN_DERIVATIVES_H
 #define LG_CHAIN_DERIVATIVES_H
 
+#include "core/numbers.h"
 #include "mechanics/chain.h"
 
 typedef struct lg_chain_batch {

@@ -101,10 +101,6 @@ static lg_status plane(const lg_system *system, lg_rng *rng, double *y) {
     return LG_OK;
 }
 
-static size_t work_of(size_t links) {
-    return (6 + 12) * links; /* v and g, then chain_work */
-}
-
 static const lg_state_entry state[] = {
     {.key = "q", .outer = 0, .rows = 1, .columns = 3, .first = 0, .stride = 6},
     {.key = "p", .outer = 0, .rows = 1, .columns = 3, .first = 3, .stride = 6},
@@ -115,6 +111,7 @@ const lg_system_row lg_system_row_chain_hamiltonian = {
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
     .extended = true,
+    .work = 6 + 12, /* v and g, then chain_work */
     .step = step,
     .lanes = LG_LANES_CHAIN_HAMILTONIAN,
     .taped = lg_chain_taped_hamiltonian,

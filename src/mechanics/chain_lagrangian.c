@@ -70,11 +70,6 @@ static lg_status plane(const lg_system *system, lg_rng *rng, double *y) {
     return LG_OK;
 }
 
-/* As much as lg_chain_velocities needs, which needs the most. */
-static size_t work_of(size_t links) {
-    return (3 + CHAIN_MOMENTUM_WORK) * links;
-}
-
 static const lg_state_entry state[] = {
     {.key = "q", .outer = 0, .rows = 1, .columns = 3, .first = 0, .stride = 6},
     {.key = "omega", .outer = 0, .rows = 1, .columns = 3, .first = 3, .stride = 6},
@@ -83,6 +78,7 @@ static const lg_state_entry state[] = {
 const lg_system_row lg_system_row_chain_lagrangian = {
     .form = "lagrangian",
     .structure = LG_STRUCTURE_LAGRANGIAN,
+    .work = 3 + CHAIN_MOMENTUM_WORK, /* as much as lg_chain_velocities needs, which needs the most */
     .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
     .step = step,
     .lanes = LG_LANES_CHAIN_LAGRANGIAN,

@@ -8,6 +8,7 @@
  */
 #include <math.h>
 
+#include "kernels/matrix.h"
 #include "mechanics/chain.h"
 
 enum { LINKS = LG_PLANE_LINKS, NODES = 2 * LINKS, STEPS = 500, DRAWS = 100 };
@@ -70,24 +71,11 @@ static void normal_matrix(plane_start *s) {
         }
 }
 
-/* f <- (J J^T)^-1 f by Cholesky's method. False if a pivot is not positive. */
+/* f <- (J J^T)^-1 f. False if the matrix is singular. */
 static bool solve(plane_start *s) {
-    const size_t n = 2 * s->k;
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j; i < n; i++) {
-            double sum = s->a[i][j];
-            for (size_t l = 0; l < j; l++) sum -= s->a[i][l] * s->a[j][l];
-            if (i == j && !(sum > 0.0)) return false;
-            s->a[i][j] = i == j ? sqrt(sum) : sum / s->a[j][j];
-        }
-    for (size_t i = 0; i < n; i++) {
-        for (size_t l = 0; l < i; l++) s->f[i] -= s->a[i][l] * s->f[l];
-        s->f[i] /= s->a[i][i];
-    }
-    for (size_t i = n; i-- > 0;) {
-        for (size_t l = i + 1; l < n; l++) s->f[i] -= s->a[l][i] * s->f[l];
-        s->f[i] /= s->a[i][i];
-    }
+    size_t pivot[NODES];
+    if (!lg_matrix_factor(2 * s->k, NODES, s->a[0], pivot)) return false;
+    lg_matrix_solve(2 * s->k, NODES, s->a[0], pivot, 1, s->f);
     return true;
 }
 

@@ -8,10 +8,7 @@
 /* ---- constants ---- */
 
 static void put(lg_tape *tape, void *values, size_t index, double value) {
-    if (lg_tape_dtype(tape) == LG_F64)
-        ((double *)values)[index] = value;
-    else
-        ((float *)values)[index] = (float)value;
+    lg_put_numbers(lg_tape_dtype(tape), values, index, &value, 1);
 }
 
 /* A constant (1, k, k) that is tridiagonal, with constant diagonals `below`, `main` and `above`. */

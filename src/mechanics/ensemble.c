@@ -6,6 +6,7 @@
 #include <stdatomic.h>
 #include <string.h>
 
+#include "core/portions.h"
 #include "integrators/groups.h"
 #include "integrators/lanes.h"
 #include "integrators/stepper.h"
@@ -129,7 +130,7 @@ static lg_status prepare(ensemble *all, lg_error *error) {
         .links = system->links,
         .parameters = system->parameter_count,
         .constants = lg_system_constants(system),
-        .work = system->row->work ? system->row->work(system->links) : 0,
+        .work = lg_system_own_work(system),
         .varied = o->varied,
         .control = &o->control,
         .steps = o->steps,
@@ -148,45 +149,42 @@ static lg_status prepare(ensemble *all, lg_error *error) {
 /* ---- memory ---- */
 
 static void free_worker(const ensemble *all, worker *w) {
-    void *const parts[] = {w->start,     w->constant,      w->block.states, w->block.events, w->block.outcome,
-                           w->own_start, w->own_parameter, w->work,         w->refused,      w->memory,
-                           w->parameter, w->projected,     w->group_end};
-    for (size_t i = 0; i < LG_COUNT(parts); i++) lg_free(all->context, parts[i]);
+    lg_free(all->context, w->memory);
     lg_one_by_one_end(&w->one);
     lg_system_destroy(w->system);
 }
 
+/* Lays the arrays out in w->memory; without it only returns their size, bytes. */
+static size_t lay_out(const ensemble *all, worker *w) {
+    const lg_lane_plan *plan = &all->plan;
+    const size_t room = all->room, dim = plan->space.dim, own = plan->varied ? room : 1,
+                 number = sizeof(double);
+    lg_portions from = {w->memory, 0};
+    w->block.memory = lg_portion(&from, all->lanes ? all->lanes->memory(plan, room) : 0, 1);
+    w->block.states = lg_portion(&from, plan->count * dim * room, number);
+    w->block.events = lg_portion(&from, plan->event_count * room, number);
+    w->block.outcome = lg_portion(&from, room, sizeof(*w->block.outcome));
+    w->block.start = w->start = lg_portion(&from, dim * room, number);
+    w->block.parameter = w->parameter = lg_portion(&from, plan->parameters * own, number);
+    w->block.constant = w->constant = lg_portion(&from, plan->constants * own, number);
+    w->own_start = lg_portion(&from, dim, number);
+    w->own_parameter = lg_portion(&from, plan->parameters, number);
+    w->projected = lg_portion(&from, dim, number);
+    w->work = lg_portion(&from, lg_system_work_size(all->system), 1);
+    w->group_end = lg_portion(&from, dim, sizeof(*w->group_end));
+    w->refused = lg_portion(&from, room, 1);
+    return from.used;
+}
+
 static lg_status make_worker(const ensemble *all, worker *w) {
     const lg_lane_plan *plan = &all->plan;
-    const size_t room = all->room, dim = plan->space.dim, own = plan->varied ? room : 1;
     LG_TRY(lg_system_copy(all->context, all->system, &w->system));
-    double **const rows[] = {&w->start,        &w->parameter, &w->constant,      &w->block.states,
-                             &w->block.events, &w->own_start, &w->own_parameter, &w->projected};
-    const size_t counts[] = {dim * room,
-                             plan->parameters * own,
-                             plan->constants * own,
-                             plan->count * dim * room,
-                             plan->event_count * room,
-                             dim,
-                             plan->parameters,
-                             dim};
-    for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        *rows[i] = lg_alloc(all->context, counts[i] > 0 ? counts[i] : 1, sizeof(double));
-        if (!*rows[i]) return LG_OUT_OF_MEMORY;
-    }
-    w->block.outcome = lg_alloc(all->context, room, sizeof(*w->block.outcome));
-    w->refused = lg_alloc(all->context, room, 1);
-    w->group_end = lg_alloc(all->context, dim, sizeof(*w->group_end));
-    w->work = lg_alloc(all->context, lg_system_work_size(all->system), 1);
-    w->memory = lg_alloc(all->context, all->lanes ? all->lanes->memory(plan, room) : 1, 1);
-    if (!w->block.outcome || !w->refused || !w->work || !w->memory || !w->group_end) return LG_OUT_OF_MEMORY;
+    w->memory = lg_alloc(all->context, lay_out(all, w), 1);
+    if (!w->memory) return LG_OUT_OF_MEMORY;
+    (void)lay_out(all, w);
     w->groups = lg_space_groups(&plan->space, w->group_end);
-    w->block.room = room;
-    w->block.start = w->start;
-    w->block.parameter = w->parameter;
-    w->block.constant = w->constant;
+    w->block.room = all->room;
     w->block.attempts = &w->vectors;
-    w->block.memory = w->memory;
     memcpy(w->parameter, all->system->parameters, (plan->varied ? 0 : plan->parameters) * sizeof(double));
     memcpy(w->constant, all->system->constants, (plan->varied ? 0 : plan->constants) * sizeof(double));
     return all->lanes ? LG_OK : lg_one_by_one_begin(all->context, plan, w->system, &w->one);

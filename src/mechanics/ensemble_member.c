@@ -9,29 +9,27 @@
 
 lg_status lg_one_by_one_begin(const lg_context *context, const lg_lane_plan *plan, const lg_system *system,
                               lg_one_by_one *out) {
-    const size_t dim = plan->space.dim;
+    const size_t dim = plan->space.dim, rows = plan->count * dim, work = lg_system_work_size(system);
     lg_ode ode;
     out->context = context;
     out->plan = plan;
-    double **const parts[] = {&out->rows,     &out->y,      &out->before, &out->trial,
-                              &out->velocity, &out->events, &out->slopes};
-    const size_t counts[] = {plan->count * dim, dim, dim, dim, dim, LG_EVENTS_MAX, LG_EVENTS_MAX};
-    for (size_t i = 0; i < LG_COUNT(parts); i++) {
-        *parts[i] = lg_alloc(context, counts[i], sizeof(double));
-        if (!*parts[i]) return LG_OUT_OF_MEMORY;
-    }
-    out->work = lg_alloc(context, lg_system_work_size(system), 1);
-    if (!out->work) return LG_OUT_OF_MEMORY;
+    out->rows = lg_alloc(context, rows + 4 * dim + 2 * LG_EVENTS_MAX + work / sizeof(double), sizeof(double));
+    if (!out->rows) return LG_OUT_OF_MEMORY;
+    out->y = out->rows + rows;
+    out->before = out->y + dim;
+    out->trial = out->before + dim;
+    out->velocity = out->trial + dim;
+    out->events = out->velocity + dim;
+    out->slopes = out->events + LG_EVENTS_MAX;
+    out->work = out->slopes + LG_EVENTS_MAX;
     LG_TRY(lg_system_ode(system, lg_system_coordinates_for(plan->scheme), &ode, &out->user, out->work));
     LG_TRY(lg_stepper_create(context, plan->scheme, &ode, &out->stepper));
     return lg_stepper_create(context, plan->scheme, &ode, &out->looker);
 }
 
 void lg_one_by_one_end(lg_one_by_one *one) {
-    double *const parts[] = {one->rows, one->y,        one->before, one->trial,
-                             one->work, one->velocity, one->events, one->slopes};
     if (!one->plan) return;
-    for (size_t i = 0; i < LG_COUNT(parts); i++) lg_free(one->context, parts[i]);
+    lg_free(one->context, one->rows);
     lg_stepper_destroy(one->stepper);
     lg_stepper_destroy(one->looker);
 }

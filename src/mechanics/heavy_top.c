@@ -81,19 +81,11 @@ LG_PLAIN_FIELD(cotangent)
 
 /* ---- cotangent, direct ---- */
 
-static lg_status cotangent_space(size_t links, lg_space *out) {
-    return lg_space_init(out, &(lg_space_factor){LG_SPACE_SE3, 1}, 1);
-}
-
-static lg_status direct_space(size_t links, lg_space *out) {
-    return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}}, 2);
-}
-
 #define TOP     .name = "heavy-top", .parameters = parameters, .structure = LG_STRUCTURE_HAMILTONIAN
 #define SPATIAL TOP, .state = spatial_state, .invariants = spatial_invariants
 const lg_system_row lg_system_row_top_cotangent = {
     .form = "cotangent",
-    .space = cotangent_space,
+    .factor = {{LG_SPACE_SE3, 1}},
     .invariant = spatial_invariant,
     .field = {cotangent_field, NULL},
     .lanes = LG_LANES_TOP_COTANGENT,
@@ -103,7 +95,7 @@ const lg_system_row lg_system_row_top_cotangent = {
 
 const lg_system_row lg_system_row_top_direct = {
     .form = "direct",
-    .space = direct_space,
+    .factor = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}},
     .invariant = spatial_invariant,
     .field = {direct_field, NULL},
     .lanes = LG_LANES_TOP_DIRECT,
@@ -121,10 +113,6 @@ static const lg_state_entry poisson_state[] = {
     {.key = NULL},
 };
 
-static lg_status poisson_space(size_t links, lg_space *out) {
-    return lg_space_init(out, &(lg_space_factor){LG_SPACE_SE3_DUAL, 1}, 1);
-}
-
 static const char *const poisson_invariants[] = {"energy", "|Gamma|^2", "Gamma.Pi", NULL};
 
 static double poisson_invariant(const lg_system *system, size_t index, const double *y, double *work) {
@@ -139,7 +127,7 @@ LG_PLAIN_FIELD(poisson)
 const lg_system_row lg_system_row_top_lie_poisson = {
     .form = "lie-poisson",
     .state = poisson_state,
-    .space = poisson_space,
+    .factor = {{LG_SPACE_SE3_DUAL, 1}},
     .invariants = poisson_invariants,
     .invariant = poisson_invariant,
     .field = {poisson_field, NULL},
@@ -149,10 +137,6 @@ const lg_system_row lg_system_row_top_lie_poisson = {
 };
 
 /* ---- quadratic: Q, pi, q, p + M l chi ---- */
-
-static lg_status quadratic_space(size_t links, lg_space *out) {
-    return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}}, 2);
-}
 
 /* The invariant "energy" is H - |p|^2/2, which is the energy of the other forms. */
 static double quadratic_invariant(const lg_system *system, size_t index, const double *y, double *work) {
@@ -172,7 +156,7 @@ LG_PLAIN_FIELD(quadratic)
 const lg_system_row lg_system_row_top_quadratic = {
     .form = "quadratic",
     .unreported = 6,
-    .space = quadratic_space,
+    .factor = {{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}},
     .invariant = quadratic_invariant,
     .generating = quadratic_generating,
     .field = {quadratic_field, NULL},

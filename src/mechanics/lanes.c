@@ -92,35 +92,18 @@ INLINE void write_lie(const lanes *y, const lanes *a, lanes *out) {
     }
 }
 
-INLINE void pendulum_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
-    const chain_numbers chain = chain_of(problem);
-    pendulum_ambient(&chain, y, out);
-}
-
-INLINE void pendulum_lie_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
-    const chain_numbers chain = chain_of(problem);
-    pendulum_lie(&chain, y, out);
-}
-
-static void lagrangian_lie_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
-    const chain_numbers chain = chain_of(problem);
-    chain_field(&chain, y, problem->work, out, write_lie);
-}
-
-static void lagrangian_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
-    const chain_numbers chain = chain_of(problem);
-    chain_field(&chain, y, problem->work, out, write_ambient);
-}
-
-static void hamiltonian_lie_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
-    const chain_numbers chain = chain_of(problem);
-    hamiltonian_lie_of(&chain, y, problem->work, out);
-}
-
-static void hamiltonian_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {
-    const chain_numbers chain = chain_of(problem);
-    hamiltonian_ambient_of(&chain, y, problem->work, out);
-}
+/* Fields of chains, of the chain's numbers. */
+#define CHAIN(name, call)                                                                                    \
+    INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
+        const chain_numbers chain = chain_of(problem);                                                       \
+        call;                                                                                                \
+    }
+CHAIN(pendulum_lie, pendulum_lie(&chain, y, out))
+CHAIN(pendulum_ambient, pendulum_ambient(&chain, y, out))
+CHAIN(lagrangian_lie, chain_field(&chain, y, problem->work, out, write_lie))
+CHAIN(lagrangian_ambient, chain_field(&chain, y, problem->work, out, write_ambient))
+CHAIN(hamiltonian_lie, hamiltonian_lie_of(&chain, y, problem->work, out))
+CHAIN(hamiltonian_ambient, hamiltonian_ambient_of(&chain, y, problem->work, out))
 
 /* The ambient field as the generator of the LIE field, on one copy of `kind` followed by R^n; an algebra
  * element has m numbers. */

@@ -19,14 +19,6 @@ static const lg_state_entry two_degrees[] = {
     {.key = NULL}};
 static const char *const energy_only[] = {"energy", NULL};
 
-static lg_status space_r2(size_t links, lg_space *out) {
-    return lg_space_init_rn(out, 2);
-}
-
-static lg_status space_r4(size_t links, lg_space *out) {
-    return lg_space_init_rn(out, 4);
-}
-
 /* ---- H = (p^2 + q^2)/2 ---- */
 
 static double oscillator_energy(const lg_system *system, size_t index, const double *y, double *work) {
@@ -67,7 +59,7 @@ static lg_status identity_velocity(const lg_system *system, lg_tape *tape, lg_ta
 const lg_system_row lg_system_row_oscillator = {
     .name = "oscillator",
     .state = one_degree,
-    .space = space_r2,
+    .factor = {{LG_SPACE_RN, 2}},
     .invariants = energy_only,
     .invariant = oscillator_energy,
     .force = oscillator_force,
@@ -106,7 +98,7 @@ static lg_status quartic_taped_velocity(const lg_system *system, lg_tape *tape, 
 const lg_system_row lg_system_row_quartic = {
     .name = "quartic",
     .state = two_degrees,
-    .space = space_r4,
+    .factor = {{LG_SPACE_RN, 4}},
     .invariants = energy_only,
     .invariant = quartic_energy,
     .force = quartic_force,
@@ -140,7 +132,7 @@ static const char *const coupled_invariants[] = {"energy", "G", NULL};
 const lg_system_row lg_system_row_coupled = {
     .name = "coupled-oscillators",
     .state = two_degrees,
-    .space = space_r4,
+    .factor = {{LG_SPACE_RN, 4}},
     .invariants = coupled_invariants,
     .invariant = coupled_invariant,
     .force = coupled_force,

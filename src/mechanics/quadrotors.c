@@ -77,12 +77,6 @@ static const lg_state_entry state[] = {
     {.key = NULL},
 };
 
-static lg_status space(size_t links, lg_space *out) {
-    static const lg_space_factor factors[] = {{LG_SPACE_RN, 6},  {LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3},
-                                              {LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3},  {LG_SPACE_TS2, 2}};
-    return lg_space_init(out, factors, LG_COUNT(factors));
-}
-
 static const char *const no_invariants[] = {NULL};
 
 /* LG_NOT_FINITE if the links are parallel. */
@@ -95,7 +89,12 @@ const lg_system_row lg_system_row_quadrotors = {
     .name = "quadrotors",
     .parameters = parameters,
     .state = state,
-    .space = space,
+    .factor = {{LG_SPACE_RN, 6},
+               {LG_SPACE_SO3, 1},
+               {LG_SPACE_RN, 3},
+               {LG_SPACE_SO3, 1},
+               {LG_SPACE_RN, 3},
+               {LG_SPACE_TS2, 2}},
     .invariants = no_invariants,
     .field = {field, NULL},
     .taped = lg_quadrotors_taped,

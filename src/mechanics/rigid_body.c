@@ -30,10 +30,6 @@ static const lg_parameter_entry parameters[] = {
 
 static const lg_state_entry momentum_state[] = {{"mu", 1, 1, 3, 0, 3, NULL}, {.key = NULL}};
 
-static lg_status momentum_space(size_t links, lg_space *out) {
-    return lg_space_init(out, &(lg_space_factor){LG_SPACE_SO3_DUAL, 1}, 1);
-}
-
 static const char *const momentum_invariants[] = {"energy", "|mu|^2", NULL};
 
 static double momentum_invariant(const lg_system *system, size_t index, const double *y, double *work) {
@@ -47,7 +43,7 @@ const lg_system_row lg_system_row_rigid_body = {
     .name = "rigid-body",
     .parameters = parameters,
     .state = momentum_state,
-    .space = momentum_space,
+    .factor = {{LG_SPACE_SO3_DUAL, 1}},
     .invariants = momentum_invariants,
     .invariant = momentum_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
@@ -64,10 +60,6 @@ static const lg_state_entry attitude_state[] = {
     {.key = NULL},
 };
 
-static lg_status attitude_space(size_t links, lg_space *out) {
-    return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}}, 2);
-}
-
 static const char *const attitude_invariants[] = {"energy", "|R^T pi|^2", NULL};
 
 static double attitude_invariant(const lg_system *system, size_t index, const double *y, double *work) {
@@ -82,7 +74,7 @@ const lg_system_row lg_system_row_attitude = {
     .name = "rigid-body-attitude",
     .parameters = parameters,
     .state = attitude_state,
-    .space = attitude_space,
+    .factor = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}},
     .invariants = attitude_invariants,
     .invariant = attitude_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,

@@ -50,11 +50,6 @@ static const lg_state_entry state[] = {
     {.key = NULL},
 };
 
-static lg_status space(size_t links, lg_space *out) {
-    const lg_space_factor factors[] = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}, {LG_SPACE_TS2, 1}};
-    return lg_space_init(out, factors, 3);
-}
-
 LG_PLAIN_FIELD(satellite)
 
 static double energy(const field_at *f) {
@@ -79,7 +74,7 @@ const lg_system_row lg_system_row_satellite = {
     .name = "satellite",
     .parameters = parameters,
     .state = state,
-    .space = space,
+    .factor = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}, {LG_SPACE_TS2, 1}},
     .invariants = invariants,
     .invariant = invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,

@@ -254,12 +254,27 @@ static void lay_out(lg_system *system, size_t constants) {
     system->layout = (char *)(system->constants + constants);
 }
 
+/* A count of the row, which is per link if there are links. */
+static size_t in_all(size_t count, size_t links) {
+    return count * (links > 0 ? links : 1);
+}
+
+static lg_status make_space(const lg_system_row *row, size_t links, lg_space *out) {
+    lg_space_factor factor[LG_SPACE_MAX_FACTORS];
+    size_t n = 0;
+    for (; row->factor[n].kind != LG_SPACE_RN || row->factor[n].count > 0; n++) {
+        factor[n] = row->factor[n];
+        if (factor[n].count == 0) factor[n].count = links;
+    }
+    return lg_space_init(out, factor, n);
+}
+
 static lg_status make(const lg_context *context, const lg_system_row *row, const lg_system_options *options,
                       size_t links, lg_system **out) {
     const size_t none = SIZE_MAX, count = parameter_offset(row, links, none);
-    const size_t constants = row->constants ? row->constants(links) : 0;
+    const size_t constants = in_all(row->constants, links);
     lg_space space;
-    LG_TRY(row->space(links, &space));
+    LG_TRY(make_space(row, links, &space));
     lg_system *system = lg_alloc(context, block_size(row, links, count, constants), 1);
     if (!system) return LG_OUT_OF_MEMORY;
     system->context = context;
@@ -296,7 +311,7 @@ lg_status lg_system_create(const lg_context *context, const char *name, const lg
 }
 
 size_t lg_system_constants(const lg_system *system) {
-    return system->row->constants ? system->row->constants(system->links) : 0;
+    return in_all(system->row->constants, system->links);
 }
 
 lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_system **out) {
@@ -377,8 +392,8 @@ bool lg_system_separable(const lg_system *system) {
 
 /* Doubles of workspace that the row needs. If the ambient field is generated from the LIE field, the
  * workspace has algebra_dim more doubles behind them, for the value of the LIE field. */
-static size_t own_work(const lg_system *system) {
-    return system->row->work ? system->row->work(system->links) : 0;
+size_t lg_system_own_work(const lg_system *system) {
+    return in_all(system->row->work, system->links);
 }
 
 static bool is_generated(const lg_system *system) {
@@ -386,7 +401,7 @@ static bool is_generated(const lg_system *system) {
 }
 
 size_t lg_system_work_size(const lg_system *system) {
-    const size_t work = own_work(system) + (is_generated(system) ? system->space.algebra_dim : 0);
+    const size_t work = lg_system_own_work(system) + (is_generated(system) ? system->space.algebra_dim : 0);
     return (work > 0 ? work : 1) * sizeof(double);
 }
 
@@ -394,7 +409,7 @@ size_t lg_system_work_size(const lg_system *system) {
 
 size_t lg_system_observed(const lg_system *system) {
     const lg_system_row *row = system->row;
-    return row->observed != NULL ? row->observed(system->links) : lg_system_reported(system);
+    return row->observed > 0 ? in_all(row->observed, system->links) : lg_system_reported(system);
 }
 
 lg_status lg_system_observe(const lg_system *system, const double *y, double *out, double *work) {
@@ -434,7 +449,7 @@ lg_coordinates lg_system_coordinates_for(const lg_scheme *scheme) {
 
 static lg_status generated_field(void *user, double t, const double *y, const double *input, double *out) {
     const lg_system_user *own = user;
-    double *algebra = own->work + own_work(own->system);
+    double *algebra = own->work + lg_system_own_work(own->system);
     LG_TRY(own->system->row->field[LG_COORDINATES_LIE](user, t, y, input, algebra));
     lg_space_generator(&own->system->space, algebra, y, out);
     return LG_OK;

@@ -33,14 +33,17 @@ typedef struct lg_system_row {
     const lg_state_entry *state;          /* the list ends with a NULL key */
     bool separable;                       /* force and velocity are set, plain and taped */
     size_t unreported;                    /* numbers at the end of the state that are not reported */
-    lg_status (*space)(size_t links, lg_space *out);
-    size_t (*constants)(size_t links); /* how many numbers `prepare` derives from the parameters; NULL: 0 */
+    /* The factors of the space; the list ends with zeros. A count of 0 is one copy per link. */
+    lg_space_factor factor[LG_SPACE_MAX_FACTORS + 1];
+    /* Two counts, of which a system with links has as many per link: numbers that `prepare` derives from the
+     * parameters, and doubles of workspace. */
+    size_t constants, work;
     void (*prepare)(lg_system *system, double *constants);
-    size_t (*work)(size_t links);  /* doubles of workspace; NULL: 0 */
     const char *const *invariants; /* names, ended by NULL; "energy" is first if the system has one */
     double (*invariant)(const lg_system *system, size_t index, const double *y, double *work);
-    /* Number and values of what lg_system_observe writes. Both NULL: the reported part of the state. */
-    size_t (*observed)(size_t links);
+    /* Number (with links: per link) and values of what lg_system_observe writes. 0 and NULL: the reported
+     * part of the state. */
+    size_t observed;
     lg_status (*observe)(const lg_system *system, const double *y, double *out, double *work);
     /* Draws a start of kind LG_STARTS_PLANE; NULL: not supported. */
     lg_status (*plane)(const lg_system *system, lg_rng *rng, double *y);
@@ -78,6 +81,8 @@ struct lg_system {
 };
 
 size_t lg_system_constants(const lg_system *system);
+/* The doubles of workspace that the row needs. */
+size_t lg_system_own_work(const lg_system *system);
 
 /* ---- tables of parameters, which end with a NULL key ---- */
 

@@ -59,26 +59,26 @@ static lg_status conv1d_shape(const lg_shape *const *in, uint32_t inputs, const 
     return LG_OK;
 }
 
-static lg_status conv1d_input_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
-                                    lg_shape *out) {
-    const lg_shape *g = in[0], *w = in[1];
-    if (g->rank != 3 || w->rank != 3) return LG_SHAPE;
-    *out = lg_shape3(g->dims[0], attr->i[2], w->dims[1]);
+/* Checks that the convolution of shapes x and w has an output of shape g. */
+static lg_status check_output(const lg_shape *g, const lg_shape *x, const lg_shape *w, const lg_attr *attr) {
     lg_conv c;
-    if (!conv_of(out, w, attr, &c)) return LG_SHAPE;
+    if (!conv_of(x, w, attr, &c)) return LG_SHAPE;
     const lg_shape y = windows_shape(&c);
     return lg_same_shape(g, &y) ? LG_OK : LG_SHAPE;
 }
 
+static lg_status conv1d_input_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                                    lg_shape *out) {
+    if (in[0]->rank != 3 || in[1]->rank != 3) return LG_SHAPE;
+    *out = lg_shape3(in[0]->dims[0], attr->i[2], in[1]->dims[1]);
+    return check_output(in[0], out, in[1], attr);
+}
+
 static lg_status conv1d_weight_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                      lg_shape *out) {
-    const lg_shape *x = in[0], *g = in[1];
-    if (x->rank != 3 || g->rank != 3) return LG_SHAPE;
-    *out = lg_shape3(attr->i[2], x->dims[2], g->dims[2]);
-    lg_conv c;
-    if (!conv_of(x, out, attr, &c)) return LG_SHAPE;
-    const lg_shape y = windows_shape(&c);
-    return lg_same_shape(g, &y) ? LG_OK : LG_SHAPE;
+    if (in[0]->rank != 3 || in[1]->rank != 3) return LG_SHAPE;
+    *out = lg_shape3(attr->i[2], in[0]->dims[2], in[1]->dims[2]);
+    return check_output(in[1], in[0], out, attr);
 }
 
 /* ---- convolution: values ---- */
@@ -213,23 +213,16 @@ static lg_status bias_into(lg_tape *tape, const lg_conv *c, const void *g, void 
 
 /* ---- convolution: derivatives ---- */
 
-static lg_var record_two(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
-                         uint32_t extent) {
-    const lg_attr own = {.i = {attr->i[0], attr->i[1], extent, 0}};
-    const lg_var in[2] = {a, b};
-    return lg_record(tape, op, in, 2, &own);
-}
-
 static lg_var conv(lg_tape *tape, lg_var x, lg_var w, const lg_attr *attr) {
-    return record_two(tape, &lg_op_conv1d, x, w, attr, 0);
+    return lg_record_windows(tape, &lg_op_conv1d, x, w, attr, 0);
 }
 
 static lg_var conv_input(lg_tape *tape, lg_var g, lg_var w, const lg_attr *attr, uint32_t length) {
-    return record_two(tape, &lg_op_conv1d_input, g, w, attr, length);
+    return lg_record_windows(tape, &lg_op_conv1d_input, g, w, attr, length);
 }
 
 static lg_var conv_weight(lg_tape *tape, lg_var x, lg_var g, const lg_attr *attr, uint32_t kernel) {
-    return record_two(tape, &lg_op_conv1d_weight, x, g, attr, kernel);
+    return lg_record_windows(tape, &lg_op_conv1d_weight, x, g, attr, kernel);
 }
 
 /* Adds all cotangents directly to the inputs' adjoints. g is the cotangent of the output of convolution c. */
@@ -288,17 +281,13 @@ static void conv1d_weight_vjp(lg_reverse *r) {
     if (r->need[1]) r->out[1] = conv(r->tape, r->in[0], r->g, r->attr);
 }
 
-/* lg_op.terms: number of elements of a window. */
+/* lg_op.terms of conv1d, elements of a window, and of conv1d_weight, places of all windows. */
 static size_t conv1d_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
     return (size_t)in[1]->dims[0] * in[1]->dims[1];
 }
 
 static size_t conv1d_input_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
     return (size_t)in[1]->dims[0] * in[1]->dims[2];
-}
-
-static size_t conv1d_weight_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
-    return (size_t)in[1]->dims[0] * in[1]->dims[1];
 }
 
 const lg_op lg_op_conv1d = {LG_OP("conv1d", 0, 2, 3, conv1d_shape, conv1d_forward, conv1d_vjp, conv1d_jvp),
@@ -314,7 +303,7 @@ const lg_op lg_op_conv1d_input = {LG_OP("conv1d_input", 0, 2, 2, conv1d_input_sh
 const lg_op lg_op_conv1d_weight = {LG_OP("conv1d_weight", 0, 2, 2, conv1d_weight_shape, conv1d_weight_forward,
                                          conv1d_weight_vjp, lg_multilinear_jvp),
                                    .scratch = conv1d_weight_scratch, .write_c = conv1d_weight_c,
-                                   .terms = conv1d_weight_terms};
+                                   .terms = conv1d_terms};
 
 /* ---- convolution, activation and average pooling in one operation ---- */
 
@@ -410,7 +399,7 @@ static void block_vjp(lg_reverse *r) {
     if (lg_is_none(slope)) return;
     const lg_attr pool = {.i = {r->attr->i[2], r->attr->i[3], 0, 0}};
     const uint32_t length = lg_node_at(r->tape, slope)->shape.dims[1];
-    const lg_var g = lg_record_pool(r->tape, &lg_op_avg_pool1d_adjoint, r->g, LG_NONE, &pool, length);
+    const lg_var g = lg_record_windows(r->tape, &lg_op_avg_pool1d_adjoint, r->g, LG_NONE, &pool, length);
     conv1d_recorded(r, lg_mul(r->tape, g, slope));
 }
 
@@ -419,7 +408,7 @@ static lg_var block_jvp(const lg_forward *f) {
     if (lg_is_none(slope)) return LG_NONE;
     const lg_attr pool = {.i = {f->attr->i[2], f->attr->i[3], 0, 0}};
     const lg_var z = conv1d_tangent(f, lg_node_at(f->tape, slope)->shape);
-    return lg_record_pool(f->tape, &lg_op_avg_pool1d, lg_mul(f->tape, z, slope), LG_NONE, &pool, 0);
+    return lg_record_windows(f->tape, &lg_op_avg_pool1d, lg_mul(f->tape, z, slope), LG_NONE, &pool, 0);
 }
 
 const lg_op lg_op_conv1d_block = {

@@ -19,6 +19,13 @@ bool lg_pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out) {
     return x->rank == 3 && lg_windows_count(out);
 }
 
+/* The same for windows that fit. */
+static lg_k_windows windows_of(const lg_shape *x, const lg_attr *attr) {
+    lg_k_windows w;
+    (void)lg_pool_of(x, attr, &w);
+    return w;
+}
+
 static lg_status pooled_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                               lg_shape *out) {
     const lg_shape *x = in[0];
@@ -49,9 +56,9 @@ static lg_status place_shape(const lg_shape *const *in, uint32_t inputs, const l
     return pooled_from(in[0], out, attr) ? LG_OK : LG_SHAPE;
 }
 
-lg_var lg_record_pool(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
-                      uint32_t length) {
-    const lg_attr own = {.i = {attr->i[0], attr->i[1], length, 0}};
+lg_var lg_record_windows(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
+                         uint32_t extent) {
+    const lg_attr own = {.i = {attr->i[0], attr->i[1], extent, 0}};
     const lg_var in[2] = {a, b};
     return lg_record(tape, op, in, lg_is_none(b) ? 1 : 2, &own);
 }
@@ -60,14 +67,12 @@ lg_var lg_record_pool(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const 
 
 static void spread(const lg_kernels *k, const lg_shape *shape, const lg_attr *attr, const void *g, void *x,
                    bool add) {
-    lg_k_windows w;
-    (void)lg_pool_of(shape, attr, &w);
+    const lg_k_windows w = windows_of(shape, attr);
     k->window_fold(&w, shape->dims[0], 1.0 / (double)w.size, g, w.channels, 0, NULL, x, add);
 }
 
 static lg_status avg_pool1d_forward(lg_evaluation *e) {
-    lg_k_windows w;
-    (void)lg_pool_of(e->in[0], e->attr, &w);
+    const lg_k_windows w = windows_of(e->in[0], e->attr);
     e->k->window_mean(&w, e->shape->dims[0], e->x[0], e->y);
     return LG_OK;
 }
@@ -108,26 +113,27 @@ static const lg_c_fragment c_pool_mean_adjoint = {
     }),
     .needs = {&lg_c_windows}};
 
-static void avg_pool1d_c(lg_c *c, const lg_evaluation *e) {
+/* Writes a call with the windows of a series of shape x. */
+static void write_call(lg_c *c, const lg_evaluation *e, const lg_shape *x, const lg_c_fragment *function,
+                       const char *name, const char *inputs) {
     char text[LG_WINDOWS_TEXT];
-    lg_k_windows w;
-    (void)lg_pool_of(e->in[0], e->attr, &w);
-    lg_c_call(c, &lg_c_pool_mean, "pool_mean(%u, %s, $0, $y)", e->shape->dims[0], lg_windows_text(&w, text));
+    const lg_k_windows w = windows_of(x, e->attr);
+    lg_c_call(c, function, "%s(%u, %s, %s, $y)", name, e->shape->dims[0], lg_windows_text(&w, text), inputs);
+}
+
+static void avg_pool1d_c(lg_c *c, const lg_evaluation *e) {
+    write_call(c, e, e->in[0], &lg_c_pool_mean, "pool_mean", "$0");
 }
 
 static void avg_pool1d_adjoint_c(lg_c *c, const lg_evaluation *e) {
-    char text[LG_WINDOWS_TEXT];
-    lg_k_windows w;
-    (void)lg_pool_of(e->shape, e->attr, &w);
-    lg_c_call(c, &c_pool_mean_adjoint, "pool_mean_adjoint(%u, %s, $0, $y)", e->shape->dims[0],
-              lg_windows_text(&w, text));
+    write_call(c, e, e->shape, &c_pool_mean_adjoint, "pool_mean_adjoint", "$0");
 }
 
 static void avg_pool1d_vjp(lg_reverse *r) {
     if (!r->need[0]) return;
     const lg_shape x = lg_node_at(r->tape, r->in[0])->shape;
     if (!lg_reverse_in_place(r)) {
-        r->out[0] = lg_record_pool(r->tape, &lg_op_avg_pool1d_adjoint, r->g, LG_NONE, r->attr, x.dims[1]);
+        r->out[0] = lg_record_windows(r->tape, &lg_op_avg_pool1d_adjoint, r->g, LG_NONE, r->attr, x.dims[1]);
         return;
     }
     bool add = false;
@@ -136,7 +142,7 @@ static void avg_pool1d_vjp(lg_reverse *r) {
 }
 
 static void avg_pool1d_adjoint_vjp(lg_reverse *r) {
-    if (r->need[0]) r->out[0] = lg_record_pool(r->tape, &lg_op_avg_pool1d, r->g, LG_NONE, r->attr, 0);
+    if (r->need[0]) r->out[0] = lg_record_windows(r->tape, &lg_op_avg_pool1d, r->g, LG_NONE, r->attr, 0);
 }
 
 static size_t pool_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
@@ -154,15 +160,13 @@ const lg_op lg_op_avg_pool1d_adjoint = {
 /* ---- maximum pooling ---- */
 
 static lg_status pool_pick_forward(lg_evaluation *e) {
-    lg_k_windows w;
-    (void)lg_pool_of(e->in[0], e->attr, &w);
+    const lg_k_windows w = windows_of(e->in[0], e->attr);
     e->k->window_pick(&w, e->shape->dims[0], e->x[0], e->x[1], e->y);
     return LG_OK;
 }
 
 static lg_status pool_place_forward(lg_evaluation *e) {
-    lg_k_windows w;
-    (void)lg_pool_of(e->shape, e->attr, &w);
+    const lg_k_windows w = windows_of(e->shape, e->attr);
     e->k->window_place(&w, e->shape->dims[0], e->x[0], e->x[1], e->y, false);
     return LG_OK;
 }
@@ -198,37 +202,29 @@ static const lg_c_fragment c_pool_place = {
     .needs = {&lg_c_windows, &lg_c_first_maximum}};
 
 static void pool_pick_c(lg_c *c, const lg_evaluation *e) {
-    char text[LG_WINDOWS_TEXT];
-    lg_k_windows w;
-    (void)lg_pool_of(e->in[0], e->attr, &w);
-    lg_c_call(c, &c_pool_pick, "pool_pick(%u, %s, $0, $1, $y)", e->shape->dims[0], lg_windows_text(&w, text));
+    write_call(c, e, e->in[0], &c_pool_pick, "pool_pick", "$0, $1");
 }
 
 static void pool_place_c(lg_c *c, const lg_evaluation *e) {
-    char text[LG_WINDOWS_TEXT];
-    lg_k_windows w;
-    (void)lg_pool_of(e->shape, e->attr, &w);
-    lg_c_call(c, &c_pool_place, "pool_place(%u, %s, $0, $1, $y)", e->shape->dims[0],
-              lg_windows_text(&w, text));
+    write_call(c, e, e->shape, &c_pool_place, "pool_place", "$0, $1");
 }
 
 static void pool_pick_vjp(lg_reverse *r) {
     if (!r->need[0]) return;
     if (!lg_reverse_in_place(r)) {
-        r->out[0] = lg_record_pool(r->tape, &lg_op_pool_place, r->g, r->in[1], r->attr, 0);
+        r->out[0] = lg_record_windows(r->tape, &lg_op_pool_place, r->g, r->in[1], r->attr, 0);
         return;
     }
     bool add = false;
     void *to = lg_reverse_into(r, 0, &add);
     if (to == NULL) return;
     const lg_node *x = lg_node_at(r->tape, r->in[1]);
-    lg_k_windows w;
-    (void)lg_pool_of(&x->shape, r->attr, &w);
+    const lg_k_windows w = windows_of(&x->shape, r->attr);
     r->tape->k->window_place(&w, x->shape.dims[0], lg_node_at(r->tape, r->g)->value, x->value, to, add);
 }
 
 static void pool_place_vjp(lg_reverse *r) {
-    if (r->need[0]) r->out[0] = lg_record_pool(r->tape, &lg_op_pool_pick, r->g, r->in[1], r->attr, 0);
+    if (r->need[0]) r->out[0] = lg_record_windows(r->tape, &lg_op_pool_pick, r->g, r->in[1], r->attr, 0);
 }
 
 const lg_op lg_op_pool_pick = {
@@ -247,7 +243,7 @@ static lg_var pool(lg_tape *tape, const lg_op *op, const char *name, lg_var x, b
     if (size == 0 || stride == 0)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name,
                             "the size or the stride is 0, but both must be at least 1");
-    return lg_record_pool(tape, op, x, twice ? x : LG_NONE, &attr, 0);
+    return lg_record_windows(tape, op, x, twice ? x : LG_NONE, &attr, 0);
 }
 
 lg_var lg_avg_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride) {

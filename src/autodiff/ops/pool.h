@@ -9,10 +9,10 @@
 /* Sets *out to the windows of a series with shape x (batch, length, channels); attr.i = {size, stride}.
  * False: the windows do not fit the series. */
 bool lg_pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out);
-/* Records a pooling operation with input a, and with input b unless b is LG_NONE. Size and stride are in
- * attr. `length` is the length of the series, for operations whose inputs do not determine it. */
-lg_var lg_record_pool(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
-                      uint32_t length);
+/* Records an operation along time with input a, and with input b unless b is LG_NONE. attr.i[0] and [1] are
+ * those of `attr`; attr.i[2] is `extent`, a size that the inputs' shapes do not determine, or 0. */
+lg_var lg_record_windows(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
+                         uint32_t extent);
 
 extern const lg_c_fragment lg_c_pool_mean; /* pool_mean: means of windows */
 

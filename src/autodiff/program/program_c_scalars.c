@@ -3,6 +3,7 @@
 #include <stdio.h>
 
 #include "autodiff/program/program_c_lines.h"
+#include "core/numbers.h"
 
 /* Writes element i of a range as C, such as x0[12]. */
 static void add_element(const lg_c *c, lg_text *to, const lg_scalar_range *range, uint32_t i) {
@@ -78,11 +79,6 @@ static void define_block(lg_c *c, const lg_text *lines) {
     lg_text_destroy(&text);
 }
 
-static double constant_at(const lg_plan *plan, const lg_scalar_step *step, uint32_t i) {
-    return plan->k->dtype == LG_F64 ? ((const double *)step->constant)[i]
-                                    : (double)((const float *)step->constant)[i];
-}
-
 static void add_group(const lg_plan *plan, const lg_scalar_step *step, const lg_scalar_group *group,
                       lg_scalar_code *code) {
     const uint32_t *operand = step->operands + group->operands;
@@ -91,7 +87,7 @@ static void add_group(const lg_plan *plan, const lg_scalar_step *step, const lg_
         lg_scalar_code *made = &code[group->result + i];
         *made = (lg_scalar_code){.op = (lg_scalar_op)group->op};
         for (uint8_t k = 0; k < count; k++) made->in[k] = *operand++;
-        if (made->op == LG_S_POW) made->p = constant_at(plan, step, *operand++);
+        if (made->op == LG_S_POW) made->p = lg_number_at(plan->k->dtype, step->constant, *operand++);
         if (made->op == LG_S_STUMPFF || made->op == LG_S_DEXPINV) made->n = *operand++;
     }
 }
@@ -103,7 +99,7 @@ static lg_scalar_code *registers_of(lg_c *c, const lg_scalar_step *step) {
     const lg_plan *plan = c->frame->plan;
     lg_scalar_code *code = lg_alloc(c->context, (size_t)first + step->instructions, sizeof *code);
     for (uint32_t i = 0; code != NULL && i < step->constants; i++)
-        code[i] = (lg_scalar_code){.op = LG_S_CONSTANT, .p = constant_at(plan, step, i)};
+        code[i] = (lg_scalar_code){.op = LG_S_CONSTANT, .p = lg_number_at(plan->k->dtype, step->constant, i)};
     for (uint32_t i = step->constants; code != NULL && i < first; i++)
         code[i] = (lg_scalar_code){.op = LG_S_INPUT, .n = i};
     for (uint32_t i = 0; code != NULL && i < step->groups; i++) add_group(plan, step, &step->group[i], code);

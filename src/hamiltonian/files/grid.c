@@ -4,6 +4,7 @@
 #include "liegrad/hamiltonian.h"
 
 #include "files/h5.h"
+#include "hamiltonian/files/recipe.h"
 #include "settings/training.h"
 #include "mechanics/files/scene.h"
 
@@ -11,7 +12,7 @@
 #define FORM  "hamiltonian" /* the form of the systems that a grid learns */
 
 /* The grid's own keys. list_keys sets the limits of penalty and substeps to the hyperparameters' limits. */
-static const lg_field own_keys[] = {
+const lg_field lg_grid_keys[] = {
     {.name = "integrators",
      .option = "schemes",
      .type = LG_FIELD_NAMES,
@@ -29,12 +30,11 @@ static const lg_field own_keys[] = {
     LG_MAP("test"),
     LG_FIELD(lg_grid, NULL, "test.trajectories", U32, test_trajectories, .low = 1, .high = 1e9),
     LG_FIELD(lg_grid, NULL, "test.points", U32, test_points, .low = 2, .high = 1e9),
-};
+    LG_FIELD_END};
 
-enum { OWN_KEYS = LG_COUNT(own_keys) };
+enum { OWN_KEYS = LG_COUNT(lg_grid_keys) - 1 };
 
-/* Whether all runs of a grid share the hyperparameter: the grid varies some, and derives the seed. */
-static bool is_shared(const lg_field *row) {
+bool lg_grid_shares(const lg_field *row) {
     static const char *const varied[] = {"integrator", "penalty", "substeps", "seed"};
     for (size_t i = 0; i < LG_COUNT(varied); i++)
         if (strcmp(varied[i], row->name) == 0) return false;
@@ -49,7 +49,7 @@ typedef struct grid_keys {
 } grid_keys;
 
 static void list_keys(grid_keys *out) {
-    memcpy(out->keys, own_keys, sizeof own_keys);
+    memcpy(out->keys, lg_grid_keys, OWN_KEYS * sizeof *lg_grid_keys);
     for (lg_field *key = out->keys; key < out->keys + OWN_KEYS; key++) {
         const lg_field *row = lg_field_find(lg_hamiltonian_fields, key->name);
         const bool varied = strcmp(key->name, "penalty") == 0 || strcmp(key->name, "substeps") == 0;
@@ -57,7 +57,7 @@ static void list_keys(grid_keys *out) {
     }
     out->count = OWN_KEYS;
     for (const lg_field *row = lg_hamiltonian_fields; row->name != NULL; row++) {
-        if (is_shared(row) && out->count < KEYS) out->keys[out->count++] = *row;
+        if (lg_grid_shares(row) && out->count < KEYS) out->keys[out->count++] = *row;
     }
 }
 

@@ -17,6 +17,11 @@ typedef struct lg_hamiltonian_state {
 } lg_hamiltonian_state;
 extern const lg_field lg_hamiltonian_options[];
 
+/* The keys of a grid, as rows of lg_grid, and whether all its runs share this hyperparameter: the grid varies
+ * some of them, and derives the seed. */
+extern const lg_field lg_grid_keys[];
+bool lg_grid_shares(const lg_field *row);
+
 /* The first integral of the penalty in the table; NULL: it is in a file. */
 const lg_first_integral *lg_penalty_named(const lg_hamiltonian_run *run);
 /* Loads the program of run->penalty_integral, which the caller destroys, and sets run->penalty_sha256. */
