@@ -168,28 +168,24 @@ static lg_status list_sources(h5_file *h, lg_error *error) {
 
 /* ---- wanted columns ---- */
 
-/* All wanted data sets must have as many rows. */
-static lg_status count_rows(h5_file *h, const char *name, uint64_t rows, lg_error *error) {
-    if (h->counts != NULL && rows != h->rows)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu", h->frame->shown, name,
-                       (unsigned long long)rows, h->counts, (unsigned long long)h->rows);
-    h->counts = name;
-    h->rows = rows;
-    return LG_OK;
-}
-
 static bool is_wanted(const lg_frame *f, const source *s) {
     bool wanted = false;
     for (uint32_t i = 0; i < s->columns; i++) wanted = wanted || lg_frame_is_wanted(f, s->first + i);
     return wanted;
 }
 
+/* All wanted data sets must have as many rows. */
 static lg_status check_sources(h5_file *h, lg_error *error) {
     for (const source *s = h->sources; s < h->sources + h->count; s++) {
+        const uint64_t rows = rows_of(s);
         if (!is_wanted(h->frame, s)) continue;
         if (s->about.kind == LG_H5_WORDS && h->frame->use[s->first].value > 0)
             return lg_fail(error, LG_FORMAT, "%s: /%s: does not hold numbers", h->frame->shown, s->name);
-        LG_TRY(count_rows(h, s->name, rows_of(s), error));
+        if (h->counts != NULL && rows != h->rows)
+            return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu", h->frame->shown,
+                           s->name, (unsigned long long)rows, h->counts, (unsigned long long)h->rows);
+        h->counts = s->name;
+        h->rows = rows;
     }
     return LG_OK;
 }
