@@ -443,8 +443,7 @@ static void run(app *self) {
     write_log(self, &m);
     lg_machine_log log = m.made.log;
     log.q = m.run_q, log.v = m.run_v;
-    if (app_plot_given.plot != NULL)
-        identify_draw_run(self, app_plot_given.plot, "First run", &m.file, &log, 1, NULL, NULL, NULL);
+    identify_draw_run(self, "First run", &m.file, &log, 1, NULL, NULL, NULL);
     report(self, &m);
 }
 

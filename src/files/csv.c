@@ -195,6 +195,11 @@ void lg_csv_put(FILE *to, const char *before, const char *text, bool name) {
     if (!plain) (void)fputc('"', to);
 }
 
+void lg_csv_put_number(FILE *to, const char *before, double value) {
+    (void)fputs(before, to);
+    if (isfinite(value)) (void)fprintf(to, "%.17g", value);
+}
+
 /* ---- the header ---- */
 
 size_t lg_csv_count(const char *line, char separator, bool *open) {
