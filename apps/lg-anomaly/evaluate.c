@@ -137,14 +137,9 @@ static void vote(evaluation *e) {
 /* ---- groups ---- */
 
 typedef struct group_row {
-    uint32_t group;
+    uint32_t group; /* first: it sorts the rows */
     size_t windows, right, healthy, false_positive;
 } group_row;
-
-static int by_group(const void *a, const void *b) {
-    const uint32_t p = ((const group_row *)a)->group, q = ((const group_row *)b)->group;
-    return (p > q) - (p < q);
-}
 
 static group_row *group_rows(const evaluation *e, size_t *count) {
     const lg_judgement *judged = &e->judged;
@@ -153,7 +148,7 @@ static group_row *group_rows(const evaluation *e, size_t *count) {
         rows[i] = (group_row){e->from.data.series.group[e->from.windows.first[judged->window[i]]], 1,
                               judged->given[i] == judged->truth[i], judged->truth[i] == judged->healthy,
                               judged->truth[i] == judged->healthy && judged->given[i] != judged->healthy};
-    qsort(rows, judged->count, sizeof *rows, by_group);
+    qsort(rows, judged->count, sizeof *rows, lg_compare_u32);
     *count = 0;
     for (size_t i = 0; i < judged->count; i++) {
         if (*count == 0 || rows[*count - 1].group != rows[i].group) {
