@@ -87,7 +87,6 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, b
 bool lg_csv_missing(const char *cell);
 /* Fails with the message "FILE: line N: `what`". */
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what);
-lg_status lg_csv_no_memory(const lg_csv *c, lg_error *error);
 enum { LG_CSV_QUOTED = 2 * 64 + 2 };
 /* Formats a name for a list with commas. Names with a comma, a quote or a blank at an end are quoted, as in
  * CSV. Returns `out` (LG_CSV_QUOTED bytes). A name of 64 bytes or more is cut. */
