@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/train.h"
+#include "files/csv.h"
 
 /* ---- the verdict ---- */
 
@@ -129,13 +130,6 @@ static void json_training(const train_session *session, app_json *json) {
     train_size_json(&session->race, json);
 }
 
-static void csv_number(FILE *stream, double value) {
-    if (isfinite(value))
-        (void)fprintf(stream, ",%.17g", value);
-    else
-        (void)fputc(',', stream);
-}
-
 lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error) {
     static const lg_fit_series columns[] = {LG_FIT_LOSS, LG_FIT_VALIDATION, LG_FIT_RATE, LG_FIT_SECONDS};
     app_file file;
@@ -144,7 +138,7 @@ lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *erro
     for (uint64_t epoch = 0; epoch < lg_fit_epochs_done(fit); epoch++) {
         (void)fprintf(file.stream, "%llu", (unsigned long long)(epoch + 1));
         for (size_t c = 0; c < LG_COUNT(columns); c++)
-            csv_number(file.stream, lg_fit_history(fit, columns[c])[epoch]);
+            lg_csv_put_number(file.stream, ",", lg_fit_history(fit, columns[c])[epoch]);
         (void)fputc('\n', file.stream);
     }
     return app_file_end(&file, error);

@@ -82,14 +82,6 @@ static void choose_part(evaluation *e) {
 
 /* ---- voting ---- */
 
-/* For each stored window, the index of the first stored window of its recording. Freed with free. */
-static uint32_t *run_begins(const lg_series *series) {
-    uint32_t *begin = app_alloc(series->count, sizeof *begin);
-    for (size_t i = 1; i < series->count; i++)
-        begin[i] = series->run[i] == series->run[i - 1] ? begin[i - 1] : (uint32_t)i;
-    return begin;
-}
-
 typedef struct watching {
     uint64_t votes;
     bool alarm, damaged, detected;
@@ -121,16 +113,18 @@ static void vote(evaluation *e) {
     const lg_series *series = &e->from.data.series;
     const lg_windows *windows = &e->from.windows;
     voting *out = &e->votes;
-    APP_FREE uint32_t *begins = run_begins(series);
     APP_FREE double *times = app_alloc(e->judged.count, sizeof *times);
     watching state = {.damaged = false};
+    uint32_t begins = 0; /* the first stored window of the recording */
     *out = (voting){.largest = NAN};
     for (size_t i = 0; i < e->judged.count; i++) {
         const uint32_t window = e->judged.window[i], first = windows->first[window];
-        if (i == 0 || begins[first] != begins[windows->first[e->judged.window[i - 1]]])
+        if (i == 0 || series->run[first] != series->run[begins]) {
+            for (begins = first; begins > 0 && series->run[begins - 1] == series->run[first];) begins--;
             state = (watching){.damaged = false};
+        }
         const double begin =
-            (double)(first - begins[first]) * (double)series->length + (double)windows->offset[window];
+            (double)(first - begins) * (double)series->length + (double)windows->offset[window];
         watch_window(e, &state, i, begin, out, times);
     }
     for (size_t i = 0; i < out->detected; i++) out->largest = fmax(out->largest, times[i]);
@@ -143,14 +137,9 @@ static void vote(evaluation *e) {
 /* ---- groups ---- */
 
 typedef struct group_row {
-    uint32_t group;
+    uint32_t group; /* first: it sorts the rows */
     size_t windows, right, healthy, false_positive;
 } group_row;
-
-static int by_group(const void *a, const void *b) {
-    const uint32_t p = ((const group_row *)a)->group, q = ((const group_row *)b)->group;
-    return (p > q) - (p < q);
-}
 
 static group_row *group_rows(const evaluation *e, size_t *count) {
     const lg_judgement *judged = &e->judged;
@@ -159,7 +148,7 @@ static group_row *group_rows(const evaluation *e, size_t *count) {
         rows[i] = (group_row){e->from.data.series.group[e->from.windows.first[judged->window[i]]], 1,
                               judged->given[i] == judged->truth[i], judged->truth[i] == judged->healthy,
                               judged->truth[i] == judged->healthy && judged->given[i] != judged->healthy};
-    qsort(rows, judged->count, sizeof *rows, by_group);
+    qsort(rows, judged->count, sizeof *rows, lg_compare_u32);
     *count = 0;
     for (size_t i = 0; i < judged->count; i++) {
         if (*count == 0 || rows[*count - 1].group != rows[i].group) {
@@ -259,14 +248,17 @@ static void add_row(app_json *out, const evaluation *e) {
 
 static void report(const app *self, const evaluation *list, size_t count) {
     app_json *out = self->out;
-    if (count == 1) add_evaluation(out, list);
-    if (count > 1) app_result_rows(out, "files");
-    for (size_t i = 0; i < count && count > 1; i++) {
+    if (count == 1) {
+        add_evaluation(out, list);
+        return;
+    }
+    app_result_rows(out, "files");
+    for (size_t i = 0; i < count; i++) {
         app_json_open(out, NULL, '{');
         (out->people ? add_row : add_evaluation)(out, &list[i]);
         app_json_close(out, '}');
     }
-    if (count > 1) app_result_rows_end(out);
+    app_result_rows_end(out);
 }
 
 static void write_scores(const evaluation *e) {

@@ -30,7 +30,7 @@ static bool wait_for_data(void *user) {
     return false;
 }
 
-void sample_reader_open(int file, const char *name, uint32_t channels, const char *const *names,
+void sample_reader_open(int file, const char *name, uint32_t channels, lg_frame_text *names,
                         sample_reader *out) {
     const size_t wanted = ((size_t)channels + 1) * LONGEST_FIELD;
     *out = (sample_reader){.channels = channels, .names = names};

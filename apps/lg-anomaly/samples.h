@@ -57,7 +57,7 @@ typedef struct sample_reader {
     char problem[160];
     lg_error error;
     /* (channels): names of the model's channels, borrowed; NULL if they have none. */
-    const char *const *names;
+    lg_frame_text *names;
     lg_frame frame;      /* the columns, if a line of names has channels */
     lg_frame_want *want; /* (channels) */
     uint32_t time;       /* column of times + 1; 0: none */
@@ -73,7 +73,7 @@ typedef struct sample_reader {
 } sample_reader;
 
 /* `name` is that of the feed in messages. The reader must not be moved. */
-void sample_reader_open(int file, const char *name, uint32_t channels, const char *const *names,
+void sample_reader_open(int file, const char *name, uint32_t channels, lg_frame_text *names,
                         sample_reader *out);
 void sample_reader_close(sample_reader *reader); /* frees the memory; the caller closes the file */
 /* Reads the next line into sample (channels); *time is NaN if the feed has no times. A malformed line whose

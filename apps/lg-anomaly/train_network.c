@@ -1,6 +1,4 @@
 /* lg-anomaly train --classifier cnn, and lg-anomaly search, a search over options of cnn or rocket. */
-#include <math.h>
-
 #include "common/verbs.h"
 #include "lg-anomaly/train.h"
 

@@ -2,7 +2,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -434,14 +433,6 @@ static const char *feed_name(void) {
     return values.input != NULL ? values.input : "standard input";
 }
 
-/* The names of the model's channels; NULL if they have none. */
-static const char **names_of(const well_model *model) {
-    if (model->names.channel_name == NULL) return NULL;
-    const char **names = app_alloc(model->names.channels, sizeof *names);
-    for (uint32_t c = 0; c < model->names.channels; c++) names[c] = model->names.channel_name[c];
-    return names;
-}
-
 /* Reads the feed until it ends, a signal comes, or standard output fails, which app_main reports. */
 static void read_feed(watching *self, sample_reader *reader, float *sample) {
     while (!app_interrupted() && !self->refused && !ferror(stdout)) {
@@ -478,12 +469,11 @@ static void on_idle(void *user) {
 }
 
 static void watch_feed(watching *self, int file, size_t watch_bytes) {
-    const uint32_t channels = self->bench.model->names.channels;
-    APP_FREE float *sample = app_alloc(channels, sizeof *sample);
-    APP_FREE const char **names = names_of(self->bench.model);
+    const lg_series *names = &self->bench.model->names;
+    APP_FREE float *sample = app_alloc(names->channels, sizeof *sample);
     APP_CLEAN(sample_reader_close) sample_reader reader = {.channels = 0};
     watch_time_open(self);
-    sample_reader_open(file, feed_name(), channels, names, &reader);
+    sample_reader_open(file, feed_name(), names->channels, names->channel_name, &reader);
     reader.idle = on_idle;
     reader.user = self;
     const uint64_t start_rss = max_rss_kb();

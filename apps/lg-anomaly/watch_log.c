@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "files/temporary.h"
 #include "lg-anomaly/watch.h"
 
 enum { LONGEST_LINE = 1 << 16 };
@@ -78,14 +79,7 @@ void watch_log_turn(watch_log *log) {
 static int append(int fd, const char *text, size_t length) {
     const off_t before = lseek(fd, 0, SEEK_END);
     struct stat about;
-    int code = 0;
-    for (size_t done = 0; done < length && code == 0;) {
-        const ssize_t n = write(fd, text + done, length - done);
-        if (n > 0)
-            done += (size_t)n;
-        else if (n == 0 || errno != EINTR)
-            code = n == 0 ? ENOSPC : errno;
-    }
+    const int code = lg_write_all(fd, text, length);
     if (code != 0 && fstat(fd, &about) == 0 && about.st_size > before && before >= 0)
         (void)!ftruncate(fd, before);
     return code;

@@ -123,6 +123,14 @@ static bool in_line(const watching *self, double from, double to) {
     return steps >= 1 && steps <= NEAR * self->timing.usual;
 }
 
+/* Index of the first sample of the line that ends with held sample `last` - 1. */
+static uint32_t line_before(const watching *self, uint32_t last) {
+    uint32_t first = last - 1;
+    while (first > 0 && in_line(self, self->timing.held[first - 1].time, self->timing.held[first].time))
+        first--;
+    return first;
+}
+
 static void reject_held(watching *self, uint32_t i) {
     char problem[96];
     (void)snprintf(problem, sizeof problem, "the time %.15g s does not fit the lines around it",
@@ -139,8 +147,7 @@ static void settle(watching *self, uint32_t first, uint32_t last) {
     double next = t->held[first].time;
     for (uint32_t i = first; i < last; i++) fits[i] = true;
     for (uint32_t end = first; end > 0;) {
-        uint32_t begin = end - 1;
-        while (begin > 0 && in_line(self, t->held[begin - 1].time, t->held[begin].time)) begin--;
+        const uint32_t begin = line_before(self, end);
         const bool between = steps_between(self, t->held[end - 1].time, next) >= 1 &&
                              (!self->started || steps_between(self, self->now, t->held[begin].time) >= 1);
         if (between && (end - begin >= 2 || in_line(self, t->held[begin].time, next))) {
@@ -155,14 +162,6 @@ static void settle(watching *self, uint32_t first, uint32_t last) {
         else
             reject_held(self, i);
     t->holds = 0;
-}
-
-/* Index of the first sample of the line that ends with held sample `last` - 1. */
-static uint32_t line_before(const watching *self, uint32_t last) {
-    uint32_t first = last - 1;
-    while (first > 0 && in_line(self, self->timing.held[first - 1].time, self->timing.held[first].time))
-        first--;
-    return first;
 }
 
 /* Called when the feed has ended or no more samples can wait. Accepts the latest line of at least two

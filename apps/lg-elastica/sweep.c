@@ -44,13 +44,9 @@ typedef struct sweep_point {
 /* ---- following the branches ---- */
 
 typedef struct pair {
-    double distance;
+    double distance; /* first: it sorts the pairs */
     size_t before, after;
 } pair;
-
-static int by_distance(const void *a, const void *b) {
-    return lg_compare_doubles(&((const pair *)a)->distance, &((const pair *)b)->distance);
-}
 
 /* Assigns the curves at x[i] to branches, pair by pair in order of distance: a curve gets the branch of the
  * nearest curve at x[i - 1] that no nearer curve has taken. The curves that are left begin new branches. */
@@ -63,7 +59,7 @@ static void follow(sweep *s, size_t i) {
     for (size_t a = 0; a < n; a++)
         for (size_t b = 0; b < m; b++)
             pairs[a * m + b] = (pair){beam_distance(&s->found[i - 1].list[b], &s->found[i].list[a]), b, a};
-    qsort(pairs, n * m, sizeof *pairs, by_distance);
+    qsort(pairs, n * m, sizeof *pairs, lg_compare_doubles);
     for (size_t k = 0; k < n * m && pairs[k].distance < reach; k++) {
         if (taken[pairs[k].before] || named[pairs[k].after]) continue;
         taken[pairs[k].before] = named[pairs[k].after] = true;

@@ -175,9 +175,8 @@ static void run(app *self) {
     warn_of_gaps(self, &data.logs);
     warn_of_inputs(self, &data);
     lg_machine_warn_of_gauge(self->context, &data.file.machine);
-    if (app_plot_given.plot != NULL)
-        identify_draw_run(self, app_plot_given.plot, "First run of the log", &data.file, &data.logs.log,
-                          identify_first_run(&data.logs), NULL, NULL, NULL);
+    identify_draw_run(self, "First run of the log", &data.file, &data.logs.log,
+                      identify_first_run(&data.logs), NULL, NULL, NULL);
     report(self, &data);
 }
 

@@ -67,15 +67,10 @@ void identify_to_columns(const lg_machine_file *file, const double *q, const dou
     }
 }
 
-void identify_put_number(FILE *stream, double value) {
-    if (isfinite(value)) (void)fprintf(stream, "%.17g", value);
-}
-
 void identify_put_columns(FILE *stream, const lg_machine_file *file, const double *columns) {
-    for (uint32_t c = 0; c < file->column_count; c++) {
-        if (c > 0) (void)fputc(',', stream);
-        identify_put_number(stream, c == file->run ? columns[c] : columns[c] / file->columns[c].scale);
-    }
+    for (uint32_t c = 0; c < file->column_count; c++)
+        lg_csv_put_number(stream, c > 0 ? "," : "",
+                          c == file->run ? columns[c] : columns[c] / file->columns[c].scale);
 }
 
 void identify_put_names(FILE *stream, const lg_machine_file *file) {

@@ -355,7 +355,7 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
         APP_MUST(self, lg_machine_horizon(&given->model, &logs->log,
                                           shortest * pow(longest / shortest, (double)i / (POINTS - 1)), every,
                                           &curve[i], &error));
-    identify_draw_evaluation(self, app_plot_given.plot, given, v->q, v->v, curve, POINTS);
+    identify_draw_evaluation(self, given, v->q, v->v, curve, POINTS);
 }
 
 /* ---- the command ---- */

@@ -6,6 +6,7 @@
 #include "lg-identify/identify.h"
 #include "liegrad/geometry.h"
 #include "machine/files/log_table.h"
+#include "machine/internal.h"
 
 typedef struct generate_values {
     const char *out, *excitation;
@@ -228,17 +229,11 @@ static void fill_starts(const app *self, making *m) {
         velocity[i] = one_of(&values.spread, true, 1);
     }
     for (size_t run = 0; run < m->runs; run++) {
-        double *q = m->made.q + run * m->rows * machine->positions,
-               *v = m->made.v + run * m->rows * machine->velocities, *at = q;
+        double *q = m->made.q + run * m->rows * machine->positions;
         lg_rng rng;
-        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-            if (row->directions > 0) at[2] = 1;
-            for (uint32_t k = 0; k < 9 * row->rotations; k += 4) at[row->places + k] = 1;
-            at += lg_coordinate_positions(machine->coordinates[i].kind);
-        }
+        lg_machine_reference(machine, q);
         lg_rng_seed(&rng, self->seed, 2 * run);
-        scatter(machine, &rng, position, velocity, q, v);
+        scatter(machine, &rng, position, velocity, q, m->made.v + run * m->rows * machine->velocities);
     }
 }
 
@@ -439,8 +434,7 @@ static void run(app *self) {
     write_log(self, &m);
     lg_machine_log log = m.made.log;
     log.q = m.run_q, log.v = m.run_v;
-    if (app_plot_given.plot != NULL)
-        identify_draw_run(self, app_plot_given.plot, "First run", &m.file, &log, 1, NULL, NULL, NULL);
+    identify_draw_run(self, "First run", &m.file, &log, 1, NULL, NULL, NULL);
     report(self, &m);
 }
 

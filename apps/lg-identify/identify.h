@@ -46,7 +46,6 @@ void identify_to_columns(const lg_machine_file *file, const double *q, const dou
  * line. */
 void identify_put_columns(FILE *stream, const lg_machine_file *file, const double *columns);
 void identify_put_names(FILE *stream, const lg_machine_file *file);
-void identify_put_number(FILE *stream, double value); /* Writes nothing if the number is not finite. */
 /* Predicted minus logged of each column of the file; the difference of two angles is wrapped to (-pi, pi].
  * NaN: the column is no state, or the log has no number. Infinite: the prediction is not finite. */
 void identify_errors(const lg_machine_file *file, const double *q, const double *v, const double *logged_q,
@@ -165,15 +164,15 @@ void identify_values(const app *self, const lg_learned_machine *model, size_t co
 
 /* ---- plots (plots.c) ---- */
 
-/* Draws each column of the first run against time. q, v (rows, ...): predictions, or NULL; bands (rows,
- * columns of the file): standard deviations of the predictions, or NULL. */
-void identify_draw_run(const app *self, const char *path, const char *title, const lg_machine_file *file,
+/* With --plot, draws each column of the first run against time. q, v (rows, ...): predictions, or NULL; bands
+ * (rows, columns of the file): standard deviations of the predictions, or NULL. */
+void identify_draw_run(const app *self, const char *title, const lg_machine_file *file,
                        const lg_machine_log *log, size_t parts, const double *q, const double *v,
                        const double *bands);
 
 /* Draws the plot of evaluate --plot: a free run (q, v at the rows of the log), errors against horizons,
  * and what was learned. */
-void identify_draw_evaluation(const app *self, const char *path, const identify_given *given, const double *q,
-                              const double *v, const lg_horizon *horizons, size_t horizon_count);
+void identify_draw_evaluation(const app *self, const identify_given *given, const double *q, const double *v,
+                              const lg_horizon *horizons, size_t horizon_count);
 
 #endif

@@ -19,10 +19,10 @@ static void put_group(app_plot *plot, const char *name, const char *what, uint32
 
 /* Begins a plot, with panels for the positions, the attitude and the velocities of each coordinate, then
  * one for all inputs. */
-static void begin(app_plot *plot, const char *path, const char *title, const lg_machine_file *file,
-                  bool inputs, bool predicted, bool bands) {
+static void begin(app_plot *plot, const char *title, const lg_machine_file *file, bool inputs, bool predicted,
+                  bool bands) {
     uint32_t first = file->column_count, count = 0;
-    app_plot_begin(plot, "machine", path);
+    app_plot_begin(plot, "machine", app_plot_given.plot);
     app_plot_text(plot, "%s\t%u\t%d", title, file->column_count, bands);
     for (uint32_t c = 0; c < file->column_count; c++) {
         const lg_log_column *at = &file->columns[c];
@@ -71,11 +71,12 @@ static void put_run(app_plot *plot, const lg_machine_file *file, const lg_machin
     app_plot_block(plot);
 }
 
-void identify_draw_run(const app *self, const char *path, const char *title, const lg_machine_file *file,
+void identify_draw_run(const app *self, const char *title, const lg_machine_file *file,
                        const lg_machine_log *log, size_t parts, const double *q, const double *v,
                        const double *bands) {
     app_plot plot;
-    begin(&plot, path, title, file, true, q != NULL, bands != NULL);
+    if (app_plot_given.plot == NULL) return;
+    begin(&plot, title, file, true, q != NULL, bands != NULL);
     put_run(&plot, file, log, parts, q, v, bands);
     app_plot_end(self, &plot);
 }
@@ -228,11 +229,11 @@ static void put_horizons(app_plot *plot, const lg_horizon *horizons, size_t coun
     app_plot_block(plot);
 }
 
-void identify_draw_evaluation(const app *self, const char *path, const identify_given *given, const double *q,
-                              const double *v, const lg_horizon *horizons, size_t horizon_count) {
+void identify_draw_evaluation(const app *self, const identify_given *given, const double *q, const double *v,
+                              const lg_horizon *horizons, size_t horizon_count) {
     const lg_logs *logs = &given->data.logs;
     drawing d = {.given = given, .log = &logs->log, .v = v};
-    begin(&d.plot, path,
+    begin(&d.plot,
           "First run of the log: logged (thick) and predicted from its start (thin); what was learned",
           &given->data.file, false, true, false);
     put_run(&d.plot, &given->data.file, d.log, identify_first_run(logs), q, v, NULL);

@@ -150,11 +150,10 @@ static void put_row(FILE *stream, prediction *p, size_t row, size_t end, uint32_
         if (identify_is_state(column)) p->finite = p->finite && isfinite(columns[c]);
     }
     identify_put_columns(stream, file, columns);
-    for (uint32_t c = 0; c < file->column_count && values.bands; c++) {
-        if (!identify_is_state(&file->columns[c])) continue;
-        (void)fputc(',', stream);
-        identify_put_number(stream, p->bands[row * file->column_count + c] / fabs(file->columns[c].scale));
-    }
+    for (uint32_t c = 0; c < file->column_count && values.bands; c++)
+        if (identify_is_state(&file->columns[c]))
+            lg_csv_put_number(stream, ",",
+                              p->bands[row * file->column_count + c] / fabs(file->columns[c].scale));
     (void)fputc('\n', stream);
     p->rows++;
 }
@@ -207,10 +206,8 @@ static void run(app *self) {
     find_starts(self, &p);
     predict(self, &p);
     write_rows(self, &p);
-    if (app_plot_given.plot != NULL)
-        identify_draw_run(self, app_plot_given.plot,
-                          "First run of the log: logged (thick) and predicted (thin)", &data->file,
-                          &data->logs.log, identify_first_run(&data->logs), p.q, p.v, p.bands);
+    identify_draw_run(self, "First run of the log: logged (thick) and predicted (thin)", &data->file,
+                      &data->logs.log, identify_first_run(&data->logs), p.q, p.v, p.bands);
     report(self, &p);
     if (!p.finite)
         self->code =

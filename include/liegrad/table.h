@@ -258,32 +258,6 @@ LG_API lg_status lg_table_keep_complete(lg_table_data *const *tables, size_t cou
  * both branches. For a table without numbers the range is the default of lg_port. `name` is borrowed. */
 LG_API lg_port lg_table_port(const lg_table_data *of, const char *name, uint32_t numbers);
 
-/* ---- windows of a log ---- */
-
-/* Pieces of a log that a learned equation of motion must reproduce: each window has steps + 1 rows of one run
- * at equal time steps. Free with lg_table_windows_destroy. */
-typedef struct lg_table_windows {
-    size_t steps; /* steps per window */
-    size_t count; /* number of windows to learn from */
-    size_t held;  /* number of windows of the run that is kept to judge by; 0 if the log has only one run */
-    double *rows; /* (count + held, steps + 1, columns); the held windows are the last ones */
-    double *step; /* (count + held) mean time step of each window */
-    size_t left_out; /* number of rows with missing cells */
-    lg_table_text
-        held_run;       /* name of the held run: the last one by number or name; "" if the log has only one */
-    lg_table_data data; /* all complete rows, for lg_table_port */
-} lg_table_windows;
-
-/* Reads the columns names (count) of a log and cuts them into windows that follow each other: the last row of
- * a window is the first row of the next one. `time` names the column of times, and `run` the column that
- * tells runs apart (NULL: all rows are one run). The usual time step h is the median of all time steps. A
- * piece in which any step is not between 0.5 h and 1.5 h, such as a gap, is not a window. Errors: those of
- * lg_table_read; LG_INVALID_ARGUMENT (no steps); LG_FORMAT (no window to learn from). */
-LG_API lg_status lg_table_windows_read(const lg_context *context, const char *path, const char *time,
-                                       const char *run, const char *const *names, uint32_t count,
-                                       size_t steps, lg_table_windows *out, lg_error *error);
-LG_API void lg_table_windows_destroy(lg_table_windows *windows);
-
 /* ---- named tensors: safetensors files (huggingface.co/docs/safetensors) ---- */
 
 typedef struct lg_tensor {

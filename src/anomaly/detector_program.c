@@ -84,11 +84,7 @@ static lg_status scores(void *user, lg_tape *t, const lg_var *theta, const lg_va
 
 lg_status lg_detector_build(const lg_context *context, const lg_detector *model, const lg_scaler *scaler,
                             const double *theta, bool scores_alone, lg_program **out, lg_error *error) {
-    /* This union only drops const, which is safe because recording does not write to the model. */
-    union {
-        const lg_detector *borrowed;
-        void *user;
-    } pointer = {.borrowed = model};
+    void *const user = (void *)(uintptr_t)model; /* never written */
     const uint32_t channels = model->net.channels;
     LG_TRY_SCRATCH(double, mean, context, 3 * (size_t)channels,
                    lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a detector's scaling"));
@@ -103,10 +99,10 @@ lg_status lg_detector_build(const lg_context *context, const lg_detector *model,
     const lg_port values[] = {{.name = "y"}, {.name = "g"}};
     const lg_port score[] = {{.name = "probability"}, {.name = "plane"}};
     const lg_function_spec functions[] = {
-        {"value", &window, 1, values, 1, value, pointer.user},
-        {"grad", &window, 1, values, 2, gradient, pointer.user},
-        {"probability", &window, 1, score, 1, probability, pointer.user},
-        {"scores", &scaled_window, 1, score, model->net.plane > 0 ? 2 : 1, scores, pointer.user}};
+        {"value", &window, 1, values, 1, value, user},
+        {"grad", &window, 1, values, 2, gradient, user},
+        {"probability", &window, 1, score, 1, probability, user},
+        {"scores", &scaled_window, 1, score, model->net.plane > 0 ? 2 : 1, scores, user}};
     enum { SCORES = LG_COUNT(functions) - 1 };
     const lg_parameter_spec parameters[PARAMETERS] = {
         [THETA] = {"theta", lg_shape1((uint32_t)lg_cnn_parameters(&model->net)), theta},

@@ -158,15 +158,10 @@ size_t lg_detector_chunk(const lg_detector_problem *problem) {
 }
 
 void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out) {
-    /* This union only drops const, which is safe because the loss does not write to the problem. */
-    union {
-        const lg_detector_problem *borrowed;
-        void *user;
-    } pointer = {.borrowed = problem};
     *out = (lg_fit_problem){.parameters = lg_cnn_parameters(&problem->model->net),
                             .samples = problem->data->count,
                             .loss = shard_loss,
-                            .user = pointer.user,
+                            .user = (void *)(uintptr_t)problem, /* never written */
                             .validation = problem->data->count - problem->training,
                             .chunk = lg_detector_chunk(problem),
                             .revive = lg_detector_revive};

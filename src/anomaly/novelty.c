@@ -32,7 +32,8 @@ novelty_group lg_novelty_group(const lg_novelty *v, uint32_t group) {
     return (novelty_group){v->channels * each, v->pairs, v->channels * block};
 }
 
-size_t lg_novelty_block(const lg_novelty *v) {
+/* Doubles in `block` per class. */
+static size_t block_size(const lg_novelty *v) {
     return (size_t)v->channels * of_channel(v) * of_channel(v) + (size_t)v->pairs * v->pairs;
 }
 
@@ -50,7 +51,7 @@ static lg_status allocate_arrays(lg_novelty *v) {
                   {&v->spread, d},
                   {&v->precision, classes * d * d},
                   {&v->limit, 1 + channels + 1},
-                  {&v->block, classes * lg_novelty_block(v)}};
+                  {&v->block, classes * block_size(v)}};
     for (size_t i = 0; i < LG_COUNT(arrays); i++) {
         *arrays[i].array = lg_alloc(v->context, arrays[i].count, sizeof(double));
         if (*arrays[i].array == NULL) return LG_OUT_OF_MEMORY;
@@ -99,7 +100,7 @@ lg_status lg_novelty_factor(lg_novelty *v, lg_error *error) {
             for (size_t i = 0; i < group.count; i++)
                 memcpy(part + i * group.count, from + i * d, group.count * sizeof *part);
             wrong += lg_kernels_for(LG_F64)->spd_factor(1, group.count, part,
-                                                        v->block + c * lg_novelty_block(v) + group.block);
+                                                        v->block + c * block_size(v) + group.block);
         }
     if (wrong > 0) return lg_fail(error, LG_FORMAT, "novelty/precision is not positive definite");
     return LG_OK;
@@ -212,7 +213,7 @@ void lg_novelty_distances(const lg_novelty *v, uint32_t class_index, const doubl
     square[0] = k->dot(d, difference, weighted);
     for (uint32_t g = 1; g < lg_novelty_groups(v); g++) {
         const novelty_group group = lg_novelty_group(v, g);
-        const double *block = v->block + class_index * lg_novelty_block(v) + group.block;
+        const double *block = v->block + class_index * block_size(v) + group.block;
         square[g] = solved_square(group.count, block, weighted + group.first);
     }
 }

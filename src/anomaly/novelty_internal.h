@@ -18,7 +18,6 @@ typedef struct novelty_group {
 } novelty_group;
 uint32_t lg_novelty_groups(const lg_novelty *novelty);
 novelty_group lg_novelty_group(const lg_novelty *novelty, uint32_t group);
-size_t lg_novelty_block(const lg_novelty *novelty); /* doubles in `block` per class */
 
 /* Returns an lg_novelty with these sizes and the numbers of pairs and features that follow from them. Its
  * arrays are NULL. */

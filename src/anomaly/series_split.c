@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "core/median.h"
 #include "liegrad/core.h"
 #include "liegrad/series.h"
 
@@ -20,7 +21,7 @@ const char *lg_split_name(lg_split split) {
 /* A unit: a window, a run or a group. `classes` (count) are the classes that occur in it, each once, in
  * rising order. */
 typedef struct unit {
-    uint32_t id;
+    uint32_t id; /* first: it sorts units */
     size_t count;
     const uint32_t *classes;
     uint32_t part; /* LG_PART_... in a split, the number of the fold in lg_series_folds */
@@ -71,11 +72,6 @@ static int by_key(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-static int by_id(const void *a, const void *b) {
-    const uint32_t x = ((const unit *)a)->id, y = ((const unit *)b)->id;
-    return (x > y) - (x < y);
-}
-
 /* Order of the strata: compares the lists of classes. */
 static int by_classes(const unit *a, const unit *b) {
     for (size_t i = 0; i < a->count && i < b->count; i++)
@@ -85,7 +81,7 @@ static int by_classes(const unit *a, const unit *b) {
 
 static int by_stratum(const void *a, const void *b) {
     const int order = by_classes(a, b);
-    return order != 0 ? order : by_id(a, b);
+    return order != 0 ? order : lg_compare_u32(a, b);
 }
 
 /* Makes the units from set->keys. They are sorted by stratum, and by id within a stratum. */
@@ -113,7 +109,7 @@ static size_t end_of_stratum(const unit_set *set, size_t first) {
 /* The units must be sorted by id. */
 static const unit *find_unit(const unit_set *set, uint32_t id) {
     const unit key = {.id = id};
-    return bsearch(&key, set->unit, set->units, sizeof key, by_id);
+    return bsearch(&key, set->unit, set->units, sizeof key, lg_compare_u32);
 }
 
 static void shuffle_units(unit *units, size_t n, lg_rng *rng) {
@@ -161,7 +157,7 @@ static uint32_t unseen_class(split_task *t) {
 }
 
 static void write_parts(split_task *t, uint8_t *parts) {
-    qsort(t->set.unit, t->set.units, sizeof *t->set.unit, by_id);
+    qsort(t->set.unit, t->set.units, sizeof *t->set.unit, lg_compare_u32);
     for (size_t i = 0; i < t->windows->count; i++)
         parts[i] = (uint8_t)find_unit(&t->set, unit_id(t, i))->part;
 }
@@ -271,7 +267,7 @@ static void deal_folds(fold_task *t) {
                 t->held[units[i].part * t->classes + units[i].classes[c]]++;
         }
     }
-    qsort(units, t->set.units, sizeof *units, by_id);
+    qsort(units, t->set.units, sizeof *units, lg_compare_u32);
 }
 
 lg_status lg_series_folds(const lg_context *context, const uint32_t *label, const uint32_t *number,

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/median.h"
 #include "datasets/series_files.h"
 #include "settings/files/attributes.h"
 
@@ -34,11 +35,6 @@ static lg_status check_samples(const char *path, const lg_series *s, lg_error *e
                    at / window, at % window / s->length, at % s->length);
 }
 
-static int compare_runs(const void *a, const void *b) {
-    const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
-    return (x > y) - (x < y);
-}
-
 /* Finds a run whose windows are not consecutive: *torn, and its number *which. */
 static lg_status find_torn(const lg_context *context, const char *path, const lg_series *s, bool *torn,
                            uint32_t *which, lg_error *error) {
@@ -49,7 +45,7 @@ static lg_status find_torn(const lg_context *context, const char *path, const lg
                    lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path)));
     for (size_t i = 0; i < s->count; i++)
         if (i == 0 || s->run[i] != s->run[i - 1]) sorted[stretches++] = s->run[i];
-    qsort(sorted, stretches, sizeof *sorted, compare_runs);
+    qsort(sorted, stretches, sizeof *sorted, lg_compare_u32);
     for (size_t i = 1; i < stretches && !*torn; i++) *torn = sorted[i] == sorted[i - 1], *which = sorted[i];
     return LG_OK;
 }

@@ -76,15 +76,14 @@ static void hash(const lg_frame *f, lg_table_data *out) {
 
 /* ---- complete rows ---- */
 
-static bool is_complete(const lg_table_data *data, size_t row) {
-    for (uint32_t c = 0; c < data->columns; c++)
-        if (isnan(data->values[row * data->columns + c])) return false;
-    return data->label == NULL || data->label[row] != LG_TABLE_NO_CLASS;
-}
-
 static bool are_complete(lg_table_data *const *tables, size_t count, size_t row) {
     bool all = true;
-    for (size_t i = 0; i < count; i++) all = all && is_complete(tables[i], row);
+    for (size_t i = 0; i < count; i++) {
+        const lg_table_data *data = tables[i];
+        all = all && (data->label == NULL || data->label[row] != LG_TABLE_NO_CLASS);
+        for (uint32_t c = 0; c < data->columns; c++)
+            all = all && !isnan(data->values[row * data->columns + c]);
+    }
     return all;
 }
 

@@ -404,11 +404,6 @@ static const struct bundle {
 lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model, const double *theta,
                                lg_program **out, lg_error *error) {
     LG_NEEDS(error, model, theta, out);
-    /* This union only drops const, which is safe because recording does not write to the model. */
-    union {
-        const lg_surrogate *borrowed;
-        void *user;
-    } pointer = {.borrowed = model};
     LG_TRY(lg_surrogate_check_modes(model, error));
     const struct bundle *bundle = &bundles[model->options.kind];
     lg_function_spec functions[MOST_FUNCTIONS];
@@ -422,7 +417,7 @@ lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *mo
     for (; spec.function_count < MOST_FUNCTIONS && bundle->function[spec.function_count].name != NULL;
          spec.function_count++) {
         functions[spec.function_count] = bundle->function[spec.function_count];
-        functions[spec.function_count].user = pointer.user;
+        functions[spec.function_count].user = (void *)(uintptr_t)model; /* never written */
     }
     spec.parameters = parameters;
     spec.parameter_count = modes > 0 ? PARAMETERS : MEAN;

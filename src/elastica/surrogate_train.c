@@ -72,14 +72,9 @@ lg_status lg_surrogate_problem_check(const lg_surrogate_problem *problem, lg_err
 }
 
 void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit_problem *out) {
-    /* This union only drops const, which is safe because the loss does not write to the problem. */
-    union {
-        const lg_surrogate_problem *borrowed;
-        void *user;
-    } pointer = {.borrowed = problem};
     *out = (lg_fit_problem){.parameters = lg_surrogate_parameters(problem->model),
                             .samples = sample_count(problem),
                             .loss = shard_loss,
-                            .user = pointer.user,
+                            .user = (void *)(uintptr_t)problem, /* never written */
                             .chunk = chunk_of(problem)};
 }

@@ -141,7 +141,7 @@ typedef struct open_call {
     const lg_context *context;
     const char *path, *kind;
     const lg_read_options *options;
-    lg_h5 *h5;
+    lg_h5 **h5;
 } open_call;
 
 static lg_status open_checked(void *user, lg_error *error) {
@@ -149,31 +149,25 @@ static lg_status open_checked(void *user, lg_error *error) {
     LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
     LG_TRY(lg_h5_open(call->context, call->path, call->options, &h5, error));
     LG_TRY(lg_h5_check_format(h5, call->kind, false, error));
-    call->h5 = h5;
-    h5 = NULL;
-    return LG_OK;
+    return LG_MOVE(call->h5, h5);
 }
 
 static lg_status probe_all(void *user, lg_error *error) {
     open_call *call = user;
     LG_TRY(open_checked(call, error));
-    return lg_h5_read_all(call->h5, error);
+    return lg_h5_read_all(*call->h5, error);
 }
 
 lg_status lg_file_reader_create(const lg_context *context, const char *path, const char *kind,
                                 const lg_read_options *options, lg_file_reader **out, lg_error *error) {
     LG_NEEDS(error, path, out);
-    open_call call = {context, path, kind, options, NULL};
+    LG_CLEAN(lg_file_reader_destroy_at) lg_file_reader *reader = lg_alloc(context, 1, sizeof *reader);
+    if (reader == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    reader->file.context = context;
+    open_call call = {context, path, kind, options, &reader->file.h5};
     LG_TRY(lg_probe(context, path, options, probe_all, &call, error));
     LG_TRY(open_checked(&call, error));
-    lg_file_reader *reader = lg_alloc(context, 1, sizeof *reader);
-    if (reader == NULL) {
-        lg_h5_close(call.h5);
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    }
-    reader->file = (lg_file_writer){.context = context, .h5 = call.h5};
-    *out = reader;
-    return LG_OK;
+    return LG_MOVE(out, reader);
 }
 
 lg_status lg_file_reader_archive(lg_file_reader *reader, const char *prefix, lg_archive_reader *out) {

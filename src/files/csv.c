@@ -18,7 +18,7 @@ lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what) {
     return lg_fail(error, LG_FORMAT, "%s: line %zu: %s", c->shown, c->number, what);
 }
 
-lg_status lg_csv_no_memory(const lg_csv *c, lg_error *error) {
+static lg_status no_memory(const lg_csv *c, lg_error *error) {
     return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", c->shown);
 }
 
@@ -40,7 +40,7 @@ static bool fill(lg_csv *c) {
 
 static lg_status widen(lg_csv *c, lg_error *error) {
     char *line = lg_widen(c->context, c->line, c->length, 2 * c->room, 1);
-    if (line == NULL) return lg_csv_no_memory(c, error);
+    if (line == NULL) return no_memory(c, error);
     c->line = line;
     c->room *= 2;
     return LG_OK;
@@ -195,6 +195,11 @@ void lg_csv_put(FILE *to, const char *before, const char *text, bool name) {
     if (!plain) (void)fputc('"', to);
 }
 
+void lg_csv_put_number(FILE *to, const char *before, double value) {
+    (void)fputs(before, to);
+    if (isfinite(value)) (void)fprintf(to, "%.17g", value);
+}
+
 /* ---- the header ---- */
 
 size_t lg_csv_count(const char *line, char separator, bool *open) {
@@ -243,7 +248,7 @@ static size_t count_numbers(const char *line, char separator, bool *counting) {
 static lg_status keep_comment(lg_csv *c, lg_error *error) {
     if (c->comments == LG_COUNT(c->comment)) lg_free(c->context, c->comment[--c->comments].text);
     char *text = lg_strdup(c->context, c->line + lg_csv_comment(c->line));
-    if (text == NULL) return lg_csv_no_memory(c, error);
+    if (text == NULL) return no_memory(c, error);
     c->comment[c->comments].text = text;
     c->comment[c->comments++].number = c->number;
     return LG_OK;
@@ -282,7 +287,7 @@ static bool take_a_comment(lg_csv *c) {
 static lg_status split_blanks(lg_csv *c, lg_error *error) {
     bool open, counting;
     char *copy = lg_strdup(c->context, c->line);
-    if (copy == NULL) return lg_csv_no_memory(c, error);
+    if (copy == NULL) return no_memory(c, error);
     lg_csv_join_blanks(copy, c->separator);
     const size_t cells = lg_csv_count(copy, c->separator, &open);
     c->blanks = cells > 1 && count_numbers(copy, c->separator, &counting) == cells;
@@ -350,7 +355,7 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, b
     if (lg_csv_missing(cell)) return LG_OK;
     const lg_status status = lg_number_parse(cell, out);
     if (status == LG_OK) return LG_OK;
-    if (status == LG_OUT_OF_MEMORY) return lg_csv_no_memory(c, error);
+    if (status == LG_OUT_OF_MEMORY) return no_memory(c, error);
     (void)snprintf(show, sizeof show, "%s", cell);
     if (status == LG_UNSUPPORTED && may_round) return LG_OK;
     if (status == LG_UNSUPPORTED)
@@ -388,7 +393,7 @@ lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name
                   .user = user};
     c->block = lg_alloc(context, BLOCK, 1);
     c->line = lg_alloc(context, FIRST_LINE, 1);
-    return c->block == NULL || c->line == NULL ? lg_csv_no_memory(c, error) : LG_OK;
+    return c->block == NULL || c->line == NULL ? no_memory(c, error) : LG_OK;
 }
 
 void lg_csv_close(lg_csv *c) {

@@ -73,6 +73,8 @@ lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error);
  * above read the same text. All texts of CSV files are written by it. `name`: it is a cell of the header,
  * where a number without quotes means that the header is missing. */
 void lg_csv_put(FILE *to, const char *before, const char *text, bool name);
+/* The same for a number, with the digits to read it back; an empty cell if it is not finite. */
+void lg_csv_put_number(FILE *to, const char *before, double value);
 /* Fails if the line has another number of cells than the header. *cut becomes true, without a failure, if the
  * line has fewer cells and no newline, as when the end of a file is cut off. */
 lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error);
@@ -85,7 +87,6 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, b
 bool lg_csv_missing(const char *cell);
 /* Fails with the message "FILE: line N: `what`". */
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what);
-lg_status lg_csv_no_memory(const lg_csv *c, lg_error *error);
 enum { LG_CSV_QUOTED = 2 * 64 + 2 };
 /* Formats a name for a list with commas. Names with a comma, a quote or a blank at an end are quoted, as in
  * CSV. Returns `out` (LG_CSV_QUOTED bytes). A name of 64 bytes or more is cut. */

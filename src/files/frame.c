@@ -67,49 +67,20 @@ static lg_status find_column(const lg_frame *f, const lg_lookup *sorted, const c
     return LG_OK;
 }
 
-static lg_status use_column(lg_frame *f, lg_frame_want *want, uint32_t at, lg_error *error) {
+static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *want, lg_error *error) {
+    uint32_t at = f->columns;
+    LG_TRY(find_column(f, sorted, want->name, &at, error));
+    want->there = at < f->columns;
+    if (!want->there) return want->optional ? LG_OK : missing_column(f, want->name, error);
     lg_frame_use *use = &f->use[at];
     size_t *to = want->as == LG_FRAME_TEXT ? &use->text : &use->value;
     if (*to > 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: column '%s' is requested twice", f->shown,
                        f->name[at]);
-    *to = 1 + (want->as == LG_FRAME_TEXT ? f->texts++ : f->width++);
+    want->first = want->as == LG_FRAME_TEXT ? f->texts++ : f->width++;
+    *to = 1 + want->first;
     use->rounds = use->rounds || want->as == LG_FRAME_ROUNDED;
-    want->width += want->as != LG_FRAME_TEXT;
     return LG_OK;
-}
-
-/* The columns NAME0, NAME1, ... are an array. */
-static lg_status find_array(lg_frame *f, const lg_lookup *sorted, lg_frame_want *want, lg_error *error) {
-    char name[2 * LG_FRAME_NAME];
-    for (uint32_t i = 0;; i++) {
-        uint32_t at;
-        (void)snprintf(name, sizeof name, "%s%u", want->name, i);
-        LG_TRY(find_column(f, sorted, name, &at, error));
-        if (at == f->columns) break;
-        LG_TRY(use_column(f, want, at, error));
-    }
-    want->there = want->width > 0;
-    want->rank = 2;
-    want->dims[1] = want->width;
-    return LG_OK;
-}
-
-static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *want, lg_error *error) {
-    uint32_t at = f->columns;
-    want->width = 0;
-    want->first = want->as == LG_FRAME_TEXT ? f->texts : f->width;
-    if (want->as == LG_FRAME_ARRAY && f->format->array != NULL) {
-        LG_TRY(f->format->array(f, want, error));
-        f->width += want->width;
-    } else {
-        LG_TRY(find_column(f, sorted, want->name, &at, error));
-        want->there = at < f->columns;
-        want->rank = 1;
-        if (want->there) return use_column(f, want, at, error);
-        if (want->as == LG_FRAME_ARRAY) LG_TRY(find_array(f, sorted, want, error));
-    }
-    return want->there || want->optional ? LG_OK : missing_column(f, want->name, error);
 }
 
 lg_status lg_frame_find(lg_frame *f, lg_error *error) {

@@ -19,11 +19,8 @@
  *   }
  *   lg_frame_close(&f);                                   also after a failure
  *
- * LG_FRAME_ARRAY gives all numbers of a row: of an HDF5 data set (n, a, b) the a b numbers of one n, of
- * other files the columns NAME0, NAME1, ...; `dims` has the shape. Without wants only the names are read.
- * With HDF5, lg_frame_open first reads the whole file in the child process of lg_probe. Attributes that a
- * subject needs are read by its function `also`, which is called in the child process, too. A want may be
- * the path of a data set in a group ("parameters/mass").
+ * Without wants only the names are read. With HDF5, lg_frame_open first reads the whole file in the child
+ * process of lg_probe. A want may be the path of a data set in a group ("parameters/mass").
  *
  * Numbers: "", nan, NA, N/A and null are missing (NaN). Infinities are rejected, and so are whole numbers
  * that no double equals, unless they may be rounded. Texts: as written; "" if missing. In binary files a
@@ -36,24 +33,19 @@
 #include "core/widen.h"
 #include "liegrad/files.h"
 
-struct lg_h5;
 struct lg_frame_format;
 
 enum { LG_FRAME_NAME = 64, LG_FRAME_MOST_COLUMNS = 1 << 16 };
 typedef char lg_frame_text[LG_FRAME_NAME];
 
-typedef enum lg_frame_as { LG_FRAME_NUMBER, LG_FRAME_ROUNDED, LG_FRAME_TEXT, LG_FRAME_ARRAY } lg_frame_as;
+typedef enum lg_frame_as { LG_FRAME_NUMBER, LG_FRAME_ROUNDED, LG_FRAME_TEXT } lg_frame_as;
 typedef struct lg_frame_want {
     const char *name;
     lg_frame_as as;
     bool optional; /* the file need not have the column */
     /* Set by lg_frame_open. */
     bool there;
-    /* Index in a row of `value` (numbers) or of `text`. A number or text that is not there has none. */
-    size_t first;
-    size_t width;     /* numbers in a row; 0 for texts */
-    uint32_t rank;    /* of an array: number of axes, the rows included */
-    uint64_t dims[4]; /* of an array; dims[0] is the number of rows, or 0 if it is not known */
+    size_t first; /* index in a row of `value` (numbers) or of `text`; without meaning unless it is there */
 } lg_frame_want;
 
 /* Where a column of the file goes: indices plus 1, or 0. */
@@ -69,8 +61,6 @@ typedef struct lg_frame {
     const lg_read_options *options;
     lg_frame_want *want;
     size_t wants;
-    lg_status (*also)(void *user, struct lg_h5 *h5, lg_error *error); /* may be NULL; for HDF5 only */
-    void *user;
     /* Set by lg_frame_open. */
     const char *shown, *place; /* shown: the path in messages; place: "line" or "row" */
     uint32_t columns;          /* of the file */
@@ -112,8 +102,6 @@ typedef struct lg_frame_format {
     lg_status (*open)(lg_frame *f, lg_error *error);
     /* Appends up to `most` rows to the block. */
     lg_status (*rows)(lg_frame *f, size_t most, lg_error *error);
-    /* Sets `there`, `width`, `rank` and `dims` of a wanted array. NULL: its columns are NAME0, NAME1, ... */
-    lg_status (*array)(lg_frame *f, lg_frame_want *want, lg_error *error);
     void (*close)(lg_frame *f); /* frees f->source, which may be NULL */
 } lg_frame_format;
 extern const lg_frame_format lg_frame_csv, lg_frame_h5, lg_frame_npy;

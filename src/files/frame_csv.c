@@ -58,4 +58,4 @@ static void close_csv(lg_frame *f) {
     lg_free(f->context, f->source);
 }
 
-const lg_frame_format lg_frame_csv = {"csv", "line", is_csv, open_csv, read_rows, NULL, close_csv};
+const lg_frame_format lg_frame_csv = {"csv", "line", is_csv, open_csv, read_rows, close_csv};

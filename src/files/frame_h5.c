@@ -1,6 +1,5 @@
 /* The source of rows for HDF5 files. The columns are data sets of the root group, columns of matrices, and
  * members of records. */
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -27,10 +26,6 @@ typedef struct h5_file {
     bool joined;        /* names are in one text, with commas between them */
     const char *single; /* a single number that is left out of the columns, or NULL */
 } h5_file;
-
-static lg_status fail(const lg_frame *f, const char *name, lg_error *error, const char *what) {
-    return lg_fail(error, LG_FORMAT, "%s: /%s: %s", f->shown, name, what);
-}
 
 static bool is_numbers(const lg_h5_about *about) {
     return about->kind == LG_H5_WHOLE || about->kind == LG_H5_REAL;
@@ -162,8 +157,7 @@ static lg_status list_sources(h5_file *h, lg_error *error) {
     const herr_t end = H5Literate(h->h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_source, h);
     if (end < 0) return lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", f->shown);
     for (size_t i = 0; i < f->wants; i++) /* paths of data sets in groups */
-        if (strchr(f->want[i].name, '/') != NULL && f->want[i].as != LG_FRAME_ARRAY)
-            (void)add_source(h->h5->file, f->want[i].name, NULL, h);
+        if (strchr(f->want[i].name, '/') != NULL) (void)add_source(h->h5->file, f->want[i].name, NULL, h);
     for (source *s = h->sources; s < h->sources + h->count; s++) {
         s->axis = axis_of(h, s);
         if (rows_of(s) > h->longest) h->longest = rows_of(s);
@@ -174,42 +168,24 @@ static lg_status list_sources(h5_file *h, lg_error *error) {
 
 /* ---- wanted columns ---- */
 
-/* All wanted data sets must have as many rows. */
-static lg_status count_rows(h5_file *h, const char *name, uint64_t rows, lg_error *error) {
-    if (h->counts != NULL && rows != h->rows)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu", h->frame->shown, name,
-                       (unsigned long long)rows, h->counts, (unsigned long long)h->rows);
-    h->counts = name;
-    h->rows = rows;
-    return LG_OK;
-}
-
-static lg_status find_array(lg_frame *f, lg_frame_want *want, lg_error *error) {
-    h5_file *h = f->source;
-    lg_h5_about about;
-    want->there = lg_h5_has(h->h5, want->name);
-    if (!want->there) return LG_OK;
-    LG_TRY(lg_as_format(lg_h5_look(h->h5, want->name, sizeof(double), &about, error), error));
-    if (!is_numbers(&about)) return fail(f, want->name, error, "does not hold numbers");
-    if (about.rank < 1) return fail(f, want->name, error, "is a single number, not an array");
-    want->rank = about.rank;
-    memcpy(want->dims, about.dims, sizeof about.dims);
-    want->width = about.count > 0 ? (size_t)(about.count / about.dims[0]) : 0;
-    return count_rows(h, want->name, about.dims[0], error);
-}
-
 static bool is_wanted(const lg_frame *f, const source *s) {
     bool wanted = false;
     for (uint32_t i = 0; i < s->columns; i++) wanted = wanted || lg_frame_is_wanted(f, s->first + i);
     return wanted;
 }
 
+/* All wanted data sets must have as many rows. */
 static lg_status check_sources(h5_file *h, lg_error *error) {
     for (const source *s = h->sources; s < h->sources + h->count; s++) {
+        const uint64_t rows = rows_of(s);
         if (!is_wanted(h->frame, s)) continue;
         if (s->about.kind == LG_H5_WORDS && h->frame->use[s->first].value > 0)
-            return fail(h->frame, s->name, error, "does not hold numbers");
-        LG_TRY(count_rows(h, s->name, rows_of(s), error));
+            return lg_fail(error, LG_FORMAT, "%s: /%s: does not hold numbers", h->frame->shown, s->name);
+        if (h->counts != NULL && rows != h->rows)
+            return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu", h->frame->shown,
+                           s->name, (unsigned long long)rows, h->counts, (unsigned long long)h->rows);
+        h->counts = s->name;
+        h->rows = rows;
     }
     return LG_OK;
 }
@@ -254,32 +230,11 @@ static lg_status read_source(h5_file *h, const source *s, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status put_array(lg_frame *f, const lg_frame_want *want, const double *values, lg_error *error) {
-    for (size_t i = 0; i < f->rows * want->width; i++) {
-        if (isinf(values[i]))
-            return lg_frame_fail(f, i / want->width, want->name, error, "number %zu of the row is infinite",
-                                 i % want->width + 1);
-        f->value[i / want->width * f->width + want->first + i % want->width] = values[i];
-    }
-    return LG_OK;
-}
-
-static lg_status read_array(h5_file *h, const lg_frame_want *want, lg_error *error) {
-    lg_frame *f = h->frame;
-    const lg_h5_slice slice = {.name = want->name, .first = f->before, .count = f->rows};
-    LG_TRY_SCRATCH(double, values, f->context, (f->rows * want->width), lg_frame_no_memory(f, error));
-    LG_TRY(lg_h5_get_slice(h->h5, &slice, LG_H5_EXACT, values, error));
-    return put_array(f, want, values, error);
-}
-
 static lg_status read_rows(lg_frame *f, size_t most, lg_error *error) {
     h5_file *h = f->source;
     LG_TRY(lg_frame_number_rows(f, most, h->rows - f->before, error));
     for (uint32_t i = 0; i < h->count && f->rows > 0; i++)
         if (is_wanted(f, &h->sources[i])) LG_TRY(read_source(h, &h->sources[i], error));
-    for (size_t i = 0; i < f->wants && f->rows > 0; i++)
-        if (f->want[i].as == LG_FRAME_ARRAY && f->want[i].width > 0)
-            LG_TRY(read_array(h, &f->want[i], error));
     return LG_OK;
 }
 
@@ -294,14 +249,11 @@ static lg_status begin(lg_frame *f, lg_error *error) {
     h5_file *h = f->source;
     LG_TRY(lg_h5_open(f->context, f->path, f->options, &h->h5, error));
     LG_TRY(list_sources(h, error));
-    bool any = f->columns > 0;
-    for (size_t i = 0; i < f->wants; i++) any = any || f->want[i].as == LG_FRAME_ARRAY;
-    if (!any)
+    if (f->columns == 0)
         return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers",
                        f->shown);
     LG_TRY(lg_frame_find(f, error));
-    LG_TRY(check_sources(h, error));
-    return f->also != NULL ? f->also(f->user, h->h5, error) : LG_OK;
+    return check_sources(h, error);
 }
 
 /* What the child process does: reads all that is wanted. */
@@ -333,4 +285,4 @@ static void close_h5(lg_frame *f) {
     LG_FREE_ALL(f->context, h->sources, h);
 }
 
-const lg_frame_format lg_frame_h5 = {"h5", "row", is_h5, open_h5, read_rows, find_array, close_h5};
+const lg_frame_format lg_frame_h5 = {"h5", "row", is_h5, open_h5, read_rows, close_h5};

@@ -191,4 +191,4 @@ static void close_npy(lg_frame *f) {
     lg_free(f->context, n);
 }
 
-const lg_frame_format lg_frame_npy = {"npy", "row", is_npy, open_npy, read_rows, NULL, close_npy};
+const lg_frame_format lg_frame_npy = {"npy", "row", is_npy, open_npy, read_rows, close_npy};

@@ -358,11 +358,6 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
 }
 
 void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out) {
-    /* The union only casts const away: the loss does not write to the problem. */
-    union {
-        const lg_hamiltonian_problem *borrowed;
-        void *user;
-    } pointer = {.borrowed = problem};
     const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
     const size_t starts = is_estimated(problem) ? problem->trajectories * space.algebra_dim : 0;
     const bool squares = problem->penalty == 0.0 && problem->distance == LG_DISTANCE_AMBIENT;
@@ -374,7 +369,7 @@ void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_pr
                             .weights = lg_mlp_parameters(&problem->model->net),
                             .loss = shard_loss,
                             .residuals = squares ? shard_residuals : NULL,
-                            .user = pointer.user};
+                            .user = (void *)(uintptr_t)problem}; /* never written */
 }
 
 /* ---- how much the penalty's first integral changes along the data ---- */

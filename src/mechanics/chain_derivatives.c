@@ -36,11 +36,7 @@ size_t lg_chain_scratch(size_t k) {
 /* The scratch memory is an input of the operation, so that the tape owns it. Writing to it is safe, as
  * nothing else reads its values. */
 static double *scratch_of(const lg_chain_batch *batch) {
-    union {
-        const void *lent;
-        double *own;
-    } memory = {.lent = batch->scratch};
-    return memory.own;
+    return (double *)(uintptr_t)batch->scratch;
 }
 
 static row open_batch(const lg_chain_batch *batch, const void *const *in, size_t *rows) {

@@ -57,11 +57,7 @@ static lg_status check_scaler(const lg_scaler *scaler, uint32_t columns, const c
 lg_status lg_table_program(const lg_context *context, const lg_table *model, const lg_scaler *inputs,
                            const lg_scaler *outputs, const double *theta, lg_program **out, lg_error *error) {
     LG_NEEDS(error, model, inputs, theta, out);
-    /* The union only drops const: recording only reads the model. */
-    union {
-        const lg_table *borrowed;
-        void *user;
-    } pointer = {.borrowed = model};
+    void *const user = (void *)(uintptr_t)model; /* never written */
     const uint32_t n = model->net.inputs, m = model->net.outputs;
     const bool regression = model->options.task == LG_TABLE_REGRESSION;
     LG_TRY(check_scaler(inputs, n, "inputs", error));
@@ -79,9 +75,9 @@ lg_status lg_table_program(const lg_context *context, const lg_table *model, con
     }
     const lg_port x = {.name = "x", .shape = lg_shape1(n)};
     const lg_port values[] = {{.name = "y"}, {.name = "g"}}, chances = {.name = "probability"};
-    const lg_function_spec functions[] = {{"value", &x, 1, values, 1, value, pointer.user},
-                                          {"grad", &x, 1, values, 2, gradient, pointer.user},
-                                          {"probability", &x, 1, &chances, 1, probability, pointer.user}};
+    const lg_function_spec functions[] = {{"value", &x, 1, values, 1, value, user},
+                                          {"grad", &x, 1, values, 2, gradient, user},
+                                          {"probability", &x, 1, &chances, 1, probability, user}};
     const lg_parameter_spec parameters[PARAMETERS] = {
         [THETA] = {"theta", lg_shape1((uint32_t)lg_table_parameters(model)), theta},
         [MEAN] = {"mean", lg_shape1(n), mean},

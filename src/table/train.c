@@ -157,18 +157,13 @@ static lg_status linearise(void *user, lg_tape *tape, const double *theta, const
 }
 
 void lg_table_fit_problem(const lg_table_problem *problem, lg_fit_problem *out) {
-    /* The union only drops const: the loss only reads the problem. */
-    union {
-        const lg_table_problem *borrowed;
-        void *user;
-    } pointer = {.borrowed = problem};
     const lg_table_samples *samples = problem->samples;
     const bool squares = problem->model->options.task == LG_TABLE_REGRESSION;
     const uint32_t outputs = problem->model->net.outputs;
     *out = (lg_fit_problem){.parameters = lg_table_parameters(problem->model),
                             .samples = samples->count,
                             .loss = loss,
-                            .user = pointer.user,
+                            .user = (void *)(uintptr_t)problem, /* never written */
                             .validation = samples->count - samples->training,
                             .residuals = squares ? residuals : NULL,
                             .linearise = squares ? linearise : NULL,

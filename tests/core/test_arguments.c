@@ -632,9 +632,6 @@ TEST("functions of tables and files refuse NULL") {
     const char *const column = "a";
     REFUSES(lg_table_names_read(NULL, NEEDED(path), NULL, NEEDED(&names), NULL));
     REFUSES(lg_table_read(NULL, NEEDED(path), NEEDED(&column), 1, NULL, NULL, NEEDED(&table), NULL));
-    lg_table_windows windows;
-    REFUSES(lg_table_windows_read(NULL, NEEDED(path), NEEDED("t"), NULL, NEEDED(&column), 1, 1,
-                                  NEEDED(&windows), NULL));
     REFUSES(lg_tensors_read(NULL, NEEDED(path), NEEDED(&tensors), NULL));
 
     double number;

@@ -6,7 +6,6 @@
 
 OWNED(lg_table_data, lg_table_data_destroy)
 OWNED(lg_tensors, lg_tensors_destroy)
-OWNED(lg_table_windows, lg_table_windows_destroy)
 
 static lg_table_data *read_columns(const char *text, const char *columns, const char *class_column) {
     const char *names[] = {(char[]){columns[0], '\0'}, (char[]){columns[1], '\0'}};
@@ -739,72 +738,4 @@ TEST("a column can be requested only once") {
     assert_status(lg_table_read(NULL, scratch_path("t.csv"), &missing, 1, NULL, NULL, &data, &error),
                   LG_FORMAT);
     assert_non_null(strstr(error.message, "no column 'd'"));
-}
-
-/* ---- windows ---- */
-
-/* Reads the columns x and u of a log; each line is run, time, x, u. */
-static lg_table_windows *read_windows(const char *lines, const char *run, size_t steps) {
-    static const char *const names[] = {"x", "u"};
-    lg_table_windows windows;
-    char text[4096];
-    (void)snprintf(text, sizeof text, "run,t,x,u\n%s", lines);
-    write_text_to(scratch_path("log.csv"), text);
-    assert_told(
-        lg_table_windows_read(NULL, scratch_path("log.csv"), "t", run, names, 2, steps, &windows, &told));
-    return own_lg_table_windows(windows);
-}
-
-TEST("windows share their ends, skip gaps and incomplete rows, and the last run comes last, in any unit of "
-     "time") {
-    for (double unit = 1e-9; unit < 1e10; unit *= 1e9) {
-        char log[2048] = "";
-        for (int run = 2; run >= 1; run--) /* run 2 is first in the file */
-            for (int i = 0; i < 12; i++) {
-                if (run == 1 && i == 5) continue; /* a gap */
-                const double jitter = i % 2 == 1 ? 0.2 : 0.0;
-                (void)lg_format(log + strlen(log), sizeof log - strlen(log), "%d,%.17g,%d,%s\n", run,
-                                (i + jitter) * unit, 100 * run + i, run == 1 && i == 8 ? "" : "0.5");
-            }
-        const lg_table_windows *w = read_windows(log, "run", 2);
-        /* run 1: rows 0 1 2 3 4, 6 7, 9 10 11; run 2: 0..11 */
-        assert_int_equal(w->count, 3);
-        assert_int_equal(w->held, 5);
-        assert_int_equal(w->left_out, 1);
-        assert_string_equal(w->held_run, "2");
-        static const double first[8] = {100, 102, 109, 200, 202, 204, 206, 208};
-        for (int k = 0; k < 8; k++)
-            for (int row = 0; row < 3; row++) {
-                assert_true(w->rows[(3 * k + row) * 2] == first[k] + row);
-                assert_true(w->rows[(3 * k + row) * 2 + 1] == 0.5);
-            }
-        assert_close(w->step[0], unit, 1e-12, 0.0);
-        assert_close(lg_table_port(&w->data, "x", 1).high, 211.0, 0.0, 0.0);
-    }
-}
-
-TEST("a window does not reach from one run into the next, even if the times continue") {
-    const lg_table_windows *w = read_windows("1,0,1,0\n1,1,2,0\n1,2,3,0\n2,3,4,0\n2,4,5,0\n2,5,6,0\n"
-                                             "3,6,7,0\n3,7,8,0\n3,8,9,0\n",
-                                             "run", 2);
-    assert_true(w->count == 2 && w->held == 1);
-    for (int k = 0; k < 3; k++) assert_true(w->rows[6 * k] == 3 * k + 1);
-}
-
-TEST("a log of one run has no windows to judge by; a log without windows is refused") {
-    static const char four[] = "7,0,1,0\n7,1,2,0\n7,2,3,0\n7,3,4,0\n";
-    static const char *const names[] = {"x", "u"};
-    lg_table_windows windows;
-    lg_error error;
-    const lg_table_windows *one = read_windows(four, "run", 3), *all = read_windows(four, NULL, 1);
-    assert_true(one->count == 1 && one->held == 0 && one->held_run[0] == '\0');
-    assert_true(all->count == 3 && all->held == 0);
-    const char *const path = scratch_path("log.csv");
-    assert_status(lg_table_windows_read(NULL, path, "t", NULL, names, 2, 4, &windows, &error), LG_FORMAT);
-    assert_says(error.message, "no 5 rows of one run");
-    assert_status(lg_table_windows_read(NULL, path, "t", NULL, names, 2, 0, &windows, &error),
-                  LG_INVALID_ARGUMENT);
-    assert_status(lg_table_windows_read(NULL, path, "time", NULL, names, 2, 1, &windows, &error), LG_FORMAT);
-    assert_says(error.message, "no column 'time'");
-    lg_table_windows_destroy(NULL);
 }

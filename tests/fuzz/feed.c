@@ -54,7 +54,7 @@ void watch_end_gap(watching *self) {
 /* ---- feeds ---- */
 
 static void take_feed(const app *by, const well_model *model, uint8_t options) {
-    static const char *const names[] = {"a", "b"};
+    static lg_frame_text names[] = {"a", "b"};
     watching self = {.app = by, .bench = {.model = model}, .rate = 1.0, .rate_known = (options & 1) != 0};
     /* Hz; low rates, so that the longest gap that watch fills, a week, has few samples */
     if (self.rate_known) self.rate = (options & 2) != 0 ? 1e-3 : 0.05;

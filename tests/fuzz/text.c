@@ -183,14 +183,13 @@ void fuzz_study(const uint8_t *data, size_t size) {
 
 /* ---- tables and logs ---- */
 
-/* Reads rows in blocks. The first columns are numbers, one of them also a text; the last one is an array. */
+/* Reads rows in blocks: the first column as numbers, the second one as texts. */
 static void read_frame(const char *path, const lg_table_names *names) {
-    enum { WANTS = 4, BLOCK = 3 };
-    const uint32_t last = names->count - 1, second = last > 0;
+    enum { WANTS = 3, BLOCK = 3 };
+    const uint32_t second = names->count > 1;
     lg_frame_want want[WANTS] = {{.name = names->name[0], .as = LG_FRAME_ROUNDED},
                                  {.name = names->name[second], .as = LG_FRAME_TEXT},
-                                 {.name = names->name[last], .as = LG_FRAME_ARRAY},
-                                 {.name = "x", .as = LG_FRAME_ARRAY, .optional = true}};
+                                 {.name = "x", .optional = true}};
     lg_frame f = {.path = path, .what = "table", .want = want, .wants = WANTS};
     lg_error error = {LG_OK, ""};
     size_t before = 0;

@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/median.h"
+
 static const char *const method_names[LG_METHOD_COUNT] = {
     [LG_METHOD_LOGISTIC] = "logistic", [LG_METHOD_TREE] = "tree",   [LG_METHOD_SVM_LINEAR] = "svm-linear",
     [LG_METHOD_SVM_RBF] = "svm-rbf",   [LG_METHOD_RIDGE] = "ridge",
@@ -119,11 +121,6 @@ static int by_weight(const void *a, const void *b) {
     return (x->index > y->index) - (x->index < y->index);
 }
 
-static int by_index(const void *a, const void *b) {
-    const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
-    return (x > y) - (x < y);
-}
-
 static void weigh(const lg_classifier *c, uint32_t i, weighted *out) {
     const size_t rows = c->classes == 2 ? 1 : c->classes;
     *out = (weighted){0, i};
@@ -150,7 +147,7 @@ lg_status lg_classifier_largest(const lg_context *context, const lg_classifier *
         qsort(all + begin, end - begin, sizeof *all, by_weight);
         for (size_t i = begin; done < until; i++) index[done++] = all[i].index;
     }
-    qsort(index, count, sizeof *index, by_index);
+    qsort(index, count, sizeof *index, lg_compare_u32);
     return LG_OK;
 }
 

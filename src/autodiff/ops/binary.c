@@ -26,13 +26,12 @@ static lg_status broadcast_shape(const lg_shape *const *in, uint32_t inputs, con
 
 /* A nest of LG_MAX_RANK loops over two strided operands, the innermost loop last; strides are in elements. */
 typedef struct nest {
-    uint32_t levels;
     size_t dims[LG_MAX_RANK], a[LG_MAX_RANK], b[LG_MAX_RANK];
 } nest;
 
 /* Drops axes of length 1 and merges adjacent axes that form one run in both operands. */
 static nest nest_of(const lg_shape *out, const lg_shape *a, const lg_shape *b) {
-    nest n = {0};
+    nest n;
     size_t stride_a = 1, stride_b = 1;
     size_t dims[LG_MAX_RANK], sa[LG_MAX_RANK], sb[LG_MAX_RANK];
     uint32_t levels = 0; /* filled with the innermost axis first */
@@ -52,7 +51,6 @@ static nest nest_of(const lg_shape *out, const lg_shape *a, const lg_shape *b) {
         sb[levels] = rb;
         levels++;
     }
-    n.levels = LG_MAX_RANK;
     for (uint32_t i = 0; i < LG_MAX_RANK; i++) {
         bool used = i < levels;
         n.dims[LG_MAX_RANK - 1 - i] = used ? dims[i] : 1;

@@ -23,16 +23,7 @@ lg_status lg_program_create(const lg_context *context, lg_program **out) {
 }
 
 static void free_ports(const lg_context *context, lg_port *ports, size_t count) {
-    union {
-        const char *kept;
-        void *memory;
-    } text;
-    for (size_t i = 0; ports != NULL && i < count; i++) {
-        text.kept = ports[i].name;
-        lg_free(context, text.memory);
-        text.kept = ports[i].unit;
-        lg_free(context, text.memory);
-    }
+    for (size_t i = 0; ports != NULL && i < count; i++) LG_FREE_ALL(context, ports[i].name, ports[i].unit);
     lg_free(context, ports);
 }
 

@@ -12,7 +12,7 @@ typedef struct taking {
     lg_tape *tape;
     lg_function made;
     uint32_t *place; /* for each node of the tape: 1 + its node in the function; 0: not needed */
-    uint32_t theta, capacity;
+    uint32_t theta;
     size_t data; /* elements of the data so far */
 } taking;
 

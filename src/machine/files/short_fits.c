@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/median.h"
 #include "machine/files/recipe.h"
 #include "model/files/training.h"
 
@@ -126,7 +127,8 @@ static const candidate candidates[] = {{MOMENTA, 15},   {MOMENTA, 40},    {MOMEN
 
 /* What a candidate's fit of the windows that compare them left. */
 typedef struct tried {
-    double loss, *theta; /* (parameters) */
+    double loss;   /* first: it sorts them */
+    double *theta; /* (parameters) */
 } tried;
 
 typedef struct stages {
@@ -265,11 +267,6 @@ static lg_status lengthen(stages *s, uint32_t window, const lg_stage_limits *mos
     return LG_OK;
 }
 
-static int by_loss(const void *a, const void *b) {
-    const double x = ((const tried *)a)->loss, y = ((const tried *)b)->loss;
-    return (x > y) - (x < y);
-}
-
 lg_status lg_machine_fit_candidates(lg_training *self, const lg_machine *machine, double *theta,
                                     lg_error *error) {
     const lg_machine_state *state = self->state;
@@ -285,12 +282,12 @@ lg_status lg_machine_fit_candidates(lg_training *self, const lg_machine *machine
     size_t i = state->warm != NULL ? LG_COUNT(candidates) - 1 : 0;
     for (; i < LG_COUNT(candidates) && (s.count == 0 || s.all[s.count - 1].loss > good); i++)
         LG_TRY(try_candidate(&s, theta, &candidates[i], error));
-    qsort(s.all, s.count, sizeof *s.all, by_loss);
+    qsort(s.all, s.count, sizeof *s.all, lg_compare_doubles);
     /* Short windows hardly tell good candidates apart when there is much noise. */
     const size_t finalists = s.count < FINALISTS ? s.count : FINALISTS;
     for (i = 0; i < finalists && (i == 0 || s.all[i - 1].loss > good); i++)
         LG_TRY(lengthen(&s, window, &most, &s.all[i], error));
-    qsort(s.all, finalists, sizeof *s.all, by_loss);
+    qsort(s.all, finalists, sizeof *s.all, lg_compare_doubles);
     if (isfinite(s.all[0].loss)) memcpy(theta, s.all[0].theta, s.parameters * sizeof *theta);
     return LG_OK;
 }

@@ -1,6 +1,5 @@
 /* Table networks as a kind of model: their model file. */
 #include <stdio.h>
-#include <string.h>
 
 #include "datasets/series_files.h"
 #include "model/files/program_file.h"

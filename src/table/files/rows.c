@@ -26,16 +26,12 @@ static lg_status load(const lg_context *context, const char *path, const lg_tabl
     return lg_table_read(context, path, names, count, classes, NULL, &out->data, error);
 }
 
-static void warn_cut(const lg_context *context, const lg_table_sheet *sheet) {
-    if (sheet->data.cut)
-        lg_log_message(context, LG_LOG_WARNING, "%s: the last line was cut off and left out", sheet->path);
-}
-
 lg_status lg_table_sheet_read(const lg_context *context, const char *path, const lg_table_names *inputs,
                               const lg_table_names *outputs, const char *class_column, lg_table_sheet *out,
                               lg_error *error) {
     LG_TRY(load(context, path, inputs, outputs, class_column, out, error));
-    warn_cut(context, out);
+    if (out->data.cut)
+        lg_log_message(context, LG_LOG_WARNING, "%s: the last line was cut off and left out", path);
     return LG_OK;
 }
 
@@ -262,9 +258,9 @@ static lg_status take_classes(lg_training *self, lg_error *error) {
 static lg_status read_learned(lg_training *self, lg_error *error) {
     lg_table_state *s = self->state;
     lg_table_sheet *sheet = &s->table;
-    if (load(self->context, self->paths[0], &s->inputs, &s->outputs, class_column(s), sheet, error) != LG_OK)
+    if (lg_table_sheet_read(self->context, self->paths[0], &s->inputs, &s->outputs, class_column(s), sheet,
+                            error) != LG_OK)
         return fail_columns(self, error);
-    warn_cut(self->context, sheet);
     LG_TRY(leave_incomplete(self, sheet, error));
     if (sheet->data.rows < 2)
         return lg_fail(error, LG_FORMAT, "%s: has 1 complete row; at least two are needed", sheet->path);
