@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nn/search.h"
 #include "settings/settings.h"
 
 enum { SHOWN_TRIALS = 10 };
@@ -268,11 +269,21 @@ static void warn(searching *search, const posted *p) {
     app_warn(search->app, "trial %llu failed: %s", (unsigned long long)p->trial.number, p->why);
 }
 
+/* Whether the trial has the values of this grid; true for other samplers. */
+static bool is_point(const searching *search, const lg_trial *trial) {
+    const lg_sampler *sampler = lg_search_sampler(search->options.sampler);
+    const lg_search_space *space = &search->file->space;
+    double value[LG_RANGE_MAX];
+    return sampler->points == NULL ||
+           (sampler->next(space, &search->options, trial->number, NULL, 0, value) == LG_OK &&
+            memcmp(value, trial->value, space->count * sizeof *value) == 0);
+}
+
 static bool take_trial(void *user, size_t item, void *record, bool done, bool own) {
     searching *search = user;
     posted *p = record;
     if (!own && (memchr(p->why, '\0', sizeof p->why) == NULL || p->trial.number != item ||
-                 !lg_trial_is_possible(&search->file->space, &p->trial)))
+                 !lg_trial_is_possible(&search->file->space, &p->trial) || !is_point(search, &p->trial)))
         return false;
     if (!own) (void)lg_tame(p->why);
     search->results[item] = p->trial;
@@ -355,6 +366,11 @@ static lg_status read_table(searching *search, lg_error *error) {
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "trial %llu was already run, but only %llu trials are planned in all",
                            (unsigned long long)number, (unsigned long long)search->values->trials);
+        if (!is_point(search, &search->trials[i]))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "trial %llu is not a point of this grid, whose levels depend on --trials: give "
+                           "--trials as before, or another --sampler",
+                           (unsigned long long)number);
         if (!search->work.known[number]) search->results[number] = search->trials[i];
         search->work.known[number] = true;
     }
@@ -517,6 +533,7 @@ static void take_rungs(const app *self, lg_search_options *options) {
     lg_search_options_init(options);
     options->seed = self->seed;
     options->sampler = search_given.sampler;
+    options->trials = search_given.trials;
     const double rungs = given->count > 0 ? given->values[0] : options->rungs,
                  warm_up = given->count > 1 ? given->values[1] : options->warm_up;
     if (given->count > 2) options->quantile = given->values[2];
@@ -530,6 +547,20 @@ static void take_rungs(const app *self, lg_search_options *options) {
         self,
         "--rungs: '%s' is not R,W,Q with whole numbers R (0 to %d) and W, and a Q above 0 and at most 1",
         text, LG_TRIAL_REPORTS);
+}
+
+/* A grid has an end, and is cut where fewer trials are planned. */
+static void plan(searching *search) {
+    const lg_sampler *sampler = lg_search_sampler(search->options.sampler);
+    const unsigned long long planned = search_given.trials;
+    if (sampler->points == NULL) return;
+    const unsigned long long points = sampler->points(&search->file->space, planned);
+    if (points != planned)
+        app_note(search->app,
+                 points < planned ? "the grid has %llu points: so many trials are made, not %llu"
+                                  : "the grid has %llu points, of which only the first %llu are tried",
+                 points, planned);
+    if (points < planned) search->work.count = search_given.trials = points;
 }
 
 void search_main(app *self, const app_command *train, train_task *task) {
@@ -562,6 +593,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
     train_begin(self, task, 1);
     APP_MUST_FILE(self, ranges, lg_search_file_read(self->context, ranges, file, &error));
     check_names(self, train, task, file);
+    plan(&search);
     train_read(self, task);
     search.results = app_alloc((size_t)values->trials, sizeof *search.results);
     search.trials = app_alloc((size_t)values->trials, sizeof *search.trials);
