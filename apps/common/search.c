@@ -274,9 +274,9 @@ static bool is_point(const searching *search, const lg_trial *trial) {
     const lg_sampler *sampler = lg_search_sampler(search->options.sampler);
     const lg_search_space *space = &search->file->space;
     double value[LG_RANGE_MAX];
-    return sampler->points == NULL ||
-           (sampler->next(space, &search->options, trial->number, NULL, 0, value) == LG_OK &&
-            memcmp(value, trial->value, space->count * sizeof *value) == 0);
+    if (sampler->points == NULL) return true;
+    (void)sampler->next(space, &search->options, trial->number, NULL, 0, value);
+    return memcmp(value, trial->value, space->count * sizeof *value) == 0;
 }
 
 static bool take_trial(void *user, size_t item, void *record, bool done, bool own) {
@@ -368,8 +368,7 @@ static lg_status read_table(searching *search, lg_error *error) {
                            (unsigned long long)number, (unsigned long long)search->values->trials);
         if (!is_point(search, &search->trials[i]))
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "trial %llu is not a point of this grid, whose levels depend on --trials: give "
-                           "--trials as before, or another --sampler",
+                           "trial %llu is not a point of this grid, whose levels depend on --trials",
                            (unsigned long long)number);
         if (!search->work.known[number]) search->results[number] = search->trials[i];
         search->work.known[number] = true;
@@ -549,18 +548,17 @@ static void take_rungs(const app *self, lg_search_options *options) {
         text, LG_TRIAL_REPORTS);
 }
 
-/* A grid has an end, and is cut where fewer trials are planned. */
+/* A grid may have fewer points than trials are planned, or more. */
 static void plan(searching *search) {
     const lg_sampler *sampler = lg_search_sampler(search->options.sampler);
-    const unsigned long long planned = search_given.trials;
+    const uint64_t planned = search_given.trials;
+    double levels[LG_RANGE_MAX];
     if (sampler->points == NULL) return;
-    const unsigned long long points = sampler->points(&search->file->space, planned);
-    if (points != planned)
-        app_note(search->app,
-                 points < planned ? "the grid has %llu points: so many trials are made, not %llu"
-                                  : "the grid has %llu points, of which only the first %llu are tried",
-                 points, planned);
-    if (points < planned) search->work.count = search_given.trials = points;
+    const double points = sampler->points(&search->file->space, planned, levels);
+    if (points < (double)planned) search->work.count = search_given.trials = (size_t)points;
+    if (points != (double)planned)
+        app_note(search->app, "the grid has %.0f points, and %zu trials are made", points,
+                 search->work.count);
 }
 
 void search_main(app *self, const app_command *train, train_task *task) {

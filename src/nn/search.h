@@ -9,9 +9,9 @@
 typedef struct lg_sampler {
     const char *name; /* of --sampler */
     bool learns;      /* the values depend on trials that have ended */
-    /* The number of points of a grid for so many planned trials. Trial t is point t; after the last one the
-     * points begin again. NULL: there is no end. */
-    uint64_t (*points)(const lg_search_space *space, uint64_t trials);
+    /* The number of points of a grid for so many planned trials, and the levels of each range. Trial t is
+     * point t; after the last one the points begin again. NULL: there is no end. */
+    double (*points)(const lg_search_space *space, uint64_t trials, double *levels);
     /* Writes value (space->count) of trial `number`. It depends on the ranges, seed and trials of the
      * options, number and done alone. done (count) are trials that have ended, after lg_search_settle; none
      * if the sampler does not learn. Errors: LG_OUT_OF_MEMORY. */

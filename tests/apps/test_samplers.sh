@@ -43,7 +43,7 @@ $search --trials 18 --out m.csv --merge >/dev/null
 grid="lg-elastica search ranges.yaml data.h5 --threads 1 --sampler grid"
 points() { sed 1,2d "$1" | cut -d, -f7-9; }
 $grid --trials 20 --out grid.csv >/dev/null 2>err
-grep -q "the grid has 18 points: so many trials are made, not 20" err || fail "a smaller grid: $(cat err)"
+grep -q "the grid has 18 points, and 18 trials are made" err || fail "a smaller grid: $(cat err)"
 for lr in 0.0001 0.10000000000000001; do for layers in 1 2 3; do for hidden in 8 16 24; do
     echo "$lr,$layers,$hidden"
 done; done; done >expected
@@ -59,7 +59,7 @@ same_table grid.csv t.csv || fail "a grid that is continued has another table"
 
 # A grid that is larger than the trials is begun, and ended later; other levels are another grid.
 $grid --trials 5 --out t.csv >/dev/null 2>err
-grep -q "the grid has 9 points, of which only the first 5 are tried" err || fail "a larger grid: $(cat err)"
+grep -q "the grid has 9 points, and 5 trials are made" err || fail "a larger grid: $(cat err)"
 points t.csv >five
 $grid --trials 17 --out t.csv --continue >/dev/null 2>&1
 [ "$(points t.csv | sort -u | wc -l)" = 9 ] || fail "a grid in two parts has not 9 points"
