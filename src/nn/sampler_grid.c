@@ -9,10 +9,10 @@ extern const lg_sampler lg_sampler_grid;
 
 /* The number of points if ranges that are divided have got one more level in turn, `raises` times. */
 static double combinations(const lg_search_space *space, double raises, double *levels) {
-    double product = 1, values;
+    double product = 1;
     for (size_t i = 0; i < space->count; product *= levels[i++]) {
         const lg_range *range = &space->ranges[i];
-        values = range->kind == LG_RANGE_CHOICE ? range->choices : range->high - range->low + 1;
+        double values = range->kind == LG_RANGE_CHOICE ? range->choices : range->high - range->low + 1;
         if (range->kind < LG_RANGE_INTEGER && range->low < range->high) values = INFINITY;
         levels[i] = 1 + floor((raises + (double)(space->count - 1 - i)) / (double)space->count);
         levels[i] = values <= LG_RANGE_MAX_CHOICES ? values : fmin(values, levels[i]);
