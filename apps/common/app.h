@@ -135,9 +135,6 @@ app_slot *app_find_slot(const app *app, const char *option);
  * value points to `text`, which must live on. LG_INVALID_ARGUMENT: nothing is stored, and `error` says
  * why. */
 lg_status app_store(app_slot *slot, const char *text, lg_error *error);
-/* As app_store, with a number instead of a text, for an option that is a number or a list; a list gets this
- * one element. */
-lg_status app_store_number(app_slot *slot, double value, lg_error *error);
 /* Copies into settings->values every option that was not given on the command line. `from` is a structure of
  * the same type as settings->values. `preset`: only rows without a default of their own are copied. */
 void app_adopt(app *app, const app_settings *settings, const void *from, bool preset);
