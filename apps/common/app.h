@@ -459,10 +459,9 @@ typedef struct app_plot_script {
 extern const app_plot_script app_plot_scripts[]; /* the files apps/plots/NAME.gp, and a last row of NULL */
 
 typedef struct app_plot {
-    const char *script; /* the text of the script, without its common beginning */
-    FILE *data, *texts;
-    char *data_text, *texts_text, *image, *data_path, *script_path;
-    size_t data_length, texts_length;
+    const char *script;   /* the text of the script, without its common beginning */
+    app_file texts, data; /* block 0, which becomes the file; the blocks of numbers */
+    char *image, *data_path, *script_path;
     bool filled, lined; /* whether there is a line since the last block; since the last gap */
 } app_plot;
 bool app_plot_name_fits(const char *image);
