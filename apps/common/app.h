@@ -369,6 +369,7 @@ void app_file_discard(app_file *file);
 lg_status app_check_writable(const char *path, lg_error *error);
 /* Returns whether both paths lead to the same file, also through links or by different spellings. */
 bool app_same_file(const char *a, const char *b);
+const char *app_name_of(const char *path); /* the part behind the last slash */
 /* Returns the folder that contains `path`. Slashes at the end of `path` do not count. The caller frees the
  * text. */
 char *app_folder_of(const char *path);

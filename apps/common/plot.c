@@ -97,7 +97,7 @@ static bool drain(int from, FILE *to) {
  * was killed, or its output could not be read. gnuplot does not notice a full disk, so the caller writes the
  * image. */
 static int run_gnuplot(const char *script, FILE *image) {
-    const char *slash = strrchr(script, '/'), *name = slash != NULL ? slash + 1 : script;
+    const char *name = app_name_of(script);
     APP_FREE char *above = app_format("%.*s", (int)(name - script), script);
     APP_FREE char *folder = app_quote(above), *file = app_quote(name);
     APP_FREE char *command = app_format("(cd %s%s && exec gnuplot -d ./%s) < /dev/null 2> /dev/null",

@@ -338,11 +338,6 @@ static void tell(app *self, naming names, const verdict *v) {
 
 /* ---- the claim ---- */
 
-static const char *name_in(const char *path) {
-    const char *slash = strrchr(path, '/');
-    return slash == NULL ? path : slash + 1;
-}
-
 /* The name of a file with the first digits of the hash of its bytes. */
 static char *name_file(const app *self, const char *path) {
     char text[LG_SHA256_TEXT];
@@ -350,7 +345,7 @@ static char *name_file(const app *self, const char *path) {
     lg_sha256_init(&state);
     APP_MUST_FILE(self, path, app_hash_file(path, &state, &error));
     lg_sha256_finish(&state, text);
-    return app_format("%s (SHA-256 %.12s)", name_in(path), text);
+    return app_format("%s (SHA-256 %.12s)", app_name_of(path), text);
 }
 
 /* The sentence of a proof, with what it is about before it, and what it covers after it. */
@@ -650,7 +645,7 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
 }
 
 static void copy_name(char out[LG_CERTIFICATE_NAME], const char *path) {
-    (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", name_in(path));
+    (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", app_name_of(path));
 }
 
 static void write_certificate(const app *self, naming names, lg_certify_spec *spec,
