@@ -206,7 +206,8 @@ LG_API lg_status lg_integer_parse(const char *text, uint64_t *out);
  * interrupted search continues with the same trials, and trials may run in any order. Those of "tpe" (the
  * tree-structured Parzen estimator with the defaults of Optuna, each range alone) depend on the trials that
  * have ended, too: the same trials give the same values. Those of "grid" are all combinations of the choices,
- * of integers where a range has at most 16, and of evenly spaced levels of the other ranges. */
+ * of the integers of ranges with at most 16, and of levels of the other ranges, with even steps from one end
+ * to the other. */
 
 typedef enum lg_range_kind {
     LG_RANGE_UNIFORM,     /* uniform in [low, high); a grid has the value high, too */
@@ -265,8 +266,8 @@ typedef struct lg_search_options {
      * reached the rung were better there. */
     double quantile;
     uint32_t sampler; /* default 0, random; lg_search_sampler_name lists them */
-    /* Default 50, the number of trials that are planned. A grid has as many levels as possible with at most
-     * so many points, but all choices and few integers; its trial t is point t. Others do not depend on it. */
+    /* Default 50, the number of trials that are planned. A grid divides its ranges as finely as possible with
+     * at most so many points; its trial t is point t. The other samplers do not depend on it. */
     uint64_t trials;
 } lg_search_options;
 LG_API void lg_search_options_init(lg_search_options *options);
