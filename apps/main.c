@@ -22,8 +22,7 @@ static const struct {
 
 /* Returns whether the last part of the path is `name`. */
 static bool is_named(const char *path, const char *name) {
-    const char *slash = strrchr(path, '/');
-    return strcmp(slash == NULL ? path : slash + 1, name) == 0;
+    return strcmp(app_name_of(path), name) == 0;
 }
 
 int main(int argc, char **argv) {

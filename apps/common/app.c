@@ -86,12 +86,6 @@ lg_status app_store(app_slot *slot, const char *text, lg_error *error) {
     return status;
 }
 
-lg_status app_store_number(app_slot *slot, double value, lg_error *error) {
-    const lg_status status = lg_field_store(slot->row, value, slot->values, error);
-    slot->given = slot->given || status == LG_OK;
-    return status;
-}
-
 static app_slot *slot_named(const app *self, const char *option) {
     for (size_t i = 0; i < self->slot_count; i++)
         if (strcmp(self->slots[i].name, option) == 0) return (app_slot *)(uintptr_t)&self->slots[i];

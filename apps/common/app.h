@@ -150,9 +150,6 @@ app_slot *app_find_slot(const app *app, const char *option);
  * value points to `text`, which must live on. LG_INVALID_ARGUMENT: nothing is stored, and `error` says
  * why. */
 lg_status app_store(app_slot *slot, const char *text, lg_error *error);
-/* As app_store, with a number instead of a text, for an option that is a number or a list; a list gets this
- * one element. */
-lg_status app_store_number(app_slot *slot, double value, lg_error *error);
 /* Copies into settings->values every option that was not given on the command line. `from` is a structure of
  * the same type as settings->values. `preset`: only rows without a default of their own are copied. */
 void app_adopt(app *app, const app_settings *settings, const void *from, bool preset);
@@ -387,6 +384,7 @@ void app_file_discard(app_file *file);
 lg_status app_check_writable(const char *path, lg_error *error);
 /* Returns whether both paths lead to the same file, also through links or by different spellings. */
 bool app_same_file(const char *a, const char *b);
+const char *app_name_of(const char *path); /* the part behind the last slash */
 /* Returns the folder that contains `path`. Slashes at the end of `path` do not count. The caller frees the
  * text. */
 char *app_folder_of(const char *path);
@@ -472,10 +470,9 @@ typedef struct app_plot_script {
 extern const app_plot_script app_plot_scripts[]; /* the files apps/plots/NAME.gp, and a last row of NULL */
 
 typedef struct app_plot {
-    const char *script; /* the text of the script, without its common beginning */
-    FILE *data, *texts;
-    char *data_text, *texts_text, *image, *data_path, *script_path;
-    size_t data_length, texts_length;
+    const char *script;   /* the text of the script, without its common beginning */
+    app_file texts, data; /* block 0, which becomes the file; the blocks of numbers */
+    char *image, *data_path, *script_path;
     bool filled, lined; /* whether there is a line since the last block; since the last gap */
 } app_plot;
 bool app_plot_name_fits(const char *image);

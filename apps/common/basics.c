@@ -5,7 +5,6 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "core/core.h"
 #include "liegrad/settings.h"
@@ -183,9 +182,7 @@ char *app_format(const char *format, ...) {
 }
 
 double app_seconds(void) {
-    struct timespec now;
-    (void)clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+    return lg_seconds();
 }
 
 /* ---- threads ---- */

@@ -69,9 +69,8 @@ lg_status app_check_writable(const char *path, lg_error *error) {
 
 /* Returns the path with its folder resolved; if the folder does not exist, the path is unchanged. */
 static char *resolved(const char *path) {
-    const char *slash = strrchr(path, '/'), *name = slash != NULL ? slash + 1 : path;
     APP_FREE char *folder = app_folder_of(path), *real = realpath(folder, NULL);
-    return real != NULL ? app_format("%s/%s", real, name) : app_format("%s", path);
+    return real != NULL ? app_format("%s/%s", real, app_name_of(path)) : app_format("%s", path);
 }
 
 bool app_same_file(const char *a, const char *b) {
@@ -334,8 +333,12 @@ void app_check_outputs(const app *self, const app_path *more, size_t more_count)
     drop_inputs(registered);
 }
 
-char *app_folder_of(const char *path) {
+const char *app_name_of(const char *path) {
     const char *slash = strrchr(path, '/');
-    return slash == NULL ? app_format(".")
-                         : app_format("%.*s", slash == path ? 1 : (int)(slash - path), path);
+    return slash != NULL ? slash + 1 : path;
+}
+
+char *app_folder_of(const char *path) {
+    const int length = (int)(app_name_of(path) - path);
+    return length == 0 ? app_format(".") : app_format("%.*s", length > 1 ? length - 1 : 1, path);
 }

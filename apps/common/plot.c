@@ -19,12 +19,6 @@ static const char *script_text(const char *name) {
     return row->name != NULL ? row->text : "";
 }
 
-static FILE *open_memory(char **text, size_t *length) {
-    FILE *stream = open_memstream(text, length);
-    if (stream == NULL) app_out_of_memory();
-    return stream;
-}
-
 /* Writes a line of block 0. gnuplot reads = and the rest of the line as one text. It reads \ and all octal
  * digits after it as one byte, so an octal digit after such a byte is written in octal too. */
 static void put_text(FILE *stream, const char *text) {
@@ -43,7 +37,7 @@ void app_plot_text(app_plot *plot, const char *format, ...) {
     APP_FREE char *text = app_shown_list(format, arguments);
     va_end(arguments);
     char *rest = text;
-    while (rest != NULL) put_text(plot->texts, strsep(&rest, "\t"));
+    while (rest != NULL) put_text(plot->texts.stream, strsep(&rest, "\t"));
 }
 
 void app_plot_begin(app_plot *plot, const char *script, const char *image) {
@@ -51,36 +45,34 @@ void app_plot_begin(app_plot *plot, const char *script, const char *image) {
     *plot = (app_plot){.script = script_text(script), .image = app_format("%s", image)};
     plot->data_path = app_format("%.*s.dat", stem, image);
     plot->script_path = app_format("%.*s.gp", stem, image);
-    plot->data = open_memory(&plot->data_text, &plot->data_length);
-    plot->texts = open_memory(&plot->texts_text, &plot->texts_length);
+    app_file_begin(&plot->texts, plot->data_path);
+    app_file_begin(&plot->data, plot->data_path);
     app_plot_text(plot, APP_PLOT_DATA "\t%s", image + stem + 1);
 }
 
 void app_plot_numbers(app_plot *plot, int digits, const double *x, size_t count) {
-    for (size_t i = 0; i < count; i++) (void)fprintf(plot->data, &" %.*g"[i == 0], digits, x[i]);
-    (void)fputc('\n', plot->data);
+    for (size_t i = 0; i < count; i++) (void)fprintf(plot->data.stream, &" %.*g"[i == 0], digits, x[i]);
+    (void)fputc('\n', plot->data.stream);
     plot->filled = plot->lined = true;
 }
 
 void app_plot_gap(app_plot *plot) {
-    if (plot->lined) (void)fputc('\n', plot->data);
+    if (plot->lined) (void)fputc('\n', plot->data.stream);
     plot->lined = false;
 }
 
 void app_plot_block(app_plot *plot) {
-    (void)fputs(plot->filled ? "\n\n" : "nan nan nan nan nan nan\n\n\n", plot->data);
+    (void)fputs(plot->filled ? "\n\n" : "nan nan nan nan nan nan\n\n\n", plot->data.stream);
     plot->filled = plot->lined = false;
 }
 
-/* Closes both streams and writes their texts, with two empty lines between them. */
+/* Writes the texts and the numbers, with two empty lines between them. */
 static lg_status write_data(app_plot *plot, lg_error *error) {
-    app_file file;
-    const bool whole = fclose(plot->texts) == 0;
-    if (fclose(plot->data) != 0 || !whole) app_out_of_memory();
-    app_file_begin(&file, plot->data_path);
-    (void)fprintf(file.stream, "%s\n\n", plot->texts_text);
-    (void)fwrite(plot->data_text, 1, plot->data_length, file.stream);
-    return app_file_end(&file, error);
+    if (fclose(plot->data.stream) != 0) app_out_of_memory();
+    (void)fputs("\n\n", plot->texts.stream);
+    (void)fwrite(plot->data.text, 1, plot->data.length, plot->texts.stream);
+    free(plot->data.text);
+    return app_file_end(&plot->texts, error);
 }
 
 static lg_status write_script(const app_plot *plot, lg_error *error) {
@@ -105,7 +97,7 @@ static bool drain(int from, FILE *to) {
  * was killed, or its output could not be read. gnuplot does not notice a full disk, so the caller writes the
  * image. */
 static int run_gnuplot(const char *script, FILE *image) {
-    const char *slash = strrchr(script, '/'), *name = slash != NULL ? slash + 1 : script;
+    const char *name = app_name_of(script);
     APP_FREE char *above = app_format("%.*s", (int)(name - script), script);
     APP_FREE char *folder = app_quote(above), *file = app_quote(name);
     APP_FREE char *command = app_format("(cd %s%s && exec gnuplot -d ./%s) < /dev/null 2> /dev/null",
@@ -141,8 +133,7 @@ void app_plot_end(const app *self, app_plot *plot) {
     if (status != LG_OK && data) (void)unlink(plot->data_path);
     if (status != LG_OK && script) (void)unlink(plot->script_path);
     app_must_file(self, status, &error, plot->image);
-    char *const texts[] = {plot->texts_text, plot->data_text, plot->image, plot->data_path,
-                           plot->script_path};
+    char *const texts[] = {plot->image, plot->data_path, plot->script_path};
     for (size_t i = 0; i < LG_COUNT(texts); i++) free(texts[i]);
 }
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nn/search.h"
 #include "settings/settings.h"
 
 enum { SHOWN_TRIALS = 10 };
@@ -75,34 +76,33 @@ static bool is_searched(const train_task *task, const char *method) {
     return false;
 }
 
-/* Sets the option to `text`, or to `number` if `text` is NULL. */
-static lg_status virtual_set(app *v, train_task *task, const char *name, const char *text, double number,
-                             lg_error *error) {
+static lg_status virtual_set(app *v, train_task *task, const char *name, const char *text, lg_error *error) {
     lg_error reason = {LG_OK, ""};
     app_slot *slot = app_find_slot(v, name);
     if (!is_hyperparameter(task, slot))
         return lg_fail(error, LG_FORMAT, "'%s' is not an option of train that changes its result", name);
     if (task->searched != NULL && strcmp(slot->name, task->recipe->trainer->method) == 0 &&
-        (text == NULL || !is_searched(task, text)))
+        !is_searched(task, text))
         return lg_fail(error, LG_FORMAT, "a search does not train '%s: %s'; --help names the methods", name,
-                       text != NULL ? text : "(a number)");
-    if ((text != NULL ? app_store(slot, text, &reason) : app_store_number(slot, number, &reason)) != LG_OK)
+                       text);
+    if (app_store(slot, text, &reason) != LG_OK)
         return lg_fail(error, LG_FORMAT, "%s: %.400s", name, reason.message);
     return LG_OK;
 }
 
-/* Sets the option to a value of its range; for a choice, `value` is the index of the choice. */
-static lg_status virtual_draw(app *v, train_task *task, const lg_range *range, double value,
-                              lg_error *error) {
-    const char *text = range->kind == LG_RANGE_CHOICE ? range->choice[(size_t)value] : NULL;
-    return virtual_set(v, task, range->name, text, value, error);
+enum { NUMBER = 32 };
+
+/* The text of a value of the range; for a choice, `value` is its index. */
+static const char *value_text(const lg_range *range, double value, char number[NUMBER]) {
+    if (range->kind == LG_RANGE_CHOICE) return range->choice[(size_t)value];
+    (void)snprintf(number, NUMBER, "%.17g", value);
+    return number;
 }
 
-static void value_text(const lg_range *range, double value, char *out, size_t size) {
-    if (range->kind == LG_RANGE_CHOICE)
-        (void)snprintf(out, size, "%s", range->choice[(size_t)value]);
-    else
-        (void)snprintf(out, size, "%.17g", value);
+static lg_status virtual_draw(app *v, train_task *task, const lg_range *range, double value,
+                              lg_error *error) {
+    char number[NUMBER];
+    return virtual_set(v, task, range->name, value_text(range, value, number), error);
 }
 
 /* Checks that train accepts the bounds, a number between them, and every choice. */
@@ -123,7 +123,7 @@ static lg_status set_all(app *v, train_task *task, const lg_search_file *file, c
                          uint32_t *line, lg_error *error) {
     for (size_t i = 0; i < file->fixed_count; i++) {
         *line = file->fixed_line[i];
-        LG_TRY(virtual_set(v, task, file->fixed_name[i], file->fixed_value[i], 0, error));
+        LG_TRY(virtual_set(v, task, file->fixed_name[i], file->fixed_value[i], error));
     }
     for (size_t i = 0; i < file->space.count; i++) {
         const lg_range *range = &file->space.ranges[i];
@@ -132,6 +132,14 @@ static lg_status set_all(app *v, train_task *task, const lg_search_file *file, c
                              : check_range(v, task, range, error));
     }
     return LG_OK;
+}
+
+/* The name of option i of the file, of which the fixed ones come first, and its line. */
+static const char *entry(const lg_search_file *file, size_t i, uint32_t *line) {
+    const bool fixed = i < file->fixed_count;
+    const size_t range = i - file->fixed_count;
+    *line = fixed ? file->fixed_line[i] : file->line[range];
+    return fixed ? file->fixed_name[i] : file->space.ranges[range].name;
 }
 
 /* Refuses an option that the chosen method does not have. If the search varies the method itself, every
@@ -144,11 +152,7 @@ static lg_status check_method(const app *v, const train_task *task, const lg_sea
         if (method == NULL || strcmp(app_find_slot(v, space->ranges[i].name)->name, method) == 0)
             return LG_OK;
     for (size_t i = 0; i < file->fixed_count + space->count; i++) {
-        const bool fixed = i < file->fixed_count;
-        const size_t range = i - file->fixed_count;
-        const char *name = fixed ? file->fixed_name[i] : space->ranges[range].name,
-                   *command = train_refuses(task, app_find_slot(v, name));
-        *line = fixed ? file->fixed_line[i] : file->line[range];
+        const char *name = entry(file, i, line), *command = train_refuses(task, app_find_slot(v, name));
         if (command != NULL) return lg_fail(error, LG_FORMAT, "'%s' is not an option of %s", name, command);
     }
     return LG_OK;
@@ -156,14 +160,9 @@ static lg_status check_method(const app *v, const train_task *task, const lg_sea
 
 /* Two spellings of an option are the same option. */
 static lg_status check_spellings(const app *v, const lg_search_file *file, uint32_t *line, lg_error *error) {
-    const lg_range *ranges = file->space.ranges;
     for (size_t i = 0; i < file->fixed_count + file->space.count; i++)
         for (size_t k = 0; k < i; k++) {
-            const bool fixed = i < file->fixed_count;
-            const char *name = fixed ? file->fixed_name[i] : ranges[i - file->fixed_count].name,
-                       *other =
-                           k < file->fixed_count ? file->fixed_name[k] : ranges[k - file->fixed_count].name;
-            *line = fixed ? file->fixed_line[i] : file->line[i - file->fixed_count];
+            const char *other = entry(file, k, line), *name = entry(file, i, line);
             if (app_find_slot(v, name) == app_find_slot(v, other))
                 return lg_fail(error, LG_FORMAT, "'%s' is the same option as '%s': leave one out", name,
                                other);
@@ -268,11 +267,21 @@ static void warn(searching *search, const posted *p) {
     app_warn(search->app, "trial %llu failed: %s", (unsigned long long)p->trial.number, p->why);
 }
 
+/* Whether the trial has the values of this grid; true for other samplers. */
+static bool is_point(const searching *search, const lg_trial *trial) {
+    const lg_sampler *sampler = lg_search_sampler(search->options.sampler);
+    const lg_search_space *space = &search->file->space;
+    double value[LG_RANGE_MAX];
+    if (sampler->points == NULL) return true;
+    (void)sampler->next(space, &search->options, trial->number, NULL, 0, value);
+    return memcmp(value, trial->value, space->count * sizeof *value) == 0;
+}
+
 static bool take_trial(void *user, size_t item, void *record, bool done, bool own) {
     searching *search = user;
     posted *p = record;
     if (!own && (memchr(p->why, '\0', sizeof p->why) == NULL || p->trial.number != item ||
-                 !lg_trial_is_possible(&search->file->space, &p->trial)))
+                 !lg_trial_is_possible(&search->file->space, &p->trial) || !is_point(search, &p->trial)))
         return false;
     if (!own) (void)lg_tame(p->why);
     search->results[item] = p->trial;
@@ -355,6 +364,10 @@ static lg_status read_table(searching *search, lg_error *error) {
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "trial %llu was already run, but only %llu trials are planned in all",
                            (unsigned long long)number, (unsigned long long)search->values->trials);
+        if (!is_point(search, &search->trials[i]))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "trial %llu is not a point of this grid, whose levels depend on --trials",
+                           (unsigned long long)number);
         if (!search->work.known[number]) search->results[number] = search->trials[i];
         search->work.known[number] = true;
     }
@@ -419,7 +432,7 @@ static void print_given(const app *self, FILE *out) {
 static void print_best(const searching *search, size_t best) {
     const lg_search_file *file = search->file;
     FILE *out = search->app->out->stream;
-    char text[64];
+    char number[NUMBER];
     app_put(out, "best: trial %llu, objective %.4e; %s train",
             (unsigned long long)search->trials[best].number, search->trials[best].objective,
             search->app->program);
@@ -430,10 +443,9 @@ static void print_best(const searching *search, size_t best) {
     print_given(search->app, out);
     for (size_t i = 0; i < file->fixed_count; i++)
         app_put(out, " --%s %s", file->fixed_name[i], file->fixed_value[i]);
-    for (size_t i = 0; i < file->space.count; i++) {
-        value_text(&file->space.ranges[i], search->trials[best].value[i], text, sizeof text);
-        app_put(out, " --%s %s", file->space.ranges[i].name, text);
-    }
+    for (size_t i = 0; i < file->space.count; i++)
+        app_put(out, " --%s %s", file->space.ranges[i].name,
+                value_text(&file->space.ranges[i], search->trials[best].value[i], number));
     app_put(out, " --seed %llu --out FILE\n", (unsigned long long)search->app->seed);
 }
 
@@ -517,6 +529,7 @@ static void take_rungs(const app *self, lg_search_options *options) {
     lg_search_options_init(options);
     options->seed = self->seed;
     options->sampler = search_given.sampler;
+    options->trials = search_given.trials;
     const double rungs = given->count > 0 ? given->values[0] : options->rungs,
                  warm_up = given->count > 1 ? given->values[1] : options->warm_up;
     if (given->count > 2) options->quantile = given->values[2];
@@ -530,6 +543,19 @@ static void take_rungs(const app *self, lg_search_options *options) {
         self,
         "--rungs: '%s' is not R,W,Q with whole numbers R (0 to %d) and W, and a Q above 0 and at most 1",
         text, LG_TRIAL_REPORTS);
+}
+
+/* A grid may have fewer points than trials are planned, or more. */
+static void plan(searching *search) {
+    const lg_sampler *sampler = lg_search_sampler(search->options.sampler);
+    const uint64_t planned = search_given.trials;
+    double levels[LG_RANGE_MAX];
+    if (sampler->points == NULL) return;
+    const double points = sampler->points(&search->file->space, planned, levels);
+    if (points < (double)planned) search->work.count = search_given.trials = (size_t)points;
+    if (points != (double)planned)
+        app_note(search->app, "the grid has %.0f points, and %zu trials are made", points,
+                 search->work.count);
 }
 
 void search_main(app *self, const app_command *train, train_task *task) {
@@ -561,6 +587,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
     train_begin(self, task, 1);
     APP_MUST_FILE(self, ranges, lg_search_file_read(self->context, ranges, file, &error));
     check_names(self, train, task, file);
+    plan(&search);
     train_read(self, task);
     search.results = app_alloc((size_t)values->trials, sizeof *search.results);
     search.trials = app_alloc((size_t)values->trials, sizeof *search.trials);

@@ -75,14 +75,9 @@ app_path trials_choose(trials_work *self, lg_file_use use) {
     return (app_path){"out", task ? self->own_part : self->out, task ? LG_FILE_TEXT : use};
 }
 
-static const char *name_of(const char *path) {
-    const char *slash = strrchr(path, '/');
-    return slash != NULL ? slash + 1 : path;
-}
-
 /* Returns the name of the next part of OUT in the folder, or NULL. */
 static const char *next_part(DIR *folder, const char *out) {
-    const char *name = name_of(out);
+    const char *name = app_name_of(out);
     static const char middle[] = ".part-";
     const size_t length = strlen(name);
     for (const struct dirent *at; (at = readdir(folder)) != NULL;)
@@ -163,9 +158,9 @@ static lg_status read_part(trials_work *self, part *p, void *record, lg_error *e
 
 /* All parts lie in one folder. `flags`: O_CREAT or 0. */
 static part *open_part(trials_work *self, const char *path, int flags) {
-    const bool own = self->own_part != NULL && strcmp(name_of(path), name_of(self->own_part)) == 0;
+    const bool own = self->own_part != NULL && strcmp(app_name_of(path), app_name_of(self->own_part)) == 0;
     part *p = self->parts;
-    while (p != NULL && strcmp(name_of(p->path), name_of(path)) != 0) p = p->next;
+    while (p != NULL && strcmp(app_name_of(p->path), app_name_of(path)) != 0) p = p->next;
     if (p != NULL) return p;
     const int fd = open(path, flags | (own ? O_RDWR : O_RDONLY) | O_CLOEXEC, 0666);
     if (fd < 0) return NULL;

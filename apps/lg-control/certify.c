@@ -344,7 +344,7 @@ static char *name_file(const app *self, const char *path) {
     lg_sha256_init(&state);
     APP_MUST_FILE(self, path, app_hash_file(path, &state, &error));
     lg_sha256_finish(&state, text);
-    return app_format("%s (SHA-256 %.12s)", basename(path), text);
+    return app_format("%s (SHA-256 %.12s)", app_name_of(path), text);
 }
 
 /* The sentence of a proof, with what it is about before it, and what it covers after it. */
@@ -644,7 +644,7 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
 }
 
 static void copy_name(char out[LG_CERTIFICATE_NAME], const char *path) {
-    (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", basename(path));
+    (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", app_name_of(path));
 }
 
 static void write_certificate(const app *self, naming names, lg_certify_spec *spec,

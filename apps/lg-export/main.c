@@ -90,7 +90,7 @@ typedef struct job {
 /* ---- options ---- */
 
 static void choose_name(job *j) {
-    j->options.file = basename(j->path);
+    j->options.file = app_name_of(j->path);
     const char *problem = given.name != NULL ? export_name_problem(given.name) : NULL;
     if (problem != NULL)
         app_stop_usage(j->self, "--name: '%s' cannot be the name of functions and files: %s", given.name,

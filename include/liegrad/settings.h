@@ -203,10 +203,12 @@ LG_API lg_status lg_integer_parse(const char *text, uint64_t *out);
  * A sampler chooses the values of trial t. Those of "random" depend only on the seed, the ranges and t. So an
  * interrupted search continues with the same trials, and trials may run in any order. Those of "tpe" (the
  * tree-structured Parzen estimator with the defaults of Optuna, each range alone) depend on the trials that
- * have ended, too: the same trials give the same values. */
+ * have ended, too: the same trials give the same values. Those of "grid" are all combinations of the choices,
+ * of the integers of ranges with at most 16, and of levels of the other ranges, with even steps from one end
+ * to the other. */
 
 typedef enum lg_range_kind {
-    LG_RANGE_UNIFORM,     /* uniform in [low, high) */
+    LG_RANGE_UNIFORM,     /* uniform in [low, high); a grid has the value high, too */
     LG_RANGE_LOG_UNIFORM, /* the logarithm is uniform; low > 0 */
     LG_RANGE_INTEGER,     /* whole numbers low..high, both ends included */
     LG_RANGE_CHOICE       /* one of the choices; the value is its index */
@@ -262,6 +264,9 @@ typedef struct lg_search_options {
      * reached the rung were better there. */
     double quantile;
     uint32_t sampler; /* default 0, random; lg_search_sampler_name lists them */
+    /* Default 50, the number of trials that are planned. A grid divides its ranges as finely as possible with
+     * at most so many points; its trial t is point t. The other samplers do not depend on it. */
+    uint64_t trials;
 } lg_search_options;
 LG_API void lg_search_options_init(lg_search_options *options);
 /* The name of a sampler: "random", "tpe", ...; NULL beyond the last one. */

@@ -4,6 +4,7 @@
 
 #include "kernels/kernels.h"
 #include "core/clean.h"
+#include "core/portions.h"
 #include "anomaly/detector_internal.h"
 
 LG_AT(lg_program_destroy, lg_program)
@@ -83,30 +84,26 @@ struct lg_detector_plan {
     lg_dtype dtype;
 };
 
-/* Parts of the caller's work memory, in this order: scaled window, probabilities, plane, work of the plan. */
+/* Parts of the caller's work memory: scaled window, probabilities, plane, work of the plan. */
 typedef struct pieces {
-    char *z, *probability, *plane, *plan;
+    void *z, *probability, *plane, *plan;
 } pieces;
 
-static size_t padded(size_t count, lg_dtype dtype) {
-    const size_t bytes = count * lg_kernels_for(dtype)->size;
-    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-}
-
-static pieces cut(const lg_detector_plan *plan, void *work) {
+static pieces cut(const lg_detector_plan *plan, lg_portions *from) {
     const lg_cnn *net = &plan->model.net;
-    pieces p = {.z = work};
-    p.probability = p.z + padded((size_t)net->length * net->channels, plan->dtype);
-    p.plane = p.probability + padded(plan->model.classes, plan->dtype);
-    p.plan = p.plane + padded(net->plane, plan->dtype);
+    const size_t size = lg_kernels_for(plan->dtype)->size;
+    pieces p;
+    p.z = lg_portion(from, (size_t)net->length * net->channels, size);
+    p.probability = lg_portion(from, plan->model.classes, size);
+    p.plane = lg_portion(from, net->plane, size);
+    p.plan = lg_portion(from, lg_plan_work_size(plan->scores), 1);
     return p;
 }
 
 size_t lg_detector_work_size(const lg_detector_plan *plan) {
-    const lg_cnn *net = &plan->model.net;
-    return padded((size_t)net->length * net->channels, plan->dtype) +
-           padded(plan->model.classes, plan->dtype) + padded(net->plane, plan->dtype) +
-           lg_plan_work_size(plan->scores);
+    lg_portions from = {NULL, 0};
+    (void)cut(plan, &from);
+    return from.used;
 }
 
 static lg_status make_scores(lg_detector_plan *made, const double *theta, lg_error *error) {
@@ -151,7 +148,8 @@ void lg_detector_plan_destroy(lg_detector_plan *plan) {
 void lg_detector_eval(const lg_detector_plan *plan, const float *x, double *probability, double *plane,
                       void *work) {
     const lg_kernels *k = lg_kernels_for(plan->dtype);
-    const pieces p = cut(plan, work);
+    lg_portions from = {work, 0};
+    const pieces p = cut(plan, &from);
     lg_detector_scale(&plan->model, &plan->scaler, plan->dtype, x, p.z);
     lg_plan_eval(plan->scores, (const void *const[]){p.z}, (void *const[]){p.probability, p.plane}, p.plan);
     k->convert_out(plan->model.classes, p.probability, probability);

@@ -6,6 +6,7 @@
 
 #include "core/clean.h"
 #include "core/median.h"
+#include "core/portions.h"
 #include "nn/fit_internal.h"
 
 #define RNG_STREAM 0x66697400u /* gives other random numbers than an initialisation with the same seed */
@@ -121,25 +122,23 @@ static size_t validation_samples(const lg_fit_problem *problem, double part) {
 
 /* ---- memory ---- */
 
-static size_t padded(size_t bytes) {
-    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
+/* Places the arrays of a state in `memory`, or counts their bytes if it is NULL. */
+static size_t place(const lg_fit *fit, void *memory, lg_fit_state *s) {
+    void **const vectors[] = {&s->theta, &s->m, &s->v, &s->best};
+    lg_portions from = {memory, 0};
+    for (size_t i = 0; i < LG_COUNT(vectors); i++)
+        *vectors[i] = lg_portion(&from, fit->problem.parameters, fit->k->size);
+    s->order = lg_portion(&from, fit->problem.samples, sizeof *s->order);
+    for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
+        s->history[i] = lg_portion(&from, (size_t)fit->options.epochs, sizeof(double));
+    return from.used;
 }
 
 lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out) {
-    const size_t vector = padded(fit->problem.parameters * fit->k->size);
-    const size_t order = padded(fit->problem.samples * sizeof(uint32_t));
-    const size_t series = padded((size_t)fit->options.epochs * sizeof(double));
     lg_fit_state made = {0};
-    char *memory = lg_alloc(fit->context, 4 * vector + order + LG_FIT_SERIES_COUNT * series, 1);
-    if (memory == NULL) return LG_OUT_OF_MEMORY;
-    made.memory = memory;
-    made.theta = memory;
-    made.m = memory + vector;
-    made.v = memory + 2 * vector;
-    made.best = memory + 3 * vector;
-    made.order = (uint32_t *)(void *)(memory + 4 * vector);
-    for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
-        made.history[i] = (double *)(void *)(memory + 4 * vector + order + i * series);
+    made.memory = lg_alloc(fit->context, place(fit, NULL, &made), 1);
+    if (made.memory == NULL) return LG_OUT_OF_MEMORY;
+    (void)place(fit, made.memory, &made);
     *out = made;
     return LG_OK;
 }

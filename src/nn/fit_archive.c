@@ -238,14 +238,9 @@ static bool all_not_negative(const lg_fit *fit, const void *x) {
     return true;
 }
 
-static bool all_finite(const double *x, uint64_t n) {
-    for (uint64_t i = 0; i < n; i++)
-        if (!isfinite(x[i])) return false;
-    return true;
-}
-
 static lg_status check_arrays(const lg_fit *fit, const lg_fit_state *s, lg_error *error) {
-    const size_t n = fit->problem.parameters;
+    const size_t n = fit->problem.parameters, epochs = (size_t)s->epoch;
+    const lg_kernels *real = lg_kernels_for(LG_F64);
     const bool validated = fit->training < fit->problem.samples;
     const struct {
         bool good;
@@ -257,8 +252,8 @@ static lg_status check_arrays(const lg_fit *fit, const lg_fit_state *s, lg_error
          "optimizer/adam/v is not finite or negative"},
         {fit->k->all_finite(n, s->best), "optimizer/best is not finite"},
         {(s->rng.s[0] | s->rng.s[1] | s->rng.s[2] | s->rng.s[3]) != 0, "rng is all zeros"},
-        {all_finite(s->history[LG_FIT_LOSS], s->epoch), "train/history/loss is not finite"},
-        {!validated || all_finite(s->history[LG_FIT_VALIDATION], s->epoch),
+        {real->all_finite(epochs, s->history[LG_FIT_LOSS]), "train/history/loss is not finite"},
+        {!validated || real->all_finite(epochs, s->history[LG_FIT_VALIDATION]),
          "train/history/validation is not finite"},
     };
     for (size_t i = 0; i < LG_COUNT(rules); i++)

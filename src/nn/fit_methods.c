@@ -70,16 +70,14 @@ static lg_status parse_phase(const char *text, size_t length, bool squares, uint
         if (strlen(name) == size && memcmp(name, text, size) == 0) break;
     if (name == NULL || (lg_fit_method_squares((lg_fit_method)*method) && !squares))
         return no_method(text, size, squares, error);
-    for (const char *c = colon; c != NULL && ++c < text + length;) {
-        if (*c < '0' || *c > '9' || *epochs > 100000000)
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "the epochs of a method must be a whole number from 1 to 10^9, as in adam:100");
+    bool good = true;
+    for (const char *c = colon; good && c != NULL && ++c < text + length;) {
+        good = *c >= '0' && *c <= '9' && *epochs <= 100000000;
         *epochs = 10 * *epochs + (uint32_t)(*c - '0');
     }
-    if (colon != NULL && *epochs == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the epochs of a method must be a whole number from 1 to 10^9, as in adam:100");
-    return LG_OK;
+    if (good && (colon == NULL || *epochs > 0)) return LG_OK;
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   "the epochs of a method must be a whole number from 1 to 10^9, as in adam:100");
 }
 
 lg_status lg_fit_plan_parse(const char *text, bool squares, lg_fit_plan *out, lg_error *error) {
@@ -105,13 +103,12 @@ lg_status lg_fit_plan_parse(const char *text, bool squares, lg_fit_plan *out, lg
 }
 
 void lg_fit_plan_show(const lg_fit_plan *plan, char text[LG_FIT_PLAN_TEXT]) {
-    size_t used = (size_t)snprintf(text, LG_FIT_PLAN_TEXT, "%s", plan->phases == 0 ? batches[0]->name : "");
-    for (uint32_t i = 0; i < plan->phases && used < LG_FIT_PLAN_TEXT; i++) {
-        used += (size_t)snprintf(text + used, LG_FIT_PLAN_TEXT - used, "%s%s", i > 0 ? "," : "",
-                                 lg_fit_method_name((lg_fit_method)plan->phase[i].method));
-        if (plan->phase[i].epochs > 0 && used < LG_FIT_PLAN_TEXT)
-            used +=
-                (size_t)snprintf(text + used, LG_FIT_PLAN_TEXT - used, ":%" PRIu32, plan->phase[i].epochs);
+    (void)snprintf(text, LG_FIT_PLAN_TEXT, "%s", plan->phases == 0 ? batches[0]->name : "");
+    for (uint32_t i = 0; i < plan->phases; i++) {
+        const uint32_t epochs = plan->phase[i].epochs;
+        lg_append(text, LG_FIT_PLAN_TEXT, "%s%s", i > 0 ? "," : "",
+                  lg_fit_method_name((lg_fit_method)plan->phase[i].method));
+        if (epochs > 0) lg_append(text, LG_FIT_PLAN_TEXT, ":%" PRIu32, epochs);
     }
 }
 

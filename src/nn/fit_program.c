@@ -196,36 +196,32 @@ static lg_status check_mean(training *t, const lg_context *context, lg_tape *tap
     return check_mean_at(t, tape, off, error);
 }
 
-/* The loss of all rows, LG_FIT_CHUNK rows on the tape at a time. First checks that it is a mean. */
+static lg_fit_problem problem_of(training *t) {
+    return (lg_fit_problem){.parameters = t->count,
+                            .samples = t->rows,
+                            .loss = loss,
+                            .user = t,
+                            .residuals = t->squares ? residuals : NULL,
+                            .observations = t->squares ? t->rows * t->numbers : 0};
+}
+
+/* The loss of all rows. First checks that it is a mean. */
 static lg_status loss_of_all(training *t, const lg_context *context, double *sum, lg_error *error) {
+    const lg_fit_problem problem = problem_of(t);
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
-    bool depends;
     LG_TRY(lg_tape_create(context, NULL, &tape));
-    lg_status status = check_mean(t, context, tape, error);
-    *sum = 0.0;
-    for (size_t at = 0; at < t->rows && status == LG_OK; at += LG_FIT_CHUNK) {
-        uint32_t samples[LG_FIT_CHUNK];
-        const size_t rest = t->rows - at, rows = rest < LG_FIT_CHUNK ? rest : LG_FIT_CHUNK;
-        double value = 0.0;
-        for (size_t r = 0; r < rows; r++) samples[r] = (uint32_t)(at + r);
-        status = loss_of(t, tape, t->theta, samples, rows, &value, &depends);
-        *sum += value * ((double)rows / (double)t->rows);
-    }
+    const lg_status status = check_mean(t, context, tape, error);
     if (lg_tape_status(tape) != LG_OK)
         (void)lg_fail(error, status, "the function cannot be recorded with these rows: %s",
                       lg_tape_message(tape));
-    return status;
+    LG_TRY(status);
+    return lg_fit_problem_loss(context, &problem, t->theta, sum, error);
 }
 
 static lg_status run(training *t, const lg_context *context, const lg_fit_options *options,
                      lg_program_fit_result *result, lg_error *error) {
     lg_fit_options defaults;
-    const lg_fit_problem problem = {.parameters = t->count,
-                                    .samples = t->rows,
-                                    .loss = loss,
-                                    .user = t,
-                                    .residuals = t->squares ? residuals : NULL,
-                                    .observations = t->squares ? t->rows * t->numbers : 0};
+    const lg_fit_problem problem = problem_of(t);
     const double begin = lg_seconds();
     LG_CLEAN(lg_fit_destroy_at) lg_fit *fit = NULL;
     set_defaults(t, &defaults);

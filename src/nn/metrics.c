@@ -101,53 +101,30 @@ static void sort_falling(uint32_t *order, const double *score, size_t n) {
     }
 }
 
-static size_t count_of(const uint32_t *truth, uint32_t positive, size_t n) {
-    size_t count = 0;
-    for (size_t i = 0; i < n; i++) count += truth[i] == positive;
-    return count;
-}
-
-/* Passes all positions from i on that have the same score; adds their windows to *hits (class `positive`) or
- * *false_alarms. Returns the next position. */
-static size_t next_score(const uint32_t *order, const double *score, const uint32_t *truth, uint32_t positive,
-                         size_t i, size_t n, size_t *hits, size_t *false_alarms) {
-    const double key = key_of(score[order[i]]);
-    for (; i < n && key_of(score[order[i]]) == key; i++)
-        *(truth[order[i]] == positive ? hits : false_alarms) += 1;
-    return i;
-}
-
-size_t lg_metrics_roc(const uint32_t *truth, const double *score, size_t n, uint32_t positive, double *fpr,
-                      double *tpr, double *threshold, uint32_t *order) {
-    const size_t positives = count_of(truth, positive, n), negatives = n - positives;
-    size_t points = 1, hits = 0, false_alarms = 0;
-    if (positives == 0 || negatives == 0) return 0;
+/* The points of lg_metrics_roc with numbers of windows in place of their fractions; returns their number.
+ * `alarms` are windows of other classes than `positive`. */
+static size_t count_points(const uint32_t *truth, const double *score, size_t n, uint32_t positive,
+                           double *alarms, double *hits, double *threshold, uint32_t *order) {
+    size_t points = 1;
     sort_falling(order, score, n);
-    fpr[0] = tpr[0] = 0.0;
+    alarms[0] = hits[0] = 0.0;
     threshold[0] = (double)INFINITY;
     for (size_t i = 0; i < n; points++) {
         threshold[points] = key_of(score[order[i]]);
-        i = next_score(order, score, truth, positive, i, n, &hits, &false_alarms);
-        fpr[points] = (double)false_alarms / (double)negatives;
-        tpr[points] = (double)hits / (double)positives;
+        alarms[points] = alarms[points - 1];
+        hits[points] = hits[points - 1];
+        for (; i < n && key_of(score[order[i]]) == threshold[points]; i++)
+            (truth[order[i]] == positive ? hits : alarms)[points]++;
     }
     return points;
 }
 
-/* The fraction of the pairs (positive, negative) in which the positive window has the higher score; ties
- * count half (Mann and Whitney 1947). */
-static double area(const uint32_t *truth, uint32_t positive, const double *score, size_t n, uint32_t *order) {
-    const size_t positives = count_of(truth, positive, n), negatives = n - positives;
-    double pairs = 0.0;
-    size_t hits = 0, false_alarms = 0;
-    if (positives == 0 || negatives == 0) return (double)NAN;
-    sort_falling(order, score, n);
-    for (size_t i = 0; i < n;) {
-        const size_t hits_before = hits, alarms_before = false_alarms;
-        i = next_score(order, score, truth, positive, i, n, &hits, &false_alarms);
-        pairs += (double)(false_alarms - alarms_before) * 0.5 * (double)(hits + hits_before);
-    }
-    return pairs / ((double)positives * (double)negatives);
+size_t lg_metrics_roc(const uint32_t *truth, const double *score, size_t n, uint32_t positive, double *fpr,
+                      double *tpr, double *threshold, uint32_t *order) {
+    const size_t points = count_points(truth, score, n, positive, fpr, tpr, threshold, order);
+    const double negatives = fpr[points - 1], positives = tpr[points - 1];
+    for (size_t i = 0; i < points; i++) fpr[i] /= negatives, tpr[i] /= positives;
+    return positives > 0.0 && negatives > 0.0 ? points : 0;
 }
 
 lg_status lg_metrics_auc(const lg_context *context, const uint32_t *truth, const double *score, size_t n,
@@ -155,15 +132,19 @@ lg_status lg_metrics_auc(const lg_context *context, const uint32_t *truth, const
     if (truth == NULL || score == NULL || auc == NULL || classes == 0 || n > UINT32_MAX)
         return LG_INVALID_ARGUMENT;
     LG_TRY_SCRATCH(uint32_t, order, context, n, LG_OUT_OF_MEMORY);
-    LG_TRY_SCRATCH(double, of_class, context, n, LG_OUT_OF_MEMORY);
-    double sum = 0.0;
+    LG_TRY_SCRATCH(double, of_class, context, 4 * n + 3, LG_OUT_OF_MEMORY);
+    double *alarms = of_class + n, *hits = alarms + n + 1, *threshold = hits + n + 1, sum = 0.0;
     uint32_t areas = 0;
     for (uint32_t k = classes == 2 ? 1 : 0; k < classes; k++) {
         for (size_t i = 0; i < n; i++) of_class[i] = score[i * classes + k];
-        const double one = area(truth, k, of_class, n, order);
-        if (isnan(one)) continue;
-        sum += one;
-        areas++;
+        const size_t points = count_points(truth, of_class, n, k, alarms, hits, threshold, order);
+        /* The pairs (positive, negative) in which the positive window has the higher score; ties count half
+         * (Mann and Whitney 1947). */
+        double pairs = 0.0, all = alarms[points - 1] * hits[points - 1];
+        for (size_t i = 1; i < points; i++)
+            pairs += (alarms[i] - alarms[i - 1]) * 0.5 * (hits[i] + hits[i - 1]);
+        if (all > 0.0) sum += pairs / all;
+        areas += all > 0.0;
     }
     *auc = areas > 0 ? sum / areas : (double)NAN;
     return LG_OK;

@@ -35,34 +35,25 @@ bool lg_mlp_has_bias(const lg_mlp *net, uint32_t layer) {
     return net->last_bias || layer + 1 < net->layers;
 }
 
-static size_t weight_count(const lg_mlp *net, uint32_t layer) {
-    return (size_t)net->width[layer] * net->width[layer + 1];
-}
-
-static size_t bias_count(const lg_mlp *net, uint32_t layer) {
-    return lg_mlp_has_bias(net, layer) ? net->width[layer + 1] : 0;
-}
-
-/* The weight follows the parameters of all layers before `layer`. */
-size_t lg_mlp_weight_offset(const lg_mlp *net, uint32_t layer) {
-    size_t count = 0;
-    for (uint32_t l = 0; l < layer; l++) count += weight_count(net, l) + bias_count(net, l);
-    return count;
-}
-
-size_t lg_mlp_bias_offset(const lg_mlp *net, uint32_t layer) {
-    return lg_mlp_weight_offset(net, layer) + weight_count(net, layer);
-}
-
-size_t lg_mlp_parameters(const lg_mlp *net) {
-    return lg_mlp_weight_offset(net, net->layers);
-}
-
 static void list_layers(const lg_mlp *net, lg_layers *layers) {
     layers->count = 0;
     layers->parameters = 0;
     for (uint32_t l = 0; l < net->layers; l++)
         lg_layers_add(layers, "layer", l + 1, net->width[l], net->width[l + 1], 0, lg_mlp_has_bias(net, l));
+}
+
+size_t lg_mlp_weight_offset(const lg_mlp *net, uint32_t layer) {
+    lg_layers layers;
+    list_layers(net, &layers);
+    return layer < layers.count ? layers.layer[layer].weight : layers.parameters;
+}
+
+size_t lg_mlp_bias_offset(const lg_mlp *net, uint32_t layer) {
+    return lg_mlp_weight_offset(net, layer) + (size_t)net->width[layer] * net->width[layer + 1];
+}
+
+size_t lg_mlp_parameters(const lg_mlp *net) {
+    return lg_mlp_weight_offset(net, net->layers);
 }
 
 void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta) {

@@ -157,13 +157,13 @@ static size_t good_of(size_t count) {
     return tenth < MOST_GOOD ? tenth : MOST_GOOD;
 }
 
-static lg_status next(const lg_search_space *space, uint64_t seed, uint64_t number, const lg_trial *done,
-                      size_t count, double *value) {
+static lg_status next(const lg_search_space *space, const lg_search_options *options, uint64_t number,
+                      const lg_trial *done, size_t count, double *value) {
     static const uint64_t tag = UINT64_C(0x7470650000000000);
     size_t ended = 0;
     for (size_t i = 0; i < count; i++) ended += done[i].state != LG_TRIAL_FAILED;
     const size_t good = good_of(ended);
-    lg_search_draw(space, seed, number, value);
+    lg_search_draw(space, options->seed, number, value);
     if (ended < STARTUP) return LG_OK;
     LG_TRY_SCRATCH(const lg_trial *, order, NULL, count, LG_OUT_OF_MEMORY);
     LG_TRY_SCRATCH(kernel, kernels, NULL, count + 2, LG_OUT_OF_MEMORY);
@@ -173,7 +173,7 @@ static lg_status next(const lg_search_space *space, uint64_t seed, uint64_t numb
     qsort(order + good, ended - good, sizeof *order, by_number);
     for (size_t at = 0; at < space->count; at++) {
         const lg_range *range = &space->ranges[at];
-        lg_rng rng = lg_search_rng(tag, seed, number, at);
+        lg_rng rng = lg_search_rng(tag, options->seed, number, at);
         double best = -INFINITY;
         if (range->kind != LG_RANGE_CHOICE && range->low == range->high) continue;
         fill(range, at, order, good, &side[0]);

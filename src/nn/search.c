@@ -8,7 +8,7 @@
 #include "core/core.h"
 #include "liegrad/core.h"
 
-#define SAMPLERS(X)   X(random) X(tpe)
+#define SAMPLERS(X)   X(random) X(tpe) X(grid)
 #define SAMPLER(name) extern const lg_sampler lg_sampler_##name;
 SAMPLERS(SAMPLER)
 #undef SAMPLER
@@ -29,13 +29,17 @@ const char *lg_trial_state_name(lg_trial_state state) {
     return (int)state >= 0 && (int)state < LG_TRIAL_STATE_COUNT ? names[state] : "unknown";
 }
 
+const lg_sampler *lg_search_sampler(uint32_t sampler) {
+    return sampler < LG_COUNT(samplers) ? samplers[sampler] : NULL;
+}
+
 const char *lg_search_sampler_name(uint32_t sampler) {
     return sampler < LG_COUNT(samplers) ? samplers[sampler]->name : NULL;
 }
 
 void lg_search_options_init(lg_search_options *options) {
-    *options =
-        (lg_search_options){.size = sizeof *options, .seed = 1, .rungs = 5, .warm_up = 5, .quantile = 0.5};
+    *options = (lg_search_options){
+        .size = sizeof *options, .seed = 1, .rungs = 5, .warm_up = 5, .quantile = 0.5, .trials = 50};
 }
 
 /* ---- spaces ---- */
@@ -200,7 +204,7 @@ static lg_status choose_values(const lg_search *search, const lg_search_space *s
     size_t count = 0;
     const bool any = sampler->learns && search->known != NULL &&
                      search->known(search->user, trial, LG_TRIAL_BEGINS, &done, &count);
-    return sampler->next(space, search->options->seed, trial->number, done, any ? count : 0, trial->value);
+    return sampler->next(space, search->options, trial->number, done, any ? count : 0, trial->value);
 }
 
 /* Runs the trial of `search`. Returns false if the trial was cancelled; the trial is not kept then. */

@@ -9,12 +9,17 @@
 typedef struct lg_sampler {
     const char *name; /* of --sampler */
     bool learns;      /* the values depend on trials that have ended */
-    /* Writes value (space->count) of trial `number`. It depends on the arguments alone: done (count) are
-     * trials that have ended, after lg_search_settle; none if the sampler does not learn. Errors:
-     * LG_OUT_OF_MEMORY. */
-    lg_status (*next)(const lg_search_space *space, uint64_t seed, uint64_t number, const lg_trial *done,
-                      size_t count, double *value);
+    /* The number of points of a grid for so many planned trials, and the levels of each range. Trial t is
+     * point t; after the last one the points begin again. NULL: there is no end. */
+    double (*points)(const lg_search_space *space, uint64_t trials, double *levels);
+    /* Writes value (space->count) of trial `number`. It depends on the ranges, seed and trials of the
+     * options, number and done alone. done (count) are trials that have ended, after lg_search_settle; none
+     * if the sampler does not learn. Errors: LG_OUT_OF_MEMORY. */
+    lg_status (*next)(const lg_search_space *space, const lg_search_options *options, uint64_t number,
+                      const lg_trial *done, size_t count, double *value);
 } lg_sampler;
+/* Row `sampler` of the table, NULL beyond the last one. */
+const lg_sampler *lg_search_sampler(uint32_t sampler);
 
 /* The random numbers of a range (index `at`) of a trial. `tag`: a constant of the sampler. */
 lg_rng lg_search_rng(uint64_t tag, uint64_t seed, uint64_t number, size_t at);

@@ -447,14 +447,6 @@ lg_status lg_field_set(const lg_field *row, const char *text, void *run, lg_erro
 }
 
 lg_status lg_field_store(const lg_field *row, double value, void *run, lg_error *error) {
-    LG_NEEDS(error, row, run);
-    const bool whole = row->type == LG_FIELD_WHOLES || is_whole(row);
-    const bool number = whole || row->type == LG_FIELD_REAL || row->type == LG_FIELD_REALS;
-    const bool fits = !whole || (value >= 0 && value < 0x1p64 && value == floor(value));
-    if (number && fits && in_range(row, value)) {
-        lg_field_fill(row, &value, 1, run);
-        return LG_OK;
-    }
     char text[32];
     (void)lg_format(text, sizeof text, "%.17g", value);
     return lg_field_set(row, text, run, error);

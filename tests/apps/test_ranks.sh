@@ -75,6 +75,10 @@ done
 search="lg-elastica search ranges.yaml data.h5 --trials 16 --threads 1"
 study="lg-hamiltonian study grid.yaml --threads 1"
 rm -f one.csv many.csv # histories of trainings
+$search --sampler grid --out one.csv >out 2>&1
+ranks -n 3 $search --sampler grid --out many.csv --json >out 2>err || fail "grid: $(cat err)"
+same_rows one.csv many.csv || fail "3 ranks give another grid"
+rm -f one.csv many.csv
 for kind in search study; do
     command=${!kind}
     $command --out one.csv >out 2>&1

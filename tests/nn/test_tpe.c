@@ -82,6 +82,7 @@ TEST("of integers and choices, values are taken as often as the densities say") 
         size_t counts[2] = {0}, taken[16] = {0};
         kernel kernels[2][COUNT + 1];
         mixture m[2] = {{.kernel = kernels[0]}, {.kernel = kernels[1]}};
+        const lg_search_options options = {.seed = 1};
         make_done(&space, COUNT, done);
         for (size_t i = 0; i < COUNT; i++) {
             const int side = !(done[i].objective < GOOD);
@@ -93,7 +94,7 @@ TEST("of integers and choices, values are taken as often as the densities say") 
         const double low = tested[t] == 2 ? range->low : 0;
         for (uint64_t i = 0; i < ROUNDS; i++) {
             double value;
-            assert_ok(tested_tpe.next(&space, 1, COUNT + i, done, COUNT, &value));
+            assert_ok(tested_tpe.next(&space, &options, COUNT + i, done, COUNT, &value));
             taken[(size_t)(value - low)]++;
         }
         double whole = 0;
@@ -141,18 +142,19 @@ TEST("the density of real numbers is 1 over the range, and draws follow it") {
 TEST("trials that failed do not count: tpe draws at random until ten others have ended") {
     enum { COUNT = 30, ENDED = 9 };
     const lg_search_space space = space_of(LG_COUNT(ranges), ranges);
+    const lg_search_options options = {.seed = 5};
     lg_trial done[COUNT];
     double value[LG_RANGE_MAX], expected[LG_RANGE_MAX];
     make_done(&space, COUNT, done);
     for (size_t i = ENDED; i < COUNT; i++) done[i].state = LG_TRIAL_FAILED, done[i].objective = NAN;
     lg_search_draw(&space, 5, COUNT, expected);
-    assert_ok(next(&space, 5, COUNT, done, COUNT, value));
+    assert_ok(next(&space, &options, COUNT, done, COUNT, value));
     assert_memory_equal(value, expected, space.count * sizeof *value);
     done[ENDED].state = LG_TRIAL_DONE, done[ENDED].objective = 1;
-    assert_ok(next(&space, 5, COUNT, done, COUNT, value));
+    assert_ok(next(&space, &options, COUNT, done, COUNT, value));
     assert_memory_not_equal(value, expected, space.count * sizeof *value);
     double again[LG_RANGE_MAX]; /* the failed ones change nothing */
-    assert_ok(next(&space, 5, COUNT, done, ENDED + 1, again));
+    assert_ok(next(&space, &options, COUNT, done, ENDED + 1, again));
     assert_memory_equal(value, again, space.count * sizeof *value);
 }
 

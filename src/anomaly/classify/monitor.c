@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/portions.h"
 #include "liegrad/anomaly.h"
 
 /* Sample number s of the feed is in slot s % window of the ring. All arrays are behind the structure in the
@@ -71,34 +71,34 @@ static lg_status check(const lg_monitor_options *o, lg_error *error) {
     return LG_OK;
 }
 
-static size_t padded(size_t bytes) {
-    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-}
-
-static size_t floats_of(const lg_monitor_options *o) {
-    return padded((size_t)o->channels * o->window * sizeof(float));
+/* Places the monitor and then its arrays, whose addresses go to *arrays; returns the monitor. */
+static lg_monitor *place(const lg_monitor_options *o, lg_portions *from, lg_monitor *arrays) {
+    lg_monitor *monitor = lg_portion(from, 1, sizeof *monitor);
+    arrays->ring = lg_portion(from, (size_t)o->channels * o->window, sizeof(float));
+    arrays->x = lg_portion(from, (size_t)o->channels * o->window, sizeof(float));
+    arrays->last = lg_portion(from, o->channels, sizeof(float));
+    arrays->lost = lg_portion(from, o->window, 1);
+    return monitor;
 }
 
 size_t lg_monitor_size(const lg_monitor_options *options) {
+    lg_portions from = {NULL, 0};
+    lg_monitor arrays;
     if (check(options, NULL) != LG_OK) return 0;
-    return padded(sizeof(lg_monitor)) + 2 * floats_of(options) + padded(options->channels * sizeof(float)) +
-           padded(options->window);
+    (void)place(options, &from, &arrays);
+    return from.used;
 }
 
 lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge judge, void *user,
                           lg_monitor **out, void *memory, size_t size, lg_error *error) {
     LG_TRY(check(options, error));
+    LG_NEEDS(error, judge, out);
     const size_t needed = lg_monitor_size(options);
-    if (judge == NULL || memory == NULL || out == NULL || (uintptr_t)memory % LG_ALIGNMENT != 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a monitor needs a judge and memory aligned to %d bytes",
-                       LG_ALIGNMENT);
-    if (size < needed)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the monitor needs %zu bytes of memory, but was given %zu",
-                       needed, size);
+    LG_TRY(lg_portions_check(memory, size, needed, error));
     memset(memory, 0, needed);
-    lg_monitor *monitor = memory;
-    char *at = (char *)memory + padded(sizeof *monitor);
-    monitor->channels = options->channels;
+    lg_portions from = {memory, 0};
+    lg_monitor arrays = {.channels = options->channels}, *monitor = place(options, &from, &arrays);
+    *monitor = arrays;
     monitor->window = options->window;
     monitor->hop = options->hop == 0 ? options->window : options->hop;
     monitor->bridge = options->bridge;
@@ -109,10 +109,6 @@ lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge ju
     monitor->judge = judge;
     monitor->user = user;
     monitor->until = options->window;
-    monitor->ring = (float *)(void *)at;
-    monitor->x = (float *)(void *)(at + floats_of(options));
-    monitor->last = (float *)(void *)(at + 2 * floats_of(options));
-    monitor->lost = (uint8_t *)(at + 2 * floats_of(options) + padded(options->channels * sizeof(float)));
     *out = monitor;
     return LG_OK;
 }
