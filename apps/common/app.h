@@ -397,11 +397,11 @@ typedef struct app_path {
 /* Writes to `paths` (room for APP_SLOTS) the options that were given and whose rows set `file`. Returns their
  * number. */
 size_t app_file_options(const app *app, app_path *paths);
-/* Checks the options whose rows set `file`, and up to APP_MORE_PATHS other paths. Each output must be writable
- * and must differ from all inputs (the command's arguments and the paths with LG_FILE_READ) and from all other
- * outputs; a plot must end in .svg or .png. Then claims the outputs (app_claim), and checks that they replace
- * no foreign file (app_may_replace). On failure it says why and ends the command. The options alone are
- * checked for every command; a command with other paths calls it before any long work. */
+/* Checks the options whose rows set `file`, and up to APP_MORE_PATHS other paths. Each output must be
+ * writable and must differ from all inputs (the command's arguments and the paths with LG_FILE_READ) and from
+ * all other outputs; a plot must end in .svg or .png. Then claims the outputs (app_claim), and checks that
+ * they replace no foreign file (app_may_replace). On failure it says why and ends the command. The options
+ * alone are checked for every command; a command with other paths calls it before any long work. */
 enum { APP_MORE_PATHS = 8 };
 void app_check_outputs(const app *app, const app_path *more, size_t count);
 /* Returns whether a regular file begins with the first `lines` lines of `data` (0: whether it equals the
