@@ -1023,8 +1023,8 @@ TEST("bounds and certificates refuse NULL") {
     REFUSES(lg_certify_open(NULL, NEEDED(&file), 1, NEEDED(&certify), NULL));
     REFUSES(lg_certificate_compare(NEEDED(&file), NEEDED(program), NEEDED("rate"), NEEDED("rate"),
                                    NEEDED(&same[0]), NEEDED(&same[1]), NULL));
-    REFUSES(lg_certificate_save(NULL, NEEDED("nothing.json"), NEEDED(&file), NULL));
-    REFUSES(lg_certificate_load(NULL, NEEDED("nothing.json"), NEEDED(&file), NULL));
+    REFUSES(lg_certificate_save(NULL, NEEDED("/no/such.json"), NEEDED(&file), NULL));
+    REFUSES(lg_certificate_load(NULL, NEEDED("/no/such.json"), NEEDED(&file), NULL));
     lg_certificate_destroy(NULL);
     lg_certificate_destroy(&file);
     lg_certify_energy_spec_init(&energy);
