@@ -84,7 +84,7 @@ static void add_blocks(const job *j, entry *e, const char *of, size_t by, slot *
         const slot *out = &e->out[k / by], *in = &e->in[k % by];
         slot *s = &block[k];
         *s = (slot){.rows = out->rows, .columns = in->rows};
-        (void)snprintf(s->name, sizeof s->name, "jac_%s_%s", out->name, in->name);
+        (void)lg_format(s->name, sizeof s->name, "jac_%s_%s", out->name, in->name);
         s->port = port_named(own.out, own.outs, s->name);
         if (s->port >= 0) s->pattern = pattern_of(j, of, out->name, in->name, s->rows * s->columns);
     }
