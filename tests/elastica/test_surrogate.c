@@ -15,7 +15,6 @@ enum { SOME = LG_COUNT(some_x) };
 
 TEST("kinds of surrogates have their names") {
     ASSERT_NAMES(lg_surrogate_kind, lg_surrogate_kind, LG_SURROGATE_KIND_COUNT);
-    ASSERT_NAMES(lg_surrogate_loss, lg_surrogate_loss, LG_SURROGATE_LOSS_COUNT);
     assert_string_equal(lg_surrogate_kind_name(LG_SURROGATE_CONTINUOUS), "continuous");
 }
 
