@@ -46,8 +46,8 @@ const lg_field lg_surrogate_fields[] = {
     OPTION("model", angles, FLAG, LG_NAMES("false", "true"), .optional = true, PRESET(), .methods = DISCRETE,
            .meaning = "Discrete network gives the inner angles: tangents are then unit vectors, nodes follow "
                       "from them"),
-    OPTION("run", loss, NAME, LG_NAMED(loss_name, LG_SURROGATE_LOSS_COUNT), .optional = true,
-           .value = "mse", .methods = DISCRETE,
+    OPTION("run", loss, NAME, LG_NAMED(loss_name, LG_SURROGATE_LOSS_COUNT), .optional = true, .value = "mse",
+           .methods = DISCRETE,
            .meaning = "mse: mean squared error of the curves; energy: energy of the predicted curves, which "
                       "needs --angles true but no solved curves"),
     OPTION("run", gamma, REAL, .option = "penalty", .high = 1e12, PRESET(), .unit = "G",
