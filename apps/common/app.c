@@ -452,11 +452,11 @@ void app_read_options(const app *self) {
     }
 }
 
-/* Checks that required options are given; the default of a text counts. */
-static void check_required(const app *self) {
+/* Checks that required options are given, texts or numbers; the default of a text counts. */
+static void check_required(const app *self, bool texts) {
     for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++) {
         const bool text = slot->row->type == LG_FIELD_STRING;
-        if (slot->row->required && (text ? text_of(slot) == NULL : !slot->given))
+        if (slot->row->required && text == texts && (text ? text_of(slot) == NULL : !slot->given))
             app_stop_usage(self, "--%s %s is missing", slot->name, slot->row->unit);
     }
 }
@@ -500,8 +500,9 @@ static int run_command(app *self) {
     options.replace_user = self;
     app_must(self, lg_context_create(&options, &self->context), NULL);
     app_join_ranks(self);
-    check_required(self);
+    check_required(self, true);
     app_check_outputs(self, NULL, 0);
+    check_required(self, false);
     check_together(self);
     app_result_begin(&out, self);
     self->out = &out;

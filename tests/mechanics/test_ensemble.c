@@ -594,7 +594,7 @@ TEST("every allocation may fail") {
         o.one_by_one = one_by_one;
         const double start[6] = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0};
         o.start = start;
-        EVERY_ALLOCATION_FAILS(context, 10, {
+        EVERY_ALLOCATION_FAILS(context, 5, {
             status = lg_ensemble_run(context, system, &o, NULL, NULL, NULL, NULL, NULL, NULL);
         });
     }
