@@ -89,7 +89,8 @@ lg_status lg_elastica_check(const lg_elastica *problem, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status take_options(const lg_elastica_options *options, lg_elastica_options *out, lg_error *error) {
+lg_status lg_elastica_options_take(const lg_elastica_options *options, lg_elastica_options *out,
+                                   lg_error *error) {
     lg_elastica_options_init(out);
     if (!options) return LG_OK;
     if (options->size != sizeof(*options))
@@ -105,20 +106,6 @@ static lg_status take_options(const lg_elastica_options *options, lg_elastica_op
     if (options->max_iterations < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: max_iterations must be at least 1");
     *out = *options;
-    return LG_OK;
-}
-
-lg_status lg_beam_begin(const lg_context *context, const lg_elastica *problem,
-                        const lg_elastica_options *options, size_t room, lg_elastica_options *o,
-                        lg_beam_frame *frame, lg_beam_work *work, lg_error *error) {
-    LG_TRY(lg_elastica_check(problem, error));
-    LG_TRY(take_options(options, o, error));
-    *frame = lg_beam_frame_make(problem);
-    if (lg_beam_work_create(context, room > 0 ? room : frame->beam.n, work) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory");
-    work->tolerance = o->gradient_tolerance;
-    work->limit = o->max_iterations;
-    work->keep_saddles = o->guess != NULL;
     return LG_OK;
 }
 

@@ -62,12 +62,6 @@ typedef struct lg_beam_work {
 
 lg_status lg_beam_work_create(const lg_context *context, size_t room, lg_beam_work *out);
 void lg_beam_work_destroy(lg_beam_work *work);
-/* Checks problem and options; sets *o to the options or, for NULL, to the defaults, *frame, and *work for
- * beams of up to `room` intervals (0: those of the problem). Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE,
- * LG_OUT_OF_MEMORY. */
-lg_status lg_beam_begin(const lg_context *context, const lg_elastica *problem,
-                        const lg_elastica_options *options, size_t room, lg_elastica_options *o,
-                        lg_beam_frame *frame, lg_beam_work *work, lg_error *error);
 
 /* lg_beam_gradient returns the largest |dE/dtheta_k|; lg_beam_relative_gradient divides it by
  * work->largest. */
@@ -130,6 +124,10 @@ void lg_beam_export(const lg_elastica *problem, const lg_beam_frame *frame, cons
 /* Converts the guess to the frame of the chord and sets its end angles. Error: LG_NOT_FINITE. */
 lg_status lg_beam_take_guess(const lg_beam_frame *frame, const double *guess, double *out, lg_error *error);
 
+/* Copies the options after checking them, or copies the defaults if `options` is NULL. Error:
+ * LG_INVALID_ARGUMENT. */
+lg_status lg_elastica_options_take(const lg_elastica_options *options, lg_elastica_options *out,
+                                   lg_error *error);
 /* Reports the failure of a search with the outcome `end`; LG_OK for a minimum. */
 lg_status lg_elastica_no_minimum(lg_beam_end end, const lg_beam *beam, const lg_beam_work *work,
                                  lg_error *error);
@@ -140,8 +138,7 @@ lg_status lg_elastica_no_minimum(lg_beam_end end, const lg_beam *beam, const lg_
  * problems one after the other. */
 typedef struct lg_collocation lg_collocation;
 lg_status lg_collocation_create(const lg_context *context, lg_collocation **out);
-void lg_collocation_destroy(lg_collocation *collocation);
-LG_AT(lg_collocation_destroy, lg_collocation)
+void lg_collocation_destroy(const lg_context *context, lg_collocation *collocation);
 /* Solves the problem of `beam`. Starts from the force and from theta, the angles at beam->n + 1 equidistant
  * points. Errors: LG_NO_CONVERGENCE, LG_CANCELLED, LG_OUT_OF_MEMORY. */
 lg_status lg_collocation_solve(lg_collocation *collocation, const lg_beam *beam, const double *theta,

@@ -261,24 +261,28 @@ lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *pro
                                const lg_elastica_options *options, bool saddles, size_t room, double *theta,
                                lg_elastica_solution *solutions, size_t *count, lg_error *error) {
     lg_elastica_options o;
-    lg_beam_frame frame;
     LG_CLEAN(lg_beam_work_destroy) lg_beam_work work = {.memory = NULL};
-    size_t found = 0;
+    LG_TRY(lg_elastica_check(problem, error));
+    LG_TRY(lg_elastica_options_take(options, &o, error));
     if (room == 0 || !theta || !solutions || !count)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "elastica: the place for the branches is NULL or has no room");
-    LG_TRY(lg_beam_begin(context, problem, options, 0, &o, &frame, &work, error));
-    work.keep_saddles = false;
-    const size_t nodes = frame.beam.n + 1;
+    const lg_beam_frame frame = lg_beam_frame_make(problem);
+    const size_t n = frame.beam.n;
+    if (lg_beam_work_create(context, n, &work) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory");
+    work.tolerance = o.gradient_tolerance;
+    work.limit = o.max_iterations;
     LG_SCRATCH(lg_beam_branch, branches, context, room);
-    LG_SCRATCH(double, angles, context, room <= SIZE_MAX / 16 / nodes ? room * nodes : SIZE_MAX);
-    LG_SCRATCH(double, curve, context, 4 * nodes);
+    LG_SCRATCH(double, angles, context, room <= SIZE_MAX / 16 / (n + 1) ? room * (n + 1) : SIZE_MAX);
+    LG_SCRATCH(double, curve, context, 4 * (n + 1));
+    size_t found = 0;
     const lg_status status = branches && angles && curve ? lg_beam_search(&frame.beam, &work, saddles, false,
                                                                           room, angles, branches, &found)
                                                          : LG_OUT_OF_MEMORY;
     if (status != LG_OK) return lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
     for (size_t i = 0; i < found; i++)
-        lg_beam_export(problem, &frame, &branches[i], angles + i * nodes, curve, theta + i * nodes,
+        lg_beam_export(problem, &frame, &branches[i], angles + i * (n + 1), curve, theta + i * (n + 1),
                        &solutions[i]);
     *count = found;
     return lg_fail(error, LG_OK, "%s", "");

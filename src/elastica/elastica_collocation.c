@@ -142,9 +142,9 @@ lg_status lg_collocation_create(const lg_context *context, lg_collocation **out)
     return LG_OK;
 }
 
-void lg_collocation_destroy(lg_collocation *collocation) {
+void lg_collocation_destroy(const lg_context *context, lg_collocation *collocation) {
     if (!collocation) return;
-    LG_FREE_ALL(collocation->context, collocation->matrix,
+    LG_FREE_ALL(context, collocation->matrix,
                 collocation->panels < collocation->halves ? collocation->panels : collocation->halves,
                 collocation);
 }

@@ -228,29 +228,40 @@ lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *proble
                             const lg_elastica_options *options, double *theta, lg_elastica_solution *solution,
                             lg_error *error) {
     lg_elastica_options o;
-    lg_beam_frame frame;
     LG_CLEAN(lg_beam_work_destroy) lg_beam_work work = {.memory = NULL};
     lg_beam_end end = LG_BEAM_LOST;
+    LG_TRY(lg_elastica_check(problem, error));
+    LG_TRY(lg_elastica_options_take(options, &o, error));
     if (!theta) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: the place for the angles is NULL");
-    LG_TRY(lg_beam_begin(context, problem, options, 0, &o, &frame, &work, error));
-    LG_TRY_SCRATCH(double, curve, context, 4 * (frame.beam.n + 1),
-                   lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory"));
-    if (o.guess) {
-        LG_TRY(lg_beam_take_guess(&frame, o.guess, work.theta, error));
-        end = lg_beam_minimise(&frame.beam, &work);
+    const lg_beam_frame frame = lg_beam_frame_make(problem);
+    const size_t n = frame.beam.n;
+    if (lg_beam_work_create(context, n, &work) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory");
+    LG_SCRATCH(double, curve, context, 4 * (n + 1));
+    work.tolerance = o.gradient_tolerance;
+    work.limit = o.max_iterations;
+    work.keep_saddles = o.guess != NULL;
+    lg_status status = curve ? LG_OK : LG_OUT_OF_MEMORY;
+    if (status == LG_OK && o.guess) {
+        status = lg_beam_take_guess(&frame, o.guess, work.theta, error);
+        if (status == LG_OK) end = lg_beam_minimise(&frame.beam, &work);
         work.problems = 1;
-    } else {
-        const lg_status status = lg_beam_solve(&frame.beam, &work, o.max_step, &end);
-        if (status != LG_OK) return lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
+    } else if (status == LG_OK) {
+        status = lg_beam_solve(&frame.beam, &work, o.max_step, &end);
     }
-    if (end == LG_BEAM_MINIMUM || end == LG_BEAM_SADDLE) {
-        const lg_beam_branch branch = {.energy = lg_beam_energy(&frame.beam, work.theta),
-                                       .gradient = lg_beam_gradient(&frame.beam, &work),
-                                       .force = {work.force[0], work.force[1]},
-                                       .negative = work.negative,
-                                       .iterations = work.iterations};
-        lg_beam_export(problem, &frame, &branch, work.theta, curve, theta, solution);
-        if (solution) solution->problems = work.problems;
+    if (status == LG_OK) {
+        if (end == LG_BEAM_MINIMUM || end == LG_BEAM_SADDLE) {
+            const lg_beam_branch branch = {.energy = lg_beam_energy(&frame.beam, work.theta),
+                                           .gradient = lg_beam_gradient(&frame.beam, &work),
+                                           .force = {work.force[0], work.force[1]},
+                                           .negative = work.negative,
+                                           .iterations = work.iterations};
+            lg_beam_export(problem, &frame, &branch, work.theta, curve, theta, solution);
+            if (solution) solution->problems = work.problems;
+        }
+        status = lg_elastica_no_minimum(end, &frame.beam, &work, error);
+    } else if (status != LG_NOT_FINITE) {
+        lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
     }
-    return lg_elastica_no_minimum(end, &frame.beam, &work, error);
+    return status;
 }

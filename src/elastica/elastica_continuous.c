@@ -134,26 +134,35 @@ lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elast
                                        const lg_elastica_options *options, double *theta, double *q,
                                        lg_elastica_solution *solution, lg_error *error) {
     lg_elastica_options o;
-    lg_beam_frame frame;
     LG_CLEAN(lg_beam_work_destroy) lg_beam_work work = {.memory = NULL};
-    LG_CLEAN(lg_collocation_destroy_at) lg_collocation *c = NULL;
     lg_beam_end end = LG_BEAM_LOST;
+    lg_collocation *c = NULL;
+    LG_TRY(lg_elastica_check(problem, error));
+    LG_TRY(lg_elastica_options_take(options, &o, error));
     if (!theta) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: the place for the angles is NULL");
-    LG_TRY(lg_beam_begin(context, problem, options, FINE_MAX, &o, &frame, &work, error));
-    const size_t n = frame.beam.n;
+    const lg_beam_frame frame = lg_beam_frame_make(problem);
     lg_beam fine = frame.beam;
     fine.n = lg_collocation_grid(&frame.beam);
-    LG_SCRATCH(double, guess, context, n + 1);
-    if (guess == NULL || lg_collocation_create(context, &c) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory");
-    if (o.guess) LG_TRY(lg_beam_take_guess(&frame, o.guess, guess, error));
-    const lg_status status = o.guess ? solve_from(c, &fine, guess, n, o.max_step, &work, &end)
-                                     : solve(c, &fine, o.max_step, &work, &end);
-    if (status == LG_NO_CONVERGENCE)
-        return lg_fail(error, status,
-                       "elastica: the collocation found no equilibrium of the continuous problem");
-    if (status != LG_OK) return lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
-    lg_collocation_export(c, problem, &frame, theta, q);
-    if (solution) report(&frame, c, &work, solution);
-    return lg_elastica_no_minimum(end, &fine, &work, error);
+    lg_status status = lg_beam_work_create(context, FINE_MAX, &work);
+    if (status == LG_OK) status = lg_collocation_create(context, &c);
+    work.tolerance = o.gradient_tolerance;
+    work.limit = o.max_iterations;
+    work.keep_saddles = o.guess != NULL;
+    LG_SCRATCH(double, guess, context, frame.beam.n + 1);
+    if (guess == NULL) status = LG_OUT_OF_MEMORY;
+    if (status == LG_OK && o.guess) status = lg_beam_take_guess(&frame, o.guess, guess, error);
+    if (status == LG_OK)
+        status = o.guess ? solve_from(c, &fine, guess, frame.beam.n, o.max_step, &work, &end)
+                         : solve(c, &fine, o.max_step, &work, &end);
+    if (status == LG_OK) {
+        lg_collocation_export(c, problem, &frame, theta, q);
+        if (solution) report(&frame, c, &work, solution);
+        status = lg_elastica_no_minimum(end, &fine, &work, error);
+    } else if (status == LG_NO_CONVERGENCE) {
+        lg_fail(error, status, "elastica: the collocation found no equilibrium of the continuous problem");
+    } else if (status != LG_NOT_FINITE) {
+        lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
+    }
+    lg_collocation_destroy(context, c);
+    return status;
 }

@@ -90,7 +90,7 @@ typedef struct block_memory {
 
 static void block_free(const job *j, block_memory *m) {
     lg_free(j->context, m->theta);
-    lg_collocation_destroy(m->collocation);
+    lg_collocation_destroy(j->context, m->collocation);
     if (m->work.memory) lg_beam_work_destroy(&m->work);
 }
 
@@ -117,7 +117,9 @@ static void export_row(const job *j, const lg_elastica *problem, const lg_beam_f
         lg_elastica_curve(problem, m->theta, NULL, v);
         c->energy[row] = frame->energy * result.energy;
     } else {
-        lg_beam_export(problem, frame, NULL, m->work.theta, NULL, m->theta, NULL);
+        for (size_t k = 0; k <= n; k++) m->theta[k] = m->work.theta[k] + frame->turn;
+        m->theta[0] = problem->theta0;
+        m->theta[n] = problem->theta0 + problem->rotation;
         lg_elastica_curve(problem, m->theta, q, v);
         c->energy[row] = frame->energy * lg_beam_energy(&frame->beam, m->work.theta);
     }
