@@ -9,6 +9,7 @@
 #include "certify/interval.h"
 #include "liegrad/ops.h"
 
+LG_AT(lg_program_destroy, lg_program)
 LG_AT(lg_certify_destroy, lg_certify)
 
 enum { LARGEST_STUMPFF = 8 };

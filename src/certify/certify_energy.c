@@ -4,9 +4,11 @@
 #include <stdio.h>
 
 #include "autodiff/program/program.h"
+#include "core/clean.h"
 #include "liegrad/certify.h"
 #include "liegrad/interval.h"
 
+LG_AT(lg_program_destroy, lg_program)
 LG_AT(lg_interval_destroy, lg_interval)
 
 void lg_certify_energy_spec_init(lg_certify_energy_spec *spec) {

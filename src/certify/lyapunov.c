@@ -7,8 +7,11 @@
 
 #include "certify/linear_program.h"
 #include "autodiff/program/program.h"
+#include "core/clean.h"
 #include "kernels/matrix.h"
 #include "liegrad/ops.h"
+
+LG_AT(lg_program_destroy, lg_program)
 
 enum { STATES = 6, DEGREE = 12, TERMS = 500 };
 

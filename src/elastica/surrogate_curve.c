@@ -5,8 +5,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/program/program.h"
+#include "core/core.h"
 #include "core/portions.h"
+#include "liegrad/program.h"
 #include "elastica/surrogate_internal.h"
 
 /* What lg-export writes, too. */
@@ -108,21 +109,25 @@ static size_t rows_for(size_t count, size_t most) {
     return count == 0 ? 1 : (count + blocks - 1) / blocks;
 }
 
-LG_AT(lg_surrogate_curves_destroy, lg_surrogate_curves)
-
 /* curves: for how many curves MADE is computed at once. */
 static lg_status create(const lg_context *context, const lg_surrogate *model, const double *theta,
                         lg_dtype dtype, size_t curves, size_t points, lg_surrogate_curves **out,
                         lg_error *error) {
     const size_t at_once = rows_for(points, BLOCK),
                  spans = rows_for(panels_of(model), BLOCK / LG_GAUSS_POINTS);
-    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
-    LG_CLEAN(lg_surrogate_curves_destroy_at) lg_surrogate_curves *made = lg_alloc(context, 1, sizeof *made);
+    lg_program *program = NULL;
+    lg_surrogate_curves *made = lg_alloc(context, 1, sizeof *made);
     if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the curves of a network");
     *made = (lg_surrogate_curves){context, *model, dtype, {curves, at_once, at_once, spans}, {NULL}, 0};
-    LG_TRY(lg_surrogate_program(context, model, theta, &program, error));
-    for (int which = 0; which < ASKED; which++) LG_TRY(make_plan(made, program, (asked)which, error));
-    return LG_MOVE(out, made);
+    lg_status status = lg_surrogate_program(context, model, theta, &program, error);
+    for (int which = 0; which < ASKED && status == LG_OK; which++)
+        status = make_plan(made, program, (asked)which, error);
+    lg_program_destroy(program);
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_surrogate_curves_destroy(made);
+    return status;
 }
 
 lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,
@@ -143,7 +148,9 @@ static void put(const run *r, char *values, size_t at, double number) {
 }
 
 static double number(const run *r, const char *values, size_t at) {
-    return lg_number_at(r->c->dtype, values, at);
+    double out;
+    lg_get_numbers(r->c->dtype, values, at, &out, 1);
+    return out;
 }
 
 /* A curve to be computed: its number in the batch, boundary conditions, and the arrays for its points. q and
