@@ -196,8 +196,9 @@ void lg_csv_put(FILE *to, const char *before, const char *text, bool name) {
 }
 
 void lg_csv_put_number(FILE *to, const char *before, double value) {
-    (void)fputs(before, to);
-    if (isfinite(value)) (void)fprintf(to, "%.17g", value);
+    char text[32] = "";
+    if (isfinite(value)) (void)lg_format(text, sizeof text, "%.17g", value);
+    (void)fprintf(to, "%s%s", before, text);
 }
 
 /* ---- the header ---- */
