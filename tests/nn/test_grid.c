@@ -24,9 +24,9 @@ static lg_search_options options_of(const char *name, uint64_t trials) {
 static void assert_in_ranges(const lg_search_space *space, const lg_trial *trial) {
     for (size_t i = 0; i < space->count; i++) {
         const lg_range *range = &space->ranges[i];
-        const bool choice = range->kind == LG_RANGE_CHOICE, whole = choice || range->kind == LG_RANGE_INTEGER;
-        const double x = trial->value[i], high = choice ? range->choices - 1.0 : range->high;
-        assert_true(x >= (choice ? 0 : range->low) && x <= high && (!whole || floor(x) == x));
+        const bool named = range->kind == LG_RANGE_CHOICE, whole = named || range->kind == LG_RANGE_INTEGER;
+        const double x = trial->value[i], high = named ? range->choices - 1.0 : range->high;
+        assert_true(x >= (named ? 0 : range->low) && x <= high && (!whole || floor(x) == x));
     }
 }
 
