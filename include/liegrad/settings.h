@@ -162,9 +162,6 @@ LG_API int lg_field_describe(const lg_field *entry, char *text, size_t size);
  * untouched: LG_INVALID_ARGUMENT with a sentence that says which values are possible, the errors of
  * `parse`. */
 LG_API lg_status lg_field_set(const lg_field *entry, const char *text, void *run, lg_error *error);
-/* Sets a number, or a list with one number, to exactly this double if it is in the range. In all other cases
- * it calls lg_field_set with the number as text. */
-LG_API lg_status lg_field_store(const lg_field *entry, double value, void *run, lg_error *error);
 /* Writes the value in `run` as a text that lg_field_set can read, cut to `size` bytes. "?" for a value
  * without a name. */
 LG_API void lg_field_show(const lg_field *entry, const void *run, char *text, size_t size);

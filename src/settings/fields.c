@@ -425,9 +425,3 @@ lg_status lg_field_set(const lg_field *row, const char *text, void *run, lg_erro
     set_whole(row, run, whole);
     return LG_OK;
 }
-
-lg_status lg_field_store(const lg_field *row, double value, void *run, lg_error *error) {
-    char text[32];
-    (void)lg_format(text, sizeof text, "%.17g", value);
-    return lg_field_set(row, text, run, error);
-}

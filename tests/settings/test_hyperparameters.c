@@ -121,22 +121,6 @@ TEST("a value is shown as a text that sets the same bits, and setting one value 
     }
 }
 
-TEST("a number is stored with the bits that its text sets, or refused with the same message") {
-    EACH_ROW(row) {
-        const double values[] = {row->low, 3, 0.1, 1 / 3.0, row->high, -1, 2 * row->high, NAN, INFINITY};
-        for (size_t i = 0; i < LG_COUNT(values); i++) {
-            lg_error error = {LG_OK, ""}, stored = {LG_OK, ""};
-            const char *text = test_text("%.17g", values[i]);
-            memset(&run, 0, sizeof run);
-            other = run;
-            const lg_status status = lg_field_set(row, text, &run, &error);
-            assert_int_equal(lg_field_store(row, values[i], &other, &stored), status);
-            assert_memory_equal(&run, &other, sizeof run);
-            assert_string_equal(stored.message, error.message);
-        }
-    }
-}
-
 /* The names of the methods, with `last` before the last one. */
 static const char *method_names(bool squares, const char *last) {
     const char *names[16], *out = "";
