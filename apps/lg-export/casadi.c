@@ -63,7 +63,7 @@ static void add_columns(slot *slots, size_t *count, const group *g, const export
     }
 }
 
-/* Returns which elements of the output depend on which elements of the input, (rows, columns); NULL: dense. */
+/* Which elements of the output depend on which elements of the input, (rows, columns); NULL: dense. */
 static unsigned char *pattern_of(const job *j, const char *function, const char *output, const char *input,
                                  size_t size) {
     size_t at = 0;

@@ -313,8 +313,8 @@ bool export_trains_only(const lg_program *program, size_t function);
  * that training alone needs. `usual` NULL: the target is C, and names are given. */
 void export_choose(const app *self, const export_options *options, const lg_program *program,
                    const char *const *usual, export_names *out);
-/* Returns the name of a derivative of a function. Adds the derivative to the program if the program does not
- * have it yet. NULL: the derivative cannot be made, and a warning says why. */
+/* Returns the name of a derivative of a function. Adds the derivative if the program lacks it. Warns and
+ * returns NULL if it cannot be made. */
 const char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind,
                           const char *function);
 

@@ -114,8 +114,8 @@ size_t export_work_of(const export_model *m, const char *function);
 /* Turns `y` (dim numbers, all 0) into the state at rest: places 0, directions down, rotations the identity
  * (load.c). */
 void export_rest(const lg_space *space, double *y);
-/* Turns `x`, whose flat factors are set, into a random state: a random group element acts on the state at rest
- * (faces.c). */
+/* Turns `x`, whose flat factors are set, into a random state: a random group element acts on the state at
+ * rest (faces.c). */
 void export_turn(export_model *m, double *x);
 /* Adds a line such as "state (6)     q1 p1" to `about`: what (count), words. */
 void export_tell_numbers(text *about, const char *what, size_t count, const char *words);

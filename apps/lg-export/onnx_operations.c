@@ -203,8 +203,8 @@ static bool crossed(const onnx_operation *o) {
 
 /* ---- shapes ---- */
 
-/* 1 where x is NaN, else 0; and y, but NaN where the largest such number `any` is 1. The maxima of
- * onnxruntime leave NaN out; those of the library do not. */
+/* 1 where x is NaN, else 0; and y, but NaN where the largest such number `any` is 1. A
+ * maximum of onnxruntime ignores NaN; a maximum of the library is NaN if a number is. */
 static onnx_name not_a_number(onnx_job *j, onnx_name x) {
     return onnx_cast(j, onnx_unary(j, "IsNaN", x), onnx_real_type(j));
 }
@@ -358,7 +358,7 @@ static bool solve(const onnx_operation *o) {
     return onnx_give(o, onnx_join(j, y, n, -2));
 }
 
-/* ---- convolutions: the library's tensors are (batch, length, channels), ONNX's (batch, channels, length) ---- */
+/* ---- convolutions: of (batch, length, channels); ONNX takes (batch, channels, length) ---- */
 
 static onnx_name channels_first(onnx_job *j, onnx_name x) {
     return onnx_transpose(j, x, (const int64_t[]){0, 2, 1}, 3);

@@ -118,7 +118,8 @@ typedef struct lg_detector_preset {
     lg_fit_settings training;
 } lg_detector_preset;
 /* Returns the preset with this name whose noise level is nearest to `noise`. For an unknown level (NaN) it
- * returns the preset for unknown noise, or the first one if there is none. NULL for an unknown name. */
+ * returns the preset for unknown noise, or the first preset with this name if none is for unknown noise.
+ * Returns NULL for an unknown name. */
 LG_API const lg_detector_preset *lg_detector_preset_find(const char *name, double noise);
 
 /* ---- as a program ---- */

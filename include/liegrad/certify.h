@@ -220,9 +220,9 @@ typedef struct lg_certify_attitude_result {
  * J and D positive definite (`damping` is a lower bound of D's eigenvalues). V = w.J w/2 + Phi falls with
  * w.D w. Phi is critical at Q = 1 and at rotations by pi about the eigenvectors of A, with the values 2 (a_j
  * + a_k) of the other two eigenvalues. If all of them are positive, Q = 1 is the only critical rotation of
- * {V < the lowest}, and by LaSalle's theorem motions from there converge to it. No continuous feedback does
- * so from all rotations. The form of the loop is the caller's statement. Errors: LG_INVALID_ARGUMENT (A not
- * symmetric to 1e-12), LG_NOT_FINITE. */
+ * {V < the lowest}, and by LaSalle's theorem motions from there converge to it. No continuous feedback
+ * converges from all rotations. The function does not check that the loop has this form. Errors:
+ * LG_INVALID_ARGUMENT (A not symmetric to 1e-12), LG_NOT_FINITE. */
 LG_API lg_status lg_certify_attitude(const double *A, double damping, lg_certify_attitude_result *result,
                                      lg_error *error);
 

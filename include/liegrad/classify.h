@@ -87,7 +87,7 @@ typedef struct lg_features {
  * moment_x; without names the pairs are channels 0 and 4, and 1 and 5. `scaler` gives the scale of each
  * channel and must be fitted on the training part; NULL stands for scale 1. Errors: LG_INVALID_ARGUMENT (no
  * channel of the x-direction, BASELINE without a pair or with fewer samples than segments, SPECTRUM with
- * fewer than 4 samples, a scaler that does not fit, more than 2^20 features). */
+ * fewer than 4 samples, scales that do not fit the channels, more than 2^20 features). */
 LG_API lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
                                     const lg_series *series, uint32_t length, const lg_scaler *scaler,
                                     lg_features *out, lg_error *error);

@@ -105,7 +105,7 @@ typedef struct lg_temporary {
 /* Creates and locks a temporary file, or with `folder` a folder. Before that it removes the temporary files
  * and folders that killed writers of this target left: those whose names hold their own inode, that belong
  * to this user, and that nobody has locked. Folders with files stay. lg_lock_take removes them too. Errors:
- * LG_FILE with a sentence (also if the target itself has the name of a lock or of a temporary file). */
+ * LG_FILE if the file cannot be made, or if the target has the name of a lock or of a temporary file. */
 LG_API lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder,
                                      lg_temporary *out, lg_error *error);
 /* Gives the complete temporary file the name `target`, for which lg_temporary_create made it: fsync of the

@@ -198,7 +198,7 @@ LG_API const lg_recipe *lg_recipe_find(const char *name);
  * model (lg_model_save), with the usual scheme of the kind for `step`. theta comes from `file`, which is only
  * read. If `fit` is not NULL, the history comes from the fit, and so do the states of optimiser and random
  * generator when it trains by Adam; the state of another method is far larger than the model, and only
- * checkpoints have it. Errors: LG_INVALID_ARGUMENT (a model that its ..._init function would refuse, sizes
+ * checkpoints have it. Errors: LG_INVALID_ARGUMENT (a model that its ..._init function rejects, sizes
  * that do not fit). lg_recipe_load overwrites *file; on failure it is zeroed. Files that were written by hand
  * need the arrays and attributes that docs/files.md names; everything else becomes zero or the default.
  * lg_recipe_release frees what *file owns, and zeroes it. */
@@ -245,9 +245,9 @@ typedef struct lg_model_file {
 } lg_model_file;
 /* Loads a model file of any kind: its functions, which lg_model_create must accept, and if a recipe has its
  * kind, its contents. If the file holds no functions (written by hand), the recipe records them. Errors:
- * those of the recipe's own loader and of lg_program_load; LG_FORMAT for functions that lg_model_create
- * refuses, and for files without functions, where `error` says what the file is: a checkpoint, data, or a
- * classical classifier (read by lg_classifier_load). */
+ * those of the recipe's own loader and of lg_program_load; LG_FORMAT if lg_model_create
+ * rejects the functions, or if the file has none; then `error` says what the file is: a checkpoint, data, or
+ * a classical classifier (read by lg_classifier_load). */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);
 /* Returns the contents if the file is of this recipe: an lg_hamiltonian_file for lg_recipe_hamiltonian and

@@ -322,7 +322,7 @@ typedef struct lg_policy_train_result {
 /* A trainer: the race of seeds that docs/policies.md describes, then L-BFGS on 512 fixed starts over the
  * whole horizon. The policy gets the best parameters that the validation starts saw, by success, then by
  * cost. With options.seconds the winner's steps are not repeated. If the task is disturbed, all runs are. For
- * `lqr`, and for `energy` with given gains, nothing is trained, only judged.
+ * `lqr`, and for `energy` with given gains, the trainer only evaluates the policy.
  *
  * `options` NULL means the defaults. The policy must outlive the trainer. After LG_CANCELLED
  * lg_policy_trainer_save stores the state; a trainer with the same policy and options loads it and runs
@@ -347,13 +347,12 @@ LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer);
 
 /* ---- evaluation ---- */
 
-/* The same policy on another plant, which it takes ownership of (NULL: on its own): judged by
- * lg_policy_evaluate, it shows what a difference between machine and model does. The regulator and theta are
- * the policy's; the integrator takes as many steps in a period as keep its error below 1e-6. The inputs of
- * the plant act `dead_time` (inputs) seconds late; NULL: as those of the policy. The controller keeps what it
- * believes: it remembers the inputs of its own dead time, and computes lagged inputs by the lag of its own
- * plant. Errors: those of lg_policy_create, LG_UNSUPPORTED (other dead times of a plant without
- * velocities). */
+/* Makes a copy of the policy with another plant, which the copy owns (NULL: the policy's own plant).
+ * lg_policy_evaluate of the copy shows what a difference between machine and model does. The regulator and
+ * theta are the policy's. The integrator takes so many steps in a period that its error stays below
+ * 1e-6. The inputs of the plant act `dead_time` (inputs) seconds late; NULL: the dead times of the policy.
+ * The controller does not know the new plant: it still uses the dead time and the lag of its own model.
+ * Errors: those of lg_policy_create, LG_UNSUPPORTED (other dead times of a plant without velocities). */
 LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, const double *dead_time,
                                       lg_policy **out, lg_error *error);
 

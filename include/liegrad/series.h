@@ -50,8 +50,8 @@ LG_API void lg_series_destroy(lg_series *series);
 #define LG_NO_CLASS UINT32_MAX /* no class; the class is not known */
 /* Returns the number of the class that means "all is well", or LG_NO_CLASS if there is none. `name` is its
  * name in class_name or its label in class_label. With `name` NULL or "" the class is guessed from the words
- * of the names (docs/detectors.md, "The healthy class"); there is none if several names say so. Only classes,
- * class_name and class_label of the series are used. */
+ * of the names (docs/detectors.md, "The healthy class"); if several names mean it, the result is LG_NO_CLASS.
+ * Only classes, class_name and class_label of the series are used. */
 LG_API uint32_t lg_series_healthy(const lg_series *series, const char *name);
 
 /* ---- windows ---- */

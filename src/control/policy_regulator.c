@@ -87,7 +87,7 @@ static const lg_policy_coordinate *owner_of(const lg_policy *p, uint32_t i) {
     return &p->task.coordinate[p->layout.owner[i]];
 }
 
-/* Whether error i is of a velocity. */
+/* Returns true if error i is the error of a velocity. */
 static bool is_rate(const lg_policy *p, uint32_t i) {
     return i >= p->layout.at[0].rate;
 }
