@@ -15,7 +15,7 @@ enum {
  * interval. Returns how many numbers these are. */
 static size_t fill(const lg_machine *machine, const lg_machine_log *log, bool linear, size_t row, double *z) {
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
-    const double *q = log->q + row * nq, *v = log->v + row * nv, *u = log->u + row * 4 * m;
+    const double *q = log->q + row * nq, *v = log->v + row * nv;
     size_t used = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const uint32_t count = lg_coordinate_positions(machine->coordinates[i].kind);
@@ -28,8 +28,10 @@ static size_t fill(const lg_machine *machine, const lg_machine_log *log, bool li
         q += count;
     }
     for (size_t k = 0; k < nv; k++) z[used++] = 0.5 * (v[k] + v[nv + k]);
-    for (size_t k = 0; k < m; k++)
-        z[used++] = u[k] + 0.5 * (u[m + k] + 0.5 * (u[2 * m + k] + 0.5 * u[3 * m + k]));
+    for (size_t k = 0; k < m; k++) {
+        const double *u = log->u + row * 4 * m + k;
+        z[used++] = u[0] + 0.5 * (u[m] + 0.5 * (u[2 * m] + 0.5 * u[3 * m]));
+    }
     return used;
 }
 
