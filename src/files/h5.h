@@ -82,11 +82,6 @@ lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_
  * later read fails. */
 bool lg_h5_has(lg_h5 *h5, const char *name);
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name);
-/* Shape of a numeric data set of rank <= 4 that fits into max_size bytes as doubles. `epsilon` (may be NULL)
- * becomes the relative spacing of the stored type, 0 for integers. LG_NOT_FOUND if there is no such data
- * set. */
-lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon,
-                      lg_error *error);
 /* Reads an array. Fails with LG_SHAPE if the stored shape differs from (rank, dims). Integers are read only
  * from integer types, and each number must fit into `type`; a double must equal each stored integer. */
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
@@ -122,6 +117,7 @@ typedef struct lg_h5_about {
     lg_h5_class kind;
     uint32_t rank; /* at most 4 */
     uint64_t dims[4], count;
+    double epsilon; /* relative spacing of the stored type; 0 for types that are not real */
     /* A float cannot hold all numbers exactly: true for reals of more than 4 bytes and integers of 4 bytes or
      * more. */
     bool wide;
@@ -156,10 +152,6 @@ lg_status lg_h5_get_slice(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_long as, do
 /* Number of indices along an axis that are best read at once: about a megabyte, or whole chunks if these have
  * at most 64 megabytes. The array must not be empty. */
 uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis);
-/* Reads all numbers as LG_H5_EXACT in blocks of whole rows of the first dimension, and calls visit(user,
- * first row, number of rows, values) for each block (lg_h5_block). */
-typedef void (*lg_h5_rows)(void *user, uint64_t row, uint64_t rows, const double *values);
-lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error);
 /* Reads integers, or reals that are integers (up to 2^53), which must fit into int64_t. Fails with LG_FORMAT,
  * or with LG_NOT_FINITE; the message has the index. */
 lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,

@@ -176,9 +176,9 @@ static lg_status read_arrays(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
     sizes s = sizes_of(out);
     lg_h5_array arrays[ARRAYS];
-    uint64_t dims[4];
-    uint32_t rank;
-    LG_TRY(lg_as_format(lg_h5_shape(call->h5, "t", &rank, dims, &call->epsilon, error), error));
+    lg_h5_about times;
+    LG_TRY(lg_as_format(lg_h5_look(call->h5, "t", sizeof(double), &times, error), error));
+    call->epsilon = times.epsilon;
     list_arrays(out, &s, arrays);
     LG_TRY(lg_h5_get_arrays(call->h5, arrays + TRAJECTORIES, 1, error));
     if (s.points.n < 2 || s.dim.n < 2 || s.dim.n > 6 * LG_HAMILTONIAN_MAX_COPIES)
