@@ -86,10 +86,6 @@ bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name);
  * from integer types, and each number must fit into `type`; a double must equal each stored integer. */
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     void *out, lg_error *error);
-/* Reads an array of doubles into new memory, which the caller frees with lg_free. `dims` becomes its shape.
- * Fails with LG_FORMAT if the rank differs. The numbers must be finite. */
-lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
-                            lg_error *error);
 /* An array of doubles in a list that says what a file holds. A size of 0 is not known: reading sets it to the
  * size in the file, which must not be 0, and `from` to the array's name. `what`: what it counts, in messages;
  * may be NULL. */
@@ -105,8 +101,8 @@ typedef struct lg_h5_array {
 } lg_h5_array;
 /* Writes the arrays, whose numbers must be finite. */
 lg_status lg_h5_put_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, lg_error *error);
-/* Reads the arrays into new memory, as lg_h5_get_doubles does. LG_FORMAT if one is missing or its shape does
- * not fit the sizes. The caller frees them, also after a failure. */
+/* Reads the arrays into new memory. Their numbers must be finite. LG_FORMAT if an array is missing or its
+ * shape does not fit the sizes. The caller frees them, also after a failure. */
 lg_status lg_h5_get_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, lg_error *error);
 
 /* ---- arrays of other programs, of any type ---- */
@@ -132,6 +128,9 @@ typedef struct lg_h5_slice {
     uint32_t axis;
     uint64_t first, count;
 } lg_h5_slice;
+/* Does for one array all that lg_h5_get_arrays does but reading: looks (lg_h5_look), compares the shape with
+ * the sizes, and sets those that are not known. */
+lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *array, size_t bytes, lg_h5_about *about, lg_error *error);
 /* Whether an array of numbers or texts is one row or one column: (n), (n, 1), (1, n), ..., not one number. */
 static inline bool lg_h5_is_vector(const lg_h5_about *about) {
     uint32_t wide = 0;

@@ -362,22 +362,6 @@ lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, con
                    isnan(data[at]) ? "NaN" : "an infinity", where);
 }
 
-lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
-                            lg_error *error) {
-    LG_QUIET;
-    LG_DATASET(d);
-    LG_TRY(open_numbers(h5, name, &d, error));
-    if (d.rank != rank)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u", lg_shown_path(h5->path), name,
-                       d.rank, rank);
-    LG_TRY_SCRATCH(double, data, h5->context, d.count, no_room(h5, name, error));
-    LG_TRY(read_dataset(h5, name, &d, LG_ELEMENT_F64, data, error));
-    LG_TRY(lg_check_finite(h5->path, name, rank, d.dims, data, error));
-    memcpy(dims, d.dims, sizeof d.dims);
-    *out = LG_KEEP(data);
-    return LG_OK;
-}
-
 /* ---- arrays of any type ---- */
 
 static lg_h5_class class_of(hid_t type) {
