@@ -66,7 +66,9 @@ lg_status lg_h5_get_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, l
         if (a->optional && !lg_h5_has(h5, a->name)) continue;
         LG_TRY(lg_h5_fit(h5, a, sizeof(double), &about, error));
         *a->data = lg_alloc(h5->context, about.count, sizeof(double));
-        if (*a->data == NULL) return lg_h5_no_memory(h5, error);
+        if (*a->data == NULL)
+            return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path),
+                           a->name);
         LG_TRY(lg_as_format(lg_h5_get(h5, a->name, LG_ELEMENT_F64, about.rank, about.dims, *a->data, error),
                             error));
         LG_TRY(lg_check_finite(h5->path, a->name, about.rank, about.dims, *a->data, error));
