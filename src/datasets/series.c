@@ -74,27 +74,18 @@ static lg_status no_memory(const read_call *call, lg_error *error) {
 static lg_status read_shape(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
     lg_h5_about about;
-    const char *shown = lg_shown_path(call->path);
+    lg_h5_size windows = {0, "windows", NULL}, channels = {0, "channels", NULL},
+               samples = {0, "samples", NULL};
+    const lg_h5_array three = {"X", NULL, {&windows, &channels, &samples}, false},
+                      two = {"X", NULL, {&windows, &samples}, false};
     LG_TRY(lg_as_format(lg_h5_look(call->h5, "X", sizeof *s->x, &about, error), error));
-    if (about.kind != LG_H5_WHOLE && about.kind != LG_H5_REAL)
-        return lg_fail(error, LG_FORMAT, "%s: /X: does not hold numbers", shown);
-    if (about.rank != 2 && about.rank != 3)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /X: has rank %u, expected (windows, channels, samples) or (windows, samples)",
-                       shown, about.rank);
-    const uint64_t length = about.dims[about.rank - 1], channels = about.rank == 3 ? about.dims[1] : 1;
-    if (about.count == 0)
-        return lg_fail(
-            error, LG_FORMAT,
-            "%s: /X: has %llu windows of %llu channels and %llu samples, expected at least one of each",
-            shown, (unsigned long long)about.dims[0], (unsigned long long)channels,
-            (unsigned long long)length);
-    if (about.dims[0] > UINT32_MAX || channels > UINT32_MAX || length > UINT32_MAX)
-        return lg_fail(error, LG_FORMAT, "%s: /X: more than %u windows, channels or samples", shown,
-                       UINT32_MAX);
-    s->count = (size_t)about.dims[0];
-    s->channels = (uint32_t)channels;
-    s->length = (uint32_t)length;
+    LG_TRY(lg_h5_fit(call->h5, about.rank < 3 ? &two : &three, sizeof *s->x, &about, error));
+    if (windows.n > UINT32_MAX || channels.n > UINT32_MAX || samples.n > UINT32_MAX)
+        return lg_fail(error, LG_FORMAT, "%s: /X: more than %u windows, channels or samples",
+                       lg_shown_path(call->path), UINT32_MAX);
+    s->count = (size_t)windows.n;
+    s->channels = about.rank < 3 ? 1 : (uint32_t)channels.n;
+    s->length = (uint32_t)samples.n;
     return LG_OK;
 }
 

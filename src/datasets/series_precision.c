@@ -17,11 +17,6 @@ typedef struct channel_sums {
     double first, largest, deviation, deviations, errors;
 } channel_sums;
 
-typedef struct conversion {
-    lg_series *series;
-    channel_sums *channel; /* (channels) */
-} conversion;
-
 static float to_float(double value) {
     return fabs(value) >= beyond ? (float)copysign(INFINITY, value) : (float)value;
 }
@@ -48,15 +43,23 @@ static void convert(channel_sums *sums, const double *values, size_t length, flo
     sums->errors = hypot(sums->errors, error * sqrt(e2));
 }
 
-static void convert_rows(void *user, uint64_t row, uint64_t rows, const double *values) {
-    const conversion *c = user;
-    const lg_series *s = c->series;
-    for (uint64_t w = 0; w < rows; w++)
-        for (uint32_t k = 0; k < s->channels; k++) {
-            const double *from = values + (w * s->channels + k) * s->length;
-            if (row + w == 0) c->channel[k].first = from[0];
-            convert(&c->channel[k], from, s->length, s->x + ((row + w) * s->channels + k) * s->length);
+static lg_status convert_all(lg_h5 *h5, const lg_series *s, channel_sums *channel, lg_error *error) {
+    lg_h5_about about;
+    LG_TRY(lg_h5_look(h5, "X", sizeof *s->x, &about, error));
+    const size_t window = (size_t)s->channels * s->length, most = (size_t)lg_h5_block(&about, 0);
+    LG_TRY_SCRATCH(double, values, h5->context, most *window, lg_h5_no_memory(h5, error));
+    for (size_t at = 0; at < s->count; at += most) {
+        const lg_h5_slice block = {
+            .name = "X", .first = at, .count = s->count - at < most ? s->count - at : most};
+        LG_TRY(lg_h5_get_slice(h5, &block, LG_H5_EXACT, values, error));
+        for (size_t i = 0; i < block.count * s->channels; i++) {
+            channel_sums *sums = &channel[i % s->channels];
+            const double *from = values + i * s->length;
+            if (at == 0 && i < s->channels) sums->first = from[0];
+            convert(sums, from, s->length, s->x + at * window + i * s->length);
         }
+    }
+    return LG_OK;
 }
 
 /* Root mean square of the rounding errors, divided by the standard deviation, both over n samples. 0 for a
@@ -81,11 +84,10 @@ lg_status lg_series_convert(lg_h5 *h5, lg_series *series, lg_precision *out, lg_
     *out = (lg_precision){.part = 0};
     LG_TRY_SCRATCH(channel_sums, channel, h5->context, series->channels,
                    lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown));
-    conversion all = {series, channel};
-    LG_TRY(lg_h5_each_rows(h5, "X", convert_rows, &all, error));
+    LG_TRY(convert_all(h5, series, channel, error));
     const double n = (double)series->count * series->length;
     for (uint32_t k = 0; k < series->channels; k++) {
-        const double part = part_lost(&all.channel[k], n);
+        const double part = part_lost(&channel[k], n);
         if (!(part > worth_a_warning)) continue;
         out->channels++;
         if (!(part > out->part)) continue;

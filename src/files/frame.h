@@ -25,7 +25,10 @@
  * Numbers: "", nan, NA, N/A and null are missing (NaN). Infinities are rejected, and so are whole numbers
  * that no double equals, unless they may be rounded. Texts: as written; "" if missing. In binary files a
  * whole number is its exact decimal text, a real number the shortest text that reads back as the same
- * number. liegrad/table.h ("tables of numbers") says which files are understood. */
+ * number. liegrad/table.h ("tables of numbers") says which files are understood.
+ *
+ * Arrays of more than one number per row (windows, curves, trajectories, weights) are not columns: h5.h reads
+ * them from lists that say their names and sizes (lg_h5_array). */
 #ifndef LG_FRAME_H
 #define LG_FRAME_H
 

@@ -82,19 +82,10 @@ lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_
  * later read fails. */
 bool lg_h5_has(lg_h5 *h5, const char *name);
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name);
-/* Shape of a numeric data set of rank <= 4 that fits into max_size bytes as doubles. `epsilon` (may be NULL)
- * becomes the relative spacing of the stored type, 0 for integers. LG_NOT_FOUND if there is no such data
- * set. */
-lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon,
-                      lg_error *error);
 /* Reads an array. Fails with LG_SHAPE if the stored shape differs from (rank, dims). Integers are read only
  * from integer types, and each number must fit into `type`; a double must equal each stored integer. */
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     void *out, lg_error *error);
-/* Reads an array of doubles into new memory, which the caller frees with lg_free. `dims` becomes its shape.
- * Fails with LG_FORMAT if the rank differs. The numbers must be finite. */
-lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
-                            lg_error *error);
 /* An array of doubles in a list that says what a file holds. A size of 0 is not known: reading sets it to the
  * size in the file, which must not be 0, and `from` to the array's name. `what`: what it counts, in messages;
  * may be NULL. */
@@ -110,8 +101,8 @@ typedef struct lg_h5_array {
 } lg_h5_array;
 /* Writes the arrays, whose numbers must be finite. */
 lg_status lg_h5_put_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, lg_error *error);
-/* Reads the arrays into new memory, as lg_h5_get_doubles does. LG_FORMAT if one is missing or its shape does
- * not fit the sizes. The caller frees them, also after a failure. */
+/* Reads the arrays into new memory. Their numbers must be finite. LG_FORMAT if an array is missing or its
+ * shape does not fit the sizes. The caller frees them, also after a failure. */
 lg_status lg_h5_get_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, lg_error *error);
 
 /* ---- arrays of other programs, of any type ---- */
@@ -122,6 +113,7 @@ typedef struct lg_h5_about {
     lg_h5_class kind;
     uint32_t rank; /* at most 4 */
     uint64_t dims[4], count;
+    double epsilon; /* relative spacing of the stored type; 0 for types that are not real */
     /* A float cannot hold all numbers exactly: true for reals of more than 4 bytes and integers of 4 bytes or
      * more. */
     bool wide;
@@ -136,6 +128,9 @@ typedef struct lg_h5_slice {
     uint32_t axis;
     uint64_t first, count;
 } lg_h5_slice;
+/* Does for one array all that lg_h5_get_arrays does but reading: looks (lg_h5_look), compares the shape with
+ * the sizes, and sets those that are not known. */
+lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *array, size_t bytes, lg_h5_about *about, lg_error *error);
 /* Whether an array of numbers or texts is one row or one column: (n), (n, 1), (1, n), ..., not one number. */
 static inline bool lg_h5_is_vector(const lg_h5_about *about) {
     uint32_t wide = 0;
@@ -156,10 +151,6 @@ lg_status lg_h5_get_slice(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_long as, do
 /* Number of indices along an axis that are best read at once: about a megabyte, or whole chunks if these have
  * at most 64 megabytes. The array must not be empty. */
 uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis);
-/* Reads all numbers as LG_H5_EXACT in blocks of whole rows of the first dimension, and calls visit(user,
- * first row, number of rows, values) for each block (lg_h5_block). */
-typedef void (*lg_h5_rows)(void *user, uint64_t row, uint64_t rows, const double *values);
-lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error);
 /* Reads integers, or reals that are integers (up to 2^53), which must fit into int64_t. Fails with LG_FORMAT,
  * or with LG_NOT_FINITE; the message has the index. */
 lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,

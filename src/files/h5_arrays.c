@@ -40,18 +40,38 @@ static const char *show(const lg_h5_array *a, const uint64_t *found, char text[S
     return text;
 }
 
+lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *a, size_t bytes, lg_h5_about *about, lg_error *error) {
+    const char *shown = lg_shown_path(h5->path);
+    char is[SHAPE], want[SHAPE];
+    bool fits = true;
+    LG_TRY(lg_as_format(lg_h5_look(h5, a->name, bytes, about, error), error));
+    if (about->kind != LG_H5_WHOLE && about->kind != LG_H5_REAL)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: does not hold numbers", shown, a->name);
+    if (about->rank != rank_of(a))
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u: (%s)", shown, a->name,
+                       about->rank, rank_of(a), show(a, NULL, want));
+    for (uint32_t i = 0; i < about->rank; i++)
+        fits = fits && (a->dims[i]->n > 0 ? about->dims[i] == a->dims[i]->n : about->dims[i] > 0);
+    if (!fits)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has shape (%s), expected (%s)", shown, a->name,
+                       show(a, about->dims, is), show(a, NULL, want));
+    for (uint32_t i = 0; i < about->rank; i++)
+        if (a->dims[i]->n == 0) *a->dims[i] = (lg_h5_size){about->dims[i], a->dims[i]->what, a->name};
+    return LG_OK;
+}
+
 lg_status lg_h5_get_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, lg_error *error) {
     for (const lg_h5_array *a = arrays; a < arrays + count; a++) {
-        uint64_t found[4] = {0};
-        char is[SHAPE], want[SHAPE];
+        lg_h5_about about;
         if (a->optional && !lg_h5_has(h5, a->name)) continue;
-        LG_TRY(lg_as_format(lg_h5_get_doubles(h5, a->name, rank_of(a), found, a->data, error), error));
-        for (uint32_t i = 0; i < rank_of(a); i++)
-            if (a->dims[i]->n > 0 ? found[i] != a->dims[i]->n : found[i] == 0)
-                return lg_fail(error, LG_FORMAT, "%s: /%s: has shape (%s), expected (%s)",
-                               lg_shown_path(h5->path), a->name, show(a, found, is), show(a, NULL, want));
-        for (uint32_t i = 0; i < rank_of(a); i++)
-            if (a->dims[i]->n == 0) *a->dims[i] = (lg_h5_size){found[i], a->dims[i]->what, a->name};
+        LG_TRY(lg_h5_fit(h5, a, sizeof(double), &about, error));
+        *a->data = lg_alloc(h5->context, about.count, sizeof(double));
+        if (*a->data == NULL)
+            return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path),
+                           a->name);
+        LG_TRY(lg_as_format(lg_h5_get(h5, a->name, LG_ELEMENT_F64, about.rank, about.dims, *a->data, error),
+                            error));
+        LG_TRY(lg_check_finite(h5->path, a->name, about.rank, about.dims, *a->data, error));
     }
     return LG_OK;
 }

@@ -207,17 +207,6 @@ static double spacing(hid_t type) {
     return bytes <= 2 ? 0x1p-10 : bytes <= 4 ? FLT_EPSILON : DBL_EPSILON;
 }
 
-lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon,
-                      lg_error *error) {
-    LG_QUIET;
-    LG_DATASET(d);
-    LG_TRY(open_numbers(h5, name, &d, error));
-    *rank = d.rank;
-    memcpy(dims, d.dims, sizeof d.dims);
-    if (epsilon != NULL) *epsilon = spacing(d.type);
-    return LG_OK;
-}
-
 static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, void *source, void *target,
                                   void *user) {
     return kind == H5T_CONV_EXCEPT_RANGE_HI || kind == H5T_CONV_EXCEPT_RANGE_LOW ? H5T_CONV_ABORT
@@ -373,22 +362,6 @@ lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, con
                    isnan(data[at]) ? "NaN" : "an infinity", where);
 }
 
-lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
-                            lg_error *error) {
-    LG_QUIET;
-    LG_DATASET(d);
-    LG_TRY(open_numbers(h5, name, &d, error));
-    if (d.rank != rank)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u", lg_shown_path(h5->path), name,
-                       d.rank, rank);
-    LG_TRY_SCRATCH(double, data, h5->context, d.count, no_room(h5, name, error));
-    LG_TRY(read_dataset(h5, name, &d, LG_ELEMENT_F64, data, error));
-    LG_TRY(lg_check_finite(h5->path, name, rank, d.dims, data, error));
-    memcpy(dims, d.dims, sizeof d.dims);
-    *out = LG_KEEP(data);
-    return LG_OK;
-}
-
 /* ---- arrays of any type ---- */
 
 static lg_h5_class class_of(hid_t type) {
@@ -423,6 +396,7 @@ static void find_chunk(const lg_dataset *d, uint64_t chunk[LG_MAX_RANK]) {
 static void describe(const lg_dataset *d, lg_h5_about *out) {
     *out = (lg_h5_about){
         .kind = class_of(d->type), .rank = d->rank, .count = d->count, .wide = is_wide(d->type)};
+    out->epsilon = spacing(d->type);
     find_chunk(d, out->chunk);
     if (is_long(d->type)) out->raw = lg_h5_long_type(d->type) == H5T_NATIVE_INT64 ? 'i' : 'u';
     if (out->kind == LG_H5_TABLE) out->members = (uint32_t)H5Tget_nmembers(d->type);
@@ -507,21 +481,6 @@ lg_status lg_h5_get_slice(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_long as, do
     const hsize_t extent = row * slice->count;
     LG_ID room = H5Screate_simple(1, &extent, NULL);
     return read_doubles(h5, slice->name, &d, room, part, slice->first * row, extent, false, as, out, error);
-}
-
-lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error) {
-    lg_h5_about about;
-    LG_TRY(lg_h5_look(h5, name, sizeof(float), &about, error));
-    if (about.count == 0) return LG_OK;
-    const uint64_t row = about.count / about.dims[0], rows = lg_h5_block(&about, 0);
-    LG_TRY_SCRATCH(double, values, h5->context, (size_t)(rows * row), lg_h5_no_memory(h5, error));
-    for (uint64_t at = 0; at < about.dims[0]; at += rows) {
-        const uint64_t left = about.dims[0] - at;
-        const lg_h5_slice slice = {.name = name, .first = at, .count = left < rows ? left : rows};
-        LG_TRY(lg_h5_get_slice(h5, &slice, LG_H5_EXACT, values, error));
-        visit(user, at, slice.count, values);
-    }
-    return LG_OK;
 }
 
 /* True for integers that a double holds exactly; false for fractions, NaN and magnitudes above 2^53. */

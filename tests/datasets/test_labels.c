@@ -256,10 +256,11 @@ static lg_status open_and_read(const char *path, lg_status (*read)(lg_h5 *, lg_e
 }
 
 static lg_status read_array(lg_h5 *h5, lg_error *error) {
-    uint64_t dims[4];
     double *out = NULL;
-    const lg_status status = lg_h5_get_doubles(h5, "c", 2, dims, &out, error);
-    if (status == LG_OK) lg_free(NULL, out);
+    lg_h5_size rows = {0, NULL, NULL}, columns = rows;
+    const lg_status status =
+        lg_h5_get_arrays(h5, &(lg_h5_array){"c", &out, {&rows, &columns}, false}, 1, error);
+    lg_free(NULL, out);
     return status;
 }
 

@@ -668,12 +668,14 @@ TEST("a damaged file is refused") {
 
 TEST("errors in a file are refused by name") {
     static const damage rows[] = {
-        {"X", ARRAY(0, 60), LG_FORMAT, "rank 1"},
-        {"X", ARRAY(0, 6, 2, 5, 1), LG_FORMAT, "rank 4"},
+        {"X", ARRAY(0, 60), LG_FORMAT, "has rank 1, expected 2: (>= 1 windows, >= 1 samples)"},
+        {"X", ARRAY(0, 6, 2, 5, 1), LG_FORMAT,
+         "rank 4, expected 3: (>= 1 windows, >= 1 channels, >= 1 samples)"},
         {"X", ARRAY(0, 0, 2, 5), LG_FORMAT, "0 windows"},
-        {"X", ARRAY(0, 6, 0, 5), LG_FORMAT, "0 channels"},
+        {"X", ARRAY(0, 6, 0, 5), LG_FORMAT, "(6 windows, 0 channels, 5 samples), expected (>= 1 windows"},
         {"X", ARRAY(0, 6, 2, 0), LG_FORMAT, "0 samples"},
-        {"X", ARRAY(0, 6, 0), LG_FORMAT, "0 samples"},
+        {"X", ARRAY(0, 6, 0), LG_FORMAT,
+         "has shape (6 windows, 0 samples), expected (>= 1 windows, >= 1 samples)"},
         {"X", ARRAY(0, 7, 2, 5), LG_FORMAT, "/y: has 6 entries, but /X has 7 windows"},
         {"X", ARRAY(NAN, 6, 2, 5), LG_NOT_FINITE, "NaN in window 0, channel 0, sample 0"},
         {"X", ARRAY(INFINITY, 6, 2, 5), LG_NOT_FINITE, "single precision in window 0"},

@@ -47,15 +47,14 @@ TEST("a model is read back as it was saved, and may be freed twice") {
 /* ---- where weights are stored ---- */
 
 static void assert_stored(lg_h5 *h5, const lg_slice_info *slice, const double *theta, lg_dtype dtype) {
-    double values[512], epsilon;
-    uint64_t dims[4];
-    uint32_t rank;
+    double values[512];
+    lg_h5_about about;
     const char *name = test_text("model/%s", slice->name);
     assert_true(slice->count <= LG_COUNT(values));
     assert_ok(lg_h5_get(h5, name, LG_ELEMENT_F64, slice->rank, slice->dims, values, NULL));
     assert_memory_equal(values, theta + slice->offset, slice->count * sizeof(double));
-    assert_ok(lg_h5_shape(h5, name, &rank, dims, &epsilon, NULL));
-    assert_true(dtype == LG_F32 ? epsilon > 1e-8 : epsilon < 1e-15);
+    assert_ok(lg_h5_look(h5, name, sizeof(double), &about, NULL));
+    assert_true(dtype == LG_F32 ? about.epsilon > 1e-8 : about.epsilon < 1e-15);
 }
 
 /* For a chain of two links the vector is: weight (in, out) row-major, bias, ..., then the kinetic part. */

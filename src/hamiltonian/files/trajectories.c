@@ -176,9 +176,9 @@ static lg_status read_arrays(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
     sizes s = sizes_of(out);
     lg_h5_array arrays[ARRAYS];
-    uint64_t dims[4];
-    uint32_t rank;
-    LG_TRY(lg_as_format(lg_h5_shape(call->h5, "t", &rank, dims, &call->epsilon, error), error));
+    lg_h5_about times;
+    LG_TRY(lg_as_format(lg_h5_look(call->h5, "t", sizeof(double), &times, error), error));
+    call->epsilon = times.epsilon;
     list_arrays(out, &s, arrays);
     LG_TRY(lg_h5_get_arrays(call->h5, arrays + TRAJECTORIES, 1, error));
     if (s.points.n < 2 || s.dim.n < 2 || s.dim.n > 6 * LG_HAMILTONIAN_MAX_COPIES)
@@ -430,10 +430,10 @@ static lg_status read_truth(read_call *call, lg_error *error) {
     const lg_parameter_entry *row = lg_system_parameters(out->system, form);
     if (!has_parameters(call, row)) return LG_OK;
     for (; row->key != NULL; row++, count++) {
-        uint64_t size[4] = {0};
+        lg_h5_size size = {0, NULL, NULL};
         parameter_path(row, path);
-        LG_TRY(lg_h5_get_doubles(call->h5, path, 1, size, &values.of[count], error));
-        given[count] = (lg_named_values){row->key, values.of[count], (size_t)size[0]};
+        LG_TRY(lg_h5_get_arrays(call->h5, &(lg_h5_array){path, &values.of[count], {&size}, false}, 1, error));
+        given[count] = (lg_named_values){row->key, values.of[count], (size_t)size.n};
     }
     lg_error why = {LG_OK, ""};
     const lg_status status = make_truth(out, form, given, count, &why);

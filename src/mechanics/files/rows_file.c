@@ -155,17 +155,16 @@ typedef struct look_call {
 
 static lg_status look(void *user, lg_h5 *h5, lg_error *error) {
     look_call *call = user;
-    lg_h5_about rows;
+    lg_h5_about all;
+    lg_h5_size rows = {0, "rows", NULL}, points = {0, "points", NULL}, dim = {0, "numbers per state", NULL};
+    const lg_h5_array array = {"trajectories", NULL, {&rows, &points, &dim}, false};
     LG_TRY(lg_h5_check_format(h5, KIND, false, error));
     LG_TRY(lg_h5_number(h5, "", "first", LG_ELEMENT_U64, &call->about.first, error));
     if (call->run) LG_TRY(lg_h5_text(h5, "", "ensemble", call->run, call->size, error));
-    LG_TRY(lg_h5_look(h5, "trajectories", sizeof(double), &rows, error));
-    if (rows.rank != 3)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /trajectories: the rank must be 3: (rows, points, numbers per state)", h5->path);
-    call->about.rows = rows.dims[0];
-    call->about.points = rows.dims[1];
-    call->about.dim = rows.dims[2];
+    LG_TRY(lg_h5_fit(h5, &array, sizeof(double), &all, error));
+    call->about.rows = rows.n;
+    call->about.points = points.n;
+    call->about.dim = dim.n;
     return LG_OK;
 }
 

@@ -176,11 +176,10 @@ lg_status lg_recipe_save(const lg_context *context, const char *path, const lg_r
 static lg_status check_slices(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
     slice s;
     for (uint32_t i = 0; slice_at(kind, run, i, &s); i++) {
-        uint32_t rank;
-        uint64_t dims[4];
-        LG_TRY(lg_as_format(lg_h5_shape(h5, s.name, &rank, dims, NULL, error), error));
-        bool same = rank == s.info.rank;
-        for (uint32_t d = 0; d < rank && same; d++) same = dims[d] == s.info.dims[d];
+        lg_h5_about about;
+        LG_TRY(lg_as_format(lg_h5_look(h5, s.name, sizeof(double), &about, error), error));
+        bool same = about.rank == s.info.rank;
+        for (uint32_t d = 0; d < about.rank && same; d++) same = about.dims[d] == s.info.dims[d];
         if (!same)
             return lg_fail(error, LG_FORMAT, "%s: /%s: has the wrong shape for the attributes of /model",
                            lg_shown_path(h5->path), s.name);
@@ -208,19 +207,19 @@ static lg_status get_weights(lg_h5 *h5, const lg_recipe *kind, const void *run, 
 static lg_status get_history(lg_h5 *h5, lg_model_head *head, lg_error *error) {
     bool first = true;
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) {
-        uint32_t rank;
-        uint64_t dims[4];
+        lg_h5_about about;
         const char *name = series_names[i];
         if (!lg_h5_has(h5, name)) continue;
-        LG_TRY(lg_h5_shape(h5, name, &rank, dims, NULL, error));
-        if (rank != 1 || (!first && dims[0] != head->epochs_done))
+        LG_TRY(lg_h5_look(h5, name, sizeof(double), &about, error));
+        if (about.rank != 1 || (!first && about.count != head->epochs_done))
             return lg_fail(error, LG_FORMAT, "%s: /%s: expected one number per epoch",
                            lg_shown_path(h5->path), name);
         first = false;
-        head->epochs_done = (size_t)dims[0];
+        head->epochs_done = (size_t)about.count;
         head->history[i] = lg_alloc(h5->context, head->epochs_done, sizeof(double));
         if (head->history[i] == NULL) return lg_h5_no_memory(h5, error);
-        LG_TRY(lg_as_format(lg_h5_get(h5, name, LG_ELEMENT_F64, 1, dims, head->history[i], error), error));
+        LG_TRY(
+            lg_as_format(lg_h5_get(h5, name, LG_ELEMENT_F64, 1, about.dims, head->history[i], error), error));
     }
     return LG_OK;
 }

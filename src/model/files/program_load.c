@@ -105,15 +105,15 @@ static lg_status unpack(reading *r, const char *path, const char *name, const vo
 
 static lg_status get_function(reading *r, const char *name) {
     const lg_program_key at = lg_program_below("functions", name);
-    uint32_t rank;
-    uint64_t dims[4];
+    lg_h5_about about;
     int64_t fitted = 0;
     LG_CLEAN(lg_owned_free) lg_owned bytes = {r->h5->context, NULL};
-    LG_TRY(lg_as_format(lg_h5_shape(r->h5, at.text, &rank, dims, NULL, r->error), r->error));
-    if (rank != 1) return bad(r, at.text, "is not a list of bytes");
-    LG_TRY(take(r, at.text, dims[0], 1, &bytes.memory));
-    LG_TRY(lg_as_format(lg_h5_get(r->h5, at.text, LG_ELEMENT_U8, 1, dims, bytes.memory, r->error), r->error));
-    LG_TRY(unpack(r, at.text, name, bytes.memory, (size_t)dims[0]));
+    LG_TRY(lg_as_format(lg_h5_look(r->h5, at.text, 1, &about, r->error), r->error));
+    if (about.rank != 1) return bad(r, at.text, "is not a list of bytes");
+    LG_TRY(take(r, at.text, about.count, 1, &bytes.memory));
+    LG_TRY(lg_as_format(lg_h5_get(r->h5, at.text, LG_ELEMENT_U8, 1, about.dims, bytes.memory, r->error),
+                        r->error));
+    LG_TRY(unpack(r, at.text, name, bytes.memory, (size_t)about.count));
     if (lg_h5_has_attribute(r->h5, at.text, "fitted"))
         LG_TRY(lg_as_format(lg_h5_number(r->h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, r->error),
                             r->error));
@@ -124,19 +124,18 @@ static lg_status get_function(reading *r, const char *name) {
 /* ---- parameters ---- */
 
 static lg_status get_array(reading *r, const char *path, lg_shape *shape, lg_owned *values) {
-    uint32_t rank;
-    uint64_t dims[4], count = 1;
-    LG_TRY(lg_as_format(lg_h5_shape(r->h5, path, &rank, dims, NULL, r->error), r->error));
-    shape->rank = rank;
-    for (uint32_t d = 0; d < rank; d++) {
+    lg_h5_about about;
+    const uint64_t *dims = about.dims;
+    LG_TRY(lg_as_format(lg_h5_look(r->h5, path, sizeof(double), &about, r->error), r->error));
+    shape->rank = about.rank;
+    for (uint32_t d = 0; d < about.rank; d++) {
         if (dims[d] > UINT32_MAX) return bad(r, path, "is too large");
         shape->dims[d] = (uint32_t)dims[d];
-        count *= dims[d];
     }
-    LG_TRY(take(r, path, count, sizeof(double), &values->memory));
-    LG_TRY(
-        lg_as_format(lg_h5_get(r->h5, path, LG_ELEMENT_F64, rank, dims, values->memory, r->error), r->error));
-    return lg_check_finite(r->h5->path, path, rank, dims, values->memory, r->error);
+    LG_TRY(take(r, path, about.count, sizeof(double), &values->memory));
+    LG_TRY(lg_as_format(lg_h5_get(r->h5, path, LG_ELEMENT_F64, about.rank, dims, values->memory, r->error),
+                        r->error));
+    return lg_check_finite(r->h5->path, path, about.rank, dims, values->memory, r->error);
 }
 
 /* Whether the text is a path of plain names. */
