@@ -1,6 +1,7 @@
 /* lg-anomaly generate: simulates the standard runs of the riser scene, cuts them into windows and writes a
  * data file. */
 #include <math.h>
+#include <string.h>
 
 #include "lg-anomaly/anomaly.h"
 #include "common/train.h"
@@ -260,8 +261,8 @@ const app_command anomaly_generate_command = {
         "accelerations of the lower and the upper sensor in m/s^2 and the bending moment in N m, each in x "
         "and y. For the probability of detection against severity, make one file for each --severity.",
     .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
-    .plots = APP_PLOTS(
-        APP_PLOT("states", "recordings, intact and broken", "recordings", put_recordings, .usual = APP_PLOT_ANY),
-        APP_PLOT("housings", "recordings, slack and tight", "recordings", put_recordings)),
+    .plots = APP_PLOTS(APP_PLOT("states", "recordings, intact and broken", "recordings", put_recordings,
+                                .usual = APP_PLOT_ANY),
+                       APP_PLOT("housings", "recordings, slack and tight", "recordings", put_recordings)),
     .run = run,
     .together = APP_RANKS};

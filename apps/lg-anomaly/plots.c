@@ -87,8 +87,8 @@ static void put_points(app_plot *plot, const void *view) {
     }
     app_plot_text(plot, "%u\t%u", columns, v->model->names.classes);
     for (uint32_t c = 0; c < columns; c++) {
-        APP_FREE char *name = plane ? app_format("output %u of the last hidden layer", c + 1)
-                                    : column_name(v, reduced, c);
+        APP_FREE char *name =
+            plane ? app_format("output %u of the last hidden layer", c + 1) : column_name(v, reduced, c);
         app_plot_text(plot, "%s", name);
     }
     put_class_names(plot, v);

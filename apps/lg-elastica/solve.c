@@ -148,8 +148,8 @@ static void run(app *self) {
     lg_elastica_options_init(&options);
     if (values.gradient_tol > 0) options.gradient_tolerance = values.gradient_tol;
     if (values.sweep > 0) {
-        const sweep_values sweep = {(size_t)values.sweep, problem,    (lg_elastica_case)beam_given.kind,
-                                    values.saddles,       values.out};
+        const sweep_values sweep = {(size_t)values.sweep, problem, (lg_elastica_case)beam_given.kind,
+                                    values.saddles, values.out};
         sweep_run(self, &sweep, &options);
         return;
     }

@@ -15,9 +15,8 @@ static size_t put_blocks(app_plot *plot, const lg_hamiltonian *model, const doub
     return n * parts;
 }
 
-void draw_trajectories(const app *self, const char *title, const lg_hamiltonian *model,
-                       const double *t, const double *truth, const double *predicted, size_t n,
-                       size_t points) {
+void draw_trajectories(const app *self, const char *title, const lg_hamiltonian *model, const double *t,
+                       const double *truth, const double *predicted, size_t n, size_t points) {
     const bool chain = model->family->factor[0] == LG_SPACE_TS2;
     app_plot plot;
     if (!app_plot_begin(&plot, chain ? "spheres" : "learned_flow")) return;

@@ -232,8 +232,8 @@ void identify_draw_evaluation(const app *self, const identify_given *given, cons
     const lg_logs *logs = &given->data.logs;
     drawing d = {.given = given, .log = &logs->log, .v = v};
     (void)begin(&d.plot,
-          "First run of the log: logged (thick) and predicted from its start (thin); what was learned",
-          &given->data.file, false, true, false);
+                "First run of the log: logged (thick) and predicted from its start (thin); what was learned",
+                &given->data.file, false, true, false);
     put_run(&d.plot, &given->data.file, d.log, identify_first_run(logs), q, v, NULL);
     put_horizons(&d.plot, horizons, horizon_count);
     put_terms(self, &d);

@@ -28,4 +28,3 @@ set ylabel 'mean error'
 eval powers('y')
 plot datafile index n + 1 using 1:2 with lines lw 2 lc rgb '#2e8b57' title 'q', \
     datafile index n + 1 using 1:3 with lines lw 2 lc rgb '#8b3a8b' title "q'"
-unset multiplot

@@ -20,4 +20,3 @@ do for [panel = 1:V(2)] {
     plot for [k = 1:true] datafile index k using x:y with lines lw 2 lc rgb '#1f5fa8' title k == 1 ? 'true' : '', \
         for [k = true+1:all] datafile index k using x:y @predicted title k == true+1 ? 'predicted' : ''
 }
-unset multiplot

@@ -12,7 +12,7 @@ known = count > 4 + n + m
 w(k) = V(4 + n + m + k)
 name(k) = T[2 + k]
 class(c) = T[2 + n + c]
-label(axis, k) = sprintf('; set %slabel name(%d) noenhanced font small(name(%d)) ', axis, k, k)
+label(axis, k) = sprintf('set %slabel name(%d) noenhanced font small(name(%d)); ', axis, k, k)
 array low[n]
 array high[n]
 do for [k = 1:n] {
@@ -78,7 +78,8 @@ if (kind eq 'margin') {
     r = normal(2) > normal(r) ? 2 : r
     p = r == 1 ? 2 : 1
     q = r == 3 ? 2 : 3
-    eval label('x', p).label('y', q).label('z', r).'rotate by 90'
+    eval label('x', p).label('y', q)
+    set zlabel name(r) noenhanced font small(name(r)) rotate by 90
     set xrange [low[p]:high[p]]
     set yrange [low[q]:high[q]]
     set zrange [low[r]:high[r]]

@@ -13,4 +13,3 @@ do for [panel = 1:2] {
     unset key
     unset ylabel
 }
-unset multiplot

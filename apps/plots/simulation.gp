@@ -99,4 +99,3 @@ do for [k = 1:panels] {
     }
     at = int(at + length(at))
 }
-unset multiplot

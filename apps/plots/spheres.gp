@@ -29,4 +29,3 @@ do for [link = 1:links] {
         for [k = link:true:links] datafile index k using 1:2:3 with lines lw 2 lc rgb '#1f5fa8' title k == link ? 'true' : '', \
         for [k = true+link:all:links] datafile index k using 1:2:3 @predicted title k == true+link ? 'predicted' : ''
 }
-unset multiplot
