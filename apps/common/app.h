@@ -451,11 +451,11 @@ void app_release_claims(void);
 
 /* ---- plots through gnuplot ---- */
 
-/* A plot is the image of --plot, FILE.svg or FILE.png. Its gnuplot script is a fixed text, apps/plots/NAME.gp, of which
- * FILE.gp is a copy. FILE.dat holds the numbers and texts of the plot, so a user's text is never part of a
- * script. Each script starts with apps/plots/begin.gp, which reads FILE.dat. What can be computed from the
- * numbers and texts (ranges, sizes, histograms) is computed in the script. This code uses T[1] and T[2], the
- * blocks 1 and 2, and the script apps/plots/training.gp:
+/* A plot is the image of --plot, FILE.svg or FILE.png. Its gnuplot script is a fixed text,
+ * apps/plots/NAME.gp, of which FILE.gp is a copy. FILE.dat holds the numbers and texts of the plot, so a
+ * user's text is never part of a script. Each script starts with apps/plots/begin.gp, which reads FILE.dat.
+ * What can be computed from the numbers and texts (ranges, sizes, histograms) is computed in the script. This
+ * code uses T[1] and T[2], the blocks 1 and 2, and the script apps/plots/training.gp:
  *
  *   if (!app_plot_begin(&plot, "training")) return;            --plot is not given
  *   app_plot_text(&plot, "%s\t%zu", name, count);              these are T[1] and T[2]

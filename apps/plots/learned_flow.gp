@@ -3,7 +3,6 @@
 phase = V(2) > 1
 true = V(3)
 all = V(3) + V(4)
-predicted = (true > 0 ? 'with points pt 7 ps 0.5' : 'with lines lw 1.5')." lc rgb '#d1641f'"
 eval size(phase ? 3*520 : 700, (phase ? 520 : 700) + 30)
 set multiplot layout 1,V(2) title T[1] noenhanced
 set key below center horizontal
@@ -17,6 +16,10 @@ do for [panel = 1:V(2)] {
     if (panel > 1) { set size noratio }
     x = panel > 1 ? 3 : 1
     y = panel == 2 ? 1 : 2
-    plot for [k = 1:true] datafile index k using x:y with lines lw 2 lc rgb '#1f5fa8' title k == 1 ? 'true' : '', \
-        for [k = true+1:all] datafile index k using x:y @predicted title k == true+1 ? 'predicted' : ''
+    if (true > 0) {
+        plot for [k = 1:true] datafile index k using x:y with lines lw 2 lc rgb '#1f5fa8' title k == 1 ? 'true' : '', \
+            for [k = true+1:all] datafile index k using x:y with points pt 7 ps 0.5 lc rgb '#d1641f' title k == true+1 ? 'predicted' : ''
+    } else {
+        plot for [k = 1:all] datafile index k using x:y with lines lw 1.5 lc rgb '#d1641f' title k == 1 ? 'predicted' : ''
+    }
 }

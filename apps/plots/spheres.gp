@@ -3,7 +3,6 @@
 links = V(2)
 true = V(3)
 all = V(3) + V(4)
-predicted = (true > 0 ? 'with points pt 7 ps 0.5' : 'with lines lw 1.5')." lc rgb '#d1641f'"
 wide = links > 1 ? 520 : 700
 columns = links < 3 ? links : 3
 rows = int(links + 2) / 3
@@ -25,7 +24,13 @@ set arrow from 1,1,0.4 to 1,1,-0.4 lw 2.5 lc rgb '#333333' head filled front
 set label 'gravity' at 1,1,0.55 center front
 do for [link = 1:links] {
     if (links > 1) { set title sprintf('link %d', link) }
-    splot @sphere with lines lc rgb '#dcdcdc' lw 0.5 notitle, \
-        for [k = link:true:links] datafile index k using 1:2:3 with lines lw 2 lc rgb '#1f5fa8' title k == link ? 'true' : '', \
-        for [k = true+link:all:links] datafile index k using 1:2:3 @predicted title k == true+link ? 'predicted' : ''
+    if (true > 0) {
+        splot @sphere with lines lc rgb '#dcdcdc' lw 0.5 notitle, \
+            for [k = link:true:links] datafile index k using 1:2:3 with lines lw 2 lc rgb '#1f5fa8' title k == link ? 'true' : '', \
+            for [k = true+link:all:links] datafile index k using 1:2:3 with points pt 7 ps 0.5 lc rgb '#d1641f' \
+            title k == true+link ? 'predicted' : ''
+    } else {
+        splot @sphere with lines lc rgb '#dcdcdc' lw 0.5 notitle, \
+            for [k = link:all:links] datafile index k using 1:2:3 with lines lw 1.5 lc rgb '#d1641f' title k == link ? 'predicted' : ''
+    }
 }
