@@ -708,7 +708,7 @@ TEST("the line in the plot of a plane separates the windows as the network does"
         right += (w[0] * x[0] + w[1] * x[1] + b > 0) == (class == 2);
         count++;
     }
-    assert_true(count > 0);
+    assert_true(count > 0 && b != 0);
     assert_close((double)right / (double)count, accuracy, 1e-9, 0);
 }
 
