@@ -451,15 +451,15 @@ void app_release_claims(void);
 
 /* ---- plots through gnuplot ---- */
 
-/* A plot is an image FILE.svg or FILE.png. Its gnuplot script is a fixed text, apps/plots/NAME.gp, of which
- * FILE.gp is a copy. FILE.dat holds the numbers and texts of the plot, so a user's text is never part of a
- * script. Each script starts with apps/plots/begin.gp, which reads FILE.dat. What can be computed from the
- * numbers and texts (ranges, sizes, histograms) is computed in the script. This code uses T[1] and T[2], the
- * blocks 1 and 2, and the script apps/plots/training.gp:
+/* A plot is the image of --plot, FILE.svg or FILE.png. Its gnuplot script is a fixed text,
+ * apps/plots/NAME.gp, of which FILE.gp is a copy. FILE.dat holds the numbers and texts of the plot, so a
+ * user's text is never part of a script. Each script starts with apps/plots/begin.gp, which reads FILE.dat.
+ * What can be computed from the numbers and texts (ranges, sizes, histograms) is computed in the script. This
+ * code uses T[1] and T[2], the blocks 1 and 2, and the script apps/plots/training.gp:
  *
- *   app_plot_begin(&plot, "training", "loss.svg");
+ *   if (!app_plot_begin(&plot, "training")) return;            --plot is not given
  *   app_plot_text(&plot, "%s\t%zu", name, count);              these are T[1] and T[2]
- *   APP_PLOT_ROW(&plot, 9, t, x);                               this is a line of block 1
+ *   APP_PLOT_COLUMNS(&plot, 9, points, {t, 1, 1}, {q, dim, 1}); block 1: t, and the first number of each q
  *   app_plot_block(&plot);
  *   APP_PLOT_ROW(&plot, 9, t, y);                               this is a line of block 2
  *   app_plot_end(app, &plot);
@@ -470,6 +470,7 @@ typedef struct app_plot_script {
 extern const app_plot_script app_plot_scripts[]; /* the files apps/plots/NAME.gp, and a last row of NULL */
 
 typedef struct app_plot {
+    const char *kind;     /* the name of the row that app_plot_draw draws, if the row has a script */
     const char *script;   /* the text of the script, without its common beginning */
     app_file texts, data; /* block 0, which becomes the file; the blocks of numbers */
     char *image, *data_path, *script_path;
@@ -479,8 +480,8 @@ bool app_plot_name_fits(const char *image);
 /* The text of the first line of each data file, and how each script begins. */
 #define APP_PLOT_DATA   "texts and numbers of a plot by liegrad"
 #define APP_PLOT_SCRIPT "# This gnuplot script is a fixed text of liegrad."
-/* The name must end in .svg or .png; app_check_outputs checks this for LG_FILE_DRAWN. */
-void app_plot_begin(app_plot *plot, const char *script, const char *image);
+/* Begins the plot of --plot, whose name ends in .svg or .png (app_check_outputs). False: it is not given. */
+bool app_plot_begin(app_plot *plot, const char *script);
 /* Adds texts, which tabs in the format separate. The script has the first text as T[1], the second as T[2],
  * and as V(1), V(2) if they are numbers. Arguments may hold any bytes: control characters are shown as by
  * app_put. */
@@ -490,6 +491,16 @@ void app_plot_numbers(app_plot *plot, int digits, const double *x, size_t count)
 #define APP_PLOT_ROW(plot, digits, ...)                                                                      \
     app_plot_numbers(plot, digits, (const double[]){__VA_ARGS__},                                            \
                      sizeof(const double[]){__VA_ARGS__} / sizeof(double))
+/* Numbers of a plot that lie in memory: the row i has x[i*stride + j], j = 0, ..., count - 1. */
+typedef struct app_plot_column {
+    const double *x;
+    size_t stride, count;
+} app_plot_column;
+/* Adds lines with the numbers of all columns, in their order. */
+void app_plot_columns(app_plot *plot, int digits, size_t rows, const app_plot_column *columns, size_t count);
+#define APP_PLOT_COLUMNS(plot, digits, rows, ...)                                                            \
+    app_plot_columns(plot, digits, rows, (const app_plot_column[]){__VA_ARGS__},                             \
+                     sizeof(const app_plot_column[]){__VA_ARGS__} / sizeof(app_plot_column))
 /* Interrupts the curve: adds an empty line, but no second one. */
 void app_plot_gap(app_plot *plot);
 /* Ends a block of data. The script reads the first block as `index 1` of `datafile`. A block without numbers

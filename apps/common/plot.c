@@ -40,7 +40,9 @@ void app_plot_text(app_plot *plot, const char *format, ...) {
     while (rest != NULL) put_text(plot->texts.stream, strsep(&rest, "\t"));
 }
 
-void app_plot_begin(app_plot *plot, const char *script, const char *image) {
+bool app_plot_begin(app_plot *plot, const char *script) {
+    const char *image = app_plot_given.plot;
+    if (image == NULL) return false;
     const int stem = (int)strlen(image) - 4;
     *plot = (app_plot){.script = script_text(script), .image = app_format("%s", image)};
     plot->data_path = app_format("%.*s.dat", stem, image);
@@ -48,12 +50,22 @@ void app_plot_begin(app_plot *plot, const char *script, const char *image) {
     app_file_begin(&plot->texts, plot->data_path);
     app_file_begin(&plot->data, plot->data_path);
     app_plot_text(plot, APP_PLOT_DATA "\t%s", image + stem + 1);
+    return true;
+}
+
+void app_plot_columns(app_plot *plot, int digits, size_t rows, const app_plot_column *columns, size_t count) {
+    for (size_t i = 0; i < rows; i++) {
+        const char *between = "";
+        for (const app_plot_column *at = columns; at < columns + count; at++)
+            for (size_t j = 0; j < at->count; j++, between = " ")
+                (void)fprintf(plot->data.stream, "%s%.*g", between, digits, at->x[i * at->stride + j]);
+        (void)fputc('\n', plot->data.stream);
+        plot->filled = plot->lined = true;
+    }
 }
 
 void app_plot_numbers(app_plot *plot, int digits, const double *x, size_t count) {
-    for (size_t i = 0; i < count; i++) (void)fprintf(plot->data.stream, &" %.*g"[i == 0], digits, x[i]);
-    (void)fputc('\n', plot->data.stream);
-    plot->filled = plot->lined = true;
+    APP_PLOT_COLUMNS(plot, digits, 1, {x, 0, count});
 }
 
 void app_plot_gap(app_plot *plot) {
@@ -187,7 +199,7 @@ void app_plot_draw(const app *self, unsigned has, const void *of) {
     const app_plot_kind *kind = kind_of(has | APP_PLOT_ANY);
     app_plot plot;
     app_plot_check(self, has);
-    if (kind->script != NULL) app_plot_begin(&plot, kind->script, app_plot_given.plot);
+    if (kind->script != NULL) (void)app_plot_begin(&plot, kind->script), plot.kind = kind->name;
     kind->put(&plot, of);
     app_plot_end(self, &plot);
 }

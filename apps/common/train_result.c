@@ -149,8 +149,7 @@ void train_put_loss(app_plot *plot, const void *training) {
     const double *loss = lg_fit_history(fit, LG_FIT_LOSS),
                  *validation = lg_fit_history(fit, LG_FIT_VALIDATION);
     app_plot_text(plot, "%d", lg_fit_epochs_done(fit) > 0 && isfinite(validation[0]));
-    for (size_t i = 0; i < lg_fit_epochs_done(fit); i++)
-        APP_PLOT_ROW(plot, 17, (double)i + 1, loss[i], validation[i]);
+    APP_PLOT_COLUMNS(plot, 17, lg_fit_epochs_done(fit), {loss, 1, 1}, {validation, 1, 1});
 }
 
 const app_plot_kind train_plots[] = {

@@ -1,6 +1,7 @@
 /* lg-anomaly generate: simulates the standard runs of the riser scene, cuts them into windows and writes a
  * data file. */
 #include <math.h>
+#include <string.h>
 
 #include "lg-anomaly/anomaly.h"
 #include "common/train.h"
@@ -122,8 +123,10 @@ static void data_destroy(lg_series_data *data) {
 enum { SHOWN_SECONDS = 3600, SHOWN_SAMPLES = 1800 };
 
 /* Two recordings of the first condition against time: intact and broken, or, both broken, slack and tight. */
-static void put_recordings(app_plot *plot, bool states, double rate) {
+static void put_recordings(app_plot *plot, const void *sampled) {
     const app *self = app_running();
+    const bool states = strcmp(plot->kind, "states") == 0;
+    const double rate = *(const double *)sampled;
     const size_t count = (size_t)(fmin(values.hours * 3600, SHOWN_SECONDS) * rate);
     APP_FREE float *samples = app_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
     app_plot_text(plot, states ? "2\t%d\tintact\tbroken" : "2\t%d\tslack, broken\ttight, broken",
@@ -146,14 +149,6 @@ static void put_recordings(app_plot *plot, bool states, double rate) {
         }
         app_plot_block(plot);
     }
-}
-
-static void put_states(app_plot *plot, const void *rate) {
-    put_recordings(plot, true, *(const double *)rate);
-}
-
-static void put_housings(app_plot *plot, const void *rate) {
-    put_recordings(plot, false, *(const double *)rate);
 }
 
 /* ---- the command ---- */
@@ -266,8 +261,8 @@ const app_command anomaly_generate_command = {
         "accelerations of the lower and the upper sensor in m/s^2 and the bending moment in N m, each in x "
         "and y. For the probability of detection against severity, make one file for each --severity.",
     .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
-    .plots = APP_PLOTS(
-        APP_PLOT("states", "recordings, intact and broken", "recordings", put_states, .usual = APP_PLOT_ANY),
-        APP_PLOT("housings", "recordings, slack and tight", "recordings", put_housings)),
+    .plots = APP_PLOTS(APP_PLOT("states", "recordings, intact and broken", "recordings", put_recordings,
+                                .usual = APP_PLOT_ANY),
+                       APP_PLOT("housings", "recordings, slack and tight", "recordings", put_recordings)),
     .run = run,
     .together = APP_RANKS};

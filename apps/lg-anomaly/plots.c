@@ -39,65 +39,9 @@ static char *column_name(const viewing *v, bool reduced, uint32_t c) {
     return app_format("%s", name);
 }
 
-/* The texts of points.gp after the names of the columns. w.x + b = 0 is a plane or a line; w (columns), or
- * NULL for none. */
-static void put_classes(app_plot *plot, const viewing *v, const char *view, uint32_t columns, const double *w,
-                        double b) {
+static void put_class_names(app_plot *plot, const viewing *v) {
     for (uint32_t c = 0; c < v->model->names.classes; c++)
         app_plot_text(plot, "%s", v->model->names.class_name[c]);
-    app_plot_text(plot, "%s\t%.9g", view, b);
-    for (uint32_t k = 0; w != NULL && k < columns; k++) app_plot_text(plot, "%.9g", w[k]);
-}
-
-/* Writes window number `at`: its class, the number of earlier windows of this class, its first columns. */
-static void put_point(app_plot *plot, const viewing *v, size_t at, const double *x, uint32_t columns,
-                      double *seen) {
-    double row[2 + SHOWN_COLUMNS] = {v->judged->truth[at] + 1, seen[v->judged->truth[at]]++};
-    memcpy(row + 2, x, columns * sizeof *row);
-    app_plot_numbers(plot, 9, row, 2 + columns);
-}
-
-/* Draws the features of the windows, or with `components` their principal components. */
-static void put_points(app_plot *plot, const viewing *v, const char *view, bool components, const double *w,
-                       double b) {
-    const lg_classifier *classifier = &v->model->classifier;
-    const lg_features *features = &classifier->features;
-    const lg_pca *pca = &classifier->pca;
-    const bool reduced = components && pca->components > 0;
-    const uint32_t all = reduced ? pca->components : features->count,
-                   most = components ? 3 : (uint32_t)SHOWN_COLUMNS, columns = all < most ? all : most;
-    APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
-    APP_FREE double *f = app_alloc(3 * (size_t)features->count, sizeof *f);
-    APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
-    APP_FREE double *seen = app_alloc(v->model->names.classes, sizeof *seen);
-    double *reduction = f + features->count;
-    app_plot_text(plot, "%u\t%u", columns, v->model->names.classes);
-    for (uint32_t c = 0; c < columns; c++) {
-        APP_FREE char *name = column_name(v, reduced, c);
-        app_plot_text(plot, "%s", name);
-    }
-    put_classes(plot, v, view, columns, w, b);
-    for (size_t i = 0; i < shown(v->judged); i++) {
-        const size_t at = chosen(v->judged, i);
-        features_of(v, at, x, f, work);
-        if (reduced) lg_pca_eval(pca, f, 1, reduction, reduction + features->count);
-        put_point(plot, v, at, reduced ? reduction : f, columns, seen);
-    }
-}
-
-static void put_pairs(app_plot *plot, const void *view) {
-    put_points(plot, view, "pairs", false, NULL, 0);
-}
-
-static void put_clouds(app_plot *plot, const void *view) {
-    put_points(plot, view, "clouds", true, NULL, 0);
-}
-
-static void put_margin(app_plot *plot, const void *view) {
-    const viewing *v = view;
-    double w[3], b;
-    app_must_file(app_running(), lg_svm_plane(&v->model->classifier.svm, w, &b), NULL, app_plot_given.plot);
-    put_points(plot, v, "margin", true, w, b);
 }
 
 /* The line w.x + b = 0 on which a network with two numbers before its output finds both classes equally
@@ -117,16 +61,46 @@ static bool output_line(const well_model *model, double w[2], double *b) {
     return w[0] != 0 || w[1] != 0;
 }
 
-static void put_plane(app_plot *plot, const void *view) {
+/* Draws the features of the windows (pairs), their principal components (clouds, margin), or the two numbers
+ * before the output of a network (plane); with the plane or line w.x + b = 0 of margin and plane. */
+static void put_points(app_plot *plot, const void *view) {
     const viewing *v = view;
-    double w[2], b = 0;
+    const bool plane = strcmp(plot->kind, "plane") == 0, margin = strcmp(plot->kind, "margin") == 0;
+    const bool pairs = strcmp(plot->kind, "pairs") == 0;
+    const lg_classifier *classifier = &v->model->classifier;
+    const lg_features *features = &classifier->features;
+    const lg_pca *pca = &classifier->pca;
+    const bool reduced = !pairs && !plane && pca->components > 0;
+    const uint32_t all = plane     ? 2
+                         : reduced ? pca->components
+                                   : features->count,
+                   most = pairs ? (uint32_t)SHOWN_COLUMNS : 3, columns = all < most ? all : most;
+    APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
+    APP_FREE double *f = app_alloc(3 * (size_t)features->count, sizeof *f);
+    APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
     APP_FREE double *seen = app_alloc(v->model->names.classes, sizeof *seen);
-    app_plot_text(plot, "2\t%u", v->model->names.classes);
-    for (int c = 0; c < 2; c++) app_plot_text(plot, "output %d of the last hidden layer", c + 1);
-    put_classes(plot, v, "plane", 2, output_line(v->model, w, &b) ? w : NULL, b);
+    double w[3], b = 0, *reduction = f + features->count;
+    bool known = plane && output_line(v->model, w, &b);
+    if (margin) {
+        app_must_file(app_running(), lg_svm_plane(&classifier->svm, w, &b), NULL, app_plot_given.plot);
+        known = true;
+    }
+    app_plot_text(plot, "%u\t%u", columns, v->model->names.classes);
+    for (uint32_t c = 0; c < columns; c++) {
+        APP_FREE char *name =
+            plane ? app_format("output %u of the last hidden layer", c + 1) : column_name(v, reduced, c);
+        app_plot_text(plot, "%s", name);
+    }
+    put_class_names(plot, v);
+    app_plot_text(plot, "%s\t%.9g", plot->kind, b);
+    for (uint32_t k = 0; known && k < columns; k++) app_plot_text(plot, "%.9g", w[k]);
     for (size_t i = 0; i < shown(v->judged); i++) {
-        const size_t at = chosen(v->judged, i);
-        put_point(plot, v, at, v->judged->plane + 2 * at, 2, seen);
+        const size_t at = chosen(v->judged, i), class = v->judged->truth[at];
+        const double head[2] = {(double)class + 1, seen[class]++};
+        if (!plane) features_of(v, at, x, f, work);
+        if (reduced) lg_pca_eval(pca, f, 1, reduction, reduction + features->count);
+        const double *row = plane ? v->judged->plane + 2 * at : reduced ? reduction : f;
+        APP_PLOT_COLUMNS(plot, 9, 1, {head, 0, 2}, {row, 0, columns});
     }
 }
 
@@ -136,7 +110,7 @@ static void put_variance(app_plot *plot, const void *view) {
     const viewing *v = view;
     const lg_pca *pca = &v->model->classifier.pca;
     app_plot_text(plot, "%u", pca->components);
-    for (uint32_t i = 0; i < pca->variances; i++) APP_PLOT_ROW(plot, 9, pca->variance[i]);
+    APP_PLOT_COLUMNS(plot, 9, pca->variances, {pca->variance, 1, 1});
 }
 
 /* Writes a node after its children, down to SHOWN_DEPTH: the line of its box and of the lines to its
@@ -185,8 +159,7 @@ static void put_regressions(app_plot *plot, const void *view) {
     const double *deviation = work + ((size_t)features->channels + 1) * features->length;
     const size_t every = shown(v->judged) / ((size_t)SHOWN_LINES * v->model->names.classes) + 1;
     app_plot_text(plot, "%u", v->model->names.classes);
-    for (uint32_t c = 0; c < v->model->names.classes; c++)
-        app_plot_text(plot, "%s", v->model->names.class_name[c]);
+    put_class_names(plot, v);
     for (size_t i = 0; i < shown(v->judged); i += every) {
         const size_t at = chosen(v->judged, i), class = v->judged->truth[at];
         double least = DBL_MAX, most = -DBL_MAX;
@@ -227,10 +200,8 @@ static void put_roc(app_plot *plot, const void *view) {
         const size_t points = lg_metrics_roc(judged->truth, score, n, c, fpr, tpr, threshold, order);
         if (points == 0) continue;
         double area = 0;
-        for (size_t i = 0; i < points; i++) {
-            if (i > 0) area += 0.5 * (fpr[i] - fpr[i - 1]) * (tpr[i] + tpr[i - 1]);
-            APP_PLOT_ROW(plot, 9, fpr[i], tpr[i]);
-        }
+        for (size_t i = 1; i < points; i++) area += 0.5 * (fpr[i] - fpr[i - 1]) * (tpr[i] + tpr[i - 1]);
+        APP_PLOT_COLUMNS(plot, 9, points, {fpr, 1, 1}, {tpr, 1, 1});
         app_plot_text(plot, "%s, area %.4f", v->model->names.class_name[c], area);
         app_plot_block(plot);
         curves++;
@@ -251,15 +222,15 @@ enum { PLANE = 64, NOVELTY = 128, LOSS = 256, PRUNING = 512 };
 const app_plot_kind anomaly_plots[] = {
     APP_PLOT("loss", "cnn", "training", put_loss, LOSS, "is drawn while a cnn is trained", LOSS),
     APP_PLOT("pruning", "tree", "pruning", put_pruning, PRUNING, "is drawn while a tree is trained", 0),
-    APP_PLOT("pairs", "features", "points", put_pairs, FEATURES, NO_FEATURES, 0),
-    APP_PLOT("plane", "cnn", "points", put_plane, PLANE,
+    APP_PLOT("pairs", "features", "points", put_points, FEATURES, NO_FEATURES, 0),
+    APP_PLOT("plane", "cnn", "points", put_points, PLANE,
              "needs a cnn with two numbers before its output (--plane 2)", PLANE),
     APP_PLOT("regressions", "baseline", "regressions", put_regressions, BASELINE,
              "needs --classifier baseline", BASELINE),
     APP_PLOT("tree", "tree", "tree", put_tree, TREE, "the model is not a tree", TREE),
-    APP_PLOT("margin", "linear svm", "points", put_margin, MARGIN,
+    APP_PLOT("margin", "linear svm", "points", put_points, MARGIN,
              "needs svm-linear with two classes and three components", MARGIN),
-    APP_PLOT("clouds", "components", "points", put_clouds, FEATURES, NO_FEATURES, FEATURES),
+    APP_PLOT("clouds", "components", "points", put_points, FEATURES, NO_FEATURES, FEATURES),
     APP_PLOT("variance", "explained by components", "variance", put_variance, VARIANCES,
              "needs principal components (--components)", 0),
     APP_PLOT("roc", "true against false alarms", "roc", put_roc, .usual = NOVELTY),

@@ -102,7 +102,7 @@ size_t control_list_quantities(const lg_policy_task *task, control_quantity *out
 void control_write_runs(const app *self, const control_runs *runs, const char *path);
 /* Draws three panels: the motion of the first 40 runs, the starts of all runs, and the inputs of the first 8
  * runs. */
-void control_draw_runs(const app *self, const control_runs *runs, const char *path);
+void control_draw_runs(const app *self, const control_runs *runs);
 
 /* Evaluates the policy from random starts; `runs` may be NULL. */
 lg_policy_outcome control_evaluate(const app *self, const lg_policy *policy, lg_policy_test mode,

@@ -124,7 +124,7 @@ static void show_runs(const app *self, control_runs *runs) {
     if (!told()) return;
     control_find_states(self, runs);
     if (values.out != NULL) control_write_runs(self, runs, values.out);
-    if (app_plot_given.plot != NULL) control_draw_runs(self, runs, app_plot_given.plot);
+    control_draw_runs(self, runs);
 }
 
 static void run(app *self) {

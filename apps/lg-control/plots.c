@@ -128,12 +128,12 @@ static void put_panel(drawing *d, const char *what, size_t most, const size_t *a
                   numbers[1]);
 }
 
-void control_draw_runs(const app *self, const control_runs *runs, const char *path) {
+void control_draw_runs(const app *self, const control_runs *runs) {
     drawing d = {.from = runs, .task = runs->task, .runs = &runs->runs};
     size_t axes[2];
     d.axes = control_list_quantities(d.task, d.axis);
     d.axis[d.axes] = (control_quantity){.name = "t (s)"};
-    app_plot_begin(&d.plot, "policy_runs", path);
+    if (!app_plot_begin(&d.plot, "policy_runs")) return;
     choose_phase(&d, axes);
     put_panel(&d, "Motion of the first", MOTIONS, axes, d.runs->steps,
               (const double[]){goal_of(&d.axis[axes[0]]), goal_of(&d.axis[axes[1]])});

@@ -102,7 +102,7 @@ typedef struct sweep_values {
     lg_elastica problem;
     lg_elastica_case kind;
     bool saddles;
-    const char *out, *plot;
+    const char *out;
 } sweep_values;
 void sweep_run(const app *app, const sweep_values *values, const lg_elastica_options *options);
 
@@ -110,8 +110,8 @@ void sweep_run(const app *app, const sweep_values *values, const lg_elastica_opt
 
 /* Writes a data block with a beam, interpolated by cubic Hermite polynomials. */
 void put_beam(app_plot *plot, const beam_curve *curve);
-/* Draws beams, with their energies if `labelled`. `width`: of the lines of minima. `path` NULL: nothing. */
-void draw_beams(const app *app, const char *path, const char *title, bool labelled, double width,
-                const beam_curve *curves, size_t count);
+/* Draws beams to --plot, with their energies if `labelled`. `width`: of the lines of minima. */
+void draw_beams(const app *app, const char *title, bool labelled, double width, const beam_curve *curves,
+                size_t count);
 
 #endif

@@ -189,11 +189,10 @@ void put_beam(app_plot *plot, const beam_curve *curve) {
     app_plot_block(plot);
 }
 
-void draw_beams(const app *self, const char *path, const char *title, bool labelled, double width,
-                const beam_curve *curves, size_t count) {
+void draw_beams(const app *self, const char *title, bool labelled, double width, const beam_curve *curves,
+                size_t count) {
     app_plot plot;
-    if (path == NULL) return;
-    app_plot_begin(&plot, "elastica_beams", path);
+    if (!app_plot_begin(&plot, "elastica_beams")) return;
     app_plot_text(&plot, "%s\t%d\t%g", title, labelled, width);
     for (const beam_curve *at = curves; at < curves + count; at++) {
         const bool saddle = at->solution.negative_eigenvalues > 0;

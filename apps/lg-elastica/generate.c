@@ -30,7 +30,7 @@ static generate_values values;
 enum { SHOWN_CURVES = 24 };
 
 /* Draws some curves of a set, evenly chosen. */
-static void draw_set(const app *self, const char *path, const lg_elastica_curves *curves) {
+static void draw_set(const app *self, const lg_elastica_curves *curves) {
     beam_curve beams[SHOWN_CURVES];
     const size_t nodes = (size_t)curves->intervals + 1;
     const size_t shown = curves->count < SHOWN_CURVES ? curves->count : (size_t)SHOWN_CURVES;
@@ -40,7 +40,7 @@ static void draw_set(const app *self, const char *path, const lg_elastica_curves
         beams[i] = (beam_curve){.problem = {.length = curves->length, .intervals = curves->intervals},
                                 .at = {.count = nodes, .q = curves->q + at, .v = curves->v + at}};
     }
-    draw_beams(self, path, title, false, 1.3, beams, shown);
+    draw_beams(self, title, false, 1.3, beams, shown);
 }
 
 static void report(const app *self, const lg_elastica_data *data, double seconds) {
@@ -82,7 +82,7 @@ static void run(app *self) {
     const double seconds = app_seconds() - begin;
     data.provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out, lg_elastica_data_write(self->context, values.out, &data, &error));
-    if (app_plot_given.plot != NULL) draw_set(self, app_plot_given.plot, &data.curves);
+    draw_set(self, &data.curves);
     report(self, &data, seconds);
 }
 

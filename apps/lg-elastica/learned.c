@@ -71,14 +71,11 @@ static void put_curves(app_plot *plot, const void *user) {
         const size_t curve = of->test.list[(2 * i + 1) * count / (2 * shown)];
         const double *true_q = curves->q + 2 * nodes * curve, *true_v = curves->v + 2 * nodes * curve;
         lg_surrogate_curve(network, curves->boundary + 8 * curve, s, nodes, q, v, work);
-        for (size_t k = 0; k < 2 * nodes; k += 2)
-            APP_PLOT_ROW(plot, 9, true_q[k], true_q[k + 1], q[k], q[k + 1], true_v[k], true_v[k + 1], v[k],
-                         v[k + 1]);
+        APP_PLOT_COLUMNS(plot, 9, nodes, {true_q, 2, 2}, {q, 2, 2}, {true_v, 2, 2}, {v, 2, 2});
         app_plot_block(plot);
     }
     lg_surrogate_curves_destroy(network);
-    for (size_t k = 0; k < nodes; k++)
-        APP_PLOT_ROW(plot, 9, s[k], of->node_error[2 * k], of->node_error[2 * k + 1]);
+    APP_PLOT_COLUMNS(plot, 9, nodes, {s, 1, 1}, {of->node_error, 2, 2});
 }
 
 static lg_surrogate_state state;
@@ -240,19 +237,13 @@ static void report_curve(const app *self, const prediction *p) {
     app_json_text(out, "out", predict_given.out);
 }
 
-/* Draws the learned curve and, if `truth` is not NULL, the solution. */
-static void draw_prediction(const app *self, const char *path, const beam_curve *curve,
-                            const beam_curve *truth) {
-    app_plot plot;
-    app_plot_begin(&plot, "elastica_beams", path);
-    app_plot_text(&plot, "\t2\t2.5\t%d", truth != NULL);
-    for (size_t k = 0; k < curve->at.count; k++) app_plot_numbers(&plot, 9, curve->at.q + 2 * k, 2);
-    app_plot_block(&plot);
-    if (truth != NULL)
-        put_beam(&plot, truth);
-    else
-        app_plot_block(&plot);
-    app_plot_end(self, &plot);
+/* The learned curve and, with --solve, the solution. */
+static void put_prediction(app_plot *plot, const void *predicted) {
+    const prediction *p = predicted;
+    app_plot_text(plot, "\t2\t2.5\t%d", predict_given.solve);
+    APP_PLOT_COLUMNS(plot, 9, p->curve.at.count, {p->curve.at.q, 2, 2});
+    app_plot_block(plot);
+    if (predict_given.solve) put_beam(plot, &p->truth);
 }
 
 static void run_predict(app *self) {
@@ -273,8 +264,7 @@ static void run_predict(app *self) {
     compute(self, &p);
     if (predict_given.solve) compare(self, &p);
     write_curves(self, predict_given.out, &p.curve, 1, false);
-    if (app_plot_given.plot != NULL)
-        draw_prediction(self, app_plot_given.plot, &p.curve, predict_given.solve ? &p.truth : NULL);
+    app_plot_draw(self, 0, &p);
     report_curve(self, &p);
     lg_recipe_release(&lg_recipe_surrogate, &p.file);
 }
@@ -289,6 +279,7 @@ const app_command elastica_predict_command = {
         "the same for the distance from the lines through neighbours. A query farther than twice the reach "
         "or twice the spread is not `inside`, and there is a warning. `seconds`: the median of a few "
         "evaluations in double precision.",
-    APP_DRAWS("the curve; with --solve, the solution too"),
+    .plots = APP_PLOTS(APP_PLOT("curve", "the curve; with --solve, the solution too", "elastica_beams",
+                                put_prediction, .usual = APP_PLOT_ANY)),
     .settings = APP_SETTINGS(BOUNDARY, ENDS, APP_GIVEN(predict_options, predict_given)),
     .run = run_predict};

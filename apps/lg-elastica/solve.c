@@ -89,7 +89,7 @@ static void solve_curve(const app *self, const boundary *where, const lg_elastic
     const double seconds = app_seconds() - begin;
     if (!values.continuous) warn_of_intervals(self, &curve.problem, curve.solution.energy);
     write_curves(self, values.out, &curve, 1, false);
-    draw_beams(self, app_plot_given.plot, "", false, 2.5, &curve, 1);
+    draw_beams(self, "", false, 2.5, &curve, 1);
     report_curve(self, &curve, seconds);
 }
 
@@ -121,7 +121,7 @@ static void solve_branches(const app *self, const boundary *where, const lg_elas
     if (found.count == 0) app_stop(self, LG_NO_CONVERGENCE, "no equilibrium was found");
     if (found.full) app_warn(self, "there may be more branches than those listed");
     write_curves(self, values.out, found.list, found.count, true);
-    draw_beams(self, app_plot_given.plot, "", true, 2.5, found.list, found.count);
+    draw_beams(self, "", true, 2.5, found.list, found.count);
     report_branches(self, &found, &where->problem, seconds);
 }
 
@@ -148,8 +148,8 @@ static void run(app *self) {
     lg_elastica_options_init(&options);
     if (values.gradient_tol > 0) options.gradient_tolerance = values.gradient_tol;
     if (values.sweep > 0) {
-        const sweep_values sweep = {(size_t)values.sweep, problem,    (lg_elastica_case)beam_given.kind,
-                                    values.saddles,       values.out, app_plot_given.plot};
+        const sweep_values sweep = {(size_t)values.sweep, problem, (lg_elastica_case)beam_given.kind,
+                                    values.saddles, values.out};
         sweep_run(self, &sweep, &options);
         return;
     }

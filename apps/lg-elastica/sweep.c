@@ -105,11 +105,10 @@ static void write_sweep(const app *self, const char *path, const sweep_point *po
 }
 
 /* Branches are drawn as pieces of equal stability, since stable and unstable ones have different dashes. */
-static void draw_sweep(const app *self, const char *path, const sweep_point *points, size_t count) {
-    if (path == NULL) return;
+static void draw_sweep(const app *self, const sweep_point *points, size_t count) {
     app_plot plot;
     double before = NAN;
-    app_plot_begin(&plot, "elastica_sweep", path);
+    if (!app_plot_begin(&plot, "elastica_sweep")) return;
     for (const sweep_point *at = points; at < points + count; at++) {
         const bool follows = at > points && at[-1].branch == at->branch;
         const double saddle = at->negative_eigenvalues > 0, branch = (double)at->branch;
@@ -197,6 +196,6 @@ void sweep_run(const app *self, const sweep_values *values, const lg_elastica_op
     sweep_point *points = collect(&s, &count);
     const double seconds = app_seconds() - begin;
     write_sweep(self, values->out, points, count);
-    draw_sweep(self, values->plot, points, count);
+    draw_sweep(self, points, count);
     report(&s, points, count, seconds);
 }

@@ -18,12 +18,9 @@ static void put_scatter(app_plot *plot, const void *training) {
     app_plot_text(plot, "%zu", j->rows);
     for (uint32_t o = 0; o < panels; o++)
         app_plot_text(plot, "%s: rmse %.3g, R^2 %.3f", of->file.output_name[o], j->rmse[o], j->r2[o]);
-    for (size_t i = 0; i < j->rows; i += j->rows / POINTS + 1) {
-        double row[2 * PANELS];
-        memcpy(row, j->truth + i * outputs, panels * sizeof *row);
-        memcpy(row + panels, j->prediction + i * outputs, panels * sizeof *row);
-        app_plot_numbers(plot, 9, row, 2 * (size_t)panels);
-    }
+    const size_t every = j->rows / POINTS + 1, step = every * outputs;
+    APP_PLOT_COLUMNS(plot, 9, (j->rows + every - 1) / every, {j->truth, step, panels},
+                     {j->prediction, step, panels});
 }
 
 static void put_confusion(app_plot *plot, const void *training) {

@@ -87,9 +87,8 @@ static void check_shape(const app *self, const lg_hamiltonian *model, const lg_t
 static void draw(const app *self, const lg_hamiltonian *model, const lg_trajectories *test,
                  const double *predicted) {
     const size_t drawn = values.drawn > 0 ? values.drawn : SHOWN_TRAJECTORIES;
-    draw_trajectories(self, app_plot_given.plot, "Trajectories of the test set, true and predicted", model,
-                      test->t, test->data, predicted, test->count < drawn ? test->count : drawn,
-                      test->points);
+    draw_trajectories(self, "Trajectories of the test set, true and predicted", model, test->t, test->data,
+                      predicted, test->count < drawn ? test->count : drawn, test->points);
 }
 
 static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test) {
@@ -102,7 +101,7 @@ static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_traject
     APP_MUST(self, judge(self->context, self->threads, model, file->theta, test, tolerance, predicted,
                          &result, &error));
     if (values.relative) APP_MUST(self, judge_relative(test, predicted, &result, &error));
-    if (app_plot_given.plot != NULL) draw(self, model, test, predicted);
+    draw(self, model, test, predicted);
     const double seconds = app_seconds() - begin;
     const int code = check_finite(self, test, &result);
     lg_error why = {LG_OK, ""};

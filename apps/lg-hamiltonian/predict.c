@@ -149,9 +149,8 @@ static void write_outputs(const app *self, prediction *p) {
     if (app_common_given.out != NULL)
         APP_MUST_FILE(self, app_common_given.out,
                       lg_trajectories_write(self->context, app_common_given.out, &p->y, &error));
-    if (app_plot_given.plot != NULL)
-        draw_trajectories(self, app_plot_given.plot, "The learned flow", &p->file->run.model, p->y.t,
-                          p->truth, p->y.data, 1, p->y.points);
+    draw_trajectories(self, "The learned flow", &p->file->run.model, p->y.t, p->truth, p->y.data, 1,
+                      p->y.points);
 }
 
 static void prediction_destroy(prediction *p) {

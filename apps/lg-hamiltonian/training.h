@@ -69,8 +69,7 @@ enum { SHOWN_TRAJECTORIES = 10 }; /* default number of trajectories in the plot 
 /* Draws true (may be NULL) and predicted trajectories, both (n, points, d), at times t (points). Chains: each
  * link on a sphere. One degree of freedom: the phase portrait, and q and p against t. Otherwise: q_2 against
  * q_1. */
-void draw_trajectories(const app *app, const char *path, const char *title, const lg_hamiltonian *model,
-                       const double *t, const double *truth, const double *predicted, size_t n,
-                       size_t points);
+void draw_trajectories(const app *app, const char *title, const lg_hamiltonian *model, const double *t,
+                       const double *truth, const double *predicted, size_t n, size_t points);
 
 #endif

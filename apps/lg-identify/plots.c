@@ -18,11 +18,11 @@ static void put_group(app_plot *plot, const char *name, const char *what, uint32
 }
 
 /* Begins a plot, with panels for the positions, the attitude and the velocities of each coordinate, then
- * one for all inputs. */
-static void begin(app_plot *plot, const char *title, const lg_machine_file *file, bool inputs, bool predicted,
+ * one for all inputs. False: there is no --plot. */
+static bool begin(app_plot *plot, const char *title, const lg_machine_file *file, bool inputs, bool predicted,
                   bool bands) {
     uint32_t first = file->column_count, count = 0;
-    app_plot_begin(plot, "machine", app_plot_given.plot);
+    if (!app_plot_begin(plot, "machine")) return false;
     app_plot_text(plot, "%s\t%u\t%d", title, file->column_count, bands);
     for (uint32_t c = 0; c < file->column_count; c++) {
         const lg_log_column *at = &file->columns[c];
@@ -39,22 +39,23 @@ static void begin(app_plot *plot, const char *title, const lg_machine_file *file
         put_group(plot, name, "velocity", at->velocity, at->velocities, predicted);
     }
     if (inputs) put_group(plot, "inputs", "", first, count, false);
+    return true;
 }
 
 static void put_row(app_plot *plot, const lg_machine_file *file, const lg_machine_log *log, size_t row,
                     const double *q, const double *v, const double *bands, double *logged) {
     const size_t nq = file->machine.positions, nv = file->machine.velocities, m = file->machine.input_count;
     const size_t n = file->column_count;
-    double line[1 + 3 * LG_LOG_COLUMNS] = {log->t[row]}, *predicted = line + 1 + n;
+    double predicted[LG_LOG_COLUMNS];
     identify_to_columns(file, log->q + row * nq, lg_log_shown(log) + row * nv, logged, logged);
     for (uint32_t c = 0; c < n; c++) {
         if (file->columns[c].role == LG_LOG_INPUT) logged[c] = log->u[row * 4 * m + file->columns[c].index];
         predicted[c] = (double)NAN;
     }
-    memcpy(line + 1, logged, n * sizeof *line);
     if (q != NULL) identify_to_columns(file, q + row * nq, v + row * nv, logged, predicted);
-    if (bands != NULL) memcpy(predicted + n, bands + row * n, n * sizeof *line);
-    app_plot_numbers(plot, 9, line, 1 + (bands != NULL ? 3 : 2) * n);
+    const app_plot_column columns[] = {
+        {log->t + row, 0, 1}, {logged, 0, n}, {predicted, 0, n}, {bands + row * n, 0, n}};
+    app_plot_columns(plot, 9, 1, columns, bands != NULL ? 4 : 3);
 }
 
 /* Writes the first parts as one data block. Blank lines break the curves at gaps. */
@@ -75,8 +76,7 @@ void identify_draw_run(const app *self, const char *title, const lg_machine_file
                        const lg_machine_log *log, size_t parts, const double *q, const double *v,
                        const double *bands) {
     app_plot plot;
-    if (app_plot_given.plot == NULL) return;
-    begin(&plot, title, file, true, q != NULL, bands != NULL);
+    if (!begin(&plot, title, file, true, q != NULL, bands != NULL)) return;
     put_run(&plot, file, log, parts, q, v, bands);
     app_plot_end(self, &plot);
 }
@@ -192,11 +192,9 @@ static void put_term(const app *self, drawing *d, const axis *a, bool friction) 
         x[i * n] = low + (high - low) * (double)i / (GRID - 1);
     }
     identify_values(self, &d->given->model, GRID, q, v, friction ? NULL : y, friction ? y : NULL);
-    for (size_t i = 0; i < GRID; i++)
-        APP_PLOT_ROW(&d->plot, 7, x[i * n], friction ? y[i * nv + index] : y[i]);
+    APP_PLOT_COLUMNS(&d->plot, 7, GRID, {x, n, 1}, {friction ? y + index : y, friction ? nv : 1, 1});
     app_plot_block(&d->plot);
-    for (size_t i = 0; i < points; i++)
-        APP_PLOT_ROW(&d->plot, 7, d->lacking_v[i * nv + index], d->lacking[i * nv + index]);
+    APP_PLOT_COLUMNS(&d->plot, 7, points, {d->lacking_v + index, nv, 1}, {d->lacking + index, nv, 1});
     app_plot_block(&d->plot);
 }
 
@@ -233,9 +231,9 @@ void identify_draw_evaluation(const app *self, const identify_given *given, cons
                               const lg_horizon *horizons, size_t horizon_count) {
     const lg_logs *logs = &given->data.logs;
     drawing d = {.given = given, .log = &logs->log, .v = v};
-    begin(&d.plot,
-          "First run of the log: logged (thick) and predicted from its start (thin); what was learned",
-          &given->data.file, false, true, false);
+    (void)begin(&d.plot,
+                "First run of the log: logged (thick) and predicted from its start (thin); what was learned",
+                &given->data.file, false, true, false);
     put_run(&d.plot, &given->data.file, d.log, identify_first_run(logs), q, v, NULL);
     put_horizons(&d.plot, horizons, horizon_count);
     put_terms(self, &d);

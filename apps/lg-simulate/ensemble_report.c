@@ -142,12 +142,11 @@ static void put_times(app_plot *plot, const result *what, size_t event) {
 }
 
 void ensemble_draw(const app *self, const result *what) {
-    if (app_plot_given.plot == NULL) return;
     app_plot plot;
     size_t chosen[PANELS], shown = 0;
+    if (!app_plot_begin(&plot, "ensemble")) return;
     for (size_t c = 0; c < what->columns && shown < PANELS; c++)
         if (strncmp(what->column[c], "drift of ", 9) != 0) chosen[shown++] = c;
-    app_plot_begin(&plot, "ensemble", app_plot_given.plot);
     app_plot_text(&plot, "%zu\t%zu", shown, shown + (size_t)what->events);
     for (size_t i = 0; i < shown; i++) {
         app_plot_text(&plot, "%s", what->column[chosen[i]]);

@@ -13,13 +13,13 @@ typedef struct drawing {
     app_plot *plot;
 } drawing;
 
-/* The state at point i of the trajectory, and its time. */
+/* The state at point i of the trajectory, and the times of all points. */
 static const double *state_at(const drawing *from, size_t i) {
     return from->what->path->y + (from->what->path->first + i) * from->sim->dim;
 }
 
-static double time_at(const drawing *from, size_t i) {
-    return from->what->path->t[from->what->path->first + i];
+static const double *time_at(const drawing *from) {
+    return from->what->path->t + from->what->path->first;
 }
 
 /* ---- components ---- */
@@ -65,7 +65,8 @@ static void put_components(drawing *to, const char *key) {
     const simulation *sim = to->sim;
     const block *of[MAX_BLOCKS];
     const size_t width = find_block(sim, key, 1)->count, fit = width < MAX_CURVES ? MAX_CURVES / width : 1;
-    size_t all = 0, curves = 0, offset[MAX_CURVES];
+    app_plot_column columns[1 + MAX_BLOCKS] = {{time_at(to), 1, 1}};
+    size_t all = 0;
     for (size_t i = 0; i < sim->block_count; i++) all += strcmp(sim->blocks[i].key, key) == 0;
     size_t shown = fit < MAX_BLOCKS ? fit : MAX_BLOCKS;
     if (all < shown) shown = all;
@@ -79,47 +80,31 @@ static void put_components(drawing *to, const char *key) {
     const size_t each = width < MAX_CURVES ? width : MAX_CURVES;
     app_plot_text(to->plot, "components\t%s\t%s%s\t%zu", title.data, symbol_of(key), unit_of(sim, key),
                   shown * each);
-    for (size_t k = 0; k < shown; k++)
-        for (size_t c = 0; c < each; c++) {
-            put_symbol(to, of[k], c);
-            offset[curves++] = of[k]->offset + c;
-        }
-    for (size_t i = 0; i < to->what->path->kept; i++) {
-        double row[1 + MAX_CURVES] = {time_at(to, i)};
-        for (size_t k = 0; k < curves; k++) row[1 + k] = state_at(to, i)[offset[k]];
-        app_plot_numbers(to->plot, 9, row, 1 + curves);
+    for (size_t k = 0; k < shown; k++) {
+        for (size_t c = 0; c < each; c++) put_symbol(to, of[k], c);
+        columns[1 + k] = (app_plot_column){state_at(to, 0) + of[k]->offset, sim->dim, each};
     }
+    app_plot_columns(to->plot, 9, to->what->path->kept, columns, 1 + shown);
     app_plot_block(to->plot);
 }
 
 /* The first component of q against the first component of p, on R^2n. */
 static void put_phase(drawing *to, const block *q, const block *p) {
     app_plot_text(to->plot, q->count > 1 ? "phase\tq_1\tp_1" : "phase\tq\tp");
-    for (size_t i = 0; i < to->what->path->kept; i++)
-        APP_PLOT_ROW(to->plot, 9, state_at(to, i)[q->offset], state_at(to, i)[p->offset]);
+    APP_PLOT_COLUMNS(to->plot, 9, to->what->path->kept, {state_at(to, 0) + q->offset, to->sim->dim, 1},
+                     {state_at(to, 0) + p->offset, to->sim->dim, 1});
     app_plot_block(to->plot);
 }
 
 /* ---- panels ---- */
 
-static void put_invariants(drawing *to) {
-    const size_t count = lg_system_invariants(to->sim->system);
-    app_plot_text(to->plot, "invariants\t%zu", count);
+/* A panel of the numbers of the steps: invariants, manifold or steps. */
+static void put_steps(drawing *to, const char *kind) {
+    const bool named = strcmp(kind, "invariants") == 0;
+    const size_t count = named ? lg_system_invariants(to->sim->system) : 0;
+    app_plot_text(to->plot, named ? "%s\t%zu" : "%s", kind, count);
     for (size_t i = 0; i < count; i++)
         app_plot_text(to->plot, "%s", lg_system_invariant_name(to->sim->system, i));
-}
-
-static void put_manifold(drawing *to) {
-    app_plot_text(to->plot, "manifold");
-}
-
-static void put_steps(drawing *to) {
-    app_plot_text(to->plot, "steps");
-}
-
-/* Whether no earlier block has the key of block i. */
-static bool begins_key(const simulation *sim, size_t i) {
-    return find_block(sim, sim->blocks[i].key, 1) == &sim->blocks[i];
 }
 
 static void put_overview(drawing *to) {
@@ -130,24 +115,24 @@ static void put_overview(drawing *to) {
         if (strcmp(sim->blocks[i].key, first) != 0) second = sim->blocks[i].key;
     put_components(to, first);
     if (to->what->seen->invariants > 0)
-        put_invariants(to);
+        put_steps(to, "invariants");
     else
         put_components(to, second);
     if (lg_system_constrained(sim->system))
-        put_manifold(to);
+        put_steps(to, "manifold");
     else if (q != NULL && p != NULL)
         put_phase(to, q, p);
     else
         put_components(to, second);
     if (to->what->how->control.steps == 0)
-        put_steps(to);
+        put_steps(to, "steps");
     else
         put_components(to, second);
 }
 
 static void put_components_of_all(drawing *to) {
-    for (size_t i = 0; i < to->sim->block_count; i++)
-        if (begins_key(to->sim, i)) put_components(to, to->sim->blocks[i].key);
+    for (const block *at = to->sim->blocks; at < to->sim->blocks + to->sim->block_count; at++)
+        if (find_block(to->sim, at->key, 1) == at) put_components(to, at->key);
 }
 
 /* ---- space ---- */
@@ -249,7 +234,7 @@ static void put_path(drawing *to, put_motion *put) {
     for (size_t k = 0; k < count; k++) {
         const size_t at = count > 1 ? k * (kept - 1) / (count - 1) : 0;
         app_plot_block(to->plot);
-        app_plot_text(to->plot, "t = %.3g s", time_at(to, at));
+        app_plot_text(to->plot, "t = %.3g s", time_at(to)[at]);
         put(to, state_at(to, at), true);
     }
 }
@@ -260,23 +245,26 @@ static void draw_space(app_plot *plot, const void *user) {
     const report *what = user;
     const size_t row = find_space(what->sim);
     drawing to = {what, what->sim, plot};
-    app_plot_begin(plot, plots[row].motion != NULL ? "motion" : "sphere", app_plot_given.plot);
+    (void)app_plot_begin(plot, plots[row].motion != NULL ? "motion" : "sphere");
     app_plot_text(plot, "%s", plots[row].title);
     if (plots[row].motion != NULL) put_path(&to, plots[row].motion);
     for (size_t c = 0; c < LG_COUNT(plots[row].curves) && plots[row].curves[c].key != NULL; c++)
         put_sphere(&to, &plots[row].curves[c]);
 }
 
-/* The numbers of the steps, and the panels of the kind of --plot-kind; 0 is the default. */
+/* The numbers of the steps, and the panels of the kind. */
 static void draw_run(app_plot *plot, const void *user) {
-    static void (*const panels[])(drawing * to) = {put_overview,   put_overview, put_components_of_all,
-                                                   put_invariants, put_manifold, put_steps};
     const report *what = user;
     const trace *at = &what->seen->trace;
     drawing to = {what, what->sim, plot};
-    for (size_t i = 0; i < at->count; i++) app_plot_numbers(plot, 9, at->rows + i * at->width, at->width);
+    APP_PLOT_COLUMNS(plot, 9, at->count, {at->rows, at->width, at->width});
     app_plot_block(plot);
-    panels[app_plot_given.plot_kind](&to);
+    if (strcmp(plot->kind, "overview") == 0)
+        put_overview(&to);
+    else if (strcmp(plot->kind, "components") == 0)
+        put_components_of_all(&to);
+    else
+        put_steps(&to, plot->kind);
 }
 
 enum { SPACE = 2 };

@@ -221,7 +221,7 @@ static void report_diagram(const diagram *d) {
 
 static void draw(const diagram *d) {
     app_plot plot;
-    app_plot_begin(&plot, "precision", app_plot_given.plot);
+    if (!app_plot_begin(&plot, "precision")) return;
     app_plot_text(&plot, "%s to t = %g", lg_system_name(d->sim->system), d->sim->t_end);
     for (const curve *at = d->curves; at < d->curves + d->count; at++) {
         if (at->count == 0) continue;
@@ -267,6 +267,6 @@ void work_precision(simulation *sim) {
     choose_methods(&d);
     find_reference(&d);
     fill(&d);
-    if (app_plot_given.plot != NULL) draw(&d);
+    draw(&d);
     report_diagram(&d);
 }

@@ -30,5 +30,9 @@ size(w, h) = "set terminal ".(plot eq "svg" ? "svg" : "pngcairo")." size ".int(w
     (plot eq "svg" ? " dynamic background rgb 'white' font 'Helvetica,13'" : " font 'Helvetica,11'")
 colour(k) = "#".word("1f5fa8 d1641f 2e8b57 8b3a8b b8860b 17a2b8 6b4423 5d6d7e 7cb342 e377c2", int(k - 1) % 10 + 1)
 small(text) = strlen(text) > 16 ? ",7" : ""
+# `eval unit` prepares a plot of the unit sphere, @sphere. `eval powers('xy')` makes axes logarithmic, with powers of ten.
+unit = "set parametric; set urange [0:pi]; set vrange [0:2*pi]; set isosamples 25,13; set xrange [-1:1]; set yrange [-1:1]; set zrange [-1:1]"
+sphere = "sin(u)*cos(v), sin(u)*sin(v), cos(u)"
+powers(axes) = "set logscale ".axes.(strstrt(axes, "x") ? "; set format x '10^{%L}'" : "")."; set format y '10^{%L}'"
 set grid lc rgb '#dddddd'
 set border lc rgb '#555555'

@@ -25,8 +25,6 @@ set autoscale
 set xrange [0:V(3)]
 set xlabel 's'
 set ylabel 'mean error'
-set logscale y
-set format y '10^{%L}'
+eval powers('y')
 plot datafile index n + 1 using 1:2 with lines lw 2 lc rgb '#2e8b57' title 'q', \
     datafile index n + 1 using 1:3 with lines lw 2 lc rgb '#8b3a8b' title "q'"
-unset multiplot

@@ -18,4 +18,3 @@ do for [k = 1:V(2)] {
     }
     unset key # only the first panel has one
 }
-unset multiplot

@@ -1,5 +1,5 @@
 # Trajectories on R^(2n). T[1]: title, T[2]: number of panels: 3, for one degree of freedom, with the phase portrait and q and p against t, or 1, with q_2
-# against q_1. T[3]: number of true trajectories, T[4]: of predicted ones. A block for each, the true ones first. Columns: the first two coordinates, 0, t.
+# against q_1. T[3]: number of true trajectories, T[4]: of predicted ones. A block for each, the true ones first. Columns: the first two coordinates, t.
 phase = V(2) > 1
 true = V(3)
 all = V(3) + V(4)
@@ -14,7 +14,7 @@ do for [panel = 1:V(2)] {
     set xlabel panel > 1 ? 't (s)' : phase ? 'q' : 'q_1'
     set ylabel panel == 3 ? 'p' : panel == 2 ? 'q' : phase ? 'p' : 'q_2'
     if (panel > 1) { set size noratio }
-    x = panel > 1 ? 4 : 1
+    x = panel > 1 ? 3 : 1
     y = panel == 2 ? 1 : 2
     if (true > 0) {
         plot for [k = 1:true] datafile index k using x:y with lines lw 2 lc rgb '#1f5fa8' title k == 1 ? 'true' : '', \
@@ -23,4 +23,3 @@ do for [panel = 1:V(2)] {
         plot for [k = 1:all] datafile index k using x:y with lines lw 1.5 lc rgb '#d1641f' title k == 1 ? 'predicted' : ''
     }
 }
-unset multiplot

@@ -77,4 +77,3 @@ do for [panel = 1:panels] {
     }
     at = int(at + length(at))
 }
-unset multiplot

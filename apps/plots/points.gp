@@ -12,6 +12,7 @@ known = count > 4 + n + m
 w(k) = V(4 + n + m + k)
 name(k) = T[2 + k]
 class(c) = T[2 + n + c]
+label(axis, k) = sprintf('set %slabel name(%d) noenhanced font small(name(%d)); ', axis, k, k)
 array low[n]
 array high[n]
 do for [k = 1:n] {
@@ -77,8 +78,7 @@ if (kind eq 'margin') {
     r = normal(2) > normal(r) ? 2 : r
     p = r == 1 ? 2 : 1
     q = r == 3 ? 2 : 3
-    set xlabel name(p) noenhanced font small(name(p))
-    set ylabel name(q) noenhanced font small(name(q))
+    eval label('x', p).label('y', q)
     set zlabel name(r) noenhanced font small(name(r)) rotate by 90
     set xrange [low[p]:high[p]]
     set yrange [low[q]:high[q]]
@@ -98,8 +98,7 @@ if (kind eq 'margin') {
 }
 if (kind eq 'plane') {
     eval size(760, 600)
-    set xlabel name(1) noenhanced font small(name(1))
-    set ylabel name(2) noenhanced font small(name(2))
+    eval label('x', 1).label('y', 2)
     set xrange [low[1]:high[1]]
     set yrange [low[2]:high[2]]
     set clip two

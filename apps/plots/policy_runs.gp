@@ -31,4 +31,3 @@ do for [p = 1:panels] {
             V(panel(p, 7)) with lines lw 1.5 dt 2 lc rgb '#555555' title 'limits'
     }
 }
-unset multiplot

@@ -2,9 +2,7 @@
 eval size(1100, 560)
 label(panel) = panel == 1 ? 'CPU time [s]' : 'evaluations of the field'
 set tics nomirror
-set logscale xy
-set format x '10^{%L}'
-set format y '10^{%L}'
+eval powers('xy')
 set key bottom left samplen 2 spacing 1.1 box lc rgb '#cccccc' opaque
 set ylabel 'relative error at the end'
 set multiplot layout 1,2 title T[1] noenhanced
@@ -15,4 +13,3 @@ do for [panel = 1:2] {
     unset key
     unset ylabel
 }
-unset multiplot

@@ -19,4 +19,3 @@ set ytics nomirror
 set key top right
 plot datafile index 1 using 1:4 with steps lw 2 lc rgb colour(1) title 'nodes', \
     datafile index 1 using 1:5 axes x1y2 with steps lw 1.5 dt 2 lc rgb colour(3) title 'depth'
-unset multiplot

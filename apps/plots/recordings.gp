@@ -21,4 +21,3 @@ do for [k = 1:pairs] {
     set ylabel name(k + 4) noenhanced font small(name(k + 4))
     plot for [r = count:1:-1] datafile index r using 1 + k:5 + k with dots lc rgb colour(r) title recording(r) noenhanced
 }
-unset multiplot

@@ -12,4 +12,3 @@ plot for [c = 1:m] datafile index 1 using (of(c, $4)):($2 + $3*$4):($5 - $4):($3
 set xlabel 'intercept'
 set ylabel 'slope'
 plot for [c = 1:m] datafile index 1 using (of(c, $2)):3 with points pt 7 ps 0.3 lc rgb colour(c) title T[1 + c] noenhanced
-unset multiplot

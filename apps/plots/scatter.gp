@@ -20,4 +20,3 @@ do for [k = 1:n] {
     set yrange [low - room:high + room]
     plot datafile index 1 using k:n + k with points pt 7 ps (V(1) < 300 ? 0.8 : 0.4) lc rgb colour(1) notitle, x with lines lc rgb colour(2) notitle
 }
-unset multiplot

@@ -4,8 +4,7 @@ stats datafile index 1 using (finite(2, 0) > 0) nooutput
 stopped = STATS_sum
 stats datafile index 1 using (finite(3, 0) > 0) nooutput
 finished = STATS_sum
-set logscale y
-set format y '10^{%L}'
+eval powers('y')
 set xlabel 'trial'
 set ylabel 'objective'
 set xrange [-1:V(1)]

@@ -41,8 +41,7 @@ do for [k = 1:panels] {
         }
         stats datafile index 1 using (1) nooutput
         many = STATS_records >= 400
-        set logscale y
-        set format y '10^{%L}'
+        eval powers('y')
         set key inside bottom right samplen 1.5 nobox
     }
     if (kind eq 'components') {
@@ -100,4 +99,3 @@ do for [k = 1:panels] {
     }
     at = int(at + length(at))
 }
-unset multiplot

@@ -8,9 +8,7 @@ set title T[1]
 set view 68,30,1.15
 set view equal xyz
 set xyplane relative 0
-set xrange [-1:1]
-set yrange [-1:1]
-set zrange [-1:1]
+eval unit
 set xtics -1,1,1
 set ytics -1,1,1
 set ztics -1,1,1
@@ -20,10 +18,6 @@ set zlabel 'z'
 set border 31 lc rgb '#bbbbbb'
 set tics textcolor rgb '#555555'
 set key at screen 0.98,0.93 right top vertical samplen 2 nobox
-set parametric
-set urange [0:pi]
-set vrange [0:2*pi]
-set isosamples 25,13
-splot sin(u)*cos(v), sin(u)*sin(v), cos(u) with lines lc rgb '#e2e2e2' lw 0.5 notitle, \
+splot @sphere with lines lc rgb '#e2e2e2' lw 0.5 notitle, \
     for [k = 1:n] datafile index k using (part(1)):(part(2)):(part(3)) with lines lw 1.6 lc rgb colour(k) title T[1 + k], \
     for [k = 1:n] datafile index k every ::0::0 using (part(1)):(part(2)):(part(3)) with points pt 7 ps 0.9 lc rgb colour(k) title n > 1 ? '' : 'start'

@@ -12,13 +12,7 @@ set view equal xyz
 set view 65,35,links > 1 ? 1.1 : 1.15
 set key top left
 set xyplane at -1
-set parametric
-set urange [0:pi]
-set vrange [0:2*pi]
-set isosamples 25,13
-set xrange [-1:1]
-set yrange [-1:1]
-set zrange [-1:1]
+eval unit
 set border 31
 set xtics -1,1,1 offset 0,-0.3
 set ytics -1,1,1 offset 0,-0.3
@@ -31,13 +25,12 @@ set label 'gravity' at 1,1,0.55 center front
 do for [link = 1:links] {
     if (links > 1) { set title sprintf('link %d', link) }
     if (true > 0) {
-        splot sin(u)*cos(v), sin(u)*sin(v), cos(u) with lines lc rgb '#dcdcdc' lw 0.5 notitle, \
+        splot @sphere with lines lc rgb '#dcdcdc' lw 0.5 notitle, \
             for [k = link:true:links] datafile index k using 1:2:3 with lines lw 2 lc rgb '#1f5fa8' title k == link ? 'true' : '', \
             for [k = true+link:all:links] datafile index k using 1:2:3 with points pt 7 ps 0.5 lc rgb '#d1641f' \
             title k == true+link ? 'predicted' : ''
     } else {
-        splot sin(u)*cos(v), sin(u)*sin(v), cos(u) with lines lc rgb '#dcdcdc' lw 0.5 notitle, \
+        splot @sphere with lines lc rgb '#dcdcdc' lw 0.5 notitle, \
             for [k = link:all:links] datafile index k using 1:2:3 with lines lw 1.5 lc rgb '#d1641f' title k == link ? 'predicted' : ''
     }
 }
-unset multiplot

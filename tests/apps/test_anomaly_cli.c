@@ -693,6 +693,25 @@ TEST("plots are drawn") {
     }
 }
 
+TEST("the line in the plot of a plane separates the windows as the network does") {
+    static char text[CLI_TEXT];
+    cli_run(lg, "train data.h5 --epochs 1 --plane 2 --out plane.h5");
+    cli_run(lg, "evaluate plane.h5 data.h5 --part all --plot-kind plane --plot plane.svg --json");
+    const double accuracy = json_number(result.out, "accuracy");
+    (void)cli_read("plane.dat", text, sizeof text);
+    double b, w[2], class, earlier, x[2];
+    const char *at = strstr(text, "\n=plane\n=");
+    assert_true(at != NULL && sscanf(at, "\n=plane\n=%lf\n=%lf\n=%lf\n", &b, &w[0], &w[1]) == 3);
+    at = strstr(at, "\n\n\n") + 3;
+    size_t right = 0, count = 0;
+    for (int read; sscanf(at, "%lf %lf %lf %lf%n", &class, &earlier, &x[0], &x[1], &read) == 4; at += read) {
+        right += (w[0] * x[0] + w[1] * x[1] + b > 0) == (class == 2);
+        count++;
+    }
+    assert_true(count > 0 && b != 0);
+    assert_close((double)right / (double)count, accuracy, 1e-9, 0);
+}
+
 /* Writes a file with other names of its classes, and of its channels if `channels`. */
 static void write_strange(const char *name, const char *from, bool channels) {
     static char of_channel[CLI_NAMES][LG_SERIES_NAME];
