@@ -21,7 +21,7 @@ static const char *const part_names[] = {"auto", "all", "train", "validation", "
 
 static const lg_field evaluate_options[] = {
     APP_PART(evaluate_values,
-             "Windows to judge: all, or the train, validation or test part of the data that the model "
+             "Windows to score: all, or the train, validation or test part of the data that the model "
              "was trained on; auto (default): the test part of those data, all windows of other data",
              .names = part_names),
     HEALTHY(evaluate_values),
@@ -371,10 +371,10 @@ static void run(app *self) {
 const app_command anomaly_evaluate_command = {
     .name = "evaluate",
     .arguments = "MODEL.h5 DATA.h5 ...",
-    .summary = "Judge a detector on labelled windows",
+    .summary = "Score a detector on labelled windows",
     .details =
-        "If DATA.h5 is the data that the model was trained on, the windows of its test part are judged, cut "
-        "and split as in training. With --votes each recording is judged in order of time. The time to "
+        "If DATA.h5 is the data that the model was trained on, the windows of its test part are scored, cut "
+        "and split as in training. With --votes each recording is scored in order of time. The time to "
         "detection runs from the first damaged sample to the end of the window that raises the alarm. "
         "Alarms before any damage are false alarms. Each of several data files gives one row, for the "
         "probability of detection against severity.",

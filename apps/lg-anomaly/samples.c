@@ -108,7 +108,7 @@ static bool add_field(sample_reader *reader, double value) {
     return reader->fields <= reader->channels + 1;
 }
 
-static bool refuse_word(sample_reader *reader, const char *word) {
+static bool reject_word(sample_reader *reader, const char *word) {
     int n = 0;
     while (!ends_field(word[n]) && n < 23) n++;
     (void)snprintf(reader->problem, sizeof reader->problem, "'%.*s' is not a number", n, word);
@@ -136,13 +136,13 @@ static bool split_line(sample_reader *reader, char *p, bool *open) {
                     next = scan_word(p);
                     value = (double)NAN;
                 }
-                if (next == NULL) return refuse_word(reader, p);
+                if (next == NULL) return reject_word(reader, p);
                 p = skip_blanks(p + (next - p));
             }
             if (!add_field(reader, value)) return true;
         }
         if (*p != ',' && *p != ';') continue;
-        if (separator != '\0' && *p != separator) return refuse_word(reader, p);
+        if (separator != '\0' && *p != separator) return reject_word(reader, p);
         separator = *p;
         *open = true;
         p = skip_blanks(p + 1);
@@ -166,7 +166,7 @@ static bool read_line(sample_reader *reader, char *p, bool *open) {
     return true;
 }
 
-static sample_kind refuse_count(sample_reader *reader) {
+static sample_kind reject_count(sample_reader *reader) {
     const uint32_t c = reader->channels, timed = reader->layout == LAYOUT_TIMED;
     const bool more = reader->fields > c + 1;
     char wanted[64];
@@ -199,7 +199,7 @@ static sample_kind take_line(sample_reader *reader, const sample_line *line, cha
                              double *time) {
     bool open;
     if (!read_line(reader, p, &open)) return SAMPLE_MALFORMED;
-    if (!fits_layout(reader, open)) return refuse_count(reader);
+    if (!fits_layout(reader, open)) return reject_count(reader);
     const uint32_t timed = reader->layout == LAYOUT_TIMED;
     /* the line's last number may be cut if it ends exactly at the end of the file */
     const bool cut =

@@ -35,7 +35,7 @@ static const lg_field watch_options[] = {
     LG_OPTION(watch_values, bridge, REAL, "S", "Gaps of at most S seconds are filled by straight lines",
               .high = 1e9, .value = "1"),
     LG_OPTION(watch_values, missing, REAL, "P",
-              "Windows with a larger fraction of missing samples are not judged", .high = 1, .value = "0.1"),
+              "Windows with a larger fraction of missing samples are not scored", .high = 1, .value = "0.1"),
     LG_OPTION(watch_values, rate, REAL, "HZ",
               "Sampling rate of the feed, whatever its times say (default: the model's)", LG_POSITIVE),
     LG_OPTION(watch_values, unlike, REAL, "F",
@@ -539,7 +539,7 @@ static void run(app *self) {
 const app_command anomaly_watch_command = {
     .name = "watch",
     .arguments = "MODEL.h5",
-    .summary = "Judge a feed of samples window by window, in fixed memory",
+    .summary = "Score a feed of samples window by window, in fixed memory",
     .details =
         "A line of the feed is a sample: one number for each channel of the model, separated by commas, "
         "semicolons or blanks. A first column of seconds is optional; the first lines show whether there is "
@@ -549,7 +549,7 @@ const app_command anomaly_watch_command = {
         "lost samples. Without times an unreadable line is a lost sample too. With times it is skipped, and "
         "the times show which samples are missing. A last line without a line end may be cut; its sample is "
         "lost.\nA time that jumps is accepted when three more samples continue from it; otherwise its line "
-        "is malformed. A feed whose times do not have the model's sampling rate is refused. --rate HZ "
+        "is malformed. A feed whose times do not have the model's sampling rate fails. --rate HZ "
         "accepts it unchanged: windows have the same number of samples, on a grid of HZ.\nA verdict is "
         "printed as soon as its window is complete: time of its last sample, class, score, votes for an "
         "alarm among the last windows, samples missing, alarm, reason. The class is \"unlike\" where the "
@@ -561,6 +561,6 @@ const app_command anomaly_watch_command = {
         "SIGHUP loses no line; copytruncate loses those written between its copy and its cut.\nWith "
         "--crack-at the time to detection runs from T to the end of the first window that is not of the "
         "healthy class while the alarm is on (the time of its last sample plus one interval). Alarms that "
-        "begin before T are false; days before T count judged windows only.",
+        "begin before T are false; days before T count scored windows only.",
     .settings = APP_SETTINGS(APP_GIVEN(watch_options, values)),
     .run = run};

@@ -9,10 +9,10 @@ typedef struct evaluate_values {
 } evaluate_values;
 
 static const lg_field options[] = {
-    LG_OPTION(evaluate_values, plant, STRING, "FILE", "Judge on this machine instead of the policy's",
+    LG_OPTION(evaluate_values, plant, STRING, "FILE", "Score on this machine instead of the policy's",
               .file = LG_FILE_READ),
     LG_OPTION(evaluate_values, disturb, STRING, "TASK.yaml",
-              "Judge with the disturbances (robust) of this task too", .file = LG_FILE_READ),
+              "Score with the disturbances (robust) of this task too", .file = LG_FILE_READ),
     LG_OPTION(evaluate_values, reference, STRING, "FILE",
               "Also run along these set points: columns t, the tracked coordinates, and their velocities if "
               "they are known",
@@ -161,8 +161,8 @@ static void run(app *self) {
 const app_command control_evaluate_command = {
     .name = "evaluate",
     .arguments = "POLICY.h5",
-    .summary = "Judge a policy by runs from random starts",
-    .details = "Beside it stands the saturated regulator alone (lqr). --plant judges on another machine than "
+    .summary = "Score a policy by runs from random starts",
+    .details = "Beside it stands the saturated regulator alone (lqr). --plant scores on another machine than "
                "the one that the policy was trained with, for example the true one of a simulation.",
     APP_DRAWS("the motion of some runs, which starts succeed, and inputs"),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),

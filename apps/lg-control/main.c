@@ -21,7 +21,7 @@ APP_PROGRAM(lg_control) {
     return app_main(
         argc, argv, "lg-control",
         "Controllers of machines: TASK.yaml names the machine, the goal, limits, cost and starts; train "
-        "learns a policy through the machine, evaluate judges it, certify proves where it works, verify "
+        "learns a policy through the machine, evaluate scores it, certify proves where it works, verify "
         "checks such a proof again. docs/control.md is the guide.",
         commands);
 }

@@ -19,7 +19,7 @@
                   .usual = true)
 const lg_field lg_table_given_rows[] = {
     COLUMNS,
-    LG_TEST_ROW(lg_table_given, "TABLE", "Judge the model on this table (default: on the validation part)"),
+    LG_TEST_ROW(lg_table_given, "TABLE", "Score the model on this table (default: on the validation part)"),
     LG_FIELD_END};
 const lg_field lg_table_column_rows[] = {COLUMNS, LG_FIELD_END};
 
