@@ -155,7 +155,7 @@ static void check_files(app *self) {
                               {"out", files->out, LG_FILE_WRITTEN},
                               {"checkpoint", checkpoint, LG_FILE_WRITTEN}};
     app_check_outputs(self, paths, LG_COUNT(paths));
-    app_check_text(self, files->history, TRAIN_HISTORY);
+    app_check_text(self, files->history, TRAIN_HISTORY "\n");
 }
 
 static lg_fit *fit_of(const train_session *self) {

@@ -126,7 +126,7 @@ const char *train_refuses(const train_task *task, const app_slot *slot);
 
 lg_provenance app_provenance(const app *app, uint64_t seed);
 /* Writes a CSV file with these columns. */
-#define TRAIN_HISTORY "epoch,loss,validation,rate,seconds\n"
+#define TRAIN_HISTORY "epoch,loss,validation,rate,seconds"
 lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error);
 /* A row of the plots of a command: the loss over the epochs, and that of the validation part if there is one.
  * train_plots has this row only. */

@@ -132,16 +132,16 @@ static void json_training(const train_session *session, app_json *json) {
 
 lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error) {
     static const lg_fit_series columns[] = {LG_FIT_LOSS, LG_FIT_VALIDATION, LG_FIT_RATE, LG_FIT_SECONDS};
-    app_file file;
-    app_file_begin(&file, path);
-    (void)fputs(TRAIN_HISTORY, file.stream);
+    lg_columns to = {.text = app_text()};
+    lg_columns_names(&to, TRAIN_HISTORY);
+    lg_columns_end(&to);
     for (uint64_t epoch = 0; epoch < lg_fit_epochs_done(fit); epoch++) {
-        (void)fprintf(file.stream, "%llu", (unsigned long long)(epoch + 1));
+        lg_columns_whole(&to, epoch + 1);
         for (size_t c = 0; c < LG_COUNT(columns); c++)
-            lg_csv_put_number(file.stream, ",", lg_fit_history(fit, columns[c])[epoch]);
-        (void)fputc('\n', file.stream);
+            lg_columns_number(&to, lg_fit_history(fit, columns[c])[epoch]);
+        lg_columns_end(&to);
     }
-    return app_file_end(&file, error);
+    return lg_columns_write(&to, app_running()->context, path, error);
 }
 
 void train_put_loss(app_plot *plot, const void *training) {

@@ -264,27 +264,24 @@ static void report(const app *self, const evaluation *list, size_t count) {
 static void write_scores(const evaluation *e) {
     const lg_series *series = &e->from.data.series;
     const lg_judgement *judged = &e->judged;
-    app_file file;
-    app_file_begin(&file, values.scores);
-    (void)fputs("window,run,group,truth,class", file.stream);
+    lg_columns to = {.text = app_text()};
+    lg_columns_names(&to, "window,run,group,truth,class");
     for (uint32_t c = 0; c < judged->classes; c++) {
         APP_FREE char *name = app_format("score %s", e->model->names.class_name[c]);
-        lg_csv_put(file.stream, ",", name, true);
+        lg_columns_name(&to, name);
     }
-    (void)fputc('\n', file.stream);
+    lg_columns_end(&to);
     for (size_t i = 0; i < judged->count; i++) {
         const uint32_t first = e->from.windows.first[judged->window[i]];
-        (void)fprintf(file.stream, "%u,", judged->window[i]);
-        if (series->run != NULL) (void)fprintf(file.stream, "%u", series->run[first]);
-        (void)fputc(',', file.stream);
-        if (series->group != NULL) (void)fprintf(file.stream, "%u", series->group[first]);
-        lg_csv_put(file.stream, ",", e->model->names.class_name[judged->truth[i]], false);
-        lg_csv_put(file.stream, ",", e->model->names.class_name[judged->given[i]], false);
-        for (uint32_t c = 0; c < judged->classes; c++)
-            (void)fprintf(file.stream, ",%.17g", judged->score[i * judged->classes + c]);
-        (void)fputc('\n', file.stream);
+        lg_columns_whole(&to, judged->window[i]);
+        lg_columns_number(&to, series->run != NULL ? series->run[first] : (double)NAN);
+        lg_columns_number(&to, series->group != NULL ? series->group[first] : (double)NAN);
+        lg_columns_text(&to, e->model->names.class_name[judged->truth[i]]);
+        lg_columns_text(&to, e->model->names.class_name[judged->given[i]]);
+        lg_columns_numbers(&to, judged->score + i * judged->classes, judged->classes);
+        lg_columns_end(&to);
     }
-    APP_MUST_FILE(e->app, values.scores, app_file_end(&file, &error));
+    APP_MUST_FILE(e->app, values.scores, lg_columns_write(&to, e->app->context, values.scores, &error));
 }
 
 /* ---- the command ---- */

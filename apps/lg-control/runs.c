@@ -64,45 +64,39 @@ void control_find_states(const app *self, control_runs *runs) {
 
 /* ---- the file ---- */
 
-static void put_head(FILE *stream, const lg_policy_task *task) {
+static void put_head(lg_columns *to, const lg_policy_task *task) {
     control_quantity quantity[2 * LG_POLICY_COORDINATES];
     const size_t count = control_list_quantities(task, quantity);
-    (void)fputs("start,t", stream);
+    lg_columns_names(to, "start,t");
     for (size_t i = 0; i < count; i++) {
         for (uint32_t k = 0; k < quantity[i].count; k++) {
             APP_FREE char *name = quantity[i].count > 1 ? app_format("%s.%u", quantity[i].name, k + 1)
                                                         : app_format("%s", quantity[i].name);
-            lg_csv_put(stream, ",", name, true);
+            lg_columns_name(to, name);
         }
     }
-    for (uint32_t l = 0; l < task->input_count; l++) lg_csv_put(stream, ",", task->input[l].name, true);
-    (void)fputs(",cost\n", stream);
-}
-
-/* Numbers, or empty cells if `values` is NULL or a number is not finite. */
-static void put_numbers(FILE *stream, const double *values, size_t count) {
-    for (size_t i = 0; i < count; i++) {
-        (void)fputc(',', stream);
-        if (values != NULL && isfinite(values[i])) (void)fprintf(stream, "%.17g", values[i]);
-    }
+    for (uint32_t l = 0; l < task->input_count; l++) lg_columns_name(to, task->input[l].name);
+    lg_columns_names(to, "cost");
+    lg_columns_end(to);
 }
 
 void control_write_runs(const app *self, const control_runs *runs, const char *path) {
     const lg_policy_runs *r = &runs->runs;
     const size_t m = runs->task->input_count;
-    app_file file;
-    app_file_begin(&file, path);
-    put_head(file.stream, runs->task);
+    lg_columns to = {.text = app_text()};
+    put_head(&to, runs->task);
     for (size_t i = 0; i < r->count; i++)
         for (size_t k = 0; k <= r->steps; k++) {
             const size_t row = k * r->count + i;
             const bool moved = k < r->steps;
-            (void)fprintf(file.stream, "%zu,%.17g", i, (double)k * runs->task->period);
+            lg_columns_whole(&to, i);
+            lg_columns_number(&to, (double)k * runs->task->period);
             for (int part = 0; part < 2; part++)
-                put_numbers(file.stream, runs->seen[part] + row * runs->numbers[part], runs->numbers[part]);
-            put_numbers(file.stream, moved ? r->input + row * m : NULL, m);
-            put_numbers(file.stream, moved ? r->costs + row : NULL, 1);
-            (void)fputc('\n', file.stream);
+                lg_columns_numbers(&to, runs->seen[part] + row * runs->numbers[part], runs->numbers[part]);
+            for (size_t l = 0; l < m; l++)
+                lg_columns_number(&to, moved ? r->input[row * m + l] : (double)NAN);
+            lg_columns_number(&to, moved ? r->costs[row] : (double)NAN);
+            lg_columns_end(&to);
         }
-    APP_MUST_FILE(self, path, app_file_end(&file, &error));
+    APP_MUST_FILE(self, path, lg_columns_write(&to, self->context, path, &error));
 }

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "lg-elastica/beam.h"
+#include "files/csv.h"
 
 enum { BRANCH_ROOM = 64 };
 
@@ -127,22 +128,21 @@ static double at_column(const beam_nodes *nodes, size_t k, size_t column) {
 }
 
 const char *curves_head(bool numbered) {
-    return numbered ? "branch,s,x,y,vx,vy,theta\n" : "s,x,y,vx,vy,theta\n";
+    return numbered ? "branch,s,x,y,vx,vy,theta" : "s,x,y,vx,vy,theta";
 }
 
 void write_curves(const app *self, const char *path, const beam_curve *curves, size_t count, bool numbered) {
     if (path == NULL) return;
-    app_file file;
-    app_file_begin(&file, path);
-    (void)fputs(curves_head(numbered), file.stream);
+    lg_columns to = {.text = app_text()};
+    lg_columns_names(&to, curves_head(numbered));
+    lg_columns_end(&to);
     for (size_t i = 0; i < count; i++)
         for (size_t k = 0; k < curves[i].at.count; k++) {
-            if (numbered) (void)fprintf(file.stream, "%zu,", i + 1);
-            for (size_t c = 0; c < COLUMNS; c++)
-                (void)fprintf(file.stream, "%.17g%c", at_column(&curves[i].at, k, c),
-                              c + 1 < COLUMNS ? ',' : '\n');
+            if (numbered) lg_columns_whole(&to, i + 1);
+            for (size_t c = 0; c < COLUMNS; c++) lg_columns_number(&to, at_column(&curves[i].at, k, c));
+            lg_columns_end(&to);
         }
-    APP_MUST_FILE(self, path, app_file_end(&file, &error));
+    APP_MUST_FILE(self, path, lg_columns_write(&to, self->context, path, &error));
 }
 
 static void json_pairs(app_json *json, const char *key, const double *values, size_t count) {

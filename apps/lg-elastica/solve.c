@@ -142,7 +142,8 @@ static void check_options(const app *self) {
 
 static void run(app *self) {
     check_options(self);
-    app_check_text(self, values.out, values.sweep > 0 ? SWEEP_HEAD : curves_head(values.branches));
+    APP_FREE char *head = app_format("%s\n", values.sweep > 0 ? SWEEP_HEAD : curves_head(values.branches));
+    app_check_text(self, values.out, head);
     const lg_elastica problem = beam_problem(self);
     lg_elastica_options options;
     lg_elastica_options_init(&options);

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "lg-elastica/beam.h"
+#include "files/csv.h"
 
 /* Largest distance (beam_distance) between curves of one branch at neighbouring x: `moved` times the step in
  * x, but at most far_curve. Different branches are farther apart than this. */
@@ -95,13 +96,17 @@ static sweep_point *collect(const sweep *s, size_t *count) {
 
 static void write_sweep(const app *self, const char *path, const sweep_point *points, size_t count) {
     if (path == NULL) return;
-    app_file file;
-    app_file_begin(&file, path);
-    (void)fputs(SWEEP_HEAD, file.stream);
-    for (size_t i = 0; i < count; i++)
-        (void)fprintf(file.stream, "%zu,%.17g,%.17g,%u,%.17g\n", points[i].branch + 1, points[i].x,
-                      points[i].energy, points[i].negative_eigenvalues, points[i].rotation);
-    APP_MUST_FILE(self, path, app_file_end(&file, &error));
+    lg_columns to = {.text = app_text()};
+    lg_columns_names(&to, SWEEP_HEAD);
+    lg_columns_end(&to);
+    for (const sweep_point *at = points; at < points + count; at++) {
+        lg_columns_whole(&to, at->branch + 1);
+        lg_columns_numbers(&to, (double[]){at->x, at->energy}, 2);
+        lg_columns_whole(&to, at->negative_eigenvalues);
+        lg_columns_number(&to, at->rotation);
+        lg_columns_end(&to);
+    }
+    APP_MUST_FILE(self, path, lg_columns_write(&to, self->context, path, &error));
 }
 
 /* Branches are drawn as pieces of equal stability, since stable and unstable ones have different dashes. */

@@ -104,45 +104,42 @@ static const lg_field predict_options[] = {
 
 /* A column name has at most LG_TABLE_NAME - 1 bytes. If "probability_CLASS" is longer for any class, all
  * columns are named by the number of the class instead. */
-static void put_header(FILE *to, const lg_table_file *file) {
+static void put_header(lg_columns *to, const lg_table_file *file) {
     static const char before[] = "probability_";
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
     bool fits = true;
     for (uint32_t o = 0; o < file->run.model.net.outputs; o++)
         fits = fits && strlen(before) + strlen(file->output_name[o]) < LG_TABLE_NAME;
-    if (!regression) lg_csv_put(to, "", file->class_column[0] != '\0' ? file->class_column : "class", true);
+    if (!regression) lg_columns_name(to, file->class_column[0] != '\0' ? file->class_column : "class");
     for (uint32_t o = 0; o < file->run.model.net.outputs; o++) {
         APP_FREE char *name = regression ? app_format("%s", file->output_name[o])
                               : fits     ? app_format("%s%s", before, file->output_name[o])
                                          : app_format("%s%u", before, o);
-        lg_csv_put(to, o > 0 || !regression ? "," : "", name, true);
+        lg_columns_name(to, name);
     }
-    (void)fputc('\n', to);
+    lg_columns_end(to);
 }
 
-/* Writes a row; without `known` its cells are empty. A row of one such cell has quotes: readers skip blank
- * lines. */
-static void put_row(FILE *to, const lg_table_file *file, double *y, bool known) {
+/* Writes a row; without `known` its cells are empty. */
+static void put_row(lg_columns *to, const lg_table_file *file, double *y, bool known) {
     const uint32_t outputs = file->run.model.net.outputs;
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
     if (known && !regression) {
         lg_table_softmax(y, outputs);
-        lg_csv_put(to, "", file->output_name[lg_metrics_class(y, outputs)], false);
+        lg_columns_text(to, file->output_name[lg_metrics_class(y, outputs)]);
+    } else if (!regression) {
+        lg_columns_empty(to);
     }
-    for (uint32_t o = 0; o < outputs; o++) {
-        if (o > 0 || !regression) (void)fputc(',', to);
-        if (known) (void)fprintf(to, "%.17g", y[o]);
-    }
-    if (!known && regression && outputs == 1) lg_csv_put(to, "", "", false);
-    (void)fputc('\n', to);
+    for (uint32_t o = 0; o < outputs; o++) lg_columns_number(to, known ? y[o] : (double)NAN);
+    lg_columns_end(to);
 }
 
 typedef struct counts {
     size_t outside, incomplete, infinite;
 } counts;
 
-static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model, const lg_table_sheet *table,
-                     counts *found) {
+static void put_rows(lg_columns *to, const lg_table_file *file, const lg_model *model,
+                     const lg_table_sheet *table, counts *found) {
     APP_FREE void *work = app_alloc(lg_model_work_size(model), 1);
     APP_FREE double *y = app_alloc(lg_model_outputs(model), sizeof *y);
     put_header(to, file);
@@ -161,12 +158,16 @@ static void put_rows(FILE *to, const lg_table_file *file, const lg_model *model,
 
 static void write_rows(const app *self, const lg_table_file *file, const lg_table_sheet *table,
                        counts *found) {
-    app_file to = {.stream = stdout};
+    lg_columns to = {.text = app_text()};
     lg_model *model;
     APP_MUST_FILE(self, self->arguments[0], lg_table_model(self->context, file, &model, &error));
-    if (app_common_given.out != NULL) app_file_begin(&to, app_common_given.out);
-    put_rows(to.stream, file, model, table, found);
-    if (app_common_given.out != NULL) APP_MUST_FILE(self, app_common_given.out, app_file_end(&to, &error));
+    put_rows(&to, file, model, table, found);
+    if (app_common_given.out == NULL)
+        (void)fwrite(to.text.data, 1, to.text.length, stdout);
+    else
+        APP_MUST_FILE(self, app_common_given.out,
+                      lg_columns_write(&to, self->context, app_common_given.out, &error));
+    lg_text_destroy(&to.text);
     lg_model_destroy(model);
 }
 

@@ -5,6 +5,7 @@
 
 #include "common/trials.h"
 #include "lg-hamiltonian/training.h"
+#include "files/csv.h"
 
 /* The quantities that a study varies, and its results. */
 enum { AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY, AXES };
@@ -32,7 +33,7 @@ typedef struct study_table {
     char protocol[STUDY_PROTOCOL_TEXT];
     /* study_table_open sets the following members. */
     const char *path;
-    lg_text text;
+    lg_columns text;
     bool changed;          /* since it was read or saved */
     size_t rows;           /* number of its rows; some may be of an earlier grid with other values */
     study_result *results; /* (runs) */

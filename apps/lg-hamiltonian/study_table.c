@@ -52,23 +52,19 @@ void study_set_protocol(study_table *table, const char *text) {
 
 /* ---- reading and writing the table ---- */
 
-/* Appends a number and a comma; no number if it is not finite. */
-static void add_number(lg_text *to, double value) {
-    char digits[LG_SHORTEST] = "";
-    if (isfinite(value)) lg_format_shortest(digits, value, false);
-    lg_text_add(to, "%s,", digits);
-}
-
 void study_table_add(study_table *table, size_t run) {
     const study_result *result = &table->results[run];
-    lg_text *text = &table->text;
-    lg_text_add(text, "%s,", table->integrators[study_at(table, run, AXIS_INTEGRATOR)]->name);
-    for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++) add_number(text, study_value(table, run, axis));
-    lg_text_add(text, "%zu,%llu,", run / study_cells(table) + 1,
-                (unsigned long long)study_seed(table, run, 0));
-    for (size_t i = 0; i < MEASURES; i++) add_number(text, result->value[i]);
-    lg_text_add(text, "%llu,%s,%s\n", (unsigned long long)result->epochs, result->failed ? "failed" : "ok",
-                table->protocol);
+    lg_columns *text = &table->text;
+    lg_columns_text(text, table->integrators[study_at(table, run, AXIS_INTEGRATOR)]->name);
+    for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
+        lg_columns_number(text, study_value(table, run, axis));
+    lg_columns_whole(text, run / study_cells(table) + 1);
+    lg_columns_whole(text, study_seed(table, run, 0));
+    lg_columns_numbers(text, result->value, MEASURES);
+    lg_columns_whole(text, result->epochs);
+    lg_columns_text(text, result->failed ? "failed" : "ok");
+    lg_columns_text(text, table->protocol);
+    lg_columns_end(text);
     table->changed = table->done[run] = true;
     table->rows++;
 }
@@ -113,7 +109,7 @@ static lg_status parse_line(study_table *table, const lg_csv *csv, lg_error *err
     const size_t runs = study_runs(table);
     size_t run = 0;
     row found;
-    lg_text_add(&table->text, "%s\n", csv->line);
+    lg_text_add(&table->text.text, "%s\n", csv->line);
     if (protocol != NULL) *protocol++ = '\0';
     if (protocol == NULL || !parse_row(csv->line, &found))
         return lg_fail(error, LG_FORMAT, "%s: line %zu: not a row of a study", table->path, csv->number);
@@ -132,11 +128,11 @@ static lg_status parse_line(study_table *table, const lg_csv *csv, lg_error *err
 static lg_status read_table(study_table *table, lg_csv *csv, lg_error *error) {
     bool more = true;
     LG_TRY(lg_csv_next(csv, &more, error));
-    if (more && (strlen(csv->line) != table->text.length - 1 ||
-                 strncmp(csv->line, table->text.data, table->text.length - 1) != 0))
+    if (more && (strlen(csv->line) != table->text.text.length - 1 ||
+                 strncmp(csv->line, table->text.text.data, table->text.text.length - 1) != 0))
         return lg_fail(error, LG_FORMAT,
                        "%s: line 1: this is not the table of a study; first line expected: %.*s", table->path,
-                       (int)table->text.length - 1, table->text.data);
+                       (int)table->text.text.length - 1, table->text.text.data);
     for (;;) {
         LG_TRY(lg_csv_next(csv, &more, error));
         if (!more || !csv->closed) return LG_OK;
@@ -148,13 +144,14 @@ lg_status study_table_open(study_table *table, const char *path, lg_error *error
     const size_t runs = study_runs(table);
     lg_csv csv;
     table->path = path;
-    table->text = app_text();
+    table->text = (lg_columns){.text = app_text(), .shortest = true};
     table->results = app_alloc(runs, sizeof *table->results);
     table->done = app_alloc(runs, sizeof *table->done);
-    for (size_t i = 0; i < AXES; i++) lg_text_add(&table->text, "%s,", study_axis_names[i]);
-    lg_text_add(&table->text, "repeat,seed");
-    for (size_t i = 0; i < MEASURES; i++) lg_text_add(&table->text, ",%s", measure_names[i]);
-    lg_text_add(&table->text, ",epochs,status,protocol\n");
+    for (size_t i = 0; i < AXES; i++) lg_columns_name(&table->text, study_axis_names[i]);
+    lg_columns_names(&table->text, "repeat,seed");
+    for (size_t i = 0; i < MEASURES; i++) lg_columns_name(&table->text, measure_names[i]);
+    lg_columns_names(&table->text, "epochs,status,protocol");
+    lg_columns_end(&table->text);
     lg_status status = lg_csv_open(NULL, path, "table of a study", &csv, error);
     if (status == LG_OK) status = read_table(table, &csv, error);
     lg_csv_close(&csv);
@@ -165,11 +162,12 @@ lg_status study_table_open(study_table *table, const char *path, lg_error *error
 lg_status study_table_save(study_table *table, lg_error *error) {
     if (!table->changed) return LG_OK;
     table->changed = false;
-    return lg_file_write(app_running()->context, table->path, table->text.data, table->text.length, error);
+    return lg_file_write(app_running()->context, table->path, table->text.text.data, table->text.text.length,
+                         error);
 }
 
 void study_table_close(study_table *table) {
-    lg_text_destroy(&table->text);
+    lg_text_destroy(&table->text.text);
     free(table->results);
     free(table->done);
 }

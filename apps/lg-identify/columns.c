@@ -67,15 +67,13 @@ void identify_to_columns(const lg_machine_file *file, const double *q, const dou
     }
 }
 
-void identify_put_columns(FILE *stream, const lg_machine_file *file, const double *columns) {
+void identify_put_columns(lg_columns *to, const lg_machine_file *file, const double *columns) {
     for (uint32_t c = 0; c < file->column_count; c++)
-        lg_csv_put_number(stream, c > 0 ? "," : "",
-                          c == file->run ? columns[c] : columns[c] / file->columns[c].scale);
+        lg_columns_number(to, c == file->run ? columns[c] : columns[c] / file->columns[c].scale);
 }
 
-void identify_put_names(FILE *stream, const lg_machine_file *file) {
-    for (uint32_t c = 0; c < file->column_count; c++)
-        lg_csv_put(stream, c > 0 ? "," : "", file->columns[c].name, true);
+void identify_put_names(lg_columns *to, const lg_machine_file *file) {
+    for (uint32_t c = 0; c < file->column_count; c++) lg_columns_name(to, file->columns[c].name);
 }
 
 /* ---- errors ---- */

@@ -7,6 +7,7 @@
 #include "liegrad/geometry.h"
 #include "machine/files/log_table.h"
 #include "machine/internal.h"
+#include "files/csv.h"
 
 typedef struct generate_values {
     const char *out, *excitation;
@@ -322,7 +323,7 @@ static void integrate(const app *self, making *m) {
 
 /* ---- the file ---- */
 
-static void put_row(FILE *stream, const making *m, size_t run, size_t row, double *columns) {
+static void put_row(lg_columns *to, const making *m, size_t run, size_t row, double *columns) {
     const lg_machine_file *file = &m->file;
     const size_t at = run * m->rows + row, inputs = file->machine.input_count;
     identify_to_columns(file, m->run_q + at * file->machine.positions,
@@ -335,19 +336,18 @@ static void put_row(FILE *stream, const making *m, size_t run, size_t row, doubl
         const size_t acts = row + file->inputs[input].delay; /* the row in which the logged value acts */
         columns[c] = m->given[(run * (m->rows + m->delay) + acts) * inputs + input];
     }
-    identify_put_columns(stream, file, columns);
-    (void)fputc('\n', stream);
+    identify_put_columns(to, file, columns);
+    lg_columns_end(to);
 }
 
 static void write_log(const app *self, const making *m) {
-    app_file file;
+    lg_columns to = {.text = app_text()};
     double columns[LG_LOG_COLUMNS];
-    app_file_begin(&file, values.out);
-    identify_put_names(file.stream, &m->file);
-    (void)fputc('\n', file.stream);
+    identify_put_names(&to, &m->file);
+    lg_columns_end(&to);
     for (size_t run = 0; run < m->runs; run++)
-        for (size_t row = 0; row < m->rows; row++) put_row(file.stream, m, run, row, columns);
-    APP_MUST_FILE(self, values.out, app_file_end(&file, &error));
+        for (size_t row = 0; row < m->rows; row++) put_row(&to, m, run, row, columns);
+    APP_MUST_FILE(self, values.out, lg_columns_write(&to, self->context, values.out, &error));
 }
 
 static void report(const app *self, const making *m) {

@@ -6,6 +6,7 @@
 #include "common/app.h"
 #include "machine/files/recipe.h"
 #include "settings/training.h"
+#include "files/csv.h"
 
 extern const app_command identify_check_command, identify_fit_command, identify_evaluate_command,
     identify_predict_command, identify_generate_command, identify_adapt_command;
@@ -44,8 +45,8 @@ void identify_to_columns(const lg_machine_file *file, const double *q, const dou
                          double *columns);
 /* Write the columns, in the units of the log, or their names as cells of a CSV line, without the end of the
  * line. */
-void identify_put_columns(FILE *stream, const lg_machine_file *file, const double *columns);
-void identify_put_names(FILE *stream, const lg_machine_file *file);
+void identify_put_columns(lg_columns *to, const lg_machine_file *file, const double *columns);
+void identify_put_names(lg_columns *to, const lg_machine_file *file);
 /* Predicted minus logged of each column of the file; the difference of two angles is wrapped to (-pi, pi].
  * NaN: the column is no state, or the log has no number. Infinite: the prediction is not finite. */
 void identify_errors(const lg_machine_file *file, const double *q, const double *v, const double *logged_q,

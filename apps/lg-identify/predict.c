@@ -118,13 +118,13 @@ static void predict(const app *self, prediction *p) {
 
 /* ---- the file ---- */
 
-static void put_head(FILE *stream, const lg_machine_file *file) {
-    identify_put_names(stream, file);
+static void put_head(lg_columns *to, const lg_machine_file *file) {
+    identify_put_names(to, file);
     for (uint32_t c = 0; c < file->column_count && values.bands; c++) {
         APP_FREE char *name = app_format("%s.sd", file->columns[c].name);
-        if (identify_is_state(&file->columns[c])) lg_csv_put(stream, ",", name, true);
+        if (identify_is_state(&file->columns[c])) lg_columns_name(to, name);
     }
-    (void)fputc('\n', stream);
+    lg_columns_end(to);
 }
 
 /* Returns the input that was logged at `row`: it acts its delay later. NaN if that is beyond the part. */
@@ -135,7 +135,7 @@ static double input_of(const lg_logs *logs, const lg_machine *machine, size_t ro
 }
 
 /* Writes a row of a part that ends before row `end`. `before`: columns of the previous row, or NULL. */
-static void put_row(FILE *stream, prediction *p, size_t row, size_t end, uint32_t run, const double *before,
+static void put_row(lg_columns *to, prediction *p, size_t row, size_t end, uint32_t run, const double *before,
                     double *columns) {
     const lg_machine_file *file = &p->given->data.file;
     const lg_machine *machine = &file->machine;
@@ -149,31 +149,28 @@ static void put_row(FILE *stream, prediction *p, size_t row, size_t end, uint32_
         if (column->role == LG_LOG_INPUT) columns[c] = input_of(logs, machine, row, end, column->index);
         if (identify_is_state(column)) p->finite = p->finite && isfinite(columns[c]);
     }
-    identify_put_columns(stream, file, columns);
+    identify_put_columns(to, file, columns);
     for (uint32_t c = 0; c < file->column_count && values.bands; c++)
         if (identify_is_state(&file->columns[c]))
-            lg_csv_put_number(stream, ",",
-                              p->bands[row * file->column_count + c] / fabs(file->columns[c].scale));
-    (void)fputc('\n', stream);
+            lg_columns_number(to, p->bands[row * file->column_count + c] / fabs(file->columns[c].scale));
+    lg_columns_end(to);
     p->rows++;
 }
 
 static void write_rows(const app *self, prediction *p) {
-    app_file file;
+    lg_columns to = {.text = app_text()};
     double columns[LG_LOG_COLUMNS], before[LG_LOG_COLUMNS];
     const lg_logs *logs = &p->given->data.logs;
     p->finite = true;
-    app_file_begin(&file, values.out);
-    put_head(file.stream, &p->given->data.file);
+    put_head(&to, &p->given->data.file);
     for (size_t i = 0; i < p->runs; i++) {
         const size_t part = lg_machine_log_part(&logs->log, p->start[i]), end = logs->log.first[part + 1];
         for (size_t row = p->start[i]; row < end; row++) {
-            put_row(file.stream, p, row, end, logs->part_run[part], row > p->start[i] ? before : NULL,
-                    columns);
+            put_row(&to, p, row, end, logs->part_run[part], row > p->start[i] ? before : NULL, columns);
             memcpy(before, columns, sizeof before);
         }
     }
-    APP_MUST_FILE(self, values.out, app_file_end(&file, &error));
+    APP_MUST_FILE(self, values.out, lg_columns_write(&to, self->context, values.out, &error));
 }
 
 /* ---- the command ---- */

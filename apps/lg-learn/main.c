@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/verbs.h"
+#include "files/csv.h"
 
 /* ---- the recipe and its options ---- */
 
@@ -92,17 +93,21 @@ static void project(const app *self, const lg_space *space, double *state, size_
 }
 
 static void write_trajectory(const app *self, const double *t, const double *y, size_t points, size_t dim) {
-    app_file file;
+    lg_columns to = {.text = app_text()};
     if (app_common_given.out == NULL) return;
-    app_file_begin(&file, app_common_given.out);
-    (void)fputs("t", file.stream);
-    for (size_t i = 0; i < dim; i++) (void)fprintf(file.stream, ",y%zu", i + 1);
-    for (size_t k = 0; k < points; k++) {
-        (void)fprintf(file.stream, "\n%.17g", t[k]);
-        for (size_t i = 0; i < dim; i++) (void)fprintf(file.stream, ",%.17g", y[k * dim + i]);
+    lg_columns_name(&to, "t");
+    for (size_t i = 0; i < dim; i++) {
+        APP_FREE char *name = app_format("y%zu", i + 1);
+        lg_columns_name(&to, name);
     }
-    (void)fputc('\n', file.stream);
-    APP_MUST_FILE(self, app_common_given.out, app_file_end(&file, &error));
+    lg_columns_end(&to);
+    for (size_t k = 0; k < points; k++) {
+        lg_columns_number(&to, t[k]);
+        lg_columns_numbers(&to, y + k * dim, dim);
+        lg_columns_end(&to);
+    }
+    APP_MUST_FILE(self, app_common_given.out,
+                  lg_columns_write(&to, self->context, app_common_given.out, &error));
 }
 
 static void follow(const app *self, const lg_model *model, double *start, app_json *out) {

@@ -6,6 +6,7 @@
 #include "files/read_file.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <math.h>
 #include <string.h>
 #include <unistd.h>
@@ -180,27 +181,6 @@ lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error) {
     return LG_OK;
 }
 
-void lg_csv_put(FILE *to, const char *before, const char *text, bool name) {
-    const size_t length = strlen(text);
-    bool plain = !lg_csv_missing(text) && strpbrk(text, ",;\"#") == NULL && lg_csv_comment(text) == 0 &&
-                 text[0] != ' ' && text[length - 1] != ' ' && !(name && lg_is_decimal(text)) &&
-                 strncmp(text, "\xef\xbb\xbf", 3) != 0;
-    for (const char *c = text; *c != '\0'; c++) plain = plain && (unsigned char)*c >= ' ';
-    (void)fputs(before, to);
-    if (!plain) (void)fputc('"', to);
-    for (; *text != '\0'; text++) {
-        if (*text == '"') (void)fputc('"', to);
-        (void)fputc(*text, to);
-    }
-    if (!plain) (void)fputc('"', to);
-}
-
-void lg_csv_put_number(FILE *to, const char *before, double value) {
-    char text[32] = "";
-    if (isfinite(value)) (void)lg_format(text, sizeof text, "%.17g", value);
-    (void)fprintf(to, "%s%s", before, text);
-}
-
 /* ---- the header ---- */
 
 size_t lg_csv_count(const char *line, char separator, bool *open) {
@@ -327,6 +307,78 @@ lg_status lg_csv_header(lg_csv *c, lg_error *error) {
     if (open) return lg_csv_fail(c, error, "a quote is not closed");
     if (c->cells == 1 && c->comments > 0) LG_TRY(split_blanks(c, error));
     return check_header(c, error);
+}
+
+/* ---- writing ---- */
+
+/* Begins a cell. */
+static lg_text *cell_of(lg_columns *to) {
+    if (to->open) lg_text_append(&to->text, ",", 1);
+    to->open = true;
+    return &to->text;
+}
+
+static void put_text(lg_columns *to, const char *text, bool name) {
+    lg_text *out = cell_of(to);
+    const size_t length = strlen(text);
+    bool plain = !lg_csv_missing(text) && strpbrk(text, ",;\"#") == NULL && lg_csv_comment(text) == 0 &&
+                 text[0] != ' ' && text[length - 1] != ' ' && !(name && lg_is_decimal(text)) &&
+                 strncmp(text, "\xef\xbb\xbf", 3) != 0;
+    for (const char *c = text; *c != '\0'; c++) plain = plain && (unsigned char)*c >= ' ';
+    if (!plain) lg_text_append(out, "\"", 1);
+    for (; *text != '\0'; text++) lg_text_append(out, *text == '"' ? "\"\"" : text, *text == '"' ? 2 : 1);
+    if (!plain) lg_text_append(out, "\"", 1);
+}
+
+void lg_columns_names(lg_columns *to, const char *names) {
+    lg_text_append(cell_of(to), names, strlen(names));
+}
+
+void lg_columns_name(lg_columns *to, const char *name) {
+    put_text(to, name, true);
+}
+
+void lg_columns_text(lg_columns *to, const char *text) {
+    put_text(to, text, false);
+}
+
+void lg_columns_whole(lg_columns *to, uint64_t value) {
+    lg_text_add(cell_of(to), "%" PRIu64, value);
+}
+
+void lg_columns_number(lg_columns *to, double value) {
+    char text[LG_SHORTEST];
+    lg_text *out = cell_of(to);
+    if (!isfinite(value) && !to->words) return;
+    if (to->shortest)
+        lg_format_shortest(text, value, false);
+    else
+        (void)lg_format(text, sizeof text, "%.17g", isnan(value) ? (double)NAN : value);
+    lg_text_append(out, text, strlen(text));
+}
+
+void lg_columns_numbers(lg_columns *to, const double *values, size_t count) {
+    for (size_t i = 0; i < count; i++) lg_columns_number(to, values[i]);
+}
+
+void lg_columns_empty(lg_columns *to) {
+    (void)cell_of(to);
+}
+
+void lg_columns_end(lg_columns *to) {
+    if (to->text.length == to->row) lg_columns_text(to, "");
+    lg_text_append(&to->text, "\n", 1);
+    to->row = to->text.length;
+    to->open = false;
+}
+
+lg_status lg_columns_write(lg_columns *to, const lg_context *context, const char *path, lg_error *error) {
+    const lg_text *text = &to->text;
+    const lg_status status = text->failed
+                                 ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
+                                 : lg_file_write(context, path, text->data, text->length, error);
+    lg_text_destroy(&to->text);
+    return status;
 }
 
 /* ---- rows ---- */

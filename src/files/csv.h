@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "core/text.h"
 
 typedef struct lg_csv {
     const lg_context *context;
@@ -69,12 +70,6 @@ lg_status lg_csv_header(lg_csv *c, lg_error *error);
 lg_status lg_csv_cell(lg_csv *c, char **at, char **cell, lg_error *error);
 /* The same for a cell of the header. Control characters are only allowed in quotes. */
 lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error);
-/* Writes `before` ("" or a comma) and a text as a cell, in quotes if it needs them, so that the functions
- * above read the same text. All texts of CSV files are written by it. `name`: it is a cell of the header,
- * where a number without quotes means that the header is missing. */
-void lg_csv_put(FILE *to, const char *before, const char *text, bool name);
-/* The same for a number, with the digits to read it back; an empty cell if it is not finite. */
-void lg_csv_put_number(FILE *to, const char *before, double value);
 /* Fails if the line has another number of cells than the header. *cut becomes true, without a failure, if the
  * line has fewer cells and no newline, as when the end of a file is cut off. */
 lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error);
@@ -87,6 +82,36 @@ lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, b
 bool lg_csv_missing(const char *cell);
 /* Fails with the message "FILE: line N: `what`". */
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what);
+
+/* ---- writing ---- */
+
+/* The one writer of CSV: cells, each added to the row, and ends of rows. Initialise with {.text.context =
+ * c}. Failures of memory stay in the text until lg_columns_write. */
+typedef struct lg_columns {
+    lg_text text;  /* the file so far */
+    size_t row;    /* where the row begins */
+    bool open;     /* the row has a cell */
+    bool words;    /* numbers that are not finite are nan, inf and -inf; otherwise their cells are empty */
+    bool shortest; /* numbers have the fewest digits that read back as the same number; otherwise 17 */
+} lg_columns;
+
+/* Adds names that need no quotes and have commas between them. */
+void lg_columns_names(lg_columns *to, const char *names);
+/* Add a cell, in quotes if it needs them, so that the functions above read the same text. A name is a cell of
+ * the header, where a number without quotes means that the header is missing. */
+void lg_columns_name(lg_columns *to, const char *name);
+void lg_columns_text(lg_columns *to, const char *text);
+void lg_columns_whole(lg_columns *to, uint64_t value);
+void lg_columns_number(lg_columns *to, double value);
+void lg_columns_numbers(lg_columns *to, const double *values, size_t count);
+void lg_columns_empty(lg_columns *to);
+/* Ends the row. One of a single empty cell gets quotes: readers skip blank lines. */
+void lg_columns_end(lg_columns *to);
+/* Writes the file at `path` and frees the text. `context`: says whether a file may be replaced. */
+lg_status lg_columns_write(lg_columns *to, const lg_context *context, const char *path, lg_error *error);
+
+/* ---- lists of names ---- */
+
 enum { LG_CSV_QUOTED = 2 * 64 + 2 };
 /* Formats a name for a list with commas. Names with a comma, a quote or a blank at an end are quoted, as in
  * CSV. Returns `out` (LG_CSV_QUOTED bytes). A name of 64 bytes or more is cut. */

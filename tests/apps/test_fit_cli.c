@@ -478,15 +478,19 @@ static void write_drawn(const char *name, lg_rng *rng, lg_table_text *column, lg
             draw_text(rng, all[i]);
         while (all[i][0] == '\0' || strchr(all[i], ' ') != NULL ||
                (i > 0 && strcmp(all[i], all[i - 1]) == 0) || (i > 1 && strcmp(all[i], all[i - 2]) == 0));
+    lg_columns to = {.row = 0};
+    for (uint32_t c = 0; c < 3; c++) lg_columns_name(&to, all[c]);
+    lg_columns_end(&to);
+    for (uint32_t i = 0; i < 60; i++) {
+        lg_columns_whole(&to, i);
+        lg_columns_text(&to, all[3 + i / 20]);
+        lg_columns_number(&to, noise(i));
+        lg_columns_end(&to);
+    }
     FILE *file = fopen(cli_at(name), "wb");
     assert_non_null(file);
-    for (uint32_t c = 0; c < 3; c++) lg_csv_put(file, c > 0 ? "," : "", all[c], true);
-    for (uint32_t i = 0; i < 60; i++) {
-        assert_true(fprintf(file, "\n%u,", i) > 0);
-        lg_csv_put(file, "", all[3 + i / 20], false);
-        assert_true(fprintf(file, ",%g", noise(i)) > 0);
-    }
-    assert_true(fputc('\n', file) == '\n' && fclose(file) == 0);
+    assert_true(fputs(to.text.data, file) >= 0 && fclose(file) == 0);
+    lg_text_destroy(&to.text);
     memcpy(column, all[1], sizeof *column);
     memcpy(label, all + 3, LABELS * sizeof *label);
 }

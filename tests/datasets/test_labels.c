@@ -360,18 +360,19 @@ TEST("1, 1.0 and 01 are three classes beside each other, which is told; distinct
 /* Writes a table with these names and labels in column `at`, and numbers elsewhere. */
 static void put_table(const char *path, lg_table_text *name, uint32_t columns, uint32_t at,
                       lg_table_text *label, size_t rows) {
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    for (uint32_t c = 0; c < columns; c++) lg_csv_put(file, c > 0 ? "," : "", name[c], true);
-    for (size_t i = 0; i < rows; i++)
-        for (uint32_t c = 0; c < columns; c++) {
-            const char *before = c > 0 ? "," : "\n";
+    lg_columns to = {.row = 0};
+    for (uint32_t c = 0; c < columns; c++) lg_columns_name(&to, name[c]);
+    lg_columns_end(&to);
+    for (size_t i = 0; i < rows; i++) {
+        for (uint32_t c = 0; c < columns; c++)
             if (c == at)
-                lg_csv_put(file, before, label[i], false);
+                lg_columns_text(&to, label[i]);
             else
-                assert_true(fprintf(file, "%s%zu", before, i) > 0);
-        }
-    assert_true(fputc('\n', file) == '\n' && fclose(file) == 0);
+                lg_columns_whole(&to, i);
+        lg_columns_end(&to);
+    }
+    write_text_to(path, to.text.data);
+    lg_text_destroy(&to.text);
 }
 
 TEST("any names and labels that are written as CSV read back equal") {

@@ -262,14 +262,6 @@ static lg_status check_trials(const lg_search_space *space, const lg_trial *tria
 
 /* ---- writing ---- */
 
-/* Adds a number with 17 digits, or nan, inf or -inf. */
-static void add_number(lg_text *t, double x) {
-    if (isnan(x))
-        lg_text_add(t, ",nan");
-    else
-        lg_text_add(t, ",%.17g", x);
-}
-
 void lg_search_label(const lg_search_file *search, uint64_t seed, const char *setting,
                      char label[LG_SEARCH_LABEL]) {
     char hash[2][HASH_DIGITS + 1];
@@ -293,38 +285,47 @@ static const struct {
     {"seconds", COLUMN_REAL, offsetof(lg_trial, seconds)},
 };
 
-static void add_head(lg_text *t, const lg_search_file *search, uint64_t seed, const char *setting,
+enum { RUNG = 16 };
+static const char *rung_name(uint32_t rung, char out[RUNG]) {
+    (void)snprintf(out, RUNG, "rung%u", rung + 1);
+    return out;
+}
+
+static void add_head(lg_columns *t, const lg_search_file *search, uint64_t seed, const char *setting,
                      uint32_t reports) {
     char label[LG_SEARCH_LABEL];
     lg_search_label(search, seed, setting, label);
-    lg_text_add(t, "# %s\n", label);
-    for (size_t i = 0; i < LG_COUNT(columns); i++) lg_text_add(t, "%s%s", i > 0 ? "," : "", columns[i].name);
-    for (size_t i = 0; i < search->space.count; i++) lg_text_add(t, ",%s", search->space.ranges[i].name);
-    for (uint32_t i = 0; i < reports; i++) lg_text_add(t, ",rung%u", i + 1);
-    lg_text_add(t, "\n");
+    lg_text_add(&t->text, "# %s\n", label);
+    for (size_t i = 0; i < LG_COUNT(columns); i++) lg_columns_name(t, columns[i].name);
+    for (size_t i = 0; i < search->space.count; i++) lg_columns_name(t, search->space.ranges[i].name);
+    for (uint32_t i = 0; i < reports; i++) {
+        char name[RUNG];
+        lg_columns_name(t, rung_name(i, name));
+    }
+    lg_columns_end(t);
 }
 
-static void add_trial(lg_text *t, const lg_search_space *space, const lg_trial *trial, uint32_t reports) {
+static void add_trial(lg_columns *t, const lg_search_space *space, const lg_trial *trial, uint32_t reports) {
     for (size_t i = 0; i < LG_COUNT(columns); i++) {
         const void *member = (const char *)trial + columns[i].offset;
         if (columns[i].type == COLUMN_REAL)
-            add_number(t, *(const double *)member);
+            lg_columns_number(t, *(const double *)member);
         else if (columns[i].type == COLUMN_STATE)
-            lg_text_add(t, ",%s", lg_trial_state_name(trial->state));
+            lg_columns_text(t, lg_trial_state_name(trial->state));
         else
-            lg_text_add(t, "%s%" PRIu64, i > 0 ? "," : "", *(const uint64_t *)member);
+            lg_columns_whole(t, *(const uint64_t *)member);
     }
     for (size_t i = 0; i < space->count; i++)
         if (space->ranges[i].kind == LG_RANGE_CHOICE)
-            lg_text_add(t, ",%s", space->ranges[i].choice[(size_t)trial->value[i]]);
+            lg_columns_text(t, space->ranges[i].choice[(size_t)trial->value[i]]);
         else
-            add_number(t, trial->value[i]);
+            lg_columns_number(t, trial->value[i]);
     for (uint32_t i = 0; i < reports; i++)
         if (i < trial->reports)
-            add_number(t, trial->report[i]);
+            lg_columns_number(t, trial->report[i]);
         else
-            lg_text_add(t, ",");
-    lg_text_add(t, "\n");
+            lg_columns_empty(t);
+    lg_columns_end(t);
 }
 
 lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
@@ -337,11 +338,10 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
     uint32_t reports = 0;
     for (size_t i = 0; i < count; i++)
         if (trials[i].reports > reports) reports = trials[i].reports;
-    LG_CLEAN(lg_text_destroy) lg_text t = {.context = context};
+    lg_columns t = {.text = {.context = context}, .words = true};
     add_head(&t, search, seed, setting, reports);
     for (size_t i = 0; i < count; i++) add_trial(&t, &search->space, &trials[i], reports);
-    if (t.failed) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    return lg_file_write(context, path, t.data, t.length, error);
+    return lg_columns_write(&t, context, path, error);
 }
 
 /* ---- reading ---- */
