@@ -26,7 +26,7 @@ void lg_matrix_multiply_twice(size_t m, size_t n, size_t k, const double *a, lg_
 void lg_matrix_add_twice(size_t count, const double *x, lg_matrix_pair y);
 double lg_matrix_norm(size_t count, const double *x);
 /* LU factors of a (n, n), in place, with exchanges of rows; its rows are `stride` numbers apart. Returns
- * false if a is singular or not finite. lg_matrix_solve replaces x, whose numbers are `step` apart, by
+ * false if a pivot is 0 or not finite. lg_matrix_solve replaces x, whose numbers are `step` apart, by
  * a^-1 x. */
 bool lg_matrix_factor(size_t n, size_t stride, double *a, size_t *pivot);
 void lg_matrix_solve(size_t n, size_t stride, const double *a, const size_t *pivot, size_t step, double *x);

@@ -669,13 +669,15 @@ TEST("functions of tables and files refuse NULL") {
     REFUSES(lg_rows_file_look(NULL, NEEDED(path), NEEDED(&about), NULL, 0, NULL));
     REFUSES(lg_file_reader_create(NULL, NEEDED(path), NULL, NULL, NEEDED(&reader), NULL));
     REFUSES(lg_trajectories_read(NULL, NEEDED(path), NULL, NEEDED(&trajectories), NULL));
-    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_hamiltonian, NEEDED(&hamiltonian), NULL));
+    REFUSES(
+        lg_recipe_load(NULL, NEEDED(path), NULL, NEEDED(&lg_recipe_hamiltonian), NEEDED(&hamiltonian), NULL));
     REFUSES(lg_elastica_data_read(NULL, NEEDED(path), NULL, NEEDED(&elastica), NULL));
-    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_surrogate, NEEDED(&surrogate), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, NEEDED(&lg_recipe_surrogate), NEEDED(&surrogate), NULL));
     REFUSES(lg_series_read(NULL, NEEDED(path), NULL, NULL, NEEDED(&series), NULL));
-    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_detector, NEEDED(&detector), NULL));
-    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_table, NEEDED(&filed), NULL));
-    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, &lg_recipe_machine_model, NEEDED(&machine_model), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, NEEDED(&lg_recipe_detector), NEEDED(&detector), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, NEEDED(&lg_recipe_table), NEEDED(&filed), NULL));
+    REFUSES(lg_recipe_load(NULL, NEEDED(path), NULL, NEEDED(&lg_recipe_machine_model), NEEDED(&machine_model),
+                           NULL));
     REFUSES(lg_program_load(NULL, NEEDED(path), NULL, NEEDED(&program), NULL));
     REFUSES(lg_model_file_kind(NULL, NEEDED(path), NULL, NEEDED(kind), sizeof kind, NULL));
     REFUSES(lg_model_load(NULL, NEEDED(path), NULL, NEEDED(&file), NULL));
@@ -940,8 +942,8 @@ TEST("functions of machines refuse NULL") {
                                        NEEDED(&problem.log), NEEDED(start), 2, 4, NEEDED(others),
                                        NEEDED(others + 8), NULL));
     REFUSES(lg_machine_program(NULL, NEEDED(machine), NEEDED(theta), NULL, false, NEEDED(&program), NULL));
-    REFUSES(lg_recipe_save(NULL, NEEDED("/nonexistent/file.h5"), &lg_recipe_machine_model, NEEDED(file), NULL,
-                           NULL));
+    REFUSES(lg_recipe_save(NULL, NEEDED("/nonexistent/file.h5"), NEEDED(&lg_recipe_machine_model),
+                           NEEDED(file), NULL, NULL));
 }
 
 /* x' = (w, u - x): a spring and a mass. */

@@ -307,7 +307,7 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
 }
 
 void lg_recipe_release(const lg_recipe *kind, void *file) {
-    if (file == NULL) return;
+    if (kind == NULL || file == NULL) return;
     const lg_model_head head = *(const lg_model_head *)file;
     if (kind->release != NULL) kind->release(file);
     lg_items_release(head.context, kind, file);
