@@ -110,5 +110,7 @@ int main(int argc, char **argv) {
     need(lg_program_build(NULL, &spec, &program, &error) == LG_OK, argv[1], error.message);
     need(lg_program_save(NULL, argv[1], program, NULL, &error) == LG_OK, argv[1], error.message);
     printf("%u layers, %u inputs, %u outputs\n", layers, x.shape.dims[0], out);
+    lg_program_destroy(program);
+    lg_tensors_destroy(&all);
     return 0;
 }

@@ -366,7 +366,8 @@ void lg_columns_empty(lg_columns *to) {
 }
 
 void lg_columns_end(lg_columns *to) {
-    if (to->text.length == to->row) lg_columns_text(to, "");
+    to->open = to->open && to->text.length > to->row;
+    if (!to->open) lg_columns_text(to, ""); /* readers skip a blank line */
     lg_text_append(&to->text, "\n", 1);
     to->row = to->text.length;
     to->open = false;

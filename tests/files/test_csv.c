@@ -145,6 +145,21 @@ TEST("a written name that begins like a comment is read again") {
     }
 }
 
+TEST("a row of one cell without a value is no blank line, which readers skip") {
+    lg_columns to = {.row = 0};
+    lg_columns_name(&to, "a");
+    lg_columns_end(&to);
+    lg_columns_empty(&to);
+    lg_columns_end(&to);
+    lg_columns_number(&to, (double)NAN);
+    lg_columns_end(&to);
+    lg_columns_empty(&to);
+    lg_columns_empty(&to);
+    lg_columns_end(&to);
+    assert_string_equal(to.text.data, "a\n\"\"\n\"\"\n,\n");
+    lg_text_destroy(&to.text);
+}
+
 TEST("a list of names ends with dots where there is no more room, and stays as it is after that") {
     lg_name_list names = {.used = 0};
     char before[sizeof names.text];
