@@ -110,7 +110,7 @@ void sweep_run(const app *app, const sweep_values *values, const lg_elastica_opt
 
 /* Writes a data block with a beam, interpolated by cubic Hermite polynomials. */
 void put_beam(app_plot *plot, const beam_curve *curve);
-/* Draws beams to --plot, with their energies if `labelled`. `width`: of the lines of minima. */
+/* Draws beams to --plot, with their energies if `labelled`. The lines of minima are `width` wide. */
 void draw_beams(const app *app, const char *title, bool labelled, double width, const beam_curve *curves,
                 size_t count);
 

@@ -120,7 +120,7 @@ static void put_header(lg_columns *to, const lg_table_file *file) {
     lg_columns_end(to);
 }
 
-/* Writes a row; without `known` its cells are empty. */
+/* Writes the prediction of one row. Its cells are empty if the prediction is not known. */
 static void put_row(lg_columns *to, const lg_table_file *file, double *y, bool known) {
     const uint32_t outputs = file->run.model.net.outputs;
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;

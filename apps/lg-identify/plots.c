@@ -54,7 +54,7 @@ static void put_row(app_plot *plot, const lg_machine_file *file, const lg_machin
     }
     if (q != NULL) identify_to_columns(file, q + row * nq, v + row * nv, logged, predicted);
     const app_plot_column columns[] = {
-        {log->t + row, 0, 1}, {logged, 0, n}, {predicted, 0, n}, {bands + row * n, 0, n}};
+        {log->t + row, 0, 1}, {logged, 0, n}, {predicted, 0, n}, {bands ? bands + row * n : NULL, 0, n}};
     app_plot_columns(plot, 9, 1, columns, bands != NULL ? 4 : 3);
 }
 

@@ -98,7 +98,7 @@ static void put_phase(drawing *to, const block *q, const block *p) {
 
 /* ---- panels ---- */
 
-/* A panel of the numbers of the steps: invariants, manifold or steps. */
+/* Draws over time the drift of the invariants, the distance from the manifold, or the sizes of the steps. */
 static void put_steps(drawing *to, const char *kind) {
     const bool named = strcmp(kind, "invariants") == 0;
     const size_t count = named ? lg_system_invariants(to->sim->system) : 0;

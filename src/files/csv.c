@@ -366,8 +366,8 @@ void lg_columns_empty(lg_columns *to) {
 }
 
 void lg_columns_end(lg_columns *to) {
-    to->open = to->open && to->text.length > to->row;
-    if (!to->open) lg_columns_text(to, ""); /* readers skip a blank line */
+    /* readers would skip an empty line */
+    if (to->text.length == to->row) to->open = false, lg_columns_text(to, "");
     lg_text_append(&to->text, "\n", 1);
     to->row = to->text.length;
     to->open = false;

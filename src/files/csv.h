@@ -95,7 +95,7 @@ typedef struct lg_columns {
     bool shortest; /* numbers have the fewest digits that read back as the same number; otherwise 17 */
 } lg_columns;
 
-/* Adds names that need no quotes and have commas between them. */
+/* Adds several cells of the header, such as "t,x,y". None of the names may need quotes. */
 void lg_columns_names(lg_columns *to, const char *names);
 /* Add a cell, in quotes if it needs them, so that the functions above read the same text. A name is a cell of
  * the header, where a number without quotes means that the header is missing. */
