@@ -402,24 +402,6 @@ bool lg_csv_missing(const char *cell) {
     return false;
 }
 
-lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, bool may_round, double *out,
-                        lg_error *error) {
-    char show[41];
-    *out = NAN;
-    if (lg_csv_missing(cell)) return LG_OK;
-    const lg_status status = lg_number_parse(cell, out);
-    if (status == LG_OK) return LG_OK;
-    if (status == LG_OUT_OF_MEMORY) return no_memory(c, error);
-    (void)snprintf(show, sizeof show, "%s", cell);
-    if (status == LG_UNSUPPORTED && may_round) return LG_OK;
-    if (status == LG_UNSUPPORTED)
-        return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: %s is beyond 2^53 and " LG_ROUNDED,
-                       c->shown, c->number, column, show);
-    return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: '%s' is not a %snumber%s", c->shown, c->number,
-                   column, lg_tamed(show), status == LG_NOT_FINITE ? "finite " : "",
-                   strchr(cell, ',') != NULL ? "; write decimals with a point" : LG_CSV_EMPTY);
-}
-
 /* ---- the file ---- */
 
 lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,

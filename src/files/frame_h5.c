@@ -179,7 +179,8 @@ static lg_status check_sources(h5_file *h, lg_error *error) {
     for (const source *s = h->sources; s < h->sources + h->count; s++) {
         const uint64_t rows = rows_of(s);
         if (!is_wanted(h->frame, s)) continue;
-        if (s->about.kind == LG_H5_WORDS && h->frame->use[s->first].value > 0)
+        const lg_frame_use *use = &h->frame->use[s->first];
+        if (s->about.kind == LG_H5_WORDS && use->value > 0 && use->clock == NULL)
             return lg_fail(error, LG_FORMAT, "%s: /%s: does not hold numbers", h->frame->shown, s->name);
         if (h->counts != NULL && rows != h->rows)
             return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu", h->frame->shown,
@@ -196,7 +197,7 @@ static lg_status put_text(void *user, uint64_t index, const char *text, lg_error
     const void *const *call = user;
     const source *s = call[1];
     lg_frame *f = ((const h5_file *)call[0])->frame;
-    return lg_frame_put_text(f, (size_t)(index - f->before), s->first, text, error);
+    return lg_frame_put_cell(f, (size_t)(index - f->before), s->first, text, true, error);
 }
 
 static lg_status put_numbers(lg_frame *f, const source *s, const double *values, size_t row, size_t rows,
