@@ -51,9 +51,10 @@ lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
     return f->name[f->columns] == NULL ? lg_frame_no_memory(f, error) : (f->columns++, LG_OK);
 }
 
-static lg_status missing_column(const lg_frame *f, const char *name, lg_error *error) {
+static lg_status missing_column(lg_frame *f, const char *name, lg_error *error) {
     lg_name_list have = {.used = 0};
     char quoted[LG_CSV_QUOTED];
+    f->missing = name;
     for (uint32_t i = 0; i < f->columns; i++) lg_name_list_add(&have, lg_csv_quote(f->name[i], quoted));
     return lg_frame_fail(f, 0, NULL, error, "there is no column '%s'; the columns are: %s", name,
                          lg_tamed(have.text));
@@ -65,7 +66,7 @@ static lg_status find_column(const lg_frame *f, const lg_lookup *sorted, const c
     const lg_lookup *found = lg_lookup_find(sorted, f->columns, name);
     *at = found == NULL ? f->columns : (uint32_t)found->at;
     if (found != NULL && found + 1 < sorted + f->columns && strcmp(found[1].name, name) == 0)
-        return lg_frame_fail(f, 0, NULL, error, "there are two columns '%s'", name);
+        return lg_frame_fail(f, 0, NULL, error, "there are two columns '%s': rename one of them", name);
     return LG_OK;
 }
 

@@ -109,6 +109,7 @@ typedef struct lg_frame {
     bool cut;            /* the last line of the file is incomplete and was left out */
     /* Internal. */
     const struct lg_frame_format *format;
+    const char *missing; /* the wanted column that the file has not, or NULL */
     void *source;
     lg_frame_use *use; /* (columns) */
     size_t before, room, name_room;

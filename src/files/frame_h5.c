@@ -246,6 +246,17 @@ static lg_status is_h5(const char *path, const unsigned char *first, size_t coun
     return lg_file_is_h5(path, is, error);
 }
 
+/* Adds to the message about a missing column what has its name. */
+static lg_status explain(h5_file *h, lg_status status, lg_error *error) {
+    lg_h5_about about;
+    const char *name = h->frame->missing;
+    if (error == NULL || name == NULL || lg_h5_look(h->h5, name, 1, &about, NULL) != LG_OK) return status;
+    const lg_error was = *error;
+    return lg_fail(error, status,
+                   about.rank == 0 ? "%s; /%s is a single number or text" : "%s; /%s has %u dimensions",
+                   was.message, name, about.rank);
+}
+
 static lg_status begin(lg_frame *f, lg_error *error) {
     h5_file *h = f->source;
     LG_TRY(lg_h5_open(f->context, f->path, f->options, &h->h5, error));
@@ -253,8 +264,8 @@ static lg_status begin(lg_frame *f, lg_error *error) {
     if (f->columns == 0)
         return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers",
                        f->shown);
-    LG_TRY(lg_frame_find(f, error));
-    return check_sources(h, error);
+    const lg_status status = lg_frame_find(f, error);
+    return status == LG_OK ? check_sources(h, error) : explain(h, status, error);
 }
 
 /* What the child process does: reads all that is wanted. */

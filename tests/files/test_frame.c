@@ -261,6 +261,68 @@ TEST("columns that do not belong together are rejected with file, row and column
     lg_frame_close(&f);
 }
 
+/* ---- what is found in a bad file, and what to do ---- */
+
+/* Numbers t and x, a single number y0, an array of rank 3, and records with another x. */
+static void write_misfits(const char *path) {
+    const struct record { double x, y; } records[2] = {{1, 2}, {3, 4}};
+    const double numbers[8] = {0, 1, 2, 3, 4, 5, 6, 7};
+    hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    hid_t type = H5Tcreate(H5T_COMPOUND, sizeof *records);
+    assert_true(H5Tinsert(type, "x", HOFFSET(struct record, x), H5T_NATIVE_DOUBLE) >= 0 &&
+                H5Tinsert(type, "y", HOFFSET(struct record, y), H5T_NATIVE_DOUBLE) >= 0);
+    put_dataset(file, "records", type, type, 1, (hsize_t[]){2}, false, records);
+    put_dataset(file, "x", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, (hsize_t[]){2}, false, numbers);
+    put_dataset(file, "y0", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 0, NULL, false, numbers);
+    put_dataset(file, "cube", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, (hsize_t[]){2, 2, 2}, false, numbers);
+    assert_true(H5Tclose(type) >= 0 && H5Fclose(file) >= 0);
+}
+
+#define BYTES(text) text, sizeof text - 1
+#define NPY(descr)  BYTES("\x93NUMPY\1\0\x30\0{'descr': " descr ", 'fortran_order': False, 'shape': (2,), }\n")
+#define NO_TEXT     "is not text: it has a zero byte, so it is no CSV in UTF-8, and it does not begin as HDF5 or"
+
+TEST("a message about a bad file says what was found and what to do") {
+    static const struct {
+        const char *text; /* NULL: HDF5 */
+        size_t bytes;
+        const char *want, *says;
+    } rows[] = {
+        {NPY("'<f2'"), "x",
+         "values of type '<f2'; the types that can be read are f4, f8, i1 to i8, u1 to u8"},
+        {NPY("'<f2'"), "x", "b1; convert with a.astype('f8')"},
+        {NPY("'<M8[ns]'"), "x", "values of type '<M8[ns]'; the types"},
+        {NPY("[('t', '<f8'), ('x', '<f8')]"), "x",
+         "records of type [('t', '<f8'), ('x', '<f8')]; save their"},
+        {NPY("[('t', '<f8'), ('x', '<f8')]"), "x", "as one array, numpy.column_stack("},
+        {BYTES("t,x,x\n0,1,2\n"), "x", "line 1: there are two columns 'x': rename one of them"},
+        {NULL, 0, "x", "there are two columns 'x': rename one of them"},
+        {NULL, 0, "y0", "there is no column 'y0'; the columns are: x, y, x; /y0 is a single number"},
+        {NULL, 0, "cube", "there is no column 'cube'; the columns are: x, y, x; /cube has 3 dimensions"},
+        {NULL, 0, "z", "there is no column 'z'; the columns are: x, y, x"},
+        {BYTES("t\0,\0x\0\n"), "x", NO_TEXT " an array of numpy (.npy)"}, /* UTF-16 */
+        {BYTES("PK\3\4\0"), "x", NO_TEXT},                                /* zip */
+        {BYTES("t,x\r0,1\r2,3\r"), "x", "line 1: has lines that end with a carriage return alone (CR): let"},
+        {BYTES("t,\"x\rm\"\n0,1\n"), "x", "there is no column 'x'"},
+    };
+    const lg_read_options here = without_probe();
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *path = scratch_path("bad");
+        lg_frame_want want = {.name = rows[i].want};
+        lg_frame f = new_frame(path, &here, &want, 1);
+        lg_error error = {LG_OK, ""};
+        if (rows[i].text == NULL)
+            write_misfits(path);
+        else
+            write_bytes_to(path, rows[i].text, rows[i].bytes);
+        lg_status status;
+        while (lg_test_again(status = lg_frame_open(&f, &error))) lg_frame_close(&f);
+        assert_int_equal(status, LG_FORMAT);
+        assert_says(error.message, rows[i].says);
+        lg_frame_close(&f);
+    }
+}
+
 /* ---- times ---- */
 
 /* Reads the column t in blocks of two rows; returns the times as "0 0.25 ..." or the message. */
