@@ -26,8 +26,8 @@ typedef struct sample_line {
     bool closed, cut; /* as in lg_csv */
 } sample_line;
 
-/* A line has C numbers, or a time (lg_moment_scan) and C numbers, separated by commas, semicolons or blanks. An
- * additional separator at its end, blanks around numbers, and a carriage return before the newline are
+/* A line has C numbers, or a time (lg_moment_scan) and C numbers, separated by commas, semicolons or blanks.
+ * An additional separator at its end, blanks around numbers, and a carriage return before the newline are
  * allowed. The reader skips blank lines, lines that begin with % or //, comments from # on, lines of words
  * before the first sample (names, units), and later repetitions of these lines.
  *

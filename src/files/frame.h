@@ -23,10 +23,10 @@
  * process of lg_probe. A want may be the path of a data set in a group ("parameters/mass").
  *
  * Numbers: "", nan, NA, N/A and null are missing (NaN). Infinities are rejected, and so are whole numbers
- * that no double equals, except as times. Times: numbers, or in texts dates with a time and times of day, which
- * become seconds since the first one; a column has one format. Texts: as written; "" if missing. In binary files a
- * whole number is its exact decimal text, a real number the shortest text that reads back as the same
- * number. liegrad/table.h ("tables of numbers") says which files are understood.
+ * that no double equals, except as times. Times: numbers, or dates with a time and times of day as texts,
+ * which become seconds since the first one; a column has one format. Texts: as written; "" if missing. In
+ * binary files a whole number is its exact decimal text, a real number the shortest text that reads back as
+ * the same number. liegrad/table.h ("tables of numbers") says which files are understood.
  *
  * Arrays of more than one number per row (windows, curves, trajectories, weights) are not columns: h5.h reads
  * them from lists that say their names and sizes (lg_h5_array). */
@@ -64,9 +64,9 @@ typedef struct lg_clock {
 } lg_clock;
 /* Reads a time at the beginning of a text that may go on. Returns its end, or NULL if no time is there. */
 const char *lg_moment_scan(const char *text, lg_moment *out);
-/* Returns a number of seconds as it is, otherwise the seconds since the first time, exact to nanoseconds; NaN if
- * the format is not that of the first time. A time of day that is more than half a day before the last one is of
- * a later day. */
+/* Returns a number of seconds as it is, otherwise the seconds since the first time, exact to nanoseconds; NaN
+ * if the format is not that of the first time. A time of day that is more than half a day before the last one
+ * is of a later day. */
 double lg_clock_read(lg_clock *clock, lg_moment now);
 
 /* ---- wanted columns ---- */
@@ -149,8 +149,8 @@ lg_status lg_frame_find(lg_frame *f, lg_error *error);
 lg_status lg_frame_reserve(lg_frame *f, size_t rows, lg_error *error);
 /* Sets f->rows and the lines of a file whose rows have numbers. `left`: rows that are left. */
 lg_status lg_frame_number_rows(lg_frame *f, size_t most, uint64_t left, lg_error *error);
-/* Put a cell of the block where it is wanted. In quotes a word such as nan is a text, too. `number` points to an int64_t (type i), an uint64_t (u) or a
- * double (d; f: it was a float). */
+/* Put a cell of the block where it is wanted. In quotes a word such as nan is a text, too. `number` points to
+ * an int64_t (type i), an uint64_t (u) or a double (d; f: it was a float). */
 lg_status lg_frame_put_cell(lg_frame *f, size_t row, uint32_t column, const char *text, bool quoted,
                             lg_error *error);
 lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char type, const void *number,

@@ -1049,7 +1049,7 @@ TEST("files that are not tables cause a message and an exit code too") {
     } arrays[] = {
         {"{'descr': '<c16', 'fortran_order': False, 'shape': (2, 2), }\n", "type"},
         {"{'descr': '|O', 'fortran_order': False, 'shape': (2, 2), }\n", "type"},
-        {"{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (2,), }\n", "descr"},
+        {"{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (2,), }\n", "holds records of type"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2, 2), }\n", "one or two dimensions"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (), }\n", "single number"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (0, 3), }\n", "dimensions is 0"},

@@ -279,8 +279,8 @@ static void write_misfits(const char *path) {
 }
 
 #define BYTES(text) text, sizeof text - 1
-#define NPY(descr)  BYTES("\x93NUMPY\1\0\x30\0{'descr': " descr ", 'fortran_order': False, 'shape': (2,), }\n")
-#define NO_TEXT     "is not text: it has a zero byte, so it is no CSV in UTF-8, and it does not begin as HDF5 or"
+#define NPY(descr)  BYTES("\x93NUMPY\1\0\x30\0{'descr': " descr ", 'fortran_order': False, 'shape': (2,)}\n")
+#define NO_TEXT     "is not text: it has a zero byte, so it is no CSV in UTF-8, and it does not begin as HDF5"
 
 TEST("a message about a bad file says what was found and what to do") {
     static const struct {
@@ -300,8 +300,8 @@ TEST("a message about a bad file says what was found and what to do") {
         {NULL, 0, "y0", "there is no column 'y0'; the columns are: x, y, x; /y0 is a single number"},
         {NULL, 0, "cube", "there is no column 'cube'; the columns are: x, y, x; /cube has 3 dimensions"},
         {NULL, 0, "z", "there is no column 'z'; the columns are: x, y, x"},
-        {BYTES("t\0,\0x\0\n"), "x", NO_TEXT " an array of numpy (.npy)"}, /* UTF-16 */
-        {BYTES("PK\3\4\0"), "x", NO_TEXT},                                /* zip */
+        {BYTES("t\0,\0x\0\n"), "x", NO_TEXT " or an array of numpy (.npy)"}, /* UTF-16 */
+        {BYTES("PK\3\4\0"), "x", NO_TEXT},                                   /* zip */
         {BYTES("t,x\r0,1\r2,3\r"), "x", "line 1: has lines that end with a carriage return alone (CR): let"},
         {BYTES("t,\"x\rm\"\n0,1\n"), "x", "there is no column 'x'"},
     };
