@@ -325,7 +325,7 @@ static lg_status run_all(study *all, lg_ensemble_stats *stats, lg_error *error) 
     return status;
 }
 
-/* ---- files; failures are returned, because the ranks must still exchange their statuses ---- */
+/* ---- files ---- */
 
 static lg_status open_rows(study *all, lg_error *error) {
     const app *self = all->sim->self;
@@ -350,50 +350,52 @@ static lg_status close_rows(study *all, lg_error *error) {
     return lg_fail(error, LG_FILE, "%s: cannot be written: %s", all->files->trajectories, strerror(code));
 }
 
-/* Writes the results: the statistics also if the trajectories could not be written. */
-static int write_out(study *all, bool *written) {
-    const app *self = all->sim->self;
-    const ensemble_files *files = all->files;
-    result *total = all->total;
-    lg_error error = {LG_OK, ""}, lost = {LG_OK, ""};
-    lg_status status = LG_OK;
-    const lg_status rows_status = close_rows(all, &lost);
-    const lg_rows_part part = {files->trajectories,
-                               rows_among(all->saved, total->first, all->options.members)};
-    const result_rows rows = {&part, 1, all->sim->reported};
-    total->saved = rows_status == LG_OK ? all->saved : 0;
-    if (files->out != NULL)
-        status = result_write(self, files->out, total,
-                              all->rows != NULL && rows_status == LG_OK ? &rows : NULL, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, files->out);
-    *written = true;
-    if (self->ranks == NULL) ensemble_draw(self, total);
-    if (rows_status == LG_OK) return APP_EXIT_OK;
-    return app_fail(self, rows_status, "%s; the statistics are in %s", lost.message, files->out);
-}
-
-static int run_and_write(study *all, bool *written, lg_ensemble_stats *stats, lg_status *status) {
+/* Runs the ensemble. A failure ends the command, and thereby all ranks. */
+static void run_or_stop(study *all, lg_ensemble_stats *stats) {
     const app *self = all->sim->self;
     lg_error error = {LG_OK, ""};
     open_gatherers(all);
-    *status = all->files->trajectories != NULL ? open_rows(all, &error) : LG_OK;
-    if (*status == LG_OK) *status = run_all(all, stats, &error);
-    if (*status == LG_OK) return write_out(all, written);
-    if (*status == LG_CANCELLED)
-        return app_fail(self, *status,
-                        "stopped by %s: nothing was written, because the ensemble is not complete",
-                        app_stopper());
-    if (*status == LG_FILE) return app_fail_file(self, *status, &error, all->files->trajectories);
-    return app_fail(self, *status, "%s", app_sentence(*status, &error));
+    lg_status status = all->files->trajectories != NULL ? open_rows(all, &error) : LG_OK;
+    if (status == LG_OK) status = run_all(all, stats, &error);
+    if (status == LG_OK) return;
+    lg_rows_file_destroy(all->rows);
+    if (status == LG_CANCELLED)
+        app_stop(self, status, "stopped by %s: nothing was written, because the ensemble is not complete",
+                 app_stopper());
+    if (status == LG_FILE) app_must_file(self, status, &error, all->files->trajectories);
+    app_must(self, status, &error);
 }
 
-/* Called when all ranks have written their parts: rank 0 merges them into one file and prints the results. */
-static void merge_ranks(const study *all, lg_status status) {
+/* Writes the results: the statistics also if the trajectories could not be written. */
+static void write_out(study *all) {
+    app *self = all->sim->self;
+    const ensemble_files *files = all->files;
+    result *total = all->total;
+    lg_error lost = {LG_OK, ""};
+    const bool kept = all->rows != NULL;
+    const lg_status status = close_rows(all, &lost);
+    const lg_rows_part part = {files->trajectories,
+                               rows_among(all->saved, total->first, all->options.members)};
+    const result_rows rows = {&part, 1, all->sim->reported};
+    lg_rows_file_destroy(all->rows);
+    total->saved = status == LG_OK ? all->saved : 0;
+    if (files->out != NULL)
+        APP_MUST_FILE(self, files->out,
+                      result_write(self, files->out, total, kept && status == LG_OK ? &rows : NULL, &error));
+    if (self->ranks == NULL) ensemble_draw(self, total);
+    if (status == LG_OK) return;
+    self->code = app_fail(self, status, "%s; the statistics are in %s", lost.message, files->out);
+    if (self->ranks != NULL) app_end(self->code);
+}
+
+/* Waits until all ranks have written their parts; then rank 0 merges them into one file and prints the
+ * results. */
+static void merge_ranks(const study *all) {
     app *self = all->sim->self;
     const uint64_t tasks = all->files->task.count;
     const char *out = all->sim->values->out;
     lg_error error = {LG_OK, ""};
-    status = lg_ranks_agree(self->ranks, status, &error);
+    const lg_status status = lg_ranks_agree(self->ranks, LG_OK, &error);
     app_end_exchanges(self);
     app_must(self, status, &error);
     if (self->rank > 0) return;
@@ -401,21 +403,6 @@ static void merge_ranks(const study *all, lg_status status) {
     for (uint64_t i = 0; i < tasks; i++) parts[i] = part_path(out, &(ensemble_task){i, tasks});
     merge_parts(self, out, parts, tasks, false);
     for (uint64_t i = 0; i < tasks; i++) (void)remove(parts[i]);
-}
-
-static void run_and_show(study *all) {
-    const app *self = all->sim->self;
-    bool written = false;
-    lg_ensemble_stats stats;
-    lg_status status;
-    const int code = run_and_write(all, &written, &stats, &status);
-    lg_rows_file_destroy(all->rows);
-    if (self->ranks != NULL) {
-        merge_ranks(all, code == APP_EXIT_OK ? LG_OK : status != LG_OK ? status : LG_FILE);
-        return;
-    }
-    if (written) ensemble_conclude(self, &(ensemble_run){all->total, &stats, all->files->out});
-    all->sim->self->code = code;
 }
 
 /* ---- choosing what is run ---- */
@@ -485,6 +472,7 @@ void ensemble(simulation *sim, const ensemble_files *files) {
     const simulate_values *values = sim->values;
     const char *text = values->vary != NULL ? values->vary : sim->scene.ensemble;
     lg_ensemble_event events[LG_EVENTS_MAX];
+    lg_ensemble_stats stats;
     result total = {.what = NULL};
     APP_CLEAN(method_free) method chosen = method_choose(sim);
     check_control(sim, &chosen.scheme);
@@ -496,5 +484,10 @@ void ensemble(simulation *sim, const ensemble_files *files) {
             sim->self,
             "all members are the same, because nothing varies; give --vary, --members or the key `ensemble`");
     total.what = describe(&all, text);
-    run_and_show(&all);
+    run_or_stop(&all, &stats);
+    write_out(&all);
+    if (sim->self->ranks != NULL)
+        merge_ranks(&all);
+    else
+        ensemble_conclude(sim->self, &total, &stats, files->out);
 }

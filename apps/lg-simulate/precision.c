@@ -14,17 +14,9 @@
 enum { REPEATS = 200, CURVES = 32 };
 
 /* Default methods; those that apply to the system are used. */
-static const char *const on_manifolds[] = {"rk4", "dp54", "rk4-projected", "lie-euler", "rkmk4",
-                                           "cf4", "cf43", "slgi",          "rkmk54"};
-static const char *const on_rn[] = {"euler",
-                                    "implicit-euler",
-                                    "symplectic-euler",
-                                    "midpoint",
-                                    "stormer-verlet",
-                                    "forest-ruth",
-                                    "blanes-moan",
-                                    "rk4",
-                                    "dp54"};
+static const char on_manifolds[] = "rk4,dp54,rk4-projected,lie-euler,rkmk4,cf4,cf43,slgi,rkmk54",
+                  on_rn[] = "euler,implicit-euler,symplectic-euler,midpoint,stormer-verlet,forest-ruth,"
+                            "blanes-moan,rk4,dp54";
 
 typedef struct point {
     size_t steps, rejected, evaluations;
@@ -145,34 +137,17 @@ static void add_curve(diagram *d, method what) {
     d->curves[d->count++] = (curve){.what = what, .adaptive = what.scheme.embedded_order > 0};
 }
 
-static void add_named(diagram *d, const char *list) {
+/* Adds the methods of a list; of the default list (not `asked`) those that apply. */
+static void add_list(diagram *d, const char *list, bool asked) {
     APP_FREE char *names = app_format("%s", list);
     for (char *save = NULL, *name = strtok_r(names, ",", &save); name != NULL;
          name = strtok_r(NULL, ",", &save)) {
+        if (!asked && method_obstacle(d->sim, lg_scheme_find(name)) != NULL) continue;
         if (d->count == CURVES)
             app_stop_usage(d->sim->self, "--schemes: at most %d schemes can be given", CURVES);
         add_curve(d, method_named(d->sim, "schemes", name));
     }
     if (d->count == 0) app_stop_usage(d->sim->self, "--schemes: the list has no name");
-}
-
-static void add_default(diagram *d, bool flat) {
-    const char *const *names = flat ? on_rn : on_manifolds;
-    const size_t count = flat ? LG_COUNT(on_rn) : LG_COUNT(on_manifolds);
-    for (size_t i = 0; i < count; i++) {
-        const lg_scheme *scheme = lg_scheme_find(names[i]);
-        if (scheme == NULL || method_obstacle(d->sim, scheme) != NULL) continue;
-        add_curve(d, (method){.scheme = *scheme});
-    }
-}
-
-static void choose_methods(diagram *d) {
-    const simulate_values *values = d->sim->values;
-    if (values->schemes != NULL)
-        add_named(d, values->schemes);
-    else
-        add_default(d, lg_space_is_abelian(lg_system_space(d->sim->system)));
-    if (values->scheme != NULL) add_curve(d, method_named(d->sim, "scheme", values->scheme));
 }
 
 /* ---- results ---- */
@@ -260,11 +235,14 @@ static void diagram_free(diagram *d) {
 
 void work_precision(simulation *sim) {
     const bool flat = lg_space_is_abelian(lg_system_space(sim->system));
+    const simulate_values *values = sim->values;
+    const char *list = values->schemes != NULL ? values->schemes : flat ? on_rn : on_manifolds;
     APP_CLEAN(diagram_free)
     diagram d = {.sim = sim, .reference = flat ? "dp54" : "rkmk54", .tol = 1e-13, .size = 1};
     d.y = app_keep(sim->dim, sizeof *d.y);
     d.curves = app_keep(CURVES + 1, sizeof *d.curves);
-    choose_methods(&d);
+    add_list(&d, list, values->schemes != NULL);
+    if (values->scheme != NULL) add_curve(&d, method_named(sim, "scheme", values->scheme));
     find_reference(&d);
     fill(&d);
     draw(&d);

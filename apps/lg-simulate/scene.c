@@ -38,6 +38,15 @@ void block_name(const block *at, char *text, size_t size) {
         (void)snprintf(text, size, "%s", at->key);
 }
 
+void block_part(const block *at, size_t component, char *text, size_t size) {
+    if (at->count == 9)
+        (void)snprintf(text, size, "%zu%zu", component / 3 + 1, component % 3 + 1);
+    else if (at->count == 3)
+        (void)snprintf(text, size, "%c", "xyz"[component]);
+    else
+        (void)snprintf(text, size, at->count > 1 ? "%zu" : "", component + 1);
+}
+
 const block *find_block(const simulation *sim, const char *key, size_t index) {
     for (size_t i = 0; i < sim->block_count; i++)
         if (strcmp(sim->blocks[i].key, key) == 0 &&

@@ -50,6 +50,8 @@ void simulation_open(app *self, const simulate_values *values, const char *path,
 
 /* Writes the name of a block, such as "q2" or "R". */
 void block_name(const block *at, char *text, size_t size);
+/* The name of one of its numbers, such as "x", "13" or "4"; "" if it has only one. */
+void block_part(const block *at, size_t component, char *text, size_t size);
 /* The values of the parameter with this key in scenes, *count of them. NULL if the system has no such
  * parameter. */
 const double *parameter_values(const simulation *sim, const char *key, size_t *count);
