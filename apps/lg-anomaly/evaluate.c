@@ -58,7 +58,7 @@ typedef struct evaluation {
 static void choose_part(evaluation *e) {
     static const lg_part wanted[] = {
         [PART_TRAIN] = LG_PART_TRAIN, [PART_VALIDATION] = LG_PART_VALIDATION, [PART_TEST] = LG_PART_TEST};
-    const lg_detector_run *cut = &e->model->cut;
+    const lg_detector_run *cut = &e->model->file.run;
     const size_t windows = e->from.windows.count;
     const char *model = e->app->arguments[0];
     const bool same = strcmp(cut->data_sha256, e->from.data.sha256) == 0 && cut->windows == windows;
@@ -92,7 +92,7 @@ typedef struct watching {
 static void watch_window(const evaluation *e, watching *state, size_t i, double begin, voting *out,
                          double *times) {
     const lg_judgement *judged = &e->judged;
-    const double unit = e->model->names.rate > 0 ? 1 / e->model->names.rate : 1;
+    const double unit = e->model->file.names.rate > 0 ? 1 / e->model->file.names.rate : 1;
     if (judged->truth[i] != judged->healthy && !state->damaged) {
         state->damaged = true;
         state->onset = begin;
@@ -102,7 +102,7 @@ static void watch_window(const evaluation *e, watching *state, size_t i, double 
     state->alarm = cast_vote(&state->votes, values.votes.values[1], positive) >= values.votes.values[0];
     if (!state->damaged) {
         out->false_alarms += state->alarm && !before;
-        out->intact_time += (double)e->model->cut.hop * unit;
+        out->intact_time += (double)e->model->file.run.hop * unit;
     } else if (state->alarm && !state->detected) {
         state->detected = true;
         times[out->detected++] = (begin + (double)e->model->window - state->onset) * unit;
@@ -129,7 +129,7 @@ static void vote(evaluation *e) {
     }
     for (size_t i = 0; i < out->detected; i++) out->largest = fmax(out->largest, times[i]);
     out->median = lg_median(times, out->detected);
-    out->a_day = e->model->names.rate > 0 && out->intact_time > 0
+    out->a_day = e->model->file.names.rate > 0 && out->intact_time > 0
                      ? (double)out->false_alarms * 86400 / out->intact_time
                      : (double)NAN;
 }
@@ -190,7 +190,7 @@ static void add_groups(app_json *out, const evaluation *e) {
 
 static void add_votes(app_json *out, const evaluation *e) {
     const voting *votes = &e->votes;
-    const char *unit = e->model->names.rate > 0 ? "s" : "samples";
+    const char *unit = e->model->file.names.rate > 0 ? "s" : "samples";
     if (values.votes.count == 0) return;
     app_json_open(out, "votes", '{');
     app_json_size(out, "k", values.votes.values[0]);
@@ -219,12 +219,13 @@ static void add_evaluation(app_json *out, const evaluation *e) {
     app_json_size(out, "unlike", e->unlike);
     add_votes(out, e);
     add_groups(out, e);
-    app_result_text(out, "method", e->model->method, NULL);
+    app_result_text(out, "method", e->model->file.method, NULL);
     app_json_open(out, "classes", '[');
-    for (uint32_t c = 0; c < e->model->names.classes; c++)
-        app_json_text(out, NULL, e->model->names.class_name[c]);
+    for (uint32_t c = 0; c < e->model->file.names.classes; c++)
+        app_json_text(out, NULL, e->model->file.names.class_name[c]);
     app_json_close(out, ']');
-    app_result_text(out, "healthy", e->model->cut.healthy[0] != '\0' ? e->model->cut.healthy : NULL, NULL);
+    app_result_text(out, "healthy", e->model->file.run.healthy[0] != '\0' ? e->model->file.run.healthy : NULL,
+                    NULL);
     app_json_size(out, "threads", e->app->threads);
 }
 
@@ -238,9 +239,9 @@ static void add_row(app_json *out, const evaluation *e) {
     app_json_real(out, "accuracy", e->judged.metrics.accuracy);
     app_json_real(out, "recall", e->judged.metrics.recall);
     app_json_real(out, "F1", e->judged.metrics.f1);
-    app_json_text(out, "healthy", e->model->cut.healthy);
+    app_json_text(out, "healthy", e->model->file.run.healthy);
     app_json_real(out, "false alarms/day",
-                  lg_judgement_alarms(&e->judged, e->model->cut.hop, e->model->names.rate));
+                  lg_judgement_alarms(&e->judged, e->model->file.run.hop, e->model->file.names.rate));
     if (values.votes.count == 0) return;
     app_json_size(out, "damaged", e->votes.damaged);
     app_json_size(out, "detected", e->votes.detected);
@@ -267,7 +268,7 @@ static void write_scores(const evaluation *e) {
     lg_columns to = {.text = app_text()};
     lg_columns_names(&to, "window,run,group,truth,class");
     for (uint32_t c = 0; c < judged->classes; c++) {
-        APP_FREE char *name = app_format("score %s", e->model->names.class_name[c]);
+        APP_FREE char *name = app_format("score %s", e->model->file.names.class_name[c]);
         lg_columns_name(&to, name);
     }
     lg_columns_end(&to);
@@ -276,8 +277,8 @@ static void write_scores(const evaluation *e) {
         lg_columns_whole(&to, judged->window[i]);
         lg_columns_number(&to, series->run != NULL ? series->run[first] : (double)NAN);
         lg_columns_number(&to, series->group != NULL ? series->group[first] : (double)NAN);
-        lg_columns_text(&to, e->model->names.class_name[judged->truth[i]]);
-        lg_columns_text(&to, e->model->names.class_name[judged->given[i]]);
+        lg_columns_text(&to, e->model->file.names.class_name[judged->truth[i]]);
+        lg_columns_text(&to, e->model->file.names.class_name[judged->given[i]]);
         lg_columns_numbers(&to, judged->score + i * judged->classes, judged->classes);
         lg_columns_end(&to);
     }
@@ -294,8 +295,8 @@ static void tell_unlike(evaluation *e) {
     char reason[256];
     e->unlike = count_novel(e->app, model, &e->from, &e->judged, &farthest);
     if ((double)e->unlike <= MANY * (double)e->judged.count) return;
-    (void)lg_novelty_explain(&model->novelty, &farthest, model->names.channel_name, model->names.rate, reason,
-                             sizeof reason);
+    (void)lg_novelty_explain(&model->file.novelty, &farthest, model->file.names.channel_name,
+                             model->file.names.rate, reason, sizeof reason);
     app_warn(e->app, "%s: %zu of %zu windows are unlike those of training, the farthest by %s", e->path,
              e->unlike, e->judged.count, reason);
 }
@@ -304,7 +305,7 @@ static void check_votes(const evaluation *e) {
     well_model_need_healthy(e->app, e->model, "--votes");
     if (e->from.data.series.run == NULL)
         app_stop_usage(e->app, "--votes: %s has no recordings (/run)", e->path);
-    if (e->part.count < e->from.windows.count && e->model->cut.split == LG_SPLIT_RANDOM)
+    if (e->part.count < e->from.windows.count && e->model->file.run.split == LG_SPLIT_RANDOM)
         app_warn(e->app,
                  "--votes: the %s part of a random split holds single windows of the recordings, not the "
                  "recordings: times to detection are too long",
@@ -317,7 +318,7 @@ static void evaluate(evaluation *e) {
     lg_error why = {LG_OK, ""};
     read_series_of(self, e->path, e->model, &e->from.data);
     APP_MUST_FILE(self, e->path,
-                  lg_windows_create(self->context, series, e->model->window, (size_t)e->model->cut.hop,
+                  lg_windows_create(self->context, series, e->model->window, (size_t)e->model->file.run.hop,
                                     &e->from.windows, &error));
     choose_part(e);
     well_model_settle(self, e->model, values.healthy, e->from.data.healthy);
@@ -327,7 +328,7 @@ static void evaluate(evaluation *e) {
     if (status != LG_OK && status != LG_CANCELLED) app_stop(self, status, "%s: %s", e->path, why.message);
     app_must(self, status, &why);
     if (values.votes.count > 0) vote(e);
-    if (e->model->sort != WELL_NOVELTY && e->model->novelty.channels > 0) tell_unlike(e);
+    if (e->model->sort != WELL_NOVELTY && e->model->file.novelty.channels > 0) tell_unlike(e);
 }
 
 static void check_options(const app *self) {
@@ -349,7 +350,7 @@ static void evaluation_destroy(evaluation *e) {
 }
 
 static void run(app *self) {
-    APP_CLEAN(well_model_destroy) well_model model = {.method = NULL};
+    APP_CLEAN(well_model_destroy) well_model model = {.plan = NULL};
     const size_t count = (size_t)self->argument_count - 1;
     evaluation list[MAX_FILES];
     check_options(self);

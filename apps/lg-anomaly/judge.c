@@ -26,8 +26,8 @@ lg_status judge_windows(const app *self, const well_model *model, const lg_cut_s
                         const lg_window_list *part, lg_judgement *out, lg_error *error) {
     const bool plane = model->sort == WELL_NETWORK && model->detector.run.model.net.plane == 2;
     scoring user = {model, out};
-    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->names.classes,
-                              model->healthy, plane, out, error));
+    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part,
+                              model->file.names.classes, model->healthy, plane, out, error));
     const lg_status status = lg_windows_each(self->context, &from->data.series, &from->windows, part,
                                              self->threads, well_model_work(model), score, &user);
     return lg_judgement_end(out, model->probabilities, status, error);
@@ -50,7 +50,7 @@ size_t count_novel(const app *self, const well_model *model, const lg_cut_series
                    const lg_judgement *judged, lg_novelty_result *farthest) {
     const lg_window_list all = {judged->window, judged->count};
     APP_FREE lg_novelty_result *result = app_alloc(judged->count, sizeof *result);
-    measuring user = {&model->novelty, result};
+    measuring user = {&model->file.novelty, result};
     size_t novel = 0;
     app_must(self,
              lg_windows_each(self->context, &from->data.series, &from->windows, &all, self->threads,
@@ -68,9 +68,9 @@ size_t count_novel(const app *self, const well_model *model, const lg_cut_series
 
 void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model) {
     lg_training list = {.results = NULL};
-    lg_detector_tell(&list, judged, model->cut.hop, model->names.rate);
+    lg_detector_tell(&list, judged, model->file.run.hop, model->file.names.rate);
     train_put_results(out, &list, 0, list.result_count);
     lg_training_clear(&list);
     if (out->people && judged->count > 0)
-        app_print_confusion(out->stream, judged->confusion, judged->classes, model->names.class_name);
+        app_print_confusion(out->stream, judged->confusion, judged->classes, model->file.names.class_name);
 }
