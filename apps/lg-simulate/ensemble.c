@@ -442,9 +442,7 @@ static void prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *even
     o->threads = (int)sim->self->threads;
     o->scheme = scheme;
     o->steps = how.control.steps;
-    o->control.rtol = how.control.rtol;
-    o->control.atol = how.control.atol;
-    o->control.max_steps = how.control.max_steps;
+    o->control = how.control;
     o->start = sim->scene.state;
     all->total->total = values->ensemble;
     all->invariants = lg_system_invariants(sim->system);

@@ -202,13 +202,9 @@ static void run(app *self) {
 enum { AMBIENT, SPLITTING, VARIATIONAL, LIE, COTANGENT, ADAPTIVE, GROUPS };
 
 static bool belongs(const lg_scheme *scheme, int group) {
-    const bool splitting = scheme->kind == LG_SCHEME_SPLITTING, cotangent = scheme->kind == LG_SCHEME_SLGI,
-               variational = scheme->kind == LG_SCHEME_VARIATIONAL;
-    const bool does[GROUPS] = {
-        [AMBIENT] = scheme->ambient, [SPLITTING] = splitting,
-        [VARIATIONAL] = variational, [LIE] = !scheme->ambient && !splitting && !variational && !cotangent,
-        [COTANGENT] = cotangent,     [ADAPTIVE] = scheme->embedded_order > 0};
-    return does[group];
+    static const int of_kind[LG_SCHEME_KINDS] = {LIE, LIE, SPLITTING, AMBIENT, COTANGENT, VARIATIONAL};
+    if (group == ADAPTIVE) return scheme->embedded_order > 0;
+    return group == (scheme->ambient ? AMBIENT : of_kind[scheme->kind]);
 }
 
 static char *describe_methods(void) {

@@ -19,7 +19,7 @@ static const char on_manifolds[] = "rk4,dp54,rk4-projected,lie-euler,rkmk4,cf4,c
                             "blanes-moan,rk4,dp54";
 
 typedef struct point {
-    size_t steps, rejected, evaluations;
+    lg_run_stats stats;
     double tol; /* 0 for equal steps */
     double seconds, error;
 } point;
@@ -96,9 +96,7 @@ static lg_status measure(const diagram *d, const plan *how, point *out) {
         spent += run.cpu;
         out->seconds = fmin(out->seconds, run.cpu);
     }
-    out->steps = run.stats.steps;
-    out->rejected = run.stats.rejected;
-    out->evaluations = run.stats.evaluations;
+    out->stats = run.stats;
     out->tol = how->control.steps > 0 ? 0 : how->control.rtol;
     out->error = distance(d, y, d->y);
     return status == LG_OK && !isfinite(out->error) ? LG_NOT_FINITE : status;
@@ -154,7 +152,8 @@ static void add_list(diagram *d, const char *list, bool asked) {
 
 /* Order observed between point i - 1 and point i, if the number of equal steps doubles; otherwise NaN. */
 static double order_at(const curve *at, size_t i) {
-    if (at->adaptive || i == 0 || at->points[i].steps != 2 * at->points[i - 1].steps) return (double)NAN;
+    if (at->adaptive || i == 0 || at->points[i].stats.steps != 2 * at->points[i - 1].stats.steps)
+        return (double)NAN;
     return log2(at->points[i - 1].error / at->points[i].error);
 }
 
@@ -163,9 +162,9 @@ static void put_point(app_json *out, const curve *at, size_t i) {
     app_json_open(out, NULL, '{');
     app_json_text(out, "method", at->what.scheme.name);
     if (p->tol > 0 || out->people) app_json_real(out, "tol", p->tol > 0 ? p->tol : (double)NAN);
-    app_json_size(out, "steps", p->steps);
-    app_json_size(out, "rejected", p->rejected);
-    app_json_size(out, "evaluations", p->evaluations);
+    app_json_size(out, "steps", p->stats.steps);
+    app_json_size(out, "rejected", p->stats.rejected);
+    app_json_size(out, "evaluations", p->stats.evaluations);
     app_json_real(out, "seconds", p->seconds);
     app_json_real(out, "error", p->error);
     if (out->people) app_json_real(out, "order", order_at(at, i));
@@ -202,7 +201,7 @@ static void draw(const diagram *d) {
         if (at->count == 0) continue;
         app_plot_text(&plot, "%s", at->what.scheme.name);
         for (size_t i = 0; i < at->count; i++)
-            APP_PLOT_ROW(&plot, 9, at->points[i].seconds, (double)at->points[i].evaluations,
+            APP_PLOT_ROW(&plot, 9, at->points[i].seconds, (double)at->points[i].stats.evaluations,
                          fmax(at->points[i].error, 1e-17));
         app_plot_block(&plot);
     }

@@ -18,10 +18,7 @@ static size_t outer_count(const simulation *sim, const lg_state_entry *row) {
 
 static void make_blocks(simulation *sim) {
     const lg_state_entry *rows = lg_system_state(lg_system_name(sim->system), lg_system_form(sim->system));
-    size_t count = 0;
-    for (const lg_state_entry *row = rows; row != NULL && row->key != NULL; row++)
-        count += outer_count(sim, row);
-    sim->blocks = app_keep(count, sizeof *sim->blocks);
+    sim->blocks = app_keep(sim->reported, sizeof *sim->blocks);
     for (const lg_state_entry *row = rows; row != NULL && row->key != NULL; row++)
         for (size_t i = 0, n = outer_count(sim, row); i < n; i++) {
             const block at = {row->key, row->outer == 1 ? 0 : i + 1, row->first + i * row->stride,
