@@ -101,10 +101,6 @@ uint32_t cast_vote(uint64_t *votes, uint32_t n, bool is_for);
 
 lg_status judge_windows(const app *app, const well_model *model, const lg_cut_series *from,
                         const lg_window_list *part, lg_judgement *out, lg_error *error);
-/* Counts the judged windows that are unlike the training windows; *farthest is the result of the window with
- * the largest distance. The model must have a novelty model. */
-size_t count_novel(const app *app, const well_model *model, const lg_cut_series *from,
-                   const lg_judgement *judged, lg_novelty_result *farthest);
 /* Adds the results of lg_detector_tell; for people the table of confusion, too. */
 void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model);
 

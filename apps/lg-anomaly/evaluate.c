@@ -136,54 +136,43 @@ static void vote(evaluation *e) {
 
 /* ---- groups ---- */
 
-typedef struct group_row {
-    uint32_t group; /* first: it sorts the rows */
-    size_t windows, right, healthy, false_positive;
-} group_row;
-
-static group_row *group_rows(const evaluation *e, size_t *count) {
-    const lg_judgement *judged = &e->judged;
-    group_row *rows = app_alloc(judged->count, sizeof *rows);
-    for (size_t i = 0; i < judged->count; i++)
-        rows[i] = (group_row){e->from.data.series.group[e->from.windows.first[judged->window[i]]], 1,
-                              judged->given[i] == judged->truth[i], judged->truth[i] == judged->healthy,
-                              judged->truth[i] == judged->healthy && judged->given[i] != judged->healthy};
-    qsort(rows, judged->count, sizeof *rows, lg_compare_u32);
-    *count = 0;
-    for (size_t i = 0; i < judged->count; i++) {
-        if (*count == 0 || rows[*count - 1].group != rows[i].group) {
-            rows[(*count)++] = rows[i];
-            continue;
-        }
-        group_row *sum = &rows[*count - 1];
-        sum->windows++;
-        sum->right += rows[i].right;
-        sum->healthy += rows[i].healthy;
-        sum->false_positive += rows[i].false_positive;
-    }
-    return rows;
-}
-
 static double part_or_nan(size_t a, size_t b) {
     return b > 0 ? (double)a / (double)b : (double)NAN;
 }
 
+typedef struct group_row {
+    uint32_t group;  /* first: it sorts the rows */
+    uint32_t window; /* index among the judged windows */
+} group_row;
+
 static void add_groups(app_json *out, const evaluation *e) {
-    size_t count;
-    if (e->from.data.series.group == NULL) return;
-    APP_FREE group_row *rows = group_rows(e, &count);
-    const size_t shown = out->people && count > SHOWN_GROUPS ? SHOWN_GROUPS : count;
+    const lg_judgement *judged = &e->judged;
+    const lg_cut_series *from = &e->from;
+    size_t groups = 0;
+    if (from->data.series.group == NULL) return;
+    APP_FREE group_row *rows = app_alloc(judged->count, sizeof *rows);
+    for (size_t i = 0; i < judged->count; i++)
+        rows[i] = (group_row){from->data.series.group[from->windows.first[judged->window[i]]], (uint32_t)i};
+    qsort(rows, judged->count, sizeof *rows, lg_compare_u32);
     app_result_rows(out, "groups");
-    for (size_t i = 0; i < shown; i++) {
+    for (size_t first = 0, end; first < judged->count; first = end) {
+        size_t right = 0, healthy = 0, false_positive = 0;
+        for (end = first; end < judged->count && rows[end].group == rows[first].group; end++) {
+            const uint32_t given = judged->given[rows[end].window], truth = judged->truth[rows[end].window];
+            right += given == truth;
+            healthy += truth == judged->healthy;
+            false_positive += truth == judged->healthy && given != truth;
+        }
+        if (++groups > SHOWN_GROUPS && out->people) continue;
         app_json_open(out, NULL, '{');
-        app_json_size(out, "group", rows[i].group);
-        app_json_size(out, "windows", rows[i].windows);
-        app_json_real(out, "accuracy", part_or_nan(rows[i].right, rows[i].windows));
-        app_json_real(out, "false_positive_rate", part_or_nan(rows[i].false_positive, rows[i].healthy));
+        app_json_size(out, "group", rows[first].group);
+        app_json_size(out, "windows", end - first);
+        app_json_real(out, "accuracy", part_or_nan(right, end - first));
+        app_json_real(out, "false_positive_rate", part_or_nan(false_positive, healthy));
         app_json_close(out, '}');
     }
     app_result_rows_end(out);
-    if (shown < count) app_result_line(out, "and %zu groups more", count - shown);
+    if (groups > SHOWN_GROUPS) app_result_line(out, "and %zu groups more", groups - SHOWN_GROUPS);
 }
 
 /* ---- results ---- */
@@ -285,21 +274,46 @@ static void write_scores(const evaluation *e) {
     APP_MUST_FILE(e->app, values.scores, lg_columns_write(&to, e->app->context, values.scores, &error));
 }
 
-/* ---- the command ---- */
+/* ---- windows that are unlike those of training ---- */
 
-/* Warns if many windows are unlike the training windows, because the model's results mean little for them. */
+typedef struct measuring {
+    const lg_novelty *novelty;
+    lg_novelty_result *result; /* the result of each window */
+} measuring;
+
+static lg_status measure(void *user, size_t i, const float *x, void *work) {
+    const measuring *self = user;
+    lg_novelty_eval(self->novelty, x, &self->result[i], NULL, work);
+    return LG_OK;
+}
+
+/* Counts them, and warns if they are many, because the model's results mean little for them. */
 static void tell_unlike(evaluation *e) {
     static const double MANY = 0.05;
-    const well_model *model = e->model;
-    lg_novelty_result farthest;
+    const lg_series *names = &e->model->file.names;
+    const lg_novelty *novelty = &e->model->file.novelty;
+    const size_t count = e->judged.count;
+    const lg_window_list all = {e->judged.window, count};
+    APP_FREE lg_novelty_result *result = app_alloc(count, sizeof *result);
+    measuring user = {novelty, result};
+    size_t farthest = 0;
     char reason[256];
-    e->unlike = count_novel(e->app, model, &e->from, &e->judged, &farthest);
-    if ((double)e->unlike <= MANY * (double)e->judged.count) return;
-    (void)lg_novelty_explain(&model->file.novelty, &farthest, model->file.names.channel_name,
-                             model->file.names.rate, reason, sizeof reason);
+    app_must(e->app,
+             lg_windows_each(e->app->context, &e->from.data.series, &e->from.windows, &all, e->app->threads,
+                             lg_novelty_work_size(novelty), measure, &user),
+             NULL);
+    for (size_t i = 0; i < count; i++) {
+        e->unlike += result[i].novel;
+        if (result[i].distance > result[farthest].distance) farthest = i;
+    }
+    if ((double)e->unlike <= MANY * (double)count) return;
+    (void)lg_novelty_explain(novelty, &result[farthest], names->channel_name, names->rate, reason,
+                             sizeof reason);
     app_warn(e->app, "%s: %zu of %zu windows are unlike those of training, the farthest by %s", e->path,
-             e->unlike, e->judged.count, reason);
+             e->unlike, count, reason);
 }
+
+/* ---- the command ---- */
 
 static void check_votes(const evaluation *e) {
     well_model_need_healthy(e->app, e->model, "--votes");

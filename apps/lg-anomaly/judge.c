@@ -1,4 +1,4 @@
-/* Scores windows by a model, and finds windows that are unlike the training data. */
+/* Scores windows by a model. */
 
 #include "common/train.h"
 #include "lg-anomaly/anomaly.h"
@@ -31,37 +31,6 @@ lg_status judge_windows(const app *self, const well_model *model, const lg_cut_s
     const lg_status status = lg_windows_each(self->context, &from->data.series, &from->windows, part,
                                              self->threads, well_model_work(model), score, &user);
     return lg_judgement_end(out, model->probabilities, status, error);
-}
-
-/* ---- novelty ---- */
-
-typedef struct measuring {
-    const lg_novelty *novelty;
-    lg_novelty_result *result; /* the result of each window */
-} measuring;
-
-static lg_status measure(void *user, size_t i, const float *x, void *work) {
-    const measuring *self = user;
-    lg_novelty_eval(self->novelty, x, &self->result[i], NULL, work);
-    return LG_OK;
-}
-
-size_t count_novel(const app *self, const well_model *model, const lg_cut_series *from,
-                   const lg_judgement *judged, lg_novelty_result *farthest) {
-    const lg_window_list all = {judged->window, judged->count};
-    APP_FREE lg_novelty_result *result = app_alloc(judged->count, sizeof *result);
-    measuring user = {&model->file.novelty, result};
-    size_t novel = 0;
-    app_must(self,
-             lg_windows_each(self->context, &from->data.series, &from->windows, &all, self->threads,
-                             lg_novelty_work_size(user.novelty), measure, &user),
-             NULL);
-    *farthest = (lg_novelty_result){.distance = 0};
-    for (size_t i = 0; i < judged->count; i++) {
-        novel += result[i].novel;
-        if (result[i].distance > farthest->distance) *farthest = result[i];
-    }
-    return novel;
 }
 
 /* ---- printing ---- */

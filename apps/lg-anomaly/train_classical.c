@@ -452,7 +452,7 @@ static void train_novelty(classical *self) {
 }
 
 void train_classical(const app *program) {
-    const char *method = train_method_name(train_given.method);
+    const char *method = classifier_method_name(train_given.method);
     classical self = {.app = program, .model = trained_model(WELL_CLASSICAL, method)};
     (train_given.method == METHOD_NOVELTY ? train_novelty : train_classifier)(&self);
     app_plot_check(program, plots_of(&self.model, true));

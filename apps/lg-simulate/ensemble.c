@@ -52,24 +52,17 @@ static void name_columns(study *all) {
  * cell's numbers of all members of a block. */
 typedef void (*cell_visitor)(void *user, size_t row, size_t column, const double *values, size_t count);
 
-static double invariant_of(const study *all, gatherer *own, const lg_ensemble_block *of, size_t row, size_t i,
-                           size_t m) {
-    for (size_t c = 0; c < of->dim; c++) own->state[c] = of->states[(row * of->dim + c) * of->room + m];
-    return lg_system_invariant(own->system != NULL ? own->system : all->sim->system, i, own->state,
-                               own->work);
-}
-
-/* Computes the invariants of all members of a block at this row. Members are the outer loop, so that a
- * member's parameters are set only once per row. */
+/* Computes the invariants of all members of a block at this row. */
 static void fill_invariants(const study *all, gatherer *own, const lg_ensemble_block *of, size_t row) {
+    const lg_system *system = own->system != NULL ? own->system : all->sim->system;
+    double *parameters = own->row; /* scratch memory, which is long enough */
     for (size_t m = 0; m < of->members; m++) {
-        if (own->system != NULL) {
-            double *parameters = own->row; /* scratch memory, which is long enough */
-            for (size_t i = 0; i < of->parameter_count; i++) parameters[i] = of->parameter[i * of->room + m];
-            (void)lg_system_set_parameters(own->system, parameters);
-        }
+        for (size_t c = 0; c < of->dim; c++) own->state[c] = of->states[(row * of->dim + c) * of->room + m];
+        for (size_t i = 0; own->system != NULL && i < of->parameter_count; i++)
+            parameters[i] = of->parameter[i * of->room + m];
+        if (own->system != NULL) (void)lg_system_set_parameters(own->system, parameters);
         for (size_t i = 0; i < all->invariants; i++)
-            own->invariant[i * of->room + m] = invariant_of(all, own, of, row, i, m);
+            own->invariant[i * of->room + m] = lg_system_invariant(system, i, own->state, own->work);
     }
 }
 
@@ -431,14 +424,16 @@ static void choose_saved(study *all) {
     if (all->files->out == NULL) app_stop_usage(self, "--save: trajectories need a file: give --out");
 }
 
-static void prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *events) {
+static void prepare(study *all, const lg_scheme *scheme, const char *text, lg_ensemble_event *events) {
     const simulation *sim = all->sim;
     const simulate_values *values = sim->values;
     const ensemble_files *files = all->files;
+    size_t rows;
     plan how;
     plan_init(sim, scheme, &how);
     lg_ensemble_options *o = &all->options;
     lg_ensemble_options_init(o);
+    all->varied = vary_open(sim, text, values->members, &rows, &o->varied);
     o->threads = (int)sim->self->threads;
     o->scheme = scheme;
     o->steps = how.control.steps;
@@ -452,10 +447,9 @@ static void prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *even
     choose_saved(all);
     read_events(all, events);
     choose_times(all);
-    o->varied = vary_parameters(all->varied);
-    if (vary_rows(all->varied) > 0 && values->ensemble > vary_rows(all->varied))
+    if (rows > 0 && values->ensemble > rows)
         app_stop_usage(sim->self, "--members: %s has %zu rows, fewer than --ensemble %llu", values->members,
-                       vary_rows(all->varied), (unsigned long long)values->ensemble);
+                       rows, (unsigned long long)values->ensemble);
     choose_members(all, &files->task);
     name_columns(all);
 }
@@ -475,8 +469,7 @@ void ensemble(simulation *sim, const ensemble_files *files) {
     APP_CLEAN(method_free) method chosen = method_choose(sim);
     check_control(sim, &chosen.scheme);
     APP_CLEAN(study_close) study all = {.sim = sim, .files = files, .total = &total};
-    all.varied = vary_open(sim, text, values->members);
-    prepare(&all, &chosen.scheme, events);
+    prepare(&all, &chosen.scheme, text, events);
     if (text[0] == '\0' && values->members == NULL && sim->scene.has_initial)
         app_warn(
             sim->self,

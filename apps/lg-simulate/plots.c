@@ -87,10 +87,15 @@ static void put_phase(app_plot *plot, const report *what, const block *q, const 
 
 /* ---- panels ---- */
 
-/* Draws over time the drift of the invariants, the distance from the manifold, or the sizes of the steps. */
-static void put_steps(app_plot *plot, const report *what, const char *kind) {
+/* Draws over time the drift of the invariants, the distance from the manifold, the sizes of the steps, or the
+ * components of the blocks with this key. */
+static void put_panel(app_plot *plot, const report *what, const char *kind) {
     const bool named = strcmp(kind, "invariants") == 0;
     const size_t count = named ? lg_system_invariants(what->sim->system) : 0;
+    if (find_block(what->sim, kind, 1) != NULL) {
+        put_components(plot, what, kind);
+        return;
+    }
     app_plot_text(plot, named ? "%s\t%zu" : "%s", kind, count);
     for (size_t i = 0; i < count; i++)
         app_plot_text(plot, "%s", lg_system_invariant_name(what->sim->system, i));
@@ -99,24 +104,17 @@ static void put_steps(app_plot *plot, const report *what, const char *kind) {
 static void put_overview(app_plot *plot, const report *what) {
     const simulation *sim = what->sim;
     const block *q = find_block(sim, "q", 1), *p = find_block(sim, "p", 1);
+    const bool constrained = lg_system_constrained(sim->system);
     const char *first = sim->blocks[0].key, *second = first;
     for (size_t i = sim->block_count; i-- > 1;)
         if (strcmp(sim->blocks[i].key, first) != 0) second = sim->blocks[i].key;
-    put_components(plot, what, first);
-    if (what->seen->invariants > 0)
-        put_steps(plot, what, "invariants");
-    else
-        put_components(plot, what, second);
-    if (lg_system_constrained(sim->system))
-        put_steps(plot, what, "manifold");
-    else if (q != NULL && p != NULL)
+    put_panel(plot, what, first);
+    put_panel(plot, what, what->seen->invariants > 0 ? "invariants" : second);
+    if (!constrained && q != NULL && p != NULL)
         put_phase(plot, what, q, p);
     else
-        put_components(plot, what, second);
-    if (what->how->control.steps == 0)
-        put_steps(plot, what, "steps");
-    else
-        put_components(plot, what, second);
+        put_panel(plot, what, constrained ? "manifold" : second);
+    put_panel(plot, what, what->how->control.steps == 0 ? "steps" : second);
 }
 
 static void put_components_of_all(app_plot *plot, const report *what) {
@@ -171,7 +169,7 @@ typedef struct sphere_curve {
 
 /* Plots by system: curves on the sphere or a motion. Of several rows for a system the first one whose
  * curve is part of the state. */
-static const struct {
+static const struct space_plot {
     const char *system, *title;
     sphere_curve curves[3];
     put_motion *motion;
@@ -186,14 +184,13 @@ static const struct {
     {"satellite", "axis of the body and direction of the pendulum",
      .curves = {{"R e_3", "R", NULL, 2}, {"pendulum q", "q", NULL, 0}}}};
 
-/* Returns the row of the system's plot, or LG_COUNT(plots) if there is none. */
-static size_t find_space(const simulation *sim) {
-    size_t i = 0;
-    for (; i < LG_COUNT(plots); i++)
-        if (strcmp(plots[i].system, lg_system_name(sim->system)) == 0 &&
-            (plots[i].motion != NULL || find_block(sim, plots[i].curves[0].key, 1) != NULL))
-            break;
-    return i;
+/* Returns the row of the system's plot, or NULL. */
+static const struct space_plot *find_space(const simulation *sim) {
+    for (const struct space_plot *at = plots; at < plots + LG_COUNT(plots); at++)
+        if (strcmp(at->system, lg_system_name(sim->system)) == 0 &&
+            (at->motion != NULL || find_block(sim, at->curves[0].key, 1) != NULL))
+            return at;
+    return NULL;
 }
 
 static void put_sphere(app_plot *plot, const report *what, const sphere_curve *curve) {
@@ -232,12 +229,12 @@ static void put_path(app_plot *plot, const report *what, put_motion *put) {
 
 static void draw_space(app_plot *plot, const void *user) {
     const report *what = user;
-    const size_t row = find_space(what->sim);
-    (void)app_plot_begin(plot, plots[row].motion != NULL ? "motion" : "sphere");
-    app_plot_text(plot, "%s", plots[row].title);
-    if (plots[row].motion != NULL) put_path(plot, what, plots[row].motion);
-    for (size_t c = 0; c < LG_COUNT(plots[row].curves) && plots[row].curves[c].key != NULL; c++)
-        put_sphere(plot, what, &plots[row].curves[c]);
+    const struct space_plot *row = find_space(what->sim);
+    (void)app_plot_begin(plot, row->motion != NULL ? "motion" : "sphere");
+    app_plot_text(plot, "%s", row->title);
+    if (row->motion != NULL) put_path(plot, what, row->motion);
+    for (size_t c = 0; c < LG_COUNT(row->curves) && row->curves[c].key != NULL; c++)
+        put_sphere(plot, what, &row->curves[c]);
 }
 
 /* The numbers of the steps, and the panels of the kind. */
@@ -251,7 +248,7 @@ static void draw_run(app_plot *plot, const void *user) {
     else if (strcmp(plot->kind, "components") == 0)
         put_components_of_all(plot, what);
     else
-        put_steps(plot, what, plot->kind);
+        put_panel(plot, what, plot->kind);
 }
 
 enum { SPACE = 2 };
@@ -267,5 +264,5 @@ const app_plot_kind simulate_plots[] = {
 
 unsigned simulate_has(const simulation *sim) {
     (void)snprintf(no_space, sizeof no_space, "there is no spatial plot of %s", lg_system_name(sim->system));
-    return find_space(sim) < LG_COUNT(plots) ? SPACE : 0;
+    return find_space(sim) != NULL ? SPACE : 0;
 }

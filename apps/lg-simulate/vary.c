@@ -117,16 +117,16 @@ static bool add_named(vary *self, const vary_item *item, const char *name) {
 
 static void refuse_name(const simulation *sim, const char *option, const char *name) {
     char own[64];
-    lg_text known = app_text();
+    lg_name_list known = {.used = 0};
     for (size_t i = 0; i < lg_system_parameter_count(sim->system) && i < 8; i++) {
         component_name(sim, sim->dim + i, own, sizeof own);
-        lg_text_add(&known, "%s%s", i > 0 ? ", " : "", own);
+        lg_name_list_add(&known, own);
     }
     component_name(sim, 0, own, sizeof own);
     app_stop_usage(sim->self,
                    "--%s: '%s' is neither a parameter (%s), nor a part of the state (%s), nor one of "
                    "its numbers (%s)",
-                   option, name, known.length > 0 ? known.data : "", lg_system_layout(sim->system), own);
+                   option, name, known.text, lg_system_layout(sim->system), own);
 }
 
 char *trimmed(char *text) {
@@ -205,7 +205,7 @@ static void read_table(vary *self, const char *path) {
         lg_table_read(sim->self->context, path, chosen, names.count, NULL, NULL, &self->table, &error));
 }
 
-vary *vary_open(const simulation *sim, const char *text, const char *table) {
+vary *vary_open(const simulation *sim, const char *text, const char *table, size_t *rows, bool *parameters) {
     vary *self = app_keep(1, sizeof *self);
     APP_FREE char *copy = app_format("%s", text);
     *self = (vary){.sim = sim, .seed = sim->self->seed};
@@ -216,19 +216,13 @@ vary *vary_open(const simulation *sim, const char *text, const char *table) {
          item = strtok_r(NULL, ",", &rest))
         read_item(self, item);
     if (table != NULL) read_table(self, table);
+    *rows = self->table.rows;
+    *parameters = self->of_parameters;
     return self;
 }
 
 void vary_close(vary *self) {
     if (self != NULL) lg_table_data_destroy(&self->table);
-}
-
-bool vary_parameters(const vary *self) {
-    return self->of_parameters;
-}
-
-size_t vary_rows(const vary *self) {
-    return self->table.rows;
 }
 
 /* ---- drawing numbers ---- */
