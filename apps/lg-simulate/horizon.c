@@ -64,13 +64,12 @@ static double parting(const simulation *sim, plan fine, plan coarse, const sizes
     APP_FREE double *a = app_alloc(2 * MOMENTS * sim->dim, sizeof *a);
     double *b = a + MOMENTS * sim->dim;
     outcome run;
-    lg_error error;
     for (size_t i = 0; i < MOMENTS; i++) t[i] = fine.t_end * ((double)(i + 1) / MOMENTS);
     fine.times = coarse.times = t;
     fine.count = coarse.count = MOMENTS;
     fine.control.observe = coarse.control.observe = NULL;
-    if (integrate(sim, &fine, sim->scene.state, a, &run, &error) == LG_OK &&
-        integrate(sim, &coarse, sim->scene.state, b, &run, &error) == LG_OK)
+    if (integrate(sim, &fine, sim->scene.state, a, &run, NULL) == LG_OK &&
+        integrate(sim, &coarse, sim->scene.state, b, &run, NULL) == LG_OK)
         for (size_t i = MOMENTS; i-- > 0;)
             if (difference(size, a + i * sim->dim, b + i * sim->dim) > bound) found = t[i];
     return found;
@@ -80,7 +79,6 @@ void horizon_warn(const simulation *sim, const plan *how, const double *y) {
     const double coarse_tolerance = 10 * how->control.rtol, bound = fmax(TOLD, sqrt(coarse_tolerance));
     plan coarse = *how;
     outcome run;
-    lg_error error;
     if (how->control.steps > 0 || coarse_tolerance >= 1) return;
     sizes size = sizes_of(sim);
     APP_FREE double *end = app_alloc(sim->dim, sizeof *end);
@@ -91,7 +89,7 @@ void horizon_warn(const simulation *sim, const plan *how, const double *y) {
     coarse.count = 1;
     coarse.control.observe = look_at_sizes;
     coarse.control.observer = &size;
-    if (integrate(sim, &coarse, sim->scene.state, end, &run, &error) == LG_OK) {
+    if (integrate(sim, &coarse, sim->scene.state, end, &run, NULL) == LG_OK) {
         const double apart = difference(&size, y, end);
         if (apart > bound)
             app_warn(sim->self,

@@ -48,11 +48,6 @@ static double distance(const diagram *d, const double *a, const double *b) {
     return sqrt(sum) / d->size;
 }
 
-static lg_status run_to_end(const diagram *d, const plan *how, double *y, outcome *out) {
-    lg_error error = {LG_OK, ""};
-    return integrate(d->sim, how, d->sim->scene.state, y, out, &error);
-}
-
 static void plan_of(const diagram *d, const lg_scheme *scheme, size_t steps, double tol, plan *out) {
     plan_init(d->sim, scheme, out);
     out->control.steps = steps;
@@ -70,9 +65,9 @@ static void find_reference(diagram *d) {
     outcome run;
     plan how;
     plan_of(d, scheme, 0, 10 * d->tol, &how);
-    lg_status status = run_to_end(d, &how, coarse, &run);
+    lg_status status = integrate(d->sim, &how, d->sim->scene.state, coarse, &run, NULL);
     plan_of(d, scheme, 0, d->tol, &how);
-    if (status == LG_OK) status = run_to_end(d, &how, d->y, &run);
+    if (status == LG_OK) status = integrate(d->sim, &how, d->sim->scene.state, d->y, &run, NULL);
     if (status == LG_CANCELLED) app_stop(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK)
         app_stop(self, status, "the reference solution with %s at tolerance %g failed: %s (t = %g)",
@@ -92,7 +87,7 @@ static lg_status measure(const diagram *d, const plan *how, point *out) {
     lg_status status = LG_OK;
     out->seconds = HUGE_VAL;
     for (int i = 0; i < REPEATS && (i == 0 || spent < MIN_SECONDS) && status == LG_OK; i++) {
-        status = run_to_end(d, how, y, &run);
+        status = integrate(d->sim, how, d->sim->scene.state, y, &run, NULL);
         spent += run.cpu;
         out->seconds = fmin(out->seconds, run.cpu);
     }
