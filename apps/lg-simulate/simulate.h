@@ -104,9 +104,8 @@ void plan_tolerance(const simulation *sim, double tol, plan *out);
 lg_status integrate(const simulation *sim, const plan *how, const double *y0, double *rows, outcome *out,
                     lg_error *error);
 
-/* If the steps are adaptive, repeats the run with ten times the tolerance. Warns if the final state y (dim)
- * differs so much that only few of its digits can be right (horizon.c). */
-void horizon_warn(const simulation *sim, const plan *how, const double *y);
+/* A single run. */
+void run_once(const simulation *sim);
 
 /* ---- what is observed along a run (watch.c) ---- */
 
@@ -180,9 +179,6 @@ typedef struct report {
     const gradient *slope; /* NULL without --gradient */
 } report;
 void report_run(const report *what); /* in report.c */
-
-/* output.c: writes the file of --out. */
-lg_status write_trajectory(const report *what, lg_error *error);
 
 /* plots.c: the plots of a run, and the bits that they need. */
 extern const app_plot_kind simulate_plots[];
