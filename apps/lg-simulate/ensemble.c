@@ -413,17 +413,6 @@ static void choose_members(study *all, const ensemble_task *part) {
     all->total->block = size;
 }
 
-static void choose_saved(study *all) {
-    const app *self = all->sim->self;
-    const char *text = all->sim->values->save;
-    if (text == NULL) return;
-    all->saved = all->total->total;
-    if (strcmp(text, "all") != 0 && !(lg_integer_parse(text, &all->saved) == LG_OK && all->saved > 0))
-        app_stop_usage(self, "--save: expected `all` or a number of members, not '%s'", text);
-    if (all->saved > all->total->total) all->saved = all->total->total;
-    if (all->files->out == NULL) app_stop_usage(self, "--save: trajectories need a file: give --out");
-}
-
 static void prepare(study *all, const lg_scheme *scheme, const char *text, lg_ensemble_event *events) {
     const simulation *sim = all->sim;
     const simulate_values *values = sim->values;
@@ -444,7 +433,9 @@ static void prepare(study *all, const lg_scheme *scheme, const char *text, lg_en
     if (files->task.count > 0 && files->out == NULL)
         app_stop_usage(sim->self, values->task != NULL ? "--task: the part needs a file: give --out"
                                                        : "ranks of mpirun write parts: give --out");
-    choose_saved(all);
+    all->saved = values->save < values->ensemble ? values->save : values->ensemble;
+    if (values->save > 0 && files->out == NULL)
+        app_stop_usage(sim->self, "--save: trajectories need a file: give --out");
     read_events(all, events);
     choose_times(all);
     if (rows > 0 && values->ensemble > rows)

@@ -43,5 +43,5 @@ void ensemble_files_choose(const app *self, const simulate_values *values, ensem
     if (values->ensemble > 0) out->task = read_task(self, values->task);
     if (values->out == NULL) return;
     out->out = part_path(values->out, &out->task);
-    if (values->save != NULL) out->trajectories = rows_path(out->out);
+    if (values->save > 0) out->trajectories = rows_path(out->out);
 }

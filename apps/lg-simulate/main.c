@@ -24,8 +24,9 @@ static const lg_field options[] = {
     APP_T_END(simulate_values, "Time of the last point (default: the scene's t_end)", .usual = true),
     LG_OPTION(simulate_values, theta, REAL, "TH",
               "Parameter of slgi, midpoint and implicit-euler: order 2 at 1/2, else 1", .high = 1),
-    LG_OPTION(simulate_values, dexpinv, STRING, "exact|K",
-              "RKMK methods: closed form, or the series up to ad^K, K = 0..10"),
+    LG_OPTION(simulate_values, dexpinv, U64, "exact|K",
+              "RKMK methods: closed form, or the series up to ad^K, K = 0..10", .high = LG_DEXPINV_MAX,
+              LG_NAMES("exact")),
     APP_OUT(simulate_values, "FILE.h5", "Write the trajectory (HDF5)", .usual = true),
     APP_POINTS(simulate_values,
                "Number of equidistant points of the trajectory, including the start (default 501, or "
@@ -69,8 +70,8 @@ static const lg_field options[] = {
         simulate_values, event, STRING, "NAME=VALUE,...",
         "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards",
         .needs = "ensemble"),
-    LG_OPTION(simulate_values, save, STRING, "all|K",
-              "Keep the trajectories of all or of the first K members", .needs = "ensemble"),
+    LG_OPTION(simulate_values, save, U64, "all|K", "Keep the trajectories of all or of the first K members",
+              .needs = "ensemble", .low = 1, .high = MEMBERS_MAX, LG_NAMES("all")),
     TRIALS_TASK(simulate_values, task,
                 "Run part i of n (i from 0) of the ensemble and write a file for `lg-simulate merge OUT.h5 "
                 "PARTS...`",

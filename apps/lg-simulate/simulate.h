@@ -11,9 +11,11 @@
 #include "liegrad/taped.h"
 
 typedef struct simulate_values {
-    const char *scheme, *dexpinv, *out, *schemes, *gradient;
-    const char *vary, *members, *event, *save, *task; /* options of --ensemble */
+    const char *scheme, *out, *schemes, *gradient;
+    const char *vary, *members, *event, *task; /* options of --ensemble */
     uint64_t steps, points, checkpoints, levels, max_steps, ensemble;
+    uint64_t save;    /* 0: none; all: more than there are members */
+    uint64_t dexpinv; /* LG_DEXPINV_MAX + 1: exact */
     double tolerance, atol, t_end, theta;
     lg_reals times;
     bool work_precision;
