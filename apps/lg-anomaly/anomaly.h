@@ -93,7 +93,7 @@ void read_series_of(const app *app, const char *path, const well_model *model, l
  * classes, or one if all windows are of class `healthy`. */
 void merge_classes(lg_series *series, const char *healthy);
 
-/* ---- judging (judge.c) ---- */
+/* ---- judging ---- */
 
 /* Appends a vote to *votes, whose bits are the last n (1 to 64) votes, the latest in bit 0. Returns how many
  * of them are for. */

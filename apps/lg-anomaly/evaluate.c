@@ -7,7 +7,7 @@
 #include "files/csv.h"
 #include "lg-anomaly/train.h"
 
-enum { MAX_FILES = 7, SHOWN_GROUPS = 40 };
+enum { SHOWN_GROUPS = 40 };
 
 typedef struct evaluate_values {
     const char *scores;
@@ -347,9 +347,6 @@ static void evaluate(evaluation *e) {
 
 static void check_options(const app *self) {
     const lg_wholes *votes = &values.votes;
-    if (self->argument_count > MAX_FILES + 1)
-        app_stop_usage(self, "too many arguments: '%s'; expected: %s", self->arguments[MAX_FILES + 1],
-                       self->command->arguments);
     if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
         app_stop_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
     if ((app_plot_given.plot != NULL || values.scores != NULL) && self->argument_count > 2)
@@ -366,7 +363,7 @@ static void evaluation_destroy(evaluation *e) {
 static void run(app *self) {
     APP_CLEAN(well_model_destroy) well_model model = {.plan = NULL};
     const size_t count = (size_t)self->argument_count - 1;
-    evaluation list[MAX_FILES];
+    evaluation *list = app_keep(count, sizeof *list);
     check_options(self);
     well_model_load(self, self->arguments[0], &model);
     app_plot_check(self, plots_of(&model, false));

@@ -65,7 +65,7 @@ static const lg_field options[] = {
     LG_OPTION(simulate_values, members, STRING, "FILE.csv|.h5|.npy",
               "A table with one row per member; its columns have the names of numbers of the state or of "
               "parameters (q1.x, m2)",
-              .needs = "ensemble"),
+              .needs = "ensemble", .file = LG_FILE_READ),
     LG_OPTION(
         simulate_values, event, STRING, "NAME=VALUE,...",
         "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards",
@@ -89,7 +89,6 @@ static void check_outputs(const app *self, const ensemble_files *files) {
     const bool weights = values.gradient != NULL && values.gradient[0] == '@';
     const app_path paths[] = {{"scheme", values.scheme, LG_FILE_READ},
                               {"gradient", weights ? values.gradient + 1 : NULL, LG_FILE_READ},
-                              {"members", values.members, LG_FILE_READ},
                               {"out", files->out, LG_FILE_WRITTEN},
                               {"save", files->trajectories, LG_FILE_WRITTEN},
                               /* Rank 0 merges the parts of all ranks into the file of --out. */
