@@ -22,8 +22,8 @@ typedef struct classifier_file {
     lg_provenance provenance;
 } classifier_file;
 
-/* Methods by number: "cnn", "logistic", "tree", "svm-linear", "svm-rbf", "baseline", "rocket", "novelty", then
- * NULL. */
+/* Methods by number: "cnn", "logistic", "tree", "svm-linear", "svm-rbf", "baseline", "rocket", "novelty",
+ * then NULL. */
 const char *classifier_method_name(uint32_t method);
 /* All pointers in `file` stay the caller's. An accuracy or f1 that is NaN is not written. */
 lg_status classifier_file_save(const lg_context *context, const char *path, const classifier_file *file,

@@ -16,8 +16,8 @@ bool component_find(const simulation *sim, const char *name, size_t *index);
 
 char *trimmed(char *text); /* without blanks at its beginning and end, which is cut off */
 typedef struct vary vary;
-/* `text`: NAME = DISTRIBUTION, ...; `table`: path of a table with one row per member, or NULL. *rows: number of
- * rows of the table, 0 without; *parameters: whether parameters vary. */
+/* `text`: NAME = DISTRIBUTION, ...; `table`: path of a table with one row per member, or NULL. *rows: number
+ * of rows of the table, 0 without; *parameters: whether parameters vary. */
 vary *vary_open(const simulation *sim, const char *text, const char *table, size_t *rows, bool *parameters);
 void vary_close(vary *self); /* NULL is allowed */
 lg_status vary_draw(void *self, uint64_t member, double *y0, double *parameters);

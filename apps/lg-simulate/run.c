@@ -1,5 +1,5 @@
-/* An integration with equal or adaptive steps, which Ctrl-C can end, and the run that the program is for: it is
- * observed, written to --out, drawn and reported. */
+/* An integration with equal or adaptive steps, which Ctrl-C can end, and the run that the program is for,
+ * which is observed, written to --out, drawn and reported. */
 #include "common/train.h"
 #include "lg-simulate/simulate.h"
 

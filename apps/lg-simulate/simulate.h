@@ -102,7 +102,8 @@ void plan_init(const simulation *sim, const lg_scheme *scheme, plan *out);
 /* Sets the relative tolerance to `tol`, and the absolute one from --atol or, without --atol, from `tol`. */
 void plan_tolerance(const simulation *sim, double tol, plan *out);
 /* Integrates from y0 (dim) to each of the times; rows (count, dim) are the states there. Ctrl-C ends it with
- * LG_CANCELLED. On failure the rows that were not reached are NaN, and `out` is filled; `error` may be NULL. */
+ * LG_CANCELLED. On failure the rows that were not reached are NaN, and `out` is filled. `error` may be
+ * NULL. */
 lg_status integrate(const simulation *sim, const plan *how, const double *y0, double *rows, outcome *out,
                     lg_error *error);
 
