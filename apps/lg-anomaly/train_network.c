@@ -20,7 +20,7 @@ static void print(const lg_training *training) {
     const lg_judgement *judged = &train_state.judged;
     const well_model model = model_of(NULL);
     (void)training;
-    app_print_confusion(stdout, judged->confusion, judged->classes, model.names.class_name);
+    app_print_confusion(stdout, judged->confusion, judged->classes, model.file.names.class_name);
 }
 
 static void draw(const app *self, const lg_training *training) {

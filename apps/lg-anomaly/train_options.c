@@ -5,16 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* ---- names ---- */
-
-const char *train_method_name(uint32_t method) {
-    static const char *const names[] = {[METHOD_CNN] = "cnn",         [METHOD_LOGISTIC] = "logistic",
-                                        [METHOD_TREE] = "tree",       [METHOD_SVM_LINEAR] = "svm-linear",
-                                        [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline",
-                                        [METHOD_ROCKET] = "rocket",   [METHOD_NOVELTY] = "novelty"};
-    return method < LG_COUNT(names) ? names[method] : NULL;
-}
-
 /* ---- hyperparameters that are not in lg_detector_run ---- */
 
 enum {
@@ -30,7 +20,7 @@ enum {
 
 #define ROW(name, type, member, ...) LG_FIELD(train_values, "", name, type, member, __VA_ARGS__)
 static const lg_field rows[] = {
-    ROW("method", NAME, method, .option = "classifier", .usual = true, .value_name = train_method_name,
+    ROW("method", NAME, method, .option = "classifier", .usual = true, .value_name = classifier_method_name,
         .value = "cnn",
         .meaning =
             "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
@@ -95,7 +85,7 @@ void train_check_options(const app *self) {
         if (values->method != METHOD_CNN && slot->given && slot->values == &train_given_files &&
             strcmp(slot->name, "out") != 0)
             app_stop_usage(self, "--%s: --classifier %s has no such option", slot->name,
-                           train_method_name(values->method));
+                           classifier_method_name(values->method));
     const bool rocket = values->method == METHOD_ROCKET;
     if (app_given(self, "features") && train_is_number(values->features) != rocket)
         app_stop_usage(self, "--features: %s",

@@ -463,6 +463,7 @@ TEST("votes give the alarm and its delay") {
     json_expect(json_find(result.out, "votes"), "detected_runs 0");
     cli_expect(lg, "evaluate logistic.h5 data.h5 fresh.h5 --votes 3,5", 0, "detected");
     json("evaluate logistic.h5 data.h5 fresh.h5 --votes 3,5", "files *");
+    json("evaluate v.h5 votes.h5 votes.h5 votes.h5 votes.h5 votes.h5 votes.h5 votes.h5 votes.h5", "files *");
 }
 
 /* ---- the healthy class ---- */

@@ -616,7 +616,7 @@ static const refusal simulate[] = {
     {"oscillator.yaml --ensemble 5 --task 1/2", 2, "give --out"},
     {"oscillator.yaml --ensemble 5 --task 2/2 --out a.h5", 2, "0 <= i < n"},
     {"oscillator.yaml --ensemble 5 --save all", 2, "give --out"},
-    {"oscillator.yaml --ensemble 5 --save some --out a.h5", 2, "`all` or a number"},
+    {"oscillator.yaml --ensemble 5 --save some --out a.h5", 2, "neither all nor a whole number"},
     {"oscillator.yaml --ensemble 5 --scheme rk4", 2, "needs --steps"},
     {"oscillator.yaml --ensemble 5 --scheme rk4 --steps 7 --points 3", 2, "multiple of the step"},
     {"oscillator.yaml --ensemble 5 --members missing.csv", 3, "missing.csv"},
