@@ -34,7 +34,7 @@ typedef struct verdict {
     identify_whiteness whiteness[LG_LOG_COLUMNS];
     double relative, relative_worst; /* NaN: not asked for. */
     identify_offset offsets[LG_MACHINE_COORDINATES];
-    double *q, *v; /* The free run at the rows of the log; owned. */
+    identify_runs runs; /* from the first rows */
 } verdict;
 
 /* ---- report ---- */
@@ -252,9 +252,9 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
 }
 
 /* The geometric mean over rows of |z - z'|/|z + z'| + 1e-8. */
-static void judge_relative(const lg_machine *machine, const lg_machine_log *data, const size_t *start,
-                           size_t count, verdict *out) {
-    const size_t nq = machine->positions, nv = machine->velocities;
+static void judge_relative(const lg_machine *machine, const lg_machine_log *data, verdict *out) {
+    const size_t nq = machine->positions, nv = machine->velocities, count = out->runs.count;
+    const size_t *start = out->runs.start;
     double sum = 0, worst = -INFINITY;
     size_t part = 0;
     for (size_t i = 0; i < count; i++) {
@@ -265,7 +265,7 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *data
             for (size_t k = machine->accelerations ? nq : 0; k < nq + nv; k++) {
                 const size_t at = k < nq ? row * nq + k : row * nv + k - nq;
                 const double a = (k < nq ? data->q : lg_log_shown(data))[at],
-                             b = (k < nq ? out->q : out->v)[at];
+                             b = (k < nq ? out->runs.q : out->runs.v)[at];
                 if (isnan(a)) continue;
                 square += (a - b) * (a - b), total += (a + b) * (a + b);
             }
@@ -309,31 +309,26 @@ static void deny_whiteness(const lg_machine_file *file, verdict *v) {
 }
 
 /* What needs logged states: constant forces that runs integrate, and the balance of energy. */
-static void judge_states(const app *self, const identify_given *given, const size_t *start, size_t count,
-                         verdict *out) {
+static void judge_states(const app *self, const identify_given *given, verdict *out) {
     for (int k = 0; k < IDENTIFY_ENERGIES; k++) out->energy[k] = (double)NAN;
     if (given->model.machine->accelerations) return;
-    identify_find_offsets(self, given, start, count, out->q, out->offsets);
+    identify_find_offsets(self, given, &out->runs, out->offsets);
     warn_of_offsets(self, given->model.machine, out);
     identify_balance(self, given, out->energy, out->whiteness);
 }
 
 static void judge_run(const app *self, const identify_given *given, verdict *out) {
     const lg_learned_machine *model = &given->model;
-    const lg_machine *machine = model->machine;
     const lg_machine_file *file = &given->data.file;
     const lg_machine_log *log = &given->data.logs.log;
-    APP_FREE size_t *start = app_alloc(log->parts, sizeof *start);
-    const size_t count = identify_first_rows(model, log, 0, start);
-    out->q = app_keep(log->rows * machine->positions, sizeof *out->q);
-    out->v = app_keep(log->rows * machine->velocities, sizeof *out->v);
-    identify_run_log(self, model, log, start, count, out->q, out->v);
-    if (values.relative) judge_relative(machine, log, start, count, out);
-    identify_leave_out(model, log, start, count, out->q, out->v);
-    identify_column_errors(given, out->q, out->v, out->free_run);
+    out->runs = identify_runs_begin(model, log, 0);
+    identify_run_log(self, model, log, &out->runs);
+    if (values.relative) judge_relative(model->machine, log, out);
+    identify_leave_out(model, log, &out->runs);
+    identify_column_errors(given, &out->runs, out->free_run);
     warn_of_runs(self, file, out);
-    judge_states(self, given, start, count, out);
-    if (model->start_rows > 0) identify_run_whiteness(given, out->q, out->v, out->whiteness);
+    judge_states(self, given, out);
+    if (model->start_rows > 0) identify_run_whiteness(given, &out->runs, out->whiteness);
     deny_whiteness(file, out);
 }
 
@@ -355,7 +350,7 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
         APP_MUST(self, lg_machine_horizon(&given->model, &logs->log,
                                           shortest * pow(longest / shortest, (double)i / (POINTS - 1)), every,
                                           &curve[i], &error));
-    identify_draw_evaluation(self, given, v->q, v->v, curve, POINTS);
+    identify_draw_evaluation(self, given, &v->runs, curve, POINTS);
 }
 
 /* ---- the command ---- */
@@ -368,7 +363,7 @@ static void run(app *self) {
     APP_MUST(self,
              lg_machine_window_loss(&given.model, &given.data.logs.log, window, &v.window_loss, &error));
     judge_run(self, &given, &v);
-    identify_warn_range(self, &given, NULL, NULL);
+    identify_warn_range(self, &given, NULL);
     judge_horizons(self, &given, &v);
     if (app_plot_given.plot != NULL) draw(self, &given, &v);
     report(self, &given, &v);

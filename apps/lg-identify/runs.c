@@ -31,31 +31,33 @@ void identify_run(const app *self, const lg_learned_machine *model, const lg_mac
                                        model->substeps, log, start, count, steps, q, v, &error));
 }
 
-size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log *log, size_t from,
-                           size_t *out) {
-    size_t count = 0;
+identify_runs identify_runs_begin(const lg_learned_machine *model, const lg_machine_log *log, size_t from) {
+    identify_runs out = {.start = app_keep(log->parts, sizeof *out.start),
+                         .q = app_keep(log->rows * model->machine->positions, sizeof *out.q),
+                         .v = app_keep(log->rows * model->machine->velocities, sizeof *out.v)};
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p] + from; row + 1 < log->first[p + 1]; row++) {
             if (!lg_machine_log_complete(model->machine, log, row, model->start_rows > 0)) continue;
-            out[count++] = row;
+            out.start[out.count++] = row;
             break;
         }
-    return count;
+    return out;
 }
 
 void identify_run_log(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
-                      const size_t *start, size_t count, double *q, double *v) {
+                      identify_runs *runs) {
     APP_CLEAN(lg_started_log_destroy) lg_started_log from = {.log = *log};
-    if (model->start_rows > 0) APP_MUST(self, lg_started_log_create(model, log, start, count, &from, &error));
-    identify_run(self, model, &from.log, start, count, LG_MACHINE_TO_END, q, v);
+    if (model->start_rows > 0)
+        APP_MUST(self, lg_started_log_create(model, log, runs->start, runs->count, &from, &error));
+    identify_run(self, model, &from.log, runs->start, runs->count, LG_MACHINE_TO_END, runs->q, runs->v);
 }
 
-void identify_leave_out(const lg_learned_machine *model, const lg_machine_log *log, const size_t *start,
-                        size_t count, double *q, double *v) {
+void identify_leave_out(const lg_learned_machine *model, const lg_machine_log *log, identify_runs *runs) {
     const size_t nq = model->machine->positions, nv = model->machine->velocities;
-    for (size_t i = 0; i < count; i++)
-        for (size_t row = start[i]; row < start[i] + model->start_rows && row < log->rows; row++) {
-            for (size_t k = 0; k < nq; k++) q[row * nq + k] = (double)NAN;
-            for (size_t k = 0; k < nv; k++) v[row * nv + k] = (double)NAN;
+    for (size_t i = 0; i < runs->count; i++)
+        for (size_t row = runs->start[i]; row < runs->start[i] + model->start_rows && row < log->rows;
+             row++) {
+            for (size_t k = 0; k < nq; k++) runs->q[row * nq + k] = (double)NAN;
+            for (size_t k = 0; k < nv; k++) runs->v[row * nv + k] = (double)NAN;
         }
 }
