@@ -63,6 +63,9 @@ bool control_has_states(const lg_policy *policy, const lg_certificate *file);
  * and, if they are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
 void control_follow(const app *self, const lg_policy *policy, const char *path, app_json *out);
 
+/* A plan of a function of the policy's program (reference.c). */
+lg_plan *control_plan(const app *self, const lg_policy *policy, const char *function);
+
 /* Lagged inputs among the coordinates of a task, or what lg_policy_create adds to a task. */
 uint32_t control_count_lagged(const lg_policy_task *task, bool remembered);
 /* Prints and writes, as `robustness`, the success of a policy if a number of its machine changes by a factor

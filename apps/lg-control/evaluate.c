@@ -101,11 +101,7 @@ static void tell_worst(app_json *out, const lg_policy *policy, const lg_policy_o
 /* The time of a call of `control` in the library, microseconds. */
 static double time_control(const app *self, const lg_policy *policy) {
     enum { CALLS = 20000 };
-    const lg_program *program = lg_policy_program(policy);
-    lg_plan *plan = NULL;
-    size_t at;
-    APP_MUST(self, lg_program_find(program, "control", &at, &error));
-    APP_MUST(self, lg_plan_create(program, at, NULL, &plan, &error));
+    lg_plan *plan = control_plan(self, policy, "control");
     APP_FREE double *x = app_alloc(lg_plan_input_count(plan, 0), sizeof *x);
     APP_FREE double *u = app_alloc(lg_plan_output_count(plan, 0), sizeof *u);
     APP_FREE void *work = app_alloc(lg_plan_work_size(plan), 1);

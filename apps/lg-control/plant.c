@@ -333,9 +333,7 @@ lg_program *control_load_plant(const app *self, const char *path, bool lagged, l
 
 /* The path of the plant that the task in `path` calls `plant`. */
 static char *beside(const char *path, const char *plant) {
-    const char *slash = strrchr(path, '/');
-    return plant[0] == '/' || slash == NULL ? app_format("%s", plant)
-                                            : app_format("%.*s/%s", (int)(slash - path), path, plant);
+    return app_format("%.*s%s", plant[0] == '/' ? 0 : (int)(app_name_of(path) - path), path, plant);
 }
 
 char *control_plant_path(const app *self, const char *path) {

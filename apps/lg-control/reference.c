@@ -69,12 +69,12 @@ static void reference_at(const following *f, double t, size_t *row, double *out)
     for (size_t i = 1; i < n; i++) out[i - 1] = a[i] + part * (b[i] - a[i]);
 }
 
-static lg_plan *plan_of(const following *f, const char *function) {
+lg_plan *control_plan(const app *self, const lg_policy *policy, const char *function) {
     lg_plan *plan = NULL;
     size_t number;
-    const lg_program *program = lg_policy_program(f->policy);
-    APP_MUST(f->self, lg_program_find(program, function, &number, &error));
-    APP_MUST(f->self, lg_plan_create(program, number, NULL, &plan, &error));
+    const lg_program *program = lg_policy_program(policy);
+    APP_MUST(self, lg_program_find(program, function, &number, &error));
+    APP_MUST(self, lg_plan_create(program, number, NULL, &plan, &error));
     return plan;
 }
 
@@ -148,7 +148,7 @@ void control_follow(const app *self, const lg_policy *policy, const char *path, 
     f.inputs = f.task->input_count;
     lay_out(&f, path);
     for (int i = 0; i < FUNCTIONS && (i <= PERIOD || f.velocities > 0); i++) {
-        plan[i] = plan_of(&f, names[i]);
+        plan[i] = control_plan(self, policy, names[i]);
         const size_t own = lg_plan_work_size(plan[i]);
         bytes = own > bytes ? own : bytes;
     }

@@ -58,10 +58,6 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
  * trajectories; relative_worst: largest geometric mean of a single trajectory. test->truth must be known.
  * Errors as of lg_system_observe. */
 lg_status judge_relative(const lg_trajectories *test, const double *predicted, verdict *out, lg_error *error);
-/* Writes a finite verdict and a description of the test set into the model file at `path`, which holds this
- * run and theta. Everything else in the file stays as it is. */
-lg_status record_verdict(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
-                         double *theta, const lg_trajectories *test, const verdict *result, lg_error *error);
 
 /* ---- drawing (plots.c) ---- */
 

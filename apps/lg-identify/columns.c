@@ -166,19 +166,6 @@ typedef struct number {
     bool angle, used;
 } number;
 
-bool identify_sees(const lg_machine *machine, int part, uint32_t coordinate) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        for (uint32_t k = 0; k < machine->terms[i].of_count; k++) {
-            const lg_machine_feature *of = &machine->terms[i].of[k];
-            const bool position = of->kind != LG_FEATURE_VELOCITY && of->kind != LG_FEATURE_INPUT &&
-                                  machine->terms[i].part != LG_MACHINE_OFFSET;
-            if (position && of->index == coordinate &&
-                (part == LG_MACHINE_PART_COUNT || part == (int)machine->terms[i].part))
-                return true;
-        }
-    return false;
-}
-
 static void name_numbers(const lg_machine_file *file, number *out) {
     const lg_machine *machine = &file->machine;
     number *position = out, *velocity = out + machine->positions, *input = velocity + machine->velocities;
@@ -191,7 +178,7 @@ static void name_numbers(const lg_machine_file *file, number *out) {
             const bool measured = at->places + at->attitudes > 0;
             const bool same = measured && (k < at->places || at->attitudes != 4);
             const uint32_t column = k < at->places ? at->place + k : at->attitude + k - at->places;
-            position->used = identify_sees(machine, LG_MACHINE_PART_COUNT, i);
+            position->used = lg_machine_sees(machine, LG_MACHINE_PART_COUNT, i);
             position->angle = c->kind == LG_COORDINATE_ANGLE;
             if (same)
                 (void)snprintf(position->name, sizeof position->name, "column %s",

@@ -48,9 +48,6 @@ void identify_to_columns(const lg_machine_file *file, const double *q, const dou
 void identify_errors(const lg_machine_file *file, const double *q, const double *v, const double *logged_q,
                      const double *logged_v, double *out);
 bool identify_is_state(const lg_log_column *column); /* Whether the column is a position or a velocity. */
-/* Returns whether a term of the part (LG_MACHINE_PART_COUNT: of any part) depends on the position of the
- * coordinate. */
-bool identify_sees(const lg_machine *machine, int part, uint32_t coordinate);
 
 /* Free runs along a log, each in a part of its own. */
 typedef struct identify_runs {

@@ -100,7 +100,7 @@ static size_t find_axes(const lg_machine *machine, axis *axes) {
         for (uint32_t k = 0; k < rates; k++, n++) {
             axes[n] = (axis){.scalar = rates == 1,
                              .angle = c->kind == LG_COORDINATE_ANGLE,
-                             .seen = rates == 1 && identify_sees(machine, LG_MACHINE_POTENTIAL, i),
+                             .seen = rates == 1 && lg_machine_sees(machine, LG_MACHINE_POTENTIAL, i),
                              .position = position,
                              .velocity = (uint32_t)n};
             if (rates == 1)

@@ -579,4 +579,14 @@ size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, con
 /* The fit problem of x (count), then of the starts as in lg_machine_fit_problem. Borrows `restriction`. */
 void lg_machine_restricted_problem(const lg_machine_restriction *restriction, lg_fit_problem *out);
 
+/* Whether a term of the part (LG_MACHINE_PART_COUNT: of any part) depends on the position of a coordinate. */
+static inline bool lg_machine_sees(const lg_machine *machine, lg_machine_part part, uint32_t coordinate) {
+    for (const lg_machine_term *at = machine->terms; at < machine->terms + machine->term_count; at++)
+        for (uint32_t k = 0; k < at->of_count && at->part != LG_MACHINE_OFFSET; k++)
+            if (at->of[k].index == coordinate && at->of[k].kind != LG_FEATURE_VELOCITY &&
+                at->of[k].kind != LG_FEATURE_INPUT && (part == LG_MACHINE_PART_COUNT || part == at->part))
+                return true;
+    return false;
+}
+
 #endif
