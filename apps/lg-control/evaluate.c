@@ -112,17 +112,6 @@ static double time_control(const app *self, const lg_policy *policy) {
     return (app_seconds() - begun) / CALLS * 1e6;
 }
 
-static bool told(void) {
-    return values.out != NULL || app_plot_given.plot != NULL;
-}
-
-static void show_runs(const app *self, control_runs *runs) {
-    if (!told()) return;
-    control_find_states(self, runs);
-    if (values.out != NULL) control_write_runs(self, runs, values.out);
-    control_draw_runs(self, runs);
-}
-
 static void run(app *self) {
     lg_policy *policy = NULL;
     lg_policy_outcome rough;
@@ -130,12 +119,13 @@ static void run(app *self) {
                   lg_policy_load(self->context, self->arguments[0], NULL, &policy, NULL, &error));
     policy = values.plant != NULL ? other_plant(self, policy) : refined(self, policy);
     control_runs runs;
-    control_runs_begin(policy, values.starts, told(), &runs);
+    const bool whole = values.out != NULL || app_plot_given.plot != NULL;
+    control_runs_begin(policy, values.starts, whole, &runs);
     const lg_policy_outcome own = control_evaluate(self, policy, LG_POLICY_NOMINAL, values.starts, self->seed,
                                                    &runs.runs),
                             regulator = control_evaluate(self, policy, LG_POLICY_REGULATED, values.starts,
                                                          self->seed, NULL);
-    show_runs(self, &runs);
+    if (whole) control_show_runs(self, &runs, values.out);
     if (values.disturb != NULL) {
         disturb(self, policy);
         rough = control_evaluate(self, policy, LG_POLICY_DISTURBED, values.starts, self->seed, NULL);

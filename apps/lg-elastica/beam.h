@@ -91,20 +91,9 @@ double beam_distance(const beam_curve *a, const beam_curve *b);
 /* Writes a CSV file with the columns s,x,y,vx,vy,theta; `numbered` puts a column `branch` first. Writes
  * nothing if `path` is NULL. */
 const char *curves_head(bool numbered); /* the line of the column names */
-#define SWEEP_HEAD "branch,x,energy,negative_eigenvalues,rotation"
 void write_curves(const app *app, const char *path, const beam_curve *curves, size_t count, bool numbered);
 /* Writes q, v and theta. For people it prints a table of about ten nodes, or of all nodes. */
 void result_nodes(app_json *out, const beam_nodes *nodes, bool all);
-
-/* lg-elastica solve --sweep (sweep.c). `problem` has everything but the end angles, which depend on x. */
-typedef struct sweep_values {
-    size_t points;
-    lg_elastica problem;
-    lg_elastica_case kind;
-    bool saddles;
-    const char *out;
-} sweep_values;
-void sweep_run(const app *app, const sweep_values *values, const lg_elastica_options *options);
 
 /* ---- plots ---- */
 

@@ -12,7 +12,7 @@
 extern const app_command hamiltonian_generate_command, hamiltonian_evaluate_command,
     hamiltonian_predict_command, hamiltonian_study_command;
 
-/* ---- sampling (sample.c) ---- */
+/* ---- sampling (generate.c) ---- */
 
 /* Family and number of copies n of the Hamiltonian that is learned for a scene. The scene must have been read
  * with the form FORM. LG_UNSUPPORTED: such a system cannot be learned. */
@@ -22,14 +22,7 @@ lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **fami
 
 /* The options of lg_system_generate that the scene gives; NULL: the defaults. */
 lg_trajectory_options sample_options(const lg_scene *scene);
-/* Samples trajectories of the scene's system, with the energies of the starts. sample_create allocates all
- * trajectories and sets their times; the caller frees them. sample_part computes `count` trajectories from
- * number `first` on; it may be called from any thread. A scene NULL: the motion of data->constraint. */
-lg_status sample_create(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
-                        lg_trajectories *out, lg_error *error);
-lg_status sample_part(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
-                      size_t first, size_t count, lg_trajectories *data, lg_error *error);
-/* Calls sample_create, and sample_part for all trajectories. */
+/* Samples trajectories of the scene's system, with the energies of the starts. */
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
                        lg_trajectories *out, lg_error *error);
 /* ---- judging (judge.c) ---- */

@@ -11,7 +11,7 @@
 extern const app_command identify_check_command, identify_fit_command, identify_evaluate_command,
     identify_predict_command, identify_generate_command, identify_adapt_command;
 
-/* ---- models and logs (data.c) ---- */
+/* ---- models and logs (runs.c) ---- */
 
 /* Calls lg_machine_data_read. Ends the command if something cannot be read. */
 void identify_read(const app *self, const lg_machine_sources *from, lg_machine_data *out);
@@ -99,19 +99,7 @@ void identify_run_log(const app *self, const lg_learned_machine *model, const lg
 /* Sets to NaN the first rows of runs of identify_run_log, which only serve to estimate their starts. */
 void identify_leave_out(const lg_learned_machine *model, const lg_machine_log *log, identify_runs *runs);
 
-/* ---- comparisons (linear.c, balance.c) ---- */
-
-/* A linear model v' = A (q, v, u, 1), fitted to all rows of these logs. If the logs have no velocities, its
- * runs are NaN. */
-enum { IDENTIFY_FEATURES = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
-typedef struct identify_linear {
-    const lg_machine *machine;
-    size_t features;
-    double A[LG_MACHINE_VELOCITIES * IDENTIFY_FEATURES]; /* (velocities, features) */
-} identify_linear;
-void identify_linear_fit(const app *self, const lg_machine *machine, const lg_machine_log *log,
-                         identify_linear *linear);
-lg_runner identify_linear_run; /* user: an identify_linear. */
+/* ---- comparisons (balance.c) ---- */
 
 /* Sums over all intervals of the log, in the unit of energy. In each interval, the change of H is the work of
  * the inputs, of the damping and of the residual, plus a rest that the model does not explain. */
