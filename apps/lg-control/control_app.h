@@ -53,13 +53,6 @@ lg_policy *control_read_policy(const app *self, const char *path);
 /* Whether the states of the certificate have the names of the policy's states (certify.c). */
 bool control_has_states(const lg_policy *policy, const lg_certificate *file);
 
-/* Runs the policy along the set points of a file (reference.c), with the columns t, the tracked coordinates
- * and, if they are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
-void control_follow(const app *self, const lg_policy *policy, const char *path, app_json *out);
-
-/* A plan of a function of the policy's program (reference.c). */
-lg_plan *control_plan(const app *self, const lg_policy *policy, const char *function);
-
 /* Lagged inputs among the coordinates of a task, or what lg_policy_create adds to a task. */
 uint32_t control_count_lagged(const lg_policy_task *task, bool remembered);
 /* Prints and writes, as `robustness`, the success of a policy if a number of its machine changes by a factor
@@ -74,7 +67,7 @@ typedef struct control_runs {
     const lg_policy *policy;
     const lg_policy_task *task;
     lg_policy_runs runs; /* path; of whole runs also motion, input, costs, succeeded */
-    /* After control_find_states: positions and velocities (steps + 1, starts, numbers) */
+    /* After control_show_runs: positions and velocities (steps + 1, starts, numbers) */
     size_t numbers[2];
     double *seen[2];
 } control_runs;
