@@ -28,7 +28,8 @@ extern const lg_field beam_rows[], end_rows[], boundary_rows[];
 #define BEAM_CASE(type, ...) LG_OPTION(type, kind, NAME, NULL, __VA_ARGS__, .option = "case")
 #define CONTINUOUS(type)                                                                                     \
     LG_OPTION(type, continuous, SWITCH, NULL,                                                                \
-              "Solve the differential equation instead of the discrete problem", .usual = true)
+              "Solve the differential equation instead of the discrete problem", .usual = true,              \
+              .without = "branches,sweep")
 #define BEAM     APP_GIVEN(beam_rows, beam_given) /* length, stiffness, intervals */
 #define ENDS     APP_GIVEN(end_rows, beam_given)
 #define BOUNDARY APP_GIVEN(boundary_rows, beam_given)

@@ -31,13 +31,13 @@ const lg_field boundary_rows[] = {
     BEAM_CASE(beam_values,
               "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "
               "wrapped to (-pi, pi] (default both-ends; of a model: the family trained on)",
-              .usual = true, .names = case_names),
+              .usual = true, .names = case_names, .without = "theta0,thetaN"),
     LG_OPTION(beam_values, x, REAL, "X", "The case's parameter, radians", .usual = true, .low = -1e6,
-              .high = 1e6),
+              .high = 1e6, .without = "theta0,thetaN"),
     LG_OPTION(beam_values, theta0, REAL, "A", "Instead of --case and --x: tangent angle at s = 0, radians",
               .option = "theta0", .usual = true, .low = -1e6, .high = 1e6),
     LG_OPTION(beam_values, thetaN, REAL, "B", "With --theta0: tangent angle at s = L, radians",
-              .option = "thetaN", .usual = true, .low = -1e6, .high = 1e6),
+              .option = "thetaN", .usual = true, .low = -1e6, .high = 1e6, .needs = "theta0"),
     LG_OPTION(beam_values, rotation, REAL, "R",
               "Turning of the tangent along the beam: B - A plus whole turns (default: of B - A wrapped to "
               "(-pi, pi], one turn more and one less, the one with the lowest energy)",
@@ -99,7 +99,6 @@ static void fix_rotation(const app *self, double wanted, boundary *out) {
 
 static void read_angles(const app *self, boundary *out) {
     const bool last = app_given(self, "thetaN");
-    if (!app_given(self, "theta0")) app_stop_usage(self, "--theta0 A is missing");
     if (!last && !app_given(self, "rotation")) app_stop_usage(self, "--thetaN B is missing");
     boundary_rotations(beam_given.theta0, last ? beam_given.thetaN : beam_given.theta0 + beam_given.rotation,
                        out);
@@ -116,11 +115,8 @@ static void read_case(const app *self, lg_elastica_case kind, boundary *out) {
 
 void boundary_read(const app *self, const lg_elastica *problem, lg_elastica_case kind, boundary *out) {
     const bool family = app_given(self, "case") || app_given(self, "x");
-    const bool angles = app_given(self, "theta0") || app_given(self, "thetaN");
     *out = (boundary){.problem = *problem};
-    if (family && angles)
-        app_stop_usage(self, "--case with --x and --theta0 with --thetaN cannot be given together");
-    if (!family && !angles)
+    if (!family && !app_given(self, "theta0"))
         app_stop_usage(self, "no boundary conditions: give --case and --x, or --theta0 and --thetaN");
     read_ends(self, &out->problem);
     if (family)

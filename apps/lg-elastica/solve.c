@@ -22,7 +22,7 @@ static const lg_field solve_options[] = {
     LG_OPTION(solve_values, saddles, SWITCH, NULL, "With --branches or --sweep: list saddles too"),
     LG_OPTION(solve_values, sweep, U64, "n",
               "Follow the branches of a case over n equidistant x in [0, 2 pi]", .low = 2, .high = 10000,
-              .usual = true),
+              .usual = true, .without = "x,theta0,thetaN,rotation"),
     APP_OUT(solve_values, "FILE.csv", "Write the curves (columns s, x, y, vx, vy, theta), or the sweep",
             .usual = true, .file = LG_FILE_TEXT),
     LG_FIELD_END};
@@ -329,21 +329,9 @@ static void solve_sweep(const app *self, const lg_elastica *problem, const lg_el
 
 /* ---- the command ---- */
 
-/* Checks options that exclude each other or need another option. */
-static void check_options(const app *self) {
-    static const char *const alone[] = {"x", "theta0", "thetaN", "rotation"};
-    const bool many = values.branches || values.sweep > 0;
-    if (values.continuous && many)
-        app_stop_usage(self, "--continuous: %s is for the discrete problem only",
-                       values.branches ? "--branches" : "--sweep");
-    if (values.saddles && !many) app_stop_usage(self, "--saddles: needs --branches or --sweep");
-    for (size_t i = 0; values.sweep > 0 && i < LG_COUNT(alone); i++)
-        if (app_given(self, alone[i]))
-            app_stop_usage(self, "--%s: --sweep already varies the x of a case", alone[i]);
-}
-
 static void run(app *self) {
-    check_options(self);
+    if (values.saddles && !values.branches && values.sweep == 0)
+        app_stop_usage(self, "--saddles: needs --branches or --sweep");
     APP_FREE char *head = app_format("%s\n", values.sweep > 0 ? SWEEP_HEAD : curves_head(values.branches));
     app_check_text(self, values.out, head);
     const lg_elastica problem = beam_problem(self);
