@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "control/policy.h"
 #include "lg-control/control_app.h"
 #include "liegrad/table.h"
 
@@ -100,19 +101,11 @@ static void tell_worst(app_json *out, const lg_policy *policy, const lg_policy_o
     app_json_close(out, '}');
 }
 
-static lg_plan *plan_of(const app *self, const lg_policy *policy, const char *function) {
-    lg_plan *plan = NULL;
-    size_t number;
-    const lg_program *program = lg_policy_program(policy);
-    APP_MUST(self, lg_program_find(program, function, &number, &error));
-    APP_MUST(self, lg_plan_create(program, number, NULL, &plan, &error));
-    return plan;
-}
-
 /* The time of a call of `control` in the library, microseconds. */
 static double time_control(const app *self, const lg_policy *policy) {
     enum { CALLS = 20000 };
-    lg_plan *plan = plan_of(self, policy, "control");
+    lg_plan *plan = NULL;
+    APP_MUST(self, lg_policy_plan(policy, "control", LG_F64, 1, &plan, &error));
     APP_FREE double *x = app_alloc(lg_plan_input_count(plan, 0), sizeof *x);
     APP_FREE double *u = app_alloc(lg_plan_output_count(plan, 0), sizeof *u);
     APP_FREE void *work = app_alloc(lg_plan_work_size(plan), 1);
@@ -129,7 +122,7 @@ typedef struct following {
     const app *self;
     const lg_policy *policy;
     const lg_policy_task *task;
-    size_t positions, velocities, numbers, inputs; /* numbers: in `reference` */
+    size_t positions, velocities, numbers; /* numbers: in `reference` */
     uint32_t place[LG_POLICY_COORDINATES]; /* of a tracked coordinate: of its position, and velocity */
     const char *column[2 * LG_POLICY_COORDINATES + 1];
     uint32_t tracked, columns;
@@ -189,8 +182,8 @@ static void reference_at(const following *f, double t, size_t *row, double *out)
     for (size_t i = 1; i < n; i++) out[i - 1] = a[i] + part * (b[i] - a[i]);
 }
 
-/* The functions of a run; without velocities the state is the positions, and the last three are NULL. */
-enum { TRACK, PERIOD, MOMENTA, POSITIONS, VELOCITIES, FUNCTIONS };
+/* The functions of a run; without velocities the state is the positions, and there are only two. */
+enum { TRACK, PERIOD, POSITIONS, VELOCITIES, FUNCTIONS };
 
 typedef struct sums {
     double square, largest;
@@ -206,10 +199,7 @@ static void run_along(const following *f, lg_plan *const *plan, double *x, void 
     for (size_t i = 0; i < nq; i++) seen[i] = f->task->coordinate[i].goal[0];
     reference_at(f, begin, &row, reference);
     for (uint32_t k = 0; k < f->tracked; k++) seen[f->place[k]] = reference[k];
-    if (plan[MOMENTA] != NULL)
-        lg_plan_eval(plan[MOMENTA], (const void *[]){seen, seen + nq}, (void *[]){x}, work);
-    else
-        memcpy(x, seen, nq * sizeof *x);
+    APP_MUST(f->self, lg_policy_states_at(f->policy, seen, seen + nq, 1, x, &error));
     for (size_t s = 0; s < steps; s++) {
         reference_at(f, begin + (double)s * f->task->period, &row, reference);
         for (uint32_t k = 0; k < f->tracked; k++) {
@@ -218,16 +208,10 @@ static void run_along(const following *f, lg_plan *const *plan, double *x, void 
             sum[k].largest = off <= sum[k].largest ? sum[k].largest : off;
         }
         lg_plan_eval(plan[TRACK], (const void *[]){seen, reference}, (void *[]){u}, work);
-        for (size_t l = 0; l < f->inputs; l++) {
-            const lg_policy_input *in = &f->task->input[l];
-            if (u[l] > in->low + 1e-3 * (in->high - in->low) && u[l] < in->high - 1e-3 * (in->high - in->low))
-                continue;
-            *saturated += 1 / (double)steps;
-            break;
-        }
+        if (lg_policy_at_limit(f->policy, u)) *saturated += 1 / (double)steps;
         lg_plan_eval(plan[PERIOD], (const void *[]){x, u}, (void *[]){next}, work);
         memcpy(x, next, lg_plan_input_count(plan[PERIOD], 0) * sizeof *x);
-        if (plan[POSITIONS] != NULL) {
+        if (f->velocities > 0) {
             lg_plan_eval(plan[POSITIONS], (const void *[]){x}, (void *[]){seen}, work);
             lg_plan_eval(plan[VELOCITIES], (const void *[]){x}, (void *[]){seen + nq}, work);
         } else {
@@ -252,24 +236,18 @@ static void tell_errors(const following *f, app_json *out, const sums *sum, doub
 /* Runs the policy along the set points of a file, with the columns t, the tracked coordinates and, if they are
  * there, these coordinates' velocities. Adds the errors to the results as `reference`. */
 static void follow(const app *self, const lg_policy *policy, const char *path, app_json *out) {
-    static const char *const names[FUNCTIONS] = {"track", "period", "momenta", "positions", "velocities"};
+    static const char *const names[FUNCTIONS] = {"track", "period", "positions", "velocities"};
     following f = {.self = self, .policy = policy, .task = lg_policy_task_of(policy)};
-    lg_plan *plan[FUNCTIONS] = {NULL};
+    APP_CLEAN(lg_policy_plans_destroy) lg_policy_plans plans;
     sums sum[LG_POLICY_COORDINATES] = {{0, 0}};
     double saturated = 0;
-    size_t bytes = 0;
-    f.inputs = f.task->input_count;
     lay_out(&f, path);
-    for (int i = 0; i < FUNCTIONS && (i <= PERIOD || f.velocities > 0); i++) {
-        plan[i] = plan_of(self, policy, names[i]);
-        const size_t own = lg_plan_work_size(plan[i]);
-        bytes = own > bytes ? own : bytes;
-    }
-    APP_FREE double *x = app_alloc(2 * lg_plan_input_count(plan[PERIOD], 0), sizeof *x);
-    APP_FREE void *work = app_alloc(bytes, 1);
-    run_along(&f, plan, x, work, sum, &saturated);
+    APP_MUST(self, lg_policy_plans_create(policy, false, names, f.velocities > 0 ? FUNCTIONS : POSITIONS,
+                                          LG_F64, 1, &plans, &error));
+    APP_FREE double *x = app_alloc(2 * lg_plan_input_count(plans.plan[PERIOD], 0), sizeof *x);
+    APP_FREE void *work = app_alloc(plans.work, 1);
+    run_along(&f, plans.plan, x, work, sum, &saturated);
     tell_errors(&f, out, sum, saturated);
-    for (int i = 0; i < FUNCTIONS; i++) lg_plan_destroy(plan[i]);
     lg_table_data_destroy(&f.table);
 }
 

@@ -86,8 +86,8 @@ static void look_at(const app *self, const identify_given *given, pushed *p, con
                     uint32_t i, identify_runs *with, identify_offset *out) {
     const lg_machine_log *log = &given->data.logs.log;
     const lg_machine *machine = given->model.machine;
-    const uint32_t position = lg_log_place_of(machine, i).position,
-                   velocity = lg_log_place_of(machine, i).velocity;
+    const uint32_t position = lg_machine_offsets_of(machine, i).position,
+                   velocity = lg_machine_offsets_of(machine, i).velocity;
     push(p, velocity, 1);
     identify_run_log(self, &p->model, log, with);
     push(p, velocity, -1);

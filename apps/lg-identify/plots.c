@@ -93,7 +93,6 @@ typedef struct axis {
 
 static size_t find_axes(const lg_machine *machine, axis *axes) {
     size_t n = 0;
-    uint32_t position = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_machine_coordinate *c = &machine->coordinates[i];
         const uint32_t rates = lg_coordinate_row_of(c->kind)->velocities;
@@ -101,14 +100,10 @@ static size_t find_axes(const lg_machine *machine, axis *axes) {
             axes[n] = (axis){.scalar = rates == 1,
                              .angle = c->kind == LG_COORDINATE_ANGLE,
                              .seen = rates == 1 && lg_machine_sees(machine, LG_MACHINE_POTENTIAL, i),
-                             .position = position,
+                             .position = lg_machine_offsets_of(machine, i).position,
                              .velocity = (uint32_t)n};
-            if (rates == 1)
-                (void)snprintf(axes[n].name, sizeof axes[n].name, "%s", c->name);
-            else
-                (void)snprintf(axes[n].name, sizeof axes[n].name, "%s.%u", c->name, k + 1);
+            lg_machine_velocity_name(machine, (uint32_t)n, axes[n].name, sizeof axes[n].name);
         }
-        position += lg_coordinate_positions(c->kind);
     }
     return n;
 }
