@@ -4,7 +4,7 @@
 #define LG_APPS_BEAM_H
 
 #include "common/app.h"
-#include "liegrad/elastica.h"
+#include "elastica/elastica.h"
 #include "liegrad/settings.h"
 
 extern const app_command elastica_solve_command, elastica_generate_command, elastica_evaluate_command,
@@ -51,8 +51,6 @@ lg_elastica beam_problem(const app *app);
 void boundary_read(const app *app, const lg_elastica *problem, lg_elastica_case kind, boundary *out);
 /* Sets all possible rotations for a pair of end angles. */
 void boundary_rotations(double theta0, double thetaN, boundary *out);
-/* An angle wrapped to (-pi, pi]. */
-double wrap_angle(double angle);
 /* Writes the boundary conditions as a vector: q0, v0, qN, vN. */
 void boundary_vector(const lg_elastica *problem, double x[8]);
 

@@ -4,7 +4,6 @@
 
 #include "lg-elastica/beam.h"
 
-static const double pi = 3.14159265358979323846;
 static const double rotation_tolerance = 1e-9; /* radians */
 
 const char *const case_names[] = {"both-ends", "right-end", NULL};
@@ -44,11 +43,6 @@ const lg_field boundary_rows[] = {
               .low = -1e6, .high = 1e6),
     LG_FIELD_END};
 
-double wrap_angle(double angle) {
-    const double w = remainder(angle, 2 * pi);
-    return w <= -pi ? w + 2 * pi : w;
-}
-
 void boundary_vector(const lg_elastica *problem, double x[8]) {
     const double end = problem->theta0 + problem->rotation;
     memcpy(x, problem->q0, sizeof problem->q0);
@@ -61,8 +55,8 @@ void boundary_vector(const lg_elastica *problem, double x[8]) {
 
 void boundary_rotations(double theta0, double thetaN, boundary *out) {
     static const double turns[BOUNDARY_ROTATIONS] = {0, -1, 1};
-    const double middle = wrap_angle(thetaN - theta0);
-    for (size_t k = 0; k < BOUNDARY_ROTATIONS; k++) out->rotation[k] = middle + 2 * pi * turns[k];
+    const double middle = lg_elastica_wrap(thetaN - theta0);
+    for (size_t k = 0; k < BOUNDARY_ROTATIONS; k++) out->rotation[k] = middle + 2 * LG_PI * turns[k];
     out->count = BOUNDARY_ROTATIONS;
     out->chosen = (double)NAN;
     out->problem.theta0 = theta0;
@@ -86,13 +80,13 @@ lg_elastica beam_problem(const app *self) {
 
 /* Keeps only the rotation of --rotation, which must be B - A + 2 pi k for a whole number k. */
 static void fix_rotation(const app *self, double wanted, boundary *out) {
-    const double turns = round((wanted - out->rotation[0]) / (2 * pi));
-    const double nearest = out->rotation[0] + 2 * pi * turns;
+    const double turns = round((wanted - out->rotation[0]) / (2 * LG_PI));
+    const double nearest = out->rotation[0] + 2 * LG_PI * turns;
     if (!(fabs(wanted - nearest) <= rotation_tolerance))
         app_stop_usage(self,
                        "--rotation: %.12g does not lead from the first angle to the second; the nearest "
                        "rotations that do are %.12g and %.12g",
-                       wanted, nearest, nearest + (wanted > nearest ? 2 * pi : -2 * pi));
+                       wanted, nearest, nearest + (wanted > nearest ? 2 * LG_PI : -2 * LG_PI));
     out->count = 1;
     out->rotation[0] = out->chosen = out->problem.rotation = nearest;
 }

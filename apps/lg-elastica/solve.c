@@ -316,7 +316,7 @@ static void solve_sweep(const app *self, const lg_elastica *problem, const lg_el
                .error = app_keep(n, sizeof *s.error)};
     const double begin = app_seconds();
     APP_MUST(self, lg_elastica_check(problem, &error));
-    for (size_t i = 0; i < n; i++) s.x[i] = 2 * 3.14159265358979323846 * (double)i / (double)(n - 1);
+    for (size_t i = 0; i < n; i++) s.x[i] = 2 * LG_PI * (double)i / (double)(n - 1);
     app_parallel(self->threads, n, find, &s);
     for (size_t i = 0; i < n; i++) check_found(&s, i);
     for (size_t i = 0; i < n; i++) follow(&s, i);
