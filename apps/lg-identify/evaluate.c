@@ -220,8 +220,8 @@ static void fill(const lg_machine *machine, const double *q, const double *v, co
 static void fit_linear(const app *self, const lg_machine *machine, const lg_machine_log *log,
                        linear_model *linear) {
     double left;
-    *linear = (linear_model){
-        .machine = machine, .features = machine->positions + machine->velocities + machine->input_count + 1};
+    *linear = (linear_model){.machine = machine,
+                             .features = machine->positions + machine->velocities + machine->input_count + 1};
     for (size_t i = 0; i < LG_COUNT(linear->A); i++) linear->A[i] = (double)NAN;
     APP_MUST(self, lg_machine_unexplained(self->context, machine, log, linear->A, &left, &error));
 }
