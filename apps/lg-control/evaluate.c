@@ -233,8 +233,8 @@ static void tell_errors(const following *f, app_json *out, const sums *sum, doub
     app_json_close(out, '}');
 }
 
-/* Runs the policy along the set points of a file, with the columns t, the tracked coordinates and, if they are
- * there, these coordinates' velocities. Adds the errors to the results as `reference`. */
+/* Runs the policy along the set points of a file, with the columns t, the tracked coordinates and, if they
+ * are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
 static void follow(const app *self, const lg_policy *policy, const char *path, app_json *out) {
     static const char *const names[FUNCTIONS] = {"track", "period", "positions", "velocities"};
     following f = {.self = self, .policy = policy, .task = lg_policy_task_of(policy)};
