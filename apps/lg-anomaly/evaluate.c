@@ -174,14 +174,10 @@ static void add_groups(app_json *out, const evaluation *e) {
     APP_FREE group_row *rows = group_rows(e, &count);
     const size_t shown = out->people && count > SHOWN_GROUPS ? SHOWN_GROUPS : count;
     app_result_rows(out, "groups");
-    for (size_t i = 0; i < shown; i++) {
-        app_json_open(out, NULL, '{');
-        app_json_size(out, "group", rows[i].group);
-        app_json_size(out, "windows", rows[i].windows);
-        app_json_real(out, "accuracy", part_or_nan(rows[i].right, rows[i].windows));
-        app_json_real(out, "false_positive_rate", part_or_nan(rows[i].false_positive, rows[i].healthy));
-        app_json_close(out, '}');
-    }
+    for (size_t i = 0; i < shown; i++)
+        APP_OBJECT(out, NULL, LG_AS_WHOLE("group", rows[i].group), LG_AS_WHOLE("windows", rows[i].windows),
+                   LG_AS_REAL("accuracy", part_or_nan(rows[i].right, rows[i].windows)),
+                   LG_AS_REAL("false_positive_rate", part_or_nan(rows[i].false_positive, rows[i].healthy)));
     app_result_rows_end(out);
     if (shown < count) app_result_line(out, "and %zu groups more", count - shown);
 }
@@ -212,11 +208,9 @@ static void add_evaluation(app_json *out, const evaluation *e) {
     app_result_text(out, "part", e->part_name, NULL);
     app_result_size(out, "windows", e->judged.count, NULL);
     put_metrics(out, &e->judged, e->model);
-    app_json_real(out, "mse", e->judged.mse);
-    app_json_real(out, "test_seconds", e->judged.seconds);
-    app_json_real(out, "noise", e->from.data.noise);
-    app_json_real(out, "severity", e->from.data.severity);
-    app_json_size(out, "unlike", e->unlike);
+    APP_PUT(out, LG_AS_REAL("mse", e->judged.mse), LG_AS_REAL("test_seconds", e->judged.seconds),
+            LG_AS_REAL("noise", e->from.data.noise), LG_AS_REAL("severity", e->from.data.severity),
+            LG_AS_WHOLE("unlike", e->unlike));
     add_votes(out, e);
     add_groups(out, e);
     app_result_text(out, "method", e->model->method, NULL);
@@ -230,17 +224,13 @@ static void add_evaluation(app_json *out, const evaluation *e) {
 
 /* One table row per data file, used for the probability of detection against severity or noise. */
 static void add_row(app_json *out, const evaluation *e) {
-    app_json_text(out, "data", e->path);
-    app_json_text(out, "part", e->part_name);
-    app_json_real(out, "noise", e->from.data.noise);
-    app_json_real(out, "severity", e->from.data.severity);
-    app_json_size(out, "windows", e->judged.count);
-    app_json_real(out, "accuracy", e->judged.metrics.accuracy);
-    app_json_real(out, "recall", e->judged.metrics.recall);
-    app_json_real(out, "F1", e->judged.metrics.f1);
-    app_json_text(out, "healthy", e->model->cut.healthy);
-    app_json_real(out, "false alarms/day",
-                  lg_judgement_alarms(&e->judged, e->model->cut.hop, e->model->names.rate));
+    APP_PUT(out, LG_AS_TEXT("data", e->path), LG_AS_TEXT("part", e->part_name),
+            LG_AS_REAL("noise", e->from.data.noise), LG_AS_REAL("severity", e->from.data.severity),
+            LG_AS_WHOLE("windows", e->judged.count), LG_AS_REAL("accuracy", e->judged.metrics.accuracy),
+            LG_AS_REAL("recall", e->judged.metrics.recall), LG_AS_REAL("F1", e->judged.metrics.f1),
+            LG_AS_TEXT("healthy", e->model->cut.healthy),
+            LG_AS_REAL("false alarms/day",
+                       lg_judgement_alarms(&e->judged, e->model->cut.hop, e->model->names.rate)));
     if (values.votes.count == 0) return;
     app_json_size(out, "damaged", e->votes.damaged);
     app_json_size(out, "detected", e->votes.detected);

@@ -28,12 +28,9 @@ static const lg_field solve_options[] = {
 static solve_values values;
 
 static void add_problem(app_json *out, const lg_elastica *problem) {
-    app_json_size(out, "intervals", problem->intervals);
-    app_json_real(out, "length", problem->length);
-    app_json_real(out, "stiffness", problem->stiffness);
-    app_json_real(out, "theta0", problem->theta0);
-    app_json_reals(out, "q0", problem->q0, 2);
-    app_json_reals(out, "qN", problem->qN, 2);
+    APP_PUT(out, LG_AS_WHOLE("intervals", problem->intervals), LG_AS_REAL("length", problem->length),
+            LG_AS_REAL("stiffness", problem->stiffness), LG_AS_REAL("theta0", problem->theta0),
+            LG_AS_REALS("q0", problem->q0, 2), LG_AS_REALS("qN", problem->qN, 2));
 }
 
 static void add_curve(app_json *out, const beam_curve *curve) {

@@ -138,41 +138,31 @@ static void add_branches(app_json *out, const sweep_point *points, size_t count)
             low = fmin(low, points[last].energy);
             high = fmax(high, points[last].energy);
         }
-        app_json_size(out, "branch", points[i].branch + 1);
-        app_json_size(out, "points", last - i);
-        app_json_real(out, "x from", points[i].x);
-        app_json_real(out, "to", points[last - 1].x);
-        app_json_real(out, "energy from", low);
-        app_json_real(out, "to", high);
-        app_json_size(out, "saddles", saddles);
+        APP_PUT(out, LG_AS_WHOLE("branch", points[i].branch + 1), LG_AS_WHOLE("points", last - i),
+                LG_AS_REAL("x from", points[i].x), LG_AS_REAL("to", points[last - 1].x),
+                LG_AS_REAL("energy from", low), LG_AS_REAL("to", high), LG_AS_WHOLE("saddles", saddles));
     }
     app_result_rows_end(out);
 }
 
 static void add_points(app_json *out, const sweep_point *points, size_t count) {
     app_json_open(out, "points", '[');
-    for (size_t i = 0; i < count; i++) {
-        app_json_open(out, NULL, '{');
-        app_json_size(out, "branch", points[i].branch + 1);
-        app_json_real(out, "x", points[i].x);
-        app_json_real(out, "energy", points[i].energy);
-        app_json_size(out, "negative_eigenvalues", points[i].negative_eigenvalues);
-        app_json_real(out, "rotation", points[i].rotation);
-        app_json_close(out, '}');
-    }
+    for (size_t i = 0; i < count; i++)
+        APP_OBJECT(out, NULL, LG_AS_WHOLE("branch", points[i].branch + 1), LG_AS_REAL("x", points[i].x),
+                   LG_AS_REAL("energy", points[i].energy),
+                   LG_AS_WHOLE("negative_eigenvalues", points[i].negative_eigenvalues),
+                   LG_AS_REAL("rotation", points[i].rotation));
     app_json_close(out, ']');
 }
 
 static void report(const sweep *s, const sweep_point *points, size_t count, double seconds) {
     app_json *out = s->self->out;
     if (out->people) add_branches(out, points, count);
-    app_json_text(out, "case", lg_elastica_case_name(s->values->kind));
-    app_json_reals(out, "x", s->x, s->values->points);
-    app_json_size(out, "branches", s->branches);
+    APP_PUT(out, LG_AS_TEXT("case", lg_elastica_case_name(s->values->kind)),
+            LG_AS_REALS("x", s->x, s->values->points), LG_AS_WHOLE("branches", s->branches));
     add_points(out, points, count);
-    app_json_size(out, "intervals", s->values->problem.intervals);
-    app_json_text(out, "out", s->values->out);
-    app_json_real(out, "seconds", seconds);
+    APP_PUT(out, LG_AS_WHOLE("intervals", s->values->problem.intervals), LG_AS_TEXT("out", s->values->out),
+            LG_AS_REAL("seconds", seconds));
 }
 
 static void check_found(const sweep *s, size_t i) {

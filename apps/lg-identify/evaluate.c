@@ -115,11 +115,8 @@ static void put_offsets(app_json *out, const lg_machine *machine, const verdict 
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const identify_offset *o = &v->offsets[i];
         if (!o->integrates) continue;
-        app_json_open(out, machine->coordinates[i].name, '{');
-        app_json_real(out, "force", o->force);
-        app_json_real(out, "without", o->without);
-        app_json_real(out, "with", o->with);
-        app_json_close(out, '}');
+        APP_OBJECT(out, machine->coordinates[i].name, LG_AS_REAL("force", o->force),
+                   LG_AS_REAL("without", o->without), LG_AS_REAL("with", o->with));
     }
     app_json_close(out, '}');
 }
@@ -135,12 +132,8 @@ static void put_columns(app_json *out, const lg_machine_file *file, const verdic
     for (uint32_t c = 0; c < file->column_count; c++) {
         const identify_whiteness *w = &v->whiteness[c];
         if (!identify_is_state(&file->columns[c])) continue;
-        app_json_open(out, file->columns[c].name, '{');
-        app_json_real(out, "rms", w->rms);
-        app_json_real(out, "lag1", w->lag1);
-        app_json_real(out, "ljung_box", w->ljung_box);
-        app_json_real(out, "probability", w->probability);
-        app_json_close(out, '}');
+        APP_OBJECT(out, file->columns[c].name, LG_AS_REAL("rms", w->rms), LG_AS_REAL("lag1", w->lag1),
+                   LG_AS_REAL("ljung_box", w->ljung_box), LG_AS_REAL("probability", w->probability));
     }
     app_result_rows_end(out);
     app_result_line(out,

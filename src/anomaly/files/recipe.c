@@ -374,15 +374,11 @@ static void tell_network(lg_training *self, const lg_cnn *net) {
     lg_result_open(self, "blocks", '[');
     for (uint32_t i = 0; i < net->blocks; i++) {
         const lg_cnn_block *block = &net->block[i];
-        lg_result_open(self, NULL, '{');
-        lg_result_whole(self, "filters", block->channels, NULL);
-        lg_result_whole(self, "kernel", block->kernel, NULL);
-        lg_result_whole(self, "stride", block->stride, NULL);
-        lg_result_whole(self, "padding", block->padding, NULL);
-        lg_result_text(self, "pooling", lg_pooling_name(block->pooling), NULL);
-        lg_result_whole(self, "pool_size", block->pool_size, NULL);
-        lg_result_whole(self, "length", net->lengths[i + 1], NULL);
-        lg_result_close(self, '}');
+        LG_RESULT_OBJECT(
+            self, NULL, LG_AS_WHOLE("filters", block->channels), LG_AS_WHOLE("kernel", block->kernel),
+            LG_AS_WHOLE("stride", block->stride), LG_AS_WHOLE("padding", block->padding),
+            LG_AS_TEXT("pooling", lg_pooling_name(block->pooling)),
+            LG_AS_WHOLE("pool_size", block->pool_size), LG_AS_WHOLE("length", net->lengths[i + 1]));
     }
     lg_result_close(self, ']');
 }

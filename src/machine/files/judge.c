@@ -262,10 +262,8 @@ static void tell_numbers(lg_training *self, const lg_machine_verdict *what) {
     lg_result_open(self, "identified", '{');
     for (size_t i = 0; i < what->count; i++) {
         const lg_identified *number = &what->identified.numbers[i];
-        lg_result_open(self, number->name, '{');
-        lg_result_real(self, "value", number->value, NULL);
-        lg_result_real(self, "error", number->error, NULL);
-        lg_result_close(self, '}');
+        LG_RESULT_OBJECT(self, number->name, LG_AS_REAL("value", number->value),
+                         LG_AS_REAL("error", number->error));
     }
     lg_result_close(self, '}');
 }

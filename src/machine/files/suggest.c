@@ -417,12 +417,9 @@ void lg_machine_tell_suggestion(lg_training *self) {
     lg_result_open(self, "candidates", '[');
     for (uint32_t i = 0; i < what->count; i++) {
         const lg_suggested *row = &what->row[i];
-        lg_result_open(self, NULL, '{');
-        lg_result_whole(self, "round", row->round, NULL);
-        lg_result_text(self, "name", row->name, NULL);
-        lg_result_real(self, "ratio", row->ratio > 0 ? row->ratio : (double)NAN, NULL);
-        lg_result_whole(self, "parameters", row->parameters, NULL);
-        lg_result_close(self, '}');
+        LG_RESULT_OBJECT(self, NULL, LG_AS_WHOLE("round", row->round), LG_AS_TEXT("name", row->name),
+                         LG_AS_REAL("ratio", row->ratio > 0 ? row->ratio : (double)NAN),
+                         LG_AS_WHOLE("parameters", row->parameters));
     }
     lg_result_close(self, ']');
 }
