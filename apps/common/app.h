@@ -284,9 +284,6 @@ typedef struct app_table {
     char **text;
 } app_table;
 void app_table_cell(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Adds a row; tabs in the text separate its cells. A table that does not begin with a number of columns
- * takes that of the first row. */
-void app_table_row(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* Prints the table and frees it. The first column is aligned to the left, the others to the right; a line of
  * dashes follows the first row. */
 void app_table_end(app_table *table, FILE *stream);
@@ -337,14 +334,16 @@ void app_result_put(app_json *json, lg_result value, const char *label);
 #define app_result_size(json, key, value, label) app_result_put(json, LG_AS_WHOLE(key, value), label)
 #define app_result_text(json, key, value, label) app_result_put(json, LG_AS_TEXT(key, value), label)
 void app_result_reals(app_json *json, const char *key, const double *values, size_t count, const char *label);
+/* As app_result_real; people see the number only if it is finite. */
+void app_result_known(app_json *json, const char *key, double value, const char *label);
 /* A line that is printed for people only. */
 void app_result_line(app_json *json, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Opens an array of objects. Each object begins with app_json_open(json, NULL, '{'), and all have the same
- * members. In the table for people each member that is no array is a column, with its key as the heading. */
-void app_result_rows(app_json *json, const char *key);
-/* As app_result_rows, for an object of objects, each of which begins with app_json_open(json, NAME, '{'). In
- * the table the NAMEs are the first column, and `names` is its heading. */
-void app_result_named(app_json *json, const char *key, const char *names);
+/* Opens an array of objects, or an object of objects that each have a name. All have the same members. In the
+ * table for people each member that is no array is a column, with its key as the heading; the objects' names are
+ * the first column, and `names` is its heading. */
+void app_result_table(app_json *json, const char *key, char bracket, const char *names);
+#define app_result_rows(json, key)         app_result_table(json, key, '[', NULL)
+#define app_result_named(json, key, names) app_result_table(json, key, '{', names)
 void app_result_rows_end(app_json *json);
 
 /* ---- progress on stderr, only when it is a terminal ---- */
@@ -549,10 +548,8 @@ void app_plot_check(const app *app, unsigned has);
 void app_plot_draw(const app *app, unsigned has, const void *of);
 
 /* Writes the plot of a confusion matrix (script "confusion"): the count of each entry. confusion (classes,
- * classes): rows are the true classes. app_print_confusion prints the counts of at most 12 classes. */
+ * classes): rows are the true classes. */
 enum { APP_CLASS_NAME = 64 }; /* LG_SERIES_NAME and LG_TABLE_NAME */
-void app_print_confusion(FILE *stream, const uint64_t *confusion, uint32_t classes,
-                         char (*class_name)[APP_CLASS_NAME]);
 void app_plot_confusion(app_plot *plot, const char *title, const uint64_t *confusion, uint32_t classes,
                         char (*class_name)[APP_CLASS_NAME]);
 

@@ -43,6 +43,7 @@ static void put_cell(app_json *json, const char *key, const char *text);
 
 /* A value as people see it; NULL: a list, or a text that is not known. */
 static const char *shown(const lg_result *value, const char *unknown, char text[LG_SHORTEST]) {
+    if (value->type == LG_FIELD_WHOLES) return NULL;
     if (value->type == LG_FIELD_FLAG) return value->whole != 0 ? "yes" : "no";
     if (value->type == LG_FIELD_REAL && !isfinite(value->real)) return unknown;
     if (value->type == LG_FIELD_REAL)
@@ -57,6 +58,7 @@ static const char *shown(const lg_result *value, const char *unknown, char text[
 void app_json_put(app_json *json, lg_result value) {
     char text[LG_SHORTEST];
     const char *word = shown(&value, "-", text);
+    if (value.people && !json->people) return;
     if (value.type == LG_FIELD_REALS) {
         app_json_open(json, value.name, '[');
         for (uint64_t i = 0; i < value.whole; i++) app_json_real(json, NULL, value.reals[i]);
@@ -134,19 +136,6 @@ void app_table_cell(app_table *table, const char *format, ...) {
     (void)vsnprintf(cell, sizeof cell, format, arguments);
     va_end(arguments);
     table->text[table->cells++] = app_shown(cell);
-}
-
-void app_table_row(app_table *table, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    APP_FREE char *text = app_shown_list(format, arguments);
-    va_end(arguments);
-    for (char *cell = text, *next = text; next != NULL; cell = next) {
-        next = strchr(cell, '\t');
-        if (next != NULL) *next++ = '\0';
-        app_table_cell(table, "%s", cell);
-    }
-    if (table->columns == 0) table->columns = table->cells;
 }
 
 static size_t column_width(const app_table *table, size_t column) {
@@ -229,13 +218,37 @@ void app_result_end(const app *self) {
     json->stream = NULL;
 }
 
+/* JSON has a list of the rows; people see a table, if there are not too many classes. */
+static void put_confusion(app_json *json, const lg_result *matrix) {
+    enum { SHOWN = 12 };
+    const uint64_t classes = matrix->whole, *count = matrix->counts;
+    if (json->people && classes > SHOWN) return;
+    app_result_rows(json, matrix->name);
+    for (uint64_t i = 0; i < classes; i++) {
+        put_cell(json, "true class / given", matrix->text + i * matrix->size);
+        app_json_open(json, NULL, '[');
+        for (uint64_t j = 0; j < classes; j++)
+            app_json_size(json, json->people ? matrix->text + j * matrix->size : NULL, *count++);
+        app_json_close(json, ']');
+    }
+    app_result_rows_end(json);
+}
+
 void app_result_put(app_json *json, lg_result value, const char *label) {
     char text[LG_SHORTEST];
     const char *line = shown(&value, "unknown", text);
+    if (value.counts != NULL) {
+        put_confusion(json, &value);
+        return;
+    }
     app_json_put(json, value);
     if (line != NULL && json->people && !json->tabled)
         app_put(json->stream, "%s%-20s  %14s%s%s\n", json->prefix, value.name, line,
                 label != NULL ? "  " : "", label != NULL ? label : "");
+}
+
+void app_result_known(app_json *json, const char *key, double value, const char *label) {
+    if (isfinite(value) || !json->people) app_result_real(json, key, value, label);
 }
 
 void app_result_reals(app_json *json, const char *key, const double *values, size_t count,
@@ -256,18 +269,10 @@ void app_result_line(app_json *json, const char *format, ...) {
     (void)fprintf(json->stream, "%s\n", line);
 }
 
-static void begin_rows(app_json *json, const char *key, char bracket, const char *names) {
+void app_result_table(app_json *json, const char *key, char bracket, const char *names) {
     app_json_open(json, key, bracket);
-    json->names = names;
+    json->names = bracket == '{' ? names : NULL;
     json->tabled = json->people;
-}
-
-void app_result_rows(app_json *json, const char *key) {
-    begin_rows(json, key, '[', NULL);
-}
-
-void app_result_named(app_json *json, const char *key, const char *names) {
-    begin_rows(json, key, '{', names);
 }
 
 /* The first object ends when its first key comes again; until then each key becomes a heading. */

@@ -385,9 +385,9 @@ static int by_objective(const void *a, const void *b) {
 
 static void put_trial(app_json *json, const lg_search_space *space, const char *key, const lg_trial *trial) {
     app_json_open(json, key, '{');
-    app_json_size(json, "trial", trial->number);
-    if (json->people) app_json_text(json, "state", lg_trial_state_name(trial->state));
-    APP_PUT(json, LG_AS_REAL("objective", trial->objective), LG_AS_WHOLE("parameters", trial->parameters),
+    APP_PUT(json, LG_AS_WHOLE("trial", trial->number),
+            LG_FOR_PEOPLE("state", lg_trial_state_name(trial->state)),
+            LG_AS_REAL("objective", trial->objective), LG_AS_WHOLE("parameters", trial->parameters),
             LG_AS_WHOLE("epochs", trial->epochs), LG_AS_REAL("seconds", trial->seconds));
     app_json_open(json, "values", '{');
     for (size_t i = 0; i < space->count; i++)

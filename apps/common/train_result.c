@@ -64,15 +64,20 @@ void train_put_results(app_json *out, const lg_training *training, size_t first,
     size_t depth = 0;
     if (training->results_lost) app_out_of_memory();
     for (const lg_result *at = training->results + first; at < training->results + end; at++) {
+        const bool table = depth > 0 && outer->label != NULL;
         if (at->bracket == '[' || at->bracket == '{') {
-            app_json_open(out, at->name, at->bracket);
             if (depth++ == 0) outer = at;
+            if (at->label != NULL)
+                app_result_table(out, at->name, at->bracket, at->label);
+            else
+                app_json_open(out, at->name, at->bracket);
         } else if (at->bracket != 0) {
-            app_json_close(out, at->bracket);
-            depth--;
-        } else if (depth == 0 || !out->people) {
-            if (!out->people || at->type != LG_FIELD_REAL || !isnan(at->real))
-                app_result_put(out, *at, at->label);
+            if (--depth == 0 && table)
+                app_result_rows_end(out);
+            else
+                app_json_close(out, at->bracket);
+        } else if (!out->people || table || (depth == 0 && (at->type != LG_FIELD_REAL || !isnan(at->real)))) {
+            app_result_put(out, *at, at->label);
         } else if (depth == 1 && at->name != NULL) {
             lg_result member = *at;
             APP_FREE char *name = app_format("%s, %s", outer->name, at->name);
@@ -103,8 +108,7 @@ static void json_training(const train_session *session, app_json *json) {
     app_result_size(json, "epochs", done, NULL);
     app_json_size(json, "evaluations", done);
     app_json_text(json, "gradients", lg_fit_by_plans(fit) ? "plans" : "tape");
-    if (!json->people || isfinite(training->floor))
-        app_result_real(json, "floor", training->floor, "part of the error that the integrator's steps make");
+    app_result_known(json, "floor", training->floor, "part of the error that the integrator's steps make");
     APP_PUT(json, LG_AS_REAL("running_loss", lg_fit_loss(fit)),
             LG_AS_REAL("validation_loss",
                        done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN),

@@ -117,7 +117,7 @@ lg_status judge_windows(const app *app, const well_model *model, const lg_cut_se
  * the largest distance. The model must have a novelty model. */
 size_t count_novel(const app *app, const well_model *model, const lg_cut_series *from,
                    const lg_judgement *judged, lg_novelty_result *farthest);
-/* Adds the results of lg_detector_tell; for people the table of confusion, too. */
+/* Adds the results of lg_detector_tell. */
 void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model);
 
 #endif

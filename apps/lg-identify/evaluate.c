@@ -63,23 +63,21 @@ static void put_horizon(app_json *json, const lg_horizon *h, const lg_horizon *l
 }
 
 /* Prints the table of horizons, with the linear model if there is one. */
-static void show_horizons(FILE *stream, const verdict *v) {
-    app_table table = {0};
+static void show_horizons(app_json *out, const verdict *v) {
     bool linear = false;
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < LG_RUN_ERRORS; e++) linear = linear || !isnan(v->linear[i].pooled[e]);
-    table.columns = linear ? 7 : 6;
-    app_table_row(&table, "horizon\tstarts\terror of\tpooled\tmedian\tunchanged");
-    if (linear) app_table_cell(&table, "linear");
+    app_result_rows(out, NULL);
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < LG_RUN_ERRORS; e++) {
             const lg_horizon *h = &v->horizons[i];
             if (isnan(h->pooled[e])) continue;
-            app_table_row(&table, "%g s\t%zu\t%s\t%.3g\t%.3g\t%.3g", h->seconds, h->starts,
-                          lg_run_error_names[e], h->pooled[e], h->median[e], h->unchanged[e]);
-            if (linear) app_table_cell(&table, "%.3g", v->linear[i].pooled[e]);
+            APP_PUT(out, LG_AS_REAL("horizon", h->seconds), LG_AS_WHOLE("starts", h->starts),
+                    LG_AS_TEXT("error of", lg_run_error_names[e]), LG_AS_REAL("pooled", h->pooled[e]),
+                    LG_AS_REAL("median", h->median[e]), LG_AS_REAL("unchanged", h->unchanged[e]));
+            if (linear) app_json_real(out, "linear", v->linear[i].pooled[e]);
         }
-    app_table_end(&table, stream);
+    app_result_rows_end(out);
 }
 
 /* Says for each horizon how the model compares with the linear model, and whether a machine at rest beats
@@ -150,29 +148,21 @@ static const char *const energy_words[IDENTIFY_ENERGIES] = {
     "change of the energy", "work of the inputs", "work of damping and friction", "work of the residual",
     "work of the offset",   "left over",          "left over, sizes added",       "changes, sizes added"};
 
-/* Of logs without velocities no energy is known, and no loss of windows. */
-static void put_known(app_json *out, const char *key, double value, const char *words) {
-    if (isfinite(value))
-        app_result_real(out, key, value, words);
-    else
-        app_json_real(out, key, value);
-}
-
 static void report(const app *self, const identify_given *given, const verdict *v) {
     const lg_machine_file *file = &given->data.file;
     app_json *out = self->out;
     identify_put_start_rows(out, &given->model);
-    put_known(out, "window_loss", v->window_loss, NULL);
+    app_result_known(out, "window_loss", v->window_loss, NULL);
     app_json_open(out, "horizons", '[');
     for (size_t i = 0; i < v->horizon_count; i++) put_horizon(out, &v->horizons[i], &v->linear[i]);
     app_json_close(out, ']');
-    if (out->people) show_horizons(out->stream, v);
+    if (out->people) show_horizons(out, v);
     if (out->people) compare(out, v);
     put_columns(out, file, v);
     put_offsets(out, &file->machine, v);
     app_json_open(out, "energy", '{');
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)
-        put_known(out, energy_names[k], v->energy[k], energy_words[k]);
+        app_result_known(out, energy_names[k], v->energy[k], energy_words[k]);
     app_json_close(out, '}');
     if (values.relative) {
         app_result_real(out, "relative", v->relative, NULL);

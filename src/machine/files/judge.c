@@ -259,7 +259,7 @@ static void warn_of_floor(const lg_training *self, const lg_machine_verdict *wha
 
 /* Writes {name: {value, error}}. */
 static void tell_numbers(lg_training *self, const lg_machine_verdict *what) {
-    lg_result_open(self, "identified", '{');
+    lg_result_table(self, "identified", '{', "identified");
     for (size_t i = 0; i < what->count; i++) {
         const lg_identified *number = &what->identified.numbers[i];
         LG_RESULT_OBJECT(self, number->name, LG_AS_REAL("value", number->value),

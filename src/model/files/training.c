@@ -137,16 +137,6 @@ void lg_result_texts(lg_training *self, const char *name, const char *texts, siz
     lg_result_close(self, ']');
 }
 
-void lg_result_confusion(lg_training *self, const uint64_t *confusion, uint32_t classes) {
-    lg_result_open(self, "confusion", '[');
-    for (uint32_t i = 0; i < classes; i++) {
-        lg_result_open(self, NULL, '[');
-        for (uint32_t j = 0; j < classes; j++) lg_result_whole(self, NULL, *confusion++, NULL);
-        lg_result_close(self, ']');
-    }
-    lg_result_close(self, ']');
-}
-
 double lg_guess_class(const uint64_t *confusion, uint32_t classes) {
     uint64_t most = 0, all = 0;
     for (uint32_t i = 0; i < classes; i++) {
