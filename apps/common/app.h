@@ -277,19 +277,12 @@ char *app_format_list(const char *format, va_list arguments) __attribute__((form
 
 double app_seconds(void); /* monotonic clock */
 
-/* ---- tables for people ---- */
+/* ---- the result of a command: one list of calls prints JSON or text for people ---- */
 
 typedef struct app_table {
     size_t columns, cells, room;
-    char **text;
+    char **text; /* (cells): first the headings */
 } app_table;
-void app_table_cell(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Prints the table and frees it. The first column is aligned to the left, the others to the right; a line of
- * dashes follows the first row. */
-void app_table_end(app_table *table, FILE *stream);
-
-/* ---- the result of a command: one list of calls prints JSON or text for people ---- */
-
 typedef struct app_json {
     FILE *stream;
     char *text;
@@ -301,7 +294,7 @@ typedef struct app_json {
      * of the first object are the headings, the members of all objects are the cells. */
     bool tabled;
     const char *names; /* heading of the column of object names; NULL if the objects have no names */
-    app_table heads, cells;
+    app_table table;
 } app_json;
 
 /* The result is app->out. With --json the following calls build one JSON object, which is printed when it is

@@ -1,4 +1,4 @@
-/* JSON, tables, warnings, progress. */
+/* Results as JSON and as text for people, warnings, progress. */
 #include "common/app.h"
 
 #include <math.h>
@@ -121,51 +121,6 @@ void app_json_close(app_json *json, char bracket) {
     json->comma = true;
 }
 
-/* ---- tables ---- */
-
-void app_table_cell(app_table *table, const char *format, ...) {
-    if (table->cells == table->room) {
-        table->room = table->room > 0 ? 2 * table->room : 64;
-        char **text = realloc(table->text, table->room * sizeof *text);
-        if (text == NULL) app_out_of_memory();
-        table->text = text;
-    }
-    va_list arguments;
-    char cell[256];
-    va_start(arguments, format);
-    (void)vsnprintf(cell, sizeof cell, format, arguments);
-    va_end(arguments);
-    table->text[table->cells++] = app_shown(cell);
-}
-
-static size_t column_width(const app_table *table, size_t column) {
-    size_t width = 0;
-    for (size_t i = column; i < table->cells; i += table->columns)
-        if (strlen(table->text[i]) > width) width = strlen(table->text[i]);
-    return width;
-}
-
-void app_table_end(app_table *table, FILE *stream) {
-    for (size_t i = 0; i < table->cells; i++) {
-        const size_t column = i % table->columns, row = i / table->columns;
-        const int width = (int)column_width(table, column);
-        if (column == 0)
-            (void)fprintf(stream, "%-*s", width, table->text[i]);
-        else
-            (void)fprintf(stream, "  %*s", width, table->text[i]);
-        if (column + 1 < table->columns) continue;
-        (void)fputc('\n', stream);
-        if (row > 0) continue;
-        for (size_t c = 0; c < table->columns; c++) {
-            const size_t dashes = column_width(table, c) + (c > 0 ? 2 : 0);
-            for (size_t k = 0; k < dashes; k++) (void)fputc('-', stream);
-        }
-        (void)fputc('\n', stream);
-    }
-    for (size_t i = 0; i < table->cells; i++) free(table->text[i]);
-    free(table->text);
-}
-
 /* ---- warnings: each sentence is printed on stderr once and kept for JSON ---- */
 
 enum { KEPT = 64 };
@@ -277,24 +232,49 @@ void app_result_table(app_json *json, const char *key, char bracket, const char 
 
 /* The first object ends when its first key comes again; until then each key becomes a heading. */
 static void put_cell(app_json *json, const char *key, const char *text) {
-    const size_t heads = json->heads.cells;
+    app_table *table = &json->table;
     if (!json->tabled || key == NULL) return;
-    if (json->cells.cells == heads && (heads == 0 || strcmp(key, json->heads.text[0]) != 0))
-        app_table_cell(&json->heads, "%s", key);
-    app_table_cell(&json->cells, "%s", text);
+    if (table->cells + 2 > table->room) {
+        table->room = 2 * table->room + 64;
+        table->text = realloc(table->text, table->room * sizeof *table->text);
+        if (table->text == NULL) app_out_of_memory();
+    }
+    if (table->cells == 2 * table->columns && (table->cells == 0 || strcmp(key, table->text[0]) != 0)) {
+        char **first = table->text + table->columns;
+        memmove(first + 1, first, table->columns++ * sizeof *first);
+        *first = app_shown(key);
+        table->cells++;
+    }
+    table->text[table->cells++] = app_shown(text);
 }
 
+static size_t column_width(const app_table *table, size_t column) {
+    size_t width = 0;
+    for (size_t i = column; i < table->cells; i += table->columns)
+        if (strlen(table->text[i]) > width) width = strlen(table->text[i]);
+    return width;
+}
+
+/* The first column is aligned to the left, the others to the right; a line of dashes follows the headings. */
 void app_result_rows_end(app_json *json) {
-    app_table *table = &json->heads, *cells = &json->cells;
+    app_table *table = &json->table;
     app_json_close(json, json->names != NULL ? '}' : ']');
-    table->columns = table->cells;
-    for (size_t i = 0; i < cells->cells; i++) {
-        app_table_cell(table, "%s", cells->text[i]);
-        free(cells->text[i]);
+    for (size_t i = 0; i < table->cells; i++) {
+        const size_t column = i % table->columns, row = i / table->columns;
+        (void)fprintf(json->stream, column == 0 ? "%-*s" : "  %*s", (int)column_width(table, column),
+                      table->text[i]);
+        if (column + 1 < table->columns) continue;
+        (void)fputc('\n', json->stream);
+        if (row > 0) continue;
+        for (size_t c = 0; c < table->columns; c++) {
+            const size_t dashes = column_width(table, c) + (c > 0 ? 2 : 0);
+            for (size_t k = 0; k < dashes; k++) (void)fputc('-', json->stream);
+        }
+        (void)fputc('\n', json->stream);
     }
-    free(cells->text);
-    app_table_end(table, json->stream);
-    *table = *cells = (app_table){0};
+    for (size_t i = 0; i < table->cells; i++) free(table->text[i]);
+    free(table->text);
+    *table = (app_table){0};
     json->tabled = false;
 }
 
