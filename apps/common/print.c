@@ -47,7 +47,7 @@ static const char *shown(const lg_result *value, const char *unknown, char text[
     if (value->type == LG_FIELD_FLAG) return value->whole != 0 ? "yes" : "no";
     if (value->type == LG_FIELD_REAL && !isfinite(value->real)) return unknown;
     if (value->type == LG_FIELD_REAL)
-        (void)snprintf(text, LG_SHORTEST, "%.6g", value->real);
+        (void)snprintf(text, LG_SHORTEST, "%.*g", value->digits > 0 ? value->digits : 6, value->real);
     else if (value->type == LG_FIELD_U64)
         (void)snprintf(text, LG_SHORTEST, "%llu", (unsigned long long)value->whole);
     else

@@ -72,10 +72,10 @@ static void show_horizons(app_json *out, const verdict *v) {
         for (int e = 0; e < LG_RUN_ERRORS; e++) {
             const lg_horizon *h = &v->horizons[i];
             if (isnan(h->pooled[e])) continue;
-            APP_PUT(out, LG_AS_REAL("horizon", h->seconds), LG_AS_WHOLE("starts", h->starts),
-                    LG_AS_TEXT("error of", lg_run_error_names[e]), LG_AS_REAL("pooled", h->pooled[e]),
-                    LG_AS_REAL("median", h->median[e]), LG_AS_REAL("unchanged", h->unchanged[e]));
-            if (linear) app_json_real(out, "linear", v->linear[i].pooled[e]);
+            APP_PUT(out, LG_AS_REAL("horizon, s", h->seconds), LG_AS_WHOLE("starts", h->starts),
+                    LG_AS_TEXT("error of", lg_run_error_names[e]), LG_AS_ROUNDED("pooled", h->pooled[e], 3),
+                    LG_AS_ROUNDED("median", h->median[e], 3), LG_AS_ROUNDED("unchanged", h->unchanged[e], 3));
+            if (linear) app_json_put(out, LG_AS_ROUNDED("linear", v->linear[i].pooled[e], 3));
         }
     app_result_rows_end(out);
 }

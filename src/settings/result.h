@@ -11,6 +11,7 @@ typedef struct lg_result {
     const char *label;  /* explanation for people; may be NULL */
     lg_field_type type; /* LG_FIELD_REAL, _U64, _FLAG, _STRING, _REALS, _WHOLES, or _NODE for a bracket */
     double real;
+    int digits;     /* of `real`, for people; 0: 6 */
     uint64_t whole; /* also of a flag; of LG_FIELD_REALS, how many there are */
     const double *reals;
     /* LG_FIELD_WHOLES is a matrix of (whole, whole) counts, whose rows and columns are classes */
@@ -23,7 +24,9 @@ typedef struct lg_result {
 } lg_result;
 
 /* Entries without a label. */
-#define LG_AS_REAL(key, value)  ((lg_result){.name = (key), .type = LG_FIELD_REAL, .real = (value)})
+#define LG_AS_REAL(key, value) ((lg_result){.name = (key), .type = LG_FIELD_REAL, .real = (value)})
+#define LG_AS_ROUNDED(key, value, count)                                                                     \
+    ((lg_result){.name = (key), .type = LG_FIELD_REAL, .real = (value), .digits = (count)})
 #define LG_AS_WHOLE(key, value) ((lg_result){.name = (key), .type = LG_FIELD_U64, .whole = (value)})
 #define LG_AS_FLAG(key, value)  ((lg_result){.name = (key), .type = LG_FIELD_FLAG, .whole = (value)})
 #define LG_AS_TEXT(key, value)  ((lg_result){.name = (key), .type = LG_FIELD_STRING, .text = (value)})

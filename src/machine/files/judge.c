@@ -263,7 +263,7 @@ static void tell_numbers(lg_training *self, const lg_machine_verdict *what) {
     for (size_t i = 0; i < what->count; i++) {
         const lg_identified *number = &what->identified.numbers[i];
         LG_RESULT_OBJECT(self, number->name, LG_AS_REAL("value", number->value),
-                         LG_AS_REAL("error", number->error));
+                         LG_AS_ROUNDED("error", number->error, 2));
     }
     lg_result_close(self, '}');
 }
