@@ -19,6 +19,7 @@
 #include "liegrad/core.h"
 #include "liegrad/files.h"
 #include "liegrad/settings.h"
+#include "settings/result.h"
 
 enum {
     APP_EXIT_OK = 0,
@@ -276,68 +277,67 @@ char *app_format_list(const char *format, va_list arguments) __attribute__((form
 
 double app_seconds(void); /* monotonic clock */
 
-/* ---- JSON: one object, built in memory and printed when it is complete ---- */
+/* ---- the result of a command: one list of calls prints JSON or text for people ---- */
 
+typedef struct app_table {
+    size_t columns, cells, room;
+    char **text; /* (cells): first the headings */
+} app_table;
 typedef struct app_json {
     FILE *stream;
     char *text;
     size_t length;
     bool comma;
     bool people;        /* the output is text for people, not JSON */
-    const char *prefix; /* of the lines of app_result_real, _size and _text; "" at the beginning */
-    /* the open table of text for people, between app_result_rows or app_result_named and
-     * app_result_rows_end */
-    struct app_rows *rows;
-    bool named; /* the table was opened with app_result_named */
+    const char *prefix; /* of the lines of app_result_put; "" at the beginning */
+    /* The open table for people, between app_result_table and app_result_rows_end: the keys of the first object
+     * are the headings, the members of all objects are the cells. */
+    bool tabled;
+    const char *names; /* heading of the column of object names; NULL if the objects have no names */
+    app_table table;
 } app_json;
-void app_json_real(app_json *json, const char *key,
-                   double value); /* reads back as the same double; null when it is not finite */
-void app_json_size(app_json *json, const char *key, uint64_t value);
-void app_json_bool(app_json *json, const char *key, bool value);
-void app_json_text(app_json *json, const char *key, const char *value); /* value NULL gives null */
-void app_json_reals(app_json *json, const char *key, const double *values, size_t count);
+
+/* The result is app->out. With --json the following calls build one JSON object, which is printed when it is
+ * complete. Otherwise each app_result_... prints one line with key, value and label (label may be NULL), each
+ * app_result_rows prints a table, and app_json_... prints nothing by itself. A number reads back as the same
+ * double; one that is not finite, and a text that is NULL, are null. */
+void app_result_begin(app_json *json, const app *app); /* called by app_main, before the command */
+/* Prints what the command has put into its result; JSON with the array "warnings". Called by app_main after
+ * the command, or before, if something may fail after the result or is printed after it. */
+void app_result_end(const app *app);
+void app_json_put(app_json *json, lg_result value);
+#define app_json_real(json, key, value)          app_json_put(json, LG_AS_REAL(key, value))
+#define app_json_size(json, key, value)          app_json_put(json, LG_AS_WHOLE(key, value))
+#define app_json_bool(json, key, value)          app_json_put(json, LG_AS_FLAG(key, value))
+#define app_json_text(json, key, value)          app_json_put(json, LG_AS_TEXT(key, value))
+#define app_json_reals(json, key, values, count) app_json_put(json, LG_AS_REALS(key, values, count))
+/* Puts entries, each made by LG_AS_REAL and the like; of APP_OBJECT they are the members of an object. */
+#define APP_PUT(json, ...)         app_json_list(json, LG_RESULTS(__VA_ARGS__))
+#define APP_OBJECT(json, key, ...) app_json_object(json, key, LG_RESULTS(__VA_ARGS__))
+void app_json_list(app_json *json, const lg_result *members);
+void app_json_object(app_json *json, const char *key, const lg_result *members);
 /* Writes the field of `values`. Its key is the row's option name if there is one, otherwise the row's
  * name. */
 void app_json_field(app_json *json, const lg_field *row, const void *values);
 /* '{' or '['; key is NULL inside an array */
 void app_json_open(app_json *json, const char *key, char bracket);
 void app_json_close(app_json *json, char bracket); /* '}' or ']' */
-/* ---- the result of a command: one list of calls prints JSON or text for people ---- */
-
-/* The result is app->out. With --json the following calls build one JSON object. Otherwise each
- * app_result_... prints one line with key, value and label (label may be NULL), each app_result_rows prints
- * a table, and app_json_... prints nothing by itself. */
-void app_result_begin(app_json *json, const app *app); /* called by app_main, before the command */
-/* Prints what the command has put into its result; JSON with the array "warnings". Called by app_main after
- * the command, or before, if something may fail after the result or is printed after it. */
-void app_result_end(const app *app);
-void app_result_real(app_json *json, const char *key, double value, const char *label);
-void app_result_size(app_json *json, const char *key, uint64_t value, const char *label);
-void app_result_text(app_json *json, const char *key, const char *value, const char *label);
+void app_result_put(app_json *json, lg_result value, const char *label);
+#define app_result_real(json, key, value, label) app_result_put(json, LG_AS_REAL(key, value), label)
+#define app_result_size(json, key, value, label) app_result_put(json, LG_AS_WHOLE(key, value), label)
+#define app_result_text(json, key, value, label) app_result_put(json, LG_AS_TEXT(key, value), label)
 void app_result_reals(app_json *json, const char *key, const double *values, size_t count, const char *label);
+/* As app_result_real; people see the number only if it is finite. */
+void app_result_known(app_json *json, const char *key, double value, const char *label);
 /* A line that is printed for people only. */
 void app_result_line(app_json *json, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Opens an array of objects. Each object begins with app_json_open(json, NULL, '{'), and all have the same
- * members. In the table for people each member that is no array is a column, with its key as the heading. */
-void app_result_rows(app_json *json, const char *key);
-/* As app_result_rows, for an object of objects, each of which begins with app_json_open(json, NAME, '{'). In
- * the table the NAMEs are the first column, and `names` is its heading. */
-void app_result_named(app_json *json, const char *key, const char *names);
+/* Opens an array of objects, or an object of objects that each have a name. All have the same members. In the
+ * table for people each member that is no array is a column, with its key as the heading; the objects' names
+ * are the first column, and `names` is its heading. */
+void app_result_table(app_json *json, const char *key, char bracket, const char *names);
+#define app_result_rows(json, key)         app_result_table(json, key, '[', NULL)
+#define app_result_named(json, key, names) app_result_table(json, key, '{', names)
 void app_result_rows_end(app_json *json);
-
-/* ---- tables for people ---- */
-
-typedef struct app_table {
-    size_t columns, cells, room;
-    char **text;
-} app_table;
-void app_table_cell(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Adds a row; tabs in the text separate its cells. A table that does not begin with a number of columns
- * takes that of the first row. */
-void app_table_row(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Prints the table and frees it. The first column is aligned to the left, the others to the right; a line of
- * dashes follows the first row. */
-void app_table_end(app_table *table, FILE *stream);
 
 /* ---- progress on stderr, only when it is a terminal ---- */
 
@@ -541,10 +541,8 @@ void app_plot_check(const app *app, unsigned has);
 void app_plot_draw(const app *app, unsigned has, const void *of);
 
 /* Writes the plot of a confusion matrix (script "confusion"): the count of each entry. confusion (classes,
- * classes): rows are the true classes. app_print_confusion prints the counts of at most 12 classes. */
+ * classes): rows are the true classes. */
 enum { APP_CLASS_NAME = 64 }; /* LG_SERIES_NAME and LG_TABLE_NAME */
-void app_print_confusion(FILE *stream, const uint64_t *confusion, uint32_t classes,
-                         char (*class_name)[APP_CLASS_NAME]);
 void app_plot_confusion(app_plot *plot, const char *title, const uint64_t *confusion, uint32_t classes,
                         char (*class_name)[APP_CLASS_NAME]);
 

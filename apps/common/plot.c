@@ -206,20 +206,6 @@ void app_plot_draw(const app *self, unsigned has, const void *of) {
 
 /* ---- confusion matrices ---- */
 
-void app_print_confusion(FILE *stream, const uint64_t *confusion, uint32_t classes,
-                         char (*class_name)[APP_CLASS_NAME]) {
-    enum { SHOWN = 12 };
-    app_table table = {.columns = classes + 1};
-    if (classes > SHOWN) return;
-    app_table_cell(&table, "true class / given");
-    for (uint32_t j = 0; j < classes; j++) app_table_cell(&table, "%s", class_name[j]);
-    for (uint32_t i = 0; i < classes * classes; i++) {
-        if (i % classes == 0) app_table_cell(&table, "%s", class_name[i / classes]);
-        app_table_cell(&table, "%llu", (unsigned long long)confusion[i]);
-    }
-    app_table_end(&table, stream);
-}
-
 void app_plot_confusion(app_plot *plot, const char *title, const uint64_t *confusion, uint32_t classes,
                         char (*class_name)[APP_CLASS_NAME]) {
     app_plot_text(plot, "%u\t%s", classes, title);

@@ -1,4 +1,4 @@
-/* JSON, tables, warnings, progress. */
+/* Results as JSON and as text for people, warnings, progress. */
 #include "common/app.h"
 
 #include <math.h>
@@ -39,41 +39,53 @@ static bool put_key(app_json *json, const char *key) {
     return true;
 }
 
-static void put_cell(app_json *json, const char *key, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-static void put_name(app_json *json, const char *name);
+static void put_cell(app_json *json, const char *key, const char *text);
 
-void app_json_real(app_json *json, const char *key, double value) {
-    char text[LG_SHORTEST];
-    put_cell(json, key, isfinite(value) ? "%.6g" : "-", value);
-    if (!put_key(json, key)) return;
-    lg_format_shortest(text, value, false);
-    (void)fputs(isfinite(value) ? text : "null", json->stream);
-}
-
-void app_json_size(app_json *json, const char *key, uint64_t value) {
-    put_cell(json, key, "%llu", (unsigned long long)value);
-    if (put_key(json, key)) (void)fprintf(json->stream, "%llu", (unsigned long long)value);
-}
-
-void app_json_bool(app_json *json, const char *key, bool value) {
-    put_cell(json, key, "%s", value ? "yes" : "no");
-    if (put_key(json, key)) (void)fputs(value ? "true" : "false", json->stream);
-}
-
-void app_json_text(app_json *json, const char *key, const char *value) {
-    put_cell(json, key, "%s", value != NULL ? value : "");
-    if (!put_key(json, key)) return;
-    if (value != NULL)
-        put_quoted(json->stream, value);
+/* A value as people see it; NULL: a list, or a text that is not known. */
+static const char *shown(const lg_result *value, const char *unknown, char text[LG_SHORTEST]) {
+    if (value->type == LG_FIELD_WHOLES) return NULL;
+    if (value->type == LG_FIELD_FLAG) return value->whole != 0 ? "yes" : "no";
+    if (value->type == LG_FIELD_REAL && !isfinite(value->real)) return unknown;
+    if (value->type == LG_FIELD_REAL)
+        (void)snprintf(text, LG_SHORTEST, "%.*g", value->digits > 0 ? value->digits : 6, value->real);
+    else if (value->type == LG_FIELD_U64)
+        (void)snprintf(text, LG_SHORTEST, "%llu", (unsigned long long)value->whole);
     else
-        (void)fputs("null", json->stream);
+        return value->text;
+    return text;
 }
 
-void app_json_reals(app_json *json, const char *key, const double *values, size_t count) {
-    app_json_open(json, key, '[');
-    for (size_t i = 0; i < count; i++) app_json_real(json, NULL, values[i]);
-    app_json_close(json, ']');
+void app_json_put(app_json *json, lg_result value) {
+    char text[LG_SHORTEST];
+    const char *word = shown(&value, "-", text);
+    if (value.people && !json->people) return;
+    if (value.type == LG_FIELD_REALS) {
+        app_json_open(json, value.name, '[');
+        for (uint64_t i = 0; i < value.whole; i++) app_json_real(json, NULL, value.reals[i]);
+        app_json_close(json, ']');
+        return;
+    }
+    put_cell(json, value.name, word != NULL ? word : "");
+    if (!put_key(json, value.name)) return;
+    if (value.type == LG_FIELD_FLAG) word = value.whole != 0 ? "true" : "false";
+    if (value.type == LG_FIELD_REAL) {
+        word = isfinite(value.real) ? text : NULL;
+        lg_format_shortest(text, value.real, false);
+    }
+    if (value.type == LG_FIELD_STRING && word != NULL)
+        put_quoted(json->stream, word);
+    else
+        (void)fputs(word != NULL ? word : "null", json->stream);
+}
+
+void app_json_list(app_json *json, const lg_result *members) {
+    for (; members->name != NULL; members++) app_json_put(json, *members);
+}
+
+void app_json_object(app_json *json, const char *key, const lg_result *members) {
+    app_json_open(json, key, '{');
+    app_json_list(json, members);
+    app_json_close(json, '}');
 }
 
 void app_json_field(app_json *json, const lg_field *row, const void *run) {
@@ -81,29 +93,23 @@ void app_json_field(app_json *json, const lg_field *row, const void *run) {
     char text[LG_FIELD_TEXT_SIZE];
     double list[LG_FIELD_LIST_MAX];
     const bool words = row->type == LG_FIELD_U64 && lg_field_name(row, 0) != NULL;
-    switch (words ? LG_FIELD_NAME : row->type) {
-    case LG_FIELD_REAL:
+    const lg_field_type type = words ? LG_FIELD_NAME : row->type;
+    if (type == LG_FIELD_REAL) {
         app_json_real(json, key, lg_field_number(row, run));
-        break;
-    case LG_FIELD_U64:
-    case LG_FIELD_U32:
+    } else if (type == LG_FIELD_U64 || type == LG_FIELD_U32) {
         app_json_size(json, key, lg_field_whole(row, run));
-        break;
-    case LG_FIELD_FLAG:
+    } else if (type == LG_FIELD_FLAG) {
         app_json_bool(json, key, lg_field_whole(row, run) != 0);
-        break;
-    case LG_FIELD_WHOLES:
-    case LG_FIELD_REALS:
+    } else if (type == LG_FIELD_WHOLES || type == LG_FIELD_REALS) {
         app_json_reals(json, key, list, lg_field_list(row, run, list));
-        break;
-    default:
+    } else {
         lg_field_show(row, run, text, sizeof text);
         app_json_text(json, key, text[0] != '\0' ? text : NULL);
     }
 }
 
 void app_json_open(app_json *json, const char *key, char bracket) {
-    if (key != NULL && bracket == '{') put_name(json, key);
+    if (key != NULL && bracket == '{') put_cell(json, json->names, key);
     if (!put_key(json, key)) return;
     (void)fputc(bracket, json->stream);
     json->comma = false;
@@ -113,64 +119,6 @@ void app_json_close(app_json *json, char bracket) {
     if (json->people) return;
     (void)fputc(bracket, json->stream);
     json->comma = true;
-}
-
-/* ---- tables ---- */
-
-void app_table_cell(app_table *table, const char *format, ...) {
-    if (table->cells == table->room) {
-        table->room = table->room > 0 ? 2 * table->room : 64;
-        char **text = realloc(table->text, table->room * sizeof *text);
-        if (text == NULL) app_out_of_memory();
-        table->text = text;
-    }
-    va_list arguments;
-    char cell[256];
-    va_start(arguments, format);
-    (void)vsnprintf(cell, sizeof cell, format, arguments);
-    va_end(arguments);
-    table->text[table->cells++] = app_shown(cell);
-}
-
-void app_table_row(app_table *table, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    APP_FREE char *text = app_shown_list(format, arguments);
-    va_end(arguments);
-    for (char *cell = text, *next = text; next != NULL; cell = next) {
-        next = strchr(cell, '\t');
-        if (next != NULL) *next++ = '\0';
-        app_table_cell(table, "%s", cell);
-    }
-    if (table->columns == 0) table->columns = table->cells;
-}
-
-static size_t column_width(const app_table *table, size_t column) {
-    size_t width = 0;
-    for (size_t i = column; i < table->cells; i += table->columns)
-        if (strlen(table->text[i]) > width) width = strlen(table->text[i]);
-    return width;
-}
-
-void app_table_end(app_table *table, FILE *stream) {
-    for (size_t i = 0; i < table->cells; i++) {
-        const size_t column = i % table->columns, row = i / table->columns;
-        const int width = (int)column_width(table, column);
-        if (column == 0)
-            (void)fprintf(stream, "%-*s", width, table->text[i]);
-        else
-            (void)fprintf(stream, "  %*s", width, table->text[i]);
-        if (column + 1 < table->columns) continue;
-        (void)fputc('\n', stream);
-        if (row > 0) continue;
-        for (size_t c = 0; c < table->columns; c++) {
-            const size_t dashes = column_width(table, c) + (c > 0 ? 2 : 0);
-            for (size_t k = 0; k < dashes; k++) (void)fputc('-', stream);
-        }
-        (void)fputc('\n', stream);
-    }
-    for (size_t i = 0; i < table->cells; i++) free(table->text[i]);
-    free(table->text);
 }
 
 /* ---- warnings: each sentence is printed on stderr once and kept for JSON ---- */
@@ -225,35 +173,43 @@ void app_result_end(const app *self) {
     json->stream = NULL;
 }
 
-static void put_line(app_json *json, const char *key, const char *value, const char *label) {
-    if (!json->people || json->rows != NULL) return;
-    app_put(json->stream, "%s%-20s  %14s%s%s\n", json->prefix, key, value, label != NULL ? "  " : "",
-            label != NULL ? label : "");
+/* JSON has a list of the rows; people see a table, if there are not too many classes. */
+static void put_confusion(app_json *json, const lg_result *matrix) {
+    enum { SHOWN = 12 };
+    const uint64_t classes = matrix->whole, *count = matrix->counts;
+    if (json->people && classes > SHOWN) return;
+    app_result_rows(json, matrix->name);
+    for (uint64_t i = 0; i < classes; i++) {
+        put_cell(json, "true class / given", matrix->text + i * matrix->size);
+        app_json_open(json, NULL, '[');
+        for (uint64_t j = 0; j < classes; j++)
+            app_json_size(json, json->people ? matrix->text + j * matrix->size : NULL, *count++);
+        app_json_close(json, ']');
+    }
+    app_result_rows_end(json);
 }
 
-void app_result_real(app_json *json, const char *key, double value, const char *label) {
-    char text[32];
-    (void)snprintf(text, sizeof text, isfinite(value) ? "%.6g" : "unknown", value);
-    app_json_real(json, key, value);
-    put_line(json, key, text, label);
+void app_result_put(app_json *json, lg_result value, const char *label) {
+    char text[LG_SHORTEST];
+    const char *line = shown(&value, "unknown", text);
+    if (value.counts != NULL) {
+        put_confusion(json, &value);
+        return;
+    }
+    app_json_put(json, value);
+    if (line != NULL && json->people && !json->tabled)
+        app_put(json->stream, "%s%-20s  %14s%s%s\n", json->prefix, value.name, line,
+                label != NULL ? "  " : "", label != NULL ? label : "");
 }
 
-void app_result_size(app_json *json, const char *key, uint64_t value, const char *label) {
-    char text[32];
-    (void)snprintf(text, sizeof text, "%llu", (unsigned long long)value);
-    app_json_size(json, key, value);
-    put_line(json, key, text, label);
-}
-
-void app_result_text(app_json *json, const char *key, const char *value, const char *label) {
-    app_json_text(json, key, value);
-    if (value != NULL) put_line(json, key, value, label);
+void app_result_known(app_json *json, const char *key, double value, const char *label) {
+    if (isfinite(value) || !json->people) app_result_real(json, key, value, label);
 }
 
 void app_result_reals(app_json *json, const char *key, const double *values, size_t count,
                       const char *label) {
     app_json_reals(json, key, values, count);
-    if (!json->people || json->rows != NULL) return;
+    if (!json->people || json->tabled) return;
     app_put(json->stream, "%-20s  ", key);
     for (size_t i = 0; i < count; i++) (void)fprintf(json->stream, "%s%.10g", i > 0 ? ", " : "", values[i]);
     app_put(json->stream, "%s%s\n", label != NULL ? "  " : "", label != NULL ? label : "");
@@ -268,60 +224,58 @@ void app_result_line(app_json *json, const char *format, ...) {
     (void)fprintf(json->stream, "%s\n", line);
 }
 
-/* A table for people: the keys of the first object are the headings, the members of all objects are the
- * cells. */
-typedef struct app_rows {
-    const char *names; /* heading of the column of object names; NULL if the objects have no names */
-    app_table table;   /* only the headings, until `cells` are added */
-    app_table cells;
-} app_rows;
-
-static void begin_rows(app_json *json, const char *key, char bracket, const char *names) {
+void app_result_table(app_json *json, const char *key, char bracket, const char *names) {
     app_json_open(json, key, bracket);
-    json->named = names != NULL;
-    if (!json->people) return;
-    json->rows = app_alloc(1, sizeof *json->rows);
-    json->rows->names = names;
-}
-
-void app_result_rows(app_json *json, const char *key) {
-    begin_rows(json, key, '[', NULL);
-}
-
-void app_result_named(app_json *json, const char *key, const char *names) {
-    begin_rows(json, key, '{', names);
-}
-
-static void put_name(app_json *json, const char *name) {
-    if (json->rows != NULL && json->rows->names != NULL) put_cell(json, json->rows->names, "%s", name);
+    json->names = bracket == '{' ? names : NULL;
+    json->tabled = json->people;
 }
 
 /* The first object ends when its first key comes again; until then each key becomes a heading. */
-static void put_cell(app_json *json, const char *key, const char *format, ...) {
-    app_rows *rows = json->rows;
-    if (rows == NULL || key == NULL) return;
-    const size_t heads = rows->table.cells;
-    if (rows->cells.cells == heads && (heads == 0 || strcmp(key, rows->table.text[0]) != 0))
-        app_table_cell(&rows->table, "%s", key);
-    va_list arguments;
-    va_start(arguments, format);
-    APP_FREE char *text = app_format_list(format, arguments);
-    va_end(arguments);
-    app_table_cell(&rows->cells, "%s", text);
+static void put_cell(app_json *json, const char *key, const char *text) {
+    app_table *table = &json->table;
+    if (!json->tabled || key == NULL) return;
+    if (table->cells + 2 > table->room) {
+        table->room = 2 * table->room + 64;
+        table->text = realloc(table->text, table->room * sizeof *table->text);
+        if (table->text == NULL) app_out_of_memory();
+    }
+    if (table->cells == 2 * table->columns && (table->cells == 0 || strcmp(key, table->text[0]) != 0)) {
+        char **first = table->text + table->columns;
+        memmove(first + 1, first, table->columns++ * sizeof *first);
+        *first = app_shown(key);
+        table->cells++;
+    }
+    table->text[table->cells++] = app_shown(text);
 }
 
+static size_t column_width(const app_table *table, size_t column) {
+    size_t width = 0;
+    for (size_t i = column; i < table->cells; i += table->columns)
+        if (strlen(table->text[i]) > width) width = strlen(table->text[i]);
+    return width;
+}
+
+/* The first column is aligned to the left, the others to the right; a line of dashes follows the headings. */
 void app_result_rows_end(app_json *json) {
-    APP_FREE app_rows *rows = json->rows;
-    json->rows = NULL;
-    app_json_close(json, json->named ? '}' : ']');
-    if (rows == NULL) return;
-    rows->table.columns = rows->table.cells;
-    for (size_t i = 0; i < rows->cells.cells; i++) {
-        app_table_cell(&rows->table, "%s", rows->cells.text[i]);
-        free(rows->cells.text[i]);
+    app_table *table = &json->table;
+    app_json_close(json, json->names != NULL ? '}' : ']');
+    for (size_t i = 0; i < table->cells; i++) {
+        const size_t column = i % table->columns, row = i / table->columns;
+        (void)fprintf(json->stream, column == 0 ? "%-*s" : "  %*s", (int)column_width(table, column),
+                      table->text[i]);
+        if (column + 1 < table->columns) continue;
+        (void)fputc('\n', json->stream);
+        if (row > 0) continue;
+        for (size_t c = 0; c < table->columns; c++) {
+            const size_t dashes = column_width(table, c) + (c > 0 ? 2 : 0);
+            for (size_t k = 0; k < dashes; k++) (void)fputc('-', json->stream);
+        }
+        (void)fputc('\n', json->stream);
     }
-    free(rows->cells.text);
-    app_table_end(&rows->table, json->stream);
+    for (size_t i = 0; i < table->cells; i++) free(table->text[i]);
+    free(table->text);
+    *table = (app_table){0};
+    json->tabled = false;
 }
 
 /* ---- progress ---- */

@@ -385,12 +385,10 @@ static int by_objective(const void *a, const void *b) {
 
 static void put_trial(app_json *json, const lg_search_space *space, const char *key, const lg_trial *trial) {
     app_json_open(json, key, '{');
-    app_json_size(json, "trial", trial->number);
-    if (json->people) app_json_text(json, "state", lg_trial_state_name(trial->state));
-    app_json_real(json, "objective", trial->objective);
-    app_json_size(json, "parameters", trial->parameters);
-    app_json_size(json, "epochs", trial->epochs);
-    app_json_real(json, "seconds", trial->seconds);
+    APP_PUT(json, LG_AS_WHOLE("trial", trial->number),
+            LG_FOR_PEOPLE("state", lg_trial_state_name(trial->state)),
+            LG_AS_REAL("objective", trial->objective), LG_AS_WHOLE("parameters", trial->parameters),
+            LG_AS_WHOLE("epochs", trial->epochs), LG_AS_REAL("seconds", trial->seconds));
     app_json_open(json, "values", '{');
     for (size_t i = 0; i < space->count; i++)
         if (space->ranges[i].kind == LG_RANGE_CHOICE)
@@ -464,10 +462,8 @@ static void report(const searching *search, double seconds) {
     if (best < search->count && search->app->json)
         put_trial(json, &search->file->space, "best", &search->trials[best]);
     if (best < search->count && !search->app->json) print_best(search, best);
-    app_json_size(json, "seed", search->app->seed);
-    app_json_size(json, "threads", search->app->threads);
-    app_json_text(json, "out", search->values->out);
-    app_json_real(json, "seconds", seconds);
+    APP_PUT(json, LG_AS_WHOLE("seed", search->app->seed), LG_AS_WHOLE("threads", search->app->threads),
+            LG_AS_TEXT("out", search->values->out), LG_AS_REAL("seconds", seconds));
 }
 
 /* ---- the plot ---- */

@@ -137,14 +137,11 @@ void train_size(app *self, train_task *task, const char *size, train_race *race)
 void train_size_json(const train_race *race, app_json *json) {
     if (race->count == 0) return;
     app_result_rows(json, "sizes");
-    for (size_t i = 0; i < race->count; i++) {
-        app_json_open(json, NULL, '{');
-        app_json_text(json, "size", race->lane[i].size);
-        app_json_size(json, "parameters", race->lane[i].parameters);
-        app_json_real(json, "validation", race->lane[i].validation);
-        app_json_real(json, "forecast", race->lane[i].forecast);
-        app_json_real(json, "seconds", race->lane[i].seconds);
-        app_json_close(json, '}');
-    }
+    for (size_t i = 0; i < race->count; i++)
+        APP_OBJECT(json, NULL, LG_AS_TEXT("size", race->lane[i].size),
+                   LG_AS_WHOLE("parameters", race->lane[i].parameters),
+                   LG_AS_REAL("validation", race->lane[i].validation),
+                   LG_AS_REAL("forecast", race->lane[i].forecast),
+                   LG_AS_REAL("seconds", race->lane[i].seconds));
     app_result_rows_end(json);
 }

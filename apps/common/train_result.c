@@ -59,30 +59,30 @@ static void json_run(app_json *json, const app_settings *settings) {
             app_json_field(json, row, settings->values);
 }
 
-static void put_value(app_json *out, const lg_result *result) {
-    if (result->type == LG_FIELD_REAL) app_result_real(out, result->name, result->real, result->label);
-    if (result->type == LG_FIELD_U64) app_result_size(out, result->name, result->whole, result->label);
-    if (result->type == LG_FIELD_STRING) app_result_text(out, result->name, result->text, result->label);
-}
-
 void train_put_results(app_json *out, const lg_training *training, size_t first, size_t end) {
     const lg_result *outer = NULL; /* the object whose members people see under its name and theirs */
     size_t depth = 0;
     if (training->results_lost) app_out_of_memory();
     for (const lg_result *at = training->results + first; at < training->results + end; at++) {
+        const bool table = depth > 0 && outer->label != NULL;
         if (at->bracket == '[' || at->bracket == '{') {
-            app_json_open(out, at->name, at->bracket);
             if (depth++ == 0) outer = at;
+            if (at->label != NULL)
+                app_result_table(out, at->name, at->bracket, at->label);
+            else
+                app_json_open(out, at->name, at->bracket);
         } else if (at->bracket != 0) {
-            app_json_close(out, at->bracket);
-            depth--;
-        } else if (depth == 0 || !out->people) {
-            if (!out->people || at->type != LG_FIELD_REAL || !isnan(at->real)) put_value(out, at);
+            if (--depth == 0 && table)
+                app_result_rows_end(out);
+            else
+                app_json_close(out, at->bracket);
+        } else if (!out->people || table || (depth == 0 && (at->type != LG_FIELD_REAL || !isnan(at->real)))) {
+            app_result_put(out, *at, at->label);
         } else if (depth == 1 && at->name != NULL) {
             lg_result member = *at;
             APP_FREE char *name = app_format("%s, %s", outer->name, at->name);
             member.name = name;
-            put_value(out, &member);
+            app_result_put(out, member, member.label);
         }
     }
 }
@@ -90,12 +90,10 @@ void train_put_results(app_json *out, const lg_training *training, size_t first,
 /* Writes the number of ranks, and how much time this process spent on its shards and on exchanges. */
 static void json_ranks(const app *self, const lg_fit *fit, app_json *json) {
     const lg_fit_cost cost = lg_fit_cost_of(fit);
-    app_json_size(json, "ranks", self->rank_count);
-    app_json_real(json, "training_seconds", cost.seconds);
-    app_json_real(json, "shard_seconds", cost.shard_seconds);
-    app_json_real(json, "exchange_seconds", cost.exchange_seconds);
-    app_json_size(json, "exchanges", cost.exchanges);
-    app_json_size(json, "exchanged_bytes", cost.bytes);
+    APP_PUT(json, LG_AS_WHOLE("ranks", self->rank_count), LG_AS_REAL("training_seconds", cost.seconds),
+            LG_AS_REAL("shard_seconds", cost.shard_seconds),
+            LG_AS_REAL("exchange_seconds", cost.exchange_seconds), LG_AS_WHOLE("exchanges", cost.exchanges),
+            LG_AS_WHOLE("exchanged_bytes", cost.bytes));
 }
 
 /* Writes how the training went, the run's hyperparameters under their names, and the warnings so far.
@@ -110,21 +108,18 @@ static void json_training(const train_session *session, app_json *json) {
     app_result_size(json, "epochs", done, NULL);
     app_json_size(json, "evaluations", done);
     app_json_text(json, "gradients", lg_fit_by_plans(fit) ? "plans" : "tape");
-    if (!json->people || isfinite(training->floor))
-        app_result_real(json, "floor", training->floor, "part of the error that the integrator's steps make");
-    app_json_real(json, "running_loss", lg_fit_loss(fit));
-    app_json_real(json, "validation_loss",
-                  done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN);
-    app_json_size(json, "best_epoch", lg_fit_best_epoch(fit));
-    app_json_bool(json, "finished", lg_fit_finished(fit));
-    app_json_text(json, "stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL);
-    app_json_real(json, "seconds_per_epoch", lg_fit_seconds_per_epoch(fit));
+    app_result_known(json, "floor", training->floor, "part of the error that the integrator's steps make");
+    APP_PUT(json, LG_AS_REAL("running_loss", lg_fit_loss(fit)),
+            LG_AS_REAL("validation_loss",
+                       done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN),
+            LG_AS_WHOLE("best_epoch", lg_fit_best_epoch(fit)), LG_AS_FLAG("finished", lg_fit_finished(fit)),
+            LG_AS_TEXT("stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL),
+            LG_AS_REAL("seconds_per_epoch", lg_fit_seconds_per_epoch(fit)));
     app_result_real(json, "seconds", training->seconds, NULL);
     app_json_size(json, "threads", self->threads);
     json_ranks(self, fit, json);
-    app_json_size(json, "steps", lg_fit_steps_done(fit));
-    app_json_size(json, "tape_bytes", lg_fit_tape_size(fit));
-    app_json_text(json, "cpu", cpu);
+    APP_PUT(json, LG_AS_WHOLE("steps", lg_fit_steps_done(fit)),
+            LG_AS_WHOLE("tape_bytes", lg_fit_tape_size(fit)), LG_AS_TEXT("cpu", cpu));
     app_result_text(json, "out", train_given_files.out, NULL);
     json_run(json, &session->task->settings[0]);
     train_size_json(&session->race, json);

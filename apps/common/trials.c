@@ -358,9 +358,8 @@ static void report_task(const trials_work *self) {
     app_json *out = self->app->out;
     app_result_line(out, "task %s: all tasks together have done %zu of %zu pieces%s", self->values->task,
                     done, self->count, done == self->count ? "; collect them with --merge" : "");
-    app_json_text(out, "task", self->values->task);
-    app_json_size(out, "done", done);
-    app_json_size(out, "count", self->count);
+    APP_PUT(out, LG_AS_TEXT("task", self->values->task), LG_AS_WHOLE("done", done),
+            LG_AS_WHOLE("count", self->count));
 }
 
 /* All ranks have ended their work, or one of them has failed. */

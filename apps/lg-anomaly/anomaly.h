@@ -101,7 +101,7 @@ uint32_t cast_vote(uint64_t *votes, uint32_t n, bool is_for);
 
 lg_status judge_windows(const app *app, const well_model *model, const lg_cut_series *from,
                         const lg_window_list *part, lg_judgement *out, lg_error *error);
-/* Adds the results of lg_detector_tell; for people the table of confusion, too. */
+/* Adds the results of lg_detector_tell. */
 void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model);
 
 #endif

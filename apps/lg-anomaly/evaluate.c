@@ -164,12 +164,9 @@ static void add_groups(app_json *out, const evaluation *e) {
             false_positive += truth == judged->healthy && given != truth;
         }
         if (++groups > SHOWN_GROUPS && out->people) continue;
-        app_json_open(out, NULL, '{');
-        app_json_size(out, "group", rows[first].group);
-        app_json_size(out, "windows", end - first);
-        app_json_real(out, "accuracy", part_or_nan(right, end - first));
-        app_json_real(out, "false_positive_rate", part_or_nan(false_positive, healthy));
-        app_json_close(out, '}');
+        APP_OBJECT(out, NULL, LG_AS_WHOLE("group", rows[first].group), LG_AS_WHOLE("windows", end - first),
+                   LG_AS_REAL("accuracy", part_or_nan(right, end - first)),
+                   LG_AS_REAL("false_positive_rate", part_or_nan(false_positive, healthy)));
     }
     app_result_rows_end(out);
     if (groups > SHOWN_GROUPS) app_result_line(out, "and %zu groups more", groups - SHOWN_GROUPS);
@@ -201,11 +198,9 @@ static void add_evaluation(app_json *out, const evaluation *e) {
     app_result_text(out, "part", e->part_name, NULL);
     app_result_size(out, "windows", e->judged.count, NULL);
     put_metrics(out, &e->judged, e->model);
-    app_json_real(out, "mse", e->judged.mse);
-    app_json_real(out, "test_seconds", e->judged.seconds);
-    app_json_real(out, "noise", e->from.data.noise);
-    app_json_real(out, "severity", e->from.data.severity);
-    app_json_size(out, "unlike", e->unlike);
+    APP_PUT(out, LG_AS_REAL("mse", e->judged.mse), LG_AS_REAL("test_seconds", e->judged.seconds),
+            LG_AS_REAL("noise", e->from.data.noise), LG_AS_REAL("severity", e->from.data.severity),
+            LG_AS_WHOLE("unlike", e->unlike));
     add_votes(out, e);
     add_groups(out, e);
     app_result_text(out, "method", e->model->file.method, NULL);
@@ -220,17 +215,13 @@ static void add_evaluation(app_json *out, const evaluation *e) {
 
 /* One table row per data file, used for the probability of detection against severity or noise. */
 static void add_row(app_json *out, const evaluation *e) {
-    app_json_text(out, "data", e->path);
-    app_json_text(out, "part", e->part_name);
-    app_json_real(out, "noise", e->from.data.noise);
-    app_json_real(out, "severity", e->from.data.severity);
-    app_json_size(out, "windows", e->judged.count);
-    app_json_real(out, "accuracy", e->judged.metrics.accuracy);
-    app_json_real(out, "recall", e->judged.metrics.recall);
-    app_json_real(out, "F1", e->judged.metrics.f1);
-    app_json_text(out, "healthy", e->model->file.run.healthy);
-    app_json_real(out, "false alarms/day",
-                  lg_judgement_alarms(&e->judged, e->model->file.run.hop, e->model->file.names.rate));
+    APP_PUT(out, LG_AS_TEXT("data", e->path), LG_AS_TEXT("part", e->part_name),
+            LG_AS_REAL("noise", e->from.data.noise), LG_AS_REAL("severity", e->from.data.severity),
+            LG_AS_WHOLE("windows", e->judged.count), LG_AS_REAL("accuracy", e->judged.metrics.accuracy),
+            LG_AS_REAL("recall", e->judged.metrics.recall), LG_AS_REAL("F1", e->judged.metrics.f1),
+            LG_AS_TEXT("healthy", e->model->file.run.healthy),
+            LG_AS_REAL("false alarms/day",
+                       lg_judgement_alarms(&e->judged, e->model->file.run.hop, e->model->file.names.rate)));
     if (values.votes.count == 0) return;
     app_json_size(out, "damaged", e->votes.damaged);
     app_json_size(out, "detected", e->votes.detected);

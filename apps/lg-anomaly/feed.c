@@ -194,12 +194,9 @@ static void report(const feeding *feed, double seconds) {
     app_result_size(out, "lines", feed->lines, "samples that are there");
     app_result_size(out, "gaps", feed->gaps, NULL);
     app_result_size(out, "nan", feed->nans, "samples with a value nan");
-    app_json_size(out, "bytes", feed->bytes);
-    app_json_real(out, "rate", (double)feed->rate);
-    app_json_real(out, "crack_at", values.crack_at);
-    app_json_real(out, "severity", values.well.severity);
-    app_json_real(out, "noise", values.well.noise);
-    app_json_size(out, "seed", feed->app->seed);
+    APP_PUT(out, LG_AS_WHOLE("bytes", feed->bytes), LG_AS_REAL("rate", (double)feed->rate),
+            LG_AS_REAL("crack_at", values.crack_at), LG_AS_REAL("severity", values.well.severity),
+            LG_AS_REAL("noise", values.well.noise), LG_AS_WHOLE("seed", feed->app->seed));
     app_result_text(out, "out", values.out, NULL);
     app_result_real(out, "seconds", seconds, NULL);
 }

@@ -162,9 +162,8 @@ static void report(const app *self, const lg_series_data *data, double seconds) 
     app_result_text(out, "operation", operation_names[values.well.operation], NULL);
     app_result_real(out, "load_relief", values.well.load_relief, "N/m");
     app_result_real(out, "severity", values.well.severity, NULL);
-    app_json_size(out, "seed", self->seed);
-    app_json_size(out, "threads", self->threads);
-    app_json_text(out, "sha256", data->sha256);
+    APP_PUT(out, LG_AS_WHOLE("seed", self->seed), LG_AS_WHOLE("threads", self->threads),
+            LG_AS_TEXT("sha256", data->sha256));
     app_result_text(out, "out", values.out, NULL);
     app_result_real(out, "seconds", seconds, NULL);
 }

@@ -170,9 +170,8 @@ lg_status judge_windows(const app *self, const well_model *model, const lg_cut_s
 
 void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model) {
     lg_training list = {.results = NULL};
-    lg_detector_tell(&list, judged, model->file.run.hop, model->file.names.rate);
+    lg_detector_tell(&list, judged, model->file.run.hop, model->file.names.rate,
+                     model->file.names.class_name);
     train_put_results(out, &list, 0, list.result_count);
     lg_training_clear(&list);
-    if (out->people && judged->count > 0)
-        app_print_confusion(out->stream, judged->confusion, judged->classes, model->file.names.class_name);
 }

@@ -312,9 +312,9 @@ static void put_choice(app_json *out, const choice *chosen) {
         const lg_classifier_options *option = &chosen->options[i];
         app_json_open(out, NULL, '{');
         if (train_given.method == METHOD_TREE) {
-            app_json_size(out, "max_depth", option->tree.max_depth);
-            app_json_size(out, "min_samples_split", option->tree.min_samples_split);
-            app_json_size(out, "min_samples_leaf", option->tree.min_samples_leaf);
+            APP_PUT(out, LG_AS_WHOLE("max_depth", option->tree.max_depth),
+                    LG_AS_WHOLE("min_samples_split", option->tree.min_samples_split),
+                    LG_AS_WHOLE("min_samples_leaf", option->tree.min_samples_leaf));
         } else {
             app_json_real(out, "c", option->c);
         }
@@ -328,11 +328,11 @@ static void put_method(app_json *out, const lg_classifier *model, const lg_class
     if (model->method == LG_METHOD_TREE) {
         app_result_size(out, "depth", model->tree.depth, NULL);
         app_result_size(out, "nodes", model->tree.count, NULL);
-        app_json_text(out, "criterion", lg_tree_criterion_name(option->tree.criterion));
-        app_json_real(out, "ccp_alpha", option->tree.ccp_alpha);
-        app_json_size(out, "max_depth", option->tree.max_depth);
-        app_json_size(out, "min_samples_split", option->tree.min_samples_split);
-        app_json_size(out, "min_samples_leaf", option->tree.min_samples_leaf);
+        APP_PUT(out, LG_AS_TEXT("criterion", lg_tree_criterion_name(option->tree.criterion)),
+                LG_AS_REAL("ccp_alpha", option->tree.ccp_alpha),
+                LG_AS_WHOLE("max_depth", option->tree.max_depth),
+                LG_AS_WHOLE("min_samples_split", option->tree.min_samples_split),
+                LG_AS_WHOLE("min_samples_leaf", option->tree.min_samples_leaf));
     } else if (model->method == LG_METHOD_RIDGE) {
         app_result_real(out, "penalty", model->logistic.penalty, NULL);
     } else {

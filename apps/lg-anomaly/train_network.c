@@ -16,13 +16,6 @@ static unsigned has(const lg_training *training) {
     return plots_of(&shape, true);
 }
 
-static void print(const lg_training *training) {
-    const lg_judgement *judged = &train_state.judged;
-    const well_model model = model_of(NULL);
-    (void)training;
-    app_print_confusion(stdout, judged->confusion, judged->classes, model.file.names.class_name);
-}
-
 static void draw(const app *self, const lg_training *training) {
     APP_FREE double *theta = app_alloc(training->problem.parameters, sizeof *theta);
     lg_fit_parameters(training->fit, theta);
@@ -39,7 +32,6 @@ train_task network_recipe = {.recipe = &lg_recipe_detector,
                              .searched = searched,
                              .trial = train_trial,
                              .state = &train_state,
-                             .print = print,
                              .has = has,
                              .draw = draw};
 

@@ -202,21 +202,15 @@ static void print_json_verdict(const watching *self, const lg_verdict *v) {
     const char *reason = reason_of(self, v, text);
     const bool unlike = v->answer == LG_ANSWER_NOVEL, measured = self->bench.novelty_work != NULL;
     app_json json = begin_object(self);
-    app_json_real(&json, "time", self->now);
-    app_json_size(&json, "window", v->window);
-    app_json_size(&json, "first_sample", v->first_sample);
-    app_json_bool(&json, "judged", v->judged);
-    app_json_text(&json, "class", v->judged || unlike ? class_name(self, v) : NULL);
-    app_json_real(&json, "score", v->judged ? v->score : NAN);
-    app_json_size(&json, "missing", v->missing);
-    app_json_size(&json, "positive_votes", v->positive_votes);
-    app_json_size(&json, "votes", v->votes);
-    app_json_bool(&json, "alarm", v->alarm);
-    app_json_bool(&json, "unlike", unlike);
-    app_json_real(&json, "distance", v->judged && measured ? self->bench.novelty.distance : NAN);
-    app_json_text(&json, "reason", reason[0] != '\0' ? reason : NULL);
-    app_json_size(&json, "unlike_votes", v->novel_votes);
-    app_json_bool(&json, "unlike_alarm", v->novel);
+    APP_PUT(&json, LG_AS_REAL("time", self->now), LG_AS_WHOLE("window", v->window),
+            LG_AS_WHOLE("first_sample", v->first_sample), LG_AS_FLAG("judged", v->judged),
+            LG_AS_TEXT("class", v->judged || unlike ? class_name(self, v) : NULL),
+            LG_AS_REAL("score", v->judged ? v->score : NAN), LG_AS_WHOLE("missing", v->missing),
+            LG_AS_WHOLE("positive_votes", v->positive_votes), LG_AS_WHOLE("votes", v->votes),
+            LG_AS_FLAG("alarm", v->alarm), LG_AS_FLAG("unlike", unlike),
+            LG_AS_REAL("distance", v->judged && measured ? self->bench.novelty.distance : NAN),
+            LG_AS_TEXT("reason", reason[0] != '\0' ? reason : NULL),
+            LG_AS_WHOLE("unlike_votes", v->novel_votes), LG_AS_FLAG("unlike_alarm", v->novel));
     end_object(&json);
 }
 
@@ -284,9 +278,8 @@ void watch_end_gap(watching *self) {
     watch_log_turn(&self->log);
     if (self->app->json) {
         app_json json = begin_object(self);
-        app_json_real(&json, "time", self->now);
-        app_json_real(&json, "first_time", self->gap_first);
-        app_json_size(&json, "not_judged", count);
+        APP_PUT(&json, LG_AS_REAL("time", self->now), LG_AS_REAL("first_time", self->gap_first),
+                LG_AS_WHOLE("not_judged", count));
         end_object(&json);
     } else
         (void)fprintf(self->log.stream, "# not judged: %llu window%s more, the last ends before %.15g s\n",

@@ -307,9 +307,8 @@ static double rounded_down(double x) {
 static void tell(app *self, naming names, const verdict *v) {
     const lg_certify_result *r = &v->r;
     app_json *out = self->out;
-    app_json_bool(out, "verified", r->verified);
-    app_json_bool(out, "global", r->verified && v->global);
-    app_json_bool(out, "converges", r->converges);
+    APP_PUT(out, LG_AS_FLAG("verified", r->verified), LG_AS_FLAG("global", r->verified && v->global),
+            LG_AS_FLAG("converges", r->converges));
     app_result_text(out, "claim", r->claim, NULL);
     APP_FREE char *reason = r->verified ? NULL : tell_reason(out, names, v);
     if (!r->verified) app_result_text(out, "reason", reason, NULL);

@@ -93,12 +93,9 @@ static void disturb(const app *self, lg_policy *policy) {
 
 static void tell_worst(app_json *out, const lg_policy *policy, const lg_policy_outcome *o,
                        const double *starts) {
-    app_json_open(out, "worst", '{');
-    app_json_real(out, "cost", o->worst);
-    app_json_size(out, "start", o->worst_start);
-    app_json_reals(out, "errors", starts + o->worst_start * lg_policy_regulator_of(policy)->errors,
-                   lg_policy_regulator_of(policy)->errors);
-    app_json_close(out, '}');
+    APP_OBJECT(out, "worst", LG_AS_REAL("cost", o->worst), LG_AS_WHOLE("start", o->worst_start),
+               LG_AS_REALS("errors", starts + o->worst_start * lg_policy_regulator_of(policy)->errors,
+                           lg_policy_regulator_of(policy)->errors));
 }
 
 /* The time of a call of `control` in the library, microseconds. */

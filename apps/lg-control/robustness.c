@@ -147,11 +147,8 @@ static void put_row(const table *t, const number *row, const lg_policy *policy, 
     const size_t count = LG_COUNT(usual) - (row->lag ? 0 : 2);
     for (size_t k = 0; k < count; k++) {
         const double success = changed_success(t, row, usual[k], policy, starts);
-        app_json_open(out, NULL, '{');
-        app_json_text(out, "name", row->name);
-        app_json_real(out, "factor", usual[k]);
-        app_json_real(out, "success", success);
-        app_json_close(out, '}');
+        APP_OBJECT(out, NULL, LG_AS_TEXT("name", row->name), LG_AS_REAL("factor", usual[k]),
+                   LG_AS_REAL("success", success));
     }
 }
 

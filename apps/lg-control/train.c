@@ -145,15 +145,10 @@ static void report_gap(const app *self, lg_policy *policy, uint64_t seed, double
             out, "cost from %zu starts over the cost of the best inputs found: median %.3g, largest %.3g",
             starts, median, largest);
     app_result_rows(out, "optimality_gap");
-    for (size_t i = 0; i < starts; i++) {
-        app_json_open(out, NULL, '{');
-        app_json_size(out, "start", i);
-        app_json_real(out, "cost", gap[i].cost);
-        app_json_real(out, "best", gap[i].best);
-        app_json_real(out, "ratio", gap[i].ratio);
-        app_json_reals(out, "errors", gap[i].errors, lg_policy_regulator_of(policy)->errors);
-        app_json_close(out, '}');
-    }
+    for (size_t i = 0; i < starts; i++)
+        APP_OBJECT(out, NULL, LG_AS_WHOLE("start", i), LG_AS_REAL("cost", gap[i].cost),
+                   LG_AS_REAL("best", gap[i].best), LG_AS_REAL("ratio", gap[i].ratio),
+                   LG_AS_REALS("errors", gap[i].errors, lg_policy_regulator_of(policy)->errors));
     app_result_rows_end(out);
     if (!complete)
         app_warn(self, "the search for better inputs was short of time, so the optimality gap may be larger");

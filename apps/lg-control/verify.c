@@ -69,11 +69,9 @@ static void tell(app *self, const lg_certificate *file, const lg_certify_result 
     app_result_text(out, "controller", file->controller, file->controller_sha256);
     app_json_text(out, "plant_sha256", file->plant_sha256);
     app_json_text(out, "controller_sha256", file->controller_sha256);
-    if (c->compared) {
-        app_json_bool(out, "same_plant", c->plant);
-        app_json_bool(out, "same_controller", c->controller);
-        app_json_bool(out, "same_period", c->period);
-    }
+    if (c->compared)
+        APP_PUT(out, LG_AS_FLAG("same_plant", c->plant), LG_AS_FLAG("same_controller", c->controller),
+                LG_AS_FLAG("same_period", c->period));
     app_result_real(out, "level", r->level, NULL);
     app_result_size(out, "boxes", r->boxes, "examined");
     app_result_real(out, "seconds", r->seconds, NULL);

@@ -164,7 +164,7 @@ void result_nodes(app_json *out, const beam_nodes *nodes, bool all) {
     json_pairs(out, "q", nodes->q, nodes->count);
     json_pairs(out, "v", nodes->v, nodes->count);
     app_json_reals(out, "theta", nodes->theta, nodes->count);
-    if (out->people && out->rows == NULL)
+    if (out->people && !out->tabled)
         show_nodes(out, nodes, all || last <= SHOWN_NODES ? 1 : (last + SHOWN_NODES - 1) / SHOWN_NODES);
 }
 

@@ -55,9 +55,8 @@ static void report(const app *self, const lg_elastica_data *data, double seconds
     app_result_size(out, "curves", curves->count, NULL);
     app_result_size(out, "intervals", curves->intervals, NULL);
     app_result_text(out, "values", curves->continuous ? "continuous" : "discrete", NULL);
-    app_json_real(out, "length", curves->length);
-    app_json_real(out, "stiffness", curves->stiffness);
-    app_json_real(out, "gap", values.gap);
+    APP_PUT(out, LG_AS_REAL("length", curves->length), LG_AS_REAL("stiffness", curves->stiffness),
+            LG_AS_REAL("gap", values.gap));
     app_result_real(out, "energy_min", low, NULL);
     app_result_real(out, "energy_max", high, NULL);
     app_json_size(out, "threads", self->threads);

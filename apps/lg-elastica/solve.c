@@ -30,12 +30,9 @@ static const lg_field solve_options[] = {
 static solve_values values;
 
 static void add_problem(app_json *out, const lg_elastica *problem) {
-    app_json_size(out, "intervals", problem->intervals);
-    app_json_real(out, "length", problem->length);
-    app_json_real(out, "stiffness", problem->stiffness);
-    app_json_real(out, "theta0", problem->theta0);
-    app_json_reals(out, "q0", problem->q0, 2);
-    app_json_reals(out, "qN", problem->qN, 2);
+    APP_PUT(out, LG_AS_WHOLE("intervals", problem->intervals), LG_AS_REAL("length", problem->length),
+            LG_AS_REAL("stiffness", problem->stiffness), LG_AS_REAL("theta0", problem->theta0),
+            LG_AS_REALS("q0", problem->q0, 2), LG_AS_REALS("qN", problem->qN, 2));
 }
 
 static void add_curve(app_json *out, const beam_curve *curve) {
@@ -259,28 +256,20 @@ static void add_branches(app_json *out, const sweep_point *points, size_t count)
             low = fmin(low, points[last].energy);
             high = fmax(high, points[last].energy);
         }
-        app_json_real(out, "branch", points[i].branch);
-        app_json_size(out, "points", last - i);
-        app_json_real(out, "x from", points[i].x);
-        app_json_real(out, "to", points[last - 1].x);
-        app_json_real(out, "energy from", low);
-        app_json_real(out, "to", high);
-        app_json_size(out, "saddles", saddles);
+        APP_PUT(out, LG_AS_REAL("branch", points[i].branch), LG_AS_WHOLE("points", last - i),
+                LG_AS_REAL("x from", points[i].x), LG_AS_REAL("to", points[last - 1].x),
+                LG_AS_REAL("energy from", low), LG_AS_REAL("to", high), LG_AS_WHOLE("saddles", saddles));
     }
     app_result_rows_end(out);
 }
 
 static void add_points(app_json *out, const sweep_point *points, size_t count) {
     app_json_open(out, "points", '[');
-    for (size_t i = 0; i < count; i++) {
-        app_json_open(out, NULL, '{');
-        app_json_real(out, "branch", points[i].branch);
-        app_json_real(out, "x", points[i].x);
-        app_json_real(out, "energy", points[i].energy);
-        app_json_real(out, "negative_eigenvalues", points[i].negative_eigenvalues);
-        app_json_real(out, "rotation", points[i].rotation);
-        app_json_close(out, '}');
-    }
+    for (size_t i = 0; i < count; i++)
+        APP_OBJECT(out, NULL, LG_AS_REAL("branch", points[i].branch), LG_AS_REAL("x", points[i].x),
+                   LG_AS_REAL("energy", points[i].energy),
+                   LG_AS_REAL("negative_eigenvalues", points[i].negative_eigenvalues),
+                   LG_AS_REAL("rotation", points[i].rotation));
     app_json_close(out, ']');
 }
 

@@ -45,13 +45,6 @@ static const app_plot_kind plots[] = {
              "the table has no classes", CLASSES),
     {.name = NULL}};
 
-static void print(const lg_training *training) {
-    lg_table_state *of = training->state;
-    if (of->judged.truth == NULL)
-        app_print_confusion(stdout, of->judged.confusion, of->file.run.model.net.outputs,
-                            of->file.output_name);
-}
-
 /* ---- train, evaluate and search ---- */
 
 static lg_table_run run; /* everything that determines the result */
@@ -61,12 +54,8 @@ static const app_settings settings[] = {{lg_table_fields, &run, sizeof run},
                                         TRAIN_SHARED,
                                         APP_SETTINGS_END};
 static const app_command train_command;
-static train_task task = {.recipe = &lg_recipe_table,
-                          .settings = settings,
-                          .command = &train_command,
-                          .state = &state,
-                          .print = print,
-                          .has = has};
+static train_task task = {
+    .recipe = &lg_recipe_table, .settings = settings, .command = &train_command, .state = &state, .has = has};
 
 static const app_command train_command = {
     TRAIN_COMMAND("TABLE", task, plots), .summary = "Fit a network to a table",

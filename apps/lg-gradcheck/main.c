@@ -77,13 +77,9 @@ typedef struct run {
 /* ---- checking ---- */
 
 static void report_order(app_json *out, const char *name, int order, const lg_gradcheck_order *found) {
-    app_json_open(out, NULL, '{');
-    app_json_text(out, "name", name);
-    app_json_size(out, "order", (uint64_t)order);
-    app_json_real(out, "slope", found->slope);
-    app_json_real(out, "error", found->error);
-    app_json_bool(out, "passed", found->passed);
-    app_json_close(out, '}');
+    APP_OBJECT(out, NULL, LG_AS_TEXT("name", name), LG_AS_WHOLE("order", (uint64_t)order),
+               LG_AS_REAL("slope", found->slope), LG_AS_REAL("error", found->error),
+               LG_AS_FLAG("passed", found->passed));
 }
 
 static lg_status check_row(void *user, const lg_gradcheck_case *row) {
@@ -104,14 +100,9 @@ static lg_status check_row(void *user, const lg_gradcheck_case *row) {
 }
 
 static void report_program(app_json *out, const char *name, const lg_gradcheck_program_result *found) {
-    app_json_open(out, NULL, '{');
-    app_json_text(out, "name", name);
-    app_json_bool(out, "refused", found->refused);
-    app_json_real(out, "value", found->value);
-    app_json_real(out, "forward", found->forward);
-    app_json_real(out, "adjoint", found->adjoint);
-    app_json_bool(out, "passed", found->passed);
-    app_json_close(out, '}');
+    APP_OBJECT(out, NULL, LG_AS_TEXT("name", name), LG_AS_FLAG("refused", found->refused),
+               LG_AS_REAL("value", found->value), LG_AS_REAL("forward", found->forward),
+               LG_AS_REAL("adjoint", found->adjoint), LG_AS_FLAG("passed", found->passed));
 }
 
 static lg_status check_program(void *user, const lg_gradcheck_case *row) {
@@ -140,11 +131,9 @@ static lg_status check_all(run *r) {
     app_result_rows_end(out);
     app_result_line(out, "\n%zu functions, %zu of them programs, %zu refused as programs, %zu wrong.",
                     r->checks, r->programs, r->refused, r->failures);
-    app_json_size(out, "functions", r->checks);
-    app_json_size(out, "equal_programs", r->programs);
-    app_json_size(out, "refused_programs", r->refused);
-    app_json_size(out, "wrong", r->failures);
-    app_json_bool(out, "passed", r->failures == 0 && status == LG_OK);
+    APP_PUT(out, LG_AS_WHOLE("functions", r->checks), LG_AS_WHOLE("equal_programs", r->programs),
+            LG_AS_WHOLE("refused_programs", r->refused), LG_AS_WHOLE("wrong", r->failures),
+            LG_AS_FLAG("passed", r->failures == 0 && status == LG_OK));
     return status;
 }
 
@@ -156,15 +145,12 @@ static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradc
     run *r = user;
     size_t *const counts[] = {&r->caught, &r->missed, &r->excluded};
     ++*counts[outcome];
-    app_json_open(r->app->out, NULL, '{');
-    app_json_text(r->app->out, "name", row->function.name);
-    app_json_text(r->app->out, "operation", plant->operation);
-    app_json_text(r->app->out, "direction", lg_plant_direction_name(plant->direction));
-    app_json_text(r->app->out, "mutation", lg_plant_mutation_name(plant->mutation));
-    app_json_size(r->app->out, "input", plant->input);
-    app_json_text(r->app->out, "outcome", names[outcome]);
-    app_json_text(r->app->out, "reason", r->app->out->people && outcome != LG_PLANT_EXCLUDED ? NULL : reason);
-    app_json_close(r->app->out, '}');
+    APP_OBJECT(r->app->out, NULL, LG_AS_TEXT("name", row->function.name),
+               LG_AS_TEXT("operation", plant->operation),
+               LG_AS_TEXT("direction", lg_plant_direction_name(plant->direction)),
+               LG_AS_TEXT("mutation", lg_plant_mutation_name(plant->mutation)),
+               LG_AS_WHOLE("input", plant->input), LG_AS_TEXT("outcome", names[outcome]),
+               LG_AS_TEXT("reason", r->app->out->people && outcome != LG_PLANT_EXCLUDED ? NULL : reason));
 }
 
 static lg_status plant_row(void *user, const lg_gradcheck_case *row) {
@@ -180,10 +166,8 @@ static lg_status plant_all(run *r) {
     r->failures = r->missed;
     app_result_line(r->app->out, "\n%zu mutations caught, %zu excluded (cannot be seen), %zu missed.",
                     r->caught, r->excluded, r->missed);
-    app_json_size(r->app->out, "caught", r->caught);
-    app_json_size(r->app->out, "excluded", r->excluded);
-    app_json_size(r->app->out, "missed", r->missed);
-    app_json_bool(r->app->out, "passed", r->missed == 0 && status == LG_OK);
+    APP_PUT(r->app->out, LG_AS_WHOLE("caught", r->caught), LG_AS_WHOLE("excluded", r->excluded),
+            LG_AS_WHOLE("missed", r->missed), LG_AS_FLAG("passed", r->missed == 0 && status == LG_OK));
     return status;
 }
 

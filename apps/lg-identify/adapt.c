@@ -260,13 +260,9 @@ static void report(const app *self, const adapting *a) {
     const lg_machine_file *file = &a->given.data.file;
     app_json *out = self->out;
     app_result_named(out, "adapted", "adapted");
-    for (size_t k = 0; k < a->to.count; k++) {
-        app_json_open(out, a->to.names[k], '{');
-        app_json_real(out, "value", value_of(a, k, a->x[k]));
-        app_json_real(out, "error", a->to.units[k] * a->error[k]);
-        app_json_real(out, "prior", a->to.units[k]);
-        app_json_close(out, '}');
-    }
+    for (size_t k = 0; k < a->to.count; k++)
+        APP_OBJECT(out, a->to.names[k], LG_AS_REAL("value", value_of(a, k, a->x[k])),
+                   LG_AS_REAL("error", a->to.units[k] * a->error[k]), LG_AS_REAL("prior", a->to.units[k]));
     app_result_rows_end(out);
     app_result_text(out, "errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL);
     app_result_size(out, "window", a->window, "rows of a window of the fit");
@@ -275,11 +271,8 @@ static void report(const app *self, const adapting *a) {
     app_result_named(out, "rest", "root mean square of the rest, free run");
     for (uint32_t c = 0; c < file->column_count; c++) {
         if (!identify_is_state(&file->columns[c])) continue;
-        app_json_open(out, file->columns[c].name, '{');
-        app_json_real(out, "before", a->before[c]);
-        app_json_real(out, "after", a->after[c]);
-        app_json_real(out, "unchanged", a->unchanged[c]);
-        app_json_close(out, '}');
+        APP_OBJECT(out, file->columns[c].name, LG_AS_REAL("before", a->before[c]),
+                   LG_AS_REAL("after", a->after[c]), LG_AS_REAL("unchanged", a->unchanged[c]));
     }
     app_result_rows_end(out);
     if (values.out != NULL) app_result_text(out, "out", values.out, NULL);

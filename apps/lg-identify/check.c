@@ -143,14 +143,9 @@ static void report(const app *self, const lg_machine_data *data) {
         const lg_log_statistics *s = &logs->columns[c];
         const lg_log_column *column = &data->file.columns[c];
         if (!identify_is_state(column) && column->role != LG_LOG_INPUT) continue;
-        app_json_open(out, column->name, '{');
-        app_json_real(out, "min", s->low);
-        app_json_real(out, "max", s->high);
-        app_json_real(out, "noise", s->noise);
-        app_json_bool(out, "noise_at_most", s->noise_at_most);
-        app_json_size(out, "missing", s->missing);
-        app_json_size(out, "outliers", s->outliers);
-        app_json_close(out, '}');
+        APP_OBJECT(out, column->name, LG_AS_REAL("min", s->low), LG_AS_REAL("max", s->high),
+                   LG_AS_REAL("noise", s->noise), LG_AS_FLAG("noise_at_most", s->noise_at_most),
+                   LG_AS_WHOLE("missing", s->missing), LG_AS_WHOLE("outliers", s->outliers));
     }
     app_result_rows_end(out);
     app_json_open(out, "kinematics", '{');

@@ -65,23 +65,21 @@ static void put_horizon(app_json *json, const lg_horizon *h, const lg_horizon *l
 }
 
 /* Prints the table of horizons, with the linear model if there is one. */
-static void show_horizons(FILE *stream, const verdict *v) {
-    app_table table = {0};
+static void show_horizons(app_json *out, const verdict *v) {
     bool linear = false;
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < LG_RUN_ERRORS; e++) linear = linear || !isnan(v->linear[i].pooled[e]);
-    table.columns = linear ? 7 : 6;
-    app_table_row(&table, "horizon\tstarts\terror of\tpooled\tmedian\tunchanged");
-    if (linear) app_table_cell(&table, "linear");
+    app_result_rows(out, NULL);
     for (size_t i = 0; i < v->horizon_count; i++)
         for (int e = 0; e < LG_RUN_ERRORS; e++) {
             const lg_horizon *h = &v->horizons[i];
             if (isnan(h->pooled[e])) continue;
-            app_table_row(&table, "%g s\t%zu\t%s\t%.3g\t%.3g\t%.3g", h->seconds, h->starts,
-                          lg_run_error_names[e], h->pooled[e], h->median[e], h->unchanged[e]);
-            if (linear) app_table_cell(&table, "%.3g", v->linear[i].pooled[e]);
+            APP_PUT(out, LG_AS_REAL("horizon, s", h->seconds), LG_AS_WHOLE("starts", h->starts),
+                    LG_AS_TEXT("error of", lg_run_error_names[e]), LG_AS_ROUNDED("pooled", h->pooled[e], 3),
+                    LG_AS_ROUNDED("median", h->median[e], 3), LG_AS_ROUNDED("unchanged", h->unchanged[e], 3));
+            if (linear) app_json_put(out, LG_AS_ROUNDED("linear", v->linear[i].pooled[e], 3));
         }
-    app_table_end(&table, stream);
+    app_result_rows_end(out);
 }
 
 /* Says for each horizon how the model compares with the linear model, and whether a machine at rest beats
@@ -117,11 +115,8 @@ static void put_offsets(app_json *out, const lg_machine *machine, const verdict 
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const identify_offset *o = &v->offsets[i];
         if (!o->integrates) continue;
-        app_json_open(out, machine->coordinates[i].name, '{');
-        app_json_real(out, "force", o->force);
-        app_json_real(out, "without", o->without);
-        app_json_real(out, "with", o->with);
-        app_json_close(out, '}');
+        APP_OBJECT(out, machine->coordinates[i].name, LG_AS_REAL("force", o->force),
+                   LG_AS_REAL("without", o->without), LG_AS_REAL("with", o->with));
     }
     app_json_close(out, '}');
 }
@@ -137,12 +132,8 @@ static void put_columns(app_json *out, const lg_machine_file *file, const verdic
     for (uint32_t c = 0; c < file->column_count; c++) {
         const identify_whiteness *w = &v->whiteness[c];
         if (!identify_is_state(&file->columns[c])) continue;
-        app_json_open(out, file->columns[c].name, '{');
-        app_json_real(out, "rms", w->rms);
-        app_json_real(out, "lag1", w->lag1);
-        app_json_real(out, "ljung_box", w->ljung_box);
-        app_json_real(out, "probability", w->probability);
-        app_json_close(out, '}');
+        APP_OBJECT(out, file->columns[c].name, LG_AS_REAL("rms", w->rms), LG_AS_REAL("lag1", w->lag1),
+                   LG_AS_REAL("ljung_box", w->ljung_box), LG_AS_REAL("probability", w->probability));
     }
     app_result_rows_end(out);
     app_result_line(out,
@@ -159,29 +150,21 @@ static const char *const energy_words[IDENTIFY_ENERGIES] = {
     "change of the energy", "work of the inputs", "work of damping and friction", "work of the residual",
     "work of the offset",   "left over",          "left over, sizes added",       "changes, sizes added"};
 
-/* Of logs without velocities no energy is known, and no loss of windows. */
-static void put_known(app_json *out, const char *key, double value, const char *words) {
-    if (isfinite(value))
-        app_result_real(out, key, value, words);
-    else
-        app_json_real(out, key, value);
-}
-
 static void report(const app *self, const identify_given *given, const verdict *v) {
     const lg_machine_file *file = &given->data.file;
     app_json *out = self->out;
     identify_put_start_rows(out, &given->model);
-    put_known(out, "window_loss", v->window_loss, NULL);
+    app_result_known(out, "window_loss", v->window_loss, NULL);
     app_json_open(out, "horizons", '[');
     for (size_t i = 0; i < v->horizon_count; i++) put_horizon(out, &v->horizons[i], &v->linear[i]);
     app_json_close(out, ']');
-    if (out->people) show_horizons(out->stream, v);
+    if (out->people) show_horizons(out, v);
     if (out->people) compare(out, v);
     put_columns(out, file, v);
     put_offsets(out, &file->machine, v);
     app_json_open(out, "energy", '{');
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)
-        put_known(out, energy_names[k], v->energy[k], energy_words[k]);
+        app_result_known(out, energy_names[k], v->energy[k], energy_words[k]);
     app_json_close(out, '}');
     if (values.relative) {
         app_result_real(out, "relative", v->relative, NULL);

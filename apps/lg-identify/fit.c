@@ -30,48 +30,17 @@ static const app_settings settings[] = {{lg_machine_model_fields, &run, sizeof r
                                         TRAIN_SHARED_NO_SIZE,
                                         APP_SETTINGS_END};
 
-static void show_identified(const lg_machine_verdict *what) {
-    app_table table = {0};
-    if (what->count == 0) return;
-    if (what->placed) app_put(stdout, "mass: of a network, %s\n", what->place);
-    app_table_row(&table, "identified\tvalue\tstandard error");
-    for (size_t i = 0; i < what->count; i++) {
-        const lg_identified *number = &what->identified.numbers[i];
-        app_table_row(&table, isnan(number->error) ? "%s\t%.6g\t-" : "%s\t%.6g\t%.2g", number->name,
-                      number->value, number->error);
-    }
-    app_table_end(&table, stdout);
-    if (what->identified.block > 0.0)
+static void print(const lg_training *training) {
+    const lg_machine_verdict *what = &state.verdict;
+    (void)training;
+    if (what->count > 0 && what->placed) app_put(stdout, "mass: of a network, %s\n", what->place);
+    if (what->count > 0 && what->identified.block > 0.0)
         app_put(stdout, "errors are corrected for correlation: blocks of %.3g s of the residuals\n",
                 what->identified.block);
-}
-
-/* Prints what each candidate leaves of the error. */
-static void show_suggestion(void) {
-    const lg_suggestion *what = &state.suggestion;
-    app_table table = {0};
     if (state.suggest == NULL) return;
-    app_table_row(&table, "round\tcandidate\tleaves of the error\t");
-    for (uint32_t i = 0; i < what->count; i++) {
-        const lg_suggested *row = &what->row[i];
-        if (row->ratio > 0)
-            app_table_row(&table, "%u\t%s\t%.3f\t%s", row->round, row->name, row->ratio,
-                          row->taken    ? "taken"
-                          : row->chance ? "no more than chance"
-                                        : "");
-        else
-            app_table_row(&table, "%u\t%s\t-\tcannot be learned", row->round, row->name);
-    }
-    app_table_end(&table, stdout);
-    app_put(stdout, "free runs of %.3g s over %zu windows that were not trained on\n", what->seconds,
-            what->windows);
+    app_put(stdout, "free runs of %.3g s over %zu windows that were not trained on\n",
+            state.suggestion.seconds, state.suggestion.windows);
     if (strcmp(state.suggest, "-") == 0) (void)fputs(state.data.file.text, stdout);
-}
-
-static void print(const lg_training *training) {
-    (void)training;
-    show_identified(&state.verdict);
-    show_suggestion();
 }
 
 static train_task recipe = {

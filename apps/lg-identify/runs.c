@@ -37,10 +37,8 @@ void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_g
 }
 
 void identify_put_start_rows(app_json *json, const lg_learned_machine *model) {
-    if (model->start_rows > 0)
-        app_result_size(json, "start_rows", model->start_rows, "rows that estimate the state at a start");
-    else
-        app_json_real(json, "start_rows", (double)NAN);
+    app_result_known(json, "start_rows", model->start_rows > 0 ? model->start_rows : (double)NAN,
+                     "rows that estimate the state at a start");
 }
 
 void identify_given_destroy(identify_given *given) {

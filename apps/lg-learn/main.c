@@ -167,11 +167,8 @@ static void run_list(app *self) {
         const lg_field *fields = found->fields;
         uint64_t count = 0;
         while (fields[count].name != NULL) count++;
-        app_json_open(out, NULL, '{');
-        app_json_text(out, "name", found->name);
-        app_json_text(out, "data", found->trainer->data);
-        app_json_size(out, "options", count);
-        app_json_close(out, '}');
+        APP_OBJECT(out, NULL, LG_AS_TEXT("name", found->name), LG_AS_TEXT("data", found->trainer->data),
+                   LG_AS_WHOLE("options", count));
     }
     app_result_rows_end(out);
 }

@@ -16,10 +16,8 @@ static const struct {
 static void put_cell(app_json *out, const lg_statistics *from, size_t row, size_t column) {
     const lg_statistics_cell cell = lg_statistics_of(from, row, column);
     if (!out->people) app_json_size(out, "count", cell.count);
-    app_json_real(out, "mean", cell.mean);
-    app_json_real(out, "deviation", cell.deviation);
-    app_json_real(out, "least", cell.least);
-    app_json_real(out, "largest", cell.largest);
+    APP_PUT(out, LG_AS_REAL("mean", cell.mean), LG_AS_REAL("deviation", cell.deviation),
+            LG_AS_REAL("least", cell.least), LG_AS_REAL("largest", cell.largest));
     for (size_t i = 0; i < LG_COUNT(quantiles); i++)
         if (!out->people || quantiles[i].shown)
             app_json_real(out, quantiles[i].name, lg_statistics_quantile(from, row, column, quantiles[i].p));
@@ -36,13 +34,10 @@ static void put_failures(app_json *out, const result *what) {
                             lg_status_sentence((lg_status)i));
     app_json_close(out, '}');
     app_result_rows(out, "failures");
-    for (size_t i = 0; i < listed; i++) {
-        app_json_open(out, NULL, '{');
-        app_json_size(out, "member", what->who[i][0]);
-        app_json_text(out, "status", lg_status_name((lg_status)what->who[i][1]));
-        app_json_real(out, "t", what->when[i]);
-        app_json_close(out, '}');
-    }
+    for (size_t i = 0; i < listed; i++)
+        APP_OBJECT(out, NULL, LG_AS_WHOLE("member", what->who[i][0]),
+                   LG_AS_TEXT("status", lg_status_name((lg_status)what->who[i][1])),
+                   LG_AS_REAL("t", what->when[i]));
     app_result_rows_end(out);
 }
 

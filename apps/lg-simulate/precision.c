@@ -157,11 +157,9 @@ static void put_point(app_json *out, const curve *at, size_t i) {
     app_json_open(out, NULL, '{');
     app_json_text(out, "method", at->what.scheme.name);
     if (p->tol > 0 || out->people) app_json_real(out, "tol", p->tol > 0 ? p->tol : (double)NAN);
-    app_json_size(out, "steps", p->stats.steps);
-    app_json_size(out, "rejected", p->stats.rejected);
-    app_json_size(out, "evaluations", p->stats.evaluations);
-    app_json_real(out, "seconds", p->seconds);
-    app_json_real(out, "error", p->error);
+    APP_PUT(out, LG_AS_WHOLE("steps", p->stats.steps), LG_AS_WHOLE("rejected", p->stats.rejected),
+            LG_AS_WHOLE("evaluations", p->stats.evaluations), LG_AS_REAL("seconds", p->seconds),
+            LG_AS_REAL("error", p->error));
     if (out->people) app_json_real(out, "order", order_at(at, i));
     app_json_close(out, '}');
 }
@@ -171,11 +169,8 @@ static void report_diagram(const diagram *d) {
     app_result_text(out, "system", lg_system_name(d->sim->system), NULL);
     app_result_text(out, "form", lg_system_form(d->sim->system), NULL);
     app_result_real(out, "t", d->sim->t_end, NULL);
-    app_json_open(out, "reference", '{');
-    app_json_text(out, "method", d->reference);
-    app_json_real(out, "tol", d->tol);
-    app_json_real(out, "error", d->reference_error);
-    app_json_close(out, '}');
+    APP_OBJECT(out, "reference", LG_AS_TEXT("method", d->reference), LG_AS_REAL("tol", d->tol),
+               LG_AS_REAL("error", d->reference_error));
     app_result_line(out,
                     "Error: |y - reference|/|reference| at the end; the reference is %s at tolerance "
                     "%.0e;\nit differs by %.1e from a run at tolerance %.0e. Seconds are CPU time.\n",

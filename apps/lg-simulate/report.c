@@ -30,13 +30,9 @@ static void put_state(app_json *out, const char *key, const simulation *sim, con
 
 static void put_invariants(app_json *out, const watch *seen) {
     app_result_named(out, "invariants", "invariant");
-    for (size_t i = 0; i < seen->invariants; i++) {
-        app_json_open(out, lg_system_invariant_name(seen->sim->system, i), '{');
-        app_json_real(out, "start", seen->start[i]);
-        app_json_real(out, "end", seen->end[i]);
-        app_json_real(out, "max_drift", seen->drift[i]);
-        app_json_close(out, '}');
-    }
+    for (size_t i = 0; i < seen->invariants; i++)
+        APP_OBJECT(out, lg_system_invariant_name(seen->sim->system, i), LG_AS_REAL("start", seen->start[i]),
+                   LG_AS_REAL("end", seen->end[i]), LG_AS_REAL("max_drift", seen->drift[i]));
     app_result_rows_end(out);
 }
 

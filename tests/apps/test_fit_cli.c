@@ -464,6 +464,9 @@ TEST("classes whose names are texts are learned, and predicted with probabilitie
     cli_json(fit, "evaluate c.h5 east.csv", "accuracy 0.5, classes *");
     assert_int_equal(json_array(result.out, "confusion", confusion, 9), 9);
     assert_memory_equal(confusion, told, sizeof told);
+    cli_run(fit, "evaluate c.h5 east.csv");
+    assert_says(result.out, "\ntrue class / given  7  east  north, far\n");
+    assert_says(result.out, "\neast                1     1           0\n");
 }
 
 /* ---- predictions ---- */

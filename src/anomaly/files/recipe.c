@@ -330,7 +330,8 @@ static void warn_of_units(const lg_training *self) {
                       "--activation swish, another --seed or a wider --plane");
 }
 
-void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t hop, double rate) {
+void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t hop, double rate,
+                      char (*class_name)[LG_SERIES_NAME]) {
     const lg_metrics *metrics = &judged->metrics;
     const char *mean = judged->classes == 2 ? NULL : "mean over the classes";
     lg_result_real(self, "accuracy", metrics->accuracy, NULL);
@@ -340,10 +341,10 @@ void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t ho
     lg_result_real(self, "auc", judged->auc, NULL);
     lg_result_real(self, "false_positive_rate", metrics->false_positive_rate, NULL);
     lg_result_real(self, "false_alarms_per_day", lg_judgement_alarms(judged, hop, rate), "window by window");
-    if (judged->count == 0)
-        lg_result_text(self, "confusion", NULL, NULL);
-    else
-        lg_result_confusion(self, judged->confusion, judged->classes);
+    lg_result_add(self,
+                  LG_AS_CONFUSION("confusion", judged->count > 0 ? judged->confusion : NULL, judged->classes,
+                                  class_name),
+                  NULL);
 }
 
 void lg_detector_tell_training(lg_training *self, const char *method, uint32_t classes,
@@ -374,15 +375,11 @@ static void tell_network(lg_training *self, const lg_cnn *net) {
     lg_result_open(self, "blocks", '[');
     for (uint32_t i = 0; i < net->blocks; i++) {
         const lg_cnn_block *block = &net->block[i];
-        lg_result_open(self, NULL, '{');
-        lg_result_whole(self, "filters", block->channels, NULL);
-        lg_result_whole(self, "kernel", block->kernel, NULL);
-        lg_result_whole(self, "stride", block->stride, NULL);
-        lg_result_whole(self, "padding", block->padding, NULL);
-        lg_result_text(self, "pooling", lg_pooling_name(block->pooling), NULL);
-        lg_result_whole(self, "pool_size", block->pool_size, NULL);
-        lg_result_whole(self, "length", net->lengths[i + 1], NULL);
-        lg_result_close(self, '}');
+        LG_RESULT_OBJECT(
+            self, NULL, LG_AS_WHOLE("filters", block->channels), LG_AS_WHOLE("kernel", block->kernel),
+            LG_AS_WHOLE("stride", block->stride), LG_AS_WHOLE("padding", block->padding),
+            LG_AS_TEXT("pooling", lg_pooling_name(block->pooling)),
+            LG_AS_WHOLE("pool_size", block->pool_size), LG_AS_WHOLE("length", net->lengths[i + 1]));
     }
     lg_result_close(self, ']');
 }
@@ -399,7 +396,7 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
                               .error = 1.0 - s->train_judged.metrics.accuracy,
                               .guessed = lg_guess_class(s->train_judged.confusion, s->train_judged.classes)};
     LG_TRY(judge_units(self, theta, &dead, error));
-    lg_detector_tell(self, &s->judged, run->hop, series->rate);
+    lg_detector_tell(self, &s->judged, run->hop, series->rate, series->class_name);
     lg_detector_tell_training(self, "cnn", series->classes, series->class_name);
     lg_result_real(self, "mse", s->judged.mse, "of the test part");
     lg_result_real(self, "train_mse", s->train_judged.mse, "of the training part");
@@ -443,7 +440,7 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     LG_TRY(judge_parts(self, &file->scaler, file->theta, error));
     LG_TRY(lg_judgement_check(&s->judged, error));
     lg_result_whole(self, "windows", s->judged.count, NULL);
-    lg_detector_tell(self, &s->judged, run->hop, file->names.rate);
+    lg_detector_tell(self, &s->judged, run->hop, file->names.rate, file->names.class_name);
     lg_result_real(self, "mse", s->judged.mse, NULL);
     return LG_OK;
 }

@@ -76,7 +76,8 @@ lg_status lg_detector_split_training(lg_training *self, lg_error *error); /* the
 lg_status lg_detector_fit_novelty(const lg_training *self, lg_novelty *out, lg_error *error);
 /* Writes the results accuracy, precision, recall, f1, auc, false_positive_rate, false_alarms_per_day and
  * confusion. */
-void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t hop, double rate);
+void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t hop, double rate,
+                      char (*class_name)[LG_SERIES_NAME]);
 /* Writes the numbers that all methods report about their training. */
 void lg_detector_tell_training(lg_training *self, const char *method, uint32_t classes,
                                char (*class_name)[LG_SERIES_NAME]);

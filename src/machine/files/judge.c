@@ -251,13 +251,11 @@ static void warn_of_floor(const lg_training *self, const lg_machine_verdict *wha
 
 /* Writes {name: {value, error}}. */
 static void tell_numbers(lg_training *self, const lg_machine_verdict *what) {
-    lg_result_open(self, "identified", '{');
+    lg_result_table(self, "identified", '{', "identified");
     for (size_t i = 0; i < what->count; i++) {
         const lg_identified *number = &what->identified.numbers[i];
-        lg_result_open(self, number->name, '{');
-        lg_result_real(self, "value", number->value, NULL);
-        lg_result_real(self, "error", number->error, NULL);
-        lg_result_close(self, '}');
+        LG_RESULT_OBJECT(self, number->name, LG_AS_REAL("value", number->value),
+                         LG_AS_ROUNDED("error", number->error, 2));
     }
     lg_result_close(self, '}');
 }

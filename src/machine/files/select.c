@@ -94,12 +94,9 @@ void lg_machine_tell_selection(lg_training *self) {
     const selection *s = state->selection;
     if (state->width != NULL) lg_result_text(self, "size", state->width, "widths of networks");
     if (s == NULL) return;
-    lg_result_open(self, "select", '{');
-    lg_result_whole(self, "windows", s->held.count, NULL);
-    lg_result_real(self, "seconds", (double)s->held.steps * state->data.logs.dt_median, NULL);
-    lg_result_whole(self, "epoch", s->epoch, NULL);
-    lg_result_real(self, "error", s->least, NULL);
-    lg_result_close(self, '}');
+    LG_RESULT_OBJECT(self, "select", LG_AS_WHOLE("windows", s->held.count),
+                     LG_AS_REAL("seconds", (double)s->held.steps * state->data.logs.dt_median),
+                     LG_AS_WHOLE("epoch", s->epoch), LG_AS_REAL("error", s->least));
 }
 
 /* ---- widths of networks ---- */

@@ -414,15 +414,16 @@ void lg_machine_tell_suggestion(lg_training *self) {
     for (uint32_t i = 0; i < what->count; i++)
         if (what->row[i].taken) lg_result_text(self, NULL, what->row[i].name, NULL);
     lg_result_close(self, ']');
-    lg_result_open(self, "candidates", '[');
+    lg_result_table(self, "candidates", '[', "");
     for (uint32_t i = 0; i < what->count; i++) {
         const lg_suggested *row = &what->row[i];
-        lg_result_open(self, NULL, '{');
-        lg_result_whole(self, "round", row->round, NULL);
-        lg_result_text(self, "name", row->name, NULL);
-        lg_result_real(self, "ratio", row->ratio > 0 ? row->ratio : (double)NAN, NULL);
-        lg_result_whole(self, "parameters", row->parameters, NULL);
-        lg_result_close(self, '}');
+        LG_RESULT_OBJECT(self, NULL, LG_AS_WHOLE("round", row->round), LG_AS_TEXT("name", row->name),
+                         LG_AS_ROUNDED("ratio", row->ratio > 0 ? row->ratio : (double)NAN, 3),
+                         LG_AS_WHOLE("parameters", row->parameters),
+                         LG_FOR_PEOPLE("outcome", !(row->ratio > 0) ? "cannot be learned"
+                                                  : row->taken      ? "taken"
+                                                  : row->chance     ? "no more than chance"
+                                                                    : ""));
     }
     lg_result_close(self, ']');
 }

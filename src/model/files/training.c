@@ -119,47 +119,21 @@ void lg_training_clear(lg_training *self) {
     self->result_count = self->result_room = self->first_count = 0;
 }
 
-static lg_result *add_result(lg_training *self, const char *name, lg_field_type type, const char *label) {
-    static lg_result none;
+void lg_result_add(lg_training *self, lg_result result, const char *label) {
     self->results_lost = self->results_lost || (self->result_count == self->result_room && !make_room(self));
-    lg_result *out = self->results_lost ? &none : &self->results[self->result_count++];
-    *out = (lg_result){.name = name, .type = type, .label = label};
-    return out;
+    result.label = label;
+    if (!self->results_lost) self->results[self->result_count++] = result;
 }
 
-void lg_result_real(lg_training *self, const char *name, double value, const char *label) {
-    add_result(self, name, LG_FIELD_REAL, label)->real = value;
-}
-
-void lg_result_whole(lg_training *self, const char *name, uint64_t value, const char *label) {
-    add_result(self, name, LG_FIELD_U64, label)->whole = value;
-}
-
-void lg_result_text(lg_training *self, const char *name, const char *value, const char *label) {
-    add_result(self, name, LG_FIELD_STRING, label)->text = value;
-}
-
-void lg_result_open(lg_training *self, const char *name, char bracket) {
-    add_result(self, name, LG_FIELD_NODE, NULL)->bracket = bracket;
-}
-
-void lg_result_close(lg_training *self, char bracket) {
-    add_result(self, NULL, LG_FIELD_NODE, NULL)->bracket = bracket;
+void lg_result_object(lg_training *self, const char *name, const lg_result *members) {
+    lg_result_open(self, name, '{');
+    for (; members->name != NULL; members++) lg_result_add(self, *members, NULL);
+    lg_result_close(self, '}');
 }
 
 void lg_result_texts(lg_training *self, const char *name, const char *texts, size_t size, uint32_t count) {
     lg_result_open(self, name, '[');
     for (uint32_t i = 0; i < count; i++) lg_result_text(self, NULL, texts + i * size, NULL);
-    lg_result_close(self, ']');
-}
-
-void lg_result_confusion(lg_training *self, const uint64_t *confusion, uint32_t classes) {
-    lg_result_open(self, "confusion", '[');
-    for (uint32_t i = 0; i < classes; i++) {
-        lg_result_open(self, NULL, '[');
-        for (uint32_t j = 0; j < classes; j++) lg_result_whole(self, NULL, *confusion++, NULL);
-        lg_result_close(self, ']');
-    }
     lg_result_close(self, ']');
 }
 

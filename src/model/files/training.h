@@ -10,18 +10,7 @@
 
 #include "core/core.h"
 #include "model/files/recipe.h"
-
-/* One entry of the results: a number, a text, or the beginning or end of a list or an object. */
-typedef struct lg_result {
-    /* key in JSON; static; NULL for a member of a list, and where a list or object ends */
-    const char *name;
-    const char *label;  /* explanation for people; static, may be NULL */
-    lg_field_type type; /* LG_FIELD_REAL, LG_FIELD_U64, LG_FIELD_STRING, or LG_FIELD_NODE for a bracket */
-    double real;
-    uint64_t whole;
-    const char *text; /* borrowed; NULL: unknown */
-    char bracket;     /* one of [ { ] }; 0: the entry is a number or a text */
-} lg_result;
+#include "settings/result.h"
 
 /* How good the model is on the data that it learned from. `what` names the measure of `error` ("mean squared
  * error"; NULL: not known); `guessed` is the same measure for a simple guess, which `guess` names ("the mean
@@ -146,16 +135,21 @@ const char *lg_preset_name(uint32_t value); /* NULL beyond the last preset */
  * follow. Fields that only Adam uses have the defaults of "thesis". */
 int lg_training_describe_field(const lg_field *row, char *text, size_t size);
 /* Append a result; results are shown in the order of these calls. */
-void lg_result_real(lg_training *self, const char *name, double value, const char *label);
-void lg_result_whole(lg_training *self, const char *name, uint64_t value, const char *label);
-void lg_result_text(lg_training *self, const char *name, const char *value, const char *label);
-/* Begin and end a list, with bracket '[' and ']', or an object, with '{' and '}'. The results between are its
- * members, which only JSON shows. */
-void lg_result_open(lg_training *self, const char *name, char bracket);
-void lg_result_close(lg_training *self, char bracket);
-/* A list of texts, of `size` bytes each; and the matrix "confusion" (classes, classes). */
+void lg_result_add(lg_training *self, lg_result result, const char *label);
+#define lg_result_real(self, name, value, label)  lg_result_add(self, LG_AS_REAL(name, value), label)
+#define lg_result_whole(self, name, value, label) lg_result_add(self, LG_AS_WHOLE(name, value), label)
+#define lg_result_text(self, name, value, label)  lg_result_add(self, LG_AS_TEXT(name, value), label)
+/* Begin and end a list, with bracket '[' and ']', or an object, with '{' and '}'. People see the numbers and
+ * texts of an object under both names. lg_result_table: a list of objects, or an object of objects, that people
+ * see as a table; `names` is the heading of the objects' names, or "". */
+#define lg_result_open(self, name, begin)         lg_result_add(self, LG_AS_BRACKET(name, begin), NULL)
+#define lg_result_table(self, name, begin, names) lg_result_add(self, LG_AS_BRACKET(name, begin), names)
+#define lg_result_close(self, end)                lg_result_add(self, LG_AS_BRACKET(NULL, end), NULL)
+/* An object of members that are made by LG_AS_REAL and the like. */
+#define LG_RESULT_OBJECT(self, key, ...) lg_result_object(self, key, LG_RESULTS(__VA_ARGS__))
+void lg_result_object(lg_training *self, const char *name, const lg_result *members);
+/* A list of texts, of `size` bytes each. */
 void lg_result_texts(lg_training *self, const char *name, const char *texts, size_t size, uint32_t count);
-void lg_result_confusion(lg_training *self, const uint64_t *confusion, uint32_t classes);
 /* The error of always guessing the most frequent class: the share of the others. */
 double lg_guess_class(const uint64_t *confusion, uint32_t classes);
 void lg_training_clear(lg_training *self); /* removes all results */

@@ -168,7 +168,9 @@ void lg_table_tell(lg_training *self, const lg_table_file *file, const lg_table_
         lg_result_real(self, "accuracy", j->accuracy, "share of the rows whose class is right");
         lg_result_real(self, "f1", j->f1, NULL);
         lg_result_real(self, "log_loss", j->log_loss, "mean of -log of the probability of the true class");
-        lg_result_confusion(self, j->confusion, file->run.model.net.outputs);
+        lg_result_add(
+            self, LG_AS_CONFUSION("confusion", j->confusion, file->run.model.net.outputs, file->output_name),
+            NULL);
         lg_result_texts(self, "classes", file->output_name[0], LG_TABLE_NAME, file->run.model.net.outputs);
     }
     lg_result_whole(self, "judged_rows", j->rows, NULL);
