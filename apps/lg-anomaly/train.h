@@ -46,8 +46,8 @@ extern const app_settings train_settings[];
 /* The name of a method; NULL if there is no such method. */
 const char *train_method_name(uint32_t method);
 
-/* Rejects options that the method does not have, and options that cannot be combined. */
-void train_check_options(const app *app);
+/* Rejects options that cannot be combined (train_task.check). */
+lg_status train_check_options(const app *app, lg_error *error);
 
 /* ---- training ---- */
 
