@@ -61,7 +61,6 @@ static void run_classical(const app *self) {
 /* ---- the command ---- */
 
 static void run_train(app *self) {
-    train_check_options(self);
     if (train_given.method == METHOD_CNN) {
         train_main(self, &network_recipe);
         return;

@@ -44,8 +44,8 @@ extern train_values train_given;
 extern lg_detector_run train_run;
 extern lg_detector_state train_state;
 extern const app_settings train_settings[];
-/* Rejects options that the method does not have, and options that cannot be combined. */
-void train_check_options(const app *app);
+/* Rejects options that the method does not have, and options that cannot be combined (train_task.check). */
+lg_status train_check_options(const app *app, lg_error *error);
 
 /* ---- training ---- */
 

@@ -47,7 +47,7 @@ static const lg_field watch_options[] = {
              "for trials with a known truth",
              LG_ANY_REAL),
     LG_OPTION(watch_values, log, STRING, "FILE",
-              "Append the verdicts to FILE instead of printing them; SIGHUP opens it again (log rotation)",
+              "Append the results to FILE instead of printing them; SIGHUP opens it again (log rotation)",
               .file = LG_FILE_STREAMED),
     LG_OPTION(watch_values, quiet, SWITCH, NULL, "Print changes of the alarm only"),
     LG_FIELD_END};
@@ -533,13 +533,13 @@ const app_command anomaly_watch_command = {
         "the times show which samples are missing. A last line without a line end may be cut; its sample is "
         "lost.\nA time that jumps is accepted when three more samples continue from it; otherwise its line "
         "is malformed. A feed whose times do not have the model's sampling rate fails. --rate HZ "
-        "accepts it unchanged: windows have the same number of samples, on a grid of HZ.\nA verdict is "
+        "accepts it unchanged: windows have the same number of samples, on a grid of HZ.\nA result is "
         "printed as soon as its window is complete: time of its last sample, class, score, votes for an "
         "alarm among the last windows, samples missing, alarm, reason. The class is \"unlike\" where the "
         "window is unlike those of training, or a sensor sends no numbers: such a window has no vote for the "
         "alarm; the state is UNLIKE when K of the last N are so. For a long gap only the first windows are "
         "printed; the others are counted. The summary follows at the end, also after Ctrl-C (exit code 130). "
-        "With --json each verdict and the summary is one object on its own line.\nWith --log verdicts are "
+        "With --json each result and the summary is one object on its own line.\nWith --log results are "
         "appended to a file, one write a line; the summary stays on standard output. logrotate: rename and "
         "SIGHUP loses no line; copytruncate loses those written between its copy and its cut.\nWith "
         "--crack-at the time to detection runs from T to the end of the first window that is not of the "

@@ -286,7 +286,7 @@ const app_command control_evaluate_command = {
     .name = "evaluate",
     .arguments = "POLICY.h5",
     .summary = "Score a policy by runs from random starts",
-    .details = "Beside it stands the saturated regulator alone (lqr). --plant scores on another machine than "
+    .details = "The saturated regulator alone (lqr) is scored too. --plant scores on another machine than "
                "the one that the policy was trained with, for example the true one of a simulation.",
     APP_DRAWS("the motion of some runs, which starts succeed, and inputs"),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),

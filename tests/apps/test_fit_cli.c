@@ -1100,6 +1100,12 @@ TEST("a search finds the better width") {
     assert_true(cli_exists("trials.csv"));
 }
 
+TEST("the best command of a search has no option of adam if another method trains") {
+    need_tables();
+    cli_write("plan.yaml", "ranges:\n  batch: {choice: [40, 80]}\nfixed: {epochs: 2, optimizer: lbfgs}\n");
+    cli_expect(fit, "search plan.yaml smooth.csv --trials 1 --out plan.csv", 0, "--optimizer lbfgs --seed");
+}
+
 TEST("a search takes columns and classes as train does, and continues only with the same ones") {
     need_tables();
     cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [4, 8]}\nfixed: {epochs: 5}\n");

@@ -518,6 +518,10 @@ static const char *const anomaly_ranges[][2] = {
     {"ranges:\n  method: {choice: [cnn, tree]}\n", "line 2: a search does not train 'method: tree'"},
     {"fixed: {method: tree}\nranges:\n  plane: {integer: [0, 4]}\n",
      "line 1: a search does not train 'method: tree'"},
+    {"fixed: {method: rocket}\nranges:\n  features: {choice: [50, cov]}\n",
+     "line 3: --features: --classifier rocket needs a number"},
+    {"ranges:\n  prune: {choice: [10, pre]}\n  method: {choice: [cnn, rocket]}\n  plane: {integer: [0, 4]}\n",
+     "line 2: --prune: --classifier rocket needs a number"},
 };
 
 TEST("lg-anomaly refuses wrong command lines and files with exit code and message, and writes nothing") {
