@@ -258,8 +258,8 @@ static void angles_of(int family, double t, double u, double *theta0, double *th
     *thetaN = family <= 2 ? -x : family == 3 ? u : t * t - 1;
 }
 
-static bool is_outside(const lg_surrogate *model, const double *trained, size_t n, double reach, double spread,
-                       const double *x) {
+static bool is_outside(const lg_surrogate *model, const double *trained, size_t n, double reach,
+                       double spread, const double *x) {
     return lg_surrogate_distance(model, trained, n, x) > 2 * reach ||
            lg_surrogate_off_family(model, trained, n, x) > 2 * spread;
 }
