@@ -223,7 +223,7 @@ static void check_system(lg_rng *r) {
 
 TEST("bounds of held flows contain exact motions of random systems, boxes, units and periods") {
     lg_rng r = test_rng(64, 2);
-    for (int k = 0; k < 70; k++) {
+    for (int k = 0; k < 200; k++) {
         const size_t mark = lg_test_owned();
         check_system(&r);
         lg_test_give_back(mark);
