@@ -112,7 +112,7 @@ static bool is_named(const lg_suite *suite, const char *name) {
 }
 
 int main(int argc, char **argv) {
-#ifdef __GLIBC__ /* memory that a test gives back is kept for the next: fetching its pages again took longer than tests */
+#ifdef __GLIBC__ /* memory that is given back is kept: fetching its pages again took longer than some tests */
     (void)(mallopt(M_TRIM_THRESHOLD, 1 << 28) && mallopt(M_MMAP_THRESHOLD, 1 << 25));
 #endif
     argv += run_faults_options(&argc, argv);
