@@ -41,7 +41,8 @@ struct lg_frame_format;
 enum { LG_FRAME_NAME = 64, LG_FRAME_MOST_COLUMNS = 1 << 16 };
 typedef char lg_frame_text[LG_FRAME_NAME];
 
-typedef enum lg_frame_as { LG_FRAME_NUMBER, LG_FRAME_ROUNDED, LG_FRAME_TEXT } lg_frame_as;
+/* LG_FRAME_CELL: a text that is kept as written, also nan, which is then not the same as an empty cell. */
+typedef enum lg_frame_as { LG_FRAME_NUMBER, LG_FRAME_ROUNDED, LG_FRAME_TEXT, LG_FRAME_CELL } lg_frame_as;
 typedef struct lg_frame_want {
     const char *name;
     lg_frame_as as;
@@ -54,7 +55,7 @@ typedef struct lg_frame_want {
 /* Where a column of the file goes: indices plus 1, or 0. */
 typedef struct lg_frame_use {
     size_t value, text;
-    bool rounds;
+    bool rounds, exact;
 } lg_frame_use;
 
 typedef struct lg_frame {
@@ -64,6 +65,10 @@ typedef struct lg_frame {
     const lg_read_options *options;
     lg_frame_want *want;
     size_t wants;
+    /* A table that liegrad wrote and continues: its columns are the first ones that are wanted, in their order
+     * and no others, each line between two rows is a row, and a last line without its line end was not written
+     * whole and is left out. */
+    bool ours;
     /* Set by lg_frame_open. */
     const char *shown, *place; /* shown: the path in messages; place: "line" or "row" */
     uint32_t columns;          /* of the file */

@@ -13,6 +13,7 @@ static lg_status open_csv(lg_frame *f, lg_error *error) {
     char *cell = NULL;
     if (c == NULL) return lg_frame_no_memory(f, error);
     LG_TRY(lg_csv_open(f->context, f->path, f->what, c, error));
+    c->ours = f->ours;
     LG_TRY(lg_csv_header(c, error));
     f->header = c->number;
     for (char *at = c->line; at != NULL;) {
@@ -34,8 +35,8 @@ static lg_status read_row(lg_frame *f, lg_csv *c, lg_error *error) {
         LG_TRY(lg_csv_cell(c, &at, &cell, error));
         if (i == f->columns) return lg_csv_fail(c, error, "a cell has a quote inside");
         const lg_frame_use *use = &f->use[i];
-        if (use->text > 0)
-            LG_TRY(lg_frame_put_text(f, row, i, !c->quoted && lg_csv_missing(cell) ? "" : cell, error));
+        const bool missing = !c->quoted && lg_csv_missing(cell);
+        if (use->text > 0) LG_TRY(lg_frame_put_text(f, row, i, missing && !use->exact ? "" : cell, error));
         if (use->value > 0)
             LG_TRY(lg_csv_number(c, cell, f->name[i], use->rounds, &f->value[row * f->width + use->value - 1],
                                  error));
