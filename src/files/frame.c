@@ -68,8 +68,9 @@ static lg_status find_column(const lg_frame *f, const lg_lookup *sorted, const c
 }
 
 static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *want, lg_error *error) {
-    uint32_t at = f->columns;
-    LG_TRY(find_column(f, sorted, want->name, &at, error));
+    const size_t index = (size_t)(want - f->want);
+    uint32_t at = (uint32_t)index;
+    if (!f->ours || index >= f->columns) LG_TRY(find_column(f, sorted, want->name, &at, error));
     want->there = at < f->columns;
     if (!want->there) return want->optional ? LG_OK : missing_column(f, want->name, error);
     lg_frame_use *use = &f->use[at];

@@ -65,9 +65,9 @@ typedef struct lg_frame {
     const lg_read_options *options;
     lg_frame_want *want;
     size_t wants;
-    /* A table that liegrad wrote and continues: its columns are the first ones that are wanted, in their order
-     * and no others, each line between two rows is a row, and a last line without its line end was not written
-     * whole and is left out. */
+    /* A table that liegrad wrote and continues. Its columns are the first of those that are wanted, in their
+     * order; two may have one name. No line between them and the last row is blank or a comment. A last line
+     * without its line end, which was not written whole, is left out. */
     bool ours;
     /* Set by lg_frame_open. */
     const char *shown, *place; /* shown: the path in messages; place: "line" or "row" */

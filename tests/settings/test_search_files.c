@@ -204,6 +204,20 @@ TEST("trials are read back as they were written") {
     assert_int_equal(count, 0);
 }
 
+TEST("a range may have the name of a column that every table has") {
+    lg_search_file file;
+    const lg_trial trial = {.epochs = 7, .value = {3}};
+    lg_trial back[1];
+    size_t count = 0;
+    const char *path = scratch_path("same.csv"), *ranges = scratch_path("same.yaml");
+    write_text_to(ranges, "ranges: {epochs: {integer: [1, 9]}}\n");
+    assert_told(lg_search_file_read(NULL, ranges, &file, &told));
+    assert_told(lg_trials_write(NULL, path, &file, 1, NULL, &trial, 1, &told));
+    assert_told(lg_trials_read(NULL, path, &file, 1, NULL, 1, back, &count, &told));
+    assert_int_equal(count, 1);
+    assert_true(back[0].epochs == 7 && back[0].value[0] == 3);
+}
+
 TEST("the table of trials is text that other programs can read") {
     const lg_search_file file = read_example();
     lg_trial t[2] = {{.number = 1, .state = LG_TRIAL_FAILED, .objective = NAN, .value = {0, 0, 0, 0.001, 1}},

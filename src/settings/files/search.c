@@ -348,12 +348,11 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
 /* Reads a number as lg_columns_number writes it. */
 static bool parse_number(const char *cell, double *out) {
     static const char *const words[] = {"nan", "inf", "-inf"};
-    static const double values[] = {NAN, INFINITY, -INFINITY};
+    static const double values[] = {NAN, INFINITY, -INFINITY, 0};
     size_t i = 0;
     while (i < LG_COUNT(words) && strcmp(cell, words[i]) != 0) i++;
-    if (i == LG_COUNT(words)) return lg_number_parse(cell, out) == LG_OK;
     *out = values[i];
-    return true;
+    return i < LG_COUNT(words) || lg_number_parse(cell, out) == LG_OK;
 }
 
 static bool parse_value(const lg_range *range, const char *cell, double *out) {
@@ -413,8 +412,8 @@ static lg_status read_trial(const lg_frame *f, size_t row, const lg_search_space
     }
     for (size_t i = 0; i < count; i++)
         if (trials[i].number == trial->number)
-            return lg_frame_fail(f, row, "trial", error, "%" PRIu64 " is in the table already",
-                                 trial->number);
+            return lg_frame_fail(f, row, "trial", error, "%s is in the table already",
+                                 f->text[row * f->texts]);
     return LG_OK;
 }
 
