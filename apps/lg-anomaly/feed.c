@@ -106,16 +106,11 @@ static void put_hour(const feeding *self, uint64_t index, uint64_t count, hour *
         }
         out->nans += hole;
         out->lines++;
-        const uint64_t tenths = (index * HOUR * self->rate + i) * 10 / self->rate; /* the rate divides 10 */
-        at += snprintf(at, 32, "%llu.%llu", (unsigned long long)tenths / 10, (unsigned long long)tenths % 10);
+        const double time = (double)(index * HOUR * self->rate + i) / (double)self->rate;
+        at += lg_format(at, 32, "%.1f", time); /* the rate divides 10 */
         for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) {
             *at++ = ',';
-            if (c == where) {
-                memcpy(at, "nan", 3);
-                at += 3;
-            } else {
-                at = put_float(at, out->samples[i * LG_RISER_CHANNELS + c]);
-            }
+            at = put_float(at, c == where ? NAN : out->samples[i * LG_RISER_CHANNELS + c]);
         }
         *at++ = '\n';
     }

@@ -63,7 +63,7 @@ static void set_axes(const lg_grid *grid, study_table *table) {
     table->count[AXIS_INTEGRATOR] = grid->integrator_count;
     for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
         table->count[axis] =
-            lg_field_list(lg_field_find(lg_grid_keys, study_axis_names[axis]), grid, table->value[axis]);
+            lg_field_list(lg_field_find(lg_grid_keys, study_names[axis]), grid, table->value[axis]);
     set_protocol(grid, table);
 }
 

@@ -9,8 +9,11 @@
 
 /* The quantities that a study varies, and its results. */
 enum { AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY, AXES };
-extern const char *const study_axis_names[AXES];
 enum { STUDY_LOSS, STUDY_E1, STUDY_E2, STUDY_SECONDS, MEASURES };
+/* The columns of the table: the axes, these, the measures, and three more. */
+enum { STUDY_REPEAT = AXES, STUDY_SEED, STUDY_MEASURES, STUDY_EPOCHS = STUDY_MEASURES + MEASURES };
+enum { STUDY_STATUS = STUDY_EPOCHS + 1, STUDY_PROTOCOL, STUDY_COLUMNS };
+extern const char *const study_names[STUDY_COLUMNS];
 enum { STUDY_PROTOCOL_TEXT = 13 };
 
 typedef struct study_result {

@@ -5,10 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "files/csv.h"
+#include "files/frame.h"
+#include "files/read_file.h"
 
-const char *const study_axis_names[AXES] = {"integrator", "substeps", "N", "M", "eps", "penalty"};
-static const char *const measure_names[MEASURES] = {"loss", "E1", "E2", "seconds"};
+const char *const study_names[STUDY_COLUMNS] = {"integrator", "substeps", "N",      "M",      "eps",
+                                                "penalty",    "repeat",   "seed",   "loss",   "E1",
+                                                "E2",         "seconds",  "epochs", "status", "protocol"};
 
 /* ---- the runs ---- */
 
@@ -69,92 +71,72 @@ void study_table_add(study_table *table, size_t run) {
     table->rows++;
 }
 
-/* A row without its protocol. */
-typedef struct row {
-    const char *integrator;
-    double value[AXES];
-    uint64_t repeat, seed;
-    study_result result;
-} row;
-
-static bool parse_row(char *at, row *out) {
-    const char *cell;
-    bool good = true;
-    *out = (row){.integrator = strsep(&at, ",")};
-    for (int i = 1; i < AXES && good; i++)
-        good = at != NULL && lg_number_parse(strsep(&at, ","), &out->value[i]) == LG_OK;
-    for (int i = 0; i < 2 && good; i++)
-        good = at != NULL && lg_integer_parse(strsep(&at, ","), i == 0 ? &out->repeat : &out->seed) == LG_OK;
-    for (size_t i = 0; i < MEASURES && good; i++) {
-        double *value = &out->result.value[i];
-        *value = (double)NAN; /* an empty cell */
-        good = at != NULL && (*(cell = strsep(&at, ",")) == '\0' || lg_number_parse(cell, value) == LG_OK);
-    }
-    good = good && at != NULL && lg_integer_parse(strsep(&at, ","), &out->result.epochs) == LG_OK;
-    out->result.failed = at != NULL && strcmp(at, "ok") != 0;
-    return good && at != NULL && out->integrator[0] != '\0';
-}
-
-static bool is_run(const study_table *table, size_t run, const row *of) {
-    bool same = run / study_cells(table) + 1 == of->repeat &&
-                strcmp(table->integrators[study_at(table, run, AXIS_INTEGRATOR)]->name, of->integrator) == 0;
+/* `x`: the numbers of a row, from the second column on. */
+static bool is_run(const study_table *table, size_t run, const char *integrator, const double *x) {
+    bool same = (double)(run / study_cells(table) + 1) == x[STUDY_REPEAT - 1] &&
+                strcmp(table->integrators[study_at(table, run, AXIS_INTEGRATOR)]->name, integrator) == 0;
     for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
-        same = same && study_value(table, run, axis) == of->value[axis];
+        same = same && study_value(table, run, axis) == x[axis - 1];
     return same;
 }
 
-/* A row without a run is of an earlier grid with other values. */
-static lg_status parse_line(study_table *table, const lg_csv *csv, lg_error *error) {
-    char *protocol = strrchr(csv->line, ',');
+/* Takes a row, whose text stays as it is. A row without a run is of an earlier grid with other values. */
+static lg_status take_row(study_table *table, const lg_frame *f, size_t row, lg_error *error) {
+    const double *x = f->value + row * f->width;
+    const lg_frame_text *cell = f->text + row * f->texts;
     const size_t runs = study_runs(table);
     size_t run = 0;
-    row found;
-    lg_text_add(&table->text.text, "%s\n", csv->line);
-    if (protocol != NULL) *protocol++ = '\0';
-    if (protocol == NULL || !parse_row(csv->line, &found))
-        return lg_fail(error, LG_FORMAT, "%s: line %zu: not a row of a study", table->path, csv->number);
-    if (strcmp(protocol, table->protocol) != 0)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
-                       table->path, csv->number, protocol, table->protocol);
+    for (size_t i = 0; i < STUDY_COLUMNS; i++) {
+        if (*cell[i] == '\0' && (i < STUDY_MEASURES || i >= STUDY_EPOCHS))
+            return lg_frame_fail(f, row, study_names[i], error, "is empty");
+        *cell[i] == '\0' ? lg_columns_empty(&table->text) : lg_columns_text(&table->text, cell[i]);
+    }
+    lg_columns_end(&table->text);
+    if (strcmp(cell[STUDY_PROTOCOL], table->protocol) != 0)
+        return lg_frame_fail(f, row, "protocol", error,
+                             "the row belongs to a study with other settings (%s, not %s)",
+                             cell[STUDY_PROTOCOL], table->protocol);
     table->rows++;
-    while (run < runs && !is_run(table, run, &found)) run++;
+    while (run < runs && !is_run(table, run, cell[AXIS_INTEGRATOR], x)) run++;
     if (run == runs || table->done[run]) return LG_OK;
-    table->results[run] = found.result;
+    memcpy(table->results[run].value, x + STUDY_MEASURES - 1, sizeof table->results[run].value);
+    table->results[run].failed = strcmp(cell[STUDY_STATUS], "ok") != 0;
     table->done[run] = true;
     return LG_OK;
 }
 
-static lg_status read_table(study_table *table, lg_csv *csv, lg_error *error) {
-    bool more = true;
-    LG_TRY(lg_csv_next(csv, &more, error));
-    if (more && (strlen(csv->line) != table->text.text.length - 1 ||
-                 strncmp(csv->line, table->text.text.data, table->text.text.length - 1) != 0))
-        return lg_fail(error, LG_FORMAT,
-                       "%s: line 1: this is not the table of a study; first line expected: %.*s", table->path,
-                       (int)table->text.text.length - 1, table->text.text.data);
-    for (;;) {
-        LG_TRY(lg_csv_next(csv, &more, error));
-        if (!more || !csv->closed) return LG_OK;
-        LG_TRY(parse_line(table, csv, error));
-    }
+static lg_status read_table(study_table *table, lg_frame *f, lg_error *error) {
+    char first;
+    size_t got;
+    LG_TRY(lg_read_first(f->path, &first, 1, &got, error));
+    if (got == 0) return LG_OK;
+    LG_TRY(lg_frame_open(f, error));
+    if (f->header > 1) return lg_frame_fail(f, 0, NULL, error, "comes after other lines: remove them");
+    do {
+        LG_TRY(lg_frame_next(f, SIZE_MAX, error));
+        for (size_t row = 0; row < f->rows; row++) LG_TRY(take_row(table, f, row, error));
+    } while (f->rows > 0);
+    return LG_OK;
 }
 
 lg_status study_table_open(study_table *table, const char *path, lg_error *error) {
     const size_t runs = study_runs(table);
-    lg_csv csv;
+    lg_frame_want want[STUDY_COLUMNS + STUDY_STATUS - 1]; /* all as texts, then the numbers */
+    lg_frame f = {
+        .path = path, .what = "table of a study", .want = want, .wants = LG_COUNT(want), .ours = true};
     table->path = path;
     table->text = (lg_columns){.text = app_text(), .shortest = true};
     table->results = app_alloc(runs, sizeof *table->results);
     table->done = app_alloc(runs, sizeof *table->done);
-    for (size_t i = 0; i < AXES; i++) lg_columns_name(&table->text, study_axis_names[i]);
-    lg_columns_names(&table->text, "repeat,seed");
-    for (size_t i = 0; i < MEASURES; i++) lg_columns_name(&table->text, measure_names[i]);
-    lg_columns_names(&table->text, "epochs,status,protocol");
+    for (size_t i = 0; i < STUDY_COLUMNS; i++) {
+        lg_columns_name(&table->text, study_names[i]);
+        want[i] = (lg_frame_want){.name = study_names[i], .as = LG_FRAME_TEXT};
+        if (i >= 1 && i < STUDY_STATUS)
+            want[STUDY_COLUMNS + i - 1] = (lg_frame_want){.name = study_names[i], .as = LG_FRAME_NUMBER};
+    }
     lg_columns_end(&table->text);
-    lg_status status = lg_csv_open(NULL, path, "table of a study", &csv, error);
-    if (status == LG_OK) status = read_table(table, &csv, error);
-    lg_csv_close(&csv);
+    const lg_status status = read_table(table, &f, error);
+    lg_frame_close(&f);
     table->changed = table->rows == 0;
     return status == LG_NOT_FOUND ? LG_OK : status;
 }
@@ -227,11 +209,10 @@ static int by_e1(const void *a, const void *b) {
 static void put_row(app_json *out, const study_table *table, size_t cell, unsigned axes,
                     const study_summary *s, const double *figures) {
     app_json_open(out, NULL, '{');
-    app_json_text(out, study_axis_names[0], table->integrators[study_at(table, cell, AXIS_INTEGRATOR)]->name);
+    app_json_text(out, study_names[0], table->integrators[study_at(table, cell, AXIS_INTEGRATOR)]->name);
     for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
-        if ((axes >> axis & 1) != 0)
-            app_json_real(out, study_axis_names[axis], study_value(table, cell, axis));
-    for (size_t k = 0; k < MEASURES; k++) app_json_real(out, measure_names[k], figures[k]);
+        if ((axes >> axis & 1) != 0) app_json_real(out, study_names[axis], study_value(table, cell, axis));
+    for (size_t k = 0; k < MEASURES; k++) app_json_real(out, study_names[STUDY_MEASURES + k], figures[k]);
     app_json_size(out, "runs", s->runs);
     app_json_size(out, "failed", s->failed);
     app_json_close(out, '}');

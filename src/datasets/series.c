@@ -79,7 +79,7 @@ static lg_status read_shape(read_call *call, lg_error *error) {
     const lg_h5_array three = {"X", NULL, {&windows, &channels, &samples}, false},
                       two = {"X", NULL, {&windows, &samples}, false};
     LG_TRY(lg_as_format(lg_h5_look(call->h5, "X", sizeof *s->x, &about, error), error));
-    LG_TRY(lg_h5_fit(call->h5, about.rank < 3 ? &two : &three, sizeof *s->x, &about, error));
+    LG_TRY(lg_h5_fit(call->h5, about.rank < 3 ? &two : &three, sizeof *s->x, false, &about, error));
     if (windows.n > UINT32_MAX || channels.n > UINT32_MAX || samples.n > UINT32_MAX)
         return lg_fail(error, LG_FORMAT, "%s: /X: more than %u windows, channels or samples",
                        lg_shown_path(call->path), UINT32_MAX);

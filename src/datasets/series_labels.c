@@ -69,31 +69,16 @@ static int64_t value_at(const lg_labels *labels, uint32_t i) {
 
 /* ---- numbers or texts ---- */
 
-static lg_status check_shape(const lg_h5 *h5, const char *name, const lg_h5_about *about, size_t count,
-                             lg_error *error) {
-    const char *shown = lg_shown_path(h5->path);
-    if (about->kind >= LG_H5_OTHER)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: holds neither numbers nor texts", shown, name);
-    if (about->rank == 2 && about->dims[1] > 1 && about->dims[0] == count && about->count != count)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /%s: has %llu columns per window, expected one label: write the class, not one "
-                       "column per class",
-                       shown, name, (unsigned long long)about->dims[1]);
-    if (about->rank < 1 || about->rank > 2 || (!lg_h5_is_vector(about) && about->count != 1))
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected one number or text per window",
-                       shown, name, about->rank);
-    if (about->count != count)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu entries, but /X has %zu windows", shown, name,
-                       (unsigned long long)about->count, count);
-    return LG_OK;
-}
-
 lg_status lg_labels_read(lg_h5 *h5, const char *name, size_t count, lg_labels *labels, lg_error *error) {
     lg_h5_about about;
+    lg_h5_size windows = {count, "windows", "X"}, one = {1, "per window", NULL};
+    const lg_h5_array list = {name, .dims = {&windows}}, row = {name, .dims = {&one, &windows}},
+                      column = {name, .dims = {&windows, &one}};
     labels->text.context = labels->context;
     labels->of_class.context = labels->context;
     LG_TRY(lg_as_format(lg_h5_look(h5, name, sizeof(int64_t), &about, error), error));
-    LG_TRY(check_shape(h5, name, &about, count, error));
+    const lg_h5_array *as = about.rank != 2 ? &list : about.dims[0] == 1 ? &row : &column;
+    LG_TRY(lg_h5_fit(h5, as, sizeof(int64_t), true, &about, error));
     labels->count = count;
     labels->label = lg_alloc(h5->context, count, sizeof *labels->label);
     if (labels->label == NULL) return lg_h5_no_memory(h5, error);

@@ -134,8 +134,11 @@ lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error) {
         c->row = NULL;
         return LG_OK;
     }
+    const size_t next = c->lines + 1;
     do LG_TRY(lg_csv_next(c, more, error));
     while (*more && is_empty(c));
+    if (*more && c->ours && c->number > next)
+        return lg_fail(error, LG_FORMAT, "%s: line %zu: is blank or a comment: remove it", c->shown, next);
     if (c->blanks) lg_csv_join_blanks(c->line, c->separator);
     return LG_OK;
 }
@@ -396,7 +399,7 @@ lg_status lg_columns_write(lg_columns *to, const lg_context *context, const char
 lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error) {
     bool open = false;
     const size_t cells = lg_csv_count(c->line, c->separator, &open);
-    *cut = cells < c->cells && !c->closed;
+    *cut = !c->closed && (cells < c->cells || c->ours);
     if (*cut) return LG_OK;
     if (open) return lg_csv_fail(c, error, "a quote is not closed");
     if (cells == c->cells) return LG_OK;

@@ -30,6 +30,7 @@ typedef struct lg_csv {
     bool (*wait)(void *user);
     void *user;
     bool quoted; /* the last cell was in quotes */
+    bool ours;   /* set by the caller: see lg_frame */
     struct {
         char *text;
         size_t number;

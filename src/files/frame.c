@@ -71,19 +71,32 @@ static lg_status find_column(const lg_frame *f, const lg_lookup *sorted, const c
 }
 
 static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *want, lg_error *error) {
-    uint32_t at = f->columns;
-    LG_TRY(find_column(f, sorted, want->name, &at, error));
+    const size_t index = (size_t)(want - f->want);
+    uint32_t at = (uint32_t)index;
+    if (!f->ours || index >= f->columns) LG_TRY(find_column(f, sorted, want->name, &at, error));
     want->there = at < f->columns;
     if (!want->there) return want->optional ? LG_OK : missing_column(f, want->name, error);
     lg_frame_use *use = &f->use[at];
-    size_t *to = want->as == LG_FRAME_TEXT ? &use->text : &use->value;
+    const bool text = want->as == LG_FRAME_TEXT || want->as == LG_FRAME_CELL;
+    size_t *to = text ? &use->text : &use->value;
     if (*to > 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: column '%s' is requested twice", f->shown,
                        f->name[at]);
-    want->first = want->as == LG_FRAME_TEXT ? f->texts++ : f->width++;
+    want->first = text ? f->texts++ : f->width++;
     *to = 1 + want->first;
     want->clock = (lg_clock){.format = LG_TIME_NONE};
     if (want->as == LG_FRAME_TIME) use->clock = &want->clock;
+    use->exact = want->as == LG_FRAME_CELL;
+    return LG_OK;
+}
+
+/* The columns of the file are the first ones that are wanted, and no others. */
+static lg_status check_order(const lg_frame *f, lg_error *error) {
+    for (uint32_t i = 0; i < f->columns; i++)
+        if (i == f->wants || strcmp(f->name[i], f->want[i].name) != 0)
+            return lg_frame_fail(f, 0, NULL, error, "this is not the %s: column %u is '%s', expected: %s",
+                                 f->what, i + 1, lg_tamed(f->name[i]),
+                                 i == f->wants ? "no further column" : f->want[i].name);
     return LG_OK;
 }
 
@@ -93,6 +106,7 @@ lg_status lg_frame_find(lg_frame *f, lg_error *error) {
     if (f->use == NULL || sorted == NULL) return lg_frame_no_memory(f, error);
     for (uint32_t i = 0; i < f->columns; i++) sorted[i] = (lg_lookup){f->name[i], i};
     lg_lookup_sort(sorted, f->columns);
+    if (f->ours) LG_TRY(check_order(f, error));
     for (size_t i = 0; i < f->wants; i++) LG_TRY(find_want(f, sorted, &f->want[i], error));
     return LG_OK;
 }
@@ -111,7 +125,7 @@ lg_status lg_frame_reserve(lg_frame *f, size_t rows, lg_error *error) {
     if (rows <= f->room && f->line != NULL) return LG_OK;
     if (f->before + rows > UINT32_MAX)
         return lg_fail(error, LG_FORMAT, "%s: has 2^32 rows or more", f->shown);
-    const size_t twice = f->room == 0 ? 1 + FIRST_NUMBERS / (f->width + 1) : 2 * f->room;
+    const size_t twice = f->room == 0 ? 1 + FIRST_NUMBERS / (f->width + f->texts + 1) : 2 * f->room;
     const size_t room = rows > twice || rows > 1 + f->rows ? rows : twice;
     if (!widen(f, (void **)&f->value, room, f->width, sizeof *f->value) ||
         !widen(f, (void **)&f->text, room, f->texts, sizeof *f->text) ||
@@ -176,7 +190,8 @@ static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const cha
 lg_status lg_frame_put_cell(lg_frame *f, size_t row, uint32_t column, const char *text, bool quoted,
                             lg_error *error) {
     const lg_frame_use *use = &f->use[column];
-    if (use->text > 0) LG_TRY(put_text(f, row, column, !quoted && lg_csv_missing(text) ? "" : text, error));
+    if (use->text > 0)
+        LG_TRY(put_text(f, row, column, !quoted && !use->exact && lg_csv_missing(text) ? "" : text, error));
     if (use->value == 0) return LG_OK;
     return read_number(f, row, column, text, &f->value[row * f->width + use->value - 1], error);
 }

@@ -71,7 +71,8 @@ double lg_clock_read(lg_clock *clock, lg_moment now);
 
 /* ---- wanted columns ---- */
 
-typedef enum lg_frame_as { LG_FRAME_NUMBER, LG_FRAME_TIME, LG_FRAME_TEXT } lg_frame_as;
+/* LG_FRAME_CELL: a text that is kept as written, also nan, which is then not the same as an empty cell. */
+typedef enum lg_frame_as { LG_FRAME_NUMBER, LG_FRAME_TIME, LG_FRAME_TEXT, LG_FRAME_CELL } lg_frame_as;
 typedef struct lg_frame_want {
     const char *name;
     lg_frame_as as;
@@ -86,6 +87,7 @@ typedef struct lg_frame_want {
 typedef struct lg_frame_use {
     size_t value, text;
     lg_clock *clock; /* NULL: it is not a time */
+    bool exact;
 } lg_frame_use;
 
 typedef struct lg_frame {
@@ -95,6 +97,10 @@ typedef struct lg_frame {
     const lg_read_options *options;
     lg_frame_want *want;
     size_t wants;
+    /* A table that liegrad wrote and continues. Its columns are the first of those that are wanted, in their
+     * order; two may have one name. No line between them and the last row is blank or a comment. A last line
+     * without its line end, which was not written whole, is left out. */
+    bool ours;
     /* Set by lg_frame_open. */
     const char *shown, *place; /* shown: the path in messages; place: "line" or "row" */
     uint32_t columns;          /* of the file */

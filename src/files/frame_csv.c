@@ -13,6 +13,7 @@ static lg_status open_csv(lg_frame *f, lg_error *error) {
     char *cell = NULL;
     if (c == NULL) return lg_frame_no_memory(f, error);
     LG_TRY(lg_csv_open(f->context, f->path, f->what, c, error));
+    c->ours = f->ours;
     LG_TRY(lg_csv_header(c, error));
     f->header = c->number;
     for (char *at = c->line; at != NULL;) {

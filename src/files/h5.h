@@ -129,8 +129,9 @@ typedef struct lg_h5_slice {
     uint64_t first, count;
 } lg_h5_slice;
 /* Does for one array all that lg_h5_get_arrays does but reading: looks (lg_h5_look), compares the shape with
- * the sizes, and sets those that are not known. */
-lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *array, size_t bytes, lg_h5_about *about, lg_error *error);
+ * the sizes, and sets those that are not known. `words`: it may hold texts. */
+lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *array, size_t bytes, bool words, lg_h5_about *about,
+                    lg_error *error);
 /* Whether an array of numbers or texts is one row or one column: (n), (n, 1), (1, n), ..., not one number. */
 static inline bool lg_h5_is_vector(const lg_h5_about *about) {
     uint32_t wide = 0;

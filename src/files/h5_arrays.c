@@ -40,13 +40,15 @@ static const char *show(const lg_h5_array *a, const uint64_t *found, char text[S
     return text;
 }
 
-lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *a, size_t bytes, lg_h5_about *about, lg_error *error) {
+lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *a, size_t bytes, bool words, lg_h5_about *about,
+                    lg_error *error) {
     const char *shown = lg_shown_path(h5->path);
     char is[SHAPE], want[SHAPE];
     bool fits = true;
     LG_TRY(lg_as_format(lg_h5_look(h5, a->name, bytes, about, error), error));
-    if (about->kind != LG_H5_WHOLE && about->kind != LG_H5_REAL)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: does not hold numbers", shown, a->name);
+    if (about->kind != LG_H5_WHOLE && about->kind != LG_H5_REAL && !(words && about->kind == LG_H5_WORDS))
+        return lg_fail(error, LG_FORMAT, "%s: /%s: %s", shown, a->name,
+                       words ? "holds neither numbers nor texts" : "does not hold numbers");
     if (about->rank != rank_of(a))
         return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u: (%s)", shown, a->name,
                        about->rank, rank_of(a), show(a, NULL, want));
@@ -64,7 +66,7 @@ lg_status lg_h5_get_arrays(lg_h5 *h5, const lg_h5_array *arrays, size_t count, l
     for (const lg_h5_array *a = arrays; a < arrays + count; a++) {
         lg_h5_about about;
         if (a->optional && !lg_h5_has(h5, a->name)) continue;
-        LG_TRY(lg_h5_fit(h5, a, sizeof(double), &about, error));
+        LG_TRY(lg_h5_fit(h5, a, sizeof(double), false, &about, error));
         *a->data = lg_alloc(h5->context, about.count, sizeof(double));
         if (*a->data == NULL)
             return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path),

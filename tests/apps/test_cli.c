@@ -443,12 +443,19 @@ TEST("a study runs, and continues where it was stopped") {
 TEST("damaged rows of a study are found, whether this grid has their run or not; numbers may be written in "
      "other ways") {
     cli_json(lg, "study grid.yaml --out whole.csv --jobs 1", "done 8");
-    static const char *const damages[] = {"2s/^\\([^,]*,[^,]*,[^,]*\\)/\\1x/", "2s/^[^,]*,/,/",
-                                          "2s/^\\([^,]*,[^,]*\\),[^,]*/\\1,77x/",
-                                          "2s/^\\(.*,.*,.*,.*\\),[^,]*,[^,]*,[^,]*$/\\1,zz,ok,p/"};
+    static const struct {
+        const char *change, *said;
+    } damages[] = {{"2s/^\\([^,]*,[^,]*,[^,]*\\)/\\1x/", "line 2: column N: '6x' is not a number"},
+                   {"2s/^[^,]*,/,/", "line 2: column integrator: is empty"},
+                   {"2s/^\\([^,]*,[^,]*\\),[^,]*/\\1,77x/", "line 2: column N: '77x' is not a number"},
+                   {"2s/^\\([^,]*,[^,]*\\),[^,]*/\\1,/", "line 2: column N: is empty"},
+                   {"2s/^\\(.*,.*,.*,.*\\),[^,]*,[^,]*,[^,]*$/\\1,zz,ok,p/", "line 2: column epochs: 'zz'"},
+                   {"2s/,[^,]*$//", "line 2: has 14 cells, the header has 15"},
+                   {"2s/^/\\n/", "line 2: is blank or a comment"},
+                   {"1s/^/# mine\\n/", "line 2: comes after other lines"}};
     for (size_t i = 0; i < LG_COUNT(damages); i++) {
-        shell("sed '%s' whole.csv > damaged.csv && ! cmp -s whole.csv damaged.csv", damages[i]);
-        cli_expect(lg, "study grid.yaml --out damaged.csv", 3, "line 2: not a row of a study");
+        shell("sed '%s' whole.csv > damaged.csv && ! cmp -s whole.csv damaged.csv", damages[i].change);
+        cli_expect(lg, "study grid.yaml --out damaged.csv", 3, damages[i].said);
     }
     shell("sed '1s/$/,more/' whole.csv > damaged.csv");
     cli_expect(lg, "study grid.yaml --out damaged.csv", 3, "this is not the table of a study");

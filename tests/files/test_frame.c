@@ -420,3 +420,35 @@ TEST("times that are texts in HDF5 are read as those of CSV, other columns must 
                          : "row 3: column t: '12:00:00' is a time of day, but row 1 has a date with");
     }
 }
+
+TEST(
+    "a table that is continued has its columns in order, whole lines, and no others; cells stay as written") {
+    static const struct {
+        const char *text, *says; /* NULL: it is read */
+        size_t rows;
+    } files[] = {
+        {"# note\na,b\nnan,1\n,2\n", NULL, 2},
+        {"a\nnan\n\n\n", NULL, 1},
+        {"a,b\nnan,1\nx,22", NULL, 1},
+        {"b,a\n1,nan\n", "line 1: this is not the table: column 1 is 'b', expected: a", 0},
+        {"a,b,c\n1,2,3\n", "line 1: this is not the table: column 3 is 'c', expected: no further column", 0},
+        {"a,b\n\nx,1\n", "line 2: is blank or a comment", 0},
+        {"a,b\nx,1\n#\ny,2\n", "line 3: is blank or a comment", 0}};
+    const char *path = scratch_path("ours.csv");
+    for (size_t i = 0; i < LG_COUNT(files); i++) {
+        lg_frame_want want[] = {{.name = "a", .as = LG_FRAME_CELL},
+                                {.name = "b", .as = LG_FRAME_CELL, .optional = true}};
+        lg_frame f = new_frame(path, NULL, want, LG_COUNT(want));
+        lg_error error = {LG_OK, ""};
+        f.ours = true;
+        write_text_to(path, files[i].text);
+        lg_status status = lg_frame_open(&f, &error);
+        if (status == LG_OK) status = lg_frame_next(&f, SIZE_MAX, &error);
+        assert_status(status, files[i].says == NULL ? LG_OK : LG_FORMAT);
+        if (files[i].says != NULL) assert_says(error.message, files[i].says);
+        if (status == LG_OK) assert_int_equal(f.rows, files[i].rows);
+        if (status == LG_OK) assert_string_equal(lg_frame_text_of(&f, 0, &want[0]), "nan");
+        if (f.rows == 2) assert_string_equal(lg_frame_text_of(&f, 1, &want[0]), "");
+        lg_frame_close(&f);
+    }
+}

@@ -204,6 +204,20 @@ TEST("trials are read back as they were written") {
     assert_int_equal(count, 0);
 }
 
+TEST("a range may have the name of a column that every table has") {
+    lg_search_file file;
+    const lg_trial trial = {.epochs = 7, .value = {3}};
+    lg_trial back[1];
+    size_t count = 0;
+    const char *path = scratch_path("same.csv"), *ranges = scratch_path("same.yaml");
+    write_text_to(ranges, "ranges: {epochs: {integer: [1, 9]}}\n");
+    assert_told(lg_search_file_read(NULL, ranges, &file, &told));
+    assert_told(lg_trials_write(NULL, path, &file, 1, NULL, &trial, 1, &told));
+    assert_told(lg_trials_read(NULL, path, &file, 1, NULL, 1, back, &count, &told));
+    assert_int_equal(count, 1);
+    assert_true(back[0].epochs == 7 && back[0].value[0] == 3);
+}
+
 TEST("the table of trials is text that other programs can read") {
     const lg_search_file file = read_example();
     lg_trial t[2] = {{.number = 1, .state = LG_TRIAL_FAILED, .objective = NAN, .value = {0, 0, 0, 0.001, 1}},
@@ -283,14 +297,14 @@ TEST("a damaged table is refused") {
          ",rung2,rung3,rung4,rung5,rung6,rung7,rung8,rung9,rung10,rung11,rung12,rung13,rung14,rung15,rung16,"
          "rung17",
          "line 2", "column"},
-        {"1,done,", "1,done\n", "line 3", "objective"},
-        {",mlp,3,", ",mlp\n3,", "line 3", "layers"},
-        {",true,,\n", ",true,x,\n", "line 3", "report"},
+        {"1,done,", "1,done\n", "line 3", "has 2 cells, the header has 13"},
+        {",mlp,3,", ",mlp\n3,", "line 3", "has 7 cells"},
+        {",true,,\n", ",true,x,\n", "line 3", "column rung1: 'x'"},
         {" setting ", " ", "line 1", "expected"},
         {"\ntrial,state", "x\ntrial,state", "line 1", "expected"},
-        {"trial,state", "trial,status", "line 2", "'state'"},
-        {",lr,", ",learning,", "line 2", "'lr'"},
-        {",normalise", "", "line 2", "'normalise'"},
+        {"trial,state", "trial,status", "line 2", "column 2 is 'status', expected: state"},
+        {",lr,", ",learning,", "line 2", "expected: lr"},
+        {",normalise", "", "line 2", "expected: normalise"},
         {",rung2", ",rung3", "line 2", "column"},
         {"1,done,", "x,done,", "line 3", "trial"},
         {"1,done,", "-1,done,", "line 3", "trial"},
@@ -304,12 +318,13 @@ TEST("a damaged table is refused") {
         {",mlp,3,", ",mlp,5,", "line 3", "layers"},
         {",0.0078125,", ",0.02,", "line 3", "gamma"},
         {",0.0625,", ",nan,", "line 3", "lr"},
-        {",true,,\n", ",true,\n", "line 3", "report"},
-        {",true,,\n", ",true\n", "line 3", "report"},
-        {",true,,\n", ",true,,0.5\n", "line 3", "report"},
-        {",true,,\n", ",true,,,\n", "line 3", "more cells"},
-        {",true,,\n", ",tr\n", "line 3", "normalise"},
-        {"1,done,", "\n1,done,", "line 3", "trial"},
+        {",true,,\n", ",true,\n", "line 3", "has 12 cells"},
+        {",true,,\n", ",true\n", "line 3", "has 11 cells"},
+        {",true,,\n", ",true,,0.5\n", "line 3", "column rung2: '0.5'"},
+        {",true,,\n", ",true,,,\n", "line 3", "has 14 cells"},
+        {",true,,\n", ",tr\n", "line 3", "has 11 cells"},
+        {"1,done,", "\n1,done,", "line 3", "is blank or a comment"},
+        {"1,done,", "# 1,done\n1,done,", "line 3", "is blank or a comment"},
     };
     for (size_t i = 0; i < LG_COUNT(wrong); i++) {
         const char *changed = replaced(text, wrong[i].from, wrong[i].to);

@@ -161,7 +161,7 @@ static lg_status look(void *user, lg_h5 *h5, lg_error *error) {
     LG_TRY(lg_h5_check_format(h5, KIND, false, error));
     LG_TRY(lg_h5_number(h5, "", "first", LG_ELEMENT_U64, &call->about.first, error));
     if (call->run) LG_TRY(lg_h5_text(h5, "", "ensemble", call->run, call->size, error));
-    LG_TRY(lg_h5_fit(h5, &array, sizeof(double), &all, error));
+    LG_TRY(lg_h5_fit(h5, &array, sizeof(double), false, &all, error));
     call->about.rows = rows.n;
     call->about.points = points.n;
     call->about.dim = dim.n;

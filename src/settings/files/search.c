@@ -8,7 +8,9 @@
 #include <string.h>
 
 #include "files/csv.h"
+#include "files/frame.h"
 #include "files/h5.h"
+#include "files/read_file.h"
 #include "settings/files/yaml.h"
 
 /* ---- ranges ---- */
@@ -285,23 +287,23 @@ static const struct {
     {"seconds", COLUMN_REAL, offsetof(lg_trial, seconds)},
 };
 
+/* Name of column i: one that every table has, a range, or a rung. */
 enum { RUNG = 16 };
-static const char *rung_name(uint32_t rung, char out[RUNG]) {
-    (void)snprintf(out, RUNG, "rung%u", rung + 1);
-    return out;
+static const char *name_of(const lg_search_space *space, size_t i, char rung[RUNG]) {
+    if (i < LG_COUNT(columns)) return columns[i].name;
+    i -= LG_COUNT(columns);
+    if (i < space->count) return space->ranges[i].name;
+    (void)snprintf(rung, RUNG, "rung%zu", i - space->count + 1);
+    return rung;
 }
 
 static void add_head(lg_columns *t, const lg_search_file *search, uint64_t seed, const char *setting,
                      uint32_t reports) {
-    char label[LG_SEARCH_LABEL];
+    char label[LG_SEARCH_LABEL], rung[RUNG];
     lg_search_label(search, seed, setting, label);
     lg_text_add(&t->text, "# %s\n", label);
-    for (size_t i = 0; i < LG_COUNT(columns); i++) lg_columns_name(t, columns[i].name);
-    for (size_t i = 0; i < search->space.count; i++) lg_columns_name(t, search->space.ranges[i].name);
-    for (uint32_t i = 0; i < reports; i++) {
-        char name[RUNG];
-        lg_columns_name(t, rung_name(i, name));
-    }
+    for (size_t i = 0; i < LG_COUNT(columns) + search->space.count + reports; i++)
+        lg_columns_name(t, name_of(&search->space, i, rung));
     lg_columns_end(t);
 }
 
@@ -320,11 +322,8 @@ static void add_trial(lg_columns *t, const lg_search_space *space, const lg_tria
             lg_columns_text(t, space->ranges[i].choice[(size_t)trial->value[i]]);
         else
             lg_columns_number(t, trial->value[i]);
-    for (uint32_t i = 0; i < reports; i++)
-        if (i < trial->reports)
-            lg_columns_number(t, trial->report[i]);
-        else
-            lg_columns_empty(t);
+    lg_columns_numbers(t, trial->report, trial->reports);
+    for (uint32_t i = trial->reports; i < reports; i++) lg_columns_empty(t);
     lg_columns_end(t);
 }
 
@@ -346,184 +345,119 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
 
 /* ---- reading ---- */
 
-typedef struct table {
-    lg_csv csv;
-    uint32_t reports;
-    lg_error *error;
-} table;
-
-static void close_table(table *t) {
-    lg_csv_close(&t->csv);
-}
-
-static lg_status bad(const table *t, const char *column, const char *cell) {
-    return lg_fail(t->error, LG_FORMAT, "%s: line %zu: %s: '%.60s' is not allowed here", t->csv.shown,
-                   t->csv.number, column, cell != NULL ? cell : "");
-}
-
-/* Returns the next cell of a line, or NULL after the last one. */
-static char *next_cell(table *t, char **line) {
-    char *cell = NULL;
-    return *line != NULL && lg_csv_cell(&t->csv, line, &cell, NULL) == LG_OK ? cell : NULL;
-}
-
-/* Reads a number as add_number writes it. */
+/* Reads a number as lg_columns_number writes it. */
 static bool parse_number(const char *cell, double *out) {
-    static const struct {
-        const char *word;
-        double value;
-    } words[] = {{"nan", NAN}, {"inf", INFINITY}, {"-inf", -INFINITY}};
-    for (size_t i = 0; i < LG_COUNT(words); i++) {
-        if (strcmp(cell, words[i].word) != 0) continue;
-        *out = words[i].value;
-        return true;
-    }
-    return lg_number_parse(cell, out) == LG_OK;
-}
-
-static bool parse_state(const char *cell, lg_trial_state *out) {
-    for (int i = 0; i < LG_TRIAL_STATE_COUNT; i++) {
-        if (strcmp(cell, lg_trial_state_name((lg_trial_state)i)) != 0) continue;
-        *out = (lg_trial_state)i;
-        return true;
-    }
-    return false;
+    static const char *const words[] = {"nan", "inf", "-inf"};
+    static const double values[] = {NAN, INFINITY, -INFINITY, 0};
+    size_t i = 0;
+    while (i < LG_COUNT(words) && strcmp(cell, words[i]) != 0) i++;
+    *out = values[i];
+    return i < LG_COUNT(words) || lg_number_parse(cell, out) == LG_OK;
 }
 
 static bool parse_value(const lg_range *range, const char *cell, double *out) {
+    uint32_t i = 0;
     if (range->kind != LG_RANGE_CHOICE) return lg_number_parse(cell, out) == LG_OK && in_range(range, *out);
-    for (uint32_t i = 0; i < range->choices; i++) {
-        if (strcmp(cell, range->choice[i]) != 0) continue;
-        *out = i;
-        return true;
-    }
-    return false;
+    while (i < range->choices && strcmp(cell, range->choice[i]) != 0) i++;
+    *out = i;
+    return i < range->choices;
 }
 
 /* Reads a cell of one of the columns that every table has. */
 static bool parse_column(size_t column, const char *cell, lg_trial *trial) {
     void *member = (char *)trial + columns[column].offset;
-    if (columns[column].type == COLUMN_STATE) return parse_state(cell, member);
-    return columns[column].type == COLUMN_REAL ? parse_number(cell, member)
-                                               : lg_integer_parse(cell, member) == LG_OK;
+    if (columns[column].type == COLUMN_WHOLE) return lg_integer_parse(cell, member) == LG_OK;
+    if (columns[column].type == COLUMN_REAL) return parse_number(cell, member);
+    LG_FIND_NAME(trial->state, LG_TRIAL_STATE_COUNT, lg_trial_state_name, cell);
+    return trial->state < LG_TRIAL_STATE_COUNT;
 }
 
-static lg_status parse_trial(table *t, const lg_search_space *space, lg_trial *trial) {
-    char *line = t->csv.line;
-    *trial = (lg_trial){.number = 0};
-    for (size_t i = 0; i < LG_COUNT(columns); i++) {
-        const char *cell = next_cell(t, &line);
-        if (cell == NULL || !parse_column(i, cell, trial)) return bad(t, columns[i].name, cell);
-    }
-    for (size_t i = 0; i < space->count; i++) {
-        const char *cell = next_cell(t, &line);
-        if (cell == NULL || !parse_value(&space->ranges[i], cell, &trial->value[i]))
-            return bad(t, space->ranges[i].name, cell);
-    }
-    for (uint32_t i = 0; i < t->reports; i++) {
-        const char *cell = next_cell(t, &line);
-        if (cell != NULL && *cell == '\0') continue; /* the trial did not reach this rung */
-        if (cell == NULL || trial->reports != i || !parse_number(cell, &trial->report[i]))
-            return bad(t, "a report", cell);
-        trial->reports++;
-    }
-    return line == NULL ? LG_OK : bad(t, "the line has more cells than columns", line);
+static bool parse_cell(const lg_search_space *space, size_t i, const char *cell, lg_trial *trial) {
+    if (i < LG_COUNT(columns)) return parse_column(i, cell, trial);
+    i -= LG_COUNT(columns);
+    if (i < space->count) return parse_value(&space->ranges[i], cell, &trial->value[i]);
+    if (*cell == '\0') return true; /* the trial did not reach this rung */
+    return trial->reports++ == i - space->count && parse_number(cell, &trial->report[i - space->count]);
 }
 
-/* Reads the first line and checks that it is the `# seed S space HASH setting HASH` of this search. */
-static lg_status check_head(table *t, const lg_search_file *search, uint64_t seed, const char *setting) {
-    static const char *const made_with[] = {"other ranges",
-                                            "other fixed options or settings, or from other data"};
+/* Checks the first line, `# seed S space HASH setting HASH`, and that the search is the same. */
+static lg_status check_head(const char *head, const char *shown, const lg_search_file *search, uint64_t seed,
+                            const char *setting, lg_error *error) {
     char want[2][HASH_DIGITS + 1], seen[2][HASH_DIGITS + 1], seen_seed[24];
-    const char *shown = t->csv.shown;
     uint64_t number = 0;
-    bool more;
     int end = 0;
-    LG_TRY(lg_csv_next(&t->csv, &more, t->error));
     hash_search(search, setting, want);
-    if (!t->csv.closed ||
-        sscanf(t->csv.line, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen[0],
-               seen[1], &end) != 3 ||
-        t->csv.line[end] != '\0' || lg_integer_parse(seen_seed, &number) != LG_OK)
-        return lg_fail(t->error, LG_FORMAT, "%s: line 1: '# seed S space HASH setting HASH' is expected",
-                       shown);
+    if (sscanf(head, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen[0], seen[1],
+               &end) != 3 ||
+        head[end + strspn(head + end, "\r")] != '\n' || lg_integer_parse(seen_seed, &number) != LG_OK)
+        return lg_fail(error, LG_FORMAT, "%s: line 1: '# seed S space HASH setting HASH' is expected", shown);
     if (number != seed)
-        return lg_fail(t->error, LG_INVALID_ARGUMENT,
+        return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%s: the trials were made with seed %" PRIu64 ", not %" PRIu64, shown, number, seed);
     for (int i = 0; i < 2; i++)
         if (strcmp(seen[i], want[i]) != 0)
-            return lg_fail(t->error, LG_INVALID_ARGUMENT, "%s: the trials were made with %s", shown,
-                           made_with[i]);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the trials were made with other %s", shown,
+                           i == 0 ? "ranges" : "fixed options or settings, or from other data");
     return LG_OK;
 }
 
-/* Checks the names of the columns, and sets the number of reports. */
-static lg_status check_columns(table *t, const lg_search_space *space) {
-    char *line = t->csv.line;
-    for (size_t i = 0; i < LG_COUNT(columns) + space->count; i++) {
-        const char *name =
-            i < LG_COUNT(columns) ? columns[i].name : space->ranges[i - LG_COUNT(columns)].name;
-        const char *cell = next_cell(t, &line);
-        if (cell == NULL || strcmp(cell, name) != 0)
-            return lg_fail(t->error, LG_FORMAT, "%s: line %zu: column '%s' is expected", t->csv.shown,
-                           t->csv.number, name);
+static lg_status read_trial(const lg_frame *f, size_t row, const lg_search_space *space, lg_trial *trials,
+                            size_t count, lg_error *error) {
+    lg_trial *trial = &trials[count];
+    *trial = (lg_trial){.number = 0};
+    for (size_t i = 0; i < f->texts; i++) {
+        char *cell = f->text[row * f->texts + i];
+        if (!parse_cell(space, i, cell, trial))
+            return lg_frame_fail(f, row, f->name[i], error, "'%s' is not allowed here", lg_tamed(cell));
     }
-    for (char *cell; (cell = next_cell(t, &line)) != NULL; t->reports++) {
-        char name[16];
-        (void)snprintf(name, sizeof name, "rung%u", t->reports + 1);
-        if (t->reports == LG_TRIAL_REPORTS || strcmp(cell, name) != 0) return bad(t, "a column", cell);
-    }
+    for (size_t i = 0; i < count; i++)
+        if (trials[i].number == trial->number)
+            return lg_frame_fail(f, row, "trial", error, "%s is in the table already",
+                                 f->text[row * f->texts]);
     return LG_OK;
 }
 
-/* A last line without its line end is left out. */
-static lg_status read_rows(table *t, const lg_search_space *space, lg_trial *trials, size_t room,
-                           size_t *count) {
-    lg_trial one;
-    for (*count = 0;; ++*count) {
-        bool more;
-        LG_TRY(lg_csv_line(&t->csv, &more, t->error));
-        if (!more || !t->csv.closed) return LG_OK;
-        if (t->csv.number != *count + 3) { /* an empty line or a comment */
-            t->csv.number = *count + 3;
-            return bad(t, "trial", "");
-        }
-        LG_TRY(parse_trial(t, space, &one));
-        if (*count == room)
-            return lg_fail(t->error, LG_INVALID_ARGUMENT, "%s: holds more than the %zu trials that fit",
-                           t->csv.shown, room);
-        for (size_t i = 0; i < *count; i++)
-            if (trials[i].number == one.number)
-                return bad(t, "this trial is in the table already", t->csv.line);
-        trials[*count] = one;
-    }
-}
-
-static lg_status read_table(table *t, const lg_context *context, const char *path,
-                            const lg_search_file *search, uint64_t seed, const char *setting,
-                            lg_trial *trials, size_t room, size_t *count) {
-    bool more;
-    LG_TRY(lg_csv_open(context, path, "table of trials", &t->csv, t->error));
-    LG_TRY(check_head(t, search, seed, setting));
-    LG_TRY(lg_csv_next(&t->csv, &more, t->error));
-    if (!t->csv.closed) return LG_OK;
-    t->csv.separator = ',';
-    LG_TRY(check_columns(t, &search->space));
-    return read_rows(t, &search->space, trials, room, count);
+static lg_status read_table(lg_frame *f, const lg_search_space *space, lg_trial *trials, size_t room,
+                            size_t *count, lg_error *error) {
+    enum { FIXED = LG_COUNT(columns), BLOCK = 256 };
+    lg_frame_want want[FIXED + LG_RANGE_MAX + LG_TRIAL_REPORTS];
+    char rung[LG_COUNT(want)][RUNG];
+    f->want = want;
+    f->wants = FIXED + space->count + LG_TRIAL_REPORTS;
+    for (size_t i = 0; i < f->wants; i++)
+        want[i] = (lg_frame_want){
+            .name = name_of(space, i, rung[i]), .as = LG_FRAME_CELL, .optional = i >= FIXED + space->count};
+    LG_TRY(lg_frame_open(f, error));
+    do {
+        LG_TRY(lg_frame_next(f, BLOCK, error));
+        if (f->rows > room - *count)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: holds more than the %zu trials that fit",
+                           f->shown, room);
+        for (size_t row = 0; row < f->rows; row++, ++*count)
+            LG_TRY(read_trial(f, row, space, trials, *count, error));
+    } while (f->rows > 0);
+    return LG_OK;
 }
 
 lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
                          uint64_t seed, const char *setting, size_t room, lg_trial *trials, size_t *count,
                          lg_error *error) {
-    size_t found = 0;
+    char first[4096] = "";
+    size_t found = 0, got = 0;
     if (path == NULL || *path == '\0' || count == NULL || (trials == NULL && room > 0))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the file's name is missing, or the memory for its trials is NULL");
     LG_TRY(check_search(search, error));
-    LG_CLEAN(close_table) table t = {.error = error};
+    LG_CLEAN(lg_frame_close)
+    lg_frame f = {.context = context, .path = path, .what = "table of trials", .ours = true};
     LG_SCRATCH(lg_trial, made, context, room + 1);
     if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
-    LG_TRY(read_table(&t, context, path, search, seed, setting, made, room, &found));
+    LG_TRY(lg_read_first(path, first, sizeof first - 1, &got, error));
+    LG_TRY(check_head(first, lg_shown_path(path), search, seed, setting, error));
+    /* a table that was cut off within the names of its columns has no trials */
+    const char *names = strchr(first, '\n') + 1, *end = first + got;
+    if (end == first + sizeof first - 1 || memchr(names, '\n', (size_t)(end - names)) != NULL)
+        LG_TRY(read_table(&f, &search->space, made, room, &found, error));
     if (found > 0) memcpy(trials, made, found * sizeof *made);
     *count = found;
     return LG_OK;
