@@ -290,8 +290,8 @@ typedef struct app_json {
     bool comma;
     bool people;        /* the output is text for people, not JSON */
     const char *prefix; /* of the lines of app_result_put; "" at the beginning */
-    /* The open table for people, between app_result_table and app_result_rows_end: the keys of the first object
-     * are the headings, the members of all objects are the cells. */
+    /* The open table for people, between app_result_table and app_result_rows_end: the keys of its first
+     * object are the headings, the members of all objects are the cells. */
     bool tabled;
     const char *names; /* heading of the column of object names; NULL if the objects have no names */
     app_table table;

@@ -142,8 +142,8 @@ static const char *entry(const lg_search_file *file, size_t i, uint32_t *line) {
     return fixed ? file->fixed_name[i] : file->space.ranges[range].name;
 }
 
-/* Sets the options of a candidate and checks them as train does. An option that its method lacks is left out if
- * the search varies the method. *line is that of a rejected option. */
+/* Sets the options of a candidate and checks them as train does. An option that its method lacks is left out
+ * if the search varies the method. *line is that of a rejected option. */
 static lg_status set_candidate(app *v, train_task *task, const lg_search_file *file, const double *drawn,
                                uint32_t *line, lg_error *error) {
     const size_t count = file->fixed_count + file->space.count;

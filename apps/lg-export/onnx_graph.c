@@ -146,8 +146,8 @@ onnx_name onnx_join(onnx_job *j, const onnx_name *x, size_t count, int64_t axis)
     return onnx_emit(j, "Concat", x, count, &along);
 }
 
-/* Returns the value that holds the number of rows, shape (1); adds it when it is first needed. It is the first
- * dimension of an input that has rows. */
+/* Returns the value that holds the number of rows, shape (1); adds it when it is first needed. It is the
+ * first dimension of an input that has rows. */
 static onnx_name batch_of(onnx_job *j) {
     const onnx_name batch = {"/batch"};
     const lg_port *port = j->g->inputs;
