@@ -290,8 +290,8 @@ typedef struct app_json {
     bool comma;
     bool people;        /* the output is text for people, not JSON */
     const char *prefix; /* of the lines of app_result_put; "" at the beginning */
-    /* The open table for people, between app_result_rows or app_result_named and app_result_rows_end: the keys
-     * of the first object are the headings, the members of all objects are the cells. */
+    /* The open table for people, between app_result_table and app_result_rows_end: the keys of its first
+     * object are the headings, the members of all objects are the cells. */
     bool tabled;
     const char *names; /* heading of the column of object names; NULL if the objects have no names */
     app_table table;
@@ -332,8 +332,8 @@ void app_result_known(app_json *json, const char *key, double value, const char 
 /* A line that is printed for people only. */
 void app_result_line(app_json *json, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* Opens an array of objects, or an object of objects that each have a name. All have the same members. In the
- * table for people each member that is no array is a column, with its key as the heading; the objects' names are
- * the first column, and `names` is its heading. */
+ * table for people each member that is no array is a column, with its key as the heading; the objects' names
+ * are the first column, and `names` is its heading. */
 void app_result_table(app_json *json, const char *key, char bracket, const char *names);
 #define app_result_rows(json, key)         app_result_table(json, key, '[', NULL)
 #define app_result_named(json, key, names) app_result_table(json, key, '{', names)

@@ -139,9 +139,9 @@ void lg_result_add(lg_training *self, lg_result result, const char *label);
 #define lg_result_real(self, name, value, label)  lg_result_add(self, LG_AS_REAL(name, value), label)
 #define lg_result_whole(self, name, value, label) lg_result_add(self, LG_AS_WHOLE(name, value), label)
 #define lg_result_text(self, name, value, label)  lg_result_add(self, LG_AS_TEXT(name, value), label)
-/* Begin and end a list, with bracket '[' and ']', or an object, with '{' and '}'. People see the members of an
- * object that are numbers or texts under both names. lg_result_table: a list of objects, or an object of
- * objects, that people see as a table; `names` is the heading of the objects' names, or "". */
+/* Begin and end a list, with bracket '[' and ']', or an object, with '{' and '}'. People see the numbers and
+ * texts of an object under both names. lg_result_table: a list of objects, or an object of objects, that
+ * people see as a table; `names` is the heading of the objects' names, or "". */
 #define lg_result_open(self, name, begin)         lg_result_add(self, LG_AS_BRACKET(name, begin), NULL)
 #define lg_result_table(self, name, begin, names) lg_result_add(self, LG_AS_BRACKET(name, begin), names)
 #define lg_result_close(self, end)                lg_result_add(self, LG_AS_BRACKET(NULL, end), NULL)
